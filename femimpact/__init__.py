@@ -1,0 +1,1 @@
+"""Vibro-impact dynamics of beams, and the design of impact dampers on them."""

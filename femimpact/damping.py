@@ -1,0 +1,93 @@
+"""Damping of the structure: Rayleigh coefficients from target ratios."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femimpact.errors import check_fields, quantity, require
+
+__all__ = ["Rayleigh", "rayleigh_coefficients", "realised_damping_ratio"]
+
+
+@dataclass(frozen=True)
+class Rayleigh:
+    """Mass- and stiffness-proportional damping C = alpha M + beta K of the structure only.
+
+    Parameters
+    ----------
+    ratio : float or pair of float, 1
+        Target damping ratio at both places, or one for each.
+    modes : pair of int, optional
+        The two modes (counted from 1) that get the target ratios.
+    frequencies : pair of float, Hz, optional
+        The two frequencies that get them; give either modes or frequencies.
+    """
+
+    ratio: float | tuple[float, float] = field(metadata=quantity("1", at_least=0.0, below=1.0))
+    modes: tuple[int, int] | None = field(
+        default=None, metadata=quantity("1", at_least=1, integer=True)
+    )
+    frequencies: tuple[float, float] | None = field(default=None, metadata=quantity("Hz", above=0.0))
+
+    def __post_init__(self) -> None:
+        for name in ("ratio", "modes", "frequencies"):
+            if isinstance(getattr(self, name), list):
+                object.__setattr__(self, name, tuple(getattr(self, name)))
+        check_fields(self)
+        if isinstance(self.ratio, tuple):
+            require(len(self.ratio) == 2, "ratio", self.ratio, "1", "must be one number or two")
+        require(
+            (self.modes is None) != (self.frequencies is None),
+            "modes",
+            self.modes,
+            "",
+            "give either two modes (counted from 1) or two frequencies (Hz)",
+        )
+        pair, name = (self.modes, "modes") if self.modes else (self.frequencies, "frequencies")
+        distinct = isinstance(pair, tuple) and len(pair) == 2 and pair[0] != pair[1]
+        require(distinct, name, pair, "", "must be two different values")
+
+
+def rayleigh_coefficients(
+    omega: tuple[float, float], ratio: tuple[float, float]
+) -> tuple[float, float]:
+    """Coefficients (alpha in 1/s, beta in s) of C = alpha M + beta K from two target ratios.
+
+    ratio_i = alpha/(2 omega_i) + beta omega_i/2 for i = 1, 2.
+
+    Parameters
+    ----------
+    omega : pair of float, rad/s
+    ratio : pair of float, 1
+
+    Returns
+    -------
+    alpha, beta : float, 1/s and s
+
+    Raises
+    ------
+    InputError
+        If the targets need a negative coefficient, which would feed energy in elsewhere.
+    """
+    (w1, w2), (z1, z2) = omega, ratio
+    alpha = 2.0 * w1 * w2 * (z1 * w2 - z2 * w1) / (w2**2 - w1**2)
+    beta = 2.0 * (z2 * w2 - z1 * w1) / (w2**2 - w1**2)
+    require(
+        alpha >= 0.0 and beta >= 0.0,
+        "ratio",
+        ratio,
+        "1",
+        f"needs alpha = {alpha:.3g} 1/s and beta = {beta:.3g} s; a negative one feeds energy in: "
+        "bring the two ratios closer together",
+    )
+    return alpha, beta
+
+
+def realised_damping_ratio(alpha: float, beta: float, omega: ArrayLike) -> NDArray[Any]:
+    """Damping ratio alpha/(2 omega) + beta omega/2 that Rayleigh damping gives at omega (rad/s)."""
+    w = np.asarray(omega, dtype=float)
+    return 0.5 * (alpha / w + beta * w)

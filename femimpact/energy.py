@@ -1,0 +1,79 @@
+"""The energy ledger of a run, relative to the moving base: what was put in, and where it went."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["EnergyLedger", "energy_residual"]
+
+
+def energy_residual(
+    stored: NDArray[Any], work: NDArray[Any], dissipated: NDArray[Any]
+) -> NDArray[Any]:
+    """Energy that appears from nowhere, over the initial energy plus the largest work put in.
+
+    r(t) = [E(t) - E(0) - (W(t) - W(0)) + D(t) - D(0)] / (E(0) + max |W - W(0)|)
+
+    Parameters
+    ----------
+    stored, work, dissipated : ndarray (samples, ...), J
+
+    Returns
+    -------
+    ndarray (samples, ...), 1
+        Positive where energy appears.
+    """
+    put_in = work - work[0]
+    missing = (stored - stored[0]) - put_in + (dissipated - dissipated[0])
+    scale = stored[0] + np.max(np.abs(put_in), axis=0)
+    return np.asarray(missing / np.where(scale > 0.0, scale, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyLedger:
+    """Energies (J) over time, relative to the base; the inertia forces of the base do the work.
+
+    Parameters
+    ----------
+    time : ndarray (samples,), s
+    kinetic, strain : ndarray (samples,), J
+        Of the beam and the bodies on it.
+    ball : ndarray (samples,), J
+        Kinetic energy of the balls.
+    contact : ndarray (samples,), J
+        Stored in contact and centring springs.
+    work : ndarray (samples,), J
+        Work of the base (inertia forces) and of constant accelerations, since t = 0.
+    structure_loss : ndarray (samples,), J
+        Dissipated by the structure's damping since t = 0.
+    contact_loss : ndarray (samples,), J
+        Integral of (F - k p) p', since t = 0: its own sum, never a remainder.
+    """
+
+    time: NDArray[Any]
+    kinetic: NDArray[Any]
+    strain: NDArray[Any]
+    ball: NDArray[Any]
+    contact: NDArray[Any]
+    work: NDArray[Any]
+    structure_loss: NDArray[Any]
+    contact_loss: NDArray[Any]
+
+    @property
+    def stored(self) -> NDArray[Any]:
+        """Sum of kinetic, strain, ball and contact energy, J."""
+        return np.asarray(self.kinetic + self.strain + self.ball + self.contact)
+
+    @property
+    def residual_history(self) -> NDArray[Any]:
+        """Signed residual over time; see `energy_residual`."""
+        return energy_residual(self.stored, self.work, self.structure_loss + self.contact_loss)
+
+    @property
+    def residual(self) -> float:
+        """Largest |residual| over the samples: energy unaccounted for, over the energy put in."""
+        return float(np.max(np.abs(self.residual_history)))

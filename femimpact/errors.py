@@ -1,0 +1,138 @@
+"""What can go wrong, and how it is worded: the only home of input-error texts."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping
+from numbers import Real
+from typing import Any
+
+__all__ = [
+    "DivergenceError",
+    "Fault",
+    "FemimpactError",
+    "InputError",
+    "allowed_range",
+    "check_fields",
+    "field_faults",
+    "quantity",
+    "require",
+    "require_name",
+    "suggestion",
+]
+
+
+class FemimpactError(Exception):
+    """Base of every error that femimpact raises on purpose."""
+
+
+class DivergenceError(FemimpactError):
+    """A run whose motion is not finite, or grew past every physical bound."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Fault:
+    """One bad input: which key, which value, in which unit, and what is allowed."""
+
+    key: str
+    value: object
+    unit: str
+    allowed: str
+
+    def __str__(self) -> str:
+        unit = "" if self.unit in ("", "1") else f" {self.unit}"
+        shown = f" = {self.value!r}{unit}" if self.value is not None else ""
+        return f"{self.key}{shown}: {self.allowed}"
+
+    def under(self, prefix: str) -> Fault:
+        """The same fault with its key below a table's path."""
+        return dataclasses.replace(self, key=f"{prefix}.{self.key}" if prefix else self.key)
+
+
+class InputError(FemimpactError, ValueError):
+    """One or more bad inputs, each with key, value, unit and allowed range."""
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self.faults = tuple(faults)
+        super().__init__("\n".join(str(fault) for fault in self.faults))
+
+
+def quantity(
+    unit: str,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    at_most: float | None = None,
+    below: float | None = None,
+    integer: bool = False,
+) -> dict[str, Any]:
+    """Metadata of a dataclass field that holds a number: its unit and its allowed range."""
+    bounds = {"above": above, "at_least": at_least, "at_most": at_most, "below": below}
+    return {"unit": unit, "bounds": {k: v for k, v in bounds.items() if v is not None}, "integer": integer}
+
+
+def allowed_range(metadata: Mapping[str, Any]) -> str:
+    """Words for the range that a field's metadata allows."""
+    kind = "a whole number" if metadata["integer"] else "a finite number"
+    words = {"above": "> ", "at_least": ">= ", "at_most": "<= ", "below": "< "}
+    bounds = " and ".join(f"{words[name]}{bound:g}" for name, bound in metadata["bounds"].items())
+    unit = "" if metadata["unit"] in ("", "1") else f" {metadata['unit']}"
+    return f"must be {kind}{' ' + bounds + unit if bounds else ', in' + unit if unit else ''}"
+
+
+def _in_range(value: object, metadata: Mapping[str, Any]) -> bool:
+    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+        return False
+    if metadata["integer"] and float(value) != int(value):
+        return False
+    bounds, number = metadata["bounds"], float(value)
+    return (
+        number > bounds.get("above", -math.inf)
+        and number >= bounds.get("at_least", -math.inf)
+        and number <= bounds.get("at_most", math.inf)
+        and number < bounds.get("below", math.inf)
+    )
+
+
+def field_faults(instance: Any) -> list[Fault]:
+    """Every numeric field of a dataclass that is outside its declared range."""
+    faults = []
+    for field in dataclasses.fields(instance):
+        value = getattr(instance, field.name)
+        if "bounds" not in field.metadata or (value is None and field.default is None):
+            continue
+        entries = value if isinstance(value, tuple) else (value,)
+        if not entries or not all(_in_range(entry, field.metadata) for entry in entries):
+            allowed = allowed_range(field.metadata)
+            faults.append(Fault(field.name, value, field.metadata["unit"], allowed))
+    return faults
+
+
+def check_fields(instance: Any) -> None:
+    """Raise `InputError` naming every numeric field outside its range."""
+    faults = field_faults(instance)
+    if faults:
+        raise InputError(faults)
+
+
+def require(condition: bool, key: str, value: object, unit: str, allowed: str) -> None:
+    """Raise `InputError` for one key unless the condition holds."""
+    if not condition:
+        raise InputError([Fault(key, value, unit, allowed)])
+
+
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """Words that offer the closest known name, and list all of them."""
+    import difflib
+
+    names = sorted(known)
+    close = difflib.get_close_matches(name, names, n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"unknown; {hint}known: {', '.join(names)}" if names else "unknown; none is defined"
+
+
+def require_name(name: str, known: Iterable[str], key: str) -> None:
+    """Raise `InputError` unless the name is one of the known ones."""
+    names = list(known)
+    require(name in names, key, name, "", suggestion(name, names))

@@ -1,0 +1,238 @@
+"""One run: from a system and a base motion to its response."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.energy import EnergyLedger
+from femimpact.errors import DivergenceError, Fault, InputError, require
+from femimpact.excitation import Sine
+from femimpact.impacts import Impacts, impact_statistics
+from femimpact.integrators import kernels
+from femimpact.integrators.block import Block, Progress, prepare, run_block
+from femimpact.integrators.newmark import Newmark, check_step, step_notes
+from femimpact.response import Channel, Recorder, Response, Snapshots, resolve_channels
+from femimpact.signals import steady_motion
+from femimpact.system import State, System
+
+__all__ = ["divergence_message", "integrate", "memory_needed"]
+
+
+def integrate(
+    system: System,
+    excitation: Sine,
+    method: Newmark,
+    duration: float,
+    record: Recorder | None = None,
+    initial: State | None = None,
+    progress: Progress | None = None,
+) -> Response:
+    """Motion of structure and balls under a moving base, from an initial state.
+
+    M u'' + C u' + K u = -M r ub'' + sum_j b_j F_j,  m_j (y_j'' + ub'') = m_j g_j - F_j
+
+    Parameters
+    ----------
+    system : System
+        Physical or reduced.
+    excitation : Sine
+    method : Newmark
+    duration : float, s
+        Rounded to whole steps.
+    record : Recorder, optional
+        What to keep; by default the tip, the balls and the contact forces at every step.
+    initial : State, optional
+        At rest in the frame of the base by default.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+
+    Returns
+    -------
+    Response
+        Displacements relative to the base, m; contact force on the structure, N.
+
+    Raises
+    ------
+    InputError
+        If the step does not resolve the contact, the run would keep too much, or an argument is
+        out of range.
+    DivergenceError
+        If the motion is not finite or grows without bound.
+    """
+    recorder = record or Recorder()
+    long_enough = isinstance(duration, (int, float)) and math.isfinite(duration) and duration >= method.dt
+    require(long_enough, "duration", duration, "s", f"must be >= one step, {method.dt:g} s")
+    warnings = list(check_step(system, method))
+    steps = round(duration / method.dt)
+    channels = resolve_channels(system, recorder.channels)
+    kept = _record(system, recorder, channels, steps, method.dt, excitation.frequency)
+    window_start = 2 * steps // 3
+    block = prepare(
+        system,
+        [excitation],
+        method,
+        steps=[steps],
+        window_start=[window_start],
+        initial=initial or State(),
+        observed=system.point_row("tip"),
+        ledger=recorder.ledger,
+        record=kept,
+    )
+    _keep_first(block)
+    run_block(block, progress)
+    if np.isfinite(block.diverged[0]):
+        raise DivergenceError(divergence_message(excitation.frequency, float(block.diverged[0]), method))
+    if kept.count[3] > kept.impacts.shape[0]:
+        lost = int(kept.count[3] - kept.impacts.shape[0])
+        warnings.append(f"{lost} impacts beyond the first {recorder.impacts} are not in the table (Recorder.impacts)")
+    return _response(block, system, excitation, method, recorder, channels, tuple(warnings))
+
+
+def divergence_message(frequency: float, time: float, method: Newmark) -> str:
+    """Words for a run that grew without bound, and the way out."""
+    return (
+        f"the motion at {frequency:g} Hz is not finite or grew without bound before t = {time:.4g} s with "
+        f"dt = {method.dt:.3g} s: take a smaller dt (recommended_step gives one), a contact law with damping, "
+        f"or raise divergence_limit ({method.divergence_limit:g})"
+    )
+
+
+def _keep_first(block: Block) -> None:
+    """Keep the state at t = 0 where it is asked for."""
+    if block.record.channels.shape[0] + block.record.fields.shape[0] > 0:
+        kernels.keep(0, block.operator, block.pairs, block.motion, block.record, block.ledger)
+
+
+def memory_needed(
+    system: System, recorder: Recorder, channels: int, steps: int, dt: float, frequency: float
+) -> dict[str, int]:
+    """Bytes that a run will keep: channels, energies, snapshots, impacts and cycle statistics."""
+    samples, snapshots = _samples(recorder, steps, dt)
+    width = 2 * (system.dofs + len(system.contacts)) + len(system.contacts)
+    cycles = int(steps * dt * frequency) + 2
+    return {
+        "channels": 8 * samples * channels,
+        "energies": 8 * samples * len(kernels.ENERGY_COLUMNS) * recorder.ledger,
+        # in dofs while running, at the nodes afterwards
+        "snapshots": 8 * snapshots * (width + 4 * system.nodes.size),
+        "impacts": 8 * recorder.impacts * len(kernels.IMPACT_COLUMNS) * bool(system.contacts),
+        "cycles": 8 * cycles * (len(kernels.CYCLE_COLUMNS) + len(kernels.ENERGY_COLUMNS)),
+    }
+
+
+def _samples(recorder: Recorder, steps: int, dt: float) -> tuple[int, int]:
+    first = min(round(recorder.start / dt), steps)
+    first_field = min(round(recorder.snapshots_start / dt), steps)
+    samples = (steps - first) // recorder.every + 1
+    snapshots = (steps - first_field) // recorder.snapshots + 1 if recorder.snapshots else 0
+    return samples, snapshots
+
+
+def _record(
+    system: System, recorder: Recorder, channels: tuple[Channel, ...], steps: int, dt: float, frequency: float
+) -> kernels.Record:
+    """Arrays for what is kept, refused before the run when they would not fit."""
+    parts = memory_needed(system, recorder, len(channels), steps, dt, frequency)
+    needed = sum(parts.values())
+    if needed > recorder.memory_limit:
+        shares = ", ".join(f"{name} {size / 1e6:.0f} MB" for name, size in parts.items() if size > 1e6)
+        allowed = (
+            f"must be >= {needed:.3g}, what this run keeps ({shares}): raise every or snapshots, start later, "
+            "or raise memory_limit"
+        )
+        raise InputError([Fault("record.memory_limit", recorder.memory_limit, "bytes", allowed)])
+    samples, snapshots = _samples(recorder, steps, dt)
+    rows = [channel.row for channel in channels if channel.row is not None]
+    number = iter(range(len(rows)))
+    index = [channel.ball if channel.row is None else next(number) for channel in channels]
+    balls = len(system.contacts)
+    start, start_field = (min(round(t / dt), steps) for t in (recorder.start, recorder.snapshots_start))
+    return kernels.Record(
+        kind=np.array([channel.kind for channel in channels], dtype=np.int64),
+        index=np.array(index, dtype=np.int64),
+        rows=np.array(rows).reshape(-1, system.dofs),
+        channels=np.zeros((samples, len(channels))),
+        energy=np.zeros((samples if recorder.ledger else 0, len(kernels.ENERGY_COLUMNS))),
+        fields=np.zeros((snapshots, 2, system.dofs + balls)),
+        forces=np.zeros((snapshots, balls)),
+        impacts=np.zeros((recorder.impacts if balls else 0, len(kernels.IMPACT_COLUMNS))),
+        stride=np.array([recorder.every, start, max(recorder.snapshots, 1), start_field], dtype=np.int64),
+        count=np.zeros(4, dtype=np.int64),
+    )
+
+
+def _response(
+    block: Block,
+    system: System,
+    excitation: Sine,
+    method: Newmark,
+    recorder: Recorder,
+    channels: tuple[Channel, ...],
+    warnings: tuple[str, ...],
+) -> Response:
+    record, dt = block.record, method.dt
+    every, first, stride, first_field = (int(value) for value in record.stride)
+    time = _read_only((first + every * np.arange(record.channels.shape[0])) * dt)
+    impacts = _impacts(record, system)
+    laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
+    end = block.steps * dt
+    cycles = block.cycle_statistics
+    finished = int(np.count_nonzero(cycles.samples[:, 0]))
+    return Response(
+        time=time,
+        channels={channel.name: _read_only(record.channels[:, i]) for i, channel in enumerate(channels)},
+        units={channel.name: channel.unit for channel in channels},
+        impacts=impacts,
+        statistics=impact_statistics(impacts, end - end / 3.0, end, excitation.frequency, laws),
+        steady=steady_motion(cycles, np.array([max(finished // 3, 1)])) if finished else steady_motion_of_none(),
+        energy=_ledger(record, time) if recorder.ledger else None,
+        snapshots=_snapshots(record, system, first_field, stride, dt) if recorder.snapshots else None,
+        base=excitation,
+        system=system,
+        warnings=warnings,
+        notes=step_notes(system, method),
+    )
+
+
+def steady_motion_of_none() -> Any:
+    """Steady motion of a run shorter than one base cycle: not a number, and transient."""
+    from femimpact.signals import SteadyMotion
+
+    nothing = np.full(1, np.nan)
+    return SteadyMotion(nothing, nothing, nothing, nothing, np.array(["transient"]))
+
+
+def _ledger(record: kernels.Record, time: NDArray[Any]) -> EnergyLedger:
+    columns = {name: _read_only(record.energy[:, i]) for i, name in enumerate(kernels.ENERGY_COLUMNS)}
+    return EnergyLedger(time=time, **columns)
+
+
+def _impacts(record: kernels.Record, system: System) -> Impacts:
+    count = min(int(record.count[3]), record.impacts.shape[0])
+    columns = {name: _read_only(record.impacts[:count, i]) for i, name in enumerate(kernels.IMPACT_COLUMNS)}
+    names = np.array([pair.name for pair in system.contacts] or [""])
+    columns["impactor"] = names[columns.pop("pair").astype(int)]
+    return Impacts(**columns, dropped=int(record.count[3]) - count)
+
+
+def _snapshots(record: kernels.Record, system: System, first: int, stride: int, dt: float) -> Snapshots:
+    dofs = system.dofs
+    u, v = (np.asarray((system.expansion @ record.fields[:, k, :dofs].T).T) for k in (0, 1))
+    return Snapshots(
+        time=_read_only((first + stride * np.arange(record.fields.shape[0])) * dt),
+        displacement=_read_only(u),
+        velocity=_read_only(v),
+        ball_displacement=_read_only(record.fields[:, 0, dofs:]),
+        ball_velocity=_read_only(record.fields[:, 1, dofs:]),
+        contact_force=_read_only(record.forces),
+    )
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    array = np.ascontiguousarray(array)
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,135 @@
+"""Natural frequencies, mode shapes and what they mean for a moving base."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+
+from femimpact.damping import realised_damping_ratio
+from femimpact.errors import require
+from femimpact.system import System
+
+__all__ = ["Modes", "solve_modes"]
+
+DENSE_LIMIT = 60
+"""Up to this many dofs the dense solver is both exact and faster than shift-invert."""
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Undamped modes of the structure, mass-normalised, positive at the tip.
+
+    Parameters
+    ----------
+    natural_frequency : ndarray (count,), Hz
+    damping_ratio : ndarray (count,), 1
+        Realised by the system's damping matrix: phi^T C phi/(2 omega).
+    participation_factor : ndarray (count,), kg^0.5
+        phi^T M r for base motion, held dofs included.
+    effective_mass : ndarray (count,), kg
+        Square of the participation factor; they sum to the moving mass.
+    vectors : ndarray (dofs, count)
+        phi, with phi^T M phi = 1.
+    """
+
+    natural_frequency: NDArray[Any]
+    damping_ratio: NDArray[Any]
+    participation_factor: NDArray[Any]
+    effective_mass: NDArray[Any]
+    vectors: NDArray[Any]
+
+
+def solve_modes(system: System, count: int) -> Modes:
+    """The lowest natural modes, (K - omega^2 M) phi = 0, phi^T M phi = 1.
+
+    Parameters
+    ----------
+    system : System
+    count : int
+        How many, 1 to the number of dofs.
+
+    Returns
+    -------
+    Modes
+
+    Raises
+    ------
+    InputError
+        If count is not between 1 and the number of dofs.
+
+    Notes
+    -----
+    Rounding in an assembled Hermite stiffness grows like N^4 and spoils the low modes of a fine
+    mesh (3e-4 at N = 2000) whatever the eigensolver. Here both solvers work on the stiffness
+    factor G, K = G^T G, whose condition number is the root of K's, and the frequency is read
+    from the Rayleigh quotient |G phi|^2.
+    """
+    whole = isinstance(count, (int, np.integer)) and not isinstance(count, bool)
+    within = whole and 1 <= count <= system.dofs
+    require(within, "count", count, "modes", f"must be a whole number from 1 to {system.dofs} (the dofs)")
+    if system.dofs <= DENSE_LIMIT or count > system.dofs // 4:
+        vectors = _dense_modes(system, int(count))
+    else:
+        vectors = _shift_invert_modes(system, int(count))
+    vectors = _normalised(system, vectors)
+    omega = np.linalg.norm(system.stiffness_factor @ vectors, axis=0)
+    order = np.argsort(omega)
+    vectors, omega = vectors[:, order], omega[order]
+    if system.rayleigh is not None:
+        ratio = realised_damping_ratio(*system.rayleigh, omega)
+    else:
+        ratio = np.einsum("ij,ij->j", vectors, system.C @ vectors) / (2 * omega)
+    participation = vectors.T @ system.base_load
+    arrays = (omega / (2 * math.pi), ratio, participation, participation**2, vectors)
+    for array in arrays:
+        array.setflags(write=False)
+    return Modes(*arrays)
+
+
+def _dense_modes(system: System, count: int) -> NDArray[Any]:
+    """From the singular values of G L^-T with K = G^T G and M = L L^T: omega, not omega squared."""
+    lower = scipy.linalg.cholesky(system.M.toarray(), lower=True)
+    factor = scipy.linalg.solve_triangular(lower, system.stiffness_factor.toarray().T, lower=True).T
+    right = scipy.linalg.svd(factor, full_matrices=False)[2][::-1][:count]
+    return np.asarray(scipy.linalg.solve_triangular(lower, right.T, lower=True, trans="T"))
+
+
+def _shift_invert_modes(system: System, count: int) -> NDArray[Any]:
+    """Lanczos on K^-1 M, with K^-1 applied through its factor G.
+
+    K x = f is solved as the stable mixed problem [s I, G; G^T, 0] [-G x / s; x] = [0; f] / s
+    (Bjorck's augmented system): its rounding grows like the condition of G, the root of K's.
+    """
+    from scipy.sparse.linalg import LinearOperator, eigsh, splu
+
+    factor = system.stiffness_factor
+    strains, dofs = factor.shape
+    # the best scale is near the smallest singular value of G; the result does not hang on it
+    scale = 2.0 * math.pi * system.first_frequency if math.isfinite(system.first_frequency) else 1.0
+    augmented = sparse.block_array([[scale * sparse.eye_array(strains), factor], [factor.T, None]], format="csc")
+    solver = splu(augmented)
+
+    def solve(load: NDArray[Any]) -> NDArray[Any]:
+        right = np.concatenate([np.zeros(strains), load.ravel() / -scale])
+        return np.asarray(solver.solve(right)[strains:])
+
+    inverse = LinearOperator((dofs, dofs), matvec=solve, dtype=float)
+    # a fixed start vector: the same call gives the same bits
+    start = np.ones(dofs)
+    return np.asarray(eigsh(system.K, k=count, M=system.M, sigma=0.0, OPinv=inverse, v0=start, tol=0)[1])
+
+
+def _normalised(system: System, vectors: NDArray[Any]) -> NDArray[Any]:
+    """Scaled to unit modal mass; positive at the tip, or at the largest component where the tip is still."""
+    vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, system.M @ vectors))
+    tip = np.asarray(system.expansion[[-2], :] @ vectors).ravel()
+    largest = np.take_along_axis(vectors, np.abs(vectors).argmax(axis=0)[None], axis=0)[0]
+    still = np.abs(tip) < 1e-9 * np.abs(largest)
+    sign = np.where(np.where(still, largest, tip) < 0, -1.0, 1.0)
+    return vectors * sign

@@ -1,0 +1,217 @@
+"""What a run keeps, and what it returns: channels, snapshots, impacts, energies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.energy import EnergyLedger
+from femimpact.errors import check_fields, quantity, require, suggestion
+from femimpact.excitation import Sine
+from femimpact.impacts import Impacts, ImpactStatistics
+from femimpact.signals import SteadyMotion
+from femimpact.structure import Position
+from femimpact.system import System
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["Channel", "Recorder", "Response", "Snapshots", "resolve_channels"]
+
+KINDS = ("displacement", "velocity", "ball", "ball_velocity", "gap", "contact_force")
+UNITS = ("m", "m/s", "m", "m/s", "m", "N")
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """What to keep of a run.
+
+    Parameters
+    ----------
+    channels : sequence of str or float, optional
+        A place ("tip", "mid", a point of the mesh, metres from the root) or a ball's name gives
+        its displacement relative to the base; with ".velocity" behind it, its velocity.
+        "gap" (ball minus beam, m) and "contact_force" (on the beam, N) belong to the only ball,
+        "ball.gap" and "ball.contact_force" to the one named. None keeps the tip, every ball and
+        every contact force.
+    every : int, steps
+        Stride of channels and energies.
+    start : float, s
+        Nothing is kept before.
+    snapshots : int, steps
+        Stride of whole deflections; 0 keeps none.
+    snapshots_start : float, s
+        No snapshot before.
+    impacts : int
+        Most impacts kept in the table; later ones are counted only.
+    ledger : bool
+        Keep the energy ledger.
+    memory_limit : float, bytes
+        A run that would keep more is refused before it starts.
+    """
+
+    channels: tuple[Position, ...] | None = None
+    every: int = field(default=1, metadata=quantity("steps", at_least=1, integer=True))
+    start: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
+    snapshots: int = field(default=0, metadata=quantity("steps", at_least=0, integer=True))
+    snapshots_start: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
+    impacts: int = field(default=100_000, metadata=quantity("1", at_least=0, integer=True))
+    ledger: bool = True
+    memory_limit: float = field(default=1e9, metadata=quantity("bytes", above=0.0))
+
+    def __post_init__(self) -> None:
+        if isinstance(self.channels, list):
+            object.__setattr__(self, "channels", tuple(self.channels))
+        check_fields(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """One recorded column: what it is, and which row or ball it reads."""
+
+    name: str
+    kind: int
+    ball: int
+    row: NDArray[Any] | None
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values."""
+        return UNITS[self.kind]
+
+
+def resolve_channels(system: System, channels: tuple[Position, ...] | None) -> tuple[Channel, ...]:
+    """Turn channel names into what the time loop reads.
+
+    Raises
+    ------
+    InputError
+        Naming the first unknown or ambiguous channel and the known ones.
+    """
+    balls = [pair.name for pair in system.contacts]
+    if channels is None:
+        forces = [f"{ball}.contact_force" for ball in balls] if len(balls) > 1 else ["contact_force"] * len(balls)
+        channels = ("tip", *balls, *forces)
+    return tuple(_resolve(system, balls, channel) for channel in channels)
+
+
+def _resolve(system: System, balls: list[str], channel: Position) -> Channel:
+    name = str(channel)
+    if not isinstance(channel, str):
+        return Channel(name, 0, -1, system.point_row(channel))
+    stem, _, what = name.rpartition(".")
+    if name in system.points:
+        return Channel(name, 0, -1, system.point_row(name))
+    if name in balls:
+        return Channel(name, 2, balls.index(name), None)
+    if name in ("gap", "contact_force") and len(balls) == 1:
+        return Channel(name, KINDS.index(name), 0, None)
+    if what == "velocity" and stem in system.points:
+        return Channel(name, 1, -1, system.point_row(stem))
+    if what in ("velocity", "gap", "contact_force") and stem in balls:
+        kind = 3 if what == "velocity" else KINDS.index(what)
+        return Channel(name, kind, balls.index(stem), None)
+    known = [*system.points, *balls, *(["gap", "contact_force"] if len(balls) == 1 else [])]
+    known += [f"{ball}.{item}" for ball in balls for item in ("velocity", "gap", "contact_force")]
+    require(False, "channels", name, "", suggestion(name, known) + ", a place with .velocity, or metres from the root")
+    raise AssertionError("require raises")
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshots:
+    """Whole deflections, relative to the base.
+
+    Parameters
+    ----------
+    time : ndarray (snapshots,), s
+    displacement, velocity : ndarray (snapshots, 2 nodes), m and 1; m/s and 1/s
+        (w1, w1', w2, w2', ...) at the nodes.
+    ball_displacement, ball_velocity : ndarray (snapshots, balls), m and m/s
+    contact_force : ndarray (snapshots, balls), N
+        On the beam.
+    """
+
+    time: NDArray[Any]
+    displacement: NDArray[Any]
+    velocity: NDArray[Any]
+    ball_displacement: NDArray[Any]
+    ball_velocity: NDArray[Any]
+    contact_force: NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Histories of one run; arrays are read-only.
+
+    Parameters
+    ----------
+    time : ndarray (samples,), s
+    channels : mapping of str to ndarray (samples,)
+        Relative to the base; `response["tip"]` reads one.
+    units : mapping of str to str
+    impacts : Impacts
+    statistics : ImpactStatistics
+        Over the last third of the run.
+    steady : SteadyMotion
+        Of the tip over the last third of the run's whole base cycles, arrays of one entry.
+    energy : EnergyLedger or None
+    snapshots : Snapshots or None
+    base : Sine
+        The motion of the base, to make absolute results.
+    system : System
+    warnings, notes : tuple of str
+    """
+
+    time: NDArray[Any]
+    channels: Mapping[str, NDArray[Any]]
+    units: Mapping[str, str]
+    impacts: Impacts
+    statistics: ImpactStatistics
+    steady: SteadyMotion
+    energy: EnergyLedger | None
+    snapshots: Snapshots | None
+    base: Sine
+    system: System
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, name: Position) -> NDArray[Any]:
+        key = str(name)
+        require(key in self.channels, "channel", key, "", suggestion(key, self.channels))
+        return self.channels[key]
+
+    def absolute(self, name: Position) -> NDArray[Any]:
+        """A displacement (m) or velocity (m/s) channel in space: relative plus the base's."""
+        values, unit = self[name], self.units[str(name)]
+        moving = unit in ("m", "m/s") and str(name).rpartition(".")[2] != "gap"
+        require(moving, "channel", str(name), unit, "must be a displacement or a velocity to have an absolute value")
+        return values + (self.base.displacement(self.time) if unit == "m" else self.base.velocity(self.time))
+
+    def to_xarray(self) -> xarray.Dataset:
+        """All channels, energies and the base's motion as a labelled dataset over time."""
+        import xarray
+
+        def variable(values: NDArray[Any], unit: str, name: str) -> tuple[Any, ...]:
+            return ("time", np.array(values), {"units": unit, "long_name": name})
+
+        data = {
+            name: variable(values, self.units[name], f"{name}, relative to the base" if self.units[name] != "N" else name)
+            for name, values in self.channels.items()
+        }
+        data["base"] = variable(self.base.displacement(self.time), "m", "base displacement")
+        if self.energy is not None:
+            for name in ("kinetic", "strain", "ball", "contact", "work", "structure_loss", "contact_loss"):
+                data[f"energy_{name}"] = variable(getattr(self.energy, name), "J", f"energy: {name.replace('_', ' ')}")
+        attributes = {
+            "base_amplitude_m": self.base.amplitude,
+            "base_frequency_Hz": self.base.frequency,
+            "warnings": "; ".join(self.warnings),
+        }
+        if self.energy is not None:
+            attributes["energy_residual"] = self.energy.residual
+        time = ("time", np.array(self.time), {"units": "s", "long_name": "time"})
+        return xarray.Dataset(data, coords={"time": time}, attrs=attributes)

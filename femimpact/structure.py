@@ -1,0 +1,279 @@
+"""The thing on the shaker: beam, supports, bodies on it and balls in their cavities. No mesh here."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from femimpact.contact import ContactLaw
+from femimpact.damping import Rayleigh
+from femimpact.errors import Fault, InputError, check_fields, field_faults, quantity, require
+
+__all__ = [
+    "Beam",
+    "Impactor",
+    "PointMass",
+    "Position",
+    "Segment",
+    "Structure",
+    "Support",
+    "glue_impactors",
+]
+
+Position = str | float
+"""A place on the beam: "root", "tip", "mid", a name that the mesh gives, or metres from the root."""
+
+SUPPORTS = {"clamped": ("w", "slope"), "pinned": ("w",), "guided": ("slope",)}
+
+
+def _as_tuple(instance: Any, *names: str) -> None:
+    """Turn list-valued fields of a frozen dataclass into tuples."""
+    for name in names:
+        if isinstance(getattr(instance, name), list):
+            object.__setattr__(instance, name, tuple(getattr(instance, name)))
+
+
+def _check_position(instance: Any) -> None:
+    at = instance.at
+    ok = isinstance(at, str) or (isinstance(at, (int, float)) and math.isfinite(at) and at >= 0)
+    allowed = 'must be "root", "tip", "mid", a point of the mesh, or metres from the root >= 0'
+    require(ok and not isinstance(at, bool), "at", at, "", allowed)
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch of beam with one section and one material.
+
+    Give the section as width and thickness (rectangle, bending along the thickness),
+    or as area and second_moment.
+
+    Parameters
+    ----------
+    length : float, m
+    young_modulus : float, Pa
+    density : float, kg/m^3
+    width, thickness : float, m
+    area : float, m^2
+    second_moment : float, m^4
+    name : str
+        Name of the mesh region that the segment fills.
+    """
+
+    length: float = field(metadata=quantity("m", above=0.0))
+    young_modulus: float = field(metadata=quantity("Pa", above=0.0))
+    density: float = field(metadata=quantity("kg/m^3", above=0.0))
+    width: float | None = field(default=None, metadata=quantity("m", above=0.0))
+    thickness: float | None = field(default=None, metadata=quantity("m", above=0.0))
+    area: float | None = field(default=None, metadata=quantity("m^2", above=0.0))
+    second_moment: float | None = field(default=None, metadata=quantity("m^4", above=0.0))
+    name: str = "beam"
+
+    def __post_init__(self) -> None:
+        faults = field_faults(self)
+        given = {n for n in ("width", "thickness", "area", "second_moment") if getattr(self, n) is not None}
+        if given not in ({"width", "thickness"}, {"area", "second_moment"}):
+            allowed = "give width and thickness (m), or area (m^2) and second_moment (m^4)"
+            faults.append(Fault("section", " and ".join(sorted(given)) or "nothing", "", allowed))
+        if faults:
+            raise InputError(faults)
+
+    @property
+    def rectangle(self) -> tuple[float, float]:
+        """Width and thickness (m) of the rectangle with this area and second moment."""
+        if self.width is not None and self.thickness is not None:
+            return self.width, self.thickness
+        area, second_moment = self.area or 0.0, self.second_moment or 0.0
+        thickness = math.sqrt(12.0 * second_moment / area)
+        return area / thickness, thickness
+
+    @property
+    def bending_stiffness(self) -> float:
+        """E I, N m^2."""
+        width, thickness = self.rectangle
+        return self.young_modulus * width * thickness**3 / 12.0
+
+    @property
+    def mass_per_length(self) -> float:
+        """rho A, kg/m."""
+        width, thickness = self.rectangle
+        return self.density * width * thickness
+
+
+@dataclass(frozen=True)
+class Beam:
+    """One or more segments in a row, from the root at x = 0 to the tip.
+
+    Parameters
+    ----------
+    segments : tuple of Segment
+        A stepped beam needs a different name for every segment.
+    """
+
+    segments: tuple[Segment, ...]
+
+    def __post_init__(self) -> None:
+        _as_tuple(self, "segments")
+        require(len(self.segments) > 0, "segments", "none", "", "must hold at least one segment")
+        names = [segment.name for segment in self.segments]
+        require(len(set(names)) == len(names), "segments", names, "", "must have distinct names")
+
+    @classmethod
+    def uniform(
+        cls, *, length: float, width: float, thickness: float, young_modulus: float, density: float
+    ) -> Beam:
+        """A beam of one rectangular section; lengths in m, modulus in Pa, density in kg/m^3."""
+        return cls((Segment(length, young_modulus, density, width, thickness),))
+
+    @property
+    def length(self) -> float:
+        """Total length, m."""
+        return math.fsum(segment.length for segment in self.segments)
+
+    @property
+    def mass(self) -> float:
+        """Mass of the bare beam, kg."""
+        return math.fsum(segment.length * segment.mass_per_length for segment in self.segments)
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Positions (m) of the segments' ends, the root's 0 first and the tip last."""
+        lengths = [segment.length for segment in self.segments]
+        inner = [math.fsum(lengths[: i + 1]) for i in range(len(lengths))]
+        return (0.0, *inner)
+
+
+@dataclass(frozen=True)
+class PointMass:
+    """A body lumped on the beam's displacement and rotation at one place.
+
+    Parameters
+    ----------
+    name : str
+    at : str or float
+        Place on the beam; see `Position`.
+    mass : float, kg
+    rotary_inertia : float, kg m^2
+        About the body's own centre, which lies on the beam's axis.
+    """
+
+    name: str
+    at: Position
+    mass: float = field(metadata=quantity("kg", at_least=0.0))
+    rotary_inertia: float = field(default=0.0, metadata=quantity("kg m^2", at_least=0.0))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        _check_position(self)
+
+
+@dataclass(frozen=True)
+class Support:
+    """What holds the beam to the moving base: "clamped", "pinned" (no deflection), "guided" (no slope)."""
+
+    kind: str
+    at: Position
+
+    def __post_init__(self) -> None:
+        require(self.kind in SUPPORTS, "kind", self.kind, "", f"must be one of {', '.join(SUPPORTS)}")
+        _check_position(self)
+
+
+@dataclass(frozen=True)
+class Impactor:
+    """A free ball in a cavity that is fixed to the beam.
+
+    m (y'' + ub'') = m acceleration - free_stiffness x - N(p, p'), x = y - w, both relative to the base.
+
+    Parameters
+    ----------
+    name : str
+    at : str or float
+        Place on the beam; see `Position`.
+    mass : float, kg
+    gap : float or pair of float, m
+        Free travel from the centre to each wall (the paper's d1 on the + side, d2 on the - side);
+        the total clearance is their sum.
+    contact : KelvinVoigt or SwitchingSpring
+    free_stiffness : float, N/m
+        Centring spring between ball and beam, acting everywhere.
+    acceleration : float, m/s^2
+        Constant acceleration along the ball's path (gravity for a vertical motion).
+    """
+
+    name: str
+    at: Position
+    mass: float = field(metadata=quantity("kg", above=0.0))
+    gap: float | tuple[float, float] = field(metadata=quantity("m", at_least=0.0))
+    contact: ContactLaw
+    free_stiffness: float = field(default=0.0, metadata=quantity("N/m", at_least=0.0))
+    acceleration: float = field(default=0.0, metadata=quantity("m/s^2"))
+
+    def __post_init__(self) -> None:
+        _as_tuple(self, "gap")
+        check_fields(self)
+        _check_position(self)
+        pair = not isinstance(self.gap, tuple) or len(self.gap) == 2
+        require(pair, "gap", self.gap, "m", "must be one number or two (d1 on the + side, d2 on the - side)")
+        is_law = isinstance(self.contact, ContactLaw)
+        require(is_law, "contact", self.contact, "", "must be a KelvinVoigt or a SwitchingSpring")
+
+    @property
+    def gaps(self) -> tuple[float, float]:
+        """Gap (m) on the + side and on the - side."""
+        return self.gap if isinstance(self.gap, tuple) else (self.gap, self.gap)
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Beam, supports, bodies and balls, and the structure's damping.
+
+    Parameters
+    ----------
+    beam : Beam
+    masses : sequence of PointMass
+    impactors : sequence of Impactor
+    damping : Rayleigh, optional
+        None means undamped.
+    supports : sequence of Support
+        The default clamps the root.
+
+    Raises
+    ------
+    InputError
+        For repeated names, places beyond the beam, or supports that leave a rigid motion free.
+    """
+
+    beam: Beam
+    masses: tuple[PointMass, ...] = ()
+    impactors: tuple[Impactor, ...] = ()
+    damping: Rayleigh | None = None
+    supports: tuple[Support, ...] = (Support("clamped", "root"),)
+
+    def __post_init__(self) -> None:
+        _as_tuple(self, "masses", "impactors", "supports")
+        names = [item.name for item in (*self.masses, *self.impactors)]
+        require(len(set(names)) == len(names), "name", names, "", "must be distinct among masses and impactors")
+        faults = []
+        for table, items in (("mass", self.masses), ("impactor", self.impactors), ("support", self.supports)):
+            for item in items:
+                key = f"{table}.{getattr(item, 'name', getattr(item, 'kind', ''))}.at"
+                if not isinstance(item.at, str) and item.at > self.beam.length * (1 + 1e-9):
+                    faults.append(Fault(key, item.at, "m", f"must be within the beam, 0 to {self.beam.length:g} m"))
+        if faults:
+            raise InputError(faults)
+        self._check_supports()
+
+    def _check_supports(self) -> None:
+        held = [kind for support in self.supports for kind in SUPPORTS[support.kind]]
+        places = {support.at for support in self.supports if "w" in SUPPORTS[support.kind]}
+        stiff = len(places) >= 2 or ("w" in held and "slope" in held)
+        kinds = [f"{support.kind} at {support.at}" for support in self.supports]
+        allowed = "must hold the beam: one clamped end, two pinned places, or a pinned and a guided one"
+        require(stiff, "supports", ", ".join(kinds) or "none", "", allowed)
+
+
+def glue_impactors(structure: Structure) -> Structure:
+    """The same structure with every ball glued to the beam as a point mass (Table 1's second case)."""
+    glued = tuple(PointMass(ball.name, ball.at, ball.mass) for ball in structure.impactors)
+    return replace(structure, masses=(*structure.masses, *glued), impactors=())
