@@ -1,1 +1,73 @@
-"""Vibro-impact dynamics of beams, and the design of impact dampers on them."""
+"""Vibro-impact dynamics of beams, and the design of impact dampers on them.
+
+Public names are loaded from their rooms on first use, so that `import femimpact` costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from femimpact.assembly import assemble
+    from femimpact.calibration import RestitutionScan, scan_restitution
+    from femimpact.contact import KelvinVoigt, SwitchingSpring
+    from femimpact.convergence import converge_elements, converge_step
+    from femimpact.damping import Rayleigh
+    from femimpact.energy import EnergyLedger
+    from femimpact.errors import DivergenceError, FemimpactError, InputError
+    from femimpact.excitation import Sine
+    from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
+    from femimpact.impacts import Impacts, ImpactStatistics
+    from femimpact.integrators.collision import achieved_restitution
+    from femimpact.integrators.integrate import integrate
+    from femimpact.integrators.newmark import Newmark, recommended_step
+    from femimpact.mesh import Mesh, read_mesh, uniform_mesh
+    from femimpact.modes import Modes, solve_modes
+    from femimpact.reduction import reduce
+    from femimpact.response import Recorder, Response
+    from femimpact.structure import Beam, Impactor, PointMass, Segment, Structure, Support, glue_impactors
+    from femimpact.study import Study, StudyResults, load, load_study, run_study
+    from femimpact.sweep import FrequencyResponse, frequency_sweep
+    from femimpact.system import ContactPair, State, System, without_impactors
+
+_ROOMS = {
+    "assembly": ("assemble",),
+    "calibration": ("RestitutionScan", "scan_restitution"),
+    "contact": ("KelvinVoigt", "SwitchingSpring"),
+    "convergence": ("converge_elements", "converge_step"),
+    "damping": ("Rayleigh",),
+    "energy": ("EnergyLedger",),
+    "errors": ("DivergenceError", "FemimpactError", "InputError"),
+    "excitation": ("Sine",),
+    "identification": ("DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power"),
+    "impacts": ("ImpactStatistics", "Impacts"),
+    "integrators.collision": ("achieved_restitution",),
+    "integrators.integrate": ("integrate",),
+    "integrators.newmark": ("Newmark", "recommended_step"),
+    "mesh": ("Mesh", "read_mesh", "uniform_mesh"),
+    "modes": ("Modes", "solve_modes"),
+    "reduction": ("reduce",),
+    "response": ("Recorder", "Response"),
+    "structure": ("Beam", "Impactor", "PointMass", "Segment", "Structure", "Support", "glue_impactors"),
+    "study": ("Study", "StudyResults", "load", "load_study", "run_study"),
+    "sweep": ("FrequencyResponse", "frequency_sweep"),
+    "system": ("ContactPair", "State", "System", "without_impactors"),
+}
+_ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
+
+__all__ = ["__version__", *sorted(_ROOM_OF)]  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _ROOM_OF:
+        raise AttributeError(f"module 'femimpact' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"femimpact.{_ROOM_OF[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_ROOM_OF})

@@ -24,7 +24,7 @@ IMPACT_UNITS = {
 """Columns of the impact table and their units, in their order."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Impacts:
     """Table of the finished impacts of a run, one entry each, in the order in which they ended.
 
@@ -61,6 +61,9 @@ class Impacts:
 
     def __len__(self) -> int:
         return int(self.time.size)
+
+    def __repr__(self) -> str:
+        return f"Impacts({len(self)} impacts, columns {', '.join(IMPACT_UNITS)})"
 
     @property
     def restitution(self) -> NDArray[Any]:

@@ -143,7 +143,7 @@ class Snapshots:
     contact_force: NDArray[Any]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Response:
     """Histories of one run; arrays are read-only.
 
@@ -178,6 +178,10 @@ class Response:
     system: System
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        span = f"{self.time[0]:g} to {self.time[-1]:g} s" if self.time.size else "no samples"
+        return f"Response({', '.join(self.channels)}; {span}, {self.time.size} samples, {len(self.impacts)} impacts)"
 
     def __getitem__(self, name: Position) -> NDArray[Any]:
         key = str(name)

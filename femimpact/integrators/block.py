@@ -228,7 +228,8 @@ def _motion(
     return kernels.Motion(
         q=q,
         v=v,
-        a=scipy.linalg.solveh_banded(operator.mass_band, load, lower=True),
+        # C order matters: the case axis must be contiguous
+        a=np.ascontiguousarray(scipy.linalg.solveh_banded(operator.mass_band, load, lower=True)),
         w=w,
         w_rate=operator.rows @ v,
         ball=ball,

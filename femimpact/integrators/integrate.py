@@ -16,7 +16,7 @@ from femimpact.integrators import kernels
 from femimpact.integrators.block import Block, Progress, prepare, run_block
 from femimpact.integrators.newmark import Newmark, check_step, step_notes
 from femimpact.response import Channel, Recorder, Response, Snapshots, resolve_channels
-from femimpact.signals import steady_motion
+from femimpact.signals import SteadyMotion, steady_motion
 from femimpact.system import State, System
 
 __all__ = ["divergence_message", "integrate", "memory_needed"]
@@ -188,7 +188,7 @@ def _response(
         units={channel.name: channel.unit for channel in channels},
         impacts=impacts,
         statistics=impact_statistics(impacts, end - end / 3.0, end, excitation.frequency, laws),
-        steady=steady_motion(cycles, np.array([max(finished // 3, 1)])) if finished else steady_motion_of_none(),
+        steady=steady_motion(cycles, np.array([max(finished // 3, 1)])) if finished else _no_steady_motion(),
         energy=_ledger(record, time) if recorder.ledger else None,
         snapshots=_snapshots(record, system, first_field, stride, dt) if recorder.snapshots else None,
         base=excitation,
@@ -198,10 +198,8 @@ def _response(
     )
 
 
-def steady_motion_of_none() -> Any:
-    """Steady motion of a run shorter than one base cycle: not a number, and transient."""
-    from femimpact.signals import SteadyMotion
-
+def _no_steady_motion() -> SteadyMotion:
+    """What a run shorter than one base cycle has: no amplitude, and a transient."""
     nothing = np.full(1, np.nan)
     return SteadyMotion(nothing, nothing, nothing, nothing, np.array(["transient"]))
 

@@ -34,12 +34,14 @@ __all__ = [
 
 # _nrt=False: nothing here allocates, and counting references to array slices would cost ten times the arithmetic
 compiled = njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
+# called from one place: a call would copy every array's descriptor
+inlined = njit(cache=True, nogil=True, error_model="numpy", _nrt=False, forceinline=True)
 
 # a contact law's formula stands in `contact`; here it is only compiled
-_penetration = compiled(contact.penetration)
-_kelvin_voigt_force = compiled(contact.kelvin_voigt_force)
+_penetration = inlined(contact.penetration)
+_kelvin_voigt_force = inlined(contact.kelvin_voigt_force)
 _spring_potential = compiled(contact.spring_potential)
-_switching_stiffness = compiled(contact.switching_stiffness)
+_switching_stiffness = inlined(contact.switching_stiffness)
 _switching_potential = compiled(contact.switching_potential)
 SWITCHING_SPRING = contact.SWITCHING_SPRING
 
@@ -146,6 +148,8 @@ class Record(NamedTuple):
 
 
 # ---- every step: arrays only, inner loops over cases ----------------------------------------------
+# A loop over cases goes into SIMD lanes only while the compiler can check its few arrays against overlap:
+# three written and two read are too many already, so some loops below are split in two.
 
 
 @compiled
@@ -157,7 +161,8 @@ def _turn_base(drive: NDArray[Any]) -> None:
         turned = sine[c] * turn_cosine[c] + cosine[c] * turn_sine[c]
         cosine[c] = cosine[c] * turn_cosine[c] - sine[c] * turn_sine[c]
         sine[c] = turned
-        base[c] = scale[c] * turned
+    for c in range(sine.size):
+        base[c] = scale[c] * sine[c]
 
 
 @compiled
@@ -268,6 +273,39 @@ def _free_step_banded(op: Operator, s: Scheme, m: Motion) -> None:
 
 
 @compiled
+def _free_step_banded_single(
+    op: Operator, s: Scheme, q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], base: float, scratch: NDArray[Any]
+) -> None:
+    """The same step of one case alone."""
+    n, bands, lower = q.size, op.cholesky_band.shape[0], op.cholesky_band
+    rhs, u_predicted, v_predicted = scratch[0, :, 0], scratch[1, :, 0], scratch[2, :, 0]
+    for i in range(n):
+        u_predicted[i] = q[i] + s.dt * v[i] + s.predict_u * a[i]
+        v_predicted[i] = v[i] + s.predict_v * a[i]
+        rhs[i] = op.load[i] * base - op.damping_band[0, i] * v_predicted[i] - op.stiffness_band[0, i] * u_predicted[i]
+    for k in range(1, bands):
+        damping, stiffness = op.damping_band[k], op.stiffness_band[k]
+        for i in range(n - k):
+            rhs[i] -= damping[i] * v_predicted[i + k] + stiffness[i] * u_predicted[i + k]
+        for i in range(n - k):
+            rhs[i + k] -= damping[i] * v_predicted[i] + stiffness[i] * u_predicted[i]
+    for i in range(n):
+        value = rhs[i]
+        for k in range(1, min(bands, i + 1)):
+            value -= lower[k, i - k] * rhs[i - k]
+        rhs[i] = value * lower[0, i]
+    for i in range(n - 1, -1, -1):
+        value = rhs[i]
+        for k in range(1, min(bands, n - i)):
+            value -= lower[k, i] * rhs[i + k]
+        rhs[i] = value * lower[0, i]
+    for i in range(n):
+        a[i] = rhs[i]
+        q[i] = u_predicted[i] + s.correct_u * rhs[i]
+        v[i] = v_predicted[i] + s.correct_v * rhs[i]
+
+
+@compiled
 def _solve_banded(lower: NDArray[Any], rhs: NDArray[Any]) -> None:
     """Solve L L^T x = rhs in place; L by its lower bands with the reciprocal of its diagonal in row 0."""
     bands, n = lower.shape
@@ -288,12 +326,13 @@ def _free_step_ball(
 ) -> None:  # fmt: skip
     """One step of a ball in free flight."""
     for c in range(y.size):
-        y_predicted = y[c] + s.dt * y_rate[c] + s.predict_u * y_acceleration[c]
-        rate_predicted = y_rate[c] + s.predict_v * y_acceleration[c]
-        acceleration = given[c] - base[c]
-        y_acceleration[c] = acceleration
-        y[c] = y_predicted + s.correct_u * acceleration
-        y_rate[c] = rate_predicted + s.correct_v * acceleration
+        y[c] += s.dt * y_rate[c] + s.predict_u * y_acceleration[c]
+        y_rate[c] += s.predict_v * y_acceleration[c]
+    for c in range(y.size):
+        y_acceleration[c] = given[c] - base[c]
+    for c in range(y.size):
+        y[c] += s.correct_u * y_acceleration[c]
+        y_rate[c] += s.correct_v * y_acceleration[c]
 
 
 @compiled
@@ -302,10 +341,11 @@ def _look(
     gap_minus: NDArray[Any], busy: NDArray[Any],
 ) -> int:  # fmt: skip
     """Relative displacement of a ball, and in how many cases its contact must be looked at."""
-    looking = 0
     for c in range(x.size):
         x_before[c] = x[c]
         x[c] = y[c] - w[c]
+    looking = 0
+    for c in range(x.size):
         looking += (x[c] > gap_plus[c]) | (x[c] < -gap_minus[c]) | (busy[c] > 0.0)
     return looking
 
@@ -337,7 +377,23 @@ def _book_loss_diagonal(
             twice = vi[c] + before[c]
             before[c] = vi[c]
             loss[c] += sc * twice * twice
+        for c in range(cases):
             load[c] += we * qi[c]
+
+
+@compiled
+def _book_loss_single(
+    scale: NDArray[Any], weight: NDArray[Any], q: NDArray[Any], v: NDArray[Any], v_before: NDArray[Any],
+    loss: NDArray[Any], load: NDArray[Any],
+) -> None:  # fmt: skip
+    """The same, operation by operation, of one case alone."""
+    lost, total = loss[0], load[0]
+    for i in range(q.size):
+        twice = v[i] + v_before[i]
+        v_before[i] = v[i]
+        lost += scale[i] * twice * twice
+        total += weight[i] * q[i]
+    loss[0], load[0] = lost, total
 
 
 @compiled
@@ -367,6 +423,7 @@ def _book_work(base: NDArray[Any], base_before: NDArray[Any], ledger: NDArray[An
     for c in range(work.size):
         work[c] -= 0.5 * (base[c] + base_before[c]) * (load[c] - load_before[c])
         load_before[c] = load[c]
+    for c in range(work.size):
         load[c] = 0.0
 
 
@@ -384,7 +441,7 @@ def _book_work_on_ball(
 # ---- contact: rare, one case at a time ------------------------------------------------------------
 
 
-@compiled
+@inlined
 def _pair_force(
     j: int, c: int, x_free: float, rate_free: float, gate: float, mobility: float, x_before: float,
     s: Scheme, kind: int, constants: NDArray[Any],
@@ -413,7 +470,7 @@ def _pair_force(
     return gate * normal + spring * x, normal
 
 
-@compiled
+@inlined
 def _contact_step(
     c: int, op: Operator, s: Scheme, pairs: Pairs, m: Motion, record: Record, work: NDArray[Any]
 ) -> None:
@@ -453,7 +510,7 @@ def _contact_step(
         _book_impact(j, c, rate_free[j], rate, normal[j], s.dt, pairs.kind[j], pairs.constants, m, record)
 
 
-@compiled
+@inlined
 def _apply_force(j: int, c: int, force: float, op: Operator, s: Scheme, mass: float, m: Motion) -> None:
     for i in range(m.q.shape[0]):
         gain = op.response[j, i] * force
@@ -470,7 +527,7 @@ def _apply_force(j: int, c: int, force: float, op: Operator, s: Scheme, mass: fl
     m.ball[Y_RATE, j, c] += s.correct_v * gain
 
 
-@compiled
+@inlined
 def _book_impact(
     j: int, c: int, rate_free: float, rate: float, normal: float, dt: float, kind: int,
     constants: NDArray[Any], m: Motion, record: Record,
@@ -508,7 +565,7 @@ def _book_impact(
         _write_impact(j, c, step, rate, m, record)
 
 
-@compiled
+@inlined
 def _write_impact(j: int, c: int, step: int, rate: float, m: Motion, record: Record) -> None:
     """Add a finished impact to the totals of its case, and to the table of case 0."""
     touch, totals = m.touch, m.totals
@@ -671,7 +728,10 @@ def advance(
     for _ in range(steps):
         _turn_base(m.drive)
         if op.banded:
-            _free_step_banded(op, s, m)
+            if single:
+                _free_step_banded_single(op, s, m.q[:, 0], m.v[:, 0], m.a[:, 0], base[0], m.scratch)
+            else:
+                _free_step_banded(op, s, m)
             _read_row(op.rows[0], m.q, m.v, w[0], w_rate[0])
         elif single:
             _free_step_single(
@@ -703,6 +763,11 @@ def advance(
         if ledger:
             if op.banded:
                 _book_loss_banded(op, s, m)
+            elif single:
+                _book_loss_single(
+                    m.scratch[0, :, 0], op.base_load, m.q[:, 0], m.v[:, 0], m.v_before[:, 0],
+                    m.ledger[STRUCTURE_LOSS], m.ledger[LOAD],
+                )  # fmt: skip
             else:
                 _book_loss_diagonal(
                     m.scratch[0, :, 0], op.base_load, m.q, m.v, m.v_before, m.ledger[STRUCTURE_LOSS], m.ledger[LOAD]

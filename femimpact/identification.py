@@ -1,0 +1,216 @@
+"""Damping and frequency from a response curve: arrays in, estimates out, measured or simulated alike."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femimpact.errors import require
+
+__all__ = ["DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power", "one_pole_amplitude"]
+
+RESOLVED = 4.0
+"""A half-power width counts as resolved when it holds this many frequency steps."""
+
+
+@dataclass(frozen=True)
+class DampingEstimate:
+    """Damping ratio of one resonance, how it was found and how sure it is.
+
+    Parameters
+    ----------
+    ratio : float, 1
+        Not a number where the method found none.
+    frequency : float, Hz
+        Natural frequency (fit) or frequency of the peak (half-power).
+    interval : pair of float, 1
+        95 % confidence interval of the fit's ratio; for half-power, what the grid leaves open.
+    method : str
+    warnings : tuple of str
+    """
+
+    ratio: float
+    frequency: float
+    interval: tuple[float, float]
+    method: str
+    warnings: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        low, high = self.interval
+        text = f"{self.ratio:.5f} ({low:.5f} to {high:.5f}) at {self.frequency:.4f} Hz by {self.method}"
+        return text + "".join(f"\n  warning: {warning}" for warning in self.warnings)
+
+
+def one_pole_amplitude(frequency: ArrayLike, scale: float, natural_frequency: float, ratio: float) -> NDArray[Any]:
+    """Relative displacement amplitude of one mode under a sine of the base.
+
+    |X| = scale f^2 / sqrt((f0^2 - f^2)^2 + (2 zeta f0 f)^2)
+
+    Parameters
+    ----------
+    frequency : array_like, Hz
+    scale : float, m
+        Base amplitude times participation factor times the mode's displacement.
+    natural_frequency : float, Hz
+    ratio : float, 1
+
+    Returns
+    -------
+    ndarray, m
+    """
+    f = np.asarray(frequency, dtype=float)
+    return np.asarray(scale * f**2 / np.hypot(natural_frequency**2 - f**2, 2.0 * ratio * natural_frequency * f))
+
+
+def _checked(frequency: ArrayLike, amplitude: ArrayLike, least: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    f, x = np.asarray(frequency, dtype=float), np.asarray(amplitude, dtype=float)
+    same = f.ndim == 1 and f.shape == x.shape
+    require(same, "amplitude", x.shape, "", f"must be as long as frequency, shape {f.shape}")
+    usable = np.isfinite(f) & np.isfinite(x)
+    f, x = f[usable], x[usable]
+    order = np.argsort(f)
+    f, x = f[order], x[order]
+    require(f.size >= least, "frequency", f.size, "points", f"must hold at least {least} finite points")
+    require(bool(np.all(np.diff(f) > 0)), "frequency", None, "Hz", "must not repeat")
+    require(bool(np.all(x >= 0) and np.any(x > 0)), "amplitude", None, "m", "must be >= 0 and not all zero")
+    return f, x
+
+
+def half_power(frequency: ArrayLike, amplitude: ArrayLike) -> DampingEstimate:
+    """Half-power bandwidth: zeta = (f2^2 - f1^2)/(4 f_peak^2) between the crossings of peak/sqrt(2).
+
+    Parameters
+    ----------
+    frequency : array_like (n,), Hz
+    amplitude : array_like (n,), m
+
+    Returns
+    -------
+    DampingEstimate
+        Crossings interpolated linearly between points; the interval is what the points on either
+        side of each crossing allow. A width of fewer than 4 frequency steps is warned of.
+    """
+    f, x = _checked(frequency, amplitude, 3)
+    top = int(np.argmax(x))
+    level = x[top] / math.sqrt(2.0)
+    crossings, brackets = [], []
+    for step in (-1, 1):
+        i = top
+        while 0 <= i + step < f.size and x[i + step] > level:
+            i += step
+        outer = i + step
+        if not 0 <= outer < f.size:
+            side = "below" if step < 0 else "above"
+            message = f"no half-power point {side} the peak at {f[top]:.4g} Hz within {f[0]:g} to {f[-1]:g} Hz"
+            return DampingEstimate(math.nan, float(f[top]), (math.nan, math.nan), "half-power", (message,))
+        share = (x[i] - level) / (x[i] - x[outer])
+        crossings.append(f[i] + share * (f[outer] - f[i]))
+        brackets.append((f[i], f[outer]))
+
+    def ratio(low: float, high: float) -> float:
+        return float((high**2 - low**2) / (4.0 * f[top] ** 2))
+
+    interval = (ratio(brackets[0][0], brackets[1][0]), ratio(brackets[0][1], brackets[1][1]))
+    warnings = _resolution_warnings(f, top, crossings[1] - crossings[0])
+    value = ratio(crossings[0], crossings[1])
+    return DampingEstimate(value, float(f[top]), interval, "half-power", warnings)
+
+
+def _resolution_warnings(f: NDArray[Any], top: int, width: float) -> tuple[str, ...]:
+    step = float(np.max(np.diff(f[max(top - 1, 0) : top + 2])))
+    if width >= RESOLVED * step:
+        return ()
+    return (
+        f"the frequency step of {step:.3g} Hz does not resolve the half-power width of {width:.3g} Hz "
+        f"(at least {RESOLVED:g} steps are needed): refine the grid around {f[top]:.4g} Hz",
+    )
+
+
+def fit_one_pole(frequency: ArrayLike, amplitude: ArrayLike, share: float = 0.2, misfit_limit: float = 0.05) -> DampingEstimate:
+    """Least-squares fit of one mode under base motion to a response curve.
+
+    Minimises the sum of (|X_i| - scale f^2/|f0^2 - f^2 + 2 i zeta f0 f|)^2 over scale, f0 and zeta;
+    see `one_pole_amplitude`.
+
+    Parameters
+    ----------
+    frequency : array_like (n,), Hz
+    amplitude : array_like (n,), m
+        Relative to the base.
+    share : float, 1
+        Only points above this share of the peak are fitted, and never fewer than the 7 nearest.
+    misfit_limit : float, 1
+        A root-mean-square misfit above this share of the peak is warned of: not one pole.
+
+    Returns
+    -------
+    DampingEstimate
+        With the 95 % interval of the linearised fit.
+    """
+    from scipy.optimize import least_squares
+    from scipy.special import stdtrit
+
+    f, x = _checked(frequency, amplitude, 4)
+    top = int(np.argmax(x))
+    chosen = x >= share * x[top]
+    chosen[np.argsort(np.abs(f - f[top]))[:7]] = True
+    f_fit, x_fit = f[chosen], x[chosen] / x[top]
+
+    def model(p: NDArray[Any]) -> NDArray[Any]:
+        return one_pole_amplitude(f_fit, math.exp(p[0]), p[1], math.exp(p[2]))
+
+    best = None
+    # the residual has several valleys when the grid is coarse: start from narrow and wide peaks
+    for ratio in (1e-3, 5e-3, 2e-2, 8e-2):
+        for shift in (-0.5, 0.0, 0.5):
+            near = f[top] + shift * float(np.mean(np.diff(f)))
+            start = np.array([math.log(2.0 * ratio), near, math.log(ratio)])
+            trial = least_squares(lambda p: model(p) - x_fit, start, x_scale=[1.0, 1e-2 * f[top], 1.0], xtol=1e-14, ftol=1e-14)
+            if best is None or trial.cost < best.cost:
+                best = trial
+    if best is None:
+        raise AssertionError("the list of starting points is empty")
+    freedom = max(f_fit.size - 3, 1)
+    variance = 2.0 * best.cost / freedom
+    covariance = variance * np.linalg.pinv(best.jac.T @ best.jac)
+    spread = float(stdtrit(freedom, 0.975) * math.sqrt(max(covariance[2, 2], 0.0)))
+    ratio = math.exp(best.x[2])
+    spread = min(spread, 50.0)
+    warnings = list(_resolution_warnings(f, int(np.argmin(np.abs(f - best.x[1]))), 2.0 * ratio * best.x[1]))
+    misfit = math.sqrt(2.0 * best.cost / f_fit.size)
+    if misfit > misfit_limit:
+        warnings.append(
+            f"the curve is not that of one pole: root-mean-square misfit {100 * misfit:.0f} % of the peak "
+            f"(limit {100 * misfit_limit:.0f} %); read the ratio as an equivalent one"
+        )
+    if not f[0] <= best.x[1] <= f[-1]:
+        warnings.append(f"the fitted frequency {best.x[1]:.4g} Hz lies outside {f[0]:g} to {f[-1]:g} Hz")
+    interval = (ratio * math.exp(-spread), ratio * math.exp(spread))
+    return DampingEstimate(ratio, float(best.x[1]), interval, "one-pole least squares", tuple(warnings))
+
+
+def amplitude_ratio_damping(reference: DampingEstimate, reference_peak: float, peak: float) -> DampingEstimate:
+    """Equivalent damping from the drop of the largest peak: zeta_eq = zeta_ref X_ref/X.
+
+    Parameters
+    ----------
+    reference : DampingEstimate
+        Of the structure without balls.
+    reference_peak, peak : float, m
+        Largest peaks without and with balls.
+
+    Returns
+    -------
+    DampingEstimate
+        At the reference's frequency; the interval scales with the reference's.
+    """
+    require(peak > 0.0, "peak", peak, "m", "must be > 0")
+    drop = reference_peak / peak
+    low, high = reference.interval
+    return DampingEstimate(
+        reference.ratio * drop, reference.frequency, (low * drop, high * drop), "amplitude ratio", reference.warnings
+    )

@@ -1,0 +1,69 @@
+"""One collision, stepped as the time loop steps it: the restitution that a law achieves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femimpact.errors import require
+from femimpact.integrators import kernels
+from femimpact.integrators.newmark import Newmark
+from femimpact.system import ContactPair
+
+__all__ = ["AchievedRestitution", "achieved_restitution"]
+
+
+@dataclass(frozen=True)
+class AchievedRestitution:
+    """Restitution of one collision, in continuous time and with a step.
+
+    Parameters
+    ----------
+    exact : float, 1
+        Of the law, in continuous time.
+    mean, lowest, highest : float, 1
+        With the step, over the instants within a step at which the touch can fall.
+    peak_force : float, N
+        Largest with the step, at the approach speed given.
+    """
+
+    exact: float
+    mean: float
+    lowest: float
+    highest: float
+    peak_force: float
+
+
+def achieved_restitution(pair: ContactPair, method: Newmark, approach_speed: float, phases: int = 32) -> AchievedRestitution:
+    """Throw the pair's effective mass at a wall with the method's own step, and look at the rebound.
+
+    Parameters
+    ----------
+    pair : ContactPair
+    method : Newmark
+    approach_speed : float, m/s
+    phases : int
+        At how many instants within a step the touch is tried.
+
+    Returns
+    -------
+    AchievedRestitution
+    """
+    require(approach_speed > 0.0, "approach_speed", approach_speed, "m/s", "must be > 0")
+    scheme = kernels.Scheme(
+        method.dt,
+        method.dt**2 * (0.5 - method.beta),
+        method.dt * (1.0 - method.gamma),
+        method.dt**2 * method.beta,
+        method.dt * method.gamma,
+    )
+    law = pair.parameters
+    runs = [
+        kernels.collide(law.kind, law.stiffness, law.damping, pair.effective_mass, approach_speed, start, scheme)
+        for start in (np.arange(phases) + 0.5) / phases
+    ]
+    rebound, peak = (np.array(column) for column in zip(*runs, strict=True))
+    return AchievedRestitution(
+        law.restitution, float(rebound.mean()), float(rebound.min()), float(rebound.max()), float(peak.max())
+    )
