@@ -62,20 +62,22 @@ def steady_motion(
     window: NDArray[Any],
     periodic_tolerance: float = 1e-3,
     statistical_tolerance: float = 0.05,
+    standard_errors: float = 3.0,
     longest_period: int = 4,
 ) -> SteadyMotion:
     """Amplitudes and steadiness over the last cycles of a run.
 
     The motion is "periodic" when the cycle maxima repeat after 1 to `longest_period` cycles within
     `periodic_tolerance` of the largest; else "statistical" when the rms of the window's two halves
-    agree within `statistical_tolerance`; else "transient".
+    agree within `statistical_tolerance`, or when their mean squares differ by fewer than
+    `standard_errors` of the scatter between the window's eight parts; else "transient".
 
     Parameters
     ----------
     cycles : CycleStatistics
     window : ndarray (cases,) of int
         How many cycles at the end are measured.
-    periodic_tolerance, statistical_tolerance : float, 1
+    periodic_tolerance, statistical_tolerance, standard_errors : float, 1
     longest_period : int, cycles
 
     Returns
@@ -96,7 +98,7 @@ def steady_motion(
         columns["first_harmonic"].append(np.hypot(in_phase, in_quadrature))
         columns["phase"].append(np.arctan2(in_quadrature, in_phase))
         periodic = _repeats(maximum, periodic_tolerance, longest_period)
-        even = _halves_agree(square, samples, statistical_tolerance)
+        even = _halves_agree(square / samples, statistical_tolerance, standard_errors)
         columns["steadiness"].append("periodic" if periodic else "statistical" if even else "transient")
     return SteadyMotion(**{name: np.array(values) for name, values in columns.items()})
 
@@ -113,9 +115,14 @@ def _repeats(maximum: NDArray[Any], tolerance: float, longest_period: int) -> bo
     return False
 
 
-def _halves_agree(square: NDArray[Any], samples: NDArray[Any], tolerance: float) -> bool:
-    half = square.size // 2
-    if half == 0:
+def _halves_agree(mean_square: NDArray[Any], tolerance: float, standard_errors: float) -> bool:
+    """Whether the two halves of the window are one population of cycles."""
+    if mean_square.size < 8:
         return False
-    first, second = (np.sqrt(square[part].sum() / samples[part].sum()) for part in (slice(half), slice(half, None)))
-    return bool(abs(first - second) <= tolerance * max(first, second))
+    parts = np.array([part.mean() for part in np.array_split(mean_square, 8)])
+    first, second = parts[:4], parts[4:]
+    low, high = sorted(np.sqrt([first.mean(), second.mean()]))
+    if high - low <= tolerance * high:
+        return True
+    error = np.sqrt((first.var(ddof=1) + second.var(ddof=1)) / 4.0)
+    return bool(abs(first.mean() - second.mean()) <= standard_errors * error)

@@ -1,0 +1,151 @@
+"""The restitution that a published resonance asks for: a scan, since it is the one unknown that decides the curve."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femimpact.assembly import assemble
+from femimpact.contact import KelvinVoigt
+from femimpact.errors import require
+from femimpact.identification import amplitude_ratio_damping
+from femimpact.integrators.newmark import Newmark, recommended_step
+from femimpact.reduction import reduce
+from femimpact.structure import Structure
+from femimpact.sweep import FrequencyResponse, frequency_sweep
+from femimpact.system import State
+
+__all__ = ["RestitutionScan", "scan_restitution", "with_restitution"]
+
+
+@dataclass(frozen=True, eq=False)
+class RestitutionScan:
+    """Resonance of the beam with its ball over the restitution of the contact.
+
+    Parameters
+    ----------
+    restitution : ndarray (n,), 1
+    peak_frequency : ndarray (n,), Hz
+    peak_amplitude : ndarray (n,), m
+    amplitude_ratio : ndarray (n,), 1
+        Largest peak without balls over largest peak with them.
+    damping_fit, damping_half_power : ndarray (n,), 1
+        Of the curve with balls.
+    damping_amplitude_ratio : ndarray (n,), 1
+        Damping without balls times the amplitude ratio.
+    curves : tuple of FrequencyResponse
+    """
+
+    restitution: NDArray[Any]
+    peak_frequency: NDArray[Any]
+    peak_amplitude: NDArray[Any]
+    amplitude_ratio: NDArray[Any]
+    damping_fit: NDArray[Any]
+    damping_half_power: NDArray[Any]
+    damping_amplitude_ratio: NDArray[Any]
+    curves: tuple[FrequencyResponse, ...]
+
+    def misfit(self, peak_frequency: float, amplitude_ratio: float, frequency_scale: float = 0.1) -> NDArray[Any]:
+        """Distance of each restitution from a published resonance.
+
+        sqrt[((f - f_published)/frequency_scale)^2 + ln(R/R_published)^2/ln(1.25)^2]
+
+        Parameters
+        ----------
+        peak_frequency : float, Hz
+        amplitude_ratio : float, 1
+        frequency_scale : float, Hz
+            Difference that counts as much as 25 % in the ratio; the step of the published sweep.
+
+        Returns
+        -------
+        ndarray (n,), 1
+            Below about 1: met within the step of the sweep and 25 % of the ratio.
+        """
+        by_frequency = (self.peak_frequency - peak_frequency) / frequency_scale
+        by_ratio = np.log(self.amplitude_ratio / amplitude_ratio) / np.log(1.25)
+        return np.asarray(np.hypot(by_frequency, by_ratio))
+
+    def best(self, peak_frequency: float, amplitude_ratio: float) -> int:
+        """Index of the restitution with the least misfit."""
+        return int(np.argmin(self.misfit(peak_frequency, amplitude_ratio)))
+
+
+def with_restitution(structure: Structure, restitution: float) -> Structure:
+    """The same structure with another restitution in every contact.
+
+    Raises
+    ------
+    InputError
+        If a contact is not a `KelvinVoigt` that was given a restitution.
+    """
+    impactors = []
+    for ball in structure.impactors:
+        law = ball.contact
+        given = isinstance(law, KelvinVoigt) and law.restitution is not None
+        key = f"impactor.{ball.name}.contact"
+        require(given, key, law.name, "", "must be kelvin-voigt with a restitution to be varied")
+        impactors.append(dataclasses.replace(ball, contact=dataclasses.replace(law, restitution=restitution)))  # type: ignore[type-var]
+    return dataclasses.replace(structure, impactors=tuple(impactors))
+
+
+def scan_restitution(
+    structure: Structure,
+    restitutions: ArrayLike,
+    empty: FrequencyResponse,
+    *,
+    elements: int,
+    modes: int,
+    frequencies: ArrayLike,
+    cycles: int,
+    initial: State | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> RestitutionScan:
+    """One sweep for each restitution, beside one sweep without balls.
+
+    Parameters
+    ----------
+    structure : Structure
+        Its contacts are Kelvin-Voigt with a restitution.
+    restitutions : array_like (n,), 1
+    empty : FrequencyResponse
+        The sweep without balls; gives base amplitude, reference peak and reference damping.
+    elements, modes : int
+        Mesh and reduction.
+    frequencies : array_like, Hz
+    cycles : int
+        Dwell at each frequency.
+    initial : State, optional
+    progress : callable, optional
+
+    Returns
+    -------
+    RestitutionScan
+    """
+    values = np.atleast_1d(np.asarray(restitutions, dtype=float))
+    curves = []
+    for i, restitution in enumerate(values):
+        system = reduce(assemble(with_restitution(structure, float(restitution)), elements=elements), modes)
+        method = Newmark(dt=recommended_step(system))
+        curves.append(
+            frequency_sweep(system, empty.amplitude, frequencies, method, cycles, initial=initial, ledger=False)
+        )
+        if progress is not None:
+            progress((i + 1) / values.size)
+    peaks = np.array([curve.peak_amplitude for curve in curves])
+    by_ratio = [amplitude_ratio_damping(empty.damping, empty.peak_amplitude, peak).ratio for peak in peaks]
+    return RestitutionScan(
+        restitution=values,
+        peak_frequency=np.array([curve.peak_frequency for curve in curves]),
+        peak_amplitude=peaks,
+        amplitude_ratio=empty.peak_amplitude / peaks,
+        damping_fit=np.array([curve.damping.ratio for curve in curves]),
+        damping_half_power=np.array([curve.damping_half_power.ratio for curve in curves]),
+        damping_amplitude_ratio=np.array(by_ratio),
+        curves=tuple(curves),
+    )

@@ -1,0 +1,229 @@
+"""Convergence of frequencies over the mesh and of the response over the step, with fitted orders."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.assembly import assemble
+from femimpact.errors import require
+from femimpact.excitation import Sine
+from femimpact.integrators.integrate import integrate
+from femimpact.integrators.newmark import Newmark
+from femimpact.modes import solve_modes
+from femimpact.response import Recorder
+from femimpact.structure import Structure
+from femimpact.system import System, without_impactors
+
+__all__ = ["MeshConvergence", "StepConvergence", "converge_elements", "converge_step"]
+
+ASSEMBLED_STIFFNESS_FLOOR = 4.0
+"""Rounding of an assembled Hermite stiffness shifts the first frequency by about this times eps N^4 / sqrt(N)."""
+
+
+PHASES = 8
+"""Base phases over which the error after the first impact is averaged."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeshConvergence:
+    """Natural frequencies over the number of elements.
+
+    Parameters
+    ----------
+    elements : ndarray (n,)
+    natural_frequency : ndarray (n, modes), Hz
+    error : ndarray (n, modes), 1
+        Relative, against the reference.
+    order : ndarray (modes,), 1
+        Fitted exponent of the error in the element length, above the floor.
+    reference : ndarray (modes,), Hz
+        Extrapolated from the two finest meshes that still converge.
+    floor : ndarray (modes,), 1
+        Relative error below which rounding, not the mesh, decides.
+    notes : tuple of str
+    """
+
+    elements: NDArray[Any]
+    natural_frequency: NDArray[Any]
+    error: NDArray[Any]
+    order: NDArray[Any]
+    reference: NDArray[Any]
+    floor: NDArray[Any]
+    notes: tuple[str, ...]
+
+
+def converge_elements(structure: Structure, elements: Sequence[int], modes: int = 4) -> MeshConvergence:
+    """Natural frequencies of a structure over its mesh; cubic Hermite elements give order 4.
+
+    Parameters
+    ----------
+    structure : Structure
+    elements : sequence of int
+        Increasing numbers of elements.
+    modes : int
+        How many frequencies; fewer where the coarsest mesh has fewer dofs.
+
+    Returns
+    -------
+    MeshConvergence
+    """
+    counts = np.array(elements, dtype=int)
+    rising = counts.size >= 3 and bool(np.all(np.diff(counts) > 0))
+    require(rising, "elements", list(elements), "", "must be three or more increasing numbers")
+    bare = replace(structure, impactors=())
+    systems = [assemble(bare, elements=int(n)) for n in counts]
+    modes = min(modes, min(system.dofs for system in systems))
+    f = np.array([solve_modes(system, modes).natural_frequency for system in systems])
+    floor = np.full(modes, 1e-11)
+    reference = np.array([_extrapolated(counts, f[:, i]) for i in range(modes)])
+    error = np.abs(f / reference - 1.0)
+    order = np.array([_order(1.0 / counts, error[:, i], 100 * floor[i]) for i in range(modes)])
+    notes = [
+        "frequencies are read from the stiffness factor: their round-off floor is near 1e-12, where errors flatten"
+    ]
+    spoiled = counts[[_assembled_floor(int(n)) > e for n, e in zip(counts, error[:, 0], strict=True)]]
+    if spoiled.size:
+        notes.append(
+            f"from N = {spoiled[0]} on, rounding in the assembled stiffness (about 4 eps N^3.5, "
+            f"{_assembled_floor(int(spoiled[-1])):.1g} in the first frequency at N = {spoiled[-1]}) exceeds the "
+            "mesh's error: time integration in physical dofs feels it, reduced systems do not"
+        )
+    return MeshConvergence(counts, f, error, order, reference, floor, tuple(notes))
+
+
+def _assembled_floor(elements: int) -> float:
+    return float(ASSEMBLED_STIFFNESS_FLOOR * np.finfo(float).eps * elements**3.5)
+
+
+def _extrapolated(counts: NDArray[Any], f: NDArray[Any]) -> float:
+    """Richardson extrapolation of order 4 from the last two meshes that still differ beyond rounding."""
+    last = f.size - 1
+    while last > 1 and abs(f[last] / f[last - 1] - 1.0) < 1e-9:
+        last -= 1
+    ratio = float(counts[last] / counts[last - 1]) ** 4
+    return float(f[last] + (f[last] - f[last - 1]) / (ratio - 1.0))
+
+
+def _order(size: NDArray[Any], error: NDArray[Any], floor: float) -> float:
+    """Slope of log(error) over log(size) where the error is above the floor; the coarsest point is left out."""
+    usable = error > floor
+    usable[0] = usable[0] and np.count_nonzero(usable) <= 2
+    if np.count_nonzero(usable) < 2:
+        return math.nan
+    return float(np.polyfit(np.log(size[usable]), np.log(error[usable]), 1)[0])
+
+
+@dataclass(frozen=True, eq=False)
+class StepConvergence:
+    """Response over the step of the method.
+
+    Parameters
+    ----------
+    dt : ndarray (n,), s
+    linear_error : ndarray (n,), 1
+        Of the tip without balls over a few base cycles, relative to the largest tip displacement.
+    linear_order : float, 1
+    first_impact_error : ndarray (n,), 1
+        Of the tip and the balls shortly after the first impact, relative to their largest displacement;
+        root mean square over 8 phases of the base, since where in a step the touch falls is chance.
+    first_impact_order : float, 1
+    energy_residual : ndarray (n,), 1
+        Of these short runs, root mean square.
+    impacts : int
+        First impacts that were compared; later chaos makes histories incomparable.
+    notes : tuple of str
+    """
+
+    dt: NDArray[Any]
+    linear_error: NDArray[Any]
+    linear_order: float
+    first_impact_error: NDArray[Any]
+    first_impact_order: float
+    energy_residual: NDArray[Any]
+    impacts: int
+    notes: tuple[str, ...]
+
+
+def converge_step(system: System, excitation: Sine, method: Newmark, halvings: int = 5) -> StepConvergence:
+    """Error of the response over the step, against a run with a step four times finer than the finest.
+
+    Parameters
+    ----------
+    system : System
+    excitation : Sine
+    method : Newmark
+        Its dt is the coarsest step.
+    halvings : int
+        How often it is halved.
+
+    Returns
+    -------
+    StepConvergence
+        The average-acceleration method has order 2.
+    """
+    dt = method.dt / 2.0 ** np.arange(halvings + 1)
+    finest = replace(method, dt=float(dt[-1] / 4.0))
+    bare = without_impactors(system)
+    # whole coarse steps, so that all runs end at the same instant
+    cycles = method.dt * round(3.0 / (excitation.frequency * method.dt))
+    linear = _errors(bare, excitation, method, dt, finest, cycles)[0]
+    notes = ["linear part: the tip over 3 base cycles from rest"]
+    impact, residual, count = np.full(dt.size, np.nan), np.full(dt.size, np.nan), 0
+    if system.contacts:
+        squares = []
+        for phase in 2.0 * math.pi * np.arange(PHASES) / PHASES:
+            base = replace(excitation, phase=float(phase))
+            duration = _past_first_impact(system, base, method)
+            if duration is not None:
+                squares.append(np.square(_errors(system, base, method, dt, finest, duration)))
+        count = len(squares)
+        if count:
+            impact, residual = np.sqrt(np.mean(squares, axis=0))
+            notes.append(f"with balls: to shortly after the first impact, over {count} phases of the base")
+        else:
+            notes.append("with balls: no impact within 40 base cycles, nothing to compare")
+    return StepConvergence(
+        dt=dt,
+        linear_error=linear,
+        linear_order=_order(dt, linear, 0.0),
+        first_impact_error=impact,
+        first_impact_order=_order(dt, impact, 0.0),
+        energy_residual=residual,
+        impacts=count,
+        notes=tuple(notes),
+    )
+
+
+def _past_first_impact(system: System, base: Sine, method: Newmark) -> float | None:
+    """A whole number of coarse steps to a little after the first impact; None without one in 40 cycles."""
+    probe = integrate(system, base, method, 40.0 / base.frequency, Recorder(channels=("tip",), every=50, ledger=False))
+    if len(probe.impacts) == 0:
+        return None
+    contact_time = max(pair.parameters.contact_time for pair in system.contacts)
+    return float(method.dt * round((probe.impacts.time[0] + 4.0 * contact_time) / method.dt))
+
+
+def _errors(
+    system: System, excitation: Sine, method: Newmark, dt: NDArray[Any], finest: Newmark, duration: float
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Largest difference from the finest run at the coarse steps, and the energy residual, for each dt."""
+    names = ("tip", *(pair.name for pair in system.contacts))
+
+    def histories(step: float) -> tuple[NDArray[Any], float]:
+        every = round(method.dt / step)
+        record = Recorder(channels=names, every=every)
+        response = integrate(system, excitation, replace(method, dt=step), duration, record)
+        residual = response.energy.residual if response.energy is not None else math.nan
+        return np.array([response[name] for name in names]), residual
+
+    exact, _ = histories(finest.dt)
+    scale = np.abs(exact).max(axis=1, keepdims=True)
+    runs = [histories(float(step)) for step in dt]
+    errors = [float(np.max(np.abs(values - exact) / scale)) for values, _ in runs]
+    return np.array(errors), np.array([residual for _, residual in runs])
