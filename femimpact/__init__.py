@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from femimpact.reduction import reduce
     from femimpact.response import Recorder, Response
     from femimpact.structure import Beam, Impactor, PointMass, Segment, Structure, Support, glue_impactors
-    from femimpact.study import Study, StudyResults, load, load_study, run_study
+    from femimpact.results import StudyResults, load, run_study
+    from femimpact.study import Study, load_study
     from femimpact.sweep import FrequencyResponse, frequency_sweep
     from femimpact.system import ContactPair, State, System, without_impactors
 
@@ -52,7 +53,8 @@ _ROOMS = {
     "reduction": ("reduce",),
     "response": ("Recorder", "Response"),
     "structure": ("Beam", "Impactor", "PointMass", "Segment", "Structure", "Support", "glue_impactors"),
-    "study": ("Study", "StudyResults", "load", "load_study", "run_study"),
+    "results": ("StudyResults", "load", "run_study"),
+    "study": ("Study", "load_study"),
     "sweep": ("FrequencyResponse", "frequency_sweep"),
     "system": ("ContactPair", "State", "System", "without_impactors"),
 }

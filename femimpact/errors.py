@@ -15,7 +15,9 @@ __all__ = [
     "InputError",
     "allowed_range",
     "check_fields",
+    "choice",
     "field_faults",
+    "in_range",
     "quantity",
     "require",
     "require_name",
@@ -72,8 +74,15 @@ def quantity(
     return {"unit": unit, "bounds": {k: v for k, v in bounds.items() if v is not None}, "integer": integer}
 
 
+def choice(*names: str) -> dict[str, Any]:
+    """Metadata of a dataclass field that holds one of a few names."""
+    return {"unit": "", "choices": names}
+
+
 def allowed_range(metadata: Mapping[str, Any]) -> str:
     """Words for the range that a field's metadata allows."""
+    if "choices" in metadata:
+        return f"must be {' or '.join(repr(name) for name in metadata['choices'])}"
     kind = "a whole number" if metadata["integer"] else "a finite number"
     words = {"above": "> ", "at_least": ">= ", "at_most": "<= ", "below": "< "}
     bounds = " and ".join(f"{words[name]}{bound:g}" for name, bound in metadata["bounds"].items())
@@ -81,7 +90,10 @@ def allowed_range(metadata: Mapping[str, Any]) -> str:
     return f"must be {kind}{' ' + bounds + unit if bounds else ', in' + unit if unit else ''}"
 
 
-def _in_range(value: object, metadata: Mapping[str, Any]) -> bool:
+def in_range(value: object, metadata: Mapping[str, Any]) -> bool:
+    """Whether a value is what a field's metadata allows: a number within its range, or one of its names."""
+    if "choices" in metadata:
+        return isinstance(value, str) and value in metadata["choices"]
     if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
         return False
     if metadata["integer"] and float(value) != int(value):
@@ -96,21 +108,21 @@ def _in_range(value: object, metadata: Mapping[str, Any]) -> bool:
 
 
 def field_faults(instance: Any) -> list[Fault]:
-    """Every numeric field of a dataclass that is outside its declared range."""
+    """Every field of a dataclass that is outside its declared range."""
     faults = []
     for field in dataclasses.fields(instance):
         value = getattr(instance, field.name)
-        if "bounds" not in field.metadata or (value is None and field.default is None):
+        if "unit" not in field.metadata or (value is None and field.default is None):
             continue
         entries = value if isinstance(value, tuple) else (value,)
-        if not entries or not all(_in_range(entry, field.metadata) for entry in entries):
+        if not entries or not all(in_range(entry, field.metadata) for entry in entries):
             allowed = allowed_range(field.metadata)
             faults.append(Fault(field.name, value, field.metadata["unit"], allowed))
     return faults
 
 
 def check_fields(instance: Any) -> None:
-    """Raise `InputError` naming every numeric field outside its range."""
+    """Raise `InputError` naming every field outside its declared range."""
     faults = field_faults(instance)
     if faults:
         raise InputError(faults)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import require
+from femimpact.errors import Fault, InputError, require
 from femimpact.structure import Structure
 
 __all__ = ["Mesh", "read_mesh", "uniform_mesh"]
@@ -91,12 +91,11 @@ def uniform_mesh(structure: Structure, elements: int) -> Mesh:
     require(whole, "mesh.elements", elements, "", "must be a whole number >= 1")
     beam = structure.beam
     named = Mesh(np.array([0.0, beam.length])).points
-    items = (*structure.masses, *structure.impactors, *structure.supports)
-    for item in items:
-        if isinstance(item.at, str):
-            label = f"{getattr(item, 'name', 'support')}.at"
-            require(item.at in named, label, item.at, "", f"must be one of {', '.join(named)}, or metres")
-    attached = [named[item.at] if isinstance(item.at, str) else float(item.at) for item in items]
+    allowed = f"must be one of {', '.join(named)}, or metres from the root"
+    unknown = [(key, item.at) for key, item in structure.attachments if isinstance(item.at, str) and item.at not in named]
+    if unknown:
+        raise InputError([Fault(f"{key}.at", at, "", allowed) for key, at in unknown])
+    attached = [named[item.at] if isinstance(item.at, str) else float(item.at) for _, item in structure.attachments]
     breaks = np.array(_distinct([*beam.joints, *attached], beam.length))
     stretches = np.diff(breaks)
     wanted = f"must be >= {stretches.size}: one for each stretch between joints and attachments"

@@ -8,7 +8,7 @@ from typing import Any
 
 from femimpact.contact import ContactLaw
 from femimpact.damping import Rayleigh
-from femimpact.errors import Fault, InputError, check_fields, field_faults, quantity, require
+from femimpact.errors import Fault, InputError, check_fields, choice, field_faults, quantity, require
 
 __all__ = [
     "Beam",
@@ -171,11 +171,11 @@ class PointMass:
 class Support:
     """What holds the beam to the moving base: "clamped", "pinned" (no deflection), "guided" (no slope)."""
 
-    kind: str
+    kind: str = field(metadata=choice(*SUPPORTS))
     at: Position
 
     def __post_init__(self) -> None:
-        require(self.kind in SUPPORTS, "kind", self.kind, "", f"must be one of {', '.join(SUPPORTS)}")
+        check_fields(self)
         _check_position(self)
 
 
@@ -254,15 +254,24 @@ class Structure:
         _as_tuple(self, "masses", "impactors", "supports")
         names = [item.name for item in (*self.masses, *self.impactors)]
         require(len(set(names)) == len(names), "name", names, "", "must be distinct among masses and impactors")
-        faults = []
-        for table, items in (("mass", self.masses), ("impactor", self.impactors), ("support", self.supports)):
-            for item in items:
-                key = f"{table}.{getattr(item, 'name', getattr(item, 'kind', ''))}.at"
-                if not isinstance(item.at, str) and item.at > self.beam.length * (1 + 1e-9):
-                    faults.append(Fault(key, item.at, "m", f"must be within the beam, 0 to {self.beam.length:g} m"))
-        if faults:
-            raise InputError(faults)
+        allowed = f"must be within the beam, 0 to {self.beam.length:g} m"
+        beyond = [
+            Fault(f"{key}.at", item.at, "m", allowed)
+            for key, item in self.attachments
+            if not isinstance(item.at, str) and item.at > self.beam.length * (1 + 1e-9)
+        ]
+        if beyond:
+            raise InputError(beyond)
         self._check_supports()
+
+    @property
+    def attachments(self) -> tuple[tuple[str, PointMass | Impactor | Support], ...]:
+        """Everything that has a place on the beam, each with its key path."""
+        return (
+            *((f"mass.{body.name}", body) for body in self.masses),
+            *((f"impactor.{ball.name}", ball) for ball in self.impactors),
+            *((f"support.{support.kind}", support) for support in self.supports),
+        )
 
     def _check_supports(self) -> None:
         held = [kind for support in self.supports for kind in SUPPORTS[support.kind]]

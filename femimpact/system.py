@@ -7,7 +7,7 @@ with u and y relative to the moving base.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.contact import ContactLaw, ContactParameters
-from femimpact.errors import require, suggestion
+from femimpact.errors import check_fields, choice, require, suggestion
 from femimpact.excitation import Sine
 from femimpact.hermite import shape_functions
 from femimpact.structure import Position
@@ -188,10 +188,10 @@ class State:
     velocity: Any = None
     ball_displacement: Any = None
     ball_velocity: Any = None
-    frame: str = "base"
+    frame: str = field(default="base", metadata=choice("base", "space"))
 
     def __post_init__(self) -> None:
-        require(self.frame in ("base", "space"), "frame", self.frame, "", "must be 'base' or 'space'")
+        check_fields(self)
 
     @classmethod
     def at_rest(cls, frame: str = "base") -> State:

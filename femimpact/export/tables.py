@@ -1,0 +1,87 @@
+"""Tables and labelled data on disk: CSV with units in the header, netCDF, JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femimpact.export.files import atomic_path, atomic_write
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["read_csv", "write_csv", "write_json", "write_netcdf"]
+
+
+def write_csv(path: str | Path, columns: Mapping[str, Sequence[Any]], units: Mapping[str, str]) -> Path:
+    """Write equal-long columns as CSV; a header is the name and, in brackets, the unit.
+
+    Parameters
+    ----------
+    path : str or Path
+    columns : mapping of str to sequence
+    units : mapping of str to str
+        Columns without a unit are left out of it.
+
+    Returns
+    -------
+    Path
+    """
+    path = Path(path)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([f"{name} [{units[name]}]" if units.get(name) else name for name in columns])
+    for row in zip(*columns.values(), strict=True):
+        writer.writerow([repr(float(value)) if isinstance(value, (float, np.floating)) else value for value in row])
+    atomic_write(path, text.getvalue())
+    return path
+
+
+def read_csv(path: str | Path) -> dict[str, Any]:
+    """Read a table that `write_csv` wrote: arrays by name, the unit taken off; numbers where all are."""
+    with Path(path).open(newline="") as file:
+        header, *rows = list(csv.reader(file))
+    columns: dict[str, Any] = {}
+    for i, title in enumerate(header):
+        values = [row[i] for row in rows]
+        try:
+            columns[title.partition(" [")[0]] = np.array(values, dtype=float)
+        except ValueError:
+            columns[title.partition(" [")[0]] = np.array(values, dtype=str)
+    return columns
+
+
+def write_json(path: str | Path, data: Mapping[str, Any]) -> Path:
+    """Write plain data as JSON; what is not a finite number becomes null, as the format has no word for it."""
+    path = Path(path)
+    atomic_write(path, json.dumps(_plain(data), indent=2, allow_nan=False) + "\n")
+    return path
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, (np.integer, np.bool_)):
+        return value.item()
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def write_netcdf(path: str | Path, dataset: xarray.Dataset) -> Path:
+    """Write a labelled dataset as netCDF 4, whole or not at all."""
+    path = Path(path)
+    with atomic_path(path) as temporary:
+        dataset.to_netcdf(temporary, engine="h5netcdf")
+    return path
