@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact.errors import require
-from femimpact.export import tables
+from femimpact.export import figures, tables
 from femimpact.identification import amplitude_ratio_damping, fit_one_pole, half_power
 from femimpact.impacts import IMPACT_UNITS
 from femimpact.integrators.collision import achieved_restitution
 from femimpact.integrators.integrate import integrate
-from femimpact.integrators.newmark import Newmark, check_step
+from femimpact.integrators.newmark import Newmark, check_step, recommended_step
 from femimpact.modes import Modes, solve_modes
 from femimpact.response import Recorder, Response
 from femimpact.structure import glue_impactors
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 __all__ = [
     "FILES",
     "Report",
+    "history_record",
     "StudyResults",
     "SweepPair",
     "load",
@@ -190,24 +191,32 @@ def run_modes(study: Study) -> tuple[System, Modes, Modes | None]:
     return full, solve_modes(full, count), glued
 
 
-def run_simulation(study: Study, report: Report = _silent) -> Response:
-    """The history that the study asks for, with snapshots over its last cycles."""
-    _, small, method = build(study)
-    output, period = study.output, 1.0 / study.base.frequency
-    kept = min(output.frame_cycles * period, study.base.duration)
-    stride = max(round(kept / (max(output.frames, 1) * method.dt)), 1) if output.frames else 0
-    channels = ["tip", "tip.velocity", "mid"]
+def history_record(study: Study, small: System, method: Newmark) -> Recorder:
+    """What the study's history keeps: every place that carries a ball, the balls, the last cycles whole."""
+    output = study.output
+    kept = _frames_duration(study)
+    channels: list[str | float] = ["tip", "tip.velocity", "mid"]
     for pair in small.contacts:
         place = next((name for name, x in small.points.items() if x == pair.position), None)
         if place not in (None, "tip"):
-            channels += [place, f"{place}.velocity"]
+            channels += [str(place), f"{place}.velocity"]
         channels += [pair.name, f"{pair.name}.velocity", f"{pair.name}.contact_force"]
-    record = Recorder(
+    return Recorder(
         channels=tuple(channels),
         every=output.every,
-        snapshots=stride,
+        snapshots=max(round(kept / (output.frames * method.dt)), 1) if output.frames else 0,
         snapshots_start=max(study.base.duration - kept, 0.0),
     )
+
+
+def _frames_duration(study: Study) -> float:
+    return min(study.output.frame_cycles / study.base.frequency, study.base.duration)
+
+
+def run_simulation(study: Study, report: Report = _silent) -> Response:
+    """The history that the study asks for, with snapshots over its last cycles."""
+    _, small, method = build(study)
+    record = history_record(study, small, method)
     return integrate(
         small, study.sine, method, study.base.duration, record, study.initial, lambda share: report("history", share)
     )
@@ -253,8 +262,6 @@ def run_sweep(study: Study, report: Report = _silent, initial: State | None = No
 
 def build_method(study: Study, bare: System) -> Newmark:
     """The method for the study without balls: its own recommended step unless the study gives one."""
-    from femimpact.integrators.newmark import recommended_step
-
     settings = dict(study.method)
     settings.setdefault("dt", recommended_step(bare))
     return Newmark(**settings)
@@ -434,8 +441,6 @@ def write_results(
 
 
 def _write_modes(study: Study, folder: Path, full: System, modes: Modes, glued: Modes | None) -> None:
-    from femimpact.export import figures, vtk
-
     columns: dict[str, Any] = {
         "mode": list(range(1, modes.natural_frequency.size + 1)),
         "natural_frequency": modes.natural_frequency,
@@ -450,13 +455,13 @@ def _write_modes(study: Study, folder: Path, full: System, modes: Modes, glued: 
     if study.output.figures:
         figures.save_figure(figures.mode_shape_figure(full, modes), folder / FILES["mode_figure"])
     if study.output.paraview:
+        from femimpact.export import vtk
+
         vtk.write_modes(folder / FILES["modes_scene"], full, modes, study.structure)
 
 
 def _write_sweeps(study: Study, folder: Path, sweeps: SweepPair) -> None:
     import xarray
-
-    from femimpact.export import figures
 
     curves = {"empty": sweeps.empty, **({"ball": sweeps.ball} if sweeps.ball is not None else {})}
     frequency = sweeps.empty.frequency
@@ -484,8 +489,6 @@ def _write_sweeps(study: Study, folder: Path, sweeps: SweepPair) -> None:
 
 
 def _write_history(study: Study, folder: Path, response: Response, report: Report) -> None:
-    from femimpact.export import figures, movie, vtk
-
     tables.write_netcdf(folder / FILES["history"], response.to_xarray())
     impacts = {name: getattr(response.impacts, name) for name in IMPACT_UNITS}
     tables.write_csv(folder / FILES["impacts"], impacts, IMPACT_UNITS)
@@ -496,9 +499,13 @@ def _write_history(study: Study, folder: Path, response: Response, report: Repor
     if response.snapshots is None:
         return
     if output.paraview:
+        from femimpact.export import vtk
+
         exaggeration = output.exaggeration or 1.0
         vtk.write_deflection(folder / FILES["deflection_scene"], response, study.structure, exaggeration)
     if output.movie:
+        from femimpact.export import movie
+
         report("movie", 0.0)
         movie.write_movie(folder / FILES["movie"], response, study.structure, exaggeration=output.exaggeration)
         report("movie", 1.0)

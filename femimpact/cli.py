@@ -1,0 +1,268 @@
+"""The command line: every command is a few lines around one verb, loaded when it is called."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import App, CycloptsError, Parameter
+
+from femimpact import __version__
+from femimpact.errors import FemimpactError, InputError, require
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from femimpact.results import Report, StudyResults
+    from femimpact.study import Study
+
+__all__ = ["app", "main"]
+
+app = App(
+    name="femimpact",
+    help="Vibro-impact dynamics of beams, and the design of impact dampers on them.",
+    version=__version__,
+    help_format="plaintext",
+)
+
+Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="Directory of the results.")]
+Force = Annotated[bool, Parameter(negative="", help="Replace results of the same names.")]
+Quiet = Annotated[bool, Parameter(name=["-q", "--quiet"], negative="", help="No progress, no tables.")]
+
+
+def main() -> None:
+    """Run the command line; input errors are lines on stderr and exit status 2, never a traceback."""
+    try:
+        app(exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        _fail(str(error).strip() + "\nsee: femimpact --help", 2)
+    except InputError as error:
+        _fail(str(error), 2)
+    except FemimpactError as error:
+        _fail(str(error), 1)
+    except KeyboardInterrupt:
+        _fail("interrupted; nothing was written", 130)
+
+
+def _fail(message: str, status: int) -> None:
+    for line in message.splitlines():
+        print(f"femimpact: {line}", file=sys.stderr)
+    sys.exit(status)
+
+
+# ---- commands -------------------------------------------------------------------------------------
+
+
+@app.command
+def demo(*, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
+    """Run the paper's case from end to end, with the published figures beside ours."""
+    from femimpact.demo import free_directory, run_demo
+
+    directory = output or free_directory("femimpact-demo")
+    with _progress(quiet) as report:
+        found = run_demo(directory, force=force, report=report)
+    if quiet:
+        return
+    console = _console()
+    header = ("quantity", "unit", "paper theory", "paper experiment", "femimpact, rest on base", "rest in space", "method")
+    _print_table(console, header, found.comparison, "The paper beside femimpact")
+    scan = found.scans["base"]
+    rows = zip(
+        scan.restitution, scan.peak_frequency, scan.amplitude_ratio, found.scans["space"].peak_frequency,
+        found.scans["space"].amplitude_ratio, strict=True,
+    )  # fmt: skip
+    header = ("restitution", "peak (Hz), rest on base", "amplitude ratio", "peak (Hz), rest in space", "amplitude ratio")
+    _print_table(console, header, rows, "Restitution scan")
+    for text in found.remarks:
+        console.print(f"- {text}")
+    _print_closing(console, found.results)
+
+
+@app.command
+def init(file: Path, *, force: Force = False) -> None:
+    """Write a commented study file."""
+    from femimpact.demo import paper_study_text
+    from femimpact.export.files import atomic_write
+
+    require(force or not file.exists(), "file", str(file), "", "exists already: choose another name, or --force")
+    require(file.resolve().parent.is_dir(), "file", str(file), "", "must be in an existing directory")
+    atomic_write(file, paper_study_text())
+    print(f"wrote {file}; next: femimpact check {file}")
+
+
+@app.command
+def check(study: Path) -> None:
+    """Validate a study and print what would run: dofs, step, contact time, steps, memory, time."""
+    from femimpact.plan import plan_lines
+    from femimpact.study import load_study
+
+    for line in plan_lines(load_study(study)):
+        print(line)
+
+
+@app.command
+def modes(study: Path, *, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
+    """Natural frequencies, damping and effective masses, without the ball and with it glued on."""
+    _run(study, output, force, quiet, ("modes",), "modes")
+
+
+@app.command
+def simulate(
+    study: Path, *, frequency: float | None = None, output: Output = None, force: Force = False, quiet: Quiet = False
+) -> None:
+    """One history: the study's base motion, or another frequency (Hz)."""
+    changes = {} if frequency is None else {"frequency": frequency}
+    _run(study, output, force, quiet, ("simulate",), "simulate", changes)
+
+
+@app.command
+def sweep(study: Path, *, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
+    """Response curves over the study's frequencies, without and with the ball."""
+    _run(study, output, force, quiet, ("sweep",), "sweep")
+
+
+@app.command
+def run(study: Path, *, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
+    """All that the study asks for: modes, history and sweep."""
+    _run(study, output, force, quiet, ("modes", "simulate", "sweep"), "results")
+
+
+@app.command
+def converge(study: Path, *, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
+    """Convergence of the frequencies over the mesh and of the response over the step."""
+    from femimpact.plan import write_convergence
+    from femimpact.study import load_study
+
+    plan = load_study(study)
+    with _progress(quiet) as report:
+        mesh, step, directory = write_convergence(plan, output or _directory(study, "converge"), force, report)
+    if quiet:
+        return
+    console = _console()
+    columns = range(mesh.reference.size)
+    header = ("elements", *(f"f{i + 1} (Hz)" for i in columns), *(f"error {i + 1}" for i in columns))
+    rows = [(n, *f, *e) for n, f, e in zip(mesh.elements, mesh.natural_frequency, mesh.error, strict=True)]
+    _print_table(console, header, rows, "Mesh; orders " + ", ".join(f"{order:.2f}" for order in mesh.order))
+    header = ("dt (s)", "error without ball", "error after the first impact", "energy residual")
+    rows = list(zip(step.dt, step.linear_error, step.first_impact_error, step.energy_residual, strict=True))
+    title = f"Step; orders {step.linear_order:.2f} without ball, {step.first_impact_order:.2f} after an impact"
+    _print_table(console, header, rows, title)
+    for note in (*mesh.notes, *step.notes):
+        console.print(f"- {note}")
+    console.print(f"results in {directory}")
+
+
+# ---- what they share ------------------------------------------------------------------------------
+
+
+def _directory(study: Path, kind: str) -> Path:
+    return Path(f"{study.stem}-{kind}")
+
+
+def _run(
+    path: Path, output: Path | None, force: bool, quiet: bool, parts: tuple[str, ...], kind: str,
+    base_changes: dict[str, Any] | None = None,
+) -> None:  # fmt: skip
+    from femimpact.results import run_study
+    from femimpact.study import load_study
+
+    study = load_study(path)
+    if base_changes:
+        study = replace(study, base=replace(study.base, **base_changes))
+    if "sweep" in parts and len(parts) == 1:
+        require(study.sweep is not None, "sweep", None, "", "table [sweep] is missing from the study")
+    with _progress(quiet) as report:
+        results = run_study(study, output or _directory(path, kind), parts=parts, force=force, report=report)
+    if not quiet:
+        _print_results(study, results)
+
+
+def _print_results(study: Study, results: StudyResults) -> None:
+    console, summary = _console(), results.summary
+    if results.modes is not None:
+        columns = list(results.modes)
+        _print_table(console, columns, zip(*results.modes.values(), strict=True), "Modes (Hz, 1, kg^0.5, kg)")
+    for label, curve in summary.get("sweep", {}).items():
+        console.print(
+            f"sweep, {label}: peak {1e3 * curve['peak_amplitude']:.4g} mm at {curve['peak_frequency']:.5g} Hz; damping "
+            f"{_percent(curve['damping_fit'])} by fit, {_percent(curve['damping_half_power'])} by half-power"
+        )
+    if "amplitude_ratio" in summary:
+        console.print(f"amplitude ratio without / with ball: {summary['amplitude_ratio']:.4g}")
+    if "history" in summary:
+        history, contact = summary["history"], summary.get("contact")
+        console.print(
+            f"history at {history['frequency']:.5g} Hz: peak {1e3 * history['peak']:.4g} mm, rms "
+            f"{1e3 * history['rms']:.4g} mm, {history['steadiness']}; {history['impacts']} impacts"
+        )
+        if contact:
+            console.print(
+                f"contact ({contact['law']}): peak force {contact['peak_force']:.4g} N, mean impulse "
+                f"{1e3 * contact['mean_impulse']:.4g} mN s, cycle-averaged force {contact['cycle_mean_force']:.4g} N; "
+                f"restitution {summary['restitution']:.4g}, achieved {contact['achieved_restitution']['mean']:.4g}"
+            )
+    _print_closing(console, results)
+
+
+def _percent(value: float | None) -> str:
+    return "none" if value is None else f"{100 * value:.3g} %"
+
+
+def _print_closing(console: Console, results: StudyResults) -> None:
+    residual = results.summary.get("energy_residual")
+    if residual is not None:
+        console.print(f"energy unaccounted for: {residual:.2g} of the energy put in")
+    for text in results.summary["warnings"]:
+        console.print(f"warning: {text}", style="yellow")
+    console.print(f"results in {results.directory}")
+
+
+def _console() -> Console:
+    from rich.console import Console
+
+    # a pipe has no width: wide enough that no table is cut
+    return Console(highlight=False, width=None if sys.stdout.isatty() else 180)
+
+
+def _print_table(console: Console, header: Any, rows: Any, title: str) -> None:
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left")
+    for i, name in enumerate(header):
+        table.add_column(str(name).replace("_", " "), justify="left" if i == 0 else "right")
+    for row in rows:
+        table.add_row(*(_cell(value) for value in row))
+    console.print(table)
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, str):
+        return value
+    return f"{value:.5g}"
+
+
+@contextmanager
+def _progress(quiet: bool) -> Iterator[Report]:
+    """A reporter that draws one bar for each kind of work, with the time that remains."""
+    if quiet:
+        yield lambda _what, _share: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True)) as bars:
+        tasks: dict[str, Any] = {}
+
+        def report(what: str, share: float) -> None:
+            if what not in tasks:
+                tasks[what] = bars.add_task(what, total=1.0)
+            bars.update(tasks[what], completed=share)
+
+        yield report

@@ -1,0 +1,307 @@
+"""The paper's case from end to end: the restitution found by a scan, both starts, and the published figures beside ours."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femimpact.calibration import RestitutionScan, scan_restitution, with_restitution
+from femimpact.errors import InputError
+from femimpact.export import figures, tables
+from femimpact.integrators.integrate import integrate
+from femimpact.response import Recorder
+from femimpact.results import (
+    Report,
+    StudyResults,
+    SweepPair,
+    build_method,
+    load,
+    prepare_directory,
+    run_modes,
+    run_simulation,
+    run_sweep,
+    summary_of,
+    write_results,
+)
+from femimpact.study import Study, build, load_study
+from femimpact.sweep import frequency_sweep
+from femimpact.system import State, without_impactors
+
+__all__ = ["PUBLISHED", "Demo", "ScanPlan", "paper_study", "paper_study_text", "run_demo"]
+
+PUBLISHED: Mapping[str, float] = {
+    "frequency_empty_theory": 5.30,
+    "frequency_empty_experiment": 5.05,
+    "frequency_ball_theory": 4.98,
+    "frequency_ball_experiment": 4.95,
+    "damping_empty": 0.0029,
+    "damping_ball": 0.014,
+    "amplitude_ratio": 5.0,
+    "impact_force_theory": 0.02,
+}
+"""The paper's Table 1 and section 5: Hz, 1 and N."""
+
+STARTS = {"base": "at rest on the base", "space": "at rest in space"}
+
+
+@dataclass(frozen=True)
+class ScanPlan:
+    """How the restitution is scanned.
+
+    Parameters
+    ----------
+    restitutions : tuple of float, 1
+    points : int
+        Frequencies of each sweep.
+    cycles : int
+        Dwell at each frequency.
+    """
+
+    restitutions: tuple[float, ...] = (0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.74, 0.76, 0.78, 0.80, 0.82, 0.84, 0.88, 0.92, 0.96)
+    points: int = 41
+    cycles: int = 450
+
+
+@dataclass(frozen=True, eq=False)
+class Demo:
+    """Everything the demo found.
+
+    Parameters
+    ----------
+    results : StudyResults
+    comparison : tuple of rows
+        (quantity, unit, paper theory, paper experiment, femimpact from rest on the base,
+        from rest in space, method).
+    scans : mapping of str to RestitutionScan
+        By start.
+    restitution : float, 1
+        The one whose resonance, from rest on the base, is closest to the published one.
+    remarks : tuple of str
+        Where the paper cannot be met, and why.
+    """
+
+    results: StudyResults
+    comparison: tuple[tuple[Any, ...], ...]
+    scans: Mapping[str, RestitutionScan]
+    restitution: float
+    remarks: tuple[str, ...]
+
+
+def paper_study_text() -> str:
+    """The commented study file of the paper's case."""
+    return files("femimpact").joinpath("paper.toml").read_text(encoding="utf-8")
+
+
+def paper_study() -> Study:
+    """The paper's case as a study."""
+    with as_file(files("femimpact").joinpath("paper.toml")) as path:
+        return load_study(path)
+
+
+def free_directory(name: str) -> Path:
+    """The name, or the first of name-2, name-3, ... that does not exist."""
+    path, number = Path(name), 1
+    while path.exists():
+        number += 1
+        path = Path(f"{name}-{number}")
+    return path
+
+
+def run_demo(
+    directory: str | Path, *, force: bool = False, report: Report | None = None, scan: ScanPlan | None = None
+) -> Demo:
+    """Run the paper's case and write its results.
+
+    Parameters
+    ----------
+    directory : str or Path
+    force : bool
+    report : callable, optional
+    scan : ScanPlan, optional
+
+    Returns
+    -------
+    Demo
+    """
+    report = report or (lambda _what, _share: None)
+    study = paper_study()
+    with prepare_directory(directory, force) as folder:
+        modes = run_modes(study)
+        scans = scan_both_starts(study, scan or ScanPlan(), report)
+        best = scans["base"].best(PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"])
+        restitution = float(scans["base"].restitution[best])
+        study = _with(study, restitution)
+        sweeps = {
+            start: run_sweep(study, lambda what, share, s=start: report(f"{what}, {STARTS[s]}", share), State.at_rest(start))  # type: ignore[misc]
+            for start in STARTS
+        }
+        study = _at_resonance(study, sweeps["base"])
+        response = run_simulation(study, report)
+        write_results(study, folder, modes, response, sweeps["base"], report)
+        summary = summary_of(study, modes, response, sweeps["base"])
+        other = _other_start(study, sweeps["space"])
+        comparison = compare(summary, sweeps, other)
+        remarks = remark(scans, sweeps, restitution)
+        _write_scans(folder, scans, sweeps)
+        _write_comparison(folder, comparison)
+        summary |= {"restitution": restitution, "remarks": remarks}
+        summary["sweep"]["ball_from_rest_in_space"] = _sweep_row(sweeps["space"])
+        tables.write_json(folder / "summary.json", summary)
+    return Demo(load(directory), comparison, scans, restitution, remarks)
+
+
+def _with(study: Study, restitution: float) -> Study:
+    text = study.text.replace("restitution = 0.80", f"restitution = {restitution:.2f}")
+    return dataclasses.replace(study, structure=with_restitution(study.structure, restitution), text=text)
+
+
+def _at_resonance(study: Study, sweeps: SweepPair) -> Study:
+    """The same study with its history at the resonance with the ball."""
+    peak = sweeps.ball.peak_frequency if sweeps.ball is not None else sweeps.empty.peak_frequency
+    text = study.text.replace("frequency = 4.9 ", f"frequency = {peak:.6g} ")
+    return dataclasses.replace(study, base=dataclasses.replace(study.base, frequency=peak), text=text)
+
+
+def scan_both_starts(study: Study, plan: ScanPlan, report: Report) -> dict[str, RestitutionScan]:
+    """One restitution scan from rest on the base, one from rest in space."""
+    if study.sweep is None or study.reduction is None or study.mesh.elements is None:
+        raise InputError([])
+    _, small, _ = build(study)
+    bare = without_impactors(small)
+    frequencies = np.linspace(study.sweep.start, study.sweep.stop, plan.points)
+    width = small.first_frequency * 0.02
+    fine = np.unique(np.concatenate([frequencies, np.linspace(-width, width, 41) + small.first_frequency]))
+    empty = frequency_sweep(bare, study.base.amplitude, fine, build_method(study, bare), study.sweep.cycles, ledger=False)
+    scans = {}
+    for start, label in STARTS.items():
+        scans[start] = scan_restitution(
+            study.structure,
+            plan.restitutions,
+            empty,
+            elements=study.mesh.elements,
+            modes=study.reduction.modes,
+            frequencies=frequencies,
+            cycles=plan.cycles,
+            initial=State.at_rest(start),
+            progress=lambda share, label=label: report(f"restitution scan, {label}", share),  # type: ignore[misc]
+        )
+    return scans
+
+
+def _other_start(study: Study, sweeps: SweepPair) -> Mapping[str, float]:
+    """Impact statistics of a history at the resonance found from rest in space."""
+    if sweeps.ball is None:
+        return {}
+    _, small, method = build(study)
+    base = dataclasses.replace(study.sine, frequency=sweeps.ball.peak_frequency)
+    record = Recorder(channels=("tip",), every=100, ledger=False)
+    response = integrate(small, base, method, study.base.duration, record, State.at_rest("space"))
+    return dataclasses.asdict(response.statistics)
+
+
+def _sweep_row(sweeps: SweepPair) -> dict[str, Any]:
+    if sweeps.ball is None:
+        return {}
+    return {
+        "peak_frequency": sweeps.ball.peak_frequency,
+        "peak_amplitude": sweeps.ball.peak_amplitude,
+        "damping_fit": sweeps.ball.damping.ratio,
+        "damping_half_power": sweeps.ball.damping_half_power.ratio,
+        "amplitude_ratio": sweeps.empty.peak_amplitude / sweeps.ball.peak_amplitude,
+    }
+
+
+def compare(
+    summary: Mapping[str, Any], sweeps: Mapping[str, SweepPair], other: Mapping[str, float]
+) -> tuple[tuple[Any, ...], ...]:
+    """Rows of the table "paper theory / paper experiment / femimpact"."""
+    p, nothing = PUBLISHED, None
+    here, empty = _sweep_row(sweeps["base"]), summary["sweep"]["empty"]
+    there = _sweep_row(sweeps["space"])
+    contact, law = summary["contact"], summary["contact"]["law"]
+    glued, natural = summary["natural_frequency"]["glued"][0], summary["natural_frequency"]["empty"][0]
+    zeta = empty["damping_fit"]
+    coarse = empty["coarse_grid"]["damping_half_power"]
+    peak_force = (contact["peak_force"], other.get("peak_force"))
+    return (
+        ("natural frequency without ball", "Hz", p["frequency_empty_theory"], p["frequency_empty_experiment"],
+         natural, natural, "eigenvalue"),
+        ("natural frequency, ball glued on", "Hz", p["frequency_ball_theory"], p["frequency_ball_experiment"],
+         glued, glued, "eigenvalue"),
+        ("peak of the response with ball", "Hz", p["frequency_ball_theory"], p["frequency_ball_experiment"],
+         here["peak_frequency"], there["peak_frequency"], "sweep, largest peak"),
+        ("damping without ball", "%", 100 * p["damping_empty"], 100 * p["damping_empty"], 100 * zeta, 100 * zeta,
+         "one-pole fit, refined grid"),
+        ("damping without ball, even grid", "%", nothing, nothing, 100 * coarse, 100 * coarse,
+         "half-power on 21 points: not resolved"),
+        ("damping with ball", "%", 100 * p["damping_ball"], 100 * p["damping_ball"],
+         100 * zeta * here["amplitude_ratio"], 100 * zeta * there["amplitude_ratio"], "amplitude ratio"),
+        ("damping with ball", "%", nothing, nothing, 100 * here["damping_fit"], 100 * there["damping_fit"],
+         "one-pole fit, refined grid"),
+        ("damping with ball", "%", nothing, nothing, 100 * here["damping_half_power"], 100 * there["damping_half_power"],
+         "half-power, refined grid"),
+        ("amplitude ratio without / with", "1", p["amplitude_ratio"], p["amplitude_ratio"], here["amplitude_ratio"],
+         there["amplitude_ratio"], "largest peaks"),
+        ("impact force", "N", p["impact_force_theory"], nothing, contact["cycle_mean_force"],
+         other.get("cycle_mean_force"), "cycle-averaged, at the peak"),
+        ("peak force", "N", nothing, nothing, *peak_force, f"{law}, at the peak"),
+        ("mean impulse", "mN s", nothing, nothing, 1e3 * contact["mean_impulse"], 1e3 * other.get("mean_impulse", 0.0),
+         "at the peak"),
+    )  # fmt: skip
+
+
+def remark(
+    scans: Mapping[str, RestitutionScan], sweeps: Mapping[str, SweepPair], restitution: float
+) -> tuple[str, ...]:
+    """Where the paper cannot be met, and why, with the numbers just found."""
+    here, there = _sweep_row(sweeps["base"]), _sweep_row(sweeps["space"])
+    misfit = scans["base"].misfit(PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"])
+    near = scans["base"].restitution[misfit < 1.5]
+    near_space = scans["space"].restitution[
+        scans["space"].misfit(PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"]) < 1.5
+    ]
+    spread = f"{near.min():.2f} to {near.max():.2f}" if near.size else "none of the scan"
+    spread_space = f"{near_space.min():.2f} to {near_space.max():.2f}" if near_space.size else "none of the scan"
+    return (
+        f"restitution {restitution:.2f} comes closest to the published resonance from rest on the base; "
+        f"within 0.1 Hz and 25 %, or nearly: {spread}. From rest in space: {spread_space}",
+        f"the start decides the headline: peak at {here['peak_frequency']:.3g} Hz with a ratio of "
+        f"{here['amplitude_ratio']:.3g} from rest on the base, at {there['peak_frequency']:.3g} Hz with a ratio of "
+        f"{there['amplitude_ratio']:.3g} from rest in space; the paper does not say which it took",
+        "the experiment's 5.05 Hz without ball and the theory's 5.30 Hz cannot both be met: the shifts to 4.95 and "
+        "4.98 Hz mean mass ratios of 0.041 and 0.133; the model follows the theory's",
+        "the curve with ball is bent and partly chaotic, so its fit and half-power ratios are no damping of a linear "
+        "system; only the drop of the peak compares, and 1.4 % is the amplitude ratio times 0.29 %",
+        "the paper's 0.02 N comes from its eq. 31, which is not a contact force; the cycle-averaged force is of its size",
+        "21 points 0.1 Hz apart cannot show a half-power width of 0.031 Hz: see the warning of the even grid",
+    )
+
+
+def _write_scans(folder: Path, scans: Mapping[str, RestitutionScan], sweeps: Mapping[str, SweepPair]) -> None:
+    names = ("peak_frequency", "peak_amplitude", "amplitude_ratio", "damping_fit", "damping_half_power",
+             "damping_amplitude_ratio")  # fmt: skip
+    columns: dict[str, Any] = {"restitution": next(iter(scans.values())).restitution}
+    for start, scan in scans.items():
+        columns |= {f"{start}_{name}": getattr(scan, name) for name in names}
+    units = {name: "Hz" if "frequency" in name else "m" if "peak_amplitude" in name else "1" for name in columns}
+    tables.write_csv(folder / "restitution.csv", columns, units)
+    labelled = [(STARTS[start], scan) for start, scan in scans.items()]
+    figure = figures.restitution_figure(
+        labelled, PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"]
+    )
+    figures.save_figure(figure, folder / "restitution.png")
+    balls = [(f"with ball, {STARTS[start]}", pair.ball) for start, pair in sweeps.items() if pair.ball is not None]
+    figure = figures.response_figure(sweeps["base"].empty, balls, coarse=sweeps["base"].coarse)
+    figures.save_figure(figure, folder / "response.png")
+
+
+def _write_comparison(folder: Path, comparison: tuple[tuple[Any, ...], ...]) -> None:
+    names = ("quantity", "unit", "paper_theory", "paper_experiment", "from_rest_on_base", "from_rest_in_space", "method")
+    rows = [["" if value is None else value for value in row] for row in comparison]
+    tables.write_csv(folder / "comparison.csv", dict(zip(names, zip(*rows, strict=True), strict=True)), {})

@@ -1,0 +1,101 @@
+"""What a study would cost before it runs, and its convergence study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femimpact.convergence import MeshConvergence, StepConvergence, converge_elements, converge_step
+from femimpact.errors import require
+from femimpact.export import figures, tables
+from femimpact.integrators.integrate import memory_needed
+from femimpact.integrators.newmark import check_step, shortest_contact, step_notes
+from femimpact.results import Report, history_record, prepare_directory
+from femimpact.study import Study, build
+
+__all__ = ["plan_lines", "write_convergence"]
+
+NANOSECONDS = {"modal alone": 9.0, "modal beside others": 2.5, "physical": 20.0}
+"""Rough cost of one dof and step on one core of a 2024 server, for the time estimate only."""
+
+MESHES = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)
+
+
+def plan_lines(study: Study) -> list[str]:
+    """What would run: dofs, step, contact time, number of steps, memory and time.
+
+    Raises
+    ------
+    InputError
+        For everything that would stop the run before it starts.
+    """
+    full, small, method = build(study)
+    warnings = check_step(small, method)
+    steps = round(study.base.duration / method.dt)
+    record = history_record(study, small, method)
+    memory = sum(memory_needed(small, record, len(record.channels or ()), steps, method.dt, study.base.frequency).values())
+    contact_time = shortest_contact(small)
+    kind = "modal" if small.is_diagonal else "physical"
+    alone = NANOSECONDS["modal alone" if small.is_diagonal else "physical"]
+    lines = [
+        f"dofs: {full.dofs} of the mesh ({full.nodes.size - 1} elements), {small.dofs} integrated ({kind}), "
+        f"{len(small.contacts)} ball(s)",
+        f"first natural frequency: {small.first_frequency:.6g} Hz without ball",
+        f"contact time: {contact_time:.4g} s" if np.isfinite(contact_time) else "contact time: no contact",
+    ]
+    for pair in small.contacts:
+        law = pair.parameters
+        lines.append(
+            f"contact of {pair.name}: {pair.law.name}, stiffness {law.stiffness:.5g} N/m, damping {law.damping:.5g} N s/m, "
+            f"restitution {law.restitution:.4g}, effective mass {1e3 * pair.effective_mass:.4g} g, "
+            f"total clearance {1e3 * sum(pair.gaps):.4g} mm"
+        )
+    origin = "given" if "dt" in study.method else "recommended"
+    lines.append(f"step: {method.dt:.4g} s ({origin})")
+    seconds = 1e-9 * alone * steps * max(small.dofs, 4)
+    lines.append(
+        f"history: {steps} steps, {study.base.duration:g} s at {study.base.frequency:g} Hz, "
+        f"keeps {memory / 1e6:.3g} MB, takes about {seconds:.2g} s"
+    )
+    if study.sweep is not None:
+        plan = study.sweep
+        cases = plan.points + 2 * plan.refine
+        total = cases * plan.cycles / (0.5 * (plan.start + plan.stop)) / method.dt
+        each = NANOSECONDS["modal beside others" if small.is_diagonal else "physical"]
+        lines.append(
+            f"sweep: up to {cases} frequencies from {plan.start:g} to {plan.stop:g} Hz, {plan.cycles} cycles each, "
+            f"{total:.3g} steps with ball, takes about {1e-9 * each * total * max(small.dofs, 4) * 1.5:.2g} s on one core"
+        )
+    lines += [f"note: {text}" for text in step_notes(small, method)]
+    return lines + [f"warning: {text}" for text in warnings]
+
+
+def write_convergence(
+    study: Study, directory: Path, force: bool, report: Report
+) -> tuple[MeshConvergence, StepConvergence, Path]:
+    """Run both convergence studies and write their tables and figures."""
+    _, small, method = build(study)
+    check_step(small, method)
+    require(study.mesh.file is None, "mesh.file", study.mesh.file, "", "convergence needs [mesh] elements, not a file")
+    least = len({x for x in small.points.values()}) - 1
+    counts = [n for n in MESHES if n >= least]
+    with prepare_directory(directory, force) as folder:
+        report("meshes", 0.0)
+        mesh = converge_elements(study.structure, counts)
+        report("meshes", 1.0)
+        report("steps", 0.0)
+        step = converge_step(small, study.sine, method)
+        report("steps", 1.0)
+        columns: dict[str, Any] = {"elements": mesh.elements}
+        for i in range(mesh.reference.size):
+            columns[f"natural_frequency_{i + 1}"] = mesh.natural_frequency[:, i]
+            columns[f"error_{i + 1}"] = mesh.error[:, i]
+        units = {name: "Hz" if "frequency" in name else "1" for name in columns if name != "elements"}
+        tables.write_csv(folder / "mesh_convergence.csv", columns, units)
+        columns = {name: getattr(step, name) for name in ("dt", "linear_error", "first_impact_error", "energy_residual")}
+        tables.write_csv(folder / "step_convergence.csv", columns, {"dt": "s"})
+        figures.save_figure(figures.mesh_convergence_figure(mesh), folder / "mesh_convergence.png")
+        figures.save_figure(figures.step_convergence_figure(step), folder / "step_convergence.png")
+    return mesh, step, directory

@@ -1,0 +1,177 @@
+"""Meshes: nodes where things are attached, and files of another program read without loss."""
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+import femimpact as fi
+
+DATA = Path(__file__).parent / "data"
+
+
+def stepped_structure(**attachments):
+    segments = (
+        fi.Segment(0.15, 70e9, 2700, 0.02, 2e-3, name="thick"),
+        fi.Segment(0.10, 70e9, 2700, 0.02, 1e-3, name="thin"),
+    )
+    return fi.Structure(fi.Beam(segments), **attachments)
+
+
+@pytest.mark.parametrize("elements", [5, 6, 7, 40, 101])
+def test_uniform_mesh_has_exactly_n_elements_and_a_node_at_every_joint_and_attachment(elements):
+    places = [0.03, 0.1, 0.2]
+    law = fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)
+    structure = stepped_structure(
+        masses=[fi.PointMass("a", 0.03, 0.01)],
+        impactors=[fi.Impactor("b", 0.2, 0.001, 1e-3, law)],
+        supports=[fi.Support("clamped", "root"), fi.Support("pinned", 0.1)],
+    )
+    mesh = fi.uniform_mesh(structure, elements)
+    assert mesh.elements == elements == mesh.nodes.size - 1
+    for place in (0.0, *places, 0.15, 0.25):
+        # a place is the same number, up to the rounding of adding segment lengths
+        assert np.min(np.abs(mesh.nodes - place)) < 1e-15
+    # every element belongs to the segment that it lies in, and to one only
+    middles = 0.5 * (mesh.nodes[1:] + mesh.nodes[:-1])
+    np.testing.assert_array_equal(mesh.regions["thick"], np.flatnonzero(middles < 0.15))
+    np.testing.assert_array_equal(mesh.regions["thin"], np.flatnonzero(middles > 0.15))
+
+
+def test_uniform_mesh_of_a_uniform_cantilever_has_equal_elements(reference):
+    lengths = np.diff(fi.uniform_mesh(reference, 40).nodes)
+    # differences of positions near 0.2 m are good to 1e-16 m
+    np.testing.assert_allclose(lengths, 0.23026615 / 40, rtol=1e-13)
+
+
+def test_elements_are_shared_out_so_that_the_longest_is_as_short_as_can_be():
+    lengths = np.diff(fi.uniform_mesh(stepped_structure(), 10).nodes)
+    # 0.15 and 0.10 m in 10 elements: all 0.025 m
+    np.testing.assert_allclose(lengths, 0.025, rtol=1e-13)
+
+
+def test_two_attachments_at_one_place_share_a_node():
+    masses = [fi.PointMass("a", 0.25, 0.01), fi.PointMass("b", "tip", 0.01), fi.PointMass("c", 0.25 * (1 - 1e-12), 0.1)]
+    mesh = fi.uniform_mesh(stepped_structure(masses=masses), 2)
+    np.testing.assert_array_equal(mesh.nodes, [0.0, 0.15, 0.25])
+
+
+def test_fewer_elements_than_stretches_are_refused():
+    with pytest.raises(fi.InputError, match=r"mesh\.elements = 1: must be >= 2"):
+        fi.uniform_mesh(stepped_structure(), 1)
+
+
+@pytest.mark.parametrize("elements", [0, -3, 2.5, True, "10"])
+def test_elements_must_be_a_whole_number(elements):
+    with pytest.raises(fi.InputError, match=r"mesh\.elements"):
+        fi.uniform_mesh(stepped_structure(), elements)
+
+
+@pytest.mark.parametrize("nodes", [[0.0], [0.0, 0.0, 1.0], [1.0, 0.0], [[0.0, 1.0]]])
+def test_nodes_must_increase(nodes):
+    with pytest.raises(fi.InputError, match=r"mesh\.nodes"):
+        fi.Mesh(np.array(nodes))
+
+
+def test_nodes_are_read_only():
+    with pytest.raises(ValueError, match="read-only"):
+        fi.Mesh(np.array([0.0, 1.0])).nodes[0] = 2.0
+
+
+def test_a_gmsh_file_gives_sorted_nodes_names_and_regions():
+    mesh = fi.read_mesh(DATA / "stepped.msh")
+    # gmsh writes transfinite nodes to 13 digits; the file numbers the tip first and runs one line backwards
+    np.testing.assert_allclose(mesh.nodes, np.linspace(0.0, 0.25, 11), rtol=0, atol=1e-12)
+    assert mesh.points["sensor"] == pytest.approx(0.10, abs=1e-12)
+    assert mesh.points["box"] == mesh.points["tip"] == 0.25
+    assert mesh.points["root"] == 0.0
+    assert mesh.points["mid"] == 0.125
+    assert set(mesh.regions) == {"thick", "thin"}
+    np.testing.assert_array_equal(mesh.regions["thick"], np.arange(6))
+    np.testing.assert_array_equal(mesh.regions["thin"], np.arange(6, 10))
+
+
+def test_a_gmsh_file_is_read_as_meshio_reads_it():
+    raw = meshio.gmsh.read(str(DATA / "stepped.msh"))
+    mesh = fi.read_mesh(DATA / "stepped.msh")
+    np.testing.assert_array_equal(np.sort(raw.points[:, 0]), mesh.nodes)
+    lines = np.concatenate([block.data for block in raw.cells if block.type == "line"])
+    ours = {(mesh.nodes[i], mesh.nodes[i + 1]) for i in range(mesh.elements)}
+    assert {tuple(sorted(raw.points[line, 0])) for line in lines} == ours
+
+
+def test_reading_a_mesh_prints_nothing(capfd):
+    fi.read_mesh(DATA / "stepped.msh")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_stepped_beam_from_a_file_has_the_frequencies_of_the_built_in_mesh():
+    structure = stepped_structure(masses=[fi.PointMass("box", "tip", 0.02)])
+    from_file = fi.assemble(structure, mesh=fi.read_mesh(DATA / "stepped.msh"))
+    built_in = fi.assemble(structure, elements=10)
+    np.testing.assert_allclose(
+        fi.solve_modes(from_file, 8).natural_frequency,
+        fi.solve_modes(built_in, 8).natural_frequency,
+        # the file's nodes differ by 1e-13 m of 0.025 m, and the frequency goes with length^-2
+        rtol=1e-10,
+    )
+
+
+def test_a_named_point_of_the_file_is_a_place_for_masses_and_channels():
+    structure = stepped_structure(masses=[fi.PointMass("lump", "sensor", 0.02)])
+    from_file = fi.assemble(structure, mesh=fi.read_mesh(DATA / "stepped.msh"))
+    by_number = fi.assemble(stepped_structure(masses=[fi.PointMass("lump", 0.10, 0.02)]), elements=10)
+    np.testing.assert_allclose(
+        fi.solve_modes(from_file, 4).natural_frequency,
+        fi.solve_modes(by_number, 4).natural_frequency,
+        rtol=1e-10,  # as above
+    )
+    row = from_file.point_row("sensor")
+    assert row[6] == 1.0  # node 4 of the row, its first free dof is node 1's
+    assert np.count_nonzero(row) == 1
+
+
+def test_a_mesh_of_another_length_or_region_is_refused():
+    mesh = fi.read_mesh(DATA / "stepped.msh")
+    longer = fi.Structure(fi.Beam.uniform(length=0.26, width=0.02, thickness=1e-3, young_modulus=7e10, density=2700))
+    with pytest.raises(fi.InputError, match=r"beam\.length = 0\.26 m: must be the mesh's length, 0\.25 m"):
+        fi.assemble(longer, mesh=mesh)
+    segments = [fi.Segment(0.1, 7e10, 2700, 0.02, 2e-3, name="thick"), fi.Segment(0.15, 7e10, 2700, 0.02, 1e-3, name="thin")]
+    with pytest.raises(fi.InputError, match=r"beam\.thick\.length = 0\.1 m: must be the length of the mesh's region"):
+        fi.assemble(fi.Structure(fi.Beam(segments)), mesh=mesh)
+    segments = [fi.Segment(0.15, 7e10, 2700, 0.02, 2e-3, name="thik"), fi.Segment(0.1, 7e10, 2700, 0.02, 1e-3, name="thin")]
+    with pytest.raises(fi.InputError, match=r"mesh\.regions = 'thik': unknown; did you mean 'thick'\?"):
+        fi.assemble(fi.Structure(fi.Beam(segments)), mesh=mesh)
+
+
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [
+        ("along_y.msh", "must lie along the x axis; its extent is x 0, y 0.25, z 0 m"),
+        ("broken.msh", "must be one unbroken row of line elements"),
+        ("triangles.msh", "must hold two-node lines only, found ['triangle']"),
+        ("quadratic.msh", "must hold two-node lines only, found ['line3']"),
+        ("missing.msh", "must be an existing mesh file"),
+    ],
+)
+def test_a_file_that_is_no_beam_is_refused_in_one_line(file, words):
+    with pytest.raises(fi.InputError) as caught:
+        fi.read_mesh(DATA / file)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message.startswith("mesh.file = ")
+    assert file in message
+    assert words in message
+
+
+@pytest.mark.parametrize("content", ["", "this is no mesh\n", "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 1\n"])
+@pytest.mark.parametrize("name", ["bad.msh", "bad.unknown"])
+def test_an_unreadable_file_is_refused_in_one_line(tmp_path, capfd, name, content):
+    path = tmp_path / name
+    path.write_text(content)
+    with pytest.raises(fi.InputError) as caught:
+        fi.read_mesh(path)
+    assert str(caught.value).startswith("mesh.file = ")
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr().out == ""
