@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from femimpact.modes import Modes, solve_modes
     from femimpact.reduction import reduce
     from femimpact.response import Recorder, Response
-    from femimpact.structure import Beam, Impactor, PointMass, Segment, Structure, Support, glue_impactors
     from femimpact.results import StudyResults, load, run_study
+    from femimpact.structure import Beam, Impactor, PointMass, Segment, Structure, Support, glue_impactors
     from femimpact.study import Study, load_study
     from femimpact.sweep import FrequencyResponse, frequency_sweep
     from femimpact.system import ContactPair, State, System, without_impactors

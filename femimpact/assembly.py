@@ -42,22 +42,18 @@ class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
         if s.ndim == 1:
             s = np.broadcast_to(s, (t.shape[1], s.shape[0]))
         scale = length if i % 2 else 1.0
-        value, slope, curvature, third = (
-            scale * shape_functions(s, order)[i] / length**order for order in range(4)
-        )
-        field = DiscreteField(
-            value=value, grad=slope[None], hess=curvature[None, None], grad3=third[None, None, None]
-        )
+        value, slope, curvature, third = (scale * shape_functions(s, order)[i] / length**order for order in range(4))
+        field = DiscreteField(value=value, grad=slope[None], hess=curvature[None, None], grad3=third[None, None, None])
         return (field,)
 
 
-@BilinearForm
+@BilinearForm  # type: ignore[untyped-decorator]
 def bending(u: Any, v: Any, w: Any) -> Any:
     """Integral of EI u'' v''."""
     return w.bending_stiffness * ddot(dd(u), dd(v))
 
 
-@BilinearForm
+@BilinearForm  # type: ignore[untyped-decorator]
 def inertia(u: Any, v: Any, w: Any) -> Any:
     """Integral of rho A u v."""
     return w.mass_per_length * u * v
@@ -134,9 +130,7 @@ def _with_damping_and_contacts(system: System, structure: Structure, mesh: Mesh)
         alpha, beta = _rayleigh(structure.damping, omega)
         damping_matrix = sparse.csr_array(alpha * system.M + beta * system.K)
         system = replace(system, C=damping_matrix, rayleigh=(alpha, beta))
-    contacts = tuple(
-        _contact_pair(ball, system, mesh, modes.vectors[:, 0]) for ball in structure.impactors
-    )
+    contacts = tuple(_contact_pair(ball, system, mesh, modes.vectors[:, 0]) for ball in structure.impactors)
     return replace(system, first_frequency=float(modes.natural_frequency[0]), contacts=contacts)
 
 
@@ -218,7 +212,7 @@ def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray
 
 
 def _lumped_mass(structure: Structure, mesh: Mesh) -> Any:
-    """m N N^T + J N' N'^T for every point mass, over all dofs."""
+    """M N N^T + J N' N'^T for every point mass, over all dofs."""
     size = 2 * mesh.nodes.size
     total = sparse.csr_array((size, size))
     for body in structure.masses:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.assembly import assemble
 from femimpact.contact import KelvinVoigt
-from femimpact.errors import require
+from femimpact.errors import Fault, InputError
 from femimpact.identification import amplitude_ratio_damping
 from femimpact.integrators.newmark import Newmark, recommended_step
 from femimpact.reduction import reduce
@@ -87,10 +87,10 @@ def with_restitution(structure: Structure, restitution: float) -> Structure:
     impactors = []
     for ball in structure.impactors:
         law = ball.contact
-        given = isinstance(law, KelvinVoigt) and law.restitution is not None
-        key = f"impactor.{ball.name}.contact"
-        require(given, key, law.name, "", "must be kelvin-voigt with a restitution to be varied")
-        impactors.append(dataclasses.replace(ball, contact=dataclasses.replace(law, restitution=restitution)))  # type: ignore[type-var]
+        if not isinstance(law, KelvinVoigt) or law.restitution is None:
+            allowed = "must be kelvin-voigt with a restitution to be varied"
+            raise InputError([Fault(f"impactor.{ball.name}.contact", law.name, "", allowed)])
+        impactors.append(dataclasses.replace(ball, contact=dataclasses.replace(law, restitution=restitution)))
     return dataclasses.replace(structure, impactors=tuple(impactors))
 
 

@@ -68,15 +68,29 @@ def demo(*, output: Output = None, force: Force = False, quiet: Quiet = False) -
     if quiet:
         return
     console = _console()
-    header = ("quantity", "unit", "paper theory", "paper experiment", "femimpact, rest on base", "rest in space", "method")
+    header = (
+        "quantity",
+        "unit",
+        "paper theory",
+        "paper experiment",
+        "femimpact, rest on base",
+        "rest in space",
+        "method",
+    )
     _print_table(console, header, found.comparison, "The paper beside femimpact")
     scan = found.scans["base"]
     rows = zip(
         scan.restitution, scan.peak_frequency, scan.amplitude_ratio, found.scans["space"].peak_frequency,
         found.scans["space"].amplitude_ratio, strict=True,
     )  # fmt: skip
-    header = ("restitution", "peak (Hz), rest on base", "amplitude ratio", "peak (Hz), rest in space", "amplitude ratio")
-    _print_table(console, header, rows, "Restitution scan")
+    columns = (
+        "restitution",
+        "peak (Hz), rest on base",
+        "amplitude ratio",
+        "peak (Hz), rest in space",
+        "amplitude ratio",
+    )
+    _print_table(console, columns, rows, "Restitution scan")
     for text in found.remarks:
         console.print(f"- {text}")
     _print_closing(console, found.results)

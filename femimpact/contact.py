@@ -61,9 +61,7 @@ def switching_stiffness(
     return stiffness if x_before > gap_plus or x_before < -gap_minus else free_stiffness
 
 
-def switching_potential(
-    x: float, gap_plus: float, gap_minus: float, free_stiffness: float, stiffness: float
-) -> float:
+def switching_potential(x: float, gap_plus: float, gap_minus: float, free_stiffness: float, stiffness: float) -> float:
     """Work (J) that the force k(x) x does from the centre to x: the law's own potential."""
     wall = gap_plus if x > 0.0 else gap_minus
     if abs(x) <= wall:
@@ -116,9 +114,7 @@ def damping_ratio_for_restitution(restitution: float) -> float:
     # e(z) lies below exp(-2 z) up to z = 1 and near 1/(4 z^2) far beyond: this brackets both.
     upper = 1.0 + 1.0 / math.sqrt(restitution)
     target = math.log(restitution)
-    return float(
-        brentq(lambda z: -2.0 * z * _angle(z) - target, 0.0, upper, xtol=1e-16, rtol=1e-15)
-    )
+    return float(brentq(lambda z: -2.0 * z * _angle(z) - target, 0.0, upper, xtol=1e-16, rtol=1e-15))
 
 
 def contact_time_of(stiffness: float, damping: float, effective_mass: float) -> float:

@@ -28,9 +28,7 @@ class Rayleigh:
     """
 
     ratio: float | tuple[float, float] = field(metadata=quantity("1", at_least=0.0, below=1.0))
-    modes: tuple[int, int] | None = field(
-        default=None, metadata=quantity("1", at_least=1, integer=True)
-    )
+    modes: tuple[int, int] | None = field(default=None, metadata=quantity("1", at_least=1, integer=True))
     frequencies: tuple[float, float] | None = field(default=None, metadata=quantity("Hz", above=0.0))
 
     def __post_init__(self) -> None:
@@ -52,9 +50,7 @@ class Rayleigh:
         require(distinct, name, pair, "", "must be two different values")
 
 
-def rayleigh_coefficients(
-    omega: tuple[float, float], ratio: tuple[float, float]
-) -> tuple[float, float]:
+def rayleigh_coefficients(omega: tuple[float, float], ratio: tuple[float, float]) -> tuple[float, float]:
     """Coefficients (alpha in 1/s, beta in s) of C = alpha M + beta K from two target ratios.
 
     ratio_i = alpha/(2 omega_i) + beta omega_i/2 for i = 1, 2.

@@ -1,4 +1,4 @@
-"""The paper's case from end to end: the restitution found by a scan, both starts, and the published figures beside ours."""
+"""The paper's case from end to end: the restitution by a scan, both starts, the published figures beside ours."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from femimpact.calibration import RestitutionScan, scan_restitution, with_restitution
-from femimpact.errors import InputError
+from femimpact.errors import Fault, InputError
 from femimpact.export import figures, tables
 from femimpact.integrators.integrate import integrate
 from femimpact.response import Recorder
@@ -63,7 +63,23 @@ class ScanPlan:
         Dwell at each frequency.
     """
 
-    restitutions: tuple[float, ...] = (0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.74, 0.76, 0.78, 0.80, 0.82, 0.84, 0.88, 0.92, 0.96)
+    restitutions: tuple[float, ...] = (
+        0.3,
+        0.4,
+        0.5,
+        0.6,
+        0.65,
+        0.7,
+        0.74,
+        0.76,
+        0.78,
+        0.80,
+        0.82,
+        0.84,
+        0.88,
+        0.92,
+        0.96,
+    )
     points: int = 41
     cycles: int = 450
 
@@ -137,10 +153,7 @@ def run_demo(
         best = scans["base"].best(PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"])
         restitution = float(scans["base"].restitution[best])
         study = _with(study, restitution)
-        sweeps = {
-            start: run_sweep(study, lambda what, share, s=start: report(f"{what}, {STARTS[s]}", share), State.at_rest(start))  # type: ignore[misc]
-            for start in STARTS
-        }
+        sweeps = {start: _sweep_from(study, start, report) for start in STARTS}
         study = _at_resonance(study, sweeps["base"])
         response = run_simulation(study, report)
         write_results(study, folder, modes, response, sweeps["base"], report)
@@ -154,6 +167,10 @@ def run_demo(
         summary["sweep"]["ball_from_rest_in_space"] = _sweep_row(sweeps["space"])
         tables.write_json(folder / "summary.json", summary)
     return Demo(load(directory), comparison, scans, restitution, remarks)
+
+
+def _sweep_from(study: Study, start: str, report: Report) -> SweepPair:
+    return run_sweep(study, lambda what, share: report(f"{what}, {STARTS[start]}", share), State.at_rest(start))
 
 
 def _with(study: Study, restitution: float) -> Study:
@@ -170,28 +187,31 @@ def _at_resonance(study: Study, sweeps: SweepPair) -> Study:
 
 def scan_both_starts(study: Study, plan: ScanPlan, report: Report) -> dict[str, RestitutionScan]:
     """One restitution scan from rest on the base, one from rest in space."""
-    if study.sweep is None or study.reduction is None or study.mesh.elements is None:
-        raise InputError([])
+    if study.sweep is None:
+        raise InputError([Fault("sweep", None, "", "table [sweep] is missing")])
     _, small, _ = build(study)
     bare = without_impactors(small)
     frequencies = np.linspace(study.sweep.start, study.sweep.stop, plan.points)
     width = small.first_frequency * 0.02
     fine = np.unique(np.concatenate([frequencies, np.linspace(-width, width, 41) + small.first_frequency]))
-    empty = frequency_sweep(bare, study.base.amplitude, fine, build_method(study, bare), study.sweep.cycles, ledger=False)
-    scans = {}
-    for start, label in STARTS.items():
-        scans[start] = scan_restitution(
+    empty = frequency_sweep(
+        bare, study.base.amplitude, fine, build_method(study, bare), study.sweep.cycles, ledger=False
+    )
+
+    def scan_from(start: str) -> RestitutionScan:
+        return scan_restitution(
             study.structure,
             plan.restitutions,
             empty,
-            elements=study.mesh.elements,
-            modes=study.reduction.modes,
+            elements=study.mesh.elements or 0,
+            modes=study.reduction.modes if study.reduction else 0,
             frequencies=frequencies,
             cycles=plan.cycles,
             initial=State.at_rest(start),
-            progress=lambda share, label=label: report(f"restitution scan, {label}", share),  # type: ignore[misc]
+            progress=lambda share: report(f"restitution scan, {STARTS[start]}", share),
         )
-    return scans
+
+    return {start: scan_from(start) for start in STARTS}
 
 
 def _other_start(study: Study, sweeps: SweepPair) -> Mapping[str, float]:
@@ -244,8 +264,8 @@ def compare(
          100 * zeta * here["amplitude_ratio"], 100 * zeta * there["amplitude_ratio"], "amplitude ratio"),
         ("damping with ball", "%", nothing, nothing, 100 * here["damping_fit"], 100 * there["damping_fit"],
          "one-pole fit, refined grid"),
-        ("damping with ball", "%", nothing, nothing, 100 * here["damping_half_power"], 100 * there["damping_half_power"],
-         "half-power, refined grid"),
+        ("damping with ball", "%", nothing, nothing,
+         100 * here["damping_half_power"], 100 * there["damping_half_power"], "half-power, refined grid"),
         ("amplitude ratio without / with", "1", p["amplitude_ratio"], p["amplitude_ratio"], here["amplitude_ratio"],
          there["amplitude_ratio"], "largest peaks"),
         ("impact force", "N", p["impact_force_theory"], nothing, contact["cycle_mean_force"],
@@ -278,7 +298,7 @@ def remark(
         "4.98 Hz mean mass ratios of 0.041 and 0.133; the model follows the theory's",
         "the curve with ball is bent and partly chaotic, so its fit and half-power ratios are no damping of a linear "
         "system; only the drop of the peak compares, and 1.4 % is the amplitude ratio times 0.29 %",
-        "the paper's 0.02 N comes from its eq. 31, which is not a contact force; the cycle-averaged force is of its size",
+        "the paper's 0.02 N is what its eq. 31 leaves over, not a contact force; the cycle-averaged force is of its size",
         "21 points 0.1 Hz apart cannot show a half-power width of 0.031 Hz: see the warning of the even grid",
     )
 
@@ -292,9 +312,7 @@ def _write_scans(folder: Path, scans: Mapping[str, RestitutionScan], sweeps: Map
     units = {name: "Hz" if "frequency" in name else "m" if "peak_amplitude" in name else "1" for name in columns}
     tables.write_csv(folder / "restitution.csv", columns, units)
     labelled = [(STARTS[start], scan) for start, scan in scans.items()]
-    figure = figures.restitution_figure(
-        labelled, PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"]
-    )
+    figure = figures.restitution_figure(labelled, PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"])
     figures.save_figure(figure, folder / "restitution.png")
     balls = [(f"with ball, {STARTS[start]}", pair.ball) for start, pair in sweeps.items() if pair.ball is not None]
     figure = figures.response_figure(sweeps["base"].empty, balls, coarse=sweeps["base"].coarse)
@@ -302,6 +320,14 @@ def _write_scans(folder: Path, scans: Mapping[str, RestitutionScan], sweeps: Map
 
 
 def _write_comparison(folder: Path, comparison: tuple[tuple[Any, ...], ...]) -> None:
-    names = ("quantity", "unit", "paper_theory", "paper_experiment", "from_rest_on_base", "from_rest_in_space", "method")
+    names = (
+        "quantity",
+        "unit",
+        "paper_theory",
+        "paper_experiment",
+        "from_rest_on_base",
+        "from_rest_in_space",
+        "method",
+    )
     rows = [["" if value is None else value for value in row] for row in comparison]
     tables.write_csv(folder / "comparison.csv", dict(zip(names, zip(*rows, strict=True), strict=True)), {})

@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 __all__ = ["EnergyLedger", "energy_residual"]
 
 
-def energy_residual(
-    stored: NDArray[Any], work: NDArray[Any], dissipated: NDArray[Any]
-) -> NDArray[Any]:
+def energy_residual(stored: NDArray[Any], work: NDArray[Any], dissipated: NDArray[Any]) -> NDArray[Any]:
     """Energy that appears from nowhere, over the initial energy plus the largest work put in.
 
     r(t) = [E(t) - E(0) - (W(t) - W(0)) + D(t) - D(0)] / (E(0) + max |W - W(0)|)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping
-from numbers import Real
 from typing import Any
+
+import numpy as np
 
 __all__ = [
     "DivergenceError",
@@ -94,16 +95,14 @@ def in_range(value: object, metadata: Mapping[str, Any]) -> bool:
     """Whether a value is what a field's metadata allows: a number within its range, or one of its names."""
     if "choices" in metadata:
         return isinstance(value, str) and value in metadata["choices"]
-    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
         return False
-    if metadata["integer"] and float(value) != int(value):
+    number, bounds = float(value), metadata["bounds"]
+    if not math.isfinite(number) or (metadata["integer"] and not number.is_integer()):
         return False
-    bounds, number = metadata["bounds"], float(value)
-    return (
-        number > bounds.get("above", -math.inf)
-        and number >= bounds.get("at_least", -math.inf)
-        and number <= bounds.get("at_most", math.inf)
-        and number < bounds.get("below", math.inf)
+    return bool(
+        bounds.get("above", -math.inf) < number < bounds.get("below", math.inf)
+        and bounds.get("at_least", -math.inf) <= number <= bounds.get("at_most", math.inf)
     )
 
 

@@ -48,4 +48,4 @@ class Sine:
 
     def acceleration(self, time: ArrayLike) -> NDArray[Any]:
         """Base acceleration (m/s^2) at times in s."""
-        return -self.omega**2 * self.displacement(time)
+        return -(self.omega**2) * self.displacement(time)

@@ -130,7 +130,9 @@ def _resolution_warnings(f: NDArray[Any], top: int, width: float) -> tuple[str, 
     )
 
 
-def fit_one_pole(frequency: ArrayLike, amplitude: ArrayLike, share: float = 0.2, misfit_limit: float = 0.05) -> DampingEstimate:
+def fit_one_pole(
+    frequency: ArrayLike, amplitude: ArrayLike, share: float = 0.2, misfit_limit: float = 0.05
+) -> DampingEstimate:
     """Least-squares fit of one mode under base motion to a response curve.
 
     Minimises the sum of (|X_i| - scale f^2/|f0^2 - f^2 + 2 i zeta f0 f|)^2 over scale, f0 and zeta;
@@ -160,20 +162,19 @@ def fit_one_pole(frequency: ArrayLike, amplitude: ArrayLike, share: float = 0.2,
     chosen[np.argsort(np.abs(f - f[top]))[:7]] = True
     f_fit, x_fit = f[chosen], x[chosen] / x[top]
 
-    def model(p: NDArray[Any]) -> NDArray[Any]:
-        return one_pole_amplitude(f_fit, math.exp(p[0]), p[1], math.exp(p[2]))
+    def misfit_of(p: NDArray[Any]) -> NDArray[Any]:
+        return np.asarray(one_pole_amplitude(f_fit, math.exp(p[0]), p[1], math.exp(p[2])) - x_fit)
 
-    best = None
     # the residual has several valleys when the grid is coarse: start from narrow and wide peaks
-    for ratio in (1e-3, 5e-3, 2e-2, 8e-2):
-        for shift in (-0.5, 0.0, 0.5):
-            near = f[top] + shift * float(np.mean(np.diff(f)))
-            start = np.array([math.log(2.0 * ratio), near, math.log(ratio)])
-            trial = least_squares(lambda p: model(p) - x_fit, start, x_scale=[1.0, 1e-2 * f[top], 1.0], xtol=1e-14, ftol=1e-14)
-            if best is None or trial.cost < best.cost:
-                best = trial
-    if best is None:
-        raise AssertionError("the list of starting points is empty")
+    step = float(np.mean(np.diff(f)))
+    starts = [
+        np.array([math.log(2.0 * ratio), f[top] + shift * step, math.log(ratio)])
+        for ratio in (1e-3, 5e-3, 2e-2, 8e-2)
+        for shift in (-0.5, 0.0, 0.5)
+    ]
+    scale = [1.0, 1e-2 * f[top], 1.0]
+    trials: list[Any] = [least_squares(misfit_of, p, x_scale=scale, xtol=1e-14, ftol=1e-14) for p in starts]
+    best = min(trials, key=lambda trial: float(trial.cost))
     freedom = max(f_fit.size - 3, 1)
     variance = 2.0 * best.cost / freedom
     covariance = variance * np.linalg.pinv(best.jac.T @ best.jac)

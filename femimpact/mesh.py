@@ -92,7 +92,9 @@ def uniform_mesh(structure: Structure, elements: int) -> Mesh:
     beam = structure.beam
     named = Mesh(np.array([0.0, beam.length])).points
     allowed = f"must be one of {', '.join(named)}, or metres from the root"
-    unknown = [(key, item.at) for key, item in structure.attachments if isinstance(item.at, str) and item.at not in named]
+    unknown = [
+        (key, item.at) for key, item in structure.attachments if isinstance(item.at, str) and item.at not in named
+    ]
     if unknown:
         raise InputError([Fault(f"{key}.at", at, "", allowed) for key, at in unknown])
     attached = [named[item.at] if isinstance(item.at, str) else float(item.at) for _, item in structure.attachments]
@@ -201,4 +203,3 @@ def _groups(
         if elements.size:
             regions[name] = elements
     return points, regions
-

@@ -35,7 +35,9 @@ def plan_lines(study: Study) -> list[str]:
     warnings = check_step(small, method)
     steps = round(study.base.duration / method.dt)
     record = history_record(study, small, method)
-    memory = sum(memory_needed(small, record, len(record.channels or ()), steps, method.dt, study.base.frequency).values())
+    memory = sum(
+        memory_needed(small, record, len(record.channels or ()), steps, method.dt, study.base.frequency).values()
+    )
     contact_time = shortest_contact(small)
     kind = "modal" if small.is_diagonal else "physical"
     alone = NANOSECONDS["modal alone" if small.is_diagonal else "physical"]
@@ -48,8 +50,8 @@ def plan_lines(study: Study) -> list[str]:
     for pair in small.contacts:
         law = pair.parameters
         lines.append(
-            f"contact of {pair.name}: {pair.law.name}, stiffness {law.stiffness:.5g} N/m, damping {law.damping:.5g} N s/m, "
-            f"restitution {law.restitution:.4g}, effective mass {1e3 * pair.effective_mass:.4g} g, "
+            f"contact of {pair.name}: {pair.law.name}, stiffness {law.stiffness:.5g} N/m, "
+            f"damping {law.damping:.5g} N s/m, restitution {law.restitution:.4g}, effective mass {1e3 * pair.effective_mass:.4g} g, "
             f"total clearance {1e3 * sum(pair.gaps):.4g} mm"
         )
     origin = "given" if "dt" in study.method else "recommended"
@@ -64,9 +66,10 @@ def plan_lines(study: Study) -> list[str]:
         cases = plan.points + 2 * plan.refine
         total = cases * plan.cycles / (0.5 * (plan.start + plan.stop)) / method.dt
         each = NANOSECONDS["modal beside others" if small.is_diagonal else "physical"]
+        seconds = 1.5e-9 * each * total * max(small.dofs, 4)
         lines.append(
             f"sweep: up to {cases} frequencies from {plan.start:g} to {plan.stop:g} Hz, {plan.cycles} cycles each, "
-            f"{total:.3g} steps with ball, takes about {1e-9 * each * total * max(small.dofs, 4) * 1.5:.2g} s on one core"
+            f"{total:.3g} steps with ball, takes about {seconds:.2g} s on one core"
         )
     lines += [f"note: {text}" for text in step_notes(small, method)]
     return lines + [f"warning: {text}" for text in warnings]
@@ -79,7 +82,7 @@ def write_convergence(
     _, small, method = build(study)
     check_step(small, method)
     require(study.mesh.file is None, "mesh.file", study.mesh.file, "", "convergence needs [mesh] elements, not a file")
-    least = len({x for x in small.points.values()}) - 1
+    least = len(set(small.points.values())) - 1
     counts = [n for n in MESHES if n >= least]
     with prepare_directory(directory, force) as folder:
         report("meshes", 0.0)
@@ -94,7 +97,9 @@ def write_convergence(
             columns[f"error_{i + 1}"] = mesh.error[:, i]
         units = {name: "Hz" if "frequency" in name else "1" for name in columns if name != "elements"}
         tables.write_csv(folder / "mesh_convergence.csv", columns, units)
-        columns = {name: getattr(step, name) for name in ("dt", "linear_error", "first_impact_error", "energy_residual")}
+        columns = {
+            name: getattr(step, name) for name in ("dt", "linear_error", "first_impact_error", "energy_residual")
+        }
         tables.write_csv(folder / "step_convergence.csv", columns, {"dt": "s"})
         figures.save_figure(figures.mesh_convergence_figure(mesh), folder / "mesh_convergence.png")
         figures.save_figure(figures.step_convergence_figure(step), folder / "step_convergence.png")

@@ -193,7 +193,8 @@ class Response:
         values, unit = self[name], self.units[str(name)]
         moving = unit in ("m", "m/s") and str(name).rpartition(".")[2] != "gap"
         require(moving, "channel", str(name), unit, "must be a displacement or a velocity to have an absolute value")
-        return values + (self.base.displacement(self.time) if unit == "m" else self.base.velocity(self.time))
+        moved_by = self.base.displacement if unit == "m" else self.base.velocity
+        return np.asarray(values + moved_by(self.time))
 
     def to_xarray(self) -> xarray.Dataset:
         """All channels, energies and the base's motion as a labelled dataset over time."""
@@ -203,7 +204,9 @@ class Response:
             return ("time", np.array(values), {"units": unit, "long_name": name})
 
         data = {
-            name: variable(values, self.units[name], f"{name}, relative to the base" if self.units[name] != "N" else name)
+            name: variable(
+                values, self.units[name], f"{name}, relative to the base" if self.units[name] != "N" else name
+            )
             for name, values in self.channels.items()
         }
         data["base"] = variable(self.base.displacement(self.time), "m", "base displacement")

@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 __all__ = [
     "FILES",
     "Report",
-    "history_record",
     "StudyResults",
     "SweepPair",
+    "history_record",
     "load",
     "prepare_directory",
     "run_modes",
@@ -471,13 +471,22 @@ def _write_sweeps(study: Study, folder: Path, sweeps: SweepPair) -> None:
     columns["grid"] = np.where(on_grid, "even", "refined")
     for label, curve in curves.items():
         for name in (*SWEEP_UNITS, "steadiness"):
-            if label == "empty" and name not in ("peak", "rms", "first_harmonic", "phase", "energy_residual", "steadiness"):
+            if label == "empty" and name not in (
+                "peak",
+                "rms",
+                "first_harmonic",
+                "phase",
+                "energy_residual",
+                "steadiness",
+            ):
                 continue
             columns[f"{label}_{name}"] = getattr(curve, name)
             units[f"{label}_{name}"] = SWEEP_UNITS.get(name, "")
     tables.write_csv(folder / FILES["sweep"], columns, units)
     data = xarray.concat(
-        [curve.to_xarray() for curve in curves.values()], xarray.Variable("case", list(curves)), combine_attrs="override"
+        [curve.to_xarray() for curve in curves.values()],
+        xarray.Variable("case", list(curves)),
+        combine_attrs="override",
     )
     data = data.assign_coords(grid=("frequency", columns["grid"]))
     laws = "; ".join(f"{label}: {curve.law}" for label, curve in curves.items())

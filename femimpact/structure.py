@@ -95,7 +95,7 @@ class Segment:
 
     @property
     def mass_per_length(self) -> float:
-        """rho A, kg/m."""
+        """Rho A, kg/m."""
         width, thickness = self.rectangle
         return self.density * width * thickness
 
@@ -119,9 +119,7 @@ class Beam:
         require(len(set(names)) == len(names), "segments", names, "", "must have distinct names")
 
     @classmethod
-    def uniform(
-        cls, *, length: float, width: float, thickness: float, young_modulus: float, density: float
-    ) -> Beam:
+    def uniform(cls, *, length: float, width: float, thickness: float, young_modulus: float, density: float) -> Beam:
         """A beam of one rectangular section; lengths in m, modulus in Pa, density in kg/m^3."""
         return cls((Segment(length, young_modulus, density, width, thickness),))
 
@@ -252,7 +250,7 @@ class Structure:
 
     def __post_init__(self) -> None:
         _as_tuple(self, "masses", "impactors", "supports")
-        names = [item.name for item in (*self.masses, *self.impactors)]
+        names = [*(body.name for body in self.masses), *(ball.name for ball in self.impactors)]
         require(len(set(names)) == len(names), "name", names, "", "must be distinct among masses and impactors")
         allowed = f"must be within the beam, 0 to {self.beam.length:g} m"
         beyond = [

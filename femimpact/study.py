@@ -16,7 +16,17 @@ from pydantic_core import PydanticCustomError
 from femimpact.assembly import assemble
 from femimpact.contact import KelvinVoigt, SwitchingSpring
 from femimpact.damping import Rayleigh
-from femimpact.errors import Fault, InputError, allowed_range, check_fields, choice, in_range, quantity, require, suggestion
+from femimpact.errors import (
+    Fault,
+    InputError,
+    allowed_range,
+    check_fields,
+    choice,
+    in_range,
+    quantity,
+    require,
+    suggestion,
+)
 from femimpact.excitation import Sine
 from femimpact.integrators.newmark import Newmark, recommended_step
 from femimpact.mesh import Mesh, read_mesh, uniform_mesh
@@ -314,7 +324,7 @@ def _model_faults(model: type[BaseModel], noun: Any, prefix: str, values: Mappin
 def _fault(noun: Any, prefix: str, model: type[BaseModel], problem: Any) -> Fault:
     key = ".".join(str(part) for part in problem["loc"])
     path = f"{prefix}.{key}"
-    metadata = next((f.metadata for f in dataclasses.fields(noun) if f.name == key), {})
+    metadata: Mapping[str, Any] = next((f.metadata for f in dataclasses.fields(noun) if f.name == key), {})
     if problem["type"] == "extra_forbidden":
         return Fault(path, None, "", suggestion(key, model.model_fields))
     if problem["type"] == "missing":

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.energy import energy_residual
-from femimpact.errors import DivergenceError, InputError, require
+from femimpact.errors import DivergenceError, require
 from femimpact.excitation import Sine
 from femimpact.identification import DampingEstimate, fit_one_pole, half_power
 from femimpact.integrators import kernels
@@ -205,8 +205,7 @@ def frequency_sweep(
     warnings = list(check_step(system, method))
     state = initial or State()
     observed = system.point_row(at)
-    workers = threads or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
+    workers = threads or _cores()
     groups = _blocks(f, workers)
     blocks = []
     for members in groups:
@@ -224,18 +223,22 @@ def frequency_sweep(
         time = min(float(block.diverged.min()) for block in blocks)
         raise DivergenceError(divergence_message(float(f[0]), time, method))
     warnings += _steadiness_warnings(f, columns["steadiness"])
-    nothing = all(value is None for value in (state.displacement, state.velocity, state.ball_displacement, state.ball_velocity))
     return FrequencyResponse(
         frequency=_read_only(f),
         **{name: _read_only(column) for name, column in columns.items()},
         amplitude=amplitude,
         cycles=int(cycles),
         at=at,
-        start=state.frame if nothing else "given",
+        start=state.frame if state.is_at_rest else "given",
         law=", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none",
         warnings=tuple(warnings),
         notes=step_notes(system, method),
     )
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _check_resolution(f: NDArray[Any], method: Newmark) -> None:

@@ -134,12 +134,12 @@ class System:
         -------
         ndarray (k, dofs)
         """
-        rows = hermite_rows(self.nodes, positions, derivative) @ self.expansion
-        return np.asarray(rows.toarray() if sparse.issparse(rows) else rows)
+        rows: Any = hermite_rows(self.nodes, positions, derivative) @ self.expansion
+        return np.asarray(rows if isinstance(rows, np.ndarray) else rows.toarray())
 
     def point_row(self, at: Position) -> NDArray[Any]:
         """Row (dofs,) that reads the deflection at one named or numbered place."""
-        return self.deflection_rows([self.position_of(at)])[0]
+        return np.asarray(self.deflection_rows([self.position_of(at)])[0])
 
 
 def _is_diagonal(matrix: Any) -> bool:
@@ -197,6 +197,12 @@ class State:
     def at_rest(cls, frame: str = "base") -> State:
         """Beam and balls at rest in the frame of the base, or in space."""
         return cls(frame=frame)
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether nothing moves or is displaced in the state's own frame."""
+        given = (self.displacement, self.velocity, self.ball_displacement, self.ball_velocity)
+        return all(values is None or not np.any(values) for values in given)
 
     def relative_to_base(
         self, system: System, base: Sine

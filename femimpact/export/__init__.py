@@ -1,0 +1,1 @@
+"""Files and pictures of results: the only rooms that know pyvista, matplotlib and file formats."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +33,7 @@ __all__ = [
 BLUE, ORANGE, GREEN, PURPLE, SKY, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#666666"
 """Okabe and Ito's colours, which most colour-blind readers can tell apart."""
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY)
-STYLE: Mapping[str, Any] = {
+STYLE: Any = {
     "font.size": 11.0,
     "axes.titlesize": 11.0,
     "axes.spines.top": False,
@@ -43,7 +43,6 @@ STYLE: Mapping[str, Any] = {
     "grid.linewidth": 0.8,
     "axes.axisbelow": True,
     "lines.linewidth": 1.6,
-    "legend.frameon": False,
     "savefig.dpi": 150,
 }
 
@@ -52,9 +51,18 @@ def _figure(width: float, height: float, rows: int = 1, columns: int = 1, **opti
     import matplotlib
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context(dict(STYLE)):
+    with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def _plain_log_ticks(axis: Any) -> None:
+    """Label a logarithmic axis 1, 2, 5, 10, ... instead of by powers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def save_figure(figure: Figure, path: str | Path) -> Path:
@@ -62,7 +70,7 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
     import matplotlib
 
     path = Path(path)
-    with matplotlib.rc_context(dict(STYLE)), atomic_path(path) as temporary:
+    with matplotlib.rc_context(STYLE), atomic_path(path) as temporary:
         figure.savefig(temporary, format=path.suffix.lstrip("."))
     return path
 
@@ -127,7 +135,8 @@ def response_figure(
     axis.set_title((title or f"base amplitude {1e3 * empty.amplitude:.4g} mm") + note, loc="left")
     axis.set_xlabel("base frequency (Hz)")
     axis.set_ylabel("tip displacement relative to the base (mm)")
-    axis.legend(loc="upper left")
+    _plain_log_ticks(axis.yaxis)
+    axis.legend(loc="upper left", frameon=False)
     return figure
 
 
@@ -144,21 +153,23 @@ def contact_force_figure(response: Response, cycles: int = 8) -> Figure:
     law = response.statistics.law
     axes[0, 0].set_title(f"last {cycles} cycles at {response.base.frequency:.4g} Hz, law: {law}", loc="left")
     if len(names) > 1:
-        axes[0, 0].legend(loc="upper right")
+        axes[0, 0].legend(loc="upper right", frameon=False)
     impacts, statistics = response.impacts, response.statistics
     for side, colour, label in ((1, BLUE, "+ wall"), (-1, ORANGE, "- wall")):
         chosen = impacts.side == side
-        axes[1, 0].plot(impacts.time[chosen], impacts.peak_force[chosen], "o", markersize=3.0, color=colour, label=label)
+        axes[1, 0].plot(
+            impacts.time[chosen], impacts.peak_force[chosen], "o", markersize=3.0, color=colour, label=label
+        )
     axes[1, 0].axhline(statistics.cycle_mean_force, color=GREY, linestyle="--", linewidth=1.2)
     axes[1, 0].set_title(
         f"peak of each impact; dashed: cycle-averaged force {1e3 * statistics.cycle_mean_force:.3g} mN, "
         f"mean impulse {1e3 * statistics.mean_impulse:.3g} mN s",
         loc="left",
     )
-    axes[1, 0].set_ylim(bottom=0.0)
+    axes[1, 0].set_ylim(0.0, 1.25 * max(impacts.peak_force.max(initial=0.0), 1e-9))
     axes[1, 0].set_ylabel("peak force (N)")
     axes[1, 0].set_xlabel("time (s)")
-    axes[1, 0].legend(loc="upper right", ncols=2)
+    axes[1, 0].legend(loc="upper left", ncols=2, frameon=False)
     return figure
 
 
@@ -206,7 +217,7 @@ def restitution_figure(
     axes[1, 0].set_ylabel("amplitude ratio without / with ball")
     axes[1, 0].set_xlabel("restitution of the contact")
     axes[1, 0].set_ylim(bottom=0.0)
-    axes[0, 0].legend(loc="best")
+    axes[0, 0].legend(loc="best", frameon=False)
     return figure
 
 
@@ -222,7 +233,7 @@ def mesh_convergence_figure(result: MeshConvergence) -> Figure:
     axis.set_ylim(bottom=1e-16)
     axis.set_xlabel("elements")
     axis.set_ylabel("relative error of the natural frequency")
-    axis.legend(loc="upper right")
+    axis.legend(loc="upper right", frameon=False)
     return figure
 
 
@@ -240,5 +251,5 @@ def step_convergence_figure(result: StepConvergence) -> Figure:
             axis.loglog(1e6 * result.dt, values, style, color=colour, label=label)
     axis.set_xlabel("step dt (microseconds)")
     axis.set_ylabel("relative error")
-    axis.legend(loc="lower right")
+    axis.legend(loc="lower right", frameon=False)
     return figure

@@ -59,7 +59,7 @@ def empty_record(dofs: int) -> kernels.Record:
     """A record that keeps nothing."""
     return kernels.Record(
         kind=np.zeros(0, dtype=np.int64),
-        index=np.zeros(0, dtype=np.int64),
+        source=np.zeros(0, dtype=np.int64),
         rows=np.zeros((0, dofs)),
         channels=np.zeros((0, 0)),
         energy=np.zeros((0, len(kernels.ENERGY_COLUMNS))),
@@ -67,7 +67,7 @@ def empty_record(dofs: int) -> kernels.Record:
         forces=np.zeros((0, 0)),
         impacts=np.zeros((0, len(kernels.IMPACT_COLUMNS))),
         stride=np.ones(4, dtype=np.int64),
-        count=np.zeros(4, dtype=np.int64),
+        tally=np.zeros(4, dtype=np.int64),
     )
 
 
@@ -180,9 +180,7 @@ def _widened(band: NDArray[Any], width: int) -> NDArray[Any]:
 
 def _pairs(system: System, operator: kernels.Operator, lanes: int) -> kernels.Pairs:
     contacts = system.contacts
-    rows = [
-        next(i for i, row in enumerate(operator.rows) if np.array_equal(row, pair.direction)) for pair in contacts
-    ]
+    rows = [next(i for i, row in enumerate(operator.rows) if np.array_equal(row, pair.direction)) for pair in contacts]
     constants = np.zeros((7, len(contacts), lanes))
     for j, pair in enumerate(contacts):
         constants[kernels.MASS, j] = pair.mass

@@ -35,7 +35,9 @@ class AchievedRestitution:
     peak_force: float
 
 
-def achieved_restitution(pair: ContactPair, method: Newmark, approach_speed: float, phases: int = 32) -> AchievedRestitution:
+def achieved_restitution(
+    pair: ContactPair, method: Newmark, approach_speed: float, phases: int = 32
+) -> AchievedRestitution:
     """Throw the pair's effective mass at a wall with the method's own step, and look at the rebound.
 
     Parameters

@@ -86,8 +86,8 @@ def integrate(
     run_block(block, progress)
     if np.isfinite(block.diverged[0]):
         raise DivergenceError(divergence_message(excitation.frequency, float(block.diverged[0]), method))
-    if kept.count[3] > kept.impacts.shape[0]:
-        lost = int(kept.count[3] - kept.impacts.shape[0])
+    if kept.tally[3] > kept.impacts.shape[0]:
+        lost = int(kept.tally[3] - kept.impacts.shape[0])
         warnings.append(f"{lost} impacts beyond the first {recorder.impacts} are not in the table (Recorder.impacts)")
     return _response(block, system, excitation, method, recorder, channels, tuple(warnings))
 
@@ -153,7 +153,7 @@ def _record(
     start, start_field = (min(round(t / dt), steps) for t in (recorder.start, recorder.snapshots_start))
     return kernels.Record(
         kind=np.array([channel.kind for channel in channels], dtype=np.int64),
-        index=np.array(index, dtype=np.int64),
+        source=np.array(index, dtype=np.int64),
         rows=np.array(rows).reshape(-1, system.dofs),
         channels=np.zeros((samples, len(channels))),
         energy=np.zeros((samples if recorder.ledger else 0, len(kernels.ENERGY_COLUMNS))),
@@ -161,7 +161,7 @@ def _record(
         forces=np.zeros((snapshots, balls)),
         impacts=np.zeros((recorder.impacts if balls else 0, len(kernels.IMPACT_COLUMNS))),
         stride=np.array([recorder.every, start, max(recorder.snapshots, 1), start_field], dtype=np.int64),
-        count=np.zeros(4, dtype=np.int64),
+        tally=np.zeros(4, dtype=np.int64),
     )
 
 
@@ -210,11 +210,11 @@ def _ledger(record: kernels.Record, time: NDArray[Any]) -> EnergyLedger:
 
 
 def _impacts(record: kernels.Record, system: System) -> Impacts:
-    count = min(int(record.count[3]), record.impacts.shape[0])
+    count = min(int(record.tally[3]), record.impacts.shape[0])
     columns = {name: _read_only(record.impacts[:count, i]) for i, name in enumerate(kernels.IMPACT_COLUMNS)}
     names = np.array([pair.name for pair in system.contacts] or [""])
     columns["impactor"] = names[columns.pop("pair").astype(int)]
-    return Impacts(**columns, dropped=int(record.count[3]) - count)
+    return Impacts(**columns, dropped=int(record.tally[3]) - count)
 
 
 def _snapshots(record: kernels.Record, system: System, first: int, stride: int, dt: float) -> Snapshots:

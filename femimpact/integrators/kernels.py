@@ -9,7 +9,8 @@ beside it.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numba import njit
@@ -33,9 +34,20 @@ __all__ = [
 ]
 
 # _nrt=False: nothing here allocates, and counting references to array slices would cost ten times the arithmetic
-compiled = njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
-# called from one place: a call would copy every array's descriptor
-inlined = njit(cache=True, nogil=True, error_model="numpy", _nrt=False, forceinline=True)
+OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def compiled(function: Function) -> Function:
+    """Compile a function of arrays and numbers."""
+    return cast(Function, njit(**OPTIONS)(function))
+
+
+def inlined(function: Function) -> Function:
+    """Compile a function that is called from one place: a call would copy every array's descriptor."""
+    return cast(Function, njit(forceinline=True, **OPTIONS)(function))
+
 
 # a contact law's formula stands in `contact`; here it is only compiled
 _penetration = inlined(contact.penetration)
@@ -136,7 +148,7 @@ class Record(NamedTuple):
     """What case 0 keeps."""
 
     kind: NDArray[Any]  # (channels,)
-    index: NDArray[Any]  # (channels,)
+    source: NDArray[Any]  # (channels,) row or pair
     rows: NDArray[Any]  # (rows, n)
     channels: NDArray[Any]  # (samples, channels)
     energy: NDArray[Any]  # (samples, columns)
@@ -144,7 +156,7 @@ class Record(NamedTuple):
     forces: NDArray[Any]  # (snapshots, pairs)
     impacts: NDArray[Any]  # (most, columns)
     stride: NDArray[Any]  # (4,): every, first sample, snapshot stride, first snapshot
-    count: NDArray[Any]  # (4,): step, samples, snapshots, impacts met
+    tally: NDArray[Any]  # (4,): step, samples, snapshots, impacts met
 
 
 # ---- every step: arrays only, inner loops over cases ----------------------------------------------
@@ -471,9 +483,7 @@ def _pair_force(
 
 
 @inlined
-def _contact_step(
-    c: int, op: Operator, s: Scheme, pairs: Pairs, m: Motion, record: Record, work: NDArray[Any]
-) -> None:
+def _contact_step(c: int, op: Operator, s: Scheme, pairs: Pairs, m: Motion, record: Record, work: NDArray[Any]) -> None:
     """Contact forces of one case, their effect on its state, and the bookkeeping of its impacts."""
     count = pairs.row.size
     x_free, rate_free, gate, force, normal = work[0], work[1], work[2], work[3], work[4]
@@ -533,7 +543,7 @@ def _book_impact(
     constants: NDArray[Any], m: Motion, record: Record,
 ) -> None:  # fmt: skip
     """Open, follow and close the record of one contact."""
-    touch, x, step = m.touch, m.ball[X, j, c], record.count[0]
+    touch, x, step = m.touch, m.ball[X, j, c], record.tally[0]
     depth, side = _penetration(x, constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c])
     always = kind == SWITCHING_SPRING or constants[FREE_STIFFNESS, j, c] > 0.0
     if touch[OPEN, j, c] == 0.0:
@@ -576,14 +586,14 @@ def _write_impact(j: int, c: int, step: int, rate: float, m: Motion, record: Rec
         totals[3, j, c] += touch[IMPULSE, j, c]
         totals[4, j, c] = max(totals[4, j, c], touch[PEAK, j, c])
     if c == 0:
-        k = record.count[3]
+        k = record.tally[3]
         if k < record.impacts.shape[0]:
             row = record.impacts[k]
             row[0], row[1], row[2] = touch[START, j, c], j, touch[SIDE, j, c]
             row[3], row[4] = touch[APPROACH, j, c], -touch[SIDE, j, c] * rate
             row[5], row[6] = touch[IMPULSE, j, c], touch[PEAK, j, c]
             row[7], row[8] = touch[DURATION, j, c], touch[LOSS, j, c]
-        record.count[3] += 1
+        record.tally[3] += 1
 
 
 # ---- now and then: cycles, samples, energies ------------------------------------------------------
@@ -650,9 +660,9 @@ def _close_cycles(
 
 @compiled
 def _write_sample(op: Operator, pairs: Pairs, m: Motion, record: Record, ledger: bool) -> None:
-    k = record.count[1]
+    k = record.tally[1]
     for i in range(record.kind.size):
-        kind, index, value = record.kind[i], record.index[i], 0.0
+        kind, index, value = record.kind[i], record.source[i], 0.0
         if kind == 0 or kind == 1:
             state = m.q if kind == 0 else m.v
             for d in range(state.shape[0]):
@@ -668,12 +678,12 @@ def _write_sample(op: Operator, pairs: Pairs, m: Motion, record: Record, ledger:
         record.channels[k, i] = value
     if ledger:
         write_energy(0, op, pairs, m, record.energy[k])
-    record.count[1] = k + 1
+    record.tally[1] = k + 1
 
 
 @compiled
 def _write_snapshot(m: Motion, record: Record) -> None:
-    k, n = record.count[2], m.q.shape[0]
+    k, n = record.tally[2], m.q.shape[0]
     for i in range(n):
         record.fields[k, 0, i] = m.q[i, 0]
         record.fields[k, 1, i] = m.v[i, 0]
@@ -681,22 +691,22 @@ def _write_snapshot(m: Motion, record: Record) -> None:
         record.fields[k, 0, n + j] = m.ball[Y, j, 0]
         record.fields[k, 1, n + j] = m.ball[Y_RATE, j, 0]
         record.forces[k, j] = m.ball[FORCE, j, 0]
-    record.count[2] = k + 1
+    record.tally[2] = k + 1
 
 
 @compiled
 def keep(step: int, op: Operator, pairs: Pairs, m: Motion, record: Record, ledger: bool) -> None:
     """Write the sample and the snapshot that are due at this step."""
     every, first, stride, first_field = record.stride
-    if step >= first and (step - first) % every == 0 and record.count[1] < record.channels.shape[0]:
+    if step >= first and (step - first) % every == 0 and record.tally[1] < record.channels.shape[0]:
         _write_sample(op, pairs, m, record, ledger)
-    if step >= first_field and (step - first_field) % stride == 0 and record.count[2] < record.fields.shape[0]:
+    if step >= first_field and (step - first_field) % stride == 0 and record.tally[2] < record.fields.shape[0]:
         _write_snapshot(m, record)
 
 
 @compiled
 def _least(values: NDArray[Any]) -> int:
-    least = values[0]
+    least: int = values[0]
     for value in values:
         least = min(least, value)
     return least
@@ -705,8 +715,9 @@ def _least(values: NDArray[Any]) -> int:
 @compiled
 def _any_due(step: int, record: Record) -> bool:
     every, first, stride, first_field = record.stride
-    sample = record.channels.shape[0] > 0 and (step - first) % every == 0
-    return sample or (record.fields.shape[0] > 0 and (step - first_field) % stride == 0)
+    sample: bool = record.channels.shape[0] > 0 and (step - first) % every == 0
+    field: bool = record.fields.shape[0] > 0 and (step - first_field) % stride == 0
+    return sample or field
 
 
 @compiled
@@ -738,9 +749,7 @@ def advance(
                 op.load, op.damping, op.stiffness, op.rows[0], s, m.q[:, 0], m.v[:, 0], m.a[:, 0], w[0], w_rate[0], base
             )
         else:
-            _free_step_diagonal(
-                op.load, op.damping, op.stiffness, op.rows[0], s, m.q, m.v, m.a, w[0], w_rate[0], base
-            )
+            _free_step_diagonal(op.load, op.damping, op.stiffness, op.rows[0], s, m.q, m.v, m.a, w[0], w_rate[0], base)
         for r in range(1, w.shape[0]):
             _read_row(op.rows[r], m.q, m.v, w[r], w_rate[r])
         looking = 0
@@ -781,8 +790,8 @@ def advance(
             for c in range(base.size):
                 m.drive[BASE_BEFORE, c] = base[c]
         _observe(w[0], m.drive, cycles.sums)
-        step = record.count[0] + 1
-        record.count[0] = step
+        step = record.tally[0] + 1
+        record.tally[0] = step
         if step == next_wrap:
             _close_cycles(step, ledger, op, pairs, m, cycles, energy)
             next_wrap = _least(cycles.next_wrap)
