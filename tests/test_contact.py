@@ -36,7 +36,7 @@ def test_restitution_and_contact_time_are_those_of_the_differential_equation(z):
 def test_restitution_is_smooth_across_critical_damping():
     z = 1.0 + np.array([-3e-6, -2e-6, -1e-6, -1e-7, 0, 1e-7, 1e-6, 2e-6, 3e-6])
     e = np.array([contact.restitution_of_damping_ratio(float(value)) for value in z])
-    # d(ln e)/dz at z = 1: e = exp(-2 z a), a = 1 - (z-1)/3, so -2 (1 - 1/3); curvature adds 1e-11, rounding of acos 1e-10
+    # d(ln e)/dz at z = 1: e = exp(-2 z a), a = 1 - (z-1)/3, so -2 (1 - 1/3); curvature adds 1e-11, acos rounds to 1e-10
     np.testing.assert_allclose(np.log(e), -2.0 - 4.0 / 3.0 * (z - 1.0), rtol=0, atol=1e-9)
 
 
@@ -184,7 +184,7 @@ def test_one_collision_in_a_run_obeys_the_law(reference, restitution, side):
     pushed = 0.25 * dt**2 * (pair.parameters.damping + 0.4 * dt * pair.parameters.stiffness) / pair.effective_mass
     assert impacts.time[0] == pytest.approx(0.04 - 0.4 * dt, abs=1.01 * pushed + 1e-12)
     assert impacts.approach_speed[0] == pytest.approx(0.1, rel=1e-9)
-    # touch anywhere in a step of T_c/400 scatters e by 2e-4 (0.8e-3 at most), the beam's own spring takes (w1 T_c)^2/8
+    # touch anywhere in a step of T_c/400 scatters e by up to 8e-4; the beam's own spring takes (w1 T_c)^2/8
     assert impacts.restitution[0] == pytest.approx(restitution, abs=1e-3)
     assert impacts.duration[0] == pytest.approx(2e-3, abs=2 * 2e-3 / 400)  # one step at each end
     exact = (1 + restitution) * pair.effective_mass * 0.1
@@ -232,7 +232,7 @@ def test_in_a_run_the_wall_pushes_while_the_ball_is_in_it_and_never_pulls(refere
     gap, force = response["gap"], response["contact_force"]
     assert len(response.impacts) >= 3
     assert np.all(force * np.sign(gap) >= 0.0)
-    # gated on the penetration without the contact force: a force may end a hair inside the gap, never further than it moved
+    # gated on the penetration without the contact force: a force may end a hair inside the gap, no more than it moved
     inside = np.abs(gap) <= 4e-3
     allowed = 0.25 * 1e-4**2 * np.abs(force) / system.contacts[0].effective_mass
     assert np.all(4e-3 - np.abs(gap[inside & (force != 0)]) <= 1.001 * allowed[inside & (force != 0)])

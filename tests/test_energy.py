@@ -76,13 +76,20 @@ def test_the_balance_of_one_collision_closes_as_the_step_shrinks(reference, rest
     system = one_mode(reference, fi.KelvinVoigt(restitution=restitution, contact_time=CONTACT_TIME))
     steps = CONTACT_TIME / np.array([10, 20, 40, 80])
     # single collisions scatter with the instant of touch: take the mean over 16 of them
-    residual = [
-        np.mean([collision(system, dt, (i + 0.5) / 16).energy.residual for i in range(16)]) for dt in steps
-    ]
+    residual = [np.mean([collision(system, dt, (i + 0.5) / 16).energy.residual for i in range(16)]) for dt in steps]
     slope = np.polyfit(np.log(steps), np.log(residual), 1)[0]
     assert slope > 1.5
     # 1 % of the ball's energy at the recommended T_c/20
     assert residual[1] < 1e-2
+
+
+@pytest.mark.parametrize("restitution", [0.1, 0.6])
+@pytest.mark.parametrize("share", [1e-3, 0.01, 0.03, 0.1, 0.5, 0.9])
+def test_the_balance_closes_wherever_in_a_step_the_touch_falls(reference, restitution, share):
+    system = one_mode(reference, fi.KelvinVoigt(restitution=restitution, contact_time=CONTACT_TIME))
+    energy = collision(system, CONTACT_TIME / 20, share).energy
+    # T_c/20: a few per mille of the ball's energy, 1 % at the worst instant
+    assert abs(energy.residual_history[-1]) < 1e-2
 
 
 def test_a_lossless_collisions_step_error_is_the_published_one(reference):
@@ -108,7 +115,9 @@ def test_a_collision_takes_what_its_restitution_says(reference, restitution):
 def test_a_lossless_system_keeps_its_energy_over_many_impacts(reference):
     system = one_mode(reference, fi.KelvinVoigt(restitution=1.0, contact_time=CONTACT_TIME))
     start = fi.State(displacement=[1e-4], ball_velocity=[0.3])
-    response = fi.integrate(system, fi.Sine(0.0, 5.0), fi.Newmark(CONTACT_TIME / 400, divergence_limit=1e9), 1.0, initial=start)
+    response = fi.integrate(
+        system, fi.Sine(0.0, 5.0), fi.Newmark(CONTACT_TIME / 400, divergence_limit=1e9), 1.0, initial=start
+    )
     assert len(response.impacts) > 10
     stored = response.energy.stored
     # each impact's step error is about 1e-5 of its energy and of either sign

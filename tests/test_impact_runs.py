@@ -32,7 +32,7 @@ def test_the_mirrored_start_on_the_mirrored_base_gives_the_mirrored_response(sma
     record = fi.Recorder(channels=("tip", "ball", "contact_force"))
     one = fi.integrate(small, BASE, method, 0.3, record, initial=start)
     other = fi.integrate(small, replace(BASE, phase=math.pi), method, 0.3, record, initial=mirrored)
-    assert len(one.impacts) == len(other.impacts) >= 3
+    assert len(one.impacts) == len(other.impacts) >= 2
     # sin(x + pi) differs from -sin(x) by rounding, 1e-20 m of base; a few impacts amplify it a thousandfold at most
     for name, tolerance in (("tip", 1e-15), ("ball", 1e-14), ("contact_force", 1e-10)):
         assert np.max(np.abs(one[name])) > 1e3 * tolerance
@@ -92,7 +92,9 @@ def test_two_balls_at_two_places_stay_in_their_gaps(reference):
     system = reduced(replace(reference, impactors=balls))
     channels = ("outer.gap", "inner.gap", "outer.contact_force", "inner.contact_force")
     start = fi.State(ball_velocity=[0.1, -0.1])
-    run = fi.integrate(system, replace(BASE, amplitude=1e-3), newmark(system), 3.0, fi.Recorder(channels), initial=start)
+    run = fi.integrate(
+        system, replace(BASE, amplitude=1e-3), newmark(system), 3.0, fi.Recorder(channels), initial=start
+    )
     for pair, ball in zip(system.contacts, balls, strict=True):
         hits = run.impacts.impactor == ball.name
         assert hits.sum() > 10
@@ -124,7 +126,12 @@ def test_a_ball_in_flight_is_straight_in_space(small, phase):
     base = replace(BASE, phase=phase)
     speed = 0.01
     run = fi.integrate(
-        small, base, fi.Newmark(1e-4), 0.25, fi.Recorder(("ball", "ball.velocity")), initial=fi.State(ball_velocity=[speed])
+        small,
+        base,
+        fi.Newmark(1e-4),
+        0.25,
+        fi.Recorder(("ball", "ball.velocity")),
+        initial=fi.State(ball_velocity=[speed]),
     )
     assert len(run.impacts) == 0
     t, w = run.time, base.omega
@@ -197,14 +204,17 @@ def test_at_rest_in_space_a_ball_stays_where_it_is_and_at_rest_with_the_base_it_
     assert drifting.impacts.side[0] == 1
 
 
-def test_at_rest_in_space_the_beam_starts_against_the_base(small):
+@pytest.mark.parametrize(("modes", "missing"), [(None, 1e-12), (8, 2e-3)])
+def test_at_rest_in_space_the_beam_starts_against_the_base(system, modes, missing):
+    used = system if modes is None else fi.reduce(system, modes=modes)
     base = fi.Sine(amplitude=0.1e-3, frequency=5.0, phase=0.5)
-    run = fi.integrate(
-        small, base, fi.Newmark(1e-4), 0.01, fi.Recorder(("tip", "tip.velocity")), initial=fi.State.at_rest("space")
-    )
-    # rigid translation of the whole beam on 8 modes: the truncated modes carry the last per mille of it at the tip
-    assert run.absolute("tip")[0] == pytest.approx(0.0, abs=1e-3 * base.amplitude)
-    assert run.absolute("tip.velocity")[0] == pytest.approx(0.0, abs=1e-3 * base.amplitude * base.omega)
+    channels = ("tip", "tip.velocity", "mid")
+    run = fi.integrate(used, base, fi.Newmark(1e-4), 0.01, fi.Recorder(channels), initial=fi.State.at_rest("space"))
+    # all dofs move rigidly, to rounding; 8 modes leave out 1e-3 or so of a rigid translation of the tip
+    assert run.absolute("tip")[0] == pytest.approx(0.0, abs=missing * base.amplitude)
+    assert run.absolute("tip.velocity")[0] == pytest.approx(0.0, abs=missing * base.amplitude * base.omega)
+    if modes is None:
+        assert run.absolute("mid")[0] == pytest.approx(0.0, abs=missing * base.amplitude)
 
 
 def test_the_recommended_step_and_half_of_it_agree_in_the_statistics_of_a_long_run(small):
@@ -225,7 +235,12 @@ def test_a_start_outside_the_cavity_is_refused(small):
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("displacement", [0.0]), ("velocity", np.zeros(9)), ("ball_velocity", [0.0, 0.0]), ("ball_displacement", [np.nan])],
+    [
+        ("displacement", [0.0]),
+        ("velocity", np.zeros(9)),
+        ("ball_velocity", [0.0, 0.0]),
+        ("ball_displacement", [np.nan]),
+    ],
 )
 def test_a_start_of_the_wrong_size_is_refused(small, field, value):
     with pytest.raises(fi.InputError, match=rf"initial\.{field}"):

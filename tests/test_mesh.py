@@ -137,10 +137,16 @@ def test_a_mesh_of_another_length_or_region_is_refused():
     longer = fi.Structure(fi.Beam.uniform(length=0.26, width=0.02, thickness=1e-3, young_modulus=7e10, density=2700))
     with pytest.raises(fi.InputError, match=r"beam\.length = 0\.26 m: must be the mesh's length, 0\.25 m"):
         fi.assemble(longer, mesh=mesh)
-    segments = [fi.Segment(0.1, 7e10, 2700, 0.02, 2e-3, name="thick"), fi.Segment(0.15, 7e10, 2700, 0.02, 1e-3, name="thin")]
+    segments = [
+        fi.Segment(0.1, 7e10, 2700, 0.02, 2e-3, name="thick"),
+        fi.Segment(0.15, 7e10, 2700, 0.02, 1e-3, name="thin"),
+    ]
     with pytest.raises(fi.InputError, match=r"beam\.thick\.length = 0\.1 m: must be the length of the mesh's region"):
         fi.assemble(fi.Structure(fi.Beam(segments)), mesh=mesh)
-    segments = [fi.Segment(0.15, 7e10, 2700, 0.02, 2e-3, name="thik"), fi.Segment(0.1, 7e10, 2700, 0.02, 1e-3, name="thin")]
+    segments = [
+        fi.Segment(0.15, 7e10, 2700, 0.02, 2e-3, name="thik"),
+        fi.Segment(0.1, 7e10, 2700, 0.02, 1e-3, name="thin"),
+    ]
     with pytest.raises(fi.InputError, match=r"mesh\.regions = 'thik': unknown; did you mean 'thick'\?"):
         fi.assemble(fi.Structure(fi.Beam(segments)), mesh=mesh)
 

@@ -1,0 +1,163 @@
+"""The command line as a user meets it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import femimpact as fi
+import numpy as np
+import pytest
+from femimpact.demo import paper_study_text
+
+SMALL = (
+    paper_study_text()
+    .replace("duration = 60.0 ", "duration = 6.0 ")
+    .replace("refine = 40 ", "refine = 6 ")
+    .replace("cycles = 600 ", "cycles = 60 ")
+    .replace("frames = 160 ", "frames = 12 ")
+)
+
+
+def femimpact(*arguments, cwd, check=True):
+    done = subprocess.run(
+        [sys.executable, "-m", "femimpact", *map(str, arguments)], cwd=cwd, capture_output=True, text=True
+    )
+    if check:
+        assert done.returncode == 0, done.stderr
+    return done
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """One `run` of a small study, shared by the tests that read its results."""
+    folder = tmp_path_factory.mktemp("run")
+    (folder / "small.toml").write_text(SMALL, encoding="utf-8")
+    femimpact("run", "small.toml", "-o", "out", cwd=folder)
+    return folder / "out"
+
+
+def test_init_then_check(tmp_path):
+    femimpact("init", "mine.toml", cwd=tmp_path)
+    printed = femimpact("check", "mine.toml", cwd=tmp_path).stdout
+    for words in (
+        "dofs: 80 of the mesh",
+        "contact time: 0.002 s",
+        "step: 0.0001 s (recommended)",
+        "600000 steps",
+        "MB",
+    ):
+        assert words in printed
+    again = femimpact("init", "mine.toml", cwd=tmp_path, check=False)
+    assert again.returncode == 2
+    assert "exists already" in again.stderr
+
+
+def test_run_leaves_every_file_and_load_reads_it_back(ran):
+    from femimpact.results import FILES
+
+    missing = [name for name in FILES.values() if not (ran / name).exists() and name != FILES["movie"]]
+    assert missing == []
+    assert any((ran / name).exists() for name in ("deflection.mp4", "deflection.gif"))
+    results = fi.load(ran)
+    assert results.summary["natural_frequency"]["empty"][0] == pytest.approx(5.30, abs=5e-4)
+    assert results.summary["natural_frequency"]["glued"][0] == pytest.approx(4.98, abs=5e-4)
+    # the table and the netCDF file hold the same sweep
+    from femimpact.export.tables import read_csv
+
+    table = read_csv(ran / FILES["sweep"])
+    np.testing.assert_array_equal(table["ball_peak"], results.sweep["peak"].sel(case="ball"))
+    assert results.history["tip"].attrs["units"] == "m"
+    assert results.impacts["time"].size == results.summary["history"]["impacts"]
+    assert not [path for path in ran.parent.iterdir() if path.name.startswith(".out")]
+
+
+def test_summary_has_the_promised_keys_as_plain_numbers(ran):
+    summary = json.loads((ran / "summary.json").read_text())
+    for case in ("empty", "ball"):
+        for key in ("peak_frequency", "peak_amplitude", "damping_fit", "damping_half_power"):
+            assert isinstance(summary["sweep"][case][key], float | None)
+    for key in ("amplitude_ratio", "restitution", "energy_residual"):
+        assert isinstance(summary[key], float)
+    assert summary["contact"]["law"] == "kelvin-voigt"
+    for key in ("peak_force", "mean_impulse", "cycle_mean_force"):
+        assert summary["contact"][key] > 0
+    assert summary["versions"]["femimpact"] == fi.__version__
+    assert isinstance(summary["warnings"], list)
+
+
+def test_existing_results_are_kept_unless_forced(ran):
+    (ran / "mine.txt").write_text("keep me")
+    refused = femimpact("modes", "small.toml", "-o", "out", cwd=ran.parent, check=False)
+    assert refused.returncode == 2
+    assert "exists already" in refused.stderr
+    femimpact("modes", "small.toml", "-o", "out", "--force", "--quiet", cwd=ran.parent)
+    # only files of the same names are replaced
+    assert (ran / "mine.txt").read_text() == "keep me"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("run", "nowhere.toml"), "must be an existing TOML file"),
+        (("runn", "small.toml"), "runn"),
+        (("simulate", "small.toml", "--frequency", "0"), "frequency = 0.0 Hz: must be a finite number > 0 Hz"),
+        (("simulate", "small.toml", "--frequency", "fast"), "fast"),
+        (("run", "coarse.toml"), "contact time of 0.002 s"),
+        (("run", "typo.toml"), "did you mean 'thickness'?"),
+    ],
+)
+def test_bad_input_exits_with_2_and_no_traceback(tmp_path, arguments, words):
+    (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
+    (tmp_path / "coarse.toml").write_text(SMALL.replace('name = "newmark"', "dt = 1e-3"), encoding="utf-8")
+    (tmp_path / "typo.toml").write_text(SMALL.replace("thickness =", "thicknes ="), encoding="utf-8")
+    before = sorted(tmp_path.iterdir())
+    done = femimpact(*arguments, cwd=tmp_path, check=False)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert words in done.stderr
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_coarse_step_let_through_leaves_its_warning(tmp_path):
+    text = SMALL.replace('name = "newmark"', "dt = 1e-3\nallow_coarse_step = true")
+    (tmp_path / "coarse.toml").write_text(text, encoding="utf-8")
+    printed = femimpact("simulate", "coarse.toml", "-o", "out", cwd=tmp_path).stdout
+    warnings = fi.load(tmp_path / "out").summary["warnings"]
+    assert any("coarse step: dt = 0.001 s against a contact time of 0.002 s" in text for text in warnings)
+    assert "warning: coarse step" in printed
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGINT to a child process")
+def test_interrupt_leaves_nothing_behind(tmp_path):
+    text = paper_study_text().replace("duration = 60.0 ", "duration = 20000.0 ").replace("every = 10 ", "every = 1000 ")
+    (tmp_path / "long.toml").write_text(text, encoding="utf-8")
+    child = subprocess.Popen(
+        [sys.executable, "-m", "femimpact", "simulate", "long.toml", "-o", "out", "-q"],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    # the staging folder appears when the work begins
+    for _ in range(600):
+        if any(path.name.startswith(".out") for path in tmp_path.iterdir()):
+            break
+        time.sleep(0.05)
+    time.sleep(0.5)
+    child.send_signal(signal.SIGINT)
+    _, errors = child.communicate(timeout=120)
+    assert child.returncode == 130, errors
+    assert errors.strip() == "femimpact: interrupted; nothing was written"
+    assert [path.name for path in tmp_path.iterdir()] == ["long.toml"]
+
+
+def test_converge_writes_tables_and_figures(tmp_path):
+    (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
+    printed = femimpact("converge", "small.toml", "-o", "out", cwd=tmp_path).stdout
+    names = {"mesh_convergence.csv", "mesh_convergence.png", "step_convergence.csv", "step_convergence.png"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == names
+    assert "rounding in the assembled stiffness" in printed
