@@ -27,6 +27,7 @@ app = App(
     help="Vibro-impact dynamics of beams, and the design of impact dampers on them.",
     version=__version__,
     help_format="plaintext",
+    suppress_keyboard_interrupt=False,
 )
 
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="Directory of the results.")]
@@ -246,9 +247,11 @@ def _print_table(console: Console, header: Any, rows: Any, title: str) -> None:
     from rich.table import Table
 
     table = Table(title=title, title_justify="left")
+    lines = [tuple(row) for row in rows]
     for i, name in enumerate(header):
-        table.add_column(str(name).replace("_", " "), justify="left" if i == 0 else "right")
-    for row in rows:
+        words = i == 0 or any(isinstance(row[i], str) for row in lines)
+        table.add_column(str(name).replace("_", " "), justify="left" if words else "right")
+    for row in lines:
         table.add_row(*(_cell(value) for value in row))
     console.print(table)
 

@@ -16,7 +16,7 @@ from femimpact.demo import paper_study_text
 
 SMALL = (
     paper_study_text()
-    .replace("duration = 60.0 ", "duration = 6.0 ")
+    .replace("duration = 120.0 ", "duration = 6.0 ")
     .replace("refine = 40 ", "refine = 6 ")
     .replace("cycles = 600 ", "cycles = 60 ")
     .replace("frames = 160 ", "frames = 12 ")
@@ -48,7 +48,7 @@ def test_init_then_check(tmp_path):
         "dofs: 80 of the mesh",
         "contact time: 0.002 s",
         "step: 0.0001 s (recommended)",
-        "600000 steps",
+        "1200000 steps",
         "MB",
     ):
         assert words in printed
@@ -134,7 +134,7 @@ def test_coarse_step_let_through_leaves_its_warning(tmp_path):
 
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT to a child process")
 def test_interrupt_leaves_nothing_behind(tmp_path):
-    text = paper_study_text().replace("duration = 60.0 ", "duration = 20000.0 ").replace("every = 10 ", "every = 1000 ")
+    text = paper_study_text().replace("duration = 120.0 ", "duration = 20000.0 ").replace("every = 10 ", "every = 1000 ")
     (tmp_path / "long.toml").write_text(text, encoding="utf-8")
     child = subprocess.Popen(
         [sys.executable, "-m", "femimpact", "simulate", "long.toml", "-o", "out", "-q"],

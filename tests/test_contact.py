@@ -165,7 +165,7 @@ def test_achieved_restitution_tends_to_the_law_at_second_order_of_the_step_or_be
 def test_a_lossless_collision_loses_no_more_energy_than_published(reference, ratio, loss):
     pair = with_law(reference, fi.KelvinVoigt(restitution=1.0, contact_time=2e-3)).contacts[0]
     achieved = fi.achieved_restitution(pair, fi.Newmark(2e-3 / ratio), approach_speed=0.1)
-    # Newmark with a penalty wall: 0.7 %, 0.1 %, 0.01 % of the energy at dt/T_c = 1/10, 1/20, 1/40; half as much in speed,
+    # Newmark with a penalty wall: 0.7 %, 0.1 %, 0.01 % of the energy at T_c/10, T_c/20, T_c/40; half as much in speed,
     # and the extremes over the touch instant may be twice the typical value
     assert max(abs(achieved.highest**2 - 1), abs(achieved.lowest**2 - 1)) < 2 * loss
 
@@ -184,7 +184,7 @@ def test_one_collision_in_a_run_obeys_the_law(reference, restitution, side):
     pushed = 0.25 * dt**2 * (pair.parameters.damping + 0.4 * dt * pair.parameters.stiffness) / pair.effective_mass
     assert impacts.time[0] == pytest.approx(0.04 - 0.4 * dt, abs=1.01 * pushed + 1e-12)
     assert impacts.approach_speed[0] == pytest.approx(0.1, rel=1e-9)
-    # touch anywhere in a step of T_c/400 scatters e by up to 8e-4; the beam's own spring takes (w1 T_c)^2/8
+    # a touch anywhere in a step of T_c/400 scatters e by up to 8e-4; the beam's own spring takes 5e-4
     assert impacts.restitution[0] == pytest.approx(restitution, abs=1e-3)
     assert impacts.duration[0] == pytest.approx(2e-3, abs=2 * 2e-3 / 400)  # one step at each end
     exact = (1 + restitution) * pair.effective_mass * 0.1
@@ -232,7 +232,7 @@ def test_in_a_run_the_wall_pushes_while_the_ball_is_in_it_and_never_pulls(refere
     gap, force = response["gap"], response["contact_force"]
     assert len(response.impacts) >= 3
     assert np.all(force * np.sign(gap) >= 0.0)
-    # gated on the penetration without the contact force: a force may end a hair inside the gap, no more than it moved
+    # gated on the penetration without force: it may end a hair inside the gap, by no more than it moved the ball
     inside = np.abs(gap) <= 4e-3
     allowed = 0.25 * 1e-4**2 * np.abs(force) / system.contacts[0].effective_mass
     assert np.all(4e-3 - np.abs(gap[inside & (force != 0)]) <= 1.001 * allowed[inside & (force != 0)])

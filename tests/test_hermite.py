@@ -130,3 +130,16 @@ def test_a_stepped_beam_is_the_sum_of_its_segments():
     # rounding of the quadrature sum; the clamped root takes the first two dofs
     assert difference(system.K.toarray(), K[2:, 2:]) < 1e-13
     assert difference(system.M.toarray(), M[2:, 2:]) < 1e-13
+
+
+def test_deflection_rows_read_any_cubic_and_its_derivatives_between_the_nodes():
+    nodes = np.array([0.0, 0.02, 0.05, 0.2])
+    beam = fi.Beam.uniform(length=0.2, width=0.02, thickness=1e-3, young_modulus=7e10, density=2700)
+    system = fi.assemble(fi.Structure(beam), mesh=fi.Mesh(nodes))
+    cubic = np.polynomial.Polynomial([0.0, 0.0, 2.0, -3.0])  # clamped at the root
+    dofs = np.column_stack([cubic(nodes), cubic.deriv()(nodes)]).ravel()[2:]
+    x = np.array([0.0, 0.013, 0.02, 0.0499, 0.11, 0.2])
+    for order in range(4):
+        exact = cubic.deriv(order)(x) if order else cubic(x)
+        # rounding, divided by up to h^3 = 8e-6 of the shortest element with values of 1e-3
+        np.testing.assert_allclose(system.deflection_rows(x, order) @ dofs, exact, rtol=1e-10, atol=1e-12 * 50**order)

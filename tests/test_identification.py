@@ -53,7 +53,7 @@ def test_the_95_percent_interval_covers_the_truth_in_about_95_of_100_noisy_trial
         noisy = x + 0.01 * x.max() * random.standard_normal(f.size)
         low, high = fi.fit_one_pole(f, np.abs(noisy)).interval
         covered += low <= 0.0029 <= high
-    # 200 trials at 95 %: 190 +- 3 (one standard deviation); choosing the points above a share of the peak costs a little
+    # 200 trials at 95 %: 190 +- 3 (one standard deviation); choosing points above a share of the peak costs a little
     assert 176 <= covered <= 200
 
 

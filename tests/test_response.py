@@ -1,5 +1,6 @@
 """What a run keeps: names, strides, snapshots, limits."""
 
+import re
 import time
 from dataclasses import replace
 
@@ -200,7 +201,7 @@ def test_a_run_that_would_keep_too_much_is_refused_before_it_starts(small, recor
     assert time.process_time() - begun < 60.0
     message = str(caught.value)
     assert "record.memory_limit" in message
-    assert part in message
+    assert re.search(rf"[(, ]{part} \d+ MB", message)
     assert "\n" not in message
 
 

@@ -6,10 +6,13 @@ Inline base64 opens in every ParaView since 5; raw appended data does not. Geome
 from __future__ import annotations
 
 import base64
+import itertools
+import math
 import shutil
 import struct
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +25,15 @@ from femimpact.export.scene import BALL_DENSITY, BEAM, Scene, ball_radius, build
 from femimpact.modes import Modes
 from femimpact.response import Response
 from femimpact.structure import Structure
-from femimpact.system import System, hermite_rows
+from femimpact.system import System
 
 __all__ = ["write_deflection", "write_modes"]
 
 LINE = 3
+COLLECTION = (
+    '<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0" byte_order="LittleEndian">\n'
+    "<Collection>\n{}</Collection>\n</VTKFile>\n"
+)
 TYPES = {"float64": "Float64", "int64": "Int64", "int32": "Int32", "uint8": "UInt8"}
 
 
@@ -38,12 +45,15 @@ def _data(name: str, values: Any) -> str:
     return f'<DataArray type="{TYPES[str(array.dtype)]}" Name="{name}"{width} format="binary">{body}</DataArray>\n'
 
 
-def _field(name: str, value: float | str) -> str:
+def _field(name: str, value: float | Sequence[float] | str) -> str:
+    """One array of field data: numbers, or a line of text."""
     if isinstance(value, str):
         text = " ".join(str(byte) for byte in [*value.encode("ascii"), 0])
         return f'<DataArray type="String" Name="{name}" NumberOfTuples="1" format="ascii">{text}</DataArray>\n'
-    body = base64.b64encode(struct.pack("<Qd", 8, value)).decode("ascii")
-    return f'<DataArray type="Float64" Name="{name}" NumberOfTuples="1" format="binary">{body}</DataArray>\n'
+    values = np.atleast_1d(np.asarray(value, dtype=float))
+    body = base64.b64encode(struct.pack("<Q", values.nbytes) + values.tobytes()).decode("ascii")
+    size = f'NumberOfTuples="{values.size}"'
+    return f'<DataArray type="Float64" Name="{name}" {size} format="binary">{body}</DataArray>\n'
 
 
 class _Grid:
@@ -56,7 +66,13 @@ class _Grid:
             f"{_data('offsets', offsets)}{_data('types', types)}</Cells>\n"
         )
 
-    def text(self, fields: Mapping[str, float | str], points: Mapping[str, Any], cells: Mapping[str, Any]) -> str:
+    def text(
+        self,
+        fields: Mapping[str, float | Sequence[float] | str],
+        points: Mapping[str, NDArray[Any]],
+        cells: Mapping[str, NDArray[Any]],
+    ) -> str:
+        """The whole file of one step."""
         return (
             '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" '
             f'header_type="UInt64">\n<UnstructuredGrid>\n<FieldData>\n'
@@ -67,23 +83,41 @@ class _Grid:
         )
 
 
-def _write_series(path: Path, times: Sequence[float], texts: Any) -> Path:
-    """One folder of frames and the collection that names them; nothing is left of a broken attempt."""
+def _write_series(path: Path, times: Sequence[float], texts: Iterator[str]) -> Path:
+    """One folder of frames and the collection that names them; a broken attempt leaves what was there before."""
     folder = path.with_suffix("")
     staging = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=path.parent))
+    fresh, old = staging / "new", staging / "old"
     try:
+        fresh.mkdir()
         entries = []
         for k, (time, text) in enumerate(zip(times, texts, strict=True)):
-            (staging / f"{k:04d}.vtu").write_text(text, encoding="ascii")
+            (fresh / f"{k:04d}.vtu").write_text(text, encoding="ascii")
             entries.append(f'<DataSet timestep="{time!r}" group="" part="0" file="{folder.name}/{k:04d}.vtu"/>\n')
-        staging.chmod(0o755)
-        if folder.is_dir():
-            shutil.rmtree(folder)
-        staging.rename(folder)
+        try:
+            with suppress(FileNotFoundError):
+                folder.rename(old)
+            fresh.rename(folder)
+            atomic_write(path, COLLECTION.format("".join(entries)))
+        except BaseException:
+            if not fresh.is_dir():
+                shutil.rmtree(folder)
+            if old.is_dir():
+                old.rename(folder)
+            raise
     finally:
         shutil.rmtree(staging, ignore_errors=True)
-    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0" byte_order="LittleEndian">\n<Collection>\n'
-    atomic_write(path, head + "".join(entries) + "</Collection>\n</VTKFile>\n")
+    return path
+
+
+def _checked(path: str | Path) -> Path:
+    """The path of a collection whose folder of frames may be made or replaced."""
+    path = Path(path)
+    require(path.suffix == ".pvd", "path", str(path), "", "must end in .pvd")
+    folder = path.with_suffix("")
+    # what is replaced must be frames: a folder of that name may hold somebody's results
+    ours = not folder.exists() or (folder.is_dir() and all(file.suffix == ".vtu" for file in folder.iterdir()))
+    require(ours, "path", str(path), "", f"needs the folder {folder.name} for its frames, which holds other files")
     return path
 
 
@@ -115,12 +149,14 @@ def write_modes(
     Path
         Point vectors `displacement` (along y) and `rotation` (about z), cell array `part`.
     """
-    nodes = system.nodes
-    pieces = max(subdivisions, -(-100 // (nodes.size - 1)) if nodes.size < 100 else 1)
-    pieces = max(min(pieces, 2000 // (nodes.size - 1)), 1)
-    x = np.concatenate([np.linspace(a, b, pieces, endpoint=False) for a, b in zip(nodes, nodes[1:], strict=False)] + [nodes[-1:]])
+    path = _checked(path)
+    whole = isinstance(subdivisions, int) and subdivisions >= 1
+    require(whole, "subdivisions", subdivisions, "cells", "must be a whole number >= 1")
+    height = 0.1 * structure.beam.length if scale is None else scale
+    require(0.0 < height < math.inf, "scale", scale, "m", "must be a finite number > 0")
+    x = _stations(system.nodes, subdivisions)
     w, slope = (np.asarray(system.deflection_rows(x, order) @ modes.vectors) for order in (0, 1))
-    factor = (scale or 0.1 * structure.beam.length) / np.abs(w).max(axis=0)
+    factor = height / np.abs(w).max(axis=0)
     cells = np.column_stack([np.arange(x.size - 1), np.arange(1, x.size)])
     points = np.column_stack([x, np.zeros((x.size, 2))])
     types = np.full(len(cells), LINE, dtype=np.uint8)
@@ -132,14 +168,22 @@ def write_modes(
         vectors[0, :, 1], vectors[1, :, 2] = factor[i] * w[:, i], factor[i] * slope[:, i]
         fields = {
             "TimeValue": float(modes.natural_frequency[i]),
-            "natural_frequency_Hz": float(modes.natural_frequency[i]),
+            "natural_frequency": float(modes.natural_frequency[i]),
             "damping_ratio": float(modes.damping_ratio[i]),
-            "effective_mass_kg": float(modes.effective_mass[i]),
+            "effective_mass": float(modes.effective_mass[i]),
         }
         return grid.text(fields, {"displacement": vectors[0], "rotation": vectors[1]}, {"part": part})
 
     frequencies = [float(f) for f in modes.natural_frequency]
-    return _write_series(Path(path), frequencies, (frame(i) for i in range(len(frequencies))))
+    return _write_series(path, frequencies, (frame(i) for i in range(len(frequencies))))
+
+
+def _stations(nodes: NDArray[Any], subdivisions: int) -> NDArray[Any]:
+    """Points (m) along the beam, every node among them: at least 100, and about 2000 at most."""
+    elements = nodes.size - 1
+    pieces = max(min(max(subdivisions, math.ceil(100 / elements)), 2000 // elements), 1)
+    inner = [np.linspace(a, b, pieces, endpoint=False) for a, b in itertools.pairwise(nodes)]
+    return np.concatenate([*inner, nodes[-1:]])
 
 
 def write_deflection(
@@ -173,35 +217,46 @@ def write_deflection(
         arrays `part` (0 beam, 1 box, 2 ball), `contact_force` (N, on box and ball) and `state`
         (1 in contact).
     """
+    path = _checked(path)
     snapshots = snapshots_of(response)
-    positive = isinstance(exaggeration, (int, float)) and 0 < exaggeration < np.inf
+    positive = isinstance(exaggeration, (int, float)) and 0.0 < exaggeration < math.inf
     require(positive, "exaggeration", exaggeration, "1", "must be a finite number > 0")
     require(frame in ("base", "space"), "frame", frame, "", "must be 'base' or 'space'")
+    require(isinstance(most, int) and most >= 1, "most", most, "snapshots", "must be a whole number >= 1")
     scene = build_scene(structure, response.system, exaggeration)
     grid = _Grid(scene.points, scene.connectivity, scene.offsets, scene.types)
     chosen = np.unique(np.linspace(0, snapshots.time.size - 1, min(most, snapshots.time.size)).round().astype(int))
     absolute = frame == "space"
-    about = (
-        f"displacement x {exaggeration:g}, clearance x {exaggeration:g}, relative to the {frame}; "
-        f"balls drawn as steel spheres ({BALL_DENSITY:g} kg/m^3)"
-    )
-    radius = max((ball_radius(pair.mass) for pair in response.system.contacts), default=0.0)
+    fixed = _about(response, exaggeration, frame)
 
     def text(k: int) -> str:
         time = float(snapshots.time[k])
-        shift, speed = (float(f(time)) if absolute else 0.0 for f in (response.base.displacement, response.base.velocity))
-        velocity = scene.motion(snapshots.velocity[k], snapshots.ball_velocity[k], speed)
+        shift = float(response.base.displacement(time)) if absolute else 0.0
+        speed = float(response.base.velocity(time)) if absolute else 0.0
+        points = {
+            "displacement": scene.displacement(snapshots, k, shift),
+            "velocity": scene.motion(snapshots.velocity[k], snapshots.ball_velocity[k], speed),
+        }
         force = _on_cells(scene, snapshots.contact_force[k])
-        fields: dict[str, float | str] = {
-            "TimeValue": time, "exaggeration": float(exaggeration), "ball_radius_m": radius, "note": about,
-        }  # fmt: skip
-        points = {"displacement": scene.displacement(snapshots, k, shift), "velocity": velocity}
-        state = (force != 0.0).astype(np.int32)
-        return grid.text(fields, points, {"part": scene.part, "contact_force": force, "state": state})
+        cells = {"part": scene.part, "contact_force": force, "state": (force != 0.0).astype(np.int32)}
+        return grid.text({"TimeValue": time, **fixed}, points, cells)
 
-    return _write_series(Path(path), [float(snapshots.time[k]) for k in chosen], (text(int(k)) for k in chosen))
+    return _write_series(path, [float(snapshots.time[k]) for k in chosen], (text(int(k)) for k in chosen))
+
+
+def _about(response: Response, exaggeration: float, frame: str) -> dict[str, float | Sequence[float] | str]:
+    """Field data that is the same in every file; the radii (m) in the order of the impactors."""
+    motion = "relative to the moving base" if frame == "base" else "absolute, in space"
+    note = f"displacement {motion}; displacement and clearance times {exaggeration:g}; velocity true, not exaggerated"
+    fields: dict[str, float | Sequence[float] | str] = {"exaggeration": float(exaggeration)}
+    if response.system.contacts:
+        # the model has no radius: the ball is a point mass to it
+        fields["ball_radius"] = [ball_radius(pair.mass) for pair in response.system.contacts]
+        note += f"; each ball is drawn as a steel sphere ({BALL_DENSITY:g} kg/m^3) of its mass"
+    return {**fields, "note": note}
 
 
 def _on_cells(scene: Scene, forces: NDArray[Any]) -> NDArray[Any]:
     """Contact force (N) of its pair on every cell of boxes and balls, 0 on the beam."""
-    return np.append(forces, 0.0)[scene.pair]
+    # the beam's pair is -1, which reads the appended zero
+    return np.asarray(np.append(forces, 0.0)[scene.pair])
