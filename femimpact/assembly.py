@@ -248,6 +248,9 @@ def _position(at: Position, mesh: Mesh, key: str) -> float:
 
 def _points(structure: Structure, mesh: Mesh) -> dict[str, float]:
     """Named places of the mesh, and of every body and ball that is not itself such a name."""
+    for ball in structure.impactors:
+        free = ball.name not in mesh.points
+        require(free, f"impactor.{ball.name}.name", ball.name, "", "must not be the name of a point of the mesh")
     places = dict(mesh.points)
     for item in structure.masses:
         if item.name not in places:

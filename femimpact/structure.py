@@ -252,6 +252,9 @@ class Structure:
         _as_tuple(self, "masses", "impactors", "supports")
         names = [*(body.name for body in self.masses), *(ball.name for ball in self.impactors)]
         require(len(set(names)) == len(names), "name", names, "", "must be distinct among masses and impactors")
+        for name in names:
+            plain = isinstance(name, str) and name not in ("", "root", "tip", "mid") and "." not in name
+            require(plain, "name", name, "", "must be a word without a dot, other than 'root', 'tip' and 'mid'")
         allowed = f"must be within the beam, 0 to {self.beam.length:g} m"
         beyond = [
             Fault(f"{key}.at", item.at, "m", allowed)
@@ -273,7 +276,8 @@ class Structure:
 
     def _check_supports(self) -> None:
         held = [kind for support in self.supports for kind in SUPPORTS[support.kind]]
-        places = {support.at for support in self.supports if "w" in SUPPORTS[support.kind]}
+        standard = {"root": 0.0, "tip": self.beam.length, "mid": 0.5 * self.beam.length}
+        places = {standard.get(str(s.at), s.at) for s in self.supports if "w" in SUPPORTS[s.kind]}
         stiff = len(places) >= 2 or ("w" in held and "slope" in held)
         kinds = [f"{support.kind} at {support.at}" for support in self.supports]
         allowed = "must hold the beam: one clamped end, two pinned places, or a pinned and a guided one"

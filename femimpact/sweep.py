@@ -306,7 +306,7 @@ def _gather(
             for name in ("peak", "rms", "first_harmonic", "phase", "steadiness"):
                 columns[name][i] = getattr(motion, name)[c]
             columns["energy_residual"][i] = residual[c]
-            measured = block.steps * method.dt - block.motion.window_start[c] * method.dt
+            measured = float(np.diff(block.motion.window[:, c])[0]) * method.dt
             for name, value in _impact_columns(totals[:, :, c], measured, float(f[i])).items():
                 columns[name][i] = value
     return columns

@@ -205,7 +205,11 @@ def _strip(film: _Film) -> _Strip:
             wall = 1e3 * np.asarray(hermite_rows(system.nodes, [pair.position]) @ snapshots.displacement.T)[0]
             ball = 1e3 * snapshots.ball_displacement[:, 0]
             axis.fill_between(
-                snapshots.time, wall - 1e3 * pair.gaps[1], wall + 1e3 * pair.gaps[0], color="#e9e9e9", label="inside of the box"
+                snapshots.time,
+                wall - 1e3 * pair.gaps[1],
+                wall + 1e3 * pair.gaps[0],
+                color="#e9e9e9",
+                label="inside of the box",
             )
             axis.plot(snapshots.time, wall, color=BLUE, label="beam at the box")
             axis.plot(snapshots.time, ball, color=ORANGE, label=pair.name)
@@ -232,7 +236,9 @@ def _pyvista_frames(film: _Film, window: str) -> Iterator[NDArray[Any]]:
 
     scene, strip = film.scene, _strip(film)
     pairs = film.response.system.contacts
-    plotter = pyvista.Plotter(off_screen=True, window_size=(WIDTH, VIEW), shape=(1, 2) if pairs else (1, 1), border=False)
+    plotter = pyvista.Plotter(
+        off_screen=True, window_size=(WIDTH, VIEW), shape=(1, 2) if pairs else (1, 1), border=False
+    )
     plotter.set_background("white")
     plotter.disable_anti_aliasing()
     plotter.render_window.SetMultiSamples(4)

@@ -190,7 +190,9 @@ def _add_box(
         builder.add(corners, x, [(HEXAHEDRON, BLOCK)], BOX, j)
 
 
-def _add_ball(builder: _Builder, j: int, x: float, width: float, radius: float, rings: int = 10, around: int = 20) -> None:
+def _add_ball(
+    builder: _Builder, j: int, x: float, width: float, radius: float, rings: int = 10, around: int = 20
+) -> None:
     """A sphere of quadrilaterals with triangles at its poles."""
     centre = np.array([x, 0.0, 0.5 * width + 0.3 * radius + radius])
     polar = np.pi * np.arange(1, rings) / rings
@@ -214,5 +216,7 @@ def snapshots_of(response: Response) -> Snapshots:
     from femimpact.errors import Fault, InputError
 
     if response.snapshots is None or response.snapshots.time.size == 0:
-        raise InputError([Fault("snapshots", None, "", "the response holds none: integrate with Recorder(snapshots=STRIDE)")])
+        raise InputError(
+            [Fault("snapshots", None, "", "the response holds none: integrate with Recorder(snapshots=STRIDE)")]
+        )
     return response.snapshots

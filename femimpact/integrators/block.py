@@ -38,6 +38,7 @@ class Block:
     record: kernels.Record
     ledger: bool
     steps: int
+    ends: NDArray[Any]
     cases: int
     limit: NDArray[Any]
     diverged: NDArray[Any]
@@ -92,9 +93,10 @@ def prepare(
         One for each case.
     method : Newmark
     steps : sequence of int
-        Length of each case; the block runs to the longest.
+        Length of each case; the block runs to the longest, and what a case does after its own end
+        does not count.
     window_start : sequence of int
-        Step from which impacts are counted, for each case.
+        Step from which impacts are counted, for each case, to its own end.
     initial : State
     observed : ndarray (dofs,)
         Row whose value gets cycle statistics.
@@ -109,7 +111,8 @@ def prepare(
     lanes = _lanes(len(bases))
     # idle lanes repeat the last case: finite numbers, no effect on the others
     padded = [*bases, *[bases[-1]] * (lanes - len(bases))]
-    starts = np.array([*window_start, *[window_start[-1]] * (lanes - len(bases))], dtype=np.int64)
+    idle = lanes - len(bases)
+    window = np.array([[*w, *[w[-1]] * idle] for w in (window_start, steps)], dtype=np.int64)
     operator = _operator(system, method, observed)
     scheme = kernels.Scheme(
         dt=method.dt,
@@ -119,7 +122,7 @@ def prepare(
         correct_v=method.dt * method.gamma,
     )
     pairs = _pairs(system, operator, lanes)
-    motion = _motion(system, operator, pairs, padded, method, initial, starts)
+    motion = _motion(system, operator, pairs, padded, method, initial, window)
     longest = max(steps)
     cycles = _cycles(padded, method.dt, longest, ledger)
     block = Block(
@@ -131,6 +134,7 @@ def prepare(
         record=record or empty_record(system.dofs),
         ledger=ledger,
         steps=longest,
+        ends=np.array(steps),
         cases=len(bases),
         limit=_limits(system, padded, motion, method),
         diverged=np.full(lanes, np.inf),
@@ -203,7 +207,7 @@ def _motion(
     bases: list[Sine],
     method: Newmark,
     initial: State,
-    window_start: NDArray[Any],
+    window: NDArray[Any],
 ) -> kernels.Motion:
     lanes, dofs, balls = len(bases), system.dofs, len(system.contacts)
     states = [initial.relative_to_base(system, base) for base in bases]
@@ -233,7 +237,7 @@ def _motion(
         ball=ball,
         touch=touch,
         totals=np.zeros((len(kernels.TOTAL_COLUMNS), balls, lanes)),
-        window_start=window_start,
+        window=window,
         drive=_drive(bases, method.dt),
         ledger=ledger,
         v_before=v.copy(),
@@ -271,13 +275,19 @@ def _cycles(bases: list[Sine], dt: float, steps: int, ledger: bool) -> kernels.C
 
 
 def _limits(system: System, bases: list[Sine], motion: kernels.Motion, method: Newmark) -> NDArray[Any]:
-    """Displacement (m) of the observed place beyond which a case counts as diverging."""
+    """Displacement (m) of the observed place beyond which a case counts as diverging.
+
+    A multiple of what the base does at resonance, the initial state, and a ball's flight within
+    one radian of the first mode can amount to.
+    """
     amplitude = np.array([base.amplitude for base in bases])
-    speed = np.max(np.abs(motion.w_rate), axis=0) / (2.0 * math.pi * system.first_frequency)
     alpha, beta = system.rayleigh or (0.0, 0.0)
     omega = 2.0 * math.pi * system.first_frequency
     ratio = max(0.5 * (alpha / omega + beta * omega), 1e-3)
-    return np.asarray(method.divergence_limit * (amplitude / ratio + np.max(np.abs(motion.w), axis=0) + speed + 1e-9))
+    rates = np.vstack([motion.w_rate, motion.ball[kernels.Y_RATE]])
+    given = max((abs(pair.acceleration) for pair in system.contacts), default=0.0)
+    scale = amplitude / ratio + np.abs(motion.w).max(axis=0) + np.abs(rates).max(axis=0) / omega + given / omega**2
+    return np.asarray(method.divergence_limit * (scale + 1e-9))
 
 
 def run_block(block: Block, progress: Progress | None = None, stop: threading.Event | None = None) -> None:
@@ -298,7 +308,8 @@ def run_block(block: Block, progress: Progress | None = None, stop: threading.Ev
     while done < block.steps:
         if stop is not None and stop.is_set():
             return
-        steps = min(piece, block.steps - done)
+        # pieces end where cases end, so that none is judged by what comes after
+        steps = min(piece, int(block.ends[block.ends > done].min()) - done)
         kernels.advance(
             steps, block.operator, block.scheme, block.pairs, block.motion, block.cycles, block.record,
             block.ledger, work, energy,
@@ -306,6 +317,7 @@ def run_block(block: Block, progress: Progress | None = None, stop: threading.Ev
         done += steps
         with np.errstate(invalid="ignore"):
             out = ~(np.abs(block.motion.w[0]) <= block.limit) & np.isinf(block.diverged)
+        out[: block.cases] &= block.ends >= done
         block.diverged[out] = done * block.scheme.dt
         if bool(np.all(np.isfinite(block.diverged[: block.cases]))):
             return

@@ -125,8 +125,8 @@ class Motion(NamedTuple):
     w_rate: NDArray[Any]
     ball: NDArray[Any]  # (7, pairs, cases)
     touch: NDArray[Any]  # (11, pairs, cases)
-    totals: NDArray[Any]  # (columns, pairs, cases), impacts that end after window_start
-    window_start: NDArray[Any]  # (cases,) step
+    totals: NDArray[Any]  # (columns, pairs, cases), impacts that end within the window
+    window: NDArray[Any]  # (2, cases) first step, and the step after the last
     drive: NDArray[Any]  # (9, cases)
     ledger: NDArray[Any]  # (5, cases)
     v_before: NDArray[Any]  # (n, cases)
@@ -517,7 +517,9 @@ def _contact_step(c: int, op: Operator, s: Scheme, pairs: Pairs, m: Motion, reco
     for j in range(count):
         m.ball[X, j, c] = m.ball[Y, j, c] - m.w[pairs.row[j], c]
         rate = m.ball[Y_RATE, j, c] - m.w_rate[pairs.row[j], c]
-        _book_impact(j, c, rate_free[j], rate, normal[j], s.dt, pairs.kind[j], pairs.constants, m, record)
+        _book_impact(
+            j, c, gate[j], x_free[j], rate_free[j], rate, normal[j], s.dt, pairs.kind[j], pairs.constants, m, record
+        )
 
 
 @inlined
@@ -539,26 +541,35 @@ def _apply_force(j: int, c: int, force: float, op: Operator, s: Scheme, mass: fl
 
 @inlined
 def _book_impact(
-    j: int, c: int, rate_free: float, rate: float, normal: float, dt: float, kind: int,
+    j: int, c: int, gate: float, x_free: float, rate_free: float, rate: float, normal: float, dt: float, kind: int,
     constants: NDArray[Any], m: Motion, record: Record,
 ) -> None:  # fmt: skip
-    """Open, follow and close the record of one contact."""
+    """Open, follow and close the record of one contact.
+
+    It opens with the first force, even one that throws the ball back within the step, and closes
+    when the ball is off the wall and without force.
+    """
     touch, x, step = m.touch, m.ball[X, j, c], record.tally[0]
     depth, side = _penetration(x, constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c])
     always = kind == SWITCHING_SPRING or constants[FREE_STIFFNESS, j, c] > 0.0
+    if kind == SWITCHING_SPRING:
+        normal = normal if side != 0.0 else 0.0
+        gate = side
     if touch[OPEN, j, c] == 0.0:
-        if side == 0.0 or normal == 0.0:
+        if normal == 0.0:
             touch[BUSY, j, c] = 1.0 if always else 0.0
             return
-        approach = side * rate_free
-        late = min(max(depth / max(approach, 1e-300), 0.0), dt)
+        approach = gate * rate_free
+        gap = constants[GAP_PLUS, j, c] if gate > 0.0 else constants[GAP_MINUS, j, c]
+        late = min(max((gate * x_free - gap) / max(approach, 1e-300), 0.0), dt)
         for field in range(OPEN, DISSIPATIVE + 1):
             touch[field, j, c] = 0.0
         touch[BUSY, j, c] = touch[OPEN, j, c] = 1.0
-        touch[SIDE, j, c], touch[APPROACH, j, c], touch[START, j, c] = side, approach, (step + 1) * dt - late
-    closing = side != touch[SIDE, j, c]
-    if closing:
-        depth = normal = 0.0
+        touch[SIDE, j, c], touch[APPROACH, j, c], touch[START, j, c] = gate, approach, (step + 1) * dt - late
+    off = side != touch[SIDE, j, c]
+    closing = off and normal == 0.0
+    if off:
+        depth = 0.0
     dissipative = 0.0
     if kind != SWITCHING_SPRING:
         dissipative = normal - constants[STIFFNESS, j, c] * depth
@@ -579,7 +590,7 @@ def _book_impact(
 def _write_impact(j: int, c: int, step: int, rate: float, m: Motion, record: Record) -> None:
     """Add a finished impact to the totals of its case, and to the table of case 0."""
     touch, totals = m.touch, m.totals
-    if step >= m.window_start[c]:
+    if m.window[0, c] <= step < m.window[1, c]:
         totals[0, j, c] += 1.0
         totals[1, j, c] += touch[APPROACH, j, c]
         totals[2, j, c] = max(totals[2, j, c], touch[APPROACH, j, c])
