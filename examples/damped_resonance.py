@@ -1,6 +1,6 @@
 r"""How much does a rattling ball damp a cantilever? The shortest complete script.
 
-    M u'' + C u' + K u = -M r ub'' + b F,    m (y'' + ub'') = -F,    F = F(y - b^T u)
+M u'' + C u' + K u = -M r ub'' + b F,    m (y'' + ub'') = -F,    F = F(y - b^T u)
 """
 
 from __future__ import annotations

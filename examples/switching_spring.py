@@ -75,5 +75,6 @@ if __name__ == "__main__":
     for row in main():
         sign = "created" if row.created > 0 else "lost"
         print(
-            f"{row.law:17}  {row.stiffness:9g}  {row.dt:9.2e}   {row.peak:19.4g}   {row.residual:9.2g} ({sign} at the end)"
+            f"{row.law:17}  {row.stiffness:9g}  {row.dt:9.2e}   {row.peak:19.4g}"
+            f"   {row.residual:9.2g} ({sign} at the end)"
         )

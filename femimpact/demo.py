@@ -297,7 +297,7 @@ def remark(
         "4.98 Hz mean mass ratios of 0.041 and 0.133; the model follows the theory's",
         "the curve with ball is bent and partly chaotic, so its fit and half-power ratios are no damping of a linear "
         "system; only the drop of the peak compares, and 1.4 % is the amplitude ratio times 0.29 %",
-        "the paper's 0.02 N is what its eq. 31 leaves over, not a contact force; the cycle-averaged force is of its size",
+        "the paper's 0.02 N is what its eq. 31 leaves over, not a contact force; the cycle-averaged force is near it",
         "21 points 0.1 Hz apart cannot show a half-power width of 0.031 Hz: see the warning of the even grid",
     )
 

@@ -51,8 +51,8 @@ def plan_lines(study: Study) -> list[str]:
         law = pair.parameters
         lines.append(
             f"contact of {pair.name}: {pair.law.name}, stiffness {law.stiffness:.5g} N/m, "
-            f"damping {law.damping:.5g} N s/m, restitution {law.restitution:.4g}, effective mass {1e3 * pair.effective_mass:.4g} g, "
-            f"total clearance {1e3 * sum(pair.gaps):.4g} mm"
+            f"damping {law.damping:.5g} N s/m, restitution {law.restitution:.4g}, "
+            f"effective mass {1e3 * pair.effective_mass:.4g} g, total clearance {1e3 * sum(pair.gaps):.4g} mm"
         )
     origin = "given" if "dt" in study.method else "recommended"
     lines.append(f"step: {method.dt:.4g} s ({origin})")

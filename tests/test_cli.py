@@ -9,9 +9,10 @@ import subprocess
 import sys
 import time
 
-import femimpact as fi
 import numpy as np
 import pytest
+
+import femimpact as fi
 from femimpact.demo import paper_study_text
 
 SMALL = (
@@ -134,7 +135,9 @@ def test_coarse_step_let_through_leaves_its_warning(tmp_path):
 
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT to a child process")
 def test_interrupt_leaves_nothing_behind(tmp_path):
-    text = paper_study_text().replace("duration = 120.0 ", "duration = 20000.0 ").replace("every = 10 ", "every = 1000 ")
+    text = (
+        paper_study_text().replace("duration = 120.0 ", "duration = 20000.0 ").replace("every = 10 ", "every = 1000 ")
+    )
     (tmp_path / "long.toml").write_text(text, encoding="utf-8")
     child = subprocess.Popen(
         [sys.executable, "-m", "femimpact", "simulate", "long.toml", "-o", "out", "-q"],

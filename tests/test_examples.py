@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from femimpact.demo import PUBLISHED, ScanPlan
 
 EXAMPLES = Path(__file__).parent.parent / "examples"

@@ -5,8 +5,9 @@ from __future__ import annotations
 import subprocess
 import sys
 
-import femimpact
 import pytest
+
+import femimpact
 
 HEAVY = ("pyvista", "vtk", "vtkmodules", "matplotlib", "meshio", "skfem", "numba", "xarray", "pandas", "scipy.signal")
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import sys
 
-import femimpact as fi
 import numpy as np
 import pytest
+
+import femimpact as fi
 from femimpact.export import movie
 
 

@@ -6,9 +6,10 @@ import dataclasses
 import shutil
 import subprocess
 
-import femimpact as fi
 import numpy as np
 import pytest
+
+import femimpact as fi
 from femimpact.export import vtk
 from femimpact.export.scene import BALL, BEAM, BOX, ball_radius
 

@@ -136,7 +136,7 @@ def _touching(response: Response, snapshots: Snapshots, chosen: NDArray[Any]) ->
         hits = response.impacts.time[response.impacts.impactor == pair.name]
         first = np.searchsorted(hits, earlier)
         touching[:, j] |= np.searchsorted(hits, snapshots.time[chosen], side="right") > first
-    return touching
+    return np.asarray(touching)
 
 
 # ---- files ----------------------------------------------------------------------------------------
@@ -187,7 +187,7 @@ def _picture(figure: Any) -> NDArray[Any]:
     """Pixels of a figure, ndarray (height, width, 3) of uint8."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    canvas = FigureCanvasAgg(figure)
+    canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
@@ -231,18 +231,19 @@ def _strip(film: _Film) -> _Strip:
 
 def _pyvista_frames(film: _Film, window: str) -> Iterator[NDArray[Any]]:
     """Beam and box in three dimensions: the whole on the left, a close-up of the box on the right."""
+    # VTK reads its choice of window from the environment
     os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", window)
     import pyvista
 
     scene, strip = film.scene, _strip(film)
     pairs = film.response.system.contacts
-    plotter = pyvista.Plotter(
-        off_screen=True, window_size=(WIDTH, VIEW), shape=(1, 2) if pairs else (1, 1), border=False
+    plotter: Any = pyvista.Plotter(
+        off_screen=True, window_size=[WIDTH, VIEW], shape=(1, 2) if pairs else (1, 1), border=False
     )
     plotter.set_background("white")
     plotter.disable_anti_aliasing()
     plotter.render_window.SetMultiSamples(4)
-    whole = pyvista.UnstructuredGrid(_with_sizes(scene), scene.types, scene.points.copy())
+    whole: Any = pyvista.UnstructuredGrid(_with_sizes(scene), scene.types, scene.points.copy())
     bent = {part: whole.extract_cells(np.flatnonzero(scene.part == part)) for part in (BEAM, BOX) if part in scene.part}
     sources = {part: np.asarray(grid.point_data["vtkOriginalPointIds"]) for part, grid in bent.items()}
     balls: list[tuple[int, Any]] = []

@@ -14,7 +14,7 @@ from femimpact.response import Response, Snapshots
 from femimpact.structure import Structure
 from femimpact.system import System, hermite_rows
 
-__all__ = ["BALL_DENSITY", "BEAM", "BOX", "BALL", "Scene", "ball_radius", "build_scene"]
+__all__ = ["BALL", "BALL_DENSITY", "BEAM", "BOX", "Scene", "ball_radius", "build_scene"]
 
 BALL_DENSITY = 7850.0
 """kg/m^3. The model knows no ball radius; a steel sphere of the ball's mass is drawn."""
@@ -26,7 +26,7 @@ STATIONS = 120
 
 def ball_radius(mass: float) -> float:
     """Radius (m) of the steel sphere that is drawn for a ball of this mass (kg)."""
-    return (3.0 * mass / (4.0 * math.pi * BALL_DENSITY)) ** (1.0 / 3.0)
+    return float((3.0 * mass / (4.0 * math.pi * BALL_DENSITY)) ** (1.0 / 3.0))
 
 
 @dataclass(frozen=True, eq=False)
