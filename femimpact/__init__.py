@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from femimpact.modes import Modes, solve_modes
     from femimpact.reduction import reduce
     from femimpact.response import Recorder, Response
-    from femimpact.results import StudyResults, load, run_study
+    from femimpact.results import StudyResults, load
+    from femimpact.run import run_study
     from femimpact.structure import Beam, Impactor, PointMass, Segment, Structure, Support, glue_impactors
     from femimpact.study import Study, load_study
     from femimpact.sweep import FrequencyResponse, frequency_sweep
@@ -53,7 +54,8 @@ _ROOMS = {
     "reduction": ("reduce",),
     "response": ("Recorder", "Response"),
     "structure": ("Beam", "Impactor", "PointMass", "Segment", "Structure", "Support", "glue_impactors"),
-    "results": ("StudyResults", "load", "run_study"),
+    "results": ("StudyResults", "load"),
+    "run": ("run_study",),
     "study": ("Study", "load_study"),
     "sweep": ("FrequencyResponse", "frequency_sweep"),
     "system": ("ContactPair", "State", "System", "without_impactors"),

@@ -17,7 +17,8 @@ from femimpact.errors import FemimpactError, InputError, require
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from femimpact.results import Report, StudyResults
+    from femimpact.results import StudyResults
+    from femimpact.run import Report
     from femimpact.study import Study
 
 __all__ = ["app", "main"]
@@ -182,7 +183,7 @@ def _run(
     path: Path, output: Path | None, force: bool, quiet: bool, parts: tuple[str, ...], kind: str,
     base_changes: dict[str, Any] | None = None,
 ) -> None:  # fmt: skip
-    from femimpact.results import run_study
+    from femimpact.run import run_study
     from femimpact.study import load_study
 
     study = load_study(path)

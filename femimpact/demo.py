@@ -16,20 +16,10 @@ from femimpact.errors import Fault, InputError
 from femimpact.export import figures, tables
 from femimpact.integrators.integrate import integrate
 from femimpact.response import Recorder
-from femimpact.results import (
-    Report,
-    StudyResults,
-    SweepPair,
-    build_method,
-    load,
-    prepare_directory,
-    run_modes,
-    run_simulation,
-    run_sweep,
-    summary_of,
-    write_results,
-)
+from femimpact.results import StudyResults, load, prepare_directory
+from femimpact.run import Report, build_method, run_modes, run_simulation, run_sweep, write_results
 from femimpact.study import Study, build, load_study
+from femimpact.summary import SweepPair, summary_of
 from femimpact.sweep import frequency_sweep
 from femimpact.system import State, without_impactors
 

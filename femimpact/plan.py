@@ -12,7 +12,8 @@ from femimpact.errors import require
 from femimpact.export import figures, tables
 from femimpact.integrators.integrate import memory_needed
 from femimpact.integrators.newmark import check_step, shortest_contact, step_notes
-from femimpact.results import Report, history_record, prepare_directory
+from femimpact.results import prepare_directory
+from femimpact.run import Report, history_record
 from femimpact.study import Study, build
 
 __all__ = ["plan_lines", "write_convergence"]

@@ -18,7 +18,7 @@ from femimpact.energy import energy_residual
 from femimpact.errors import DivergenceError, require
 from femimpact.excitation import Sine
 from femimpact.identification import DampingEstimate, fit_one_pole, half_power
-from femimpact.integrators import kernels
+from femimpact.integrators import layout
 from femimpact.integrators.block import Block, Progress, prepare, run_block
 from femimpact.integrators.integrate import divergence_message
 from femimpact.integrators.newmark import Newmark, check_step, step_notes
@@ -328,7 +328,7 @@ def _impact_columns(totals: NDArray[Any], measured: float, frequency: float) -> 
 def _motion(block: Block, cycles: int, cases: int) -> SteadyMotion:
     # slower cases of the block run on beyond their own dwell: leave those cycles out
     statistics = block.cycle_statistics
-    cut = type(statistics)(**{name: getattr(statistics, name)[:cycles] for name in kernels.CYCLE_COLUMNS})
+    cut = type(statistics)(**{name: getattr(statistics, name)[:cycles] for name in layout.CYCLE_COLUMNS})
     return steady_motion(cut, np.full(cases, cycles // 3))
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 
 import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.export import movie
+from femimpact.export import movie, sheet
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +33,7 @@ def test_movie_has_a_frame_for_every_snapshot(tmp_path, response, reference, ren
     size = next(pictures)["size"]
     arrays = [np.frombuffer(picture, dtype=np.uint8).reshape(size[1], size[0], 3).astype(int) for picture in pictures]
     # the beam and the ball move: the upper picture changes between frames, and is not blank
-    view = [array[: movie.VIEW] for array in arrays]
+    view = [array[sheet.VIEWS] for array in arrays]
     assert np.ptp(view[0]) > 100
     assert np.abs(view[0] - view[-1]).max() > 50
     assert [entry.name for entry in tmp_path.iterdir()] == ["deflection.mp4"]
@@ -48,16 +49,74 @@ def test_gif_where_ffmpeg_is_missing(tmp_path, response, reference, monkeypatch)
         assert picture.n_frames == 4
 
 
-def test_a_hit_is_shown_though_it_is_shorter_than_a_frame(small, reference):
+def vermilion(picture):
+    """Number of pixels in the two views that have the colour of a hit, near enough for a shaded surface."""
+    red, green, blue = np.moveaxis(picture[sheet.VIEWS].astype(int), -1, 0)
+    return np.count_nonzero((red > 120) & (red > 1.7 * green) & (green > 1.7 * blue))
+
+
+@pytest.fixture(scope="module")
+def hits(small):
     record = fi.Recorder(channels=("tip",), every=100, snapshots=100)
     method = fi.Newmark(dt=fi.recommended_step(small))
-    response = fi.integrate(small, fi.Sine(amplitude=0.2037e-3, frequency=4.9), method, duration=3.0, record=record)
-    times = response.snapshots.time
-    touching = movie._touching(response, response.snapshots, np.arange(times.size))[:, 0]
-    for hit in response.impacts.time[response.impacts.time < times[-2]]:
-        assert touching[np.searchsorted(times, hit)]
+    return fi.integrate(small, fi.Sine(amplitude=0.2037e-3, frequency=4.9), method, duration=3.0, record=record)
+
+
+@pytest.mark.parametrize("renderer", ["matplotlib", "pyvista"])
+def test_a_hit_is_coloured_and_nothing_else_is(hits, reference, renderer):
+    if renderer == "pyvista" and movie.gl_window() is None:
+        pytest.skip("VTK cannot render here")
+    film = movie._film(hits, reference, None, 25, hits.snapshots.time.size)
+    struck = film.hits[:, 0] != 0
+    shown = np.concatenate([np.flatnonzero(struck)[:3], np.flatnonzero(~struck)[:3]])
+    film = dataclasses.replace(film, chosen=film.chosen[shown], hits=film.hits[shown])
+    pictures = (
+        movie._pyvista_frames(film, movie.gl_window()) if renderer == "pyvista" else movie._matplotlib_frames(film)
+    )
+    coloured = [vermilion(picture) for picture in pictures]
+    assert min(coloured[:3]) > 1000
+    assert coloured[3:] == [0, 0, 0]
+
+
+def test_a_hit_is_shown_though_it_is_shorter_than_a_frame(hits):
+    times = hits.snapshots.time
+    side = movie._hits(hits, hits.snapshots, np.arange(times.size))[:, 0]
+    whole = hits.impacts.time < times[-2]
+    assert whole.sum() > 3
+    for start, wall in zip(hits.impacts.time[whole], hits.impacts.side[whole], strict=True):
+        assert side[np.searchsorted(times, start)] == wall
+    # a ball in contact at a frame is at that wall
+    touching = hits.snapshots.contact_force[:, 0]
+    assert np.all(side[touching > 0] == 1)
+    assert np.all(side[touching < 0] == -1)
     # and not all the time: before the first impact nothing is coloured
-    assert not touching[times < response.impacts.time[0]].any()
+    assert not side[times < hits.impacts.time[0]].any()
+
+
+def test_a_beam_without_a_ball_and_one_snapshot_make_a_movie(tmp_path, reference):
+    bare = dataclasses.replace(reference, impactors=())
+    system = fi.assemble(bare, elements=4)
+    record = fi.Recorder(snapshots=1, snapshots_start=2e-3)
+    response = fi.integrate(system, fi.Sine(1e-3, 5.0), fi.Newmark(dt=1e-3), duration=2e-3, record=record)
+    assert response.snapshots.time.size == 1
+    assert movie.write_movie(tmp_path / "a.gif", response, bare, renderer="matplotlib").stat().st_size > 0
+
+
+def test_an_interrupted_movie_leaves_nothing(tmp_path, response, reference, monkeypatch):
+    draw = sheet.Film.moved
+
+    def interrupted(film, i):
+        if i == 3:
+            raise KeyboardInterrupt
+        return draw(film, i)
+
+    # the reach is asked for first, then the frames are drawn while the encoder runs
+    monkeypatch.setattr(sheet.Film, "reach", property(lambda _film: 0.02))
+    monkeypatch.setattr(sheet.Film, "moved", interrupted)
+    for name in ("a.mp4", "a.gif"):
+        with pytest.raises(KeyboardInterrupt):
+            movie.write_movie(tmp_path / name, response, reference, renderer="matplotlib")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_automatic_exaggeration_keeps_ball_and_beam_in_the_picture(response, reference):
@@ -74,6 +133,12 @@ def test_automatic_exaggeration_keeps_ball_and_beam_in_the_picture(response, ref
             movie.write_movie("never.mp4", response, reference)
     # one significant digit: within a factor 1.5 of 8 % of the beam
     assert film["exaggeration"] * reach == pytest.approx(0.08 * reference.beam.length, rel=0.5)
+
+
+@pytest.mark.parametrize("change", [{"fps": 0}, {"most": 0}, {"exaggeration": 0.0}, {"exaggeration": np.nan}])
+def test_bad_options_are_refused(tmp_path, response, reference, change):
+    with pytest.raises(fi.InputError, match=next(iter(change))):
+        movie.write_movie(tmp_path / "a.mp4", response, reference, renderer="matplotlib", **change)
 
 
 def test_unknown_renderer_is_refused(tmp_path, response, reference):

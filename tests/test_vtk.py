@@ -93,6 +93,85 @@ def test_beam_is_a_solid_of_its_real_section(tmp_path, response, reference):
     assert beam.volume == pytest.approx(0.23026615 * 0.020 * 0.001, rel=1e-9)
 
 
+@pytest.fixture(scope="module")
+def two_balls():
+    """A stepped beam with two balls, and snapshots drawn at random: no motion is special."""
+    steel, law = {"young_modulus": 210e9, "density": 7850.0}, fi.KelvinVoigt(stiffness=1e4, restitution=0.6)
+    thick = fi.Segment(length=0.12, width=0.030, thickness=3e-3, name="thick", **steel)
+    thin = fi.Segment(length=0.08, width=0.015, thickness=1e-3, name="thin", **steel)
+    end = fi.Impactor("end", at="tip", mass=3e-3, gap=(4e-3, 2e-3), contact=law)
+    middle = fi.Impactor("middle", at=0.06, mass=1e-3, gap=1e-3, contact=law)
+    structure = fi.Structure(beam=fi.Beam((thick, thin)), impactors=[end, middle])
+    system = fi.assemble(structure, elements=10)
+    dt = fi.recommended_step(system)
+    response = fi.integrate(system, fi.Sine(1e-3, 7.0), fi.Newmark(dt=dt), 5 * dt, record=fi.Recorder(snapshots=1))
+    random, snapshots = np.random.default_rng(3), response.snapshots
+    drawn = {
+        name: 1e-3 * random.standard_normal(getattr(snapshots, name).shape)
+        for name in ("displacement", "velocity", "ball_displacement", "ball_velocity", "contact_force")
+    }
+    return structure, dataclasses.replace(response, snapshots=dataclasses.replace(snapshots, **drawn))
+
+
+@pytest.mark.parametrize("exaggeration", [0.5, 1.0, 30.0])
+def test_drawn_clearance_is_the_true_one_times_the_exaggeration(tmp_path, two_balls, exaggeration):
+    """Wall face minus ball surface, for unequal gaps, two balls and any motion: so no exaggeration makes a hit."""
+    structure, response = two_balls
+    snapshots = response.snapshots
+    _, grids = read_series(vtk.write_deflection(tmp_path / "a.pvd", response, structure, exaggeration))
+    for k, grid in enumerate(grids):
+        warped = grid.points + grid["displacement"]
+        for j, pair in enumerate(response.system.contacts):
+            own = np.isclose(grid["contact_force"], snapshots.contact_force[k, j], rtol=1e-12, atol=0)
+            ball, box = (cell_points(grid, own & (grid["part"] == part)) for part in (BALL, BOX))
+            rest = np.unique(grid.points[box, 1].round(13))
+            x = snapshots.ball_displacement[k, j] - deflection_at(response, k, pair.position)
+            for side, gap, level in ((1, pair.gaps[0], rest[2]), (-1, pair.gaps[1], rest[1])):
+                face = box[np.isclose(grid.points[box, 1], level, rtol=0, atol=1e-12)]
+                clearance = side * warped[face, 1].mean() - (side * warped[ball, 1]).max()
+                assert clearance == pytest.approx(exaggeration * (gap - side * x), abs=1e-12)
+
+
+def test_sections_and_boxes_turn_with_the_slope(tmp_path, two_balls):
+    structure, response = two_balls
+    _, grids = read_series(vtk.write_deflection(tmp_path / "a.pvd", response, structure, exaggeration=2.0))
+    for k, grid in enumerate(grids):
+        slope = response.snapshots.displacement[k, -1]
+        points = nodes_of(grid, BEAM)
+        tip = points[np.isclose(grid.points[points, 0], structure.beam.length, atol=1e-12)]
+        np.testing.assert_allclose(grid["displacement"][tip, 0], -2.0 * slope * grid.points[tip, 1], atol=1e-15)
+        # a box at the tip turns as a rigid body about the axis
+        box = cell_points(grid, (grid["part"] == BOX) & (grid.cell_centers().points[:, 0] > 0.15))
+        arm = grid.points[box] - [structure.beam.length, 0.0, 0.0]
+        w = response.snapshots.displacement[k, -2]
+        np.testing.assert_allclose(grid["displacement"][box, 0], -2.0 * slope * arm[:, 1], atol=1e-15)
+        np.testing.assert_allclose(grid["displacement"][box, 1], 2.0 * (w + slope * arm[:, 0]), atol=1e-15)
+
+
+def test_solid_has_the_mass_of_beam_and_balls(tmp_path, two_balls):
+    """Volume times density; a cell of wrong orientation would count negative."""
+    structure, response = two_balls
+    grid = read_series(vtk.write_deflection(tmp_path / "a.pvd", response, structure, 5.0))[1][0]
+    volume = grid.compute_cell_sizes(length=False, area=False, volume=True)["Volume"]
+    assert volume[grid["part"] != BALL].min() > 0.0
+    assert 7850.0 * volume[grid["part"] == BEAM].sum() == pytest.approx(structure.beam.mass, rel=1e-9)
+    masses = 7850.0 * 4.0 / 3.0 * np.pi * grid.field_data["ball_radius"] ** 3
+    np.testing.assert_allclose(masses, [ball.mass for ball in structure.impactors], rtol=1e-12)
+
+
+def cell_points(grid, chosen):
+    """Numbers of the points of chosen cells."""
+    return np.unique(np.concatenate([grid.get_cell(i).point_ids for i in np.flatnonzero(chosen)]))
+
+
+def deflection_at(response, k, position):
+    """Deflection of snapshot k at a position, m, on the cubic through its nodal values and slopes."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    nodal = response.snapshots.displacement[k]
+    return float(CubicHermiteSpline(response.system.nodes, nodal[0::2], nodal[1::2])(position))
+
+
 def test_displacement_in_space_adds_the_base(tmp_path, response, reference):
     relative = read_series(vtk.write_deflection(tmp_path / "a.pvd", response, reference))[1]
     absolute = read_series(vtk.write_deflection(tmp_path / "b.pvd", response, reference, frame="space"))[1]
@@ -151,7 +230,47 @@ def test_broken_attempt_leaves_no_file(tmp_path, response, reference, monkeypatc
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("change", "key"), [({"exaggeration": 0.0}, "exaggeration"), ({"frame": "moon"}, "frame")])
+def test_what_stood_there_survives_a_failed_attempt(tmp_path, response, reference, monkeypatch):
+    path = vtk.write_deflection(tmp_path / "a.pvd", response, reference, most=3)
+    before = {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
+    assert len(before) == 4
+
+    def full(*_arguments):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(vtk, "atomic_write", full)
+    for name in ("a.pvd", "new.pvd"):
+        with pytest.raises(OSError, match="disk full"):
+            vtk.write_deflection(tmp_path / name, response, reference, exaggeration=2.0)
+    assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
+    monkeypatch.undo()
+    vtk.write_deflection(path, response, reference, most=2)
+    assert len(list((tmp_path / "a").iterdir())) == 2
+
+
+def test_a_folder_with_other_files_is_not_replaced(tmp_path, response, reference):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "measured.csv").write_text("precious")
+    with pytest.raises(fi.InputError, match="holds other files"):
+        vtk.write_deflection(tmp_path / "a.pvd", response, reference)
+    assert (tmp_path / "a" / "measured.csv").read_text() == "precious"
+
+
+@pytest.mark.parametrize(("change", "key"), [({"scale": 0.0}, "scale"), ({"subdivisions": 0}, "subdivisions")])
+def test_bad_options_of_modes_are_refused(tmp_path, system, reference, change, key):
+    with pytest.raises(fi.InputError, match=key):
+        vtk.write_modes(tmp_path / "a.pvd", system, fi.solve_modes(system, 1), reference, **change)
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"exaggeration": 0.0}, "exaggeration"),
+        ({"exaggeration": np.nan}, "exaggeration"),
+        ({"frame": "moon"}, "frame"),
+        ({"most": 0}, "most"),
+    ],
+)
 def test_bad_options_are_refused(tmp_path, response, reference, change, key):
     with pytest.raises(fi.InputError, match=key):
         vtk.write_deflection(tmp_path / "a.pvd", response, reference, **change)

@@ -12,8 +12,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from femimpact import contact
 from femimpact.excitation import Sine
-from femimpact.integrators import kernels
+from femimpact.integrators import layout
+from femimpact.integrators.kernels import loop
+from femimpact.integrators.kernels.ledger import write_energy
 from femimpact.integrators.newmark import Newmark, bands, factorise
 from femimpact.signals import CycleStatistics
 from femimpact.system import State, System
@@ -30,12 +33,12 @@ Progress = Callable[[float], None]
 class Block:
     """Arrays of one compiled run; the kernel writes into them."""
 
-    operator: kernels.Operator
-    scheme: kernels.Scheme
-    pairs: kernels.Pairs
-    motion: kernels.Motion
-    cycles: kernels.Cycles
-    record: kernels.Record
+    operator: layout.Operator
+    scheme: layout.Scheme
+    pairs: layout.Pairs
+    motion: layout.Motion
+    cycles: layout.Cycles
+    record: layout.Record
     ledger: bool
     steps: int
     ends: NDArray[Any]
@@ -47,7 +50,7 @@ class Block:
     def cycle_statistics(self) -> CycleStatistics:
         """Statistics of every finished base cycle of the real cases."""
         values = self.cycles.values[:, :, : self.cases]
-        columns = {name: values[:, i] for i, name in enumerate(kernels.CYCLE_COLUMNS)}
+        columns = {name: values[:, i] for i, name in enumerate(layout.CYCLE_COLUMNS)}
         return CycleStatistics(**columns)
 
 
@@ -56,17 +59,17 @@ def _lanes(cases: int) -> int:
     return 1 if cases == 1 else max(16, 8 * math.ceil(cases / 8))
 
 
-def empty_record(dofs: int) -> kernels.Record:
+def empty_record(dofs: int) -> layout.Record:
     """A record that keeps nothing."""
-    return kernels.Record(
+    return layout.Record(
         kind=np.zeros(0, dtype=np.int64),
         source=np.zeros(0, dtype=np.int64),
         rows=np.zeros((0, dofs)),
         channels=np.zeros((0, 0)),
-        energy=np.zeros((0, len(kernels.ENERGY_COLUMNS))),
+        energy=np.zeros((0, len(layout.ENERGY_COLUMNS))),
         fields=np.zeros((0, 2, 0)),
         forces=np.zeros((0, 0)),
-        impacts=np.zeros((0, len(kernels.IMPACT_COLUMNS))),
+        impacts=np.zeros((0, len(layout.IMPACT_COLUMNS))),
         stride=np.ones(4, dtype=np.int64),
         tally=np.zeros(4, dtype=np.int64),
     )
@@ -82,7 +85,7 @@ def prepare(
     initial: State,
     observed: NDArray[Any],
     ledger: bool,
-    record: kernels.Record | None = None,
+    record: layout.Record | None = None,
 ) -> Block:
     """Lay out all arrays of a block; nothing runs yet.
 
@@ -101,7 +104,7 @@ def prepare(
     observed : ndarray (dofs,)
         Row whose value gets cycle statistics.
     ledger : bool
-    record : kernels.Record, optional
+    record : layout.Record, optional
         What case 0 keeps.
 
     Returns
@@ -114,7 +117,7 @@ def prepare(
     idle = lanes - len(bases)
     window = np.array([[*w, *[w[-1]] * idle] for w in (window_start, steps)], dtype=np.int64)
     operator = _operator(system, method, observed)
-    scheme = kernels.Scheme(
+    scheme = layout.Scheme(
         dt=method.dt,
         predict_u=method.dt**2 * (0.5 - method.beta),
         predict_v=method.dt * (1.0 - method.gamma),
@@ -141,11 +144,11 @@ def prepare(
     )
     if ledger:
         for c in range(lanes):
-            kernels.write_energy(c, operator, pairs, motion, cycles.energy[0, :, c])
+            write_energy(c, operator, pairs, motion, cycles.energy[0, :, c])
     return block
 
 
-def _operator(system: System, method: Newmark, observed: NDArray[Any]) -> kernels.Operator:
+def _operator(system: System, method: Newmark, observed: NDArray[Any]) -> layout.Operator:
     lower, effective = factorise(system, method)
     diagonal = system.is_diagonal
     rows: list[NDArray[Any]] = [observed]
@@ -156,7 +159,7 @@ def _operator(system: System, method: Newmark, observed: NDArray[Any]) -> kernel
     directions = np.array([pair.direction for pair in system.contacts]).reshape(-1, system.dofs)
     response = scipy.linalg.cho_solve_banded((_true_factor(lower), True), directions.T).T
     scale = effective[0] if diagonal else np.ones(system.dofs)
-    return kernels.Operator(
+    return layout.Operator(
         banded=not diagonal,
         load=-system.base_load / scale,
         damping=system.C.diagonal() / scale,
@@ -182,18 +185,18 @@ def _widened(band: NDArray[Any], width: int) -> NDArray[Any]:
     return np.vstack([band, np.zeros((width - band.shape[0], band.shape[1]))])
 
 
-def _pairs(system: System, operator: kernels.Operator, lanes: int) -> kernels.Pairs:
+def _pairs(system: System, operator: layout.Operator, lanes: int) -> layout.Pairs:
     contacts = system.contacts
     rows = [next(i for i, row in enumerate(operator.rows) if np.array_equal(row, pair.direction)) for pair in contacts]
     constants = np.zeros((7, len(contacts), lanes))
     for j, pair in enumerate(contacts):
-        constants[kernels.MASS, j] = pair.mass
-        constants[kernels.GAP_PLUS, j], constants[kernels.GAP_MINUS, j] = pair.gaps
-        constants[kernels.STIFFNESS, j] = pair.parameters.stiffness
-        constants[kernels.DAMPING, j] = pair.parameters.damping
-        constants[kernels.FREE_STIFFNESS, j] = pair.free_stiffness + getattr(pair.law, "free_stiffness", 0.0)
-        constants[kernels.ACCELERATION, j] = pair.acceleration
-    return kernels.Pairs(
+        constants[layout.MASS, j] = pair.mass
+        constants[layout.GAP_PLUS, j], constants[layout.GAP_MINUS, j] = pair.gaps
+        constants[layout.STIFFNESS, j] = pair.parameters.stiffness
+        constants[layout.DAMPING, j] = pair.parameters.damping
+        constants[layout.FREE_STIFFNESS, j] = pair.free_stiffness + getattr(pair.law, "free_stiffness", 0.0)
+        constants[layout.ACCELERATION, j] = pair.acceleration
+    return layout.Pairs(
         row=np.array(rows, dtype=np.int64),
         kind=np.array([pair.parameters.kind for pair in contacts], dtype=np.int64),
         constants=constants,
@@ -202,32 +205,32 @@ def _pairs(system: System, operator: kernels.Operator, lanes: int) -> kernels.Pa
 
 def _motion(
     system: System,
-    operator: kernels.Operator,
-    pairs: kernels.Pairs,
+    operator: layout.Operator,
+    pairs: layout.Pairs,
     bases: list[Sine],
     method: Newmark,
     initial: State,
     window: NDArray[Any],
-) -> kernels.Motion:
+) -> layout.Motion:
     lanes, dofs, balls = len(bases), system.dofs, len(system.contacts)
     states = [initial.relative_to_base(system, base) for base in bases]
     q, v, y, y_rate = (np.ascontiguousarray(np.array(columns).T) for columns in zip(*states, strict=True))
     constants = pairs.constants
     w = operator.rows @ q
     ball = np.zeros((7, balls, lanes))
-    ball[kernels.Y] = ball[kernels.Y_BEFORE] = y
-    ball[kernels.Y_RATE] = y_rate
-    ball[kernels.X] = ball[kernels.X_BEFORE] = y - w[pairs.row]
-    ball[kernels.FORCE] = force = constants[kernels.FREE_STIFFNESS] * ball[kernels.X]
+    ball[layout.Y] = ball[layout.Y_BEFORE] = y
+    ball[layout.Y_RATE] = y_rate
+    ball[layout.X] = ball[layout.X_BEFORE] = y - w[pairs.row]
+    ball[layout.FORCE] = force = constants[layout.FREE_STIFFNESS] * ball[layout.X]
     base = np.array([float(excitation.acceleration(0.0)) for excitation in bases])
-    ball[kernels.Y_ACCELERATION] = constants[kernels.ACCELERATION] - base - force / constants[kernels.MASS]
+    ball[layout.Y_ACCELERATION] = constants[layout.ACCELERATION] - base - force / constants[layout.MASS]
     load = operator.rows[pairs.row].T @ force - np.outer(system.base_load, base) - system.C @ v - system.K @ q
-    always = (pairs.kind[:, None] == kernels.SWITCHING_SPRING) | (constants[kernels.FREE_STIFFNESS] > 0.0)
+    always = (pairs.kind[:, None] == contact.SWITCHING_SPRING) | (constants[layout.FREE_STIFFNESS] > 0.0)
     touch = np.zeros((11, balls, lanes))
-    touch[kernels.BUSY] = always
+    touch[layout.BUSY] = always
     ledger = np.zeros((5, lanes))
-    ledger[kernels.LOAD_BEFORE] = system.base_load @ q
-    return kernels.Motion(
+    ledger[layout.LOAD_BEFORE] = system.base_load @ q
+    return layout.Motion(
         q=q,
         v=v,
         # C order matters: the case axis must be contiguous
@@ -236,7 +239,7 @@ def _motion(
         w_rate=operator.rows @ v,
         ball=ball,
         touch=touch,
-        totals=np.zeros((len(kernels.TOTAL_COLUMNS), balls, lanes)),
+        totals=np.zeros((len(layout.TOTAL_COLUMNS), balls, lanes)),
         window=window,
         drive=_drive(bases, method.dt),
         ledger=ledger,
@@ -250,31 +253,31 @@ def _drive(bases: list[Sine], dt: float) -> NDArray[Any]:
         np.array([getattr(base, name) for base in bases]) for name in ("omega", "phase", "amplitude")
     )
     drive = np.zeros((9, len(bases)))
-    drive[kernels.SINE], drive[kernels.COSINE] = np.sin(phase), np.cos(phase)
-    drive[kernels.TURN_SINE], drive[kernels.TURN_COSINE] = np.sin(omega * dt), np.cos(omega * dt)
-    drive[kernels.PHASE], drive[kernels.PHASE_STEP] = phase, omega * dt
-    drive[kernels.SCALE] = -amplitude * omega**2
-    drive[kernels.BASE] = drive[kernels.BASE_BEFORE] = drive[kernels.SCALE] * drive[kernels.SINE]
+    drive[layout.SINE], drive[layout.COSINE] = np.sin(phase), np.cos(phase)
+    drive[layout.TURN_SINE], drive[layout.TURN_COSINE] = np.sin(omega * dt), np.cos(omega * dt)
+    drive[layout.PHASE], drive[layout.PHASE_STEP] = phase, omega * dt
+    drive[layout.SCALE] = -amplitude * omega**2
+    drive[layout.BASE] = drive[layout.BASE_BEFORE] = drive[layout.SCALE] * drive[layout.SINE]
     return drive
 
 
-def _cycles(bases: list[Sine], dt: float, steps: int, ledger: bool) -> kernels.Cycles:
+def _cycles(bases: list[Sine], dt: float, steps: int, ledger: bool) -> layout.Cycles:
     lanes = len(bases)
     period = np.array([1.0 / (base.frequency * dt) for base in bases])
     most = int(steps / period.min()) + 1
-    sums = np.zeros((len(kernels.CYCLE_COLUMNS), lanes))
+    sums = np.zeros((len(layout.CYCLE_COLUMNS), lanes))
     sums[0], sums[1] = -np.inf, np.inf
-    return kernels.Cycles(
+    return layout.Cycles(
         next_wrap=np.ceil(period).astype(np.int64),
         number=np.zeros(lanes, dtype=np.int64),
         period=period,
         sums=sums,
-        values=np.zeros((most, len(kernels.CYCLE_COLUMNS), lanes)),
-        energy=np.zeros(((most if ledger else 0) + 1, len(kernels.ENERGY_COLUMNS), lanes)),
+        values=np.zeros((most, len(layout.CYCLE_COLUMNS), lanes)),
+        energy=np.zeros(((most if ledger else 0) + 1, len(layout.ENERGY_COLUMNS), lanes)),
     )
 
 
-def _limits(system: System, bases: list[Sine], motion: kernels.Motion, method: Newmark) -> NDArray[Any]:
+def _limits(system: System, bases: list[Sine], motion: layout.Motion, method: Newmark) -> NDArray[Any]:
     """Displacement (m) of the observed place beyond which a case counts as diverging.
 
     A multiple of what the base does at resonance, the initial state, and a ball's flight within
@@ -284,7 +287,7 @@ def _limits(system: System, bases: list[Sine], motion: kernels.Motion, method: N
     alpha, beta = system.rayleigh or (0.0, 0.0)
     omega = 2.0 * math.pi * system.first_frequency
     ratio = max(0.5 * (alpha / omega + beta * omega), 1e-3)
-    rates = np.vstack([motion.w_rate, motion.ball[kernels.Y_RATE]])
+    rates = np.vstack([motion.w_rate, motion.ball[layout.Y_RATE]])
     given = max((abs(pair.acceleration) for pair in system.contacts), default=0.0)
     scale = amplitude / ratio + np.abs(motion.w).max(axis=0) + np.abs(rates).max(axis=0) / omega + given / omega**2
     return np.asarray(method.divergence_limit * (scale + 1e-9))
@@ -302,7 +305,7 @@ def run_block(block: Block, progress: Progress | None = None, stop: threading.Ev
         Ends the run early once set.
     """
     lanes, dofs = block.motion.q.shape[1], block.motion.q.shape[0]
-    work, energy = np.zeros((5, max(len(block.pairs.row), 1))), np.zeros(len(kernels.ENERGY_COLUMNS))
+    work, energy = np.zeros((5, max(len(block.pairs.row), 1))), np.zeros(len(layout.ENERGY_COLUMNS))
     piece = max(1000, STEPS_BETWEEN_CHECKS // (lanes * dofs))
     done = 0
     while done < block.steps:
@@ -310,7 +313,7 @@ def run_block(block: Block, progress: Progress | None = None, stop: threading.Ev
             return
         # pieces end where cases end, so that none is judged by what comes after
         steps = min(piece, int(block.ends[block.ends > done].min()) - done)
-        kernels.advance(
+        loop.advance(
             steps, block.operator, block.scheme, block.pairs, block.motion, block.cycles, block.record,
             block.ledger, work, energy,
         )  # fmt: skip

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from femimpact.errors import require
-from femimpact.integrators import kernels
+from femimpact.integrators import layout
+from femimpact.integrators.kernels import touch
 from femimpact.integrators.newmark import Newmark
 from femimpact.system import ContactPair
 
@@ -53,7 +54,7 @@ def achieved_restitution(
     AchievedRestitution
     """
     require(approach_speed > 0.0, "approach_speed", approach_speed, "m/s", "must be > 0")
-    scheme = kernels.Scheme(
+    scheme = layout.Scheme(
         method.dt,
         method.dt**2 * (0.5 - method.beta),
         method.dt * (1.0 - method.gamma),
@@ -62,7 +63,7 @@ def achieved_restitution(
     )
     law = pair.parameters
     runs = [
-        kernels.collide(law.kind, law.stiffness, law.damping, pair.effective_mass, approach_speed, start, scheme)
+        touch.collide(law.kind, law.stiffness, law.damping, pair.effective_mass, approach_speed, start, scheme)
         for start in (np.arange(phases) + 0.5) / phases
     ]
     rebound, peak = (np.array(column) for column in zip(*runs, strict=True))

@@ -12,8 +12,9 @@ from femimpact.energy import EnergyLedger
 from femimpact.errors import DivergenceError, Fault, InputError, require
 from femimpact.excitation import Sine
 from femimpact.impacts import Impacts, impact_statistics
-from femimpact.integrators import kernels
+from femimpact.integrators import layout
 from femimpact.integrators.block import Block, Progress, prepare, run_block
+from femimpact.integrators.kernels import loop
 from femimpact.integrators.newmark import Newmark, check_step, step_notes
 from femimpact.response import Channel, Recorder, Response, Snapshots, resolve_channels
 from femimpact.signals import SteadyMotion, steady_motion
@@ -104,7 +105,7 @@ def divergence_message(frequency: float, time: float, method: Newmark) -> str:
 def _keep_first(block: Block) -> None:
     """Keep the state at t = 0 where it is asked for."""
     if block.record.channels.shape[0] + block.record.fields.shape[0] > 0:
-        kernels.keep(0, block.operator, block.pairs, block.motion, block.record, block.ledger)
+        loop.keep(0, block.operator, block.pairs, block.motion, block.record, block.ledger)
 
 
 def memory_needed(
@@ -116,11 +117,11 @@ def memory_needed(
     cycles = int(steps * dt * frequency) + 2
     return {
         "channels": 8 * samples * channels,
-        "energies": 8 * samples * len(kernels.ENERGY_COLUMNS) * recorder.ledger,
+        "energies": 8 * samples * len(layout.ENERGY_COLUMNS) * recorder.ledger,
         # in dofs while running, at the nodes afterwards
         "snapshots": 8 * snapshots * (width + 4 * system.nodes.size),
-        "impacts": 8 * recorder.impacts * len(kernels.IMPACT_COLUMNS) * bool(system.contacts),
-        "cycles": 8 * cycles * (len(kernels.CYCLE_COLUMNS) + len(kernels.ENERGY_COLUMNS)),
+        "impacts": 8 * recorder.impacts * len(layout.IMPACT_COLUMNS) * bool(system.contacts),
+        "cycles": 8 * cycles * (len(layout.CYCLE_COLUMNS) + len(layout.ENERGY_COLUMNS)),
     }
 
 
@@ -134,7 +135,7 @@ def _samples(recorder: Recorder, steps: int, dt: float) -> tuple[int, int]:
 
 def _record(
     system: System, recorder: Recorder, channels: tuple[Channel, ...], steps: int, dt: float, frequency: float
-) -> kernels.Record:
+) -> layout.Record:
     """Arrays for what is kept, refused before the run when they would not fit."""
     parts = memory_needed(system, recorder, len(channels), steps, dt, frequency)
     needed = sum(parts.values())
@@ -151,15 +152,15 @@ def _record(
     index = [channel.ball if channel.row is None else next(number) for channel in channels]
     balls = len(system.contacts)
     start, start_field = (min(round(t / dt), steps) for t in (recorder.start, recorder.snapshots_start))
-    return kernels.Record(
+    return layout.Record(
         kind=np.array([channel.kind for channel in channels], dtype=np.int64),
         source=np.array(index, dtype=np.int64),
         rows=np.array(rows).reshape(-1, system.dofs),
         channels=np.zeros((samples, len(channels))),
-        energy=np.zeros((samples if recorder.ledger else 0, len(kernels.ENERGY_COLUMNS))),
+        energy=np.zeros((samples if recorder.ledger else 0, len(layout.ENERGY_COLUMNS))),
         fields=np.zeros((snapshots, 2, system.dofs + balls)),
         forces=np.zeros((snapshots, balls)),
-        impacts=np.zeros((recorder.impacts if balls else 0, len(kernels.IMPACT_COLUMNS))),
+        impacts=np.zeros((recorder.impacts if balls else 0, len(layout.IMPACT_COLUMNS))),
         stride=np.array([recorder.every, start, max(recorder.snapshots, 1), start_field], dtype=np.int64),
         tally=np.zeros(4, dtype=np.int64),
     )
@@ -204,20 +205,20 @@ def _no_steady_motion() -> SteadyMotion:
     return SteadyMotion(nothing, nothing, nothing, nothing, np.array(["transient"]))
 
 
-def _ledger(record: kernels.Record, time: NDArray[Any]) -> EnergyLedger:
-    columns = {name: _read_only(record.energy[:, i]) for i, name in enumerate(kernels.ENERGY_COLUMNS)}
+def _ledger(record: layout.Record, time: NDArray[Any]) -> EnergyLedger:
+    columns = {name: _read_only(record.energy[:, i]) for i, name in enumerate(layout.ENERGY_COLUMNS)}
     return EnergyLedger(time=time, **columns)
 
 
-def _impacts(record: kernels.Record, system: System) -> Impacts:
+def _impacts(record: layout.Record, system: System) -> Impacts:
     count = min(int(record.tally[3]), record.impacts.shape[0])
-    columns = {name: _read_only(record.impacts[:count, i]) for i, name in enumerate(kernels.IMPACT_COLUMNS)}
+    columns = {name: _read_only(record.impacts[:count, i]) for i, name in enumerate(layout.IMPACT_COLUMNS)}
     names = np.array([pair.name for pair in system.contacts] or [""])
     columns["impactor"] = names[columns.pop("pair").astype(int)]
     return Impacts(**columns, dropped=int(record.tally[3]) - count)
 
 
-def _snapshots(record: kernels.Record, system: System, first: int, stride: int, dt: float) -> Snapshots:
+def _snapshots(record: layout.Record, system: System, first: int, stride: int, dt: float) -> Snapshots:
     dofs = system.dofs
     u, v = (np.asarray((system.expansion @ record.fields[:, k, :dofs].T).T) for k in (0, 1))
     return Snapshots(

@@ -1,0 +1,229 @@
+"""The sheet that every frame of a movie is: a caption, two views, and the histories with a moving marker."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.export.figures import BLUE, GREY, ORANGE, STYLE
+from femimpact.export.scene import BALL, BEAM, BOX, Scene, ball_radius
+from femimpact.response import Response, Snapshots
+from femimpact.structure import Structure
+from femimpact.system import hermite_rows
+
+__all__ = ["HEIGHT", "VIEWS", "WIDTH", "Film", "sheets"]
+
+WIDTH, HEIGHT = 1280, 720
+"""Pixels; multiples of 16, or the encoder would resize."""
+VIEWS = slice(82, 462)
+"""Rows of pixels that hold the two views."""
+BEAM_COLOUR = "#555b63"
+
+Draw = Callable[[int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """What every renderer needs: the chosen snapshots, the scene, and which ball hits which wall when.
+
+    Parameters
+    ----------
+    response : Response
+    structure : Structure
+    snapshots : Snapshots
+        Of the response.
+    chosen : ndarray (frames,)
+        Numbers of the snapshots that are shown.
+    scene : Scene
+    caption : str
+    hits : ndarray (frames, balls)
+        Side of the wall that a ball touches, 0 in flight.
+    """
+
+    response: Response
+    structure: Structure
+    snapshots: Snapshots
+    chosen: NDArray[Any]
+    scene: Scene
+    caption: str
+    hits: NDArray[Any]
+
+    def struck(self, i: int, pair: int, side: int) -> bool:
+        """Whether the ball of a pair touches that wall at frame i; side 0 means either."""
+        return bool(self.hits[i, pair] != 0 and side in (0, self.hits[i, pair]))
+
+    def moved(self, i: int) -> NDArray[Any]:
+        """Points (points, 3), m, of frame i."""
+        return np.asarray(self.scene.points + self.scene.displacement(self.snapshots, int(self.chosen[i])))
+
+    def at_pair(self, j: int) -> NDArray[Any]:
+        """Deflection (m) of the beam at pair j in every snapshot."""
+        position = self.response.system.contacts[j].position
+        rows = hermite_rows(self.response.system.nodes, [position])
+        return np.asarray((rows @ self.snapshots.displacement.T)[0])
+
+    @property
+    def reach(self) -> float:
+        """Largest exaggerated |y| (m) of anything drawn."""
+        return max(float(np.abs(self.moved(i)[:, 1]).max()) for i in range(self.chosen.size))
+
+
+def sheets(film: Film, plane: bool) -> Callable[[int], NDArray[Any]]:
+    """A function that draws frame i as pixels (HEIGHT, WIDTH, 3); what does not move is drawn once.
+
+    Parameters
+    ----------
+    film : Film
+    plane : bool
+        Whether to draw the two views as well, in the plane of motion, or to leave their rows white.
+
+    Returns
+    -------
+    callable of int to ndarray (HEIGHT, WIDTH, 3) of uint8
+    """
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(STYLE | {"font.size": 13.0}):
+        figure = Figure(figsize=(WIDTH / 100, HEIGHT / 100), dpi=100)
+        canvas: Any = FigureCanvasAgg(figure)
+        figure.text(0.02, 0.965, film.caption, va="center", color="black", fontsize=14.0)
+        for x, title in _titles(film):
+            figure.text(x, 0.905, title, va="center", color=GREY)
+        draws = [_histories(figure, film), *(_plane_views(figure, film) if plane else [])]
+        canvas.draw()
+        still = canvas.copy_from_bbox(figure.bbox)
+
+    def frame(i: int) -> NDArray[Any]:
+        canvas.restore_region(still)
+        for draw in draws:
+            draw(i)
+        return np.array(canvas.buffer_rgba())[..., :3]
+
+    return frame
+
+
+def _titles(film: Film) -> list[tuple[float, str]]:
+    """Words above the two views, with the sizes that an exaggerated picture cannot be measured for."""
+    titles = [(0.02, f"Whole beam ({1e3 * film.structure.beam.length:.4g} mm), relative to the moving base")]
+    for pair in film.response.system.contacts[:1]:
+        plus, minus = (1e3 * gap for gap in pair.gaps)
+        gaps = f"gaps {plus:.3g} mm" if plus == minus else f"gaps +{plus:.3g} and -{minus:.3g} mm"
+        titles.append((0.52, f"Close-up, following the box ({gaps}); coloured at a hit"))
+    return titles
+
+
+def _histories(figure: Any, film: Film) -> Draw:
+    """Strip of beam and ball over time, true millimetres, with a marker at the frame's time."""
+    snapshots, contacts, impacts = film.snapshots, film.response.system.contacts, film.response.impacts
+    axis, time = figure.add_axes((0.065, 0.105, 0.915, 0.195)), snapshots.time
+    if contacts:
+        pair, wall, ball = contacts[0], 1e3 * film.at_pair(0), 1e3 * snapshots.ball_displacement[:, 0]
+        inside = (wall - 1e3 * pair.gaps[1], wall + 1e3 * pair.gaps[0])
+        axis.fill_between(time, *inside, color="#e6eaee", label="free travel of the ball")
+        axis.plot(time, wall, color=BEAM_COLOUR, label="beam at the box")
+        axis.plot(time, ball, color=BLUE, label=pair.name)
+        at = impacts.time[(impacts.impactor == pair.name) & (impacts.time >= time[0]) & (impacts.time <= time[-1])]
+        axis.plot(at, np.interp(at, time, ball), "o", color=ORANGE, markersize=5.0, label="hit")
+    else:
+        axis.plot(time, 1e3 * snapshots.displacement[:, -2], color=BEAM_COLOUR, label="tip of the beam")
+    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1)
+    axis.set_ylabel("y (mm)")
+    axis.set_xlabel("time (s)")
+    axis.set_xlim(time[0], max(time[-1], time[0] + 1e-9))
+    marker = axis.axvline(time[0], color="black", linewidth=1.6, animated=True)
+    clock = figure.text(0.98, 0.325, "", ha="right", va="center", fontsize=14.0, animated=True)
+
+    def draw(i: int) -> None:
+        now = time[film.chosen[i]]
+        marker.set_xdata([now, now])
+        clock.set_text(f"t = {now:.3f} s")
+        axis.draw_artist(marker)
+        figure.draw_artist(clock)
+
+    return draw
+
+
+def _plane_views(figure: Any, film: Film) -> list[Draw]:
+    """Axes of the whole beam, and of the close-up where there is a ball."""
+    length, s, contacts = 1e3 * film.structure.beam.length, film.scene.exaggeration, film.response.system.contacts
+    axis = figure.add_axes((0.065, 0.435, 0.5 if contacts else 0.915, 0.435))
+    _fit(axis, 0.52 * length, 0.56 * length, 1.05e3 * film.reach, s)
+    for support in film.structure.supports:
+        x = 1e3 * film.response.system.position_of(support.at)
+        axis.plot([x, x], [-0.05 * length, 0.05 * length], color="black", linewidth=5.0)
+    views = [_moving_parts(axis, film, None)]
+    if contacts:
+        half = 1e3 * (s * max(contacts[0].gaps) + 1.6 * ball_radius(contacts[0].mass))
+        close = figure.add_axes((0.64, 0.435, 0.34, 0.435))
+        _fit(close, 1e3 * contacts[0].position, half, half, s)
+        views.append(_moving_parts(close, film, 0))
+    return views
+
+
+def _fit(axis: Any, middle: float, half_x: float, half_y: float, exaggeration: float) -> None:
+    """Show at least these half spans (mm) about (middle, 0), x and y to one scale; label y by the true mm."""
+    from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
+
+    box = axis.get_position()
+    ratio = box.width * WIDTH / (box.height * HEIGHT)
+    half = max(half_y, half_x / ratio)
+    axis.set(xlim=(middle - half * ratio, middle + half * ratio), ylim=(-half, half))
+    # round numbers of the true scale; round numbers of the drawn one would be odd
+    ticks = MaxNLocator(nbins=6).tick_values(-half / exaggeration, half / exaggeration)
+    axis.yaxis.set_major_locator(MultipleLocator(exaggeration * float(ticks[1] - ticks[0])))
+    axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y / exaggeration:g}".replace("-", "\u2212")))
+    axis.set_xlabel("x along the beam (mm)")
+    axis.set_ylabel("y (mm)")
+
+
+def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
+    """Beam, boxes and balls in the plane of motion; with `follow`, seen from the box of that pair."""
+    from matplotlib.collections import PolyCollection
+    from matplotlib.patches import Circle
+
+    scene, contacts = film.scene, film.response.system.contacts
+    cells = np.split(scene.connectivity, scene.offsets[:-1])
+    # the faces that look along z: of a hexahedron of the beam, and of one of a box
+    beam = [cells[c][[0, 1, 5, 4]] for c in np.flatnonzero(scene.part == BEAM)]
+    boxes = [cells[c][:4] for c in np.flatnonzero(scene.part == BOX)]
+    faces = np.array([*boxes, *beam])
+    collection = PolyCollection([], linewidths=2.0, animated=True)
+    axis.add_collection(collection, autolim=False)
+    balls = [np.unique(scene.connectivity[_entries(scene, BALL, j)]) for j in range(len(contacts))]
+    circles = [
+        axis.add_patch(Circle((1e3 * pair.position, 0.0), 1e3 * ball_radius(pair.mass), animated=True))
+        for pair in contacts
+    ]
+
+    def draw(i: int) -> None:
+        moved = 1e3 * film.moved(i)[:, :2]
+        if follow is not None:
+            moved[:, 1] -= 1e3 * scene.exaggeration * film.at_pair(follow)[film.chosen[i]]
+        colours = [colour for j in range(len(contacts)) for colour in _box_colours(film, i, j)]
+        colours += [BEAM_COLOUR] * len(beam)
+        collection.set(verts=moved[faces], facecolors=colours, edgecolors=colours)
+        axis.draw_artist(collection)
+        for j, (circle, ball) in enumerate(zip(circles, balls, strict=True)):
+            circle.set_center((1e3 * contacts[j].position, float(moved[ball, 1].mean())))
+            circle.set_color(ORANGE if film.struck(i, j, 0) else BLUE)
+            axis.draw_artist(circle)
+
+    return draw
+
+
+def _entries(scene: Scene, part: int, pair: int) -> NDArray[Any]:
+    """Places in the connectivity that belong to one part of one pair."""
+    cell = np.repeat(np.arange(scene.offsets.size), np.diff(scene.offsets, prepend=0))
+    return np.asarray(((scene.part == part) & (scene.pair == pair))[cell])
+
+
+def _box_colours(film: Film, i: int, j: int) -> tuple[str, str, str]:
+    """Of the + wall, the - wall and the floor, in the order in which a scene holds them."""
+    plus, minus = (ORANGE if film.struck(i, j, side) else "#7b8a9a" for side in (1, -1))
+    return plus, minus, "#e3e8ee"

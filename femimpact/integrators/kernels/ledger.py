@@ -1,0 +1,139 @@
+"""Energies of a case, and what a step adds to work and losses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import NDArray
+
+from femimpact import contact
+from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.flight import add, add_product
+from femimpact.integrators.layout import (
+    CONTACT_LOSS,
+    FREE_STIFFNESS,
+    GAP_MINUS,
+    GAP_PLUS,
+    LOAD,
+    LOAD_BEFORE,
+    MASS,
+    STIFFNESS,
+    STRUCTURE_LOSS,
+    WORK,
+    Y_RATE,
+    Motion,
+    Operator,
+    Pairs,
+    Scheme,
+    X,
+)
+
+_penetration = inlined(contact.penetration)
+_spring_potential = inlined(contact.spring_potential)
+_switching_potential = inlined(contact.switching_potential)
+SWITCHING_SPRING = contact.SWITCHING_SPRING
+
+
+@compiled
+def book_loss_diagonal(
+    scale: NDArray[Any], weight: NDArray[Any], q: NDArray[Any], v: NDArray[Any], v_before: NDArray[Any],
+    loss: NDArray[Any], load: NDArray[Any],
+) -> None:  # fmt: skip
+    """Add dt c ((v0 + v1)/2)^2 of every mode to the loss, and sum base_load @ q; scale is dt c/4."""
+    n, cases = q.shape
+    for i in range(n):
+        sc, we, qi, vi, before = scale[i], weight[i], q[i], v[i], v_before[i]
+        for c in range(cases):
+            twice = vi[c] + before[c]
+            before[c] = vi[c]
+            loss[c] += sc * twice * twice
+        for c in range(cases):
+            load[c] += we * qi[c]
+
+
+@compiled
+def book_loss_single(
+    scale: NDArray[Any], weight: NDArray[Any], q: NDArray[Any], v: NDArray[Any], v_before: NDArray[Any],
+    loss: NDArray[Any], load: NDArray[Any],
+) -> None:  # fmt: skip
+    """The same, operation by operation, of one case alone."""
+    lost, total = loss[0], load[0]
+    for i in range(q.size):
+        twice = v[i] + v_before[i]
+        v_before[i] = v[i]
+        lost += scale[i] * twice * twice
+        total += weight[i] * q[i]
+    loss[0], load[0] = lost, total
+
+
+@compiled
+def book_loss_banded(op: Operator, s: Scheme, m: Motion) -> None:
+    """The same in physical dofs: dt vbar^T C vbar with vbar the mean of both velocities."""
+    n, cases = m.q.shape
+    load, loss = m.ledger[LOAD], m.ledger[STRUCTURE_LOSS]
+    for i in range(n):
+        add(load, op.base_load[i], m.q[i])
+        add(m.v_before[i], 1.0, m.v[i])
+    for i in range(n):
+        add_product(loss, 0.25 * s.dt * op.damping_band[0, i], m.v_before[i], m.v_before[i])
+        for k in range(1, min(op.damping_band.shape[0], n - i)):
+            add_product(loss, 0.5 * s.dt * op.damping_band[k, i], m.v_before[i], m.v_before[i + k])
+    for i in range(n):
+        for c in range(cases):
+            m.v_before[i, c] = m.v[i, c]
+
+
+@compiled
+def book_work(base: NDArray[Any], base_before: NDArray[Any], ledger: NDArray[Any]) -> None:
+    """Work of the inertia forces on the structure over one step, by the trapezoidal rule.
+
+    With the loss above it is the exact balance of the linear part for beta = 1/4, gamma = 1/2.
+    """
+    work, load, load_before = ledger[WORK], ledger[LOAD], ledger[LOAD_BEFORE]
+    for c in range(work.size):
+        work[c] -= 0.5 * (base[c] + base_before[c]) * (load[c] - load_before[c])
+        load_before[c] = load[c]
+    for c in range(work.size):
+        load[c] = 0.0
+
+
+@compiled
+def book_work_on_ball(
+    base: NDArray[Any], base_before: NDArray[Any], mass: NDArray[Any], given: NDArray[Any], y: NDArray[Any],
+    y_before: NDArray[Any], work: NDArray[Any],
+) -> None:  # fmt: skip
+    """Work of inertia and of the constant acceleration on one ball over one step."""
+    for c in range(work.size):
+        work[c] += mass[c] * (given[c] - 0.5 * (base[c] + base_before[c])) * (y[c] - y_before[c])
+        y_before[c] = y[c]
+
+
+@compiled
+def _quadratic(band: NDArray[Any], values: NDArray[Any], c: int) -> float:
+    """x^T A x of a symmetric matrix kept by its lower bands."""
+    total = 0.0
+    n = values.shape[0]
+    for i in range(n):
+        total += band[0, i] * values[i, c] * values[i, c]
+        for k in range(1, min(band.shape[0], n - i)):
+            total += 2.0 * band[k, i] * values[i, c] * values[i + k, c]
+    return total
+
+
+@compiled
+def write_energy(c: int, op: Operator, pairs: Pairs, m: Motion, out: NDArray[Any]) -> None:
+    """Energies of one case at the present step, in the order of ENERGY_COLUMNS."""
+    constants = pairs.constants
+    out[0] = 0.5 * _quadratic(op.mass_band, m.v, c)
+    out[1] = 0.5 * _quadratic(op.stiffness_band, m.q, c)
+    out[2] = out[3] = 0.0
+    for j in range(pairs.row.size):
+        out[2] += 0.5 * constants[MASS, j, c] * m.ball[Y_RATE, j, c] * m.ball[Y_RATE, j, c]
+        x, spring, stiffness = m.ball[X, j, c], constants[FREE_STIFFNESS, j, c], constants[STIFFNESS, j, c]
+        plus, minus = constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c]
+        if pairs.kind[j] == SWITCHING_SPRING:
+            out[3] += _switching_potential(x, plus, minus, spring, stiffness)
+        else:
+            out[3] += _spring_potential(x, spring)
+            out[3] += _spring_potential(_penetration(x, plus, minus)[0], stiffness)
+    out[4], out[5], out[6] = m.ledger[WORK, c], m.ledger[STRUCTURE_LOSS, c], m.ledger[CONTACT_LOSS, c]

@@ -1,0 +1,268 @@
+"""What `run` does with a study: modes, history, sweeps, and every file of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femimpact.errors import require
+from femimpact.export import figures, tables
+from femimpact.impacts import IMPACT_UNITS
+from femimpact.integrators.integrate import integrate
+from femimpact.integrators.newmark import Newmark, check_step, recommended_step
+from femimpact.modes import Modes, solve_modes
+from femimpact.response import Recorder, Response
+from femimpact.results import FILES, StudyResults, load, prepare_directory
+from femimpact.structure import glue_impactors
+from femimpact.study import Study, build
+from femimpact.summary import SweepPair, summary_of
+from femimpact.sweep import SWEEP_UNITS, frequency_sweep
+from femimpact.system import State, System, without_impactors
+
+__all__ = [
+    "Report",
+    "build_method",
+    "history_record",
+    "run_modes",
+    "run_simulation",
+    "run_study",
+    "run_sweep",
+    "write_results",
+]
+
+MODES_LISTED = 4
+
+Report = Callable[[str, float], None]
+"""Called with what is being done and the share of it that is done."""
+
+
+def _silent(_what: str, _share: float) -> None:
+    pass
+
+
+def run_modes(study: Study) -> tuple[System, Modes, Modes | None]:
+    """The full system, its modes without balls, and those with every ball glued on."""
+    full = build(study)[0]
+    count = min(MODES_LISTED, full.dofs)
+    glued = None
+    if study.structure.impactors:
+        glued = solve_modes(build(study, glue_impactors(study.structure))[0], count)
+    return full, solve_modes(full, count), glued
+
+
+def history_record(study: Study, small: System, method: Newmark) -> Recorder:
+    """What the study's history keeps: every place that carries a ball, the balls, the last cycles whole."""
+    output = study.output
+    kept = _frames_duration(study)
+    channels: list[str | float] = ["tip", "tip.velocity", "mid"]
+    for pair in small.contacts:
+        place = next((name for name, x in small.points.items() if x == pair.position), None)
+        if place not in (None, "tip"):
+            channels += [str(place), f"{place}.velocity"]
+        channels += [pair.name, f"{pair.name}.velocity", f"{pair.name}.contact_force"]
+    return Recorder(
+        channels=tuple(channels),
+        every=output.every,
+        snapshots=max(round(kept / (output.frames * method.dt)), 1) if output.frames else 0,
+        snapshots_start=max(study.base.duration - kept, 0.0),
+    )
+
+
+def _frames_duration(study: Study) -> float:
+    return min(study.output.frame_cycles / study.base.frequency, study.base.duration)
+
+
+def run_simulation(study: Study, report: Report = _silent) -> Response:
+    """The history that the study asks for, with snapshots over its last cycles."""
+    _, small, method = build(study)
+    record = history_record(study, small, method)
+    return integrate(
+        small, study.sine, method, study.base.duration, record, study.initial, lambda share: report("history", share)
+    )
+
+
+def run_sweep(study: Study, report: Report = _silent, initial: State | None = None) -> SweepPair:
+    """Sweeps without and with balls: the even grid, refined around both resonances."""
+    plan = study.sweep
+    require(plan is not None, "sweep", None, "", "table [sweep] is missing")
+    if plan is None:
+        raise AssertionError("require raises")
+    _, small, method = build(study)
+    bare = without_impactors(small)
+    bare_method = build_method(study, bare)
+    coarse = np.linspace(plan.start, plan.stop, plan.points)
+    state = initial or study.initial
+    frequencies = coarse
+    if plan.refine:
+        centres = [small.first_frequency]
+        reach = [8.0 * max(float(solve_modes(bare, 1).damping_ratio[0]), 1e-4) * small.first_frequency]
+        if small.contacts:
+            first = frequency_sweep(
+                small, study.base.amplitude, coarse, method, plan.cycles, initial=state, ledger=False,
+                progress=lambda share: report("sweep with ball, even grid", share),
+            )  # fmt: skip
+            centres.append(first.peak_frequency)
+            reach.append(1.5 * float(coarse[1] - coarse[0]))
+        fine = [np.linspace(c - r, c + r, plan.refine) for c, r in zip(centres, reach, strict=True)]
+        inside = [part[(part > plan.start) & (part < plan.stop)] for part in fine]
+        frequencies = np.unique(np.round(np.concatenate([coarse, *inside]), 9))
+    empty = frequency_sweep(
+        bare, study.base.amplitude, frequencies, bare_method, plan.cycles, initial=_structure_only(state),
+        progress=lambda share: report("sweep without ball", share),
+    )  # fmt: skip
+    ball = None
+    if small.contacts:
+        ball = frequency_sweep(
+            small, study.base.amplitude, frequencies, method, plan.cycles, initial=state,
+            progress=lambda share: report("sweep with ball", share),
+        )  # fmt: skip
+    return SweepPair(empty, ball, coarse)
+
+
+def build_method(study: Study, bare: System) -> Newmark:
+    """The method for the study without balls: its own recommended step unless the study gives one."""
+    settings = dict(study.method)
+    settings.setdefault("dt", recommended_step(bare))
+    return Newmark(**settings)
+
+
+def _structure_only(state: State) -> State:
+    return State(state.displacement, state.velocity, frame=state.frame)
+
+
+def run_study(
+    study: Study,
+    directory: str | Path,
+    *,
+    parts: tuple[str, ...] = ("modes", "simulate", "sweep"),
+    force: bool = False,
+    report: Report = _silent,
+) -> StudyResults:
+    """Run what the study asks for and write its results into a directory.
+
+    Parameters
+    ----------
+    study : Study
+    directory : str or Path
+        Must not exist or be empty, unless forced.
+    parts : tuple of str
+        Any of "modes", "simulate", "sweep"; a study without [sweep] skips it.
+    force : bool
+    report : callable, optional
+
+    Returns
+    -------
+    StudyResults
+        As read back from the directory.
+    """
+    # all that can be wrong is found before the first long step and before anything is written
+    _, small, method = build(study)
+    check_step(small, method)
+    with prepare_directory(directory, force) as folder:
+        modes = run_modes(study) if "modes" in parts else None
+        response = run_simulation(study, report) if "simulate" in parts else None
+        sweeps = run_sweep(study, report) if "sweep" in parts and study.sweep is not None else None
+        write_results(study, folder, modes, response, sweeps, report)
+    return load(directory)
+
+
+def write_results(
+    study: Study,
+    folder: Path,
+    modes: tuple[System, Modes, Modes | None] | None,
+    response: Response | None,
+    sweeps: SweepPair | None,
+    report: Report = _silent,
+) -> None:
+    """Write every table, figure and scene of what was run; the summary comes last."""
+    (folder / FILES["study"]).write_text(study.text, encoding="utf-8")
+    if modes is not None:
+        _write_modes(study, folder, *modes)
+    if sweeps is not None:
+        _write_sweeps(study, folder, sweeps)
+    if response is not None:
+        _write_history(study, folder, response, report)
+    tables.write_json(folder / FILES["summary"], summary_of(study, modes, response, sweeps))
+
+
+def _write_modes(study: Study, folder: Path, full: System, modes: Modes, glued: Modes | None) -> None:
+    columns: dict[str, Any] = {
+        "mode": list(range(1, modes.natural_frequency.size + 1)),
+        "natural_frequency": modes.natural_frequency,
+        "damping_ratio": modes.damping_ratio,
+        "participation_factor": modes.participation_factor,
+        "effective_mass": modes.effective_mass,
+    }
+    units = {"natural_frequency": "Hz", "damping_ratio": "1", "participation_factor": "kg^0.5", "effective_mass": "kg"}
+    if glued is not None:
+        columns["natural_frequency_glued"], units["natural_frequency_glued"] = glued.natural_frequency, "Hz"
+    tables.write_csv(folder / FILES["modes"], columns, units)
+    if study.output.figures:
+        figures.save_figure(figures.mode_shape_figure(full, modes), folder / FILES["mode_figure"])
+    if study.output.paraview:
+        from femimpact.export import vtk
+
+        vtk.write_modes(folder / FILES["modes_scene"], full, modes, study.structure)
+
+
+def _write_sweeps(study: Study, folder: Path, sweeps: SweepPair) -> None:
+    import xarray
+
+    curves = {"empty": sweeps.empty, **({"ball": sweeps.ball} if sweeps.ball is not None else {})}
+    frequency = sweeps.empty.frequency
+    columns: dict[str, Any] = {"frequency": frequency}
+    units = {"frequency": "Hz"}
+    on_grid = np.isclose(frequency[:, None], sweeps.coarse[None, :], atol=1e-9).any(axis=1)
+    columns["grid"] = np.where(on_grid, "even", "refined")
+    for label, curve in curves.items():
+        for name in (*SWEEP_UNITS, "steadiness"):
+            if label == "empty" and name not in (
+                "peak",
+                "rms",
+                "first_harmonic",
+                "phase",
+                "energy_residual",
+                "steadiness",
+            ):
+                continue
+            columns[f"{label}_{name}"] = getattr(curve, name)
+            units[f"{label}_{name}"] = SWEEP_UNITS.get(name, "")
+    tables.write_csv(folder / FILES["sweep"], columns, units)
+    data = xarray.concat(
+        [curve.to_xarray() for curve in curves.values()],
+        xarray.Variable("case", list(curves)),
+        combine_attrs="override",
+    )
+    data = data.assign_coords(grid=("frequency", columns["grid"]))
+    laws = "; ".join(f"{label}: {curve.law}" for label, curve in curves.items())
+    tables.write_netcdf(folder / FILES["sweep_data"], data.assign_attrs(contact_law=laws))
+    if study.output.figures:
+        balls = [("with ball", sweeps.ball)] if sweeps.ball is not None else []
+        figure = figures.response_figure(sweeps.empty, balls, coarse=sweeps.coarse)
+        figures.save_figure(figure, folder / FILES["response_figure"])
+
+
+def _write_history(study: Study, folder: Path, response: Response, report: Report) -> None:
+    tables.write_netcdf(folder / FILES["history"], response.to_xarray())
+    impacts = {name: getattr(response.impacts, name) for name in IMPACT_UNITS}
+    tables.write_csv(folder / FILES["impacts"], impacts, IMPACT_UNITS)
+    output = study.output
+    if output.figures and response.system.contacts:
+        figures.save_figure(figures.contact_force_figure(response), folder / FILES["force_figure"])
+        figures.save_figure(figures.phase_portrait_figure(response), folder / FILES["portrait_figure"])
+    if response.snapshots is None:
+        return
+    if output.paraview:
+        from femimpact.export import vtk
+
+        exaggeration = output.exaggeration or 1.0
+        vtk.write_deflection(folder / FILES["deflection_scene"], response, study.structure, exaggeration)
+    if output.movie:
+        from femimpact.export import movie
+
+        report("movie", 0.0)
+        movie.write_movie(folder / FILES["movie"], response, study.structure, exaggeration=output.exaggeration)
+        report("movie", 1.0)

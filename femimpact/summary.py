@@ -1,0 +1,148 @@
+"""The machine-readable summary of what a study found: plain numbers in Hz, m, N, N s and 1."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import math
+import platform
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from femimpact.identification import amplitude_ratio_damping, fit_one_pole, half_power
+from femimpact.integrators.collision import achieved_restitution
+from femimpact.integrators.newmark import Newmark, check_step
+from femimpact.modes import Modes
+from femimpact.response import Response
+from femimpact.study import Study, build
+from femimpact.sweep import FrequencyResponse
+from femimpact.system import System
+
+__all__ = ["SweepPair", "summary_of"]
+
+
+@dataclass(frozen=True, eq=False)
+class SweepPair:
+    """The sweep of a study without and with its balls, on one grid of frequencies.
+
+    Parameters
+    ----------
+    empty : FrequencyResponse
+    ball : FrequencyResponse or None
+        None where the study has no impactor.
+    coarse : ndarray, Hz
+        The even grid of the study; the other frequencies refine it.
+    """
+
+    empty: FrequencyResponse
+    ball: FrequencyResponse | None
+    coarse: Any
+
+
+def _curve_summary(curve: FrequencyResponse, coarse: Any) -> dict[str, Any]:
+    on_grid = np.isclose(curve.frequency[:, None], coarse[None, :], atol=1e-9).any(axis=1)
+    fit, half = curve.damping, curve.damping_half_power
+    grid = (curve.frequency[on_grid], curve.peak[on_grid])
+    coarse_fit, coarse_half = fit_one_pole(*grid), half_power(*grid)
+    return {
+        "peak_frequency": curve.peak_frequency,
+        "peak_amplitude": curve.peak_amplitude,
+        "damping_fit": fit.ratio,
+        "damping_fit_interval": fit.interval,
+        "damping_fit_frequency": fit.frequency,
+        "damping_half_power": half.ratio,
+        "damping_half_power_interval": half.interval,
+        "coarse_grid": {"damping_fit": coarse_fit.ratio, "damping_half_power": coarse_half.ratio},
+        "start": curve.start,
+        "cycles": curve.cycles,
+        "largest_energy_residual": float(np.nanmax(curve.energy_residual)),
+        "steadiness": {str(k): int(n) for k, n in zip(*np.unique(curve.steadiness, return_counts=True), strict=True)},
+        "warnings": [*curve.warnings, *_prefixed("fit", fit.warnings), *_prefixed("half-power", half.warnings)],
+        "coarse_warnings": [*_prefixed("fit", coarse_fit.warnings), *_prefixed("half-power", coarse_half.warnings)],
+    }
+
+
+def _prefixed(label: str, warnings: tuple[str, ...]) -> list[str]:
+    return [f"{label}: {warning}" for warning in warnings]
+
+
+def summary_of(
+    study: Study,
+    modes: tuple[System, Modes, Modes | None] | None = None,
+    response: Response | None = None,
+    sweeps: SweepPair | None = None,
+) -> dict[str, Any]:
+    """Machine-readable summary: plain numbers in Hz, m, N, N s and 1."""
+    _, small, method = build(study)
+    warnings = list(check_step(small, method))
+    summary: dict[str, Any] = {"study": str(study.path.name), "versions": _versions(), "step": method.dt}
+    if modes is not None:
+        _, empty, glued = modes
+        summary["natural_frequency"] = {"empty": empty.natural_frequency}
+        summary["damping_ratio"] = empty.damping_ratio
+        if glued is not None:
+            summary["natural_frequency"]["glued"] = glued.natural_frequency
+    if small.contacts:
+        first = small.contacts[0]
+        summary["restitution"] = first.parameters.restitution
+        summary["contact"] = _contact_summary(small, method, response)
+    if sweeps is not None:
+        summary["sweep"] = {"empty": _curve_summary(sweeps.empty, sweeps.coarse)}
+        warnings += [f"sweep without ball: {text}" for text in summary["sweep"]["empty"]["warnings"]]
+        if sweeps.ball is not None:
+            summary["sweep"]["ball"] = _curve_summary(sweeps.ball, sweeps.coarse)
+            ratio = sweeps.empty.peak_amplitude / sweeps.ball.peak_amplitude
+            by_ratio = amplitude_ratio_damping(
+                sweeps.empty.damping, sweeps.empty.peak_amplitude, sweeps.ball.peak_amplitude
+            )
+            summary["amplitude_ratio"] = ratio
+            summary["sweep"]["ball"]["damping_amplitude_ratio"] = by_ratio.ratio
+            warnings += [f"sweep with ball: {text}" for text in summary["sweep"]["ball"]["warnings"]]
+    if response is not None:
+        warnings += [f"history: {text}" for text in response.warnings]
+        summary["history"] = {
+            "frequency": response.base.frequency,
+            "peak": response.steady.peak[0],
+            "rms": response.steady.rms[0],
+            "steadiness": str(response.steady.steadiness[0]),
+            "impacts": len(response.impacts) + response.impacts.dropped,
+            "impacts_per_cycle": response.statistics.impacts_per_cycle,
+        }
+        summary["energy_residual"] = response.energy.residual if response.energy is not None else math.nan
+        summary["notes"] = list(response.notes)
+    elif sweeps is not None:
+        summary["energy_residual"] = float(np.nanmax((sweeps.ball or sweeps.empty).energy_residual))
+    summary["warnings"] = list(dict.fromkeys(warnings))
+    return summary
+
+
+def _contact_summary(small: System, method: Newmark, response: Response | None) -> dict[str, Any]:
+    first = small.contacts[0]
+    speed = 0.1
+    if response is not None and response.statistics.count:
+        speed = response.statistics.mean_approach_speed
+    achieved = achieved_restitution(first, method, speed)
+    result: dict[str, Any] = {
+        "law": first.law.name,
+        "stiffness": first.parameters.stiffness,
+        "damping": first.parameters.damping,
+        "contact_time": first.parameters.contact_time,
+        "effective_mass": first.effective_mass,
+        "total_clearance": sum(first.gaps),
+        "achieved_restitution": {"mean": achieved.mean, "lowest": achieved.lowest, "highest": achieved.highest},
+    }
+    if response is not None:
+        statistics = response.statistics
+        result |= {
+            "peak_force": statistics.peak_force,
+            "mean_impulse": statistics.mean_impulse,
+            "cycle_mean_force": statistics.cycle_mean_force,
+            "mean_approach_speed": statistics.mean_approach_speed,
+        }
+    return result
+
+
+def _versions() -> dict[str, str]:
+    names = ("femimpact", "numpy", "scipy", "scikit-fem", "numba", "xarray", "pyvista", "meshio")
+    return {"python": platform.python_version(), **{name: importlib.metadata.version(name) for name in names}}
