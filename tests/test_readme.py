@@ -1,0 +1,34 @@
+"""What README shows runs as it stands."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_script_of_the_readme_runs_as_it_stands(capsys):
+    (script,) = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
+    names: dict[str, object] = {}
+    exec(compile(script, "README.md", "exec"), names)
+    # the shapes and names are the public interface
+    assert names["modes"].natural_frequency.shape == (4,)
+    assert names["small"].dofs == 8
+    assert names["response"].time.shape == names["response"]["tip"].shape
+    np.testing.assert_array_equal(names["curve"].frequency, np.linspace(4, 6, 21))
+    assert capsys.readouterr().out.startswith("0.")
+
+
+@pytest.mark.parametrize("path", sorted(set(re.findall(r"\]\(((?!http)[^)#]+)\)", README))))
+def test_links_lead_somewhere(path):
+    assert (Path(__file__).parent.parent / path).exists()
+
+
+def test_the_two_commands_stand_on_lines_of_their_own():
+    lines = README.splitlines()
+    assert '''python3 -m venv .venv && .venv/bin/pip install -e ".[movie,test]" && .venv/bin/femimpact demo''' in lines
+    assert ".venv/bin/python -m pytest" in lines
