@@ -74,7 +74,8 @@ def test_a_hit_is_coloured_and_nothing_else_is(hits, reference, renderer):
         movie._pyvista_frames(film, movie.gl_window()) if renderer == "pyvista" else movie._matplotlib_frames(film)
     )
     coloured = [vermilion(picture) for picture in pictures]
-    assert min(coloured[:3]) > 1000
+    # the ball in the close-up alone is a disc of about 40 pixels radius
+    assert min(coloured[:3]) > 4500
     assert coloured[3:] == [0, 0, 0]
 
 

@@ -121,6 +121,7 @@ def test_drawn_clearance_is_the_true_one_times_the_exaggeration(tmp_path, two_ba
     _, grids = read_series(vtk.write_deflection(tmp_path / "a.pvd", response, structure, exaggeration))
     for k, grid in enumerate(grids):
         warped = grid.points + grid["displacement"]
+        np.testing.assert_array_equal(grid["state"], grid["contact_force"] != 0)
         for j, pair in enumerate(response.system.contacts):
             own = np.isclose(grid["contact_force"], snapshots.contact_force[k, j], rtol=1e-12, atol=0)
             ball, box = (cell_points(grid, own & (grid["part"] == part)) for part in (BALL, BOX))
@@ -136,14 +137,13 @@ def test_sections_and_boxes_turn_with_the_slope(tmp_path, two_balls):
     structure, response = two_balls
     _, grids = read_series(vtk.write_deflection(tmp_path / "a.pvd", response, structure, exaggeration=2.0))
     for k, grid in enumerate(grids):
-        slope = response.snapshots.displacement[k, -1]
+        w, slope = response.snapshots.displacement[k, -2:]
         points = nodes_of(grid, BEAM)
         tip = points[np.isclose(grid.points[points, 0], structure.beam.length, atol=1e-12)]
         np.testing.assert_allclose(grid["displacement"][tip, 0], -2.0 * slope * grid.points[tip, 1], atol=1e-15)
         # a box at the tip turns as a rigid body about the axis
         box = cell_points(grid, (grid["part"] == BOX) & (grid.cell_centers().points[:, 0] > 0.15))
         arm = grid.points[box] - [structure.beam.length, 0.0, 0.0]
-        w = response.snapshots.displacement[k, -2]
         np.testing.assert_allclose(grid["displacement"][box, 0], -2.0 * slope * arm[:, 1], atol=1e-15)
         np.testing.assert_allclose(grid["displacement"][box, 1], 2.0 * (w + slope * arm[:, 0]), atol=1e-15)
 
@@ -173,12 +173,17 @@ def deflection_at(response, k, position):
 
 
 def test_displacement_in_space_adds_the_base(tmp_path, response, reference):
-    relative = read_series(vtk.write_deflection(tmp_path / "a.pvd", response, reference))[1]
-    absolute = read_series(vtk.write_deflection(tmp_path / "b.pvd", response, reference, frame="space"))[1]
+    relative = read_series(vtk.write_deflection(tmp_path / "a.pvd", response, reference, 4.0))[1]
+    absolute = read_series(vtk.write_deflection(tmp_path / "b.pvd", response, reference, 4.0, frame="space"))[1]
     for k in (0, 3, 7):
-        base = response.base.displacement(response.snapshots.time[k])
+        time = response.snapshots.time[k]
         shift = absolute[k]["displacement"] - relative[k]["displacement"]
-        np.testing.assert_allclose(shift[:, 1], base, atol=1e-15)
+        np.testing.assert_allclose(
+            shift, np.outer(np.ones(len(shift)), [0, 4 * response.base.displacement(time), 0]), atol=1e-15
+        )
+        speed = (absolute[k]["velocity"] - relative[k]["velocity"])[:, 1]
+        np.testing.assert_allclose(speed, response.base.velocity(time), atol=1e-14)
+        np.testing.assert_array_equal(relative[k].points, relative[0].points)
 
 
 def test_thinning_keeps_first_and_last(tmp_path, response, reference):

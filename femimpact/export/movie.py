@@ -104,7 +104,8 @@ def _film(response: Response, structure: Structure, exaggeration: float | None, 
     slow = f"   Slowed {(chosen.size - 1) / fps / shown:.2g} times." if shown > 0.0 else ""
     base = f"Base: sine, {response.base.frequency:.4g} Hz, {1e3 * response.base.amplitude:.4g} mm."
     drawn = "Motion and clearance" if response.system.contacts else "Motion"
-    caption = f"{base}   {drawn} drawn {exaggeration:g} times as large.{slow}"
+    size = "to scale" if exaggeration == 1.0 else f"{exaggeration:g} times as large"
+    caption = f"{base}   {drawn} drawn {size}.{slow}"
     scene = build_scene(structure, response.system, exaggeration)
     return Film(response, structure, snapshots, chosen, scene, caption, _hits(response, snapshots, chosen))
 

@@ -113,8 +113,8 @@ def _titles(film: Film) -> list[tuple[float, str]]:
     titles = [(0.02, f"Whole beam ({1e3 * film.structure.beam.length:.4g} mm), relative to the moving base")]
     for pair in film.response.system.contacts[:1]:
         plus, minus = (1e3 * gap for gap in pair.gaps)
-        gaps = f"gaps {plus:.3g} mm" if plus == minus else f"gaps +{plus:.3g} and -{minus:.3g} mm"
-        titles.append((0.52, f"Close-up, following the box ({gaps}); coloured at a hit"))
+        gaps = f"gaps {plus:.3g} mm" if plus == minus else f"gaps +{plus:.3g}, -{minus:.3g} mm"
+        titles.append((0.52, f"Close-up, moving with the box ({gaps})"))
     return titles
 
 
@@ -193,7 +193,7 @@ def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
     beam = [cells[c][[0, 1, 5, 4]] for c in np.flatnonzero(scene.part == BEAM)]
     boxes = [cells[c][:4] for c in np.flatnonzero(scene.part == BOX)]
     faces = np.array([*boxes, *beam])
-    collection = PolyCollection([], linewidths=2.0, animated=True)
+    collection = PolyCollection([], linewidths=2.0, joinstyle="round", animated=True)
     axis.add_collection(collection, autolim=False)
     balls = [np.unique(scene.connectivity[_entries(scene, BALL, j)]) for j in range(len(contacts))]
     circles = [
