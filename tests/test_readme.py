@@ -30,5 +30,5 @@ def test_links_lead_somewhere(path):
 
 def test_the_two_commands_stand_on_lines_of_their_own():
     lines = README.splitlines()
-    assert '''python3 -m venv .venv && .venv/bin/pip install -e ".[movie,test]" && .venv/bin/femimpact demo''' in lines
+    assert """python3 -m venv .venv && .venv/bin/pip install -e ".[movie,test]" && .venv/bin/femimpact demo""" in lines
     assert ".venv/bin/python -m pytest" in lines
