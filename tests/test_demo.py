@@ -32,7 +32,7 @@ def test_published_figures_stand_beside_ours(found):
     assert (unit, theory, experiment, method) == ("Hz", 5.30, 5.05, "eigenvalue")
     assert here == there == pytest.approx(5.30, abs=5e-4)
     assert rows["natural frequency, ball glued on"][4] == pytest.approx(4.98, abs=5e-4)
-    # the input ratio, found again from the curve; after 267 cycles exp(-0.0029 x 2 pi x 267) = 0.8 % of transient is left
+    # the input ratio found again; a transient of exp(-0.0029 x 2 pi x 267) = 0.8 % is left in the window
     assert rows["damping without ball"][4] == pytest.approx(0.29, rel=0.03)
     assert rows["amplitude ratio without / with"][2:4] == (5.0, 5.0)
     assert {"impact force", "peak force", "mean impulse"} <= set(rows)
