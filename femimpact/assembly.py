@@ -230,6 +230,9 @@ def _free_dofs(structure: Structure, mesh: Mesh) -> NDArray[Any]:
         at_node = abs(mesh.nodes[node] - position) <= SAME_PLACE * mesh.nodes[-1]
         require(at_node, "support.at", support.at, "", "must be a node of the mesh")
         held.update(2 * node + ("w", "slope").index(kind) for kind in SUPPORTS[support.kind])
+    deflections = sum(dof % 2 == 0 for dof in held)
+    stiff = deflections >= 2 or (deflections == 1 and len(held) >= 2)
+    require(stiff, "supports", len(held), "held dofs", "must hold two places of the mesh, or one place and a slope")
     return np.setdiff1d(np.arange(2 * mesh.nodes.size), sorted(held))
 
 

@@ -46,6 +46,8 @@ def main() -> None:
         _fail(str(error), 2)
     except FemimpactError as error:
         _fail(str(error), 1)
+    except OSError as error:
+        _fail(f"{error.filename or 'file system'}: {error.strerror or error}", 2)
     except KeyboardInterrupt:
         _fail("interrupted; nothing was written", 130)
 
@@ -204,24 +206,29 @@ def _print_results(study: Study, results: StudyResults) -> None:
         _print_table(console, columns, zip(*results.modes.values(), strict=True), "Modes (Hz, 1, kg^0.5, kg)")
     for label, curve in summary.get("sweep", {}).items():
         console.print(
-            f"sweep, {label}: peak {1e3 * curve['peak_amplitude']:.4g} mm at {curve['peak_frequency']:.5g} Hz; damping "
-            f"{_percent(curve['damping_fit'])} by fit, {_percent(curve['damping_half_power'])} by half-power"
+            f"sweep, {label}: peak {_number(curve['peak_amplitude'], 1e3)} mm at {curve['peak_frequency']:.5g} Hz; "
+            f"damping {_percent(curve['damping_fit'])} by fit, {_percent(curve['damping_half_power'])} by half-power"
         )
     if "amplitude_ratio" in summary:
         console.print(f"amplitude ratio without / with ball: {summary['amplitude_ratio']:.4g}")
     if "history" in summary:
-        history, contact = summary["history"], summary.get("contact")
+        history = summary["history"]
         console.print(
-            f"history at {history['frequency']:.5g} Hz: peak {1e3 * history['peak']:.4g} mm, rms "
-            f"{1e3 * history['rms']:.4g} mm, {history['steadiness']}; {history['impacts']} impacts"
+            f"history at {history['frequency']:.5g} Hz: peak {_number(history['peak'], 1e3)} mm, rms "
+            f"{_number(history['rms'], 1e3)} mm, {history['steadiness']}; {history['impacts']} impacts"
         )
-        if contact:
+        for name, contact in summary.get("contacts", {}).items():
             console.print(
-                f"contact ({contact['law']}): peak force {contact['peak_force']:.4g} N, mean impulse "
+                f"{name} ({contact['law']}): peak force {contact['peak_force']:.4g} N, mean impulse "
                 f"{1e3 * contact['mean_impulse']:.4g} mN s, cycle-averaged force {contact['cycle_mean_force']:.4g} N; "
-                f"restitution {summary['restitution']:.4g}, achieved {contact['achieved_restitution']['mean']:.4g}"
+                f"restitution {contact['restitution']:.4g} asked, {contact['achieved_restitution']['mean']:.4g} with "
+                f"this step, {_number(contact['observed_restitution'])} seen (median of {contact['impacts']} impacts)"
             )
     _print_closing(console, results)
+
+
+def _number(value: float | None, scale: float = 1.0) -> str:
+    return "none" if value is None else f"{scale * value:.4g}"
 
 
 def _percent(value: float | None) -> str:
@@ -232,6 +239,8 @@ def _print_closing(console: Console, results: StudyResults) -> None:
     residual = results.summary.get("energy_residual")
     if residual is not None:
         console.print(f"energy unaccounted for: {residual:.2g} of the energy put in")
+    for text in results.summary.get("notes", []):
+        console.print(f"note: {text}")
     for text in results.summary["warnings"]:
         console.print(f"warning: {text}", style="yellow")
     console.print(f"results in {results.directory}")

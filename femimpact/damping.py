@@ -74,7 +74,7 @@ def rayleigh_coefficients(omega: tuple[float, float], ratio: tuple[float, float]
     beta = 2.0 * (z2 * w2 - z1 * w1) / (w2**2 - w1**2)
     require(
         alpha >= 0.0 and beta >= 0.0,
-        "ratio",
+        "damping.ratio",
         ratio,
         "1",
         f"needs alpha = {alpha:.3g} 1/s and beta = {beta:.3g} s; a negative one feeds energy in: "

@@ -189,7 +189,8 @@ def fit_one_pole(
             f"(limit {100 * misfit_limit:.0f} %); read the ratio as an equivalent one"
         )
     if not f[0] <= best.x[1] <= f[-1]:
-        warnings.append(f"the fitted frequency {best.x[1]:.4g} Hz lies outside {f[0]:g} to {f[-1]:g} Hz")
+        message = f"no resonance within {f[0]:g} to {f[-1]:g} Hz: the best fit has its pole at {best.x[1]:.4g} Hz"
+        return DampingEstimate(math.nan, float(best.x[1]), (math.nan, math.nan), "one-pole least squares", (message,))
     interval = (ratio * math.exp(-spread), ratio * math.exp(spread))
     return DampingEstimate(ratio, float(best.x[1]), interval, "one-pole least squares", tuple(warnings))
 

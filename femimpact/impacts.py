@@ -73,19 +73,21 @@ class Impacts:
 
 @dataclass(frozen=True)
 class ImpactStatistics:
-    """What the impacts of a time window add up to.
+    """What the contacts of a time window add up to.
 
     Parameters
     ----------
     count : int
+        Impacts that ended in the window.
     impacts_per_cycle : float, 1
     mean_approach_speed, largest_approach_speed : float, m/s
     mean_impulse : float, N s
     peak_force : float, N
+        Of every contact in the window, also one that has not ended.
     law : str
         The contact law behind the peak force.
     cycle_mean_force : float, N
-        Sum of all impulses over the length of the window.
+        Integral of the normal force over the window's length, a ball that rides on its wall included.
     """
 
     count: int
@@ -98,35 +100,34 @@ class ImpactStatistics:
     cycle_mean_force: float
 
 
-def impact_statistics(impacts: Impacts, start: float, end: float, frequency: float, law: str) -> ImpactStatistics:
-    """Statistics of the impacts that touch between two times.
+def impact_statistics(totals: NDArray[Any], duration: float, frequency: float, law: str) -> ImpactStatistics:
+    """Statistics from the sums that the time loop keeps over a window.
 
     Parameters
     ----------
-    impacts : Impacts
-    start, end : float, s
+    totals : ndarray (6, balls)
+        Impacts, sum and largest of the approach speed (m/s), sum of the impulse (N s), largest
+        force (N), integral of the force (N s); see `integrators.layout.TOTAL_COLUMNS`.
+    duration : float, s
+        Of the window.
     frequency : float, Hz
         Of the base, to count per cycle.
     law : str
-        Name of the contact law.
 
     Returns
     -------
     ImpactStatistics
-        Means over no impact are 0.
+        Over all balls given; means over no impact are 0.
     """
-    inside = (impacts.time >= start) & (impacts.time <= end)
-    approach, impulse, force = (
-        column[inside] for column in (impacts.approach_speed, impacts.impulse, impacts.peak_force)
-    )
-    count = int(inside.sum())
+    count = int(totals[0].sum())
+    each = 1.0 / max(count, 1)
     return ImpactStatistics(
         count=count,
-        impacts_per_cycle=count / ((end - start) * frequency),
-        mean_approach_speed=float(approach.mean()) if count else 0.0,
-        largest_approach_speed=float(approach.max(initial=0.0)),
-        mean_impulse=float(impulse.mean()) if count else 0.0,
-        peak_force=float(force.max(initial=0.0)),
+        impacts_per_cycle=count / (duration * frequency),
+        mean_approach_speed=float(totals[1].sum()) * each,
+        largest_approach_speed=float(totals[2].max(initial=0.0)),
+        mean_impulse=float(totals[3].sum()) * each,
+        peak_force=float(totals[4].max(initial=0.0)),
         law=law,
-        cycle_mean_force=float(impulse.sum()) / (end - start),
+        cycle_mean_force=float(totals[5].sum()) / duration,
     )

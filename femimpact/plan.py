@@ -13,7 +13,7 @@ from femimpact.export import figures, tables
 from femimpact.integrators.integrate import memory_needed
 from femimpact.integrators.newmark import check_step, shortest_contact, step_notes
 from femimpact.results import prepare_directory
-from femimpact.run import Report, history_record
+from femimpact.run import Report, history_record, preflight
 from femimpact.study import Study, build
 
 __all__ = ["plan_lines", "write_convergence"]
@@ -32,7 +32,7 @@ def plan_lines(study: Study) -> list[str]:
     InputError
         For everything that would stop the run before it starts.
     """
-    full, small, method = build(study)
+    full, small, method = preflight(study)
     warnings = check_step(small, method)
     steps = round(study.base.duration / method.dt)
     record = history_record(study, small, method)
@@ -70,7 +70,7 @@ def plan_lines(study: Study) -> list[str]:
         seconds = 1.5e-9 * each * total * max(small.dofs, 4)
         lines.append(
             f"sweep: up to {cases} frequencies from {plan.start:g} to {plan.stop:g} Hz, {plan.cycles} cycles each, "
-            f"{total:.3g} steps with ball, takes about {seconds:.2g} s on one core"
+            f"{total:.3g} steps, takes about {seconds:.2g} s on one core"
         )
     lines += [f"note: {text}" for text in step_notes(small, method)]
     return lines + [f"warning: {text}" for text in warnings]

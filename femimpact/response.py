@@ -64,7 +64,9 @@ class Recorder:
     memory_limit: float = field(default=1e9, metadata=quantity("bytes", above=0.0))
 
     def __post_init__(self) -> None:
-        if isinstance(self.channels, list):
+        if isinstance(self.channels, str):
+            object.__setattr__(self, "channels", (self.channels,))
+        elif isinstance(self.channels, list):
             object.__setattr__(self, "channels", tuple(self.channels))
         check_fields(self)
 
@@ -156,6 +158,8 @@ class Response:
     impacts : Impacts
     statistics : ImpactStatistics
         Over the last third of the run.
+    statistics_of : mapping of str to ImpactStatistics
+        The same for each ball.
     steady : SteadyMotion
         Of the tip over the last third of the run's whole base cycles, arrays of one entry.
     energy : EnergyLedger or None
@@ -171,6 +175,7 @@ class Response:
     units: Mapping[str, str]
     impacts: Impacts
     statistics: ImpactStatistics
+    statistics_of: Mapping[str, ImpactStatistics]
     steady: SteadyMotion
     energy: EnergyLedger | None
     snapshots: Snapshots | None

@@ -38,6 +38,12 @@ FILES = {
 }
 """Every file that a study can leave behind."""
 
+OTHER_FILES = (
+    "deflection.gif", "comparison.csv", "restitution.csv", "restitution.png", "mesh_convergence.csv",
+    "mesh_convergence.png", "step_convergence.csv", "step_convergence.png",
+)  # fmt: skip
+"""What the demo and a convergence study leave besides."""
+
 
 @dataclass(frozen=True, eq=False)
 class StudyResults:
@@ -94,8 +100,8 @@ def prepare_directory(directory: str | Path, force: bool = False) -> Iterator[Pa
     Raises
     ------
     InputError
-        If the directory exists and is not empty, unless forced; then only files of the same
-        names are replaced.
+        If the directory exists and is not empty, unless forced; then earlier results are
+        replaced and other files stay.
     """
     target = Path(directory)
     free = not target.exists() or (target.is_dir() and not any(target.iterdir()))
@@ -107,6 +113,9 @@ def prepare_directory(directory: str | Path, force: bool = False) -> Iterator[Pa
     try:
         yield staging
         target.mkdir(exist_ok=True)
+        # results of an earlier run must not stand beside these; foreign files stay
+        for name in (*FILES.values(), *OTHER_FILES):
+            (target / name).unlink(missing_ok=True)
         for item in sorted(staging.iterdir()):
             place = target / item.name
             if place.is_dir() and not place.is_symlink():

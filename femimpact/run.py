@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,8 @@ import numpy as np
 from femimpact.errors import require
 from femimpact.export import figures, tables
 from femimpact.impacts import IMPACT_UNITS
-from femimpact.integrators.integrate import integrate
-from femimpact.integrators.newmark import Newmark, check_step, recommended_step
+from femimpact.integrators.integrate import check_memory, integrate
+from femimpact.integrators.newmark import Newmark, check_sampling, check_step, recommended_step
 from femimpact.modes import Modes, solve_modes
 from femimpact.response import Recorder, Response
 from femimpact.results import FILES, StudyResults, load, prepare_directory
@@ -26,6 +27,7 @@ __all__ = [
     "Report",
     "build_method",
     "history_record",
+    "preflight",
     "run_modes",
     "run_simulation",
     "run_study",
@@ -34,6 +36,7 @@ __all__ = [
 ]
 
 MODES_LISTED = 4
+FIGURE_CYCLES = 40
 
 Report = Callable[[str, float], None]
 """Called with what is being done and the share of it that is done."""
@@ -68,7 +71,36 @@ def history_record(study: Study, small: System, method: Newmark) -> Recorder:
         every=output.every,
         snapshots=max(round(kept / (output.frames * method.dt)), 1) if output.frames else 0,
         snapshots_start=max(study.base.duration - kept, 0.0),
+        memory_limit=output.memory_limit,
     )
+
+
+def preflight(study: Study, parts: tuple[str, ...] = ("modes", "simulate", "sweep")) -> tuple[System, System, Newmark]:
+    """Find all that can be wrong with a run before its first long step.
+
+    Returns
+    -------
+    full, small : System
+    method : Newmark
+
+    Raises
+    ------
+    InputError
+        If the step does not resolve contact or base, or the history would keep too much.
+    """
+    full, small, method = build(study)
+    check_step(small, method)
+    bare = build_method(study, without_impactors(small))
+    if "simulate" in parts:
+        check_sampling(np.array([study.base.frequency]), method)
+        record = history_record(study, small, method)
+        steps = round(study.base.duration / method.dt)
+        channels, key = len(record.channels or ()), "output.memory_limit"
+        check_memory(small, record, channels, steps, method.dt, study.base.frequency, key)
+    if "sweep" in parts and study.sweep is not None:
+        for each in (method, bare):
+            check_sampling(np.array([study.sweep.stop]), each)
+    return full, small, method
 
 
 def _frames_duration(study: Study) -> float:
@@ -82,6 +114,15 @@ def run_simulation(study: Study, report: Report = _silent) -> Response:
     return integrate(
         small, study.sine, method, study.base.duration, record, study.initial, lambda share: report("history", share)
     )
+
+
+def run_end(study: Study) -> Response:
+    """The study's history once more, bit for bit, with every step of its last 40 cycles kept: for figures."""
+    _, small, method = build(study)
+    record = history_record(study, small, method)
+    start = max(study.base.duration - FIGURE_CYCLES / study.base.frequency, 0.0)
+    record = replace(record, every=1, start=start, snapshots=0, ledger=False)
+    return integrate(small, study.sine, method, study.base.duration, record, study.initial)
 
 
 def run_sweep(study: Study, report: Report = _silent, initial: State | None = None) -> SweepPair:
@@ -158,9 +199,7 @@ def run_study(
     StudyResults
         As read back from the directory.
     """
-    # all that can be wrong is found before the first long step and before anything is written
-    _, small, method = build(study)
-    check_step(small, method)
+    preflight(study, parts)
     with prepare_directory(directory, force) as folder:
         modes = run_modes(study) if "modes" in parts else None
         response = run_simulation(study, report) if "simulate" in parts else None
@@ -251,8 +290,9 @@ def _write_history(study: Study, folder: Path, response: Response, report: Repor
     tables.write_csv(folder / FILES["impacts"], impacts, IMPACT_UNITS)
     output = study.output
     if output.figures and response.system.contacts:
-        figures.save_figure(figures.contact_force_figure(response), folder / FILES["force_figure"])
-        figures.save_figure(figures.phase_portrait_figure(response), folder / FILES["portrait_figure"])
+        end = run_end(study)
+        figures.save_figure(figures.contact_force_figure(end), folder / FILES["force_figure"])
+        figures.save_figure(figures.phase_portrait_figure(end), folder / FILES["portrait_figure"])
     if response.snapshots is None:
         return
     if output.paraview:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field, replace
 from typing import Any
+
+import numpy as np
 
 from femimpact.contact import ContactLaw
 from femimpact.damping import Rayleigh
@@ -24,14 +27,18 @@ __all__ = [
 Position = str | float
 """A place on the beam: "root", "tip", "mid", a name that the mesh gives, or metres from the root."""
 
+RESERVED = ("root", "tip", "mid", "time", "base", "gap", "contact_force", "frequency", "grid")
+"""Names that mean something else in channels and result files."""
+
 SUPPORTS = {"clamped": ("w", "slope"), "pinned": ("w",), "guided": ("slope",)}
 
 
 def _as_tuple(instance: Any, *names: str) -> None:
     """Turn list-valued fields of a frozen dataclass into tuples."""
     for name in names:
-        if isinstance(getattr(instance, name), list):
-            object.__setattr__(instance, name, tuple(getattr(instance, name)))
+        value = getattr(instance, name)
+        if isinstance(value, (list, np.ndarray)):
+            object.__setattr__(instance, name, tuple(value))
 
 
 def _check_position(instance: Any) -> None:
@@ -253,8 +260,11 @@ class Structure:
         names = [*(body.name for body in self.masses), *(ball.name for ball in self.impactors)]
         require(len(set(names)) == len(names), "name", names, "", "must be distinct among masses and impactors")
         for name in names:
-            plain = isinstance(name, str) and name not in ("", "root", "tip", "mid") and "." not in name
-            require(plain, "name", name, "", "must be a word without a dot, other than 'root', 'tip' and 'mid'")
+            plain = isinstance(name, str) and re.fullmatch(r"[A-Za-z][\w -]*", name) and name not in RESERVED
+            allowed = f"must be letters, digits, spaces, - and _, and none of {', '.join(RESERVED)}"
+            require(bool(plain), "name", name, "", allowed)
+        damped = self.damping is None or isinstance(self.damping, Rayleigh)
+        require(damped, "damping", self.damping, "", "must be a Rayleigh or None")
         allowed = f"must be within the beam, 0 to {self.beam.length:g} m"
         beyond = [
             Fault(f"{key}.at", item.at, "m", allowed)
@@ -277,8 +287,12 @@ class Structure:
     def _check_supports(self) -> None:
         held = [kind for support in self.supports for kind in SUPPORTS[support.kind]]
         standard = {"root": 0.0, "tip": self.beam.length, "mid": 0.5 * self.beam.length}
-        places = {standard.get(str(s.at), s.at) for s in self.supports if "w" in SUPPORTS[s.kind]}
-        stiff = len(places) >= 2 or ("w" in held and "slope" in held)
+        places = [standard.get(str(s.at), s.at) for s in self.supports if "w" in SUPPORTS[s.kind]]
+        metres = [place for place in places if not isinstance(place, str)]
+        apart = bool(metres) and max(metres) - min(metres) > 1e-6 * self.beam.length
+        # a name that only the mesh knows counts as a place of its own here; assembly looks again
+        named = {place for place in places if isinstance(place, str)}
+        stiff = apart or len(named) + bool(metres) >= 2 or ("w" in held and "slope" in held)
         kinds = [f"{support.kind} at {support.at}" for support in self.supports]
         allowed = "must hold the beam: one clamped end, two pinned places, or a pinned and a guided one"
         require(stiff, "supports", ", ".join(kinds) or "none", "", allowed)

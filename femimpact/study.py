@@ -97,13 +97,15 @@ class Output:
 
     `every` is the stride of the history in steps; `frames` whole deflections are kept over the last
     `frame_cycles` base cycles for ParaView and the movie; `exaggeration` scales the motion there
-    (absent: chosen by the movie, 1 for ParaView).
+    (absent: chosen by the movie, 1 for ParaView); a run that would keep more than `memory_limit`
+    is refused.
     """
 
     every: int = field(default=10, metadata=quantity("steps", at_least=1, integer=True))
     frames: int = field(default=160, metadata=quantity("1", at_least=0, at_most=5000, integer=True))
     frame_cycles: float = field(default=3.0, metadata=quantity("1", above=0.0))
     exaggeration: float | None = field(default=None, metadata=quantity("1", above=0.0))
+    memory_limit: float = field(default=1e9, metadata=quantity("bytes", above=0.0))
     figures: bool = True
     paraview: bool = True
     movie: bool = True
@@ -206,7 +208,7 @@ def load_study(path: str | Path) -> Study:
     path = Path(path)
     require(path.is_file(), "study", str(path), "", "must be an existing TOML file ('femimpact init FILE' writes one)")
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
         raise InputError([Fault("study", str(path), "", f"must be readable TOML: {error}")]) from None

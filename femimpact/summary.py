@@ -17,9 +17,12 @@ from femimpact.modes import Modes
 from femimpact.response import Response
 from femimpact.study import Study, build
 from femimpact.sweep import FrequencyResponse
-from femimpact.system import System
+from femimpact.system import ContactPair, System
 
 __all__ = ["SweepPair", "summary_of"]
+
+RESTITUTION_MISSED = 0.1
+"""Difference between a law's restitution and the median seen in a run that is warned of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +89,9 @@ def summary_of(
     if small.contacts:
         first = small.contacts[0]
         summary["restitution"] = first.parameters.restitution
-        summary["contact"] = _contact_summary(small, method, response)
+        summary["contacts"] = {pair.name: _contact_summary(pair, method, response) for pair in small.contacts}
+        summary["contact"] = summary["contacts"][first.name]
+        warnings += _restitution_warnings(summary["contacts"])
     if sweeps is not None:
         summary["sweep"] = {"empty": _curve_summary(sweeps.empty, sweeps.coarse)}
         warnings += [f"sweep without ball: {text}" for text in summary["sweep"]["empty"]["warnings"]]
@@ -117,30 +122,44 @@ def summary_of(
     return summary
 
 
-def _contact_summary(small: System, method: Newmark, response: Response | None) -> dict[str, Any]:
-    first = small.contacts[0]
-    speed = 0.1
-    if response is not None and response.statistics.count:
-        speed = response.statistics.mean_approach_speed
-    achieved = achieved_restitution(first, method, speed)
+def _contact_summary(pair: ContactPair, method: Newmark, response: Response | None) -> dict[str, Any]:
+    """Law, achieved restitution and statistics of one ball; N, N s, m/s and 1."""
+    statistics = response.statistics_of[pair.name] if response is not None else None
+    speed = statistics.mean_approach_speed if statistics is not None and statistics.count else 0.1
+    achieved = achieved_restitution(pair, method, speed)
     result: dict[str, Any] = {
-        "law": first.law.name,
-        "stiffness": first.parameters.stiffness,
-        "damping": first.parameters.damping,
-        "contact_time": first.parameters.contact_time,
-        "effective_mass": first.effective_mass,
-        "total_clearance": sum(first.gaps),
+        "law": pair.law.name,
+        "restitution": pair.parameters.restitution,
+        "stiffness": pair.parameters.stiffness,
+        "damping": pair.parameters.damping,
+        "contact_time": pair.parameters.contact_time,
+        "effective_mass": pair.effective_mass,
+        "total_clearance": sum(pair.gaps),
         "achieved_restitution": {"mean": achieved.mean, "lowest": achieved.lowest, "highest": achieved.highest},
     }
-    if response is not None:
-        statistics = response.statistics
+    if response is not None and statistics is not None:
+        mine = response.impacts.impactor == pair.name
+        fast = mine & (response.impacts.approach_speed >= 0.2 * statistics.mean_approach_speed)
         result |= {
+            "impacts": int(mine.sum()),
+            # slow touches, in which the beam's own motion counts as rebound, are left out
+            "observed_restitution": float(np.median(response.impacts.restitution[fast])) if fast.any() else math.nan,
             "peak_force": statistics.peak_force,
             "mean_impulse": statistics.mean_impulse,
             "cycle_mean_force": statistics.cycle_mean_force,
             "mean_approach_speed": statistics.mean_approach_speed,
         }
     return result
+
+
+def _restitution_warnings(contacts: dict[str, Any]) -> list[str]:
+    """Where the beam's higher modes change the rebound that the law was made for."""
+    return [
+        f"{name}: impacts rebound with {contact['observed_restitution']:.3g} (median) where the law has "
+        f"{contact['restitution']:.3g}: the law is made for the first mode's mass, and the beam's other modes take part"
+        for name, contact in contacts.items()
+        if abs(contact.get("observed_restitution", math.nan) - contact["restitution"]) > RESTITUTION_MISSED
+    ]
 
 
 def _versions() -> dict[str, str]:

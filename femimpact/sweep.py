@@ -14,14 +14,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from femimpact.damping import realised_damping_ratio
 from femimpact.energy import energy_residual
 from femimpact.errors import DivergenceError, require
 from femimpact.excitation import Sine
 from femimpact.identification import DampingEstimate, fit_one_pole, half_power
+from femimpact.impacts import impact_statistics
 from femimpact.integrators import layout
 from femimpact.integrators.block import Block, Progress, prepare, run_block
 from femimpact.integrators.integrate import divergence_message
-from femimpact.integrators.newmark import Newmark, check_step, step_notes
+from femimpact.integrators.newmark import Newmark, check_sampling, check_step, step_notes
 from femimpact.signals import SteadyMotion, steady_motion
 from femimpact.structure import Position
 from femimpact.system import State, System
@@ -49,6 +51,14 @@ SWEEP_UNITS = {
 }
 """Numeric columns of a sweep and their units."""
 
+TRANSIENT_LEFT = 0.03
+"""Share of the first mode's transient that may be left where measuring begins without a warning."""
+
+IMPACT_NAMES = (
+    "impacts_per_cycle", "mean_approach_speed", "largest_approach_speed", "mean_impulse", "peak_force",
+    "cycle_mean_force",
+)  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
@@ -69,7 +79,7 @@ class FrequencyResponse:
     peak_force : ndarray (n,), N
         Under the law named in `law`.
     cycle_mean_force : ndarray (n,), N
-        Sum of impulses over the measured time.
+        Integral of the force over the measured time.
     energy_residual : ndarray (n,), 1
         Largest over the base cycles of the whole dwell; not a number without a ledger.
     amplitude : float, m
@@ -201,7 +211,7 @@ def frequency_sweep(
     require(whole, "cycles", cycles, "", "must be a whole number >= 3")
     positive = threads is None or threads >= 1
     require(positive, "threads", threads, "", "must be a whole number >= 1")
-    _check_resolution(f, method)
+    check_sampling(f, method)
     warnings = list(check_step(system, method))
     state = initial or State()
     observed = system.point_row(at)
@@ -222,7 +232,7 @@ def frequency_sweep(
     if all(s == "failed" for s in columns["steadiness"]):
         time = min(float(block.diverged.min()) for block in blocks)
         raise DivergenceError(divergence_message(float(f[0]), time, method))
-    warnings += _steadiness_warnings(f, columns["steadiness"])
+    warnings += _steadiness_warnings(f, columns["steadiness"]) + _dwell_warnings(system, f, cycles)
     return FrequencyResponse(
         frequency=_read_only(f),
         **{name: _read_only(column) for name, column in columns.items()},
@@ -239,13 +249,6 @@ def frequency_sweep(
 def _cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _check_resolution(f: NDArray[Any], method: Newmark) -> None:
-    """Refuse steps that see fewer than 8 points of a base cycle."""
-    most = 1.0 / (8.0 * method.dt)
-    if float(f.max()) > most:
-        require(False, "frequencies", float(f.max()), "Hz", f"must be <= {most:.4g} Hz with dt = {method.dt:g} s")
 
 
 def _blocks(f: NDArray[Any], workers: int) -> list[NDArray[Any]]:
@@ -307,22 +310,10 @@ def _gather(
                 columns[name][i] = getattr(motion, name)[c]
             columns["energy_residual"][i] = residual[c]
             measured = float(np.diff(block.motion.window[:, c])[0]) * method.dt
-            for name, value in _impact_columns(totals[:, :, c], measured, float(f[i])).items():
-                columns[name][i] = value
+            statistics = impact_statistics(totals[:, :, c], measured, float(f[i]), "")
+            for name in IMPACT_NAMES:
+                columns[name][i] = getattr(statistics, name)
     return columns
-
-
-def _impact_columns(totals: NDArray[Any], measured: float, frequency: float) -> dict[str, float]:
-    count = float(totals[0].sum())
-    mean = 1.0 / max(count, 1.0)
-    return {
-        "impacts_per_cycle": count / (measured * frequency),
-        "mean_approach_speed": float(totals[1].sum()) * mean,
-        "largest_approach_speed": float(totals[2].max(initial=0.0)),
-        "mean_impulse": float(totals[3].sum()) * mean,
-        "peak_force": float(totals[4].max(initial=0.0)),
-        "cycle_mean_force": float(totals[3].sum()) / measured,
-    }
 
 
 def _motion(block: Block, cycles: int, cases: int) -> SteadyMotion:
@@ -347,6 +338,21 @@ def _steadiness_warnings(f: NDArray[Any], steadiness: NDArray[Any]) -> list[str]
     return [
         f"not steady at {moving.size} of {f.size} frequencies ({moving.min():.4g} to {moving.max():.4g} Hz): "
         "the two halves of the measured time differ; take more cycles"
+    ]
+
+
+def _dwell_warnings(system: System, f: NDArray[Any], cycles: int) -> list[str]:
+    """What is left of the structure's own transient where measuring begins, when that is much."""
+    if system.rayleigh is None:
+        return []
+    omega = 2.0 * math.pi * system.first_frequency
+    ratio = float(realised_damping_ratio(*system.rayleigh, omega))
+    left = math.exp(-ratio * omega * (cycles - cycles // 3) / float(f.max()))
+    if left <= TRANSIENT_LEFT:
+        return []
+    return [
+        f"dwell of {cycles} cycles: {100 * left:.2g} % of the first mode's transient (damping ratio {ratio:.3g}) is "
+        f"left where measuring begins: peaks and damping near {system.first_frequency:.4g} Hz want more cycles"
     ]
 
 

@@ -216,7 +216,7 @@ def test_the_memory_limit_is_what_the_arrays_take(small):
 
 @pytest.mark.parametrize("duration", [0.0, -1.0, 1e-5, float("nan"), float("inf"), "1"])
 def test_a_duration_is_at_least_one_step(small, duration):
-    with pytest.raises(fi.InputError, match=r"duration = .* must be >= one step"):
+    with pytest.raises(fi.InputError, match=r"duration = .* must be a finite number >= one step"):
         fi.integrate(small, BASE, METHOD, duration)
 
 

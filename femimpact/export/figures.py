@@ -144,6 +144,7 @@ def contact_force_figure(response: Response, cycles: int = 8) -> Figure:
     """Contact force over time (the paper's Fig. 8): the last cycles, and the peak of every impact of the run."""
     figure, axes = _figure(8.0, 5.6, 2, 1)
     period = 1.0 / response.base.frequency
+    cycles = min(cycles, max(round((response.time[-1] - response.time[0]) / period), 1))
     last = response.time >= response.time[-1] - cycles * period
     names = [name for name, unit in response.units.items() if unit == "N"]
     for colour, name in zip(COLOURS, names, strict=False):
@@ -162,11 +163,11 @@ def contact_force_figure(response: Response, cycles: int = 8) -> Figure:
         )
     axes[1, 0].axhline(statistics.cycle_mean_force, color=GREY, linestyle="--", linewidth=1.2)
     axes[1, 0].set_title(
-        f"peak of each impact; dashed: cycle-averaged force {1e3 * statistics.cycle_mean_force:.3g} mN, "
+        f"peak of each impact; dashed: cycle-averaged force {1e3 * statistics.cycle_mean_force:.3g} mN;\n"
         f"mean impulse {1e3 * statistics.mean_impulse:.3g} mN s",
         loc="left",
     )
-    axes[1, 0].set_ylim(0.0, 1.25 * max(impacts.peak_force.max(initial=0.0), 1e-9))
+    axes[1, 0].set_ylim(0.0, 1.25 * (impacts.peak_force.max(initial=0.0) or 1.0))
     axes[1, 0].set_ylabel("peak force (N)")
     axes[1, 0].set_xlabel("time (s)")
     axes[1, 0].legend(loc="upper left", ncols=2, frameon=False)

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.energy import EnergyLedger
-from femimpact.errors import DivergenceError, Fault, InputError, require
+from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Sine
 from femimpact.impacts import Impacts, impact_statistics
 from femimpact.integrators import layout
 from femimpact.integrators.block import Block, Progress, prepare, run_block
 from femimpact.integrators.kernels import loop
-from femimpact.integrators.newmark import Newmark, check_step, step_notes
+from femimpact.integrators.newmark import Newmark, check_sampling, check_step, step_notes
 from femimpact.response import Channel, Recorder, Response, Snapshots, resolve_channels
 from femimpact.signals import SteadyMotion, steady_motion
 from femimpact.system import State, System
 
-__all__ = ["divergence_message", "integrate", "memory_needed"]
+__all__ = ["check_memory", "divergence_message", "integrate", "memory_needed"]
 
 
 def integrate(
@@ -65,8 +64,9 @@ def integrate(
         If the motion is not finite or grows without bound.
     """
     recorder = record or Recorder()
-    long_enough = isinstance(duration, (int, float)) and math.isfinite(duration) and duration >= method.dt
-    require(long_enough, "duration", duration, "s", f"must be >= one step, {method.dt:g} s")
+    fits = in_range(duration, quantity("s", at_least=method.dt))
+    require(fits, "duration", duration, "s", f"must be a finite number >= one step, {method.dt:g} s")
+    check_sampling(np.array([excitation.frequency]), method)
     warnings = list(check_step(system, method))
     steps = round(duration / method.dt)
     channels = resolve_channels(system, recorder.channels)
@@ -125,6 +125,28 @@ def memory_needed(
     }
 
 
+def check_memory(
+    system: System, recorder: Recorder, channels: int, steps: int, dt: float, frequency: float,
+    key: str = "record.memory_limit",
+) -> int:  # fmt: skip
+    """Bytes that a run will keep; an error when they are more than the recorder allows.
+
+    Raises
+    ------
+    InputError
+        Naming what takes how much.
+    """
+    parts = memory_needed(system, recorder, channels, steps, dt, frequency)
+    needed = sum(parts.values())
+    shares = ", ".join(f"{name} {size / 1e6:.3g} MB" for name, size in parts.items() if size > 1e6)
+    allowed = (
+        f"must be >= {needed:.3g}, what this run keeps ({shares}): keep less (a larger stride every, fewer "
+        "snapshots, a shorter run), or raise it"
+    )
+    require(needed <= recorder.memory_limit, key, recorder.memory_limit, "bytes", allowed)
+    return needed
+
+
 def _samples(recorder: Recorder, steps: int, dt: float) -> tuple[int, int]:
     first = min(round(recorder.start / dt), steps)
     first_field = min(round(recorder.snapshots_start / dt), steps)
@@ -137,15 +159,7 @@ def _record(
     system: System, recorder: Recorder, channels: tuple[Channel, ...], steps: int, dt: float, frequency: float
 ) -> layout.Record:
     """Arrays for what is kept, refused before the run when they would not fit."""
-    parts = memory_needed(system, recorder, len(channels), steps, dt, frequency)
-    needed = sum(parts.values())
-    if needed > recorder.memory_limit:
-        shares = ", ".join(f"{name} {size / 1e6:.0f} MB" for name, size in parts.items() if size > 1e6)
-        allowed = (
-            f"must be >= {needed:.3g}, what this run keeps ({shares}): raise every or snapshots, start later, "
-            "or raise memory_limit"
-        )
-        raise InputError([Fault("record.memory_limit", recorder.memory_limit, "bytes", allowed)])
+    check_memory(system, recorder, len(channels), steps, dt, frequency)
     samples, snapshots = _samples(recorder, steps, dt)
     rows = [channel.row for channel in channels if channel.row is not None]
     number = iter(range(len(rows)))
@@ -180,7 +194,12 @@ def _response(
     time = _read_only((first + every * np.arange(record.channels.shape[0])) * dt)
     impacts = _impacts(record, system)
     laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
-    end = block.steps * dt
+    window = float(block.steps - block.motion.window[0, 0]) * dt
+    totals = block.motion.totals[:, :, 0]
+    per_ball = {
+        pair.name: impact_statistics(totals[:, j : j + 1], window, excitation.frequency, pair.law.name)
+        for j, pair in enumerate(system.contacts)
+    }
     cycles = block.cycle_statistics
     finished = int(np.count_nonzero(cycles.samples[:, 0]))
     return Response(
@@ -188,14 +207,26 @@ def _response(
         channels={channel.name: _read_only(record.channels[:, i]) for i, channel in enumerate(channels)},
         units={channel.name: channel.unit for channel in channels},
         impacts=impacts,
-        statistics=impact_statistics(impacts, end - end / 3.0, end, excitation.frequency, laws),
+        statistics=impact_statistics(totals, window, excitation.frequency, laws),
+        statistics_of=per_ball,
         steady=steady_motion(cycles, np.array([max(finished // 3, 1)])) if finished else _no_steady_motion(),
         energy=_ledger(record, time) if recorder.ledger else None,
         snapshots=_snapshots(record, system, first_field, stride, dt) if recorder.snapshots else None,
         base=excitation,
         system=system,
         warnings=warnings,
-        notes=step_notes(system, method),
+        notes=(*step_notes(system, method), *_open_contacts(block, system)),
+    )
+
+
+def _open_contacts(block: Block, system: System) -> tuple[str, ...]:
+    """Notes on balls that touch at the end: their contact is in the forces, not in the table of impacts."""
+    touch = block.motion.touch[:, :, 0]
+    return tuple(
+        f"{pair.name} is in contact at the end, under force for {touch[layout.DURATION, j]:.3g} s of it: that "
+        "contact counts in forces and energies but is no finished impact"
+        for j, pair in enumerate(system.contacts)
+        if touch[layout.OPEN, j] != 0.0
     )
 
 

@@ -11,7 +11,8 @@ ENERGY_COLUMNS = ("kinetic", "strain", "ball", "contact", "work", "structure_los
 IMPACT_COLUMNS = (
     "time", "pair", "side", "approach_speed", "rebound_speed", "impulse", "peak_force", "duration", "energy_loss",
 )  # fmt: skip
-TOTAL_COLUMNS = ("count", "approach_speed", "approach_speed_max", "impulse", "peak_force")
+TOTAL_COLUMNS = ("count", "approach_speed", "approach_speed_max", "impulse", "peak_force", "force_time")
+# the first four count impacts that end within the window; the last two every force in it, riding included
 
 # rows of Motion.ball (., pairs, cases); y and x = y - w are relative to the base, FORCE acts on the structure
 Y, Y_RATE, Y_ACCELERATION, X, X_BEFORE, FORCE, Y_BEFORE = range(7)
@@ -70,7 +71,7 @@ class Motion(NamedTuple):
     w_rate: NDArray[Any]
     ball: NDArray[Any]  # (7, pairs, cases)
     touch: NDArray[Any]  # (11, pairs, cases)
-    totals: NDArray[Any]  # (columns, pairs, cases), impacts that end within the window
+    totals: NDArray[Any]  # (columns, pairs, cases)
     window: NDArray[Any]  # (2, cases) first step, and the step after the last
     drive: NDArray[Any]  # (9, cases)
     ledger: NDArray[Any]  # (5, cases)

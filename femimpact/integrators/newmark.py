@@ -11,14 +11,15 @@ import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from femimpact.errors import Fault, InputError, check_fields, quantity
+from femimpact.errors import Fault, InputError, check_fields, quantity, require
 from femimpact.system import System
 
-__all__ = ["Newmark", "check_step", "recommended_step", "step_notes"]
+__all__ = ["Newmark", "check_sampling", "check_step", "recommended_step", "step_notes"]
 
 STEPS_PER_CONTACT = 20
 LEAST_STEPS_PER_CONTACT = 10
 STEPS_PER_PERIOD = 400
+LEAST_STEPS_PER_CYCLE = 8
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,14 @@ def check_step(system: System, method: Newmark) -> tuple[str, ...]:
         "allow_coarse_step = true to see what happens"
     )
     raise InputError([Fault("method.dt", method.dt, "s", allowed)])
+
+
+def check_sampling(frequencies: NDArray[Any], method: Newmark) -> None:
+    """Refuse base frequencies (Hz) of which the step sees fewer than 8 points a cycle."""
+    least = LEAST_STEPS_PER_CYCLE
+    highest, most = float(frequencies.max()), 1.0 / (least * method.dt)
+    allowed = f"must be <= {most:.4g} Hz with dt = {method.dt:g} s ({least} steps in a base cycle or more)"
+    require(highest <= most, "frequency", highest, "Hz", allowed)
 
 
 def step_notes(system: System, method: Newmark) -> tuple[str, ...]:

@@ -176,7 +176,11 @@ def _book_impact(
     loss = 0.5 * (touch[DISSIPATIVE, j, c] + dissipative) * travel
     touch[LOSS, j, c] += loss
     m.ledger[CONTACT_LOSS, c] += loss
-    touch[IMPULSE, j, c] += 0.5 * dt * (touch[NORMAL, j, c] + normal)
+    impulse = 0.5 * dt * (touch[NORMAL, j, c] + normal)
+    touch[IMPULSE, j, c] += impulse
+    if m.window[0, c] <= step < m.window[1, c]:
+        m.totals[4, j, c] = max(m.totals[4, j, c], normal)
+        m.totals[5, j, c] += impulse
     touch[PEAK, j, c] = max(touch[PEAK, j, c], normal)
     touch[DURATION, j, c] += dt if normal > 0.0 else 0.0
     touch[NORMAL, j, c], touch[DISSIPATIVE, j, c] = normal, dissipative
@@ -194,7 +198,6 @@ def _write_impact(j: int, c: int, step: int, rate: float, m: Motion, record: Rec
         totals[1, j, c] += touch[APPROACH, j, c]
         totals[2, j, c] = max(totals[2, j, c], touch[APPROACH, j, c])
         totals[3, j, c] += touch[IMPULSE, j, c]
-        totals[4, j, c] = max(totals[4, j, c], touch[PEAK, j, c])
     if c == 0:
         k = record.tally[3]
         if k < record.impacts.shape[0]:
