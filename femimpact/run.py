@@ -92,14 +92,14 @@ def preflight(study: Study, parts: tuple[str, ...] = ("modes", "simulate", "swee
     check_step(small, method)
     bare = build_method(study, without_impactors(small))
     if "simulate" in parts:
-        check_sampling(np.array([study.base.frequency]), method)
+        check_sampling(np.array([study.base.frequency]), method, "base.frequency")
         record = history_record(study, small, method)
         steps = round(study.base.duration / method.dt)
         channels, key = len(record.channels or ()), "output.memory_limit"
         check_memory(small, record, channels, steps, method.dt, study.base.frequency, key)
     if "sweep" in parts and study.sweep is not None:
         for each in (method, bare):
-            check_sampling(np.array([study.sweep.stop]), each)
+            check_sampling(np.array([study.sweep.stop]), each, "sweep.stop")
     return full, small, method
 
 

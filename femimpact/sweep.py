@@ -211,7 +211,7 @@ def frequency_sweep(
     require(whole, "cycles", cycles, "", "must be a whole number >= 3")
     positive = threads is None or threads >= 1
     require(positive, "threads", threads, "", "must be a whole number >= 1")
-    check_sampling(f, method)
+    check_sampling(f, method, "frequencies")
     warnings = list(check_step(system, method))
     state = initial or State()
     observed = system.point_row(at)

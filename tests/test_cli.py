@@ -133,6 +133,42 @@ def test_coarse_step_let_through_leaves_its_warning(tmp_path):
     assert "warning: coarse step" in printed
 
 
+def test_a_run_shorter_than_a_base_cycle_has_no_amplitude_and_says_so(tmp_path):
+    (tmp_path / "short.toml").write_text(SMALL.replace("duration = 6.0 ", "duration = 0.05 "), encoding="utf-8")
+    printed = femimpact("simulate", "short.toml", "-o", "out", cwd=tmp_path).stdout
+    assert "peak none mm" in printed
+
+
+def test_check_refuses_what_run_would_refuse(tmp_path):
+    for find, put, words in (
+        ("stop = 6.0 ", "stop = 6000.0 ", "sweep.stop = 6000.0 Hz: must be <= 1250 Hz"),
+        ("duration = 6.0 ", "duration = 1e9 ", "output.memory_limit"),
+    ):
+        (tmp_path / "s.toml").write_text(SMALL.replace(find, put), encoding="utf-8")
+        for command in (("check", "s.toml"), ("run", "s.toml")):
+            done = femimpact(*command, cwd=tmp_path, check=False)
+            assert done.returncode == 2
+            assert words in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]
+
+
+def test_an_output_that_cannot_be_made_is_one_line(tmp_path):
+    (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
+    done = femimpact("modes", "small.toml", "-o", "small.toml/out", cwd=tmp_path, check=False)
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "Traceback" not in done.stderr
+
+
+def test_forced_results_do_not_stand_beside_older_ones(tmp_path):
+    (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
+    femimpact("modes", "small.toml", "-o", "out", "-q", cwd=tmp_path)
+    femimpact("sweep", "small.toml", "-o", "out", "-q", "--force", cwd=tmp_path)
+    results = fi.load(tmp_path / "out")
+    assert results.modes is None
+    assert results.sweep is not None
+
+
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT to a child process")
 def test_interrupt_leaves_nothing_behind(tmp_path):
     text = (

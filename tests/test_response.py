@@ -201,7 +201,7 @@ def test_a_run_that_would_keep_too_much_is_refused_before_it_starts(small, recor
     assert time.process_time() - begun < 60.0
     message = str(caught.value)
     assert "record.memory_limit" in message
-    assert re.search(rf"[(, ]{part} \d+ MB", message)
+    assert re.search(rf"[(, ]{part} [\d.e+]+ MB", message)
     assert "\n" not in message
 
 
@@ -245,7 +245,7 @@ def test_the_impact_statistics_are_those_of_the_table(small):
     assert statistics.peak_force == table.peak_force[inside].max()
     assert statistics.cycle_mean_force == pytest.approx(table.impulse[inside].sum() / 2.0, rel=1e-9)
     assert statistics.law == "kelvin-voigt"
-    nothing = impact_statistics(table, 100.0, 101.0, 5.2, "none")
+    nothing = impact_statistics(np.zeros((6, 1)), 1.0, 5.2, "none")
     assert (nothing.count, nothing.mean_approach_speed, nothing.peak_force, nothing.cycle_mean_force) == (0, 0, 0, 0)
 
 

@@ -66,7 +66,7 @@ def integrate(
     recorder = record or Recorder()
     fits = in_range(duration, quantity("s", at_least=method.dt))
     require(fits, "duration", duration, "s", f"must be a finite number >= one step, {method.dt:g} s")
-    check_sampling(np.array([excitation.frequency]), method)
+    check_sampling(np.array([excitation.frequency]), method, "frequency")
     warnings = list(check_step(system, method))
     steps = round(duration / method.dt)
     channels = resolve_channels(system, recorder.channels)

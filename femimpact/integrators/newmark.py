@@ -105,12 +105,12 @@ def check_step(system: System, method: Newmark) -> tuple[str, ...]:
     raise InputError([Fault("method.dt", method.dt, "s", allowed)])
 
 
-def check_sampling(frequencies: NDArray[Any], method: Newmark) -> None:
+def check_sampling(frequencies: NDArray[Any], method: Newmark, key: str) -> None:
     """Refuse base frequencies (Hz) of which the step sees fewer than 8 points a cycle."""
     least = LEAST_STEPS_PER_CYCLE
     highest, most = float(frequencies.max()), 1.0 / (least * method.dt)
     allowed = f"must be <= {most:.4g} Hz with dt = {method.dt:g} s ({least} steps in a base cycle or more)"
-    require(highest <= most, "frequency", highest, "Hz", allowed)
+    require(highest <= most, key, highest, "Hz", allowed)
 
 
 def step_notes(system: System, method: Newmark) -> tuple[str, ...]:
