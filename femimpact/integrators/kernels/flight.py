@@ -6,14 +6,14 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import compiled
+from femimpact.integrators.kernels.compiling import compiled, inlined
 from femimpact.integrators.layout import BASE, COSINE, SCALE, SINE, TURN_COSINE, TURN_SINE, Motion, Operator, Scheme
 
 # A loop over cases goes into SIMD lanes only while the compiler can check its few arrays against overlap:
 # three written and two read are too many already, so some loops below are split in two.
 
 
-@compiled
+@inlined
 def turn_base(drive: NDArray[Any]) -> None:
     """Base acceleration at the next step, by rotating the phase: no trigonometric call per step."""
     sine, cosine, turn_sine, turn_cosine = drive[SINE], drive[COSINE], drive[TURN_SINE], drive[TURN_COSINE]
@@ -26,7 +26,7 @@ def turn_base(drive: NDArray[Any]) -> None:
         base[c] = scale[c] * sine[c]
 
 
-@compiled
+@inlined
 def free_step_diagonal(
     load: NDArray[Any], damping: NDArray[Any], stiffness: NDArray[Any], row: NDArray[Any], s: Scheme,
     q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], w: NDArray[Any], w_rate: NDArray[Any], base: NDArray[Any],
@@ -53,7 +53,7 @@ def free_step_diagonal(
             w_rate[c] += r * v_new
 
 
-@compiled
+@inlined
 def free_step_single(
     load: NDArray[Any], damping: NDArray[Any], stiffness: NDArray[Any], row: NDArray[Any], s: Scheme,
     q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], w: NDArray[Any], w_rate: NDArray[Any], base: NDArray[Any],
@@ -182,7 +182,7 @@ def _solve_banded(lower: NDArray[Any], rhs: NDArray[Any]) -> None:
         _scale(rhs[i], lower[0, i])
 
 
-@compiled
+@inlined
 def free_step_ball(
     s: Scheme, y: NDArray[Any], y_rate: NDArray[Any], y_acceleration: NDArray[Any], given: NDArray[Any],
     base: NDArray[Any],
@@ -198,7 +198,7 @@ def free_step_ball(
         y_rate[c] += s.correct_v * y_acceleration[c]
 
 
-@compiled
+@inlined
 def look(
     x: NDArray[Any], x_before: NDArray[Any], y: NDArray[Any], w: NDArray[Any], gap_plus: NDArray[Any],
     gap_minus: NDArray[Any], busy: NDArray[Any],
@@ -213,7 +213,7 @@ def look(
     return looking
 
 
-@compiled
+@inlined
 def observe(w: NDArray[Any], drive: NDArray[Any], sums: NDArray[Any]) -> None:
     """Add the observed place's displacement to the sums of the running cycle."""
     largest, least, square = sums[0], sums[1], sums[2]

@@ -34,7 +34,7 @@ _switching_potential = inlined(contact.switching_potential)
 SWITCHING_SPRING = contact.SWITCHING_SPRING
 
 
-@compiled
+@inlined
 def book_loss_diagonal(
     scale: NDArray[Any], weight: NDArray[Any], q: NDArray[Any], v: NDArray[Any], v_before: NDArray[Any],
     loss: NDArray[Any], load: NDArray[Any],
@@ -51,7 +51,7 @@ def book_loss_diagonal(
             load[c] += we * qi[c]
 
 
-@compiled
+@inlined
 def book_loss_single(
     scale: NDArray[Any], weight: NDArray[Any], q: NDArray[Any], v: NDArray[Any], v_before: NDArray[Any],
     loss: NDArray[Any], load: NDArray[Any],
@@ -83,7 +83,7 @@ def book_loss_banded(op: Operator, s: Scheme, m: Motion) -> None:
             m.v_before[i, c] = m.v[i, c]
 
 
-@compiled
+@inlined
 def book_work(base: NDArray[Any], base_before: NDArray[Any], ledger: NDArray[Any]) -> None:
     """Work of the inertia forces on the structure over one step, by the trapezoidal rule.
 
@@ -97,7 +97,7 @@ def book_work(base: NDArray[Any], base_before: NDArray[Any], ledger: NDArray[Any
         load[c] = 0.0
 
 
-@compiled
+@inlined
 def book_work_on_ball(
     base: NDArray[Any], base_before: NDArray[Any], mass: NDArray[Any], given: NDArray[Any], y: NDArray[Any],
     y_before: NDArray[Any], work: NDArray[Any],
