@@ -22,6 +22,7 @@ __all__ = [
     "quantity",
     "require",
     "require_name",
+    "require_type",
     "suggestion",
 ]
 
@@ -131,6 +132,11 @@ def require(condition: bool, key: str, value: object, unit: str, allowed: str) -
     """Raise `InputError` for one key unless the condition holds."""
     if not condition:
         raise InputError([Fault(key, value, unit, allowed)])
+
+
+def require_type(value: object, kind: type, key: str) -> None:
+    """Raise `InputError` unless the value is of a kind."""
+    require(isinstance(value, kind), key, type(value).__name__, "", f"must be a {kind.__name__}")
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from femimpact.contact import ContactLaw
 from femimpact.damping import Rayleigh
-from femimpact.errors import Fault, InputError, check_fields, choice, field_faults, quantity, require
+from femimpact.errors import Fault, InputError, check_fields, choice, field_faults, quantity, require, require_type
 
 __all__ = [
     "Beam",
@@ -121,6 +121,9 @@ class Beam:
 
     def __post_init__(self) -> None:
         _as_tuple(self, "segments")
+        require_type(self.segments, tuple, "segments")
+        for segment in self.segments:
+            require_type(segment, Segment, "segments")
         require(len(self.segments) > 0, "segments", "none", "", "must hold at least one segment")
         names = [segment.name for segment in self.segments]
         require(len(set(names)) == len(names), "segments", names, "", "must have distinct names")
@@ -257,6 +260,11 @@ class Structure:
 
     def __post_init__(self) -> None:
         _as_tuple(self, "masses", "impactors", "supports")
+        require_type(self.beam, Beam, "beam")
+        for key, kind in (("masses", PointMass), ("impactors", Impactor), ("supports", Support)):
+            require_type(getattr(self, key), tuple, key)
+            for item in getattr(self, key):
+                require_type(item, kind, key)
         names = [*(body.name for body in self.masses), *(ball.name for ball in self.impactors)]
         require(len(set(names)) == len(names), "name", names, "", "must be distinct among masses and impactors")
         for name in names:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.damping import realised_damping_ratio
 from femimpact.energy import energy_residual
-from femimpact.errors import DivergenceError, require
+from femimpact.errors import DivergenceError, require, require_type
 from femimpact.excitation import Sine
 from femimpact.identification import DampingEstimate, fit_one_pole, half_power
 from femimpact.impacts import impact_statistics
@@ -204,16 +204,18 @@ def frequency_sweep(
     DivergenceError
         If every frequency diverged.
     """
+    state = initial or State()
+    for value, kind in ((system, System), (method, Newmark), (state, State)):
+        require_type(value, kind, kind.__name__.lower())
     f = np.atleast_1d(np.array(frequencies, dtype=float))
     fine = f.ndim == 1 and f.size > 0 and bool(np.all(np.isfinite(f) & (f > 0)))
     require(fine, "frequencies", None, "Hz", "must be one or more numbers > 0")
     whole = isinstance(cycles, (int, np.integer)) and cycles >= 3
     require(whole, "cycles", cycles, "", "must be a whole number >= 3")
-    positive = threads is None or threads >= 1
+    positive = threads is None or (isinstance(threads, int) and threads >= 1)
     require(positive, "threads", threads, "", "must be a whole number >= 1")
     check_sampling(f, method, "frequencies")
     warnings = list(check_step(system, method))
-    state = initial or State()
     observed = system.point_row(at)
     workers = threads or _cores()
     groups = _blocks(f, workers)

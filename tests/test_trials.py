@@ -114,6 +114,24 @@ def test_numpy_scalars_and_arrays_are_numbers_too(small):
     assert fi.Impactor("ball", "tip", 1e-3, np.array([1e-3, 2e-3]), law).gaps == (1e-3, 2e-3)
 
 
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda s, m, r: fi.integrate(s, BASE, 1e-4, 1.0), "newmark = 'float': must be a Newmark"),
+        (lambda s, m, r: fi.integrate(r, BASE, m, 1.0), "system = 'Structure': must be a System"),
+        (lambda s, m, r: fi.integrate(s, BASE, m, 1.0, record=("tip",)), "recorder = 'tuple': must be a Recorder"),
+        (lambda s, m, r: fi.frequency_sweep(s, 1e-4, [5.0], m, 3, threads="2"), "threads = '2'"),
+        (lambda s, m, r: dataclasses.replace(r, masses=r.masses[0]), "masses = 'PointMass': must be a tuple"),
+        (lambda s, m, r: dataclasses.replace(r, masses=["box"]), "masses = 'str': must be a PointMass"),
+        (lambda s, m, r: fi.Beam(r.beam.segments[0]), "segments = 'Segment': must be a tuple"),
+        (lambda s, m, r: dataclasses.replace(r, damping=0.01), "damping = 0.01: must be a Rayleigh or None"),
+    ],
+)
+def test_a_thing_of_the_wrong_kind_is_named(small, reference, call, words):
+    with pytest.raises(fi.InputError, match=words):
+        call(small, fi.Newmark(1e-4), reference)
+
+
 def test_a_study_from_an_editor_that_writes_a_byte_order_mark_is_read(tmp_path):
     path = tmp_path / "study.toml"
     path.write_text(paper_study_text(), encoding="utf-8-sig")

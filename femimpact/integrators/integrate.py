@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.energy import EnergyLedger
-from femimpact.errors import DivergenceError, in_range, quantity, require
+from femimpact.errors import DivergenceError, in_range, quantity, require, require_type
 from femimpact.excitation import Sine
 from femimpact.impacts import Impacts, impact_statistics
 from femimpact.integrators import layout
@@ -63,7 +63,10 @@ def integrate(
     DivergenceError
         If the motion is not finite or grows without bound.
     """
-    recorder = record or Recorder()
+    recorder, start = record or Recorder(), initial or State()
+    given = (system, System), (excitation, Sine), (method, Newmark), (recorder, Recorder), (start, State)
+    for value, kind in given:
+        require_type(value, kind, kind.__name__.lower())
     fits = in_range(duration, quantity("s", at_least=method.dt))
     require(fits, "duration", duration, "s", f"must be a finite number >= one step, {method.dt:g} s")
     check_sampling(np.array([excitation.frequency]), method, "frequency")
@@ -78,7 +81,7 @@ def integrate(
         method,
         steps=[steps],
         window_start=[window_start],
-        initial=initial or State(),
+        initial=start,
         observed=system.point_row("tip"),
         ledger=recorder.ledger,
         record=kept,
