@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -38,6 +39,8 @@ Quiet = Annotated[bool, Parameter(name=["-q", "--quiet"], negative="", help="No 
 
 def main() -> None:
     """Run the command line; input errors are lines on stderr and exit status 2, never a traceback."""
+    # a polite request to end is an interrupt: nothing half-written stays behind
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         app(exit_on_error=False, print_error=False)
     except CycloptsError as error:

@@ -169,8 +169,9 @@ def test_forced_results_do_not_stand_beside_older_ones(tmp_path):
     assert results.sweep is not None
 
 
-@pytest.mark.skipif(os.name != "posix", reason="sends SIGINT to a child process")
-def test_interrupt_leaves_nothing_behind(tmp_path):
+@pytest.mark.skipif(os.name != "posix", reason="sends signals to a child process")
+@pytest.mark.parametrize("request_to_end", [signal.SIGINT, signal.SIGTERM])
+def test_interrupt_leaves_nothing_behind(tmp_path, request_to_end):
     text = (
         paper_study_text().replace("duration = 120.0 ", "duration = 20000.0 ").replace("every = 10 ", "every = 1000 ")
     )
@@ -187,7 +188,7 @@ def test_interrupt_leaves_nothing_behind(tmp_path):
             break
         time.sleep(0.05)
     time.sleep(0.5)
-    child.send_signal(signal.SIGINT)
+    child.send_signal(request_to_end)
     _, errors = child.communicate(timeout=120)
     assert child.returncode == 130, errors
     assert errors.strip() == "femimpact: interrupted; nothing was written"

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from femimpact.errors import require
 from femimpact.export.figures import BLUE, ORANGE
 from femimpact.export.files import atomic_path
-from femimpact.export.scene import BALL, BEAM, BOX, ball_radius, build_scene, snapshots_of
+from femimpact.export.scene import BALL, BEAM, BOX, ball_radius, build_scene, snapshots_of, thinned
 from femimpact.export.sheet import HEIGHT, VIEWS, WIDTH, Film, sheets
 from femimpact.response import Response, Snapshots
 from femimpact.structure import Structure
@@ -99,7 +99,7 @@ def _film(response: Response, structure: Structure, exaggeration: float | None, 
         reach = float(np.abs(snapshots.displacement[:, 0::2]).max())
         reach += max((max(pair.gaps) for pair in response.system.contacts), default=0.0)
         exaggeration = float(f"{SWING * structure.beam.length / max(reach, 1e-12):.1g}")
-    chosen = np.unique(np.linspace(0, snapshots.time.size - 1, min(most, snapshots.time.size)).round().astype(int))
+    chosen = thinned(snapshots.time.size, most)
     shown = float(snapshots.time[chosen[-1]] - snapshots.time[chosen[0]])
     slow = f"   Slowed {(chosen.size - 1) / fps / shown:.2g} times." if shown > 0.0 else ""
     base = f"Base: sine, {response.base.frequency:.4g} Hz, {1e3 * response.base.amplitude:.4g} mm."

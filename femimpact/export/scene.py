@@ -14,7 +14,7 @@ from femimpact.response import Response, Snapshots
 from femimpact.structure import Structure
 from femimpact.system import System, hermite_rows
 
-__all__ = ["BALL", "BALL_DENSITY", "BEAM", "BOX", "Scene", "ball_radius", "build_scene"]
+__all__ = ["BALL", "BALL_DENSITY", "BEAM", "BOX", "Scene", "ball_radius", "build_scene", "snapshots_of", "thinned"]
 
 BALL_DENSITY = 7850.0
 """kg/m^3. The model knows no ball radius; a steel sphere of the ball's mass is drawn."""
@@ -220,3 +220,8 @@ def snapshots_of(response: Response) -> Snapshots:
             [Fault("snapshots", None, "", "the response holds none: integrate with Recorder(snapshots=STRIDE)")]
         )
     return response.snapshots
+
+
+def thinned(count: int, most: int) -> NDArray[Any]:
+    """At most so many of the numbers 0 to count - 1, evenly spread, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))

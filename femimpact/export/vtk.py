@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import require
 from femimpact.export.files import atomic_write
-from femimpact.export.scene import BALL_DENSITY, BEAM, Scene, ball_radius, build_scene, snapshots_of
+from femimpact.export.scene import BALL_DENSITY, BEAM, Scene, ball_radius, build_scene, snapshots_of, thinned
 from femimpact.modes import Modes
 from femimpact.response import Response
 from femimpact.structure import Structure
@@ -225,7 +225,7 @@ def write_deflection(
     require(isinstance(most, int) and most >= 1, "most", most, "snapshots", "must be a whole number >= 1")
     scene = build_scene(structure, response.system, exaggeration)
     grid = _Grid(scene.points, scene.connectivity, scene.offsets, scene.types)
-    chosen = np.unique(np.linspace(0, snapshots.time.size - 1, min(most, snapshots.time.size)).round().astype(int))
+    chosen = thinned(snapshots.time.size, most)
     absolute = frame == "space"
     fixed = _about(response, exaggeration, frame)
 
