@@ -6,9 +6,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact import contact
 from femimpact.integrators.kernels.compiling import compiled, inlined
 from femimpact.integrators.kernels.flight import add, add_product
+from femimpact.integrators.kernels.laws import SWITCHING_SPRING, penetration, spring_potential, switching_potential
 from femimpact.integrators.layout import (
     CONTACT_LOSS,
     FREE_STIFFNESS,
@@ -27,11 +27,6 @@ from femimpact.integrators.layout import (
     Scheme,
     X,
 )
-
-_penetration = inlined(contact.penetration)
-_spring_potential = inlined(contact.spring_potential)
-_switching_potential = inlined(contact.switching_potential)
-SWITCHING_SPRING = contact.SWITCHING_SPRING
 
 
 @inlined
@@ -132,8 +127,8 @@ def write_energy(c: int, op: Operator, pairs: Pairs, m: Motion, out: NDArray[Any
         x, spring, stiffness = m.ball[X, j, c], constants[FREE_STIFFNESS, j, c], constants[STIFFNESS, j, c]
         plus, minus = constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c]
         if pairs.kind[j] == SWITCHING_SPRING:
-            out[3] += _switching_potential(x, plus, minus, spring, stiffness)
+            out[3] += switching_potential(x, plus, minus, spring, stiffness)
         else:
-            out[3] += _spring_potential(x, spring)
-            out[3] += _spring_potential(_penetration(x, plus, minus)[0], stiffness)
+            out[3] += spring_potential(x, spring)
+            out[3] += spring_potential(penetration(x, plus, minus)[0], stiffness)
     out[4], out[5], out[6] = m.ledger[WORK, c], m.ledger[STRUCTURE_LOSS, c], m.ledger[CONTACT_LOSS, c]

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact import contact
 from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.laws import SWITCHING_SPRING, kelvin_voigt_force, penetration, switching_stiffness
 from femimpact.integrators.layout import (
     APPROACH,
     BUSY,
@@ -41,12 +41,6 @@ from femimpact.integrators.layout import (
     Y,
 )
 
-# a contact law's formula stands in `contact`; here it is only compiled
-_penetration = inlined(contact.penetration)
-_kelvin_voigt_force = inlined(contact.kelvin_voigt_force)
-_switching_stiffness = inlined(contact.switching_stiffness)
-SWITCHING_SPRING = contact.SWITCHING_SPRING
-
 PAIR_ITERATIONS = 200
 PAIR_TOLERANCE = 1e-15
 """Gauss-Seidel over pairs that share a structure stops at this change, relative to the largest force."""
@@ -65,7 +59,7 @@ def _pair_force(
     stiffness, damping = constants[STIFFNESS, j, c], constants[DAMPING, j, c]
     if kind == SWITCHING_SPRING:
         # decided by the state before the step, as printed
-        spring = _switching_stiffness(x_before, plus, minus, spring, stiffness)
+        spring = switching_stiffness(x_before, plus, minus, spring, stiffness)
     give_u, give_v = s.correct_u * mobility, s.correct_v * mobility
     soften = 1.0 / (1.0 + give_u * spring)
     x = x_free * soften
@@ -76,7 +70,7 @@ def _pair_force(
     if gate != 0.0:
         depth = gate * x - (plus if gate > 0.0 else minus)
         yielding = 1.0 + soften * (stiffness * give_u + damping * give_v)
-        normal = _kelvin_voigt_force(depth, gate * rate, stiffness, damping) / yielding
+        normal = kelvin_voigt_force(depth, gate * rate, stiffness, damping) / yielding
     x -= soften * give_u * gate * normal
     return gate * normal + spring * x, normal
 
@@ -90,7 +84,7 @@ def contact_step(c: int, op: Operator, s: Scheme, pairs: Pairs, m: Motion, recor
         x_free[j] = m.ball[Y, j, c] - m.w[pairs.row[j], c]
         rate_free[j] = m.ball[Y_RATE, j, c] - m.w_rate[pairs.row[j], c]
         # gated on the penetration without contact force, never inside the iteration
-        gate[j] = _penetration(x_free[j], pairs.constants[GAP_PLUS, j, c], pairs.constants[GAP_MINUS, j, c])[1]
+        gate[j] = penetration(x_free[j], pairs.constants[GAP_PLUS, j, c], pairs.constants[GAP_MINUS, j, c])[1]
         force[j] = 0.0
     for _ in range(PAIR_ITERATIONS):
         change, largest = 0.0, 0.0
@@ -149,7 +143,7 @@ def _book_impact(
     when the ball is off the wall and without force.
     """
     touch, x, step = m.touch, m.ball[X, j, c], record.tally[0]
-    depth, side = _penetration(x, constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c])
+    depth, side = penetration(x, constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c])
     always = kind == SWITCHING_SPRING or constants[FREE_STIFFNESS, j, c] > 0.0
     if kind == SWITCHING_SPRING:
         normal = normal if side != 0.0 else 0.0
@@ -222,14 +216,14 @@ def collide(
     for _ in range(100_000_000):
         x_free = x + s.dt * rate + s.predict_u * acceleration
         rate_free = rate + s.predict_v * acceleration
-        depth = _penetration(x_free, 0.0, np.inf)[0]
+        depth = penetration(x_free, 0.0, np.inf)[0]
         force = 0.0
         if kind == SWITCHING_SPRING:
             if x > 0.0:
                 force = stiffness * x_free / (1.0 + stiffness * s.correct_u / mass)
         elif depth > 0.0:
             yielding = 1.0 + (stiffness * s.correct_u + damping * s.correct_v) / mass
-            force = _kelvin_voigt_force(depth, rate_free, stiffness, damping) / yielding
+            force = kelvin_voigt_force(depth, rate_free, stiffness, damping) / yielding
         peak = max(peak, force)
         acceleration = -force / mass
         x = x_free + s.correct_u * acceleration
