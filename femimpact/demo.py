@@ -164,7 +164,7 @@ def _sweep_from(study: Study, start: str, report: Report) -> SweepPair:
 
 
 def _with(study: Study, restitution: float) -> Study:
-    text = study.text.replace("restitution = 0.80", f"restitution = {restitution:.2f}")
+    text = study.text.replace("restitution = 0.78", f"restitution = {restitution:.2f}")
     return dataclasses.replace(study, structure=with_restitution(study.structure, restitution), text=text)
 
 
