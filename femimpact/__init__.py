@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from femimpact.damping import Rayleigh
     from femimpact.energy import EnergyLedger
     from femimpact.errors import DivergenceError, FemimpactError, InputError
-    from femimpact.excitation import Sine
+    from femimpact.excitation import PointForce, RecordedBase, Sine
     from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
     from femimpact.impacts import Impacts, ImpactStatistics
     from femimpact.integrators.collision import achieved_restitution
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from femimpact.response import Recorder, Response
     from femimpact.results import StudyResults, load
     from femimpact.run import run_study
-    from femimpact.structure import Beam, Impactor, PointMass, Segment, Structure, Support, glue_impactors
+    from femimpact.structure import Beam, Impactor, PointMass, Segment, Stop, Structure, Support, glue_impactors
     from femimpact.study import Study, load_study
     from femimpact.sweep import FrequencyResponse, frequency_sweep
     from femimpact.system import ContactPair, State, System, without_impactors
@@ -43,7 +43,7 @@ _ROOMS = {
     "damping": ("Rayleigh",),
     "energy": ("EnergyLedger",),
     "errors": ("DivergenceError", "FemimpactError", "InputError"),
-    "excitation": ("Sine",),
+    "excitation": ("PointForce", "RecordedBase", "Sine"),
     "identification": ("DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power"),
     "impacts": ("ImpactStatistics", "Impacts"),
     "integrators.collision": ("achieved_restitution",),
@@ -53,7 +53,7 @@ _ROOMS = {
     "modes": ("Modes", "solve_modes"),
     "reduction": ("reduce",),
     "response": ("Recorder", "Response"),
-    "structure": ("Beam", "Impactor", "PointMass", "Segment", "Structure", "Support", "glue_impactors"),
+    "structure": ("Beam", "Impactor", "PointMass", "Segment", "Stop", "Structure", "Support", "glue_impactors"),
     "results": ("StudyResults", "load"),
     "run": ("run_study",),
     "study": ("Study", "load_study"),

@@ -14,14 +14,13 @@ from skfem import Basis, BilinearForm, ElementLineHermite, MeshLine
 from skfem.element import DiscreteField
 from skfem.helpers import dd, ddot
 
-from femimpact.contact import resolve
 from femimpact.damping import Rayleigh, rayleigh_coefficients
 from femimpact.errors import Fault, InputError, require, suggestion
 from femimpact.hermite import shape_functions
 from femimpact.mesh import SAME_PLACE, Mesh, uniform_mesh
-from femimpact.modes import solve_modes
-from femimpact.structure import SUPPORTS, Beam, Impactor, Position, Segment, Structure
-from femimpact.system import ContactPair, System, hermite_rows
+from femimpact.modes import solve_modes, solve_stiffness
+from femimpact.structure import SUPPORTS, Beam, Impactor, Position, Segment, Stop, Structure
+from femimpact.system import System, contact_pair, hermite_rows
 
 __all__ = ["ElementLineHermiteReference", "assemble"]
 
@@ -130,8 +129,28 @@ def _with_damping_and_contacts(system: System, structure: Structure, mesh: Mesh)
         alpha, beta = _rayleigh(structure.damping, omega)
         damping_matrix = sparse.csr_array(alpha * system.M + beta * system.K)
         system = replace(system, C=damping_matrix, rayleigh=(alpha, beta))
-    contacts = tuple(_contact_pair(ball, system, mesh, modes.vectors[:, 0]) for ball in structure.impactors)
-    return replace(system, first_frequency=float(modes.natural_frequency[0]), contacts=contacts)
+    system = replace(system, first_frequency=float(modes.natural_frequency[0]))
+    items: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
+    places = [_position(item.at, mesh, f"{_kind(item)}.{item.name}.at") for item in items]
+    rows = system.deflection_rows(places) if items else np.zeros((0, system.dofs))
+    flexibility = _flexibility(system, rows)
+    contacts = tuple(
+        contact_pair(item, row, place, float(row @ modes.vectors[:, 0]), flexible)
+        for item, row, place, flexible in zip(items, rows, places, flexibility, strict=True)
+    )
+    return replace(system, contacts=contacts)
+
+
+def _kind(item: Impactor | Stop) -> str:
+    return "stop" if isinstance(item, Stop) else "impactor"
+
+
+def _flexibility(system: System, rows: NDArray[Any]) -> NDArray[Any]:
+    """b^T K^-1 b (m/N) of every row, through the stiffness factor so that fine meshes keep their digits."""
+    if rows.size == 0:
+        return np.zeros(0)
+    solved = solve_stiffness(system, rows.T)
+    return np.asarray(np.einsum("ji,ij->j", rows, solved))
 
 
 def _rayleigh(damping: Rayleigh, omega: NDArray[Any]) -> tuple[float, float]:
@@ -141,24 +160,6 @@ def _rayleigh(damping: Rayleigh, omega: NDArray[Any]) -> tuple[float, float]:
         return rayleigh_coefficients((omega[first - 1], omega[second - 1]), ratio)
     low, high = damping.frequencies or (0.0, 0.0)
     return rayleigh_coefficients((2 * math.pi * low, 2 * math.pi * high), ratio)
-
-
-def _contact_pair(ball: Impactor, system: System, mesh: Mesh, first_mode: NDArray[Any]) -> ContactPair:
-    position = _position(ball.at, mesh, f"impactor.{ball.name}.at")
-    direction = system.deflection_rows([position])[0]
-    mobility = 1.0 / ball.mass + float(direction @ first_mode) ** 2
-    return ContactPair(
-        name=ball.name,
-        direction=_frozen(direction),
-        position=position,
-        mass=ball.mass,
-        gaps=ball.gaps,
-        law=ball.contact,
-        parameters=resolve(ball.contact, 1.0 / mobility),
-        effective_mass=1.0 / mobility,
-        free_stiffness=ball.free_stiffness,
-        acceleration=ball.acceleration,
-    )
 
 
 def _sections(beam: Beam, mesh: Mesh) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -251,13 +252,14 @@ def _position(at: Position, mesh: Mesh, key: str) -> float:
 
 def _points(structure: Structure, mesh: Mesh) -> dict[str, float]:
     """Named places of the mesh, and of every body and ball that is not itself such a name."""
-    for ball in structure.impactors:
-        free = ball.name not in mesh.points
-        require(free, f"impactor.{ball.name}.name", ball.name, "", "must not be the name of a point of the mesh")
+    pairs: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
+    for item in pairs:
+        free = item.name not in mesh.points
+        require(free, f"{_kind(item)}.{item.name}.name", item.name, "", "must not be the name of a point of the mesh")
     places = dict(mesh.points)
-    for item in structure.masses:
-        if item.name not in places:
-            places[item.name] = _position(item.at, mesh, f"mass.{item.name}.at")
+    for body in structure.masses:
+        if body.name not in places:
+            places[body.name] = _position(body.at, mesh, f"mass.{body.name}.at")
     return places
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,7 @@ from femimpact.damping import realised_damping_ratio
 from femimpact.errors import require
 from femimpact.system import System
 
-__all__ = ["Modes", "solve_modes"]
+__all__ = ["Modes", "solve_modes", "solve_stiffness"]
 
 DENSE_LIMIT = 60
 """Up to this many dofs the dense solver is both exact and faster than shift-invert."""
@@ -84,7 +85,9 @@ def solve_modes(system: System, count: int) -> Modes:
     if system.rayleigh is not None:
         ratio = realised_damping_ratio(*system.rayleigh, omega)
     else:
-        ratio = np.einsum("ij,ij->j", vectors, system.C @ vectors) / (2 * omega)
+        damping = np.einsum("ij,ij->j", vectors, system.C @ vectors)
+        # a rigid motion has no ratio to a critical damping
+        ratio = np.divide(damping, 2 * omega, out=np.zeros_like(omega), where=omega > 0)
     participation = vectors.T @ system.base_load
     arrays = (omega / (2 * math.pi), ratio, participation, participation**2, vectors)
     for array in arrays:
@@ -100,35 +103,56 @@ def _dense_modes(system: System, count: int) -> NDArray[Any]:
     return np.asarray(scipy.linalg.solve_triangular(lower, right.T, lower=True, trans="T"))
 
 
-def _shift_invert_modes(system: System, count: int) -> NDArray[Any]:
-    """Lanczos on K^-1 M, with K^-1 applied through its factor G.
+def solve_stiffness(system: System, loads: NDArray[Any]) -> NDArray[Any]:
+    """Static displacements K^-1 f, with K applied through its factor G.
 
     K x = f is solved as the stable mixed problem [s I, G; G^T, 0] [-G x / s; x] = [0; f] / s
     (Bjorck's augmented system): its rounding grows like the condition of G, the root of K's.
-    """
-    from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
-    factor = system.stiffness_factor
-    strains, dofs = factor.shape
+    Parameters
+    ----------
+    system : System
+    loads : ndarray (dofs, k), N
+
+    Returns
+    -------
+    ndarray (dofs, k), m
+    """
+    return _stiffness_solver(system)(np.asarray(loads))
+
+
+def _stiffness_solver(system: System) -> Callable[[NDArray[Any]], NDArray[Any]]:
+    from scipy.sparse.linalg import splu
+
+    factor = sparse.csr_array(system.stiffness_factor)
+    strains = factor.shape[0]
     # the best scale is near the smallest singular value of G; the result does not hang on it
     scale = 2.0 * math.pi * system.first_frequency if math.isfinite(system.first_frequency) else 1.0
     augmented = sparse.block_array([[scale * sparse.eye_array(strains), factor], [factor.T, None]], format="csc")
     solver = splu(augmented)
 
-    def solve(load: NDArray[Any]) -> NDArray[Any]:
-        right = np.concatenate([np.zeros(strains), load.ravel() / -scale])
+    def solve(loads: NDArray[Any]) -> NDArray[Any]:
+        right = np.concatenate([np.zeros((strains, *loads.shape[1:])), loads / -scale])
         return np.asarray(solver.solve(right)[strains:])
 
-    inverse = LinearOperator((dofs, dofs), matvec=solve, dtype=float)
+    return solve
+
+
+def _shift_invert_modes(system: System, count: int) -> NDArray[Any]:
+    """Lanczos on K^-1 M."""
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    solve = _stiffness_solver(system)
+    inverse = LinearOperator((system.dofs, system.dofs), matvec=lambda load: solve(load.ravel()), dtype=float)
     # a fixed start vector: the same call gives the same bits
-    start = np.ones(dofs)
+    start = np.ones(system.dofs)
     return np.asarray(eigsh(system.K, k=count, M=system.M, sigma=0.0, OPinv=inverse, v0=start, tol=0)[1])
 
 
 def _normalised(system: System, vectors: NDArray[Any]) -> NDArray[Any]:
     """Scaled to unit modal mass; positive at the tip, or at the largest component where the tip is still."""
     vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, system.M @ vectors))
-    tip = np.asarray(system.expansion[[-2], :] @ vectors).ravel()
+    tip = system.point_row(system.default_place) @ vectors
     largest = np.take_along_axis(vectors, np.abs(vectors).argmax(axis=0)[None], axis=0)[0]
     still = np.abs(tip) < 1e-9 * np.abs(largest)
     sign = np.where(np.where(still, largest, tip) < 0, -1.0, 1.0)

@@ -53,6 +53,7 @@ def reduce(system: System, modes: int) -> System:
         rigid_translation=_row(phi.T @ (system.M @ system.rigid_translation)),
         expansion=np.asarray(system.expansion @ phi),
         contacts=contacts,
+        directions={name: _row(row @ phi) for name, row in system.directions.items()},
     )
 
 

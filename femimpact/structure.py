@@ -19,6 +19,7 @@ __all__ = [
     "PointMass",
     "Position",
     "Segment",
+    "Stop",
     "Structure",
     "Support",
     "glue_impactors",
@@ -233,8 +234,46 @@ class Impactor:
 
 
 @dataclass(frozen=True)
+class Stop:
+    """A fixed obstacle beside the beam, moving with the base: the same contact pair without a mass of its own.
+
+    The beam touches it on the + side at w = gap[0] and on the - side at w = -gap[1].
+
+    Parameters
+    ----------
+    name : str
+    at : str or float
+        Place on the beam; see `Position`.
+    gap : float or pair of float, m
+        Free travel of the beam to the + and to the - side; `math.inf` leaves a side open.
+    contact : a contact law
+    """
+
+    name: str
+    at: Position
+    gap: float | tuple[float, float]
+    contact: ContactLaw
+
+    def __post_init__(self) -> None:
+        _as_tuple(self, "gap")
+        _check_position(self)
+        pair = self.gap if isinstance(self.gap, tuple) else (self.gap,)
+        numbers = all(isinstance(gap, (int, float)) and not isinstance(gap, bool) and gap >= 0 for gap in pair)
+        allowed = "must be one number >= 0 or two (to the + side, to the - side), one of which may be infinite"
+        fine = numbers and len(pair) <= 2 and min(pair) < math.inf
+        require(fine, "gap", self.gap, "m", allowed)
+        is_law = isinstance(self.contact, ContactLaw)
+        require(is_law, "contact", self.contact, "", "must be a contact law (KelvinVoigt, ..., Rigid)")
+
+    @property
+    def gaps(self) -> tuple[float, float]:
+        """Gap (m) to the + side and to the - side."""
+        return self.gap if isinstance(self.gap, tuple) else (self.gap, self.gap)
+
+
+@dataclass(frozen=True)
 class Structure:
-    """Beam, supports, bodies and balls, and the structure's damping.
+    """Beam, supports, bodies, balls and stops, and the structure's damping.
 
     Parameters
     ----------
@@ -245,6 +284,7 @@ class Structure:
         None means undamped.
     supports : sequence of Support
         The default clamps the root.
+    stops : sequence of Stop
 
     Raises
     ------
@@ -257,16 +297,19 @@ class Structure:
     impactors: tuple[Impactor, ...] = ()
     damping: Rayleigh | None = None
     supports: tuple[Support, ...] = (Support("clamped", "root"),)
+    stops: tuple[Stop, ...] = ()
 
     def __post_init__(self) -> None:
-        _as_tuple(self, "masses", "impactors", "supports")
+        _as_tuple(self, "masses", "impactors", "supports", "stops")
         require_type(self.beam, Beam, "beam")
-        for key, kind in (("masses", PointMass), ("impactors", Impactor), ("supports", Support)):
+        kinds = (("masses", PointMass), ("impactors", Impactor), ("supports", Support), ("stops", Stop))
+        for key, kind in kinds:
             require_type(getattr(self, key), tuple, key)
             for item in getattr(self, key):
                 require_type(item, kind, key)
-        names = [*(body.name for body in self.masses), *(ball.name for ball in self.impactors)]
-        require(len(set(names)) == len(names), "name", names, "", "must be distinct among masses and impactors")
+        named: tuple[PointMass | Impactor | Stop, ...] = (*self.masses, *self.impactors, *self.stops)
+        names = [item.name for item in named]
+        require(len(set(names)) == len(names), "name", names, "", "must be distinct among masses, impactors and stops")
         for name in names:
             plain = isinstance(name, str) and re.fullmatch(r"[A-Za-z][\w -]*", name) and name not in RESERVED
             allowed = f"must be letters, digits, spaces, - and _, and none of {', '.join(RESERVED)}"
@@ -284,12 +327,13 @@ class Structure:
         self._check_supports()
 
     @property
-    def attachments(self) -> tuple[tuple[str, PointMass | Impactor | Support], ...]:
+    def attachments(self) -> tuple[tuple[str, PointMass | Impactor | Support | Stop], ...]:
         """Everything that has a place on the beam, each with its key path."""
         return (
             *((f"mass.{body.name}", body) for body in self.masses),
             *((f"impactor.{ball.name}", ball) for ball in self.impactors),
             *((f"support.{support.kind}", support) for support in self.supports),
+            *((f"stop.{stop.name}", stop) for stop in self.stops),
         )
 
     def _check_supports(self) -> None:

@@ -1,39 +1,45 @@
 """The semi-discrete equations: matrices, named places and contact pairs. No finite-element object inside.
 
 M u'' + C u' + K u = -base_load ub'' + sum_j b_j F_j,   m_j (y_j'' + ub'') = m_j g_j - F_j,
-with u and y relative to the moving base.
+with u and y relative to the moving base. A stop is a pair whose other side never moves: y_j = 0.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.contact import ContactLaw, ContactParameters
+from femimpact.contact import ContactLaw, ContactParameters, resolve
 from femimpact.errors import check_fields, choice, require, suggestion
-from femimpact.excitation import Sine
+from femimpact.excitation import Excitation
 from femimpact.hermite import shape_functions
-from femimpact.structure import Position
+from femimpact.matrices import checked_matrix, checked_row, definite_factor
+from femimpact.structure import Impactor, Position, Stop
 
-__all__ = ["ContactPair", "State", "System", "without_impactors"]
+__all__ = ["ContactPair", "State", "System", "contact_pair", "without_impactors"]
 
 
 @dataclass(frozen=True)
 class ContactPair:
-    """One ball between its two walls, seen by the structure through one direction vector.
+    """One ball between its two walls, or the beam between two stops, seen through one direction vector.
 
     Parameters
     ----------
     name : str
     direction : ndarray (dofs,)
-        b: the structure's displacement at the pair is b @ u.
+        b: the structure's displacement at the pair is b @ u, and x = y - b @ u is what the gaps bound.
+        A stop has y = 0 and b = -(row of its place), so that x is the deflection there.
     position : float, m
+        Not a number for a system given by matrices.
     mass : float, kg
+        Of the ball; infinite for a stop.
     gaps : pair of float, m
         On the + and on the - side.
     law : ContactLaw
@@ -41,6 +47,8 @@ class ContactPair:
         The law's numbers for this pair's effective mass.
     effective_mass : float, kg
         1/(1/m + phi1^2) with the first mass-normalised mode at the pair.
+    flexibility : float, m/N
+        b^T K^-1 b of the whole structure, to see what a reduction leaves out; not a number unknown.
     free_stiffness : float, N/m
     acceleration : float, m/s^2
     """
@@ -53,8 +61,63 @@ class ContactPair:
     law: ContactLaw
     parameters: ContactParameters
     effective_mass: float
-    free_stiffness: float
-    acceleration: float
+    flexibility: float = math.nan
+    free_stiffness: float = 0.0
+    acceleration: float = 0.0
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether the other side is a fixed obstacle, not a ball."""
+        return math.isinf(self.mass)
+
+    @property
+    def mobility(self) -> float:
+        """1/m of the ball (1/kg), 0 for a stop."""
+        return 0.0 if self.is_stop else 1.0 / self.mass
+
+
+def contact_pair(
+    item: Impactor | Stop, row: NDArray[Any], position: float, first_mode: float, flexibility: float
+) -> ContactPair:
+    """The pair of an impactor or a stop, its law resolved for the first mode's mass.
+
+    Parameters
+    ----------
+    item : Impactor or Stop
+    row : ndarray (dofs,)
+        Reads the structure's displacement at the place.
+    position : float, m
+    first_mode : float, kg^-0.5
+        Mass-normalised first mode at the place.
+    flexibility : float, m/N
+
+    Returns
+    -------
+    ContactPair
+    """
+    ball = item if isinstance(item, Impactor) else None
+    inverse = first_mode**2 + (1.0 / ball.mass if ball else 0.0)
+    # a stop where the first mode has a node: any finite number; the law's own time scale is then unknown
+    effective_mass = 1.0 / inverse if inverse > 0.0 else 1.0
+    return ContactPair(
+        name=item.name,
+        direction=_frozen(row if ball else -row),
+        position=position,
+        mass=ball.mass if ball else math.inf,
+        gaps=(float(item.gaps[0]), float(item.gaps[1])),
+        law=item.contact,
+        parameters=resolve(item.contact, effective_mass),
+        effective_mass=effective_mass,
+        flexibility=flexibility,
+        free_stiffness=ball.free_stiffness if ball else 0.0,
+        acceleration=ball.acceleration if ball else 0.0,
+    )
+
+
+def _frozen(values: Any) -> NDArray[Any]:
+    array = np.array(values, dtype=float)
+    array.setflags(write=False)
+    return array
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +144,11 @@ class System:
     first_frequency : float, Hz
         First natural frequency of the structure, without balls and undamped.
     contacts : tuple of ContactPair
+        Balls first, then stops.
     rayleigh : pair of float, optional
         alpha (1/s) and beta (s) where C = alpha M + beta K.
+    directions : mapping of str to ndarray (dofs,)
+        Rows that read the displacement of named places which lie on no beam.
     """
 
     M: Any
@@ -98,6 +164,78 @@ class System:
     first_frequency: float
     contacts: tuple[ContactPair, ...] = ()
     rayleigh: tuple[float, float] | None = None
+    directions: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+    @classmethod
+    def from_matrices(
+        cls,
+        M: Any,
+        C: Any,
+        K: Any,
+        *,
+        points: Mapping[str, ArrayLike],
+        base_load: ArrayLike | None = None,
+        impactors: Sequence[Impactor] = (),
+        stops: Sequence[Stop] = (),
+    ) -> System:
+        """Any linear structure by its matrices: M u'' + C u' + K u = -base_load ub'' + sum_j b_j F_j.
+
+        Parameters
+        ----------
+        M, C, K : array_like or sparse (dofs, dofs)
+            Symmetric; M positive definite, C and K positive semidefinite (kg, N s/m, N/m).
+        points : mapping of str to array_like (dofs,)
+            Each named place by the row that reads its displacement (m).
+        base_load : array_like (dofs,), kg
+            M r with r the rigid translation; the default r = 1 in every dof.
+        impactors, stops : sequences
+            Their `at` is a name among the points.
+
+        Returns
+        -------
+        System
+
+        Raises
+        ------
+        InputError
+            For shapes that do not fit, matrices that are not symmetric or not definite, unknown names.
+        """
+        matrices = {name: checked_matrix(name, value) for name, value in (("M", M), ("C", C), ("K", K))}
+        dofs = matrices["M"].shape[0]
+        for name, matrix in matrices.items():
+            require(matrix.shape[0] == dofs, name, matrix.shape, "", f"must have the shape of M, {dofs} by {dofs}")
+        require(len(points) > 0, "points", "none", "", 'must name at least one place, as {"tip": [1.0]}')
+        rows = {name: checked_row(f"points.{name}", row, dofs) for name, row in points.items()}
+        dense = {name: matrix.toarray() for name, matrix in matrices.items()}
+        definite_factor("M", dense["M"], strictly=True)
+        definite_factor("C", dense["C"])
+        factor, rank = definite_factor("K", dense["K"])
+        load = dense["M"].sum(axis=1) if base_load is None else checked_row("base_load", base_load, dofs)
+        rigid = np.linalg.solve(dense["M"], load)
+        bare = cls(
+            **matrices,
+            stiffness_factor=sparse.csr_array(factor),
+            base_load=_frozen(load),
+            rigid_translation=_frozen(rigid),
+            nodes=np.zeros(0),
+            expansion=sparse.csr_array((0, dofs)),
+            points=dict.fromkeys(rows, math.nan),
+            total_mass=float(rigid @ load),
+            first_frequency=0.0,
+            directions=rows,
+        )
+        first, contacts = _contacts_of_matrices(bare, dense, rank, (*impactors, *stops))
+        return replace(bare, first_frequency=first, contacts=contacts)
+
+    @property
+    def balls(self) -> tuple[ContactPair, ...]:
+        """The contact pairs that are balls; they come first in `contacts`."""
+        return tuple(pair for pair in self.contacts if not pair.is_stop)
+
+    @property
+    def default_place(self) -> str:
+        """The place observed unless another is named: the tip, or the first point."""
+        return "tip" if "tip" in self.points or not self.directions else next(iter(self.directions))
 
     @property
     def dofs(self) -> int:
@@ -114,6 +252,7 @@ class System:
         if isinstance(at, str):
             require(at in self.points, "at", at, "", suggestion(at, self.points))
             return float(self.points[at])
+        require(self.nodes.size > 0, "at", at, "m", f"must be a name, {', '.join(self.points)}: there is no beam")
         length = float(self.nodes[-1])
         inside = -1e-9 * length <= at <= length * (1 + 1e-9)
         require(inside, "at", at, "m", f"must be within the beam, 0 to {length:g} m")
@@ -139,7 +278,32 @@ class System:
 
     def point_row(self, at: Position) -> NDArray[Any]:
         """Row (dofs,) that reads the deflection at one named or numbered place."""
+        if at in self.directions:
+            return self.directions[str(at)]
         return np.asarray(self.deflection_rows([self.position_of(at)])[0])
+
+
+def _contacts_of_matrices(
+    system: System, dense: Mapping[str, NDArray[Any]], rank: int, items: Sequence[Impactor | Stop]
+) -> tuple[float, tuple[ContactPair, ...]]:
+    """First natural frequency (Hz) of a system given by matrices, and its contact pairs."""
+    omega_squared, vectors = scipy.linalg.eigh(dense["K"], dense["M"])
+    elastic = rank == system.dofs
+    names = [item.name for item in items]
+    distinct = len({*names, *system.points}) == len(names) + len(system.points)
+    require(distinct, "name", names, "", "must be distinct, and not the name of a point")
+    contacts = []
+    for item in items:
+        require(item.at in system.points, f"{item.name}.at", item.at, "", suggestion(str(item.at), system.points))
+        row = system.directions[str(item.at)]
+        first = float(row @ vectors[:, 0])
+        if not elastic or first == 0.0:
+            # no first mode to speak of: the mass that is felt at once
+            first = math.sqrt(float(row @ np.linalg.solve(dense["M"], row)))
+        flexibility = float(row @ np.linalg.solve(dense["K"], row)) if elastic else math.nan
+        contacts.append(contact_pair(item, row, math.nan, first, flexibility))
+    first_frequency = math.sqrt(float(omega_squared[0])) / (2.0 * math.pi) if elastic else 0.0
+    return first_frequency, tuple(contacts)
 
 
 def _is_diagonal(matrix: Any) -> bool:
@@ -205,10 +369,13 @@ class State:
         return all(values is None or not np.any(values) for values in given)
 
     def relative_to_base(
-        self, system: System, base: Sine
+        self, system: System, base: Excitation
     ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """u, u', y, y' at t = 0 relative to the base (m and m/s), checked for size and gaps."""
-        balls = len(system.contacts)
+        """u, u', y, y' at t = 0 relative to the base (m and m/s), checked for size and gaps.
+
+        y and y' have one entry for each contact pair, zero for stops.
+        """
+        balls, stops = len(system.balls), len(system.contacts) - len(system.balls)
         u = _vector(self.displacement, system.dofs, "initial.displacement", "m")
         v = _vector(self.velocity, system.dofs, "initial.velocity", "m/s")
         y = _vector(self.ball_displacement, balls, "initial.ball_displacement", "m")
@@ -217,6 +384,7 @@ class State:
             offset, speed = float(base.displacement(0.0)), float(base.velocity(0.0))
             u, v = u - offset * system.rigid_translation, v - speed * system.rigid_translation
             y, y_rate = y - offset, y_rate - speed
+        y, y_rate = (np.concatenate([values, np.zeros(stops)]) for values in (y, y_rate))
         for pair, place in zip(system.contacts, y, strict=True):
             x = float(place - pair.direction @ u)
             allowed = f"must start between its walls, -{pair.gaps[1]:g} to {pair.gaps[0]:g} m"
@@ -233,5 +401,5 @@ def _vector(values: Any, size: int, key: str, unit: str) -> NDArray[Any]:
 
 
 def without_impactors(system: System) -> System:
-    """The same system with its cavity empty: no ball, no contact."""
-    return replace(system, contacts=())
+    """The same system with its cavities empty: no ball, no contact but that of stops."""
+    return replace(system, contacts=tuple(pair for pair in system.contacts if pair.is_stop))
