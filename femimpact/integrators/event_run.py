@@ -1,0 +1,421 @@
+"""One event-driven run: who rides, when that changes, and what is read on the way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.errors import DivergenceError
+from femimpact.integrators.driving import Drive
+from femimpact.integrators.event_driven import EventDriven, Outputs, space_of
+from femimpact.integrators.flight_space import FlightSpace, Riders, flight_space
+from femimpact.integrators.kernels import events
+from femimpact.integrators.kernels.balance import Balance, write_balance
+from femimpact.integrators.kernels.crossing import Flight, Space, read_coordinates, unit_phase
+from femimpact.integrators.kernels.events import Contact, Samples
+from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS
+from femimpact.system import System
+
+__all__ = ["EventRun", "Keep", "Ride", "run_event_driven"]
+
+CYCLES_AT_ONCE = 32
+"""Base cycles between two looks at progress and interrupts."""
+
+SWITCHES_AT_ONCE = 200
+"""Changes of riding at one instant beyond which the motion is called unresolved."""
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Keep:
+    """Which samples are kept: strides and first samples of history and snapshots; 0 strides keep none."""
+
+    every: int = 1
+    first: int = 0
+    snapshots: int = 0
+    first_snapshot: int = 0
+
+
+@dataclass(frozen=True)
+class Ride:
+    """One riding state: pair, side, from when to when (s; not a number while it lasts), impulse (N s)."""
+
+    pair: int
+    side: int
+    start: float
+    end: float
+    impulse: float
+
+
+@dataclass(eq=False)
+class EventRun:
+    """Working state and results of one run; arrays grow by pieces."""
+
+    system: System
+    drive: Drive
+    method: EventDriven
+    outputs: Outputs
+    interval: float
+    ledger: bool
+    keep: Keep
+    contact: Contact
+    balance: Balance
+    spaces: dict[Riders, tuple[FlightSpace, Space]] = field(default_factory=dict)
+    samples: list[NDArray[Any]] = field(default_factory=list)
+    energy: list[NDArray[Any]] = field(default_factory=list)
+    fields: list[NDArray[Any]] = field(default_factory=list)
+    cycles: list[NDArray[Any]] = field(default_factory=list)
+    rides: list[Ride] = field(default_factory=list)
+    open_rides: dict[int, tuple[int, float, float]] = field(default_factory=dict)
+    switches: int = 0
+
+    def space(self, riders: Riders) -> tuple[FlightSpace, Space]:
+        """Closed form and kernel arrays for these riders, made once."""
+        if riders not in self.spaces:
+            flight = flight_space(self.system, self.drive, riders)
+            self.spaces[riders] = (flight, space_of(self.system, self.drive, flight, self.interval))
+        return self.spaces[riders]
+
+
+def new_run(
+    system: System, drive: Drive, method: EventDriven, outputs: Outputs, window: tuple[float, float],
+    ledger: bool, keep: Keep, most_impacts: int,
+) -> EventRun:  # fmt: skip
+    """Arrays of a run that has not begun."""
+    n, balls, pairs = system.dofs, len(system.balls), len(system.contacts)
+    mass = np.concatenate([system.M.diagonal(), [pair.mass for pair in system.balls]])
+    given = np.concatenate([np.zeros(n), [pair.mass * pair.acceleration for pair in system.balls]])
+    load = np.concatenate([drive.load, [-pair.mass * drive.share for pair in system.balls]])
+    most = 2 * (n + balls) + 2
+    force = np.zeros((n + balls, pairs))
+    for j, pair in enumerate(system.contacts):
+        force[:n, j] = pair.direction
+        if not pair.is_stop:
+            force[n + j, j] = -1.0
+    balance = Balance(
+        mass=mass,
+        damping=np.concatenate([system.C.diagonal(), np.zeros(balls)]),
+        stiffness=np.concatenate([system.K.diagonal(), np.zeros(balls)]),
+        load=load,
+        given=given,
+        force=force,
+        spring=np.array([pair.free_stiffness for pair in system.contacts]),
+        structure=np.array([n]),
+        loss_of_mode=np.zeros(n),
+        sums=np.zeros(2),
+        growth=np.zeros(most, dtype=complex),
+        strength=np.zeros(most, dtype=complex),
+        position=np.zeros(n + balls),
+        velocity=np.zeros(n + balls),
+    )
+    contact = Contact(
+        restitution=np.array([pair.parameters.restitution for pair in system.contacts]),
+        closure=np.array([method.closure]),
+        leaving=np.zeros(pairs),
+        at_wall=np.zeros(pairs),
+        rate=np.zeros(pairs),
+        impulse=np.zeros(pairs),
+        found=np.zeros(5),
+        size=np.zeros(most),
+        event=np.zeros(4),
+        impacts=np.zeros((most_impacts if pairs else 0, 7 + n)),
+        totals=np.zeros((6, pairs)),
+        window=np.array(window),
+        tally=np.array([0, 0, 0], dtype=np.int64),
+    )
+    interval = 2.0 * math.pi / (drive.omega * method.samples_per_cycle)
+    return EventRun(system, drive, method, outputs, interval, ledger, keep, contact, balance)
+
+
+def run_event_driven(
+    run: EventRun, position: NDArray[Any], velocity: NDArray[Any], samples: int, progress: Progress | None = None
+) -> None:
+    """Fly from the given coordinates at t = 0 to the last sample.
+
+    Parameters
+    ----------
+    run : EventRun
+        Filled with what is kept.
+    position, velocity : ndarray (d,)
+        Structure and balls relative to the base, m and m/s.
+    samples : int
+    progress : callable, optional
+
+    Raises
+    ------
+    DivergenceError
+        If more events happen than the method allows, or riding cannot be decided.
+    """
+    riders: Riders = ()
+    clock = np.array([0.0, 0.0, 0.0, run.drive.phase])
+    _set_drive(run.drive, clock, 0)
+    flight = _flight_from(run, riders, position, velocity, clock)
+    _keep_start(run, flight, position, velocity)
+    done, piece = 0, CYCLES_AT_ONCE * run.method.samples_per_cycle
+    while done < samples:
+        count = min(piece, samples - done)
+        out = _samples(run, done, count)
+        run.contact.tally[1] = 0
+        run.contact.tally[2] = run.method.most_events * max(count // run.method.samples_per_cycle, 1)
+        flight, riders = _fly(run, flight, riders, out, (done + count) * run.interval)
+        _gather(run, out, done)
+        done += count
+        if progress is not None:
+            progress(done / samples)
+    for pair, (side, start, impulse) in sorted(run.open_rides.items()):
+        run.rides.append(Ride(pair, side, start, math.nan, impulse))
+
+
+def _fly(run: EventRun, flight: Flight, riders: Riders, out: Samples, end: float) -> tuple[Flight, Riders]:
+    """Through all events of one piece; the outputs' rows change with who rides."""
+    knot = _next_knot(run.drive, flight.clock[0])
+    last, repeated = -1.0, 0
+    while True:
+        space = run.space(riders)[1]
+        spare, mark = _copies(flight)
+        reader = _reader(run, riders, out)
+        began = flight.clock[0]
+        before = [np.array(values) for values in (flight.entry, flight.particle, flight.particle_rate, flight.clock)]
+        until = min(end, knot)
+        status = events.run_events(
+            space, flight, spare, mark, until, run.drive.amplitude, bool(riders), run.ledger, run.contact, reader,
+            run.balance,
+        )  # fmt: skip
+        _add_ride_impulses(run, riders, Flight(*before), flight.clock[0] - began)
+        if status == events.END:
+            if until >= end:
+                return flight, riders
+            _turn_knot(run, space, flight, knot)
+            knot = _next_knot(run.drive, knot)
+            continue
+        repeated = repeated + 1 if flight.clock[0] <= last else 0
+        last = flight.clock[0]
+        if status == events.STUCK or repeated > SWITCHES_AT_ONCE:
+            raise DivergenceError(_stuck_message(run, flight.clock[0]))
+        flight, riders = _change(run, flight, riders, status)
+
+
+def _change(run: EventRun, flight: Flight, riders: Riders, status: int) -> tuple[Flight, Riders]:
+    """Who rides after an event, and the same motion in that closed form."""
+    pair, side = int(run.contact.event[0]), int(run.contact.event[1])
+    position, velocity = _coordinates(run, riders, flight)
+    run.contact.leaving[:] = 0.0
+    if status == events.REST:
+        # an accumulation of impacts ends a moment after the last one that is followed
+        run.open_rides[pair] = (side, float(run.contact.event[2]), 0.0)
+        after: Riders = tuple(sorted((*riders, (pair, side))))
+    elif status == events.RELEASE:
+        run.contact.leaving[pair] = dict(riders)[pair]
+        after = tuple(rider for rider in riders if rider[0] != pair)
+        _close_ride(run, pair, float(flight.clock[0]))
+    else:
+        # an impact elsewhere passes through riders as an impact of its own: they are let go
+        after = ()
+    moved = _flight_from(run, after, position, velocity, flight.clock)
+    if status != events.HIT:
+        return moved, after
+    space = run.space(())[1]
+    events.look_at_all(space, moved, run.contact)
+    for j, own in (*riders, (pair, side)):
+        run.contact.at_wall[j] = own
+    for j, _ in riders:
+        _close_ride(run, j, float(flight.clock[0]))
+    if not events.collide_all(space, moved, run.contact, run.balance):
+        raise DivergenceError(_stuck_message(run, flight.clock[0]))
+    if events.comes_to_rest(space, moved, run.contact, run.balance):
+        return _change(run, moved, (), events.REST)
+    return moved, ()
+
+
+def _coordinates(run: EventRun, riders: Riders, flight: Flight) -> tuple[NDArray[Any], NDArray[Any]]:
+    space = run.space(riders)[1]
+    position, velocity = np.zeros_like(run.balance.position), np.zeros_like(run.balance.velocity)
+    read_coordinates(space, flight, _phase(space, flight.clock), position, velocity)
+    return position, velocity
+
+
+def _phase(space: Space, clock: NDArray[Any]) -> complex:
+    theta = space.omega * clock[0] + clock[3]
+    return complex(math.cos(theta), math.sin(theta))
+
+
+def _flight_from(
+    run: EventRun, riders: Riders, position: NDArray[Any], velocity: NDArray[Any], clock: NDArray[Any]
+) -> Flight:
+    """The homogeneous part and the particles of a motion given by its coordinates."""
+    closed, space = run.space(riders)
+    turned = space.shape_sine * _phase(space, clock)
+    p = position - space.shape_constant - turned.real
+    v = velocity - (1j * space.omega * turned).real
+    if space.broken:
+        p = p - space.shape_follow * clock[1] - space.shape_follow_rate * clock[2]
+        v = v - space.shape_follow * clock[2]
+    return Flight(
+        np.ascontiguousarray(closed.to_entry_u @ p + closed.to_entry_v @ v, dtype=complex),
+        np.ascontiguousarray(closed.to_particle @ p),
+        np.ascontiguousarray(closed.to_particle @ v),
+        np.array(clock),
+    )
+
+
+def _copies(flight: Flight) -> tuple[Flight, Flight]:
+    return Flight(*(np.array(a) for a in flight)), Flight(*(np.array(a) for a in flight))
+
+
+# ---- a broken-line drive --------------------------------------------------------------------------
+
+
+def _next_knot(drive: Drive, time: float) -> float:
+    if drive.samples is None:
+        return math.inf
+    index = math.floor(time / drive.interval + 1e-9) + 1
+    return index * drive.interval if index < drive.samples.size else math.inf
+
+
+def _set_drive(drive: Drive, clock: NDArray[Any], index: int) -> None:
+    """Value and slope of s(t) from a knot on."""
+    if drive.samples is None:
+        return
+    last = index >= drive.samples.size - 1
+    clock[1] = 0.0 if last else drive.samples[index]
+    clock[2] = 0.0 if last else (drive.samples[index + 1] - drive.samples[index]) / drive.interval
+
+
+def _turn_knot(run: EventRun, space: Space, flight: Flight, knot: float) -> None:
+    """A new straight piece: the steady answer changes, and what it changes by is flown off."""
+    before = flight.clock.copy()
+    _set_drive(run.drive, flight.clock, round(knot / run.drive.interval))
+    value, slope = flight.clock[1:3] - before[1:3]
+    flight.entry[:] += space.jump_value * value + space.jump_slope * slope
+
+
+# ---- riding ---------------------------------------------------------------------------------------
+
+
+def _add_ride_impulses(run: EventRun, riders: Riders, start: Flight, duration: float) -> None:
+    """Add the integral of every rider's contact force over a flight to its open ride."""
+    if duration <= 0.0 or not riders:
+        return
+    space = run.space(riders)[1]
+    mu, wave = space.exponent, 1j * space.omega
+    for j, _ in riders:
+        safe = np.where(mu == 0.0, 1.0, mu)
+        grown = np.where(mu == 0.0, duration, np.expm1(mu * duration) / safe)
+        total = float(np.sum(space.weight[j] * start.entry * grown).real) + space.constant[j] * duration
+        if space.broken:
+            s = start.clock[1] * duration + 0.5 * start.clock[2] * duration**2
+            total += space.follow[j] * s + space.follow_rate[j] * start.clock[2] * duration
+        else:
+            turned = space.sine[j] * _phase(space, start.clock)
+            total += float((turned * np.expm1(wave * duration) / wave).real)
+        side, began, impulse = run.open_rides[j]
+        run.open_rides[j] = (side, began, impulse + total)
+        first, last = run.contact.window
+        if first <= start.clock[0] < last:
+            run.contact.totals[5, j] += total
+
+
+def _close_ride(run: EventRun, pair: int, time: float) -> None:
+    side, start, impulse = run.open_rides.pop(pair)
+    if time > start:
+        run.rides.append(Ride(pair, side, start, time, impulse))
+
+
+def _stuck_message(run: EventRun, time: float) -> str:
+    return (
+        f"impacts and riding at t = {time:.6g} s do not resolve within {run.method.most_events} events a cycle: "
+        f"raise closure ({run.method.closure:g} m) or most_events, or check gaps that leave no clearance"
+    )
+
+
+# ---- what is read ---------------------------------------------------------------------------------
+
+
+def _samples(run: EventRun, done: int, count: int) -> Samples:
+    """Arrays of one piece; which of its samples are kept and shown."""
+    number = done + 1 + np.arange(count)
+
+    def rows(every: int, first: int) -> NDArray[Any]:
+        due = (number >= first) & ((number - first) % max(every, 1) == 0) & (every > 0)
+        return np.where(due, np.cumsum(due) - 1, -1)
+
+    keep, n, d = run.keep, run.system.dofs, run.balance.mass.size
+    kept, shown = rows(keep.every, keep.first), rows(keep.snapshots, keep.first_snapshot)
+    outputs = len(run.outputs.force)
+    nothing = np.zeros((outputs, 0))
+    return Samples(
+        interval=np.array([run.interval]),
+        done=np.array([done, 0], dtype=np.int64),
+        weight=nothing.astype(complex),
+        particle=nothing,
+        particle_rate=nothing,
+        sine=np.zeros(outputs, dtype=complex),
+        constant=np.zeros(outputs),
+        follow=np.zeros(outputs),
+        follow_rate=np.zeros(outputs),
+        values=np.zeros((count, outputs)),
+        kept=kept,
+        shown=shown,
+        energy=np.zeros(((int(kept.max()) + 1) if run.ledger else 0, len(ENERGY_COLUMNS) + n)),
+        fields=np.zeros((int(shown.max()) + 1, 2, d)),
+    )
+
+
+def _reader(run: EventRun, riders: Riders, out: Samples) -> Samples:
+    """The piece's arrays with the output rows of who rides now."""
+    closed, space = run.space(riders)
+    position, rate = run.outputs.position, run.outputs.rate
+    weight = position @ space.shape + rate @ (space.shape * space.exponent)
+    sine = position @ space.shape_sine + 1j * space.omega * (rate @ space.shape_sine)
+    constant, follow = position @ space.shape_constant, position @ space.shape_follow
+    follow_rate = position @ space.shape_follow_rate + rate @ space.shape_follow
+    number = {pair: i for i, (pair, _) in enumerate(riders)}
+    for o, pair in enumerate(run.outputs.force):
+        if pair in number:
+            i, wave = number[pair], complex(0.0, -run.drive.amplitude)
+            weight[o], sine[o] = closed.force_shape[i], closed.force_harmonic[i] * wave
+            constant[o], follow[o] = closed.force_static[i], closed.force_follow[i]
+            follow_rate[o] = closed.force_follow_rate[i]
+    return out._replace(
+        weight=np.ascontiguousarray(weight, dtype=complex),
+        particle=np.ascontiguousarray(position @ space.particle_shape),
+        particle_rate=np.ascontiguousarray(rate @ space.particle_shape),
+        sine=np.ascontiguousarray(sine, dtype=complex),
+        constant=constant,
+        follow=follow,
+        follow_rate=follow_rate,
+    )
+
+
+def _keep_start(run: EventRun, flight: Flight, position: NDArray[Any], velocity: NDArray[Any]) -> None:
+    """The state at t = 0 where it is asked for."""
+    if run.keep.every and run.keep.first == 0:
+        rows = run.outputs
+        run.samples.append((rows.position @ position + rows.rate @ velocity)[None, :])
+        if run.ledger:
+            run.balance.position[:], run.balance.velocity[:] = position, velocity
+            energy = np.zeros((1, len(ENERGY_COLUMNS) + run.system.dofs))
+            write_balance(run.balance, energy[0])
+            run.energy.append(energy)
+    if run.keep.snapshots and run.keep.first_snapshot == 0:
+        run.fields.append(np.array([[position, velocity]]))
+
+
+def _gather(run: EventRun, out: Samples, done: int) -> None:
+    """Statistics of the piece's whole cycles, and the samples that are kept."""
+    per_cycle = run.method.samples_per_cycle
+    whole = out.values.shape[0] // per_cycle
+    w = out.values[: whole * per_cycle, 0].reshape(whole, per_cycle)
+    theta = run.drive.phase + 2.0 * np.pi * (np.arange(per_cycle) + 1) / per_cycle
+    columns = (w.max(axis=1), w.min(axis=1), (w**2).sum(axis=1), w @ np.sin(theta), w @ np.cos(theta))
+    table = np.stack([*columns, np.full(whole, float(per_cycle))], axis=1)
+    run.cycles.append(table.reshape(whole, len(CYCLE_COLUMNS)))
+    run.samples.append(out.values[out.kept >= 0])
+    run.energy.append(out.energy)
+    run.fields.append(out.fields)

@@ -1,0 +1,303 @@
+"""The linear equations between two events, solved in closed form.
+
+While nothing changes its contact, structure and balls obey p = (u, y),
+
+    M p'' + C p' + K p = B s(t) + G,   subject to  y_j - b_j u = side_j gap_j  for every riding pair j.
+
+Its solution is p(t) = Re(E e^{lambda t} H) + (particles) + Re(p^ e^{i theta(t)}) + p0: decaying exponentials of
+the homogeneous equations, bodies that nothing pulls back (free balls) on parabolas, and the steady answer
+to s(t). An event changes H and the particles' velocities; the steady answer never.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from femimpact.errors import require
+from femimpact.integrators.driving import Drive
+from femimpact.system import System
+
+__all__ = ["FlightSpace", "Riders", "flight_space"]
+
+CRITICAL = 1e-10
+"""A discriminant below this share of c^2 is moved there: it changes the motion by less than 1e-10."""
+
+Riders = tuple[tuple[int, int], ...]
+"""Riding pairs: number and side (+1 or -1) of each."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlightSpace:
+    """Closed form of the motion for one set of riding pairs; K entries, P particles, p of size d.
+
+    Parameters
+    ----------
+    riders : Riders
+    exponent : ndarray (K,), 1/s
+        lambda, sorted by size; Im >= 0, Re <= 0.
+    shape : ndarray (d, K)
+        E.
+    particle_shape : ndarray (d, P)
+    particle_given, particle_drive : ndarray (P,)
+        Accelerations: given + drive s(t).
+    harmonic : ndarray (d,)
+        p^ for s(t) = Re(e^{i theta}).
+    static : ndarray (d,), m
+        p0: constant loads and the gaps of riding pairs.
+    follow, follow_rate : ndarray (d,)
+        Steady answer to a straight s(t): follow s + follow_rate s'.
+    to_entry_u, to_entry_v : ndarray (K, d)
+        H = to_entry_u p + to_entry_v p', steady parts taken off.
+    to_particle : ndarray (P, d)
+        Particle coordinates from p, and their rates from p'.
+    kick : ndarray (K, pairs), particle_kick : ndarray (P, pairs)
+        Change of H and of the particles' rates by a unit impulse on the structure at each pair.
+    jump_value, jump_slope : ndarray (K,)
+        Change of H where a broken-line s(t) jumps by 1 in value, or in slope.
+    force_shape, force_harmonic, force_static, force_follow, force_follow_rate
+        The same for the contact force (N, on the structure) of every rider.
+    """
+
+    riders: Riders
+    exponent: NDArray[Any]
+    shape: NDArray[Any]
+    particle_shape: NDArray[Any]
+    particle_given: NDArray[Any]
+    particle_drive: NDArray[Any]
+    harmonic: NDArray[Any]
+    static: NDArray[Any]
+    follow: NDArray[Any]
+    follow_rate: NDArray[Any]
+    to_entry_u: NDArray[Any]
+    to_entry_v: NDArray[Any]
+    to_particle: NDArray[Any]
+    kick: NDArray[Any]
+    particle_kick: NDArray[Any]
+    jump_value: NDArray[Any]
+    jump_slope: NDArray[Any]
+    force_shape: NDArray[Any]
+    force_harmonic: NDArray[Any]
+    force_static: NDArray[Any]
+    force_follow: NDArray[Any]
+    force_follow_rate: NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    """M, C, K, loads of p = (u, y), and the direction P_j in which a force on the structure at pair j acts."""
+
+    M: NDArray[Any]
+    C: NDArray[Any]
+    K: NDArray[Any]
+    drive: NDArray[Any]
+    given: NDArray[Any]
+    force: NDArray[Any]  # (d, pairs)
+
+
+def _equations(system: System, drive: Drive) -> _Equations:
+    """Matrices over all structure dofs and all balls; stops have no coordinate."""
+    n, balls = system.dofs, len(system.balls)
+    size = n + balls
+    M, C, K = (np.zeros((size, size)) for _ in range(3))
+    for matrix, own in ((M, system.M), (C, system.C), (K, system.K)):
+        matrix[:n, :n] = own.toarray()
+    load, given = np.zeros(size), np.zeros(size)
+    load[:n] = drive.load
+    force = np.zeros((size, len(system.contacts)))
+    for j, pair in enumerate(system.contacts):
+        force[:n, j] = pair.direction
+        if pair.is_stop:
+            continue
+        force[n + j, j] = -1.0
+        M[n + j, n + j] = pair.mass
+        load[n + j] = -pair.mass * drive.share
+        given[n + j] = pair.mass * pair.acceleration
+        K += pair.free_stiffness * np.outer(force[:, j], force[:, j])
+    return _Equations(M, C, K, load, given, force)
+
+
+def flight_space(system: System, drive: Drive, riders: Riders = ()) -> FlightSpace:
+    """Closed form of the motion while exactly these pairs ride.
+
+    Parameters
+    ----------
+    system : System
+    drive : Drive
+    riders : Riders
+
+    Returns
+    -------
+    FlightSpace
+
+    Raises
+    ------
+    InputError
+        If the drive is a resonance without damping, whose closed form is unbounded.
+    """
+    whole = _equations(system, drive)
+    basis, offset = _constrained(system, whole, riders)
+    M, C, K = (basis.T @ matrix @ basis for matrix in (whole.M, whole.C, whole.K))
+    given = basis.T @ (whole.given - whole.K @ offset)
+    omega_squared, vectors = scipy.linalg.eigh(K, M)
+    shapes = basis @ vectors
+    damping = vectors.T @ C @ vectors
+    load, given = shapes.T @ whole.drive, vectors.T @ given
+    # what nothing pulls back and nothing brakes moves on parabolas: free balls, rigid motions
+    stiff = omega_squared > 1e-13 * max(float(omega_squared[-1]), 1e-300)
+    braked = np.max(np.abs(damping), axis=0, initial=0.0) > 1e-13 * max(float(np.abs(damping).max()), 1e-300)
+    bound = stiff | braked
+    omega_squared = np.where(stiff, omega_squared, 0.0)
+    exponent, modal, from_u, from_v = _entries(omega_squared[bound], damping[np.ix_(bound, bound)])
+    elastic, loose = shapes[:, bound], shapes[:, ~bound]
+    momentum_u, momentum_loose = elastic.T @ whole.M, loose.T @ whole.M
+    beta = from_v @ load[bound]
+    harmonic = _steady(drive, elastic, omega_squared[bound], damping[np.ix_(bound, bound)], load[bound])
+    harmonic = harmonic - loose @ load[~bound] / max(drive.omega, 1e-300) ** 2
+    compliance = elastic @ _solve_static(omega_squared[bound], damping[np.ix_(bound, bound)])
+    static = offset + compliance @ given[bound]
+    follow = compliance @ load[bound]
+    if drive.samples is not None or np.any(given[bound] * ~stiff[bound]):
+        kept = bool(np.all(np.abs(exponent) > 0.0))
+        require(kept, "system", None, "", "must have stiffness in every braked motion for this excitation")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = np.where(np.abs(exponent) > 0.0, 1.0 / exponent, 0.0)
+    follow_rate = -np.real(elastic @ modal @ (beta * inverse**2))
+    found = dict(
+        riders=riders,
+        exponent=exponent,
+        shape=elastic @ modal,
+        particle_shape=loose,
+        particle_given=given[~bound],
+        particle_drive=load[~bound],
+        harmonic=harmonic,
+        static=static,
+        follow=follow,
+        follow_rate=follow_rate,
+        to_entry_u=from_u @ momentum_u,
+        to_entry_v=from_v @ momentum_u,
+        to_particle=momentum_loose,
+        kick=from_v @ elastic.T @ whole.force,
+        particle_kick=loose.T @ whole.force,
+        jump_value=beta * inverse,
+        jump_slope=beta * inverse**2,
+    )
+    return FlightSpace(**found, **_contact_forces(whole, drive, found))
+
+
+def _constrained(system: System, whole: _Equations, riders: Riders) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Basis of the motions that riding leaves, and the offset that puts every rider on its wall."""
+    size = whole.M.shape[0]
+    if not riders:
+        return np.eye(size), np.zeros(size)
+    rows = np.array([-whole.force[:, j] for j, _ in riders])
+    walls = np.array([side * system.contacts[j].gaps[0 if side > 0 else 1] for j, side in riders])
+    return scipy.linalg.null_space(rows), np.linalg.lstsq(rows, walls, rcond=None)[0]
+
+
+def _entries(
+    omega_squared: NDArray[Any], damping: NDArray[Any]
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Exponents lambda, their shapes in modal coordinates, and H from modal displacement and velocity."""
+    n = omega_squared.size
+    scale = np.sqrt(np.outer(np.diag(damping), np.diag(damping))) if n else damping
+    off = np.abs(damping - np.diag(np.diag(damping)))
+    if n and np.any(off > 1e-12 * (scale + 1e-300)) and float(off.max()) > 1e-13 * float(np.abs(damping).max()):
+        exponent, modal, from_u, from_v = _coupled_entries(omega_squared, damping)
+    else:
+        exponent, modal, from_u, from_v = _decoupled_entries(omega_squared, np.diag(damping))
+    order = np.argsort(np.abs(exponent), kind="stable")
+    return exponent[order], modal[:, order], from_u[order], from_v[order]
+
+
+def _decoupled_entries(omega_squared: NDArray[Any], c: NDArray[Any]) -> tuple[NDArray[Any], ...]:
+    """Each mode alone: lambda = -c/2 +- sqrt(c^2/4 - omega^2)."""
+    n = omega_squared.size
+    exponents, columns, first, second, owner = [], [], [], [], []
+    for i in range(n):
+        discriminant = 0.25 * c[i] ** 2 - omega_squared[i]
+        least = CRITICAL * c[i] ** 2
+        if abs(discriminant) < least:
+            discriminant = least if discriminant > 0.0 else -least
+        root = np.sqrt(abs(discriminant))
+        if discriminant < 0.0:
+            sigma = -0.5 * c[i]
+            exponents.append(complex(sigma, root))
+            first.append(complex(1.0, sigma / root))
+            second.append(complex(0.0, -1.0 / root))
+            owner.append(i)
+            continue
+        # the slow one from the product of both: no difference of near numbers
+        fast = -0.5 * c[i] - root
+        slow = omega_squared[i] / fast
+        for own, other, sign in ((slow, fast, 1.0), (fast, slow, -1.0)):
+            exponents.append(complex(own, 0.0))
+            first.append(complex(-sign * other / (slow - fast), 0.0))
+            second.append(complex(sign / (slow - fast), 0.0))
+            owner.append(i)
+    columns = np.zeros((n, len(owner)), dtype=complex)
+    from_u, from_v = np.zeros((len(owner), n), dtype=complex), np.zeros((len(owner), n), dtype=complex)
+    for k, i in enumerate(owner):
+        columns[i, k], from_u[k, i], from_v[k, i] = 1.0, first[k], second[k]
+    return np.array(exponents, dtype=complex), columns, from_u, from_v
+
+
+def _coupled_entries(omega_squared: NDArray[Any], damping: NDArray[Any]) -> tuple[NDArray[Any], ...]:
+    """Complex modes of the state matrix, one of every conjugate pair."""
+    n = omega_squared.size
+    # velocities in units of omega: a balanced state matrix
+    unit = np.sqrt(np.maximum(omega_squared, 1e-12 * max(float(omega_squared.max()), 1.0)))
+    state = np.block([[np.zeros((n, n)), np.diag(unit)], [-np.diag(omega_squared / unit), -damping * unit / unit[:, None]]])
+    values, right = scipy.linalg.eig(state)
+    left = np.linalg.inv(right)
+    kept = values.imag >= 0.0
+    weight = np.where(values.imag > 0.0, 2.0, 1.0)
+    values = np.minimum(values.real, 0.0) + 1j * values.imag
+    return values[kept], (right[:n] * weight)[:, kept], left[kept][:, :n], left[kept][:, n:] / unit
+
+
+def _steady(
+    drive: Drive, elastic: NDArray[Any], omega_squared: NDArray[Any], damping: NDArray[Any], load: NDArray[Any]
+) -> NDArray[Any]:
+    """Answer p^ to s = Re(e^{i theta}); zero for a drive that is no sine."""
+    if drive.samples is not None or drive.amplitude == 0.0 or omega_squared.size == 0:
+        return np.zeros(elastic.shape[0], dtype=complex)
+    dynamic = np.diag(omega_squared - drive.omega**2).astype(complex) + 1j * drive.omega * damping
+    scale = np.abs(omega_squared) + drive.omega**2
+    near = np.abs(np.diag(dynamic)) < 1e-9 * scale
+    allowed = "must not be a natural frequency of an undamped mode: the steady answer is unbounded; add damping"
+    require(not bool(np.any(near & (np.abs(load) > 0.0))), "frequency", drive.omega / (2 * np.pi), "Hz", allowed)
+    return np.asarray(elastic @ np.linalg.solve(dynamic, load.astype(complex)))
+
+
+def _solve_static(omega_squared: NDArray[Any], damping: NDArray[Any]) -> NDArray[Any]:
+    """Inverse of the modal stiffness, zero where there is none."""
+    with np.errstate(divide="ignore"):
+        return np.diag(np.where(omega_squared > 0.0, 1.0 / omega_squared, 0.0))
+
+
+def _contact_forces(whole: _Equations, drive: Drive, found: dict[str, Any]) -> dict[str, NDArray[Any]]:
+    """Contact force of every rider from what the equations of motion leave over."""
+    riders = found["riders"]
+    names = ("force_shape", "force_harmonic", "force_static", "force_follow", "force_follow_rate")
+    if not riders:
+        size = found["exponent"].size
+        return dict(zip(names, (np.zeros((0, size), dtype=complex), *(np.zeros(0) for _ in range(4))), strict=True))
+    directions = whole.force[:, [j for j, _ in riders]]
+    inverse = np.linalg.solve(whole.M, directions)
+    # F = (P^T M^-1 P)^-1 P^T M^-1 (M p'' + C p' + K p - B s - G)
+    project = np.linalg.solve(directions.T @ inverse, inverse.T)
+    e, omega = found["exponent"], drive.omega
+    shape = (whole.M @ found["shape"]) * e**2 + (whole.C @ found["shape"]) * e + whole.K @ found["shape"]
+    p = found["harmonic"]
+    harmonic = -(omega**2) * (whole.M @ p) + 1j * omega * (whole.C @ p) + whole.K @ p - whole.drive
+    particle = whole.M @ found["particle_shape"]
+    static = whole.K @ found["static"] - whole.given + particle @ found["particle_given"]
+    follow = whole.K @ found["follow"] - whole.drive + particle @ found["particle_drive"]
+    follow_rate = whole.K @ found["follow_rate"] + whole.C @ found["follow"]
+    values = (project @ shape, project @ harmonic, project @ static, project @ follow, project @ follow_rate)
+    return dict(zip(names, values, strict=True))

@@ -1,0 +1,232 @@
+"""The first crossing of a gap by a sum of decaying exponentials, a parabola and a sine: none is missed.
+
+A scalar x(t + s) = sum_k r_k e^{lambda_k s} + parabola + sine is bounded over the next s by
+
+    x(t + s) <= [x + x' s + S s^2/2 of the slow terms] + sum over the fast terms of |r_k|,
+
+since |e^z - 1 - z| <= |z|^2/2 and |e^z| <= 1 for Re z <= 0. Whatever split into slow and fast is taken,
+the time at which the right-hand side meets the wall comes before any crossing: the motion is advanced by
+the longest of these times, again and again. Close to a wall that it approaches with speed, the bound is the
+tangent with a quadratic remainder, so that the distance left is squared by every advance, as in Newton's
+method, and never overshot.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from numpy.typing import NDArray
+
+from femimpact.integrators.kernels.compiling import compiled, inlined
+
+__all__ = ["AT_WALL", "Flight", "Space", "clear_time", "derivatives", "move", "move_particles", "read_coordinates", "unit_phase"]
+
+AT_WALL = 32.0 * 2.220446049250313e-16
+"""A clearance below this share of the terms that make it is rounding: the pair is at its wall."""
+
+
+class Space(NamedTuple):
+    """A `FlightSpace` and its watched scalars (a pair's x, or a rider's force), ready for the kernels.
+
+    K entries, P particles, R pairs, d coordinates, O outputs.
+    """
+
+    exponent: NDArray[Any]  # (K,) complex
+    size: NDArray[Any]  # (K,) |lambda|
+    turn: NDArray[Any]  # (K,) complex, e^{lambda dt} from one sample to the next
+    omega: float  # of the sine
+    broken: bool  # whether s(t) is a broken line
+    particle_given: NDArray[Any]  # (P,)
+    particle_drive: NDArray[Any]  # (P,), zero for a sine: that part is in the steady answer
+    particle_sine: NDArray[Any]  # (P,) complex
+    rides: NDArray[Any]  # (R,) side of a rider, 0 in flight
+    upper: NDArray[Any]  # (R,)
+    lower: NDArray[Any]  # (R,)
+    weight: NDArray[Any]  # (R, K) complex
+    weight_size: NDArray[Any]  # (R, K)
+    particle_weight: NDArray[Any]  # (R, P)
+    sine: NDArray[Any]  # (R,) complex
+    constant: NDArray[Any]  # (R,)
+    follow: NDArray[Any]  # (R,)
+    follow_rate: NDArray[Any]  # (R,)
+    kick: NDArray[Any]  # (K, R) complex
+    particle_kick: NDArray[Any]  # (P, R)
+    mobility: NDArray[Any]  # (R, R) change of x_i' by a unit impulse on the structure at j
+    jump_value: NDArray[Any]  # (K,) complex
+    jump_slope: NDArray[Any]  # (K,) complex
+    shape: NDArray[Any]  # (d, K) complex
+    particle_shape: NDArray[Any]  # (d, P)
+    shape_sine: NDArray[Any]  # (d,) complex
+    bound_sine: NDArray[Any]  # (d,) complex, without the particles' share
+    shape_constant: NDArray[Any]  # (d,)
+    shape_follow: NDArray[Any]  # (d,)
+    shape_follow_rate: NDArray[Any]  # (d,)
+    first: NDArray[Any]  # (d + 1,) entries of coordinate i: members[first[i]:first[i + 1]]
+    members: NDArray[Any]
+
+
+class Flight(NamedTuple):
+    """Where the motion is: homogeneous part, particles, time."""
+
+    entry: NDArray[Any]  # (K,) complex
+    particle: NDArray[Any]  # (P,)
+    particle_rate: NDArray[Any]  # (P,)
+    clock: NDArray[Any]  # (4,): time, s, its slope (both zero for a sine), phase of the sine at t = 0
+
+
+@inlined
+def unit_phase(omega: float, clock: NDArray[Any]) -> complex:
+    """e^{i theta} of the sine at the present time."""
+    theta = omega * clock[0] + clock[3]
+    return complex(math.cos(theta), math.sin(theta))
+
+
+@inlined
+def move_particles(space: Space, flight: Flight, duration: float) -> None:
+    """Advance the particles, and s(t) where it is a broken line."""
+    s, slope = flight.clock[1], flight.clock[2]
+    for i in range(flight.particle.size):
+        given = space.particle_given[i] + space.particle_drive[i] * s
+        twist = space.particle_drive[i] * slope
+        flight.particle[i] += duration * (flight.particle_rate[i] + duration * (0.5 * given + duration * twist / 6.0))
+        flight.particle_rate[i] += duration * (given + 0.5 * duration * twist)
+    flight.clock[1] += duration * slope
+
+
+@compiled
+def move(space: Space, flight: Flight, duration: float) -> None:
+    """Advance the homogeneous part, the particles and the clock."""
+    for k in range(space.exponent.size):
+        e = space.exponent[k]
+        decay = math.exp(e.real * duration)
+        angle = e.imag * duration
+        flight.entry[k] *= complex(decay * math.cos(angle), decay * math.sin(angle))
+    move_particles(space, flight, duration)
+    flight.clock[0] += duration
+
+
+@inlined
+def _first_meeting(clearance: float, speed: float, bend: float) -> float:
+    """Smallest s > 0 with speed s + bend s^2/2 = clearance >= 0; infinite if there is none."""
+    root = speed * speed + 2.0 * bend * clearance
+    if root < 0.0:
+        return math.inf
+    root = math.sqrt(root)
+    if speed < 0.0:
+        return (root - speed) / bend if bend > 0.0 else math.inf
+    return 2.0 * clearance / (speed + root) if speed + root > 0.0 else math.inf
+
+
+@compiled
+def clear_time(
+    r: int, space: Space, flight: Flight, size: NDArray[Any], phase: complex, remaining: float, found: NDArray[Any]
+) -> float:
+    """Time in which scalar r surely meets neither bound.
+
+    `size` (K,) holds |H|; `found` gets value, rate, and the rounding of both.
+    """
+    clock, broken = flight.clock, space.broken
+    turned = space.sine[r] * phase
+    value = space.constant[r] + turned.real
+    rate = -space.omega * turned.imag
+    scale = abs(space.constant[r]) + abs(turned)
+    scale_rate = space.omega * abs(turned)
+    bend = space.omega * scale_rate
+    pull, twist = 0.0, 0.0
+    if broken:
+        value += space.follow[r] * clock[1] + space.follow_rate[r] * clock[2]
+        rate += space.follow[r] * clock[2]
+    for i in range(flight.particle.size):
+        p = space.particle_weight[r, i]
+        value += p * flight.particle[i]
+        rate += p * flight.particle_rate[i]
+        scale += abs(p * flight.particle[i])
+        scale_rate += abs(p * flight.particle_rate[i])
+        pull += p * (space.particle_given[i] + space.particle_drive[i] * clock[1])
+        twist += abs(p * space.particle_drive[i] * clock[2])
+    if broken:
+        twist *= remaining
+    fast = 0.0
+    for k in range(space.size.size):
+        fast += space.weight_size[r, k] * size[k]
+    scale += fast
+    upper, lower = space.upper[r], space.lower[r]
+    up = math.inf if upper == math.inf else 0.0
+    down = math.inf if lower == -math.inf else 0.0
+    for k in range(space.size.size + 1):
+        over, under = upper - value - fast, value - lower - fast
+        if over > 0.0 and up < math.inf:
+            up = max(up, _first_meeting(over, rate, bend + pull + twist))
+        if under > 0.0 and down < math.inf:
+            down = max(down, _first_meeting(under, -rate, bend - pull + twist))
+        if k < space.size.size:
+            term = space.weight[r, k] * flight.entry[k]
+            own, e = space.weight_size[r, k] * size[k], space.exponent[k]
+            value += term.real
+            rate += term.real * e.real - term.imag * e.imag
+            fast = fast - own if k + 1 < space.size.size else 0.0
+            speed = own * space.size[k]
+            scale_rate += speed
+            bend += speed * space.size[k]
+    found[0], found[1] = value, rate
+    if upper < math.inf:
+        scale += abs(upper)
+    if lower > -math.inf:
+        scale += abs(lower)
+    found[2], found[3] = AT_WALL * scale, AT_WALL * scale_rate
+    # at the wall and leaving it with speed: the parabola returns later
+    if up == 0.0 and rate < 0.0:
+        up = _first_meeting(0.0, rate, bend + pull + twist)
+    if down == 0.0 and rate > 0.0:
+        down = _first_meeting(0.0, -rate, bend - pull + twist)
+    return min(up, down)
+
+
+@compiled
+def derivatives(r: int, space: Space, flight: Flight, phase: complex, found: NDArray[Any]) -> None:
+    """Second and third derivative of scalar r, and bounds on the second to fourth: found[0:5]."""
+    turned = space.sine[r] * phase
+    omega, clock = space.omega, flight.clock
+    second, third = -(omega**2) * turned.real, omega**3 * turned.imag
+    size2, size3, size4 = omega**2 * abs(turned), omega**3 * abs(turned), omega**4 * abs(turned)
+    for i in range(flight.particle.size):
+        pull = space.particle_weight[r, i] * (space.particle_given[i] + space.particle_drive[i] * clock[1])
+        second += pull
+        third += space.particle_weight[r, i] * space.particle_drive[i] * clock[2]
+        size2 += abs(pull)
+        size3 += abs(space.particle_weight[r, i] * space.particle_drive[i] * clock[2])
+    for k in range(space.size.size):
+        term = space.weight[r, k] * flight.entry[k]
+        e = space.exponent[k]
+        square = e * e
+        second += (term * square).real
+        third += (term * square * e).real
+        own = abs(term) * space.size[k] ** 2
+        size2 += own
+        size3 += own * space.size[k]
+        size4 += own * space.size[k] ** 2
+    found[0], found[1], found[2], found[3], found[4] = second, third, size2, size3, size4
+
+
+@compiled
+def read_coordinates(
+    space: Space, flight: Flight, phase: complex, position: NDArray[Any], velocity: NDArray[Any]
+) -> None:
+    """Displacements and velocities of all coordinates (d,) at the present time."""
+    s, slope = flight.clock[1], flight.clock[2]
+    for i in range(position.size):
+        turned = space.shape_sine[i] * phase
+        x, v = space.shape_constant[i] + turned.real, -space.omega * turned.imag
+        if space.broken:
+            x += space.shape_follow[i] * s + space.shape_follow_rate[i] * slope
+            v += space.shape_follow[i] * slope
+        for m in range(space.first[i], space.first[i + 1]):
+            k = space.members[m]
+            term = space.shape[i, k] * flight.entry[k]
+            x += term.real
+            v += term.real * space.exponent[k].real - term.imag * space.exponent[k].imag
+        for m in range(flight.particle.size):
+            x += space.particle_shape[i, m] * flight.particle[m]
+            v += space.particle_shape[i, m] * flight.particle_rate[m]
+        position[i], velocity[i] = x, v

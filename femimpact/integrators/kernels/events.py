@@ -1,0 +1,363 @@
+"""The loop over events: fly to the next one, collide, and note what happened."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from numpy.typing import NDArray
+
+from femimpact.integrators.kernels.balance import Balance, book_flight, write_balance
+from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.crossing import (
+    Flight,
+    Space,
+    clear_time,
+    derivatives,
+    move,
+    move_particles,
+    read_coordinates,
+    unit_phase,
+)
+
+__all__ = [
+    "END", "HIT", "RELEASE", "REST", "STUCK", "Contact", "Samples", "collide_all", "comes_to_rest", "look_at_all",
+    "run_events",
+]  # fmt: skip
+
+END, HIT, REST, RELEASE, STUCK = range(5)
+"""Why the loop stopped: its time is over, an impact while pairs ride, a pair comes to rest on its wall,
+a rider leaves, or more events than allowed."""
+
+COLLISIONS_AT_ONCE = 100_000
+"""Most collisions that one instant may take among several pairs."""
+
+
+class Contact(NamedTuple):
+    """Pairs and their impacts; R pairs."""
+
+    restitution: NDArray[Any]  # (R,)
+    closure: NDArray[Any]  # (1,) m
+    leaving: NDArray[Any]  # (R,) side of a wall just left, else 0
+    at_wall: NDArray[Any]  # (R,) side of the wall touched at this instant, else 0
+    rate: NDArray[Any]  # (R,) scratch
+    impulse: NDArray[Any]  # (R,) scratch
+    found: NDArray[Any]  # (5,) scratch
+    size: NDArray[Any]  # (K,) scratch
+    event: NDArray[Any]  # (4,): pair, side, time at which it rests, impacts in this call
+    impacts: NDArray[Any]  # (most, 7 + n): time, pair, side, approach, rebound, impulse, loss, energy to each mode
+    totals: NDArray[Any]  # (6, R); see layout.TOTAL_COLUMNS
+    window: NDArray[Any]  # (2,) s
+    tally: NDArray[Any]  # (3,): impacts met, flights, most events in a call
+
+
+class Samples(NamedTuple):
+    """Grid on which the motion is read; O outputs."""
+
+    interval: NDArray[Any]  # (1,) s
+    done: NDArray[Any]  # (2,) samples taken since t = 0, samples in this piece
+    weight: NDArray[Any]  # (O, K) complex
+    particle: NDArray[Any]  # (O, P)
+    particle_rate: NDArray[Any]  # (O, P)
+    sine: NDArray[Any]  # (O,) complex
+    constant: NDArray[Any]  # (O,)
+    follow: NDArray[Any]  # (O,)
+    follow_rate: NDArray[Any]  # (O,)
+    values: NDArray[Any]  # (samples, O)
+    kept: NDArray[Any]  # (samples,) number of the energy row that a sample fills, -1 for none
+    shown: NDArray[Any]  # (samples,) number of the snapshot, -1 for none
+    energy: NDArray[Any]  # (rows, 7 + n)
+    fields: NDArray[Any]  # (snapshots, 2, d)
+
+
+@inlined
+def _look(r: int, space: Space, flight: Flight, phase: complex, remaining: float, c: Contact) -> float:
+    """Safe time of one scalar; `at_wall` tells whether it is at a bound now."""
+    safe = clear_time(r, space, flight, c.size, phase, remaining, c.found)
+    value, rate, rounding, rate_rounding = c.found[0], c.found[1], c.found[2], c.found[3]
+    c.rate[r] = rate
+    c.at_wall[r] = 0.0
+    if space.upper[r] - value <= rounding:
+        c.at_wall[r] = 1.0
+    elif value - space.lower[r] <= rounding:
+        c.at_wall[r] = -1.0
+    if c.at_wall[r] == 0.0:
+        c.leaving[r] = 0.0
+        return safe
+    toward = c.at_wall[r] * rate
+    if toward > rate_rounding:
+        return 0.0
+    if toward < -rate_rounding:
+        return safe
+    # at the wall without speed: the next derivatives tell whether it stays
+    derivatives(r, space, flight, phase, c.found)
+    press, twist = c.at_wall[r] * c.found[0], c.at_wall[r] * c.found[1]
+    # a rider that was let go has no acceleration left but rounding
+    noise = (1e-9 if c.leaving[r] == c.at_wall[r] else 1e-12) * c.found[2]
+    # clearance = |x''| s^2/2 - bound s^3/6 > 0, or |x'''| s^3/6 - bound s^4/24 > 0
+    if press < -noise:
+        return 3.0 * -press / c.found[3] if c.found[3] > 0.0 else remaining
+    if twist < 0.0 and press <= noise:
+        return 2.0 * -twist / c.found[4] if c.found[4] > 0.0 else remaining
+    return -1.0
+
+
+@compiled
+def _next_event(space: Space, flight: Flight, until: float, c: Contact) -> int:
+    """Move to the first event or to `until`: END, HIT, REST or RELEASE, the pair and side in `event`."""
+    for _ in range(10_000_000):
+        phase = unit_phase(space.omega, flight.clock)
+        for k in range(space.size.size):
+            h = flight.entry[k]
+            c.size[k] = math.sqrt(h.real * h.real + h.imag * h.imag)
+        remaining = until - flight.clock[0]
+        safe = remaining
+        for r in range(space.upper.size):
+            own = _look(r, space, flight, phase, remaining, c)
+            if own > 0.0:
+                safe = min(safe, own)
+                continue
+            c.event[0], c.event[1] = r, c.at_wall[r]
+            if space.rides[r] != 0.0:
+                return RELEASE
+            return HIT if own == 0.0 else REST
+        if safe >= remaining:
+            move(space, flight, max(remaining, 0.0))
+            flight.clock[0] = until
+            return END
+        move(space, flight, safe)
+    return STUCK
+
+
+@inlined
+def _copy(source: Flight, target: Flight) -> None:
+    for k in range(source.entry.size):
+        target.entry[k] = source.entry[k]
+    for i in range(source.particle.size):
+        target.particle[i], target.particle_rate[i] = source.particle[i], source.particle_rate[i]
+    for i in range(4):
+        target.clock[i] = source.clock[i]
+
+
+@inlined
+def _write_outputs(i: int, space: Space, flight: Flight, phase: complex, out: Samples) -> None:
+    clock = flight.clock
+    for o in range(out.constant.size):
+        value = out.constant[o] + (out.sine[o] * phase).real
+        if space.broken:
+            value += out.follow[o] * clock[1] + out.follow_rate[o] * clock[2]
+        for k in range(space.exponent.size):
+            value += out.weight[o, k].real * flight.entry[k].real - out.weight[o, k].imag * flight.entry[k].imag
+        for p in range(flight.particle.size):
+            value += out.particle[o, p] * flight.particle[p] + out.particle_rate[o, p] * flight.particle_rate[p]
+        out.values[i, o] = value
+
+
+@inlined
+def _book(space: Space, mark: Flight, flight: Flight, amplitude: float, b: Balance) -> None:
+    """Book work and losses since the mark, and set the mark here."""
+    book_flight(space, mark, flight.clock[0] - mark.clock[0], amplitude, b)
+    _copy(flight, mark)
+
+
+@compiled
+def _sample(
+    space: Space, flight: Flight, mark: Flight, until: float, amplitude: float, out: Samples, b: Balance, ledger: bool
+) -> None:
+    """Read the motion at every grid time up to `until`; `flight` ends at the last of them."""
+    dt, turned = out.interval[0], False
+    while True:
+        number, i = out.done[0] + 1, int(out.done[1])
+        time = number * dt
+        if time > until or i >= out.values.shape[0]:
+            break
+        if turned:
+            for k in range(space.exponent.size):
+                flight.entry[k] *= space.turn[k]
+            move_particles(space, flight, time - flight.clock[0])
+        else:
+            move(space, flight, time - flight.clock[0])
+        flight.clock[0], turned = time, True
+        phase = unit_phase(space.omega, flight.clock)
+        _write_outputs(i, space, flight, phase, out)
+        if out.kept[i] >= 0 or out.shown[i] >= 0:
+            _keep(space, flight, mark, phase, amplitude, out.kept[i], out.shown[i], out, b, ledger)
+        out.done[0] = number
+        out.done[1] = i + 1
+
+
+@inlined
+def _keep(
+    space: Space, flight: Flight, mark: Flight, phase: complex, amplitude: float, row: int, snapshot: int, out: Samples,
+    b: Balance, ledger: bool,
+) -> None:  # fmt: skip
+    """Energies and the whole motion at one sample."""
+    read_coordinates(space, flight, phase, b.position, b.velocity)
+    if row >= 0 and ledger:
+        _book(space, mark, flight, amplitude, b)
+        write_balance(b, out.energy[row])
+        for m in range(b.loss_of_mode.size):
+            out.energy[row, 7 + m] = b.loss_of_mode[m]
+    if snapshot >= 0:
+        for m in range(b.position.size):
+            out.fields[snapshot, 0, m], out.fields[snapshot, 1, m] = b.position[m], b.velocity[m]
+
+
+@inlined
+def _write_impact(
+    r: int, side: float, approach: float, impulse: float, space: Space, flight: Flight, c: Contact, b: Balance
+) -> None:
+    """Note one collision: the coordinates hold the state before it."""
+    time, rebound = flight.clock[0], c.restitution[r] * approach
+    loss = 0.5 * impulse * (approach - rebound)
+    b.sums[1] += loss
+    if c.window[0] <= time < c.window[1]:
+        c.totals[0, r] += 1.0
+        c.totals[1, r] += approach
+        c.totals[2, r] = max(c.totals[2, r], approach)
+        c.totals[3, r] += impulse
+        c.totals[5, r] += impulse
+    n = int(b.structure[0])
+    row = c.tally[0]
+    if row < c.impacts.shape[0]:
+        out = c.impacts[row]
+        out[0], out[1], out[2], out[3], out[4], out[5], out[6] = time, r, side, approach, rebound, impulse, loss
+    for i in range(n):
+        push = b.force[i, r] * side * impulse
+        if row < c.impacts.shape[0]:
+            c.impacts[row, 7 + i] = push * (b.velocity[i] + 0.5 * push / b.mass[i])
+        b.velocity[i] += push / b.mass[i]
+    c.tally[0] = row + 1
+
+
+@compiled
+def look_at_all(space: Space, flight: Flight, c: Contact) -> None:
+    """Find which pairs are at a wall, and their rates."""
+    phase = unit_phase(space.omega, flight.clock)
+    for k in range(space.size.size):
+        c.size[k] = abs(flight.entry[k])
+    for r in range(space.upper.size):
+        _look(r, space, flight, phase, 1.0, c)
+
+
+@compiled
+def collide_all(space: Space, flight: Flight, c: Contact, b: Balance) -> bool:
+    """Collide every pair at its wall that approaches it, the fastest first, until none does; see `look_at_all`.
+
+    The rule for simultaneous impacts: one after another at the same instant, each with its own
+    restitution. For e = 1 and equal masses in a row it is Newton's cradle.
+    """
+    phase = unit_phase(space.omega, flight.clock)
+    read_coordinates(space, flight, phase, b.position, b.velocity)
+    pairs, largest = space.upper.size, 0.0
+    for r in range(pairs):
+        c.impulse[r] = 0.0
+        if c.at_wall[r] != 0.0:
+            largest = max(largest, c.at_wall[r] * c.rate[r])
+    # what is left of the approach after so many collisions is rounding
+    least = 1e-14 * largest
+    for _ in range(COLLISIONS_AT_ONCE):
+        fastest, hit = least, -1
+        for r in range(pairs):
+            if c.at_wall[r] != 0.0 and c.at_wall[r] * c.rate[r] > fastest:
+                fastest, hit = c.at_wall[r] * c.rate[r], r
+        if hit < 0:
+            break
+        side = c.at_wall[hit]
+        impulse = (1.0 + c.restitution[hit]) * fastest / -space.mobility[hit, hit]
+        _write_impact(hit, side, fastest, impulse, space, flight, c, b)
+        c.impulse[hit] += side * impulse
+        c.leaving[hit] = 0.0
+        for r in range(pairs):
+            c.rate[r] += space.mobility[r, hit] * side * impulse
+    else:
+        return False
+    _kick(space, flight, c)
+    return True
+
+
+@inlined
+def _kick(space: Space, flight: Flight, c: Contact) -> None:
+    for r in range(c.impulse.size):
+        if c.impulse[r] == 0.0:
+            continue
+        for k in range(space.exponent.size):
+            flight.entry[k] += space.kick[k, r] * c.impulse[r]
+        for i in range(flight.particle.size):
+            flight.particle_rate[i] += space.particle_kick[i, r] * c.impulse[r]
+
+
+@inlined
+def _mark_capture(r: int, capture: float, rebound: float, c: Contact) -> None:
+    """The last impact of a captured pair ends without rebound."""
+    for row in range(min(c.tally[0], c.impacts.shape[0]) - 1, -1, -1):
+        if c.impacts[row, 1] == r:
+            c.impacts[row, 4] = 0.0
+            c.impacts[row, 5] -= capture
+            c.impacts[row, 6] += 0.5 * capture * rebound
+            return
+
+
+@compiled
+def comes_to_rest(space: Space, flight: Flight, c: Contact, b: Balance) -> bool:
+    """Whether a pair that just collided bounces no higher than the closure: then it is captured.
+
+    Under a pressing acceleration a the bounces to come last 2 v/(a (1 - e)) and stay below v^2/(2 a).
+    """
+    phase = unit_phase(space.omega, flight.clock)
+    for r in range(c.impulse.size):
+        if c.impulse[r] == 0.0:
+            continue
+        side, e = c.at_wall[r], c.restitution[r]
+        rebound = -side * c.rate[r]
+        derivatives(r, space, flight, phase, c.found)
+        press, steepest = side * c.found[0], c.found[3]
+        if press <= 1e-12 * c.found[2] or rebound * rebound > 2.0 * press * c.closure[0]:
+            continue
+        lasting = 2.0 * max(rebound, 0.0) / (press * (1.0 - e)) if e < 1.0 else 2.0 * rebound / press
+        # and the press must last until the bounces are over
+        if steepest * lasting > 0.5 * press:
+            continue
+        for i in range(c.impulse.size):
+            c.impulse[i] = 0.0
+        capture = rebound / -space.mobility[r, r]
+        c.impulse[r] = -side * capture
+        _kick(space, flight, c)
+        b.sums[1] += 0.5 * capture * rebound
+        _mark_capture(r, capture, rebound, c)
+        c.event[0], c.event[1], c.event[2] = r, side, flight.clock[0] + lasting
+        return True
+    return False
+
+
+@compiled
+def run_events(
+    space: Space, flight: Flight, trial: Flight, mark: Flight, until: float, amplitude: float, riding: bool,
+    ledger: bool, c: Contact, out: Samples, b: Balance,
+) -> int:  # fmt: skip
+    """Fly, sample and collide up to `until`, or to an event that changes who rides."""
+    while True:
+        _copy(flight, trial)
+        status = _next_event(space, trial, until, c)
+        _sample(space, flight, mark, trial.clock[0], amplitude, out, b, ledger)
+        _copy(trial, flight)
+        if ledger:
+            _book(space, mark, flight, amplitude, b)
+        if status != HIT:
+            if status == REST:
+                c.event[2] = flight.clock[0]
+            return status
+        if riding:
+            return HIT
+        pair, side = int(c.event[0]), c.event[1]
+        look_at_all(space, flight, c)
+        c.at_wall[pair] = side
+        if not collide_all(space, flight, c, b):
+            return STUCK
+        c.tally[1] += 1
+        resting = comes_to_rest(space, flight, c, b)
+        _copy(flight, mark)
+        if resting:
+            return REST
+        if c.tally[1] >= c.tally[2]:
+            return STUCK
