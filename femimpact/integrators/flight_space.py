@@ -196,7 +196,18 @@ def _constrained(system: System, whole: _Equations, riders: Riders) -> tuple[NDA
         return np.eye(size), np.zeros(size)
     rows = np.array([-whole.force[:, j] for j, _ in riders])
     walls = np.array([side * system.contacts[j].gaps[0 if side > 0 else 1] for j, side in riders])
-    return scipy.linalg.null_space(rows), np.linalg.lstsq(rows, walls, rcond=None)[0]
+    offset, n = np.zeros(size), system.dofs
+    stops = [i for i, (j, _) in enumerate(riders) if system.contacts[j].is_stop]
+    if stops:
+        # the static shape of the push: its force has nothing to do in the motions that are left
+        push = whole.force[:n, [riders[i][0] for i in stops]]
+        shape = np.linalg.lstsq(whole.K[:n, :n], push, rcond=None)[0]
+        shape = shape if np.allclose(whole.K[:n, :n] @ shape, push) else push
+        offset[:n] = shape @ np.linalg.solve(rows[stops, :n] @ shape, walls[stops])
+    for (j, _), wall in zip(riders, walls, strict=True):
+        if not system.contacts[j].is_stop:
+            offset[n + j] = wall + whole.force[:n, j] @ offset[:n]
+    return scipy.linalg.null_space(rows), offset
 
 
 def _entries(
@@ -247,17 +258,41 @@ def _decoupled_entries(omega_squared: NDArray[Any], c: NDArray[Any]) -> tuple[ND
 
 
 def _coupled_entries(omega_squared: NDArray[Any], damping: NDArray[Any]) -> tuple[NDArray[Any], ...]:
-    """Complex modes of the state matrix, one of every conjugate pair."""
+    """Complex modes, (lambda^2 + lambda D + Omega^2) x = 0, one of every conjugate pair."""
     n = omega_squared.size
     # velocities in units of omega: a balanced state matrix
     unit = np.sqrt(np.maximum(omega_squared, 1e-12 * max(float(omega_squared.max()), 1.0)))
-    state = np.block([[np.zeros((n, n)), np.diag(unit)], [-np.diag(omega_squared / unit), -damping * unit / unit[:, None]]])
-    values, right = scipy.linalg.eig(state)
-    left = np.linalg.inv(right)
-    kept = values.imag >= 0.0
-    weight = np.where(values.imag > 0.0, 2.0, 1.0)
-    values = np.minimum(values.real, 0.0) + 1j * values.imag
-    return values[kept], (right[:n] * weight)[:, kept], left[kept][:, :n], left[kept][:, n:] / unit
+    below = [-np.diag(omega_squared / unit), -damping * unit / unit[:, None]]
+    values, right = scipy.linalg.eig(np.block([[np.zeros((n, n)), np.diag(unit)], below]))
+    pairs = [_refined(value, x, omega_squared, damping) for value, x in zip(values, right[:n].T, strict=True)]
+    kept = [(value, x) for value, x in pairs if value.imag >= 0.0]
+    exponent, vectors = np.array([value for value, _ in kept]), np.array([x for _, x in kept]).T
+    # the left vector of a symmetric problem: x^T (v + (lambda + D) u) / x^T (2 lambda + D) x
+    norm = np.einsum("ik,ik->k", vectors, (2.0 * exponent) * vectors + damping @ vectors)
+    from_v = (vectors / norm).T
+    from_u = ((exponent * vectors + damping @ vectors) / norm).T
+    weight = np.where(exponent.imag > 0.0, 2.0, 1.0)
+    return np.minimum(exponent.real, 0.0) + 1j * exponent.imag, vectors * weight, from_u, from_v
+
+
+def _refined(
+    value: complex, x: NDArray[Any], omega_squared: NDArray[Any], damping: NDArray[Any]
+) -> tuple[complex, NDArray[Any]]:
+    """An eigenpair after two Newton steps: the slow decays keep their digits beside fast modes."""
+    if value.imag < 0.0:
+        return value, x
+    n, real = x.size, value.imag == 0.0
+    pivot = int(np.argmax(np.abs(x)))
+    x = x / x[pivot]
+    for _ in range(2):
+        matrix = np.diag(value**2 + omega_squared).astype(complex) + value * damping
+        border = np.zeros((n + 1, n + 1), dtype=complex)
+        border[:n, :n], border[:n, n], border[n, pivot] = matrix, 2.0 * value * x + damping @ x, 1.0
+        # rows scaled to one another: the fast modes must not drown the slow one
+        scale = np.append(1.0 / np.max(np.abs(border[:n]), axis=1), 1.0)
+        step = np.linalg.solve(border * scale[:, None], np.append(-(matrix @ x), 0.0) * scale)
+        x, value = x + step[:n], value + step[n]
+    return (complex(value.real, 0.0), x.real.astype(complex)) if real else (complex(value), x)
 
 
 def _steady(

@@ -174,7 +174,9 @@ def clear_time(
         scale += abs(upper)
     if lower > -math.inf:
         scale += abs(lower)
-    found[2], found[3] = AT_WALL * scale, AT_WALL * scale_rate
+    # the sine is known no better than the time is
+    found[2] = AT_WALL * (scale + 0.1 * space.omega * abs(turned) * clock[0])
+    found[3] = AT_WALL * scale_rate
     # at the wall and leaving it with speed: the parabola returns later
     if up == 0.0 and rate < 0.0:
         up = _first_meeting(0.0, rate, bend + pull + twist)
