@@ -27,6 +27,9 @@ __all__ = ["FlightSpace", "Riders", "flight_space"]
 CRITICAL = 1e-10
 """A discriminant below this share of c^2 is moved there: it changes the motion by less than 1e-10."""
 
+RIGID = 1e-14
+"""Eigenvalues below this share of the largest are rigid motions, where the stiffness is singular."""
+
 Riders = tuple[tuple[int, int], ...]
 """Riding pairs: number and side (+1 or -1) of each."""
 
@@ -143,13 +146,13 @@ def flight_space(system: System, drive: Drive, riders: Riders = ()) -> FlightSpa
     basis, offset = _constrained(system, whole, riders)
     M, C, K = (basis.T @ matrix @ basis for matrix in (whole.M, whole.C, whole.K))
     given = basis.T @ (whole.given - whole.K @ offset)
-    omega_squared, vectors = scipy.linalg.eigh(K, M)
+    omega_squared, vectors = _undamped_modes(K, M)
     shapes = basis @ vectors
     damping = vectors.T @ C @ vectors
     load, given = shapes.T @ whole.drive, vectors.T @ given
     # what nothing pulls back and nothing brakes moves on parabolas: free balls, rigid motions
-    stiff = omega_squared > 1e-13 * max(float(omega_squared[-1]), 1e-300)
-    braked = np.max(np.abs(damping), axis=0, initial=0.0) > 1e-13 * max(float(np.abs(damping).max()), 1e-300)
+    stiff = omega_squared > 0.0
+    braked = np.max(np.abs(damping), axis=0, initial=0.0) > 1e-15 * max(float(np.abs(damping).max()), 1e-300)
     bound = stiff | braked
     omega_squared = np.where(stiff, omega_squared, 0.0)
     exponent, modal, from_u, from_v = _entries(omega_squared[bound], damping[np.ix_(bound, bound)])
@@ -207,7 +210,38 @@ def _constrained(system: System, whole: _Equations, riders: Riders) -> tuple[NDA
     for (j, _), wall in zip(riders, walls, strict=True):
         if not system.contacts[j].is_stop:
             offset[n + j] = wall + whole.force[:n, j] @ offset[:n]
-    return scipy.linalg.null_space(rows), offset
+    left = np.eye(n) if not stops else scipy.linalg.null_space(rows[stops, :n])
+    flying = [i for i in range(n, size) if i - n not in dict(riders)]
+    basis = np.zeros((size, left.shape[1] + len(flying)))
+    basis[:n, : left.shape[1]] = left
+    basis[flying, left.shape[1] + np.arange(len(flying))] = 1.0
+    for j, _ in riders:
+        if not system.contacts[j].is_stop:
+            basis[n + j, : left.shape[1]] = whole.force[:n, j] @ left
+    return basis, offset
+
+
+def _undamped_modes(K: NDArray[Any], M: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """All omega^2 and mass-normalised vectors; the slow modes to rounding, as they carry the energy."""
+    off = np.abs(K - np.diag(np.diag(K))).sum() + np.abs(M - np.diag(np.diag(M))).sum()
+    if off == 0.0:
+        return np.diag(K) / np.diag(M), np.diag(1.0 / np.sqrt(np.diag(M)))
+    alone = (np.abs(K).sum(axis=0) == 0.0) & (np.count_nonzero(M, axis=0) == 1)
+    bound = np.ix_(~alone, ~alone)
+    try:
+        lower = np.linalg.cholesky(K[bound])
+    except np.linalg.LinAlgError:
+        values, vectors = scipy.linalg.eigh(K, M)
+        return np.where(values > RIGID * float(values[-1]), values, 0.0), vectors
+    # of the flexibility, whose largest eigenvalue is the slowest mode
+    flexible = scipy.linalg.solve_triangular(lower, M[bound], lower=True)
+    flexible = scipy.linalg.solve_triangular(lower, flexible.T, lower=True)
+    values, z = scipy.linalg.eigh(0.5 * (flexible + flexible.T))
+    omega_squared, vectors = np.zeros(K.shape[0]), np.zeros_like(K)
+    omega_squared[~alone] = 1.0 / values
+    vectors[bound] = scipy.linalg.solve_triangular(lower, z, lower=True, trans="T") / np.sqrt(values)
+    vectors[np.ix_(alone, alone)] = np.diag(1.0 / np.sqrt(np.diag(M)[alone]))
+    return omega_squared, vectors
 
 
 def _entries(
