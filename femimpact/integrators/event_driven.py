@@ -38,13 +38,14 @@ class EventDriven:
         displacement below the closure and the energy m_eff v^2/2 of that bounce, which is booked as
         loss; the accumulation's end, 2 v/(a (1 - e)) later, is the start in the table of riding.
     samples_per_cycle : int
-        Grid on which channels, statistics and ledger are read; events do not depend on it.
+        Grid on which channels, statistics and ledger are read; events do not depend on it. A cycle's
+        peak is that of the parabola through its largest sample and the two beside it.
     most_events : int
         Impacts and changes of riding in one base cycle beyond which the run is given up.
     """
 
     closure: float = field(default=1e-12, metadata=quantity("m", above=0.0))
-    samples_per_cycle: int = field(default=128, metadata=quantity("1", at_least=8, integer=True))
+    samples_per_cycle: int = field(default=64, metadata=quantity("1", at_least=8, integer=True))
     most_events: int = field(default=1_000_000, metadata=quantity("1", at_least=10, integer=True))
 
     def __post_init__(self) -> None:

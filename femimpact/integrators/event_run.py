@@ -23,7 +23,7 @@ from femimpact.system import System
 
 __all__ = ["EventRun", "Keep", "Ride", "run_event_driven"]
 
-CYCLES_AT_ONCE = 32
+CYCLES_AT_ONCE = 256
 """Base cycles between two looks at progress and interrupts."""
 
 SWITCHES_AT_ONCE = 200
@@ -413,9 +413,22 @@ def _gather(run: EventRun, out: Samples, done: int) -> None:
     whole = out.values.shape[0] // per_cycle
     w = out.values[: whole * per_cycle, 0].reshape(whole, per_cycle)
     theta = run.drive.phase + 2.0 * np.pi * (np.arange(per_cycle) + 1) / per_cycle
-    columns = (w.max(axis=1), w.min(axis=1), (w**2).sum(axis=1), w @ np.sin(theta), w @ np.cos(theta))
+    columns = (_crests(w), -_crests(-w), (w**2).sum(axis=1), w @ np.sin(theta), w @ np.cos(theta))
     table = np.stack([*columns, np.full(whole, float(per_cycle))], axis=1)
     run.cycles.append(table.reshape(whole, len(CYCLE_COLUMNS)))
     run.samples.append(out.values[out.kept >= 0])
     run.energy.append(out.energy)
     run.fields.append(out.fields)
+
+
+def _crests(w: NDArray[Any]) -> NDArray[Any]:
+    """Largest value of every row, by the parabola through the largest sample and its neighbours."""
+    if w.shape[0] == 0:
+        return np.zeros(0)
+    i = np.clip(np.argmax(w, axis=1), 1, w.shape[1] - 2)
+    row = np.arange(w.shape[0])
+    before, at, after = w[row, i - 1], w[row, i], w[row, i + 1]
+    bend = np.minimum(before + after - 2.0 * at, -1e-300)
+    crest = at - 0.125 * (after - before) ** 2 / bend
+    inside = np.abs(after - before) <= -2.0 * bend
+    return np.where(inside & (at >= before) & (at >= after), crest, w.max(axis=1))

@@ -156,9 +156,10 @@ def clear_time(
     down = math.inf if lower == -math.inf else 0.0
     for k in range(space.size.size + 1):
         over, under = upper - value - fast, value - lower - fast
-        if over > 0.0 and up < math.inf:
+        # a square root only where this split reaches beyond the best one so far
+        if over > (rate + 0.5 * (bend + pull + twist) * up) * up and over > 0.0 and up < math.inf:
             up = max(up, _first_meeting(over, rate, bend + pull + twist))
-        if under > 0.0 and down < math.inf:
+        if under > (0.5 * (bend - pull + twist) * down - rate) * down and under > 0.0 and down < math.inf:
             down = max(down, _first_meeting(under, -rate, bend - pull + twist))
         if k < space.size.size:
             term = space.weight[r, k] * flight.entry[k]

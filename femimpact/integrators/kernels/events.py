@@ -165,7 +165,8 @@ def _sample(
     space: Space, flight: Flight, mark: Flight, until: float, amplitude: float, out: Samples, b: Balance, ledger: bool
 ) -> None:
     """Read the motion at every grid time up to `until`; `flight` ends at the last of them."""
-    dt, turned = out.interval[0], False
+    dt, turned, phase = out.interval[0], False, complex(1.0, 0.0)
+    turn = complex(math.cos(space.omega * dt), math.sin(space.omega * dt))
     while True:
         number, i = out.done[0] + 1, int(out.done[1])
         time = number * dt
@@ -175,10 +176,12 @@ def _sample(
             for k in range(space.exponent.size):
                 flight.entry[k] *= space.turn[k]
             move_particles(space, flight, time - flight.clock[0])
+            phase *= turn
+            flight.clock[0] = time
         else:
             move(space, flight, time - flight.clock[0])
-        flight.clock[0], turned = time, True
-        phase = unit_phase(space.omega, flight.clock)
+            flight.clock[0], turned = time, True
+            phase = unit_phase(space.omega, flight.clock)
         _write_outputs(i, space, flight, phase, out)
         if out.kept[i] >= 0 or out.shown[i] >= 0:
             _keep(space, flight, mark, phase, amplitude, out.kept[i], out.shown[i], out, b, ledger)
