@@ -13,7 +13,25 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from femimpact.assembly import assemble
     from femimpact.calibration import RestitutionScan, scan_restitution
-    from femimpact.contact import KelvinVoigt, SwitchingSpring
+    from femimpact.contact import (
+        ALUMINIUM,
+        STEEL,
+        CustomLaw,
+        Flores,
+        GonthierCarvalhoMartins,
+        Hertz,
+        HuntCrossley,
+        KelvinVoigt,
+        LankaraniNikravesh,
+        Material,
+        PowerLaw,
+        Rigid,
+        SwitchingSpring,
+        collide,
+        contact_force,
+        contact_potential,
+        hertz_stiffness,
+    )
     from femimpact.convergence import converge_elements, converge_step
     from femimpact.damping import Rayleigh
     from femimpact.energy import EnergyLedger
@@ -22,6 +40,7 @@ if TYPE_CHECKING:
     from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
     from femimpact.impacts import Impacts, ImpactStatistics
     from femimpact.integrators.collision import achieved_restitution
+    from femimpact.integrators.event_driven import EventDriven
     from femimpact.integrators.integrate import integrate
     from femimpact.integrators.newmark import Newmark, recommended_step
     from femimpact.mesh import Mesh, read_mesh, uniform_mesh
@@ -38,7 +57,25 @@ if TYPE_CHECKING:
 _ROOMS = {
     "assembly": ("assemble",),
     "calibration": ("RestitutionScan", "scan_restitution"),
-    "contact": ("KelvinVoigt", "SwitchingSpring"),
+    "contact": (
+        "ALUMINIUM",
+        "STEEL",
+        "CustomLaw",
+        "Flores",
+        "GonthierCarvalhoMartins",
+        "Hertz",
+        "HuntCrossley",
+        "KelvinVoigt",
+        "LankaraniNikravesh",
+        "Material",
+        "PowerLaw",
+        "Rigid",
+        "SwitchingSpring",
+        "collide",
+        "contact_force",
+        "contact_potential",
+        "hertz_stiffness",
+    ),
     "convergence": ("converge_elements", "converge_step"),
     "damping": ("Rayleigh",),
     "energy": ("EnergyLedger",),
@@ -47,6 +84,7 @@ _ROOMS = {
     "identification": ("DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power"),
     "impacts": ("ImpactStatistics", "Impacts"),
     "integrators.collision": ("achieved_restitution",),
+    "integrators.event_driven": ("EventDriven",),
     "integrators.integrate": ("integrate",),
     "integrators.newmark": ("Newmark", "recommended_step"),
     "mesh": ("Mesh", "read_mesh", "uniform_mesh"),

@@ -203,7 +203,7 @@ class Impactor:
     gap : float or pair of float, m
         Free travel from the centre to each wall (the paper's d1 on the + side, d2 on the - side);
         the total clearance is their sum.
-    contact : KelvinVoigt or SwitchingSpring
+    contact : a contact law
     free_stiffness : float, N/m
         Centring spring between ball and beam, acting everywhere.
     acceleration : float, m/s^2
@@ -225,7 +225,7 @@ class Impactor:
         pair = not isinstance(self.gap, tuple) or len(self.gap) == 2
         require(pair, "gap", self.gap, "m", "must be one number or two (d1 on the + side, d2 on the - side)")
         is_law = isinstance(self.contact, ContactLaw)
-        require(is_law, "contact", self.contact, "", "must be a KelvinVoigt or a SwitchingSpring")
+        require(is_law, "contact", self.contact, "", "must be a contact law (KelvinVoigt, ..., Rigid)")
 
     @property
     def gaps(self) -> tuple[float, float]:

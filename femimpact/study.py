@@ -14,7 +14,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, cr
 from pydantic_core import PydanticCustomError
 
 from femimpact.assembly import assemble
-from femimpact.contact import KelvinVoigt, SwitchingSpring
+from femimpact.contact import KelvinVoigt, PowerLaw, Rigid, SwitchingSpring
 from femimpact.damping import Rayleigh
 from femimpact.errors import (
     Fault,
@@ -36,7 +36,17 @@ from femimpact.system import State, System
 
 __all__ = ["BaseMotion", "MeshChoice", "Output", "Reduction", "Study", "SweepPlan", "build", "load_study"]
 
-LAWS: Mapping[str, Any] = {law.name: law for law in (KelvinVoigt, SwitchingSpring)}
+LAWS: Mapping[str, tuple[Any, Mapping[str, Any]]] = {
+    "kelvin-voigt": (KelvinVoigt, {}),
+    "switching-spring": (SwitchingSpring, {}),
+    "hertz": (PowerLaw, {"loss": "none", "restitution": 1.0}),
+    "hunt-crossley": (PowerLaw, {"loss": "hunt-crossley"}),
+    "lankarani-nikravesh": (PowerLaw, {"loss": "lankarani-nikravesh"}),
+    "flores": (PowerLaw, {"loss": "flores"}),
+    "gonthier-carvalho-martins": (PowerLaw, {"loss": "exact"}),
+    "rigid": (Rigid, {}),
+}
+"""Each law of a study file: its noun, and the fields that the law's name fixes."""
 
 
 @dataclass(frozen=True)
@@ -357,7 +367,8 @@ def _impactor(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> An
         faults.append(Fault(f"{prefix}.contact.law", named, "", allowed))
     else:
         numbers = {key: value for key, value in contact.items() if key != "law"}
-        law = _noun(LAWS[contact["law"]], f"{prefix}.contact", numbers, faults)
+        noun, fixed = LAWS[contact["law"]]
+        law = _noun(noun, f"{prefix}.contact", numbers, faults, **fixed)
     return _noun(Impactor, prefix, rest, faults, contact=law)
 
 

@@ -48,7 +48,7 @@ FAULTS = [
     ("ball", "gap", (), "m", ">= 0"),
     ("ball", "free_stiffness", -1.0, "N/m", ">= 0"),
     ("ball", "acceleration", float("inf"), "m/s^2", "a finite number"),
-    ("ball", "contact", "steel", "", "KelvinVoigt or a SwitchingSpring"),
+    ("ball", "contact", "steel", "", "must be a contact law"),
     ("ball", "at", -1e-3, "", "metres from the root"),
     ("support", "kind", "welded", "", "guided"),
     ("support", "at", -0.1, "", "metres from the root"),

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from femimpact import contact
+from femimpact.contact.formulas import SWITCHING_SPRING
 from femimpact.excitation import Sine
 from femimpact.integrators import layout
 from femimpact.integrators.kernels import loop
@@ -225,7 +225,7 @@ def _motion(
     base = np.array([float(excitation.acceleration(0.0)) for excitation in bases])
     ball[layout.Y_ACCELERATION] = constants[layout.ACCELERATION] - base - force / constants[layout.MASS]
     load = operator.rows[pairs.row].T @ force - np.outer(system.base_load, base) - system.C @ v - system.K @ q
-    always = (pairs.kind[:, None] == contact.SWITCHING_SPRING) | (constants[layout.FREE_STIFFNESS] > 0.0)
+    always = (pairs.kind[:, None] == SWITCHING_SPRING) | (constants[layout.FREE_STIFFNESS] > 0.0)
     touch = np.zeros((11, balls, lanes))
     touch[layout.BUSY] = always
     ledger = np.zeros((5, lanes))

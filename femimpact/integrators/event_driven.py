@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from femimpact.contact import Rigid
 from femimpact.errors import check_fields, quantity, require
 from femimpact.integrators.driving import Drive
-from femimpact.integrators.flight_space import FlightSpace, Riders
+from femimpact.integrators.flight_space import FlightSpace
 from femimpact.integrators.kernels.crossing import Space
 from femimpact.response import Channel
 from femimpact.system import System
@@ -100,7 +100,7 @@ def outputs_of(system: System, observed: NDArray[Any], channels: tuple[Channel, 
 
 def space_of(system: System, drive: Drive, flight: FlightSpace, interval: float) -> Space:
     """A flight space with its watched scalars, as arrays for the compiled loop."""
-    n, pairs = system.dofs, len(system.contacts)
+    pairs = len(system.contacts)
     sides = dict(flight.riders)
     force = _force_directions(system)
     wave = _wave(drive)

@@ -16,7 +16,7 @@ from femimpact.integrators.event_driven import EventDriven, Outputs, space_of
 from femimpact.integrators.flight_space import FlightSpace, Riders, flight_space
 from femimpact.integrators.kernels import events
 from femimpact.integrators.kernels.balance import Balance, write_balance
-from femimpact.integrators.kernels.crossing import Flight, Space, read_coordinates, unit_phase
+from femimpact.integrators.kernels.crossing import Flight, Space, read_coordinates
 from femimpact.integrators.kernels.events import Contact, Samples
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.system import System
@@ -431,4 +431,4 @@ def _crests(w: NDArray[Any]) -> NDArray[Any]:
     bend = np.minimum(before + after - 2.0 * at, -1e-300)
     crest = at - 0.125 * (after - before) ** 2 / bend
     inside = np.abs(after - before) <= -2.0 * bend
-    return np.where(inside & (at >= before) & (at >= after), crest, w.max(axis=1))
+    return np.asarray(np.where(inside & (at >= before) & (at >= after), crest, w.max(axis=1)))

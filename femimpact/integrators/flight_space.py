@@ -170,25 +170,25 @@ def flight_space(system: System, drive: Drive, riders: Riders = ()) -> FlightSpa
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = np.where(np.abs(exponent) > 0.0, 1.0 / exponent, 0.0)
     follow_rate = -np.real(elastic @ modal @ (beta * inverse**2))
-    found = dict(
-        riders=riders,
-        exponent=exponent,
-        shape=elastic @ modal,
-        particle_shape=loose,
-        particle_given=given[~bound],
-        particle_drive=load[~bound],
-        harmonic=harmonic,
-        static=static,
-        follow=follow,
-        follow_rate=follow_rate,
-        to_entry_u=from_u @ momentum_u,
-        to_entry_v=from_v @ momentum_u,
-        to_particle=momentum_loose,
-        kick=from_v @ elastic.T @ whole.force,
-        particle_kick=loose.T @ whole.force,
-        jump_value=beta * inverse,
-        jump_slope=beta * inverse**2,
-    )
+    found: dict[str, Any] = {
+        "riders": riders,
+        "exponent": exponent,
+        "shape": elastic @ modal,
+        "particle_shape": loose,
+        "particle_given": given[~bound],
+        "particle_drive": load[~bound],
+        "harmonic": harmonic,
+        "static": static,
+        "follow": follow,
+        "follow_rate": follow_rate,
+        "to_entry_u": from_u @ momentum_u,
+        "to_entry_v": from_v @ momentum_u,
+        "to_particle": momentum_loose,
+        "kick": from_v @ elastic.T @ whole.force,
+        "particle_kick": loose.T @ whole.force,
+        "jump_value": beta * inverse,
+        "jump_slope": beta * inverse**2,
+    }
     return FlightSpace(**found, **_contact_forces(whole, drive, found))
 
 
@@ -262,7 +262,10 @@ def _entries(
 def _decoupled_entries(omega_squared: NDArray[Any], c: NDArray[Any]) -> tuple[NDArray[Any], ...]:
     """Each mode alone: lambda = -c/2 +- sqrt(c^2/4 - omega^2)."""
     n = omega_squared.size
-    exponents, columns, first, second, owner = [], [], [], [], []
+    exponents: list[complex] = []
+    first: list[complex] = []
+    second: list[complex] = []
+    owner: list[int] = []
     for i in range(n):
         discriminant = 0.25 * c[i] ** 2 - omega_squared[i]
         least = CRITICAL * c[i] ** 2

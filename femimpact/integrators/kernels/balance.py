@@ -117,16 +117,15 @@ def _book_coordinate(
 
 
 @inlined
-def _work_on_particle(
-    m: int, space: Space, flight: Flight, duration: float, phase: complex, wave: complex
-) -> float:
+def _work_on_particle(m: int, space: Space, flight: Flight, duration: float, phase: complex, wave: complex) -> float:
     """Work of the drive and of the constant force on one particle of unit mass."""
     given, drive = space.particle_given[m], space.particle_drive[m]
     s, slope = flight.clock[1], flight.clock[2]
     rate = flight.particle_rate[m]
     if space.broken:
         after = rate + duration * (given + drive * (s + 0.5 * duration * slope))
-        return 0.5 * (after * after - rate * rate)
+        gained: float = 0.5 * (after * after - rate * rate)
+        return gained
     # the parabola P and the sine h of the motion, h'' being the drive: integral of (g + h'') (P' + h')
     before = space.particle_sine[m] * phase
     after_sine = before * cmath.exp(wave * duration)
@@ -135,8 +134,9 @@ def _work_on_particle(
     after = rate + given * duration
     parabola = given * duration * (rate + 0.5 * given * duration)
     swing = 0.5 * (h_rate * h_rate - h_rate_before * h_rate_before)
-    # g h, and the integral of h'' P' by parts
-    return parabola + given * h + swing + (h_rate * after - h_rate_before * rate - given * h)
+    # g h of the first product cancels that of h'' P' by parts
+    work: float = parabola + swing + h_rate * after - h_rate_before * rate
+    return work
 
 
 @compiled

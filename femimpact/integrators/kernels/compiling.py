@@ -8,7 +8,7 @@ from typing import Any, TypeVar, cast
 
 from numba import njit
 
-from femimpact import contact
+from femimpact.contact import formulas
 
 __all__ = ["compiled", "inlined"]
 
@@ -21,7 +21,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def _stamp() -> tuple[tuple[float, int], ...]:
     """Times and sizes of every source that ends up in compiled code."""
     here = Path(__file__)
-    sources = [*sorted(here.parent.glob("*.py")), here.parent.parent / "layout.py", Path(contact.__file__)]
+    sources = [*sorted(here.parent.glob("*.py")), here.parent.parent / "layout.py", Path(formulas.__file__)]
     return tuple((source.stat().st_mtime, source.stat().st_size) for source in sources)
 
 

@@ -20,7 +20,17 @@ from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.compiling import compiled, inlined
 
-__all__ = ["AT_WALL", "Flight", "Space", "clear_time", "derivatives", "move", "move_particles", "read_coordinates", "unit_phase"]
+__all__ = [
+    "AT_WALL",
+    "Flight",
+    "Space",
+    "clear_time",
+    "derivatives",
+    "move",
+    "move_particles",
+    "read_coordinates",
+    "unit_phase",
+]
 
 AT_WALL = 32.0 * 2.220446049250313e-16
 """A clearance below this share of the terms that make it is rounding: the pair is at its wall."""

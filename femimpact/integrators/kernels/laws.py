@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from femimpact import contact
+from femimpact.contact import formulas
 from femimpact.integrators.kernels.compiling import inlined
 
 __all__ = [
@@ -14,9 +14,9 @@ __all__ = [
     "switching_stiffness",
 ]
 
-SWITCHING_SPRING = contact.SWITCHING_SPRING
-penetration = inlined(contact.penetration)
-kelvin_voigt_force = inlined(contact.kelvin_voigt_force)
-spring_potential = inlined(contact.spring_potential)
-switching_stiffness = inlined(contact.switching_stiffness)
-switching_potential = inlined(contact.switching_potential)
+SWITCHING_SPRING = formulas.SWITCHING_SPRING
+penetration = inlined(formulas.penetration)
+kelvin_voigt_force = inlined(formulas.kelvin_voigt_force)
+spring_potential = inlined(formulas.spring_potential)
+switching_stiffness = inlined(formulas.switching_stiffness)
+switching_potential = inlined(formulas.switching_potential)

@@ -1,0 +1,195 @@
+"""One event-driven run: from a system and an excitation to its response."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.energy import EnergyLedger
+from femimpact.errors import in_range, quantity, require
+from femimpact.excitation import Excitation
+from femimpact.impacts import Impacts, Riding, impact_statistics
+from femimpact.integrators.driving import drive_of
+from femimpact.integrators.event_driven import EventDriven, check_events, outputs_of
+from femimpact.integrators.event_run import EventRun, Keep, new_run, run_event_driven
+from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS
+from femimpact.response import Channel, Recorder, Response, Snapshots, resolve_channels
+from femimpact.signals import CycleStatistics, SteadyMotion, no_steady_motion, steady_motion
+from femimpact.system import State, System
+
+__all__ = ["Progress", "cycle_statistics", "fly", "grid_interval"]
+
+from femimpact.integrators.event_run import Progress
+
+
+def grid_interval(method: EventDriven, excitation: Excitation) -> float:
+    """Time (s) between two samples of an event-driven run."""
+    return 1.0 / (excitation.frequency * method.samples_per_cycle)
+
+
+def fly(
+    system: System,
+    excitation: Excitation,
+    method: EventDriven,
+    duration: float,
+    recorder: Recorder,
+    initial: State,
+    progress: Progress | None = None,
+) -> Response:
+    """Event-driven motion of structure and balls; see `integrate`.
+
+    Raises
+    ------
+    InputError
+        If the system is not on its modes, a contact is not rigid, or an argument is out of range.
+    DivergenceError
+        If impacts do not resolve.
+    """
+    check_events(system)
+    interval = grid_interval(method, excitation)
+    fits = in_range(duration, quantity("s", at_least=interval))
+    require(fits, "duration", duration, "s", f"must be a finite number >= one sample, {interval:g} s")
+    samples = round(duration / interval)
+    channels = resolve_channels(system, recorder.channels)
+    first, first_field = (min(round(t / interval), samples) for t in (recorder.start, recorder.snapshots_start))
+    window = (interval * (2 * samples // 3), math.inf)
+    run = new_run(
+        system,
+        drive_of(system, excitation),
+        method,
+        outputs_of(system, system.point_row(system.default_place), channels),
+        window,
+        recorder.ledger,
+        Keep(recorder.every, first, recorder.snapshots, first_field),
+        recorder.impacts,
+    )
+    u, v, y, y_rate = initial.relative_to_base(system, excitation)
+    balls = len(system.balls)
+    position, velocity = np.concatenate([u, y[:balls]]), np.concatenate([v, y_rate[:balls]])
+    run_event_driven(run, position, velocity, samples, progress)
+    return _response(run, system, excitation, channels, samples, window[0])
+
+
+def cycle_statistics(run: EventRun) -> CycleStatistics:
+    """Statistics of every whole base cycle of a run."""
+    table = np.concatenate([np.zeros((0, len(CYCLE_COLUMNS))), *run.cycles])
+    return CycleStatistics(**{name: table[:, [i]] for i, name in enumerate(CYCLE_COLUMNS)})
+
+
+def _response(
+    run: EventRun, system: System, excitation: Excitation, channels: tuple[Channel, ...], samples: int, begin: float
+) -> Response:
+    keep, interval = run.keep, run.interval
+    time = _read_only(interval * np.arange(keep.first, samples + 1, keep.every))
+    values = np.concatenate(run.samples)
+    length = samples * interval - begin
+    laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
+    totals = run.contact.totals.copy()
+    totals[4] = math.nan
+    frequency = excitation.frequency
+    impacts = _impacts(run, system, excitation)
+    warnings = []
+    if impacts.dropped:
+        warnings.append(
+            f"{impacts.dropped} impacts beyond the first {len(impacts)} are not in the table (Recorder.impacts)"
+        )
+    return Response(
+        time=time,
+        channels={channel.name: _read_only(values[:, i + 1]) for i, channel in enumerate(channels)},
+        units={channel.name: channel.unit for channel in channels},
+        impacts=impacts,
+        riding=_riding(run, system),
+        statistics=impact_statistics(totals, length, frequency, laws),
+        statistics_of={
+            pair.name: impact_statistics(totals[:, j : j + 1], length, frequency, pair.law.name)
+            for j, pair in enumerate(system.contacts)
+        },
+        steady=_steady(cycle_statistics(run)),
+        energy=_ledger(run, time) if run.ledger else None,
+        snapshots=_snapshots(run, system, samples) if keep.snapshots else None,
+        base=excitation,
+        system=system,
+        warnings=tuple(warnings),
+        notes=_open_rides(run, system),
+    )
+
+
+def _steady(cycles: CycleStatistics) -> SteadyMotion:
+    finished = cycles.samples.shape[0]
+    return steady_motion(cycles, np.array([max(finished // 3, 1)])) if finished else no_steady_motion()
+
+
+def _impacts(run: EventRun, system: System, excitation: Excitation) -> Impacts:
+    met = int(run.contact.tally[0])
+    table = run.contact.impacts[: min(met, run.contact.impacts.shape[0])]
+    time, pair, side, approach, rebound, impulse, loss = (_read_only(table[:, i]) for i in range(7))
+    names = np.array([contact.name for contact in system.contacts] or [""])
+    return Impacts(
+        time=time,
+        phase=_read_only(np.mod(2.0 * np.pi * excitation.frequency * time + excitation.phase, 2.0 * np.pi)),
+        impactor=names[pair.astype(int)],
+        side=side,
+        approach_speed=approach,
+        rebound_speed=rebound,
+        impulse=impulse,
+        # an impulse has no peak; a rigid contact has no force to name
+        peak_force=_read_only(np.full(time.size, np.nan)),
+        duration=_read_only(np.zeros(time.size)),
+        energy_loss=loss,
+        energy_to_modes=_read_only(table[:, 7:]),
+        law={contact.name: contact.law.name for contact in system.contacts},
+        dropped=met - table.shape[0],
+    )
+
+
+def _riding(run: EventRun, system: System) -> Riding:
+    rides = run.rides
+    names = np.array([system.contacts[ride.pair].name for ride in rides], dtype=str)
+    end = run.interval * sum(piece.shape[0] for piece in run.cycles) * run.method.samples_per_cycle
+    lasting = np.array([(ride.end if math.isfinite(ride.end) else end) - ride.start for ride in rides])
+    impulse = np.array([ride.impulse for ride in rides])
+    return Riding(
+        impactor=names,
+        side=np.array([float(ride.side) for ride in rides]),
+        start=np.array([ride.start for ride in rides]),
+        end=np.array([ride.end for ride in rides]),
+        impulse=impulse,
+        mean_force=np.divide(impulse, lasting, out=np.zeros_like(impulse), where=lasting > 0),
+    )
+
+
+def _open_rides(run: EventRun, system: System) -> tuple[str, ...]:
+    return tuple(
+        f"{system.contacts[pair].name} rides on its {'+' if side > 0 else '-'} wall since t = {start:.4g} s"
+        for pair, (side, start, _) in sorted(run.open_rides.items())
+    )
+
+
+def _ledger(run: EventRun, time: NDArray[Any]) -> EnergyLedger:
+    table = np.concatenate(run.energy)
+    columns = {name: _read_only(table[:, i]) for i, name in enumerate(ENERGY_COLUMNS)}
+    of_mode = _read_only(table[:, len(ENERGY_COLUMNS) :])
+    return EnergyLedger(time=time, structure_loss_of_mode=of_mode, **columns)
+
+
+def _snapshots(run: EventRun, system: System, samples: int) -> Snapshots:
+    fields, n, stops = np.concatenate(run.fields), system.dofs, len(system.contacts) - len(system.balls)
+    u, v = (np.asarray((system.expansion @ fields[:, k, :n].T).T) for k in (0, 1))
+    still = np.zeros((fields.shape[0], stops))
+    return Snapshots(
+        time=_read_only(run.interval * np.arange(run.keep.first_snapshot, samples + 1, run.keep.snapshots)),
+        displacement=_read_only(u),
+        velocity=_read_only(v),
+        ball_displacement=_read_only(np.hstack([fields[:, 0, n:], still])),
+        ball_velocity=_read_only(np.hstack([fields[:, 1, n:], still])),
+        contact_force=_read_only(np.zeros((fields.shape[0], len(system.contacts)))),
+    )
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    array = np.ascontiguousarray(array)
+    array.setflags(write=False)
+    return array
