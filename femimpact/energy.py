@@ -50,6 +50,8 @@ class EnergyLedger:
         Dissipated by the structure's damping since t = 0.
     contact_loss : ndarray (samples,), J
         Integral of (F - k p) p', since t = 0: its own sum, never a remainder.
+    structure_loss_of_mode : ndarray (samples, modes), J
+        The same as `structure_loss`, mode by mode; no columns for physical dofs.
     """
 
     time: NDArray[Any]
@@ -60,6 +62,7 @@ class EnergyLedger:
     work: NDArray[Any]
     structure_loss: NDArray[Any]
     contact_loss: NDArray[Any]
+    structure_loss_of_mode: NDArray[Any]
 
     @property
     def stored(self) -> NDArray[Any]:

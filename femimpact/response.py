@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from femimpact.energy import EnergyLedger
 from femimpact.errors import check_fields, quantity, require, suggestion
-from femimpact.excitation import Sine
-from femimpact.impacts import Impacts, ImpactStatistics
+from femimpact.excitation import Excitation
+from femimpact.impacts import Impacts, ImpactStatistics, Riding
 from femimpact.signals import SteadyMotion
 from femimpact.structure import Position
 from femimpact.system import System
@@ -95,9 +95,13 @@ def resolve_channels(system: System, channels: tuple[Position, ...] | None) -> t
         Naming the first unknown or ambiguous channel and the known ones.
     """
     balls = [pair.name for pair in system.contacts]
+    stops = {pair.name for pair in system.contacts if pair.is_stop}
     if channels is None:
         forces = [f"{ball}.contact_force" for ball in balls] if len(balls) > 1 else ["contact_force"] * len(balls)
-        channels = ("tip", *balls, *forces)
+        channels = (system.default_place, *(pair.name for pair in system.balls), *forces)
+    for channel in channels:
+        moving = str(channel).removesuffix(".velocity") not in stops
+        require(moving, "channels", str(channel), "", "is a stop, which does not move: take its .gap or .contact_force")
     return tuple(_resolve(system, balls, channel) for channel in channels)
 
 
@@ -156,6 +160,8 @@ class Response:
         Relative to the base; `response["tip"]` reads one.
     units : mapping of str to str
     impacts : Impacts
+    riding : Riding
+        Balls moving with their wall as a named state; only the event-driven method has it.
     statistics : ImpactStatistics
         Over the last third of the run.
     statistics_of : mapping of str to ImpactStatistics
@@ -164,8 +170,8 @@ class Response:
         Of the tip over the last third of the run's whole base cycles, arrays of one entry.
     energy : EnergyLedger or None
     snapshots : Snapshots or None
-    base : Sine
-        The motion of the base, to make absolute results.
+    base : Excitation
+        Its motion of the base makes absolute results.
     system : System
     warnings, notes : tuple of str
     """
@@ -174,12 +180,13 @@ class Response:
     channels: Mapping[str, NDArray[Any]]
     units: Mapping[str, str]
     impacts: Impacts
+    riding: Riding
     statistics: ImpactStatistics
     statistics_of: Mapping[str, ImpactStatistics]
     steady: SteadyMotion
     energy: EnergyLedger | None
     snapshots: Snapshots | None
-    base: Sine
+    base: Excitation
     system: System
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()

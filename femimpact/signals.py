@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CycleStatistics", "SteadyMotion", "steady_motion"]
+__all__ = ["CycleStatistics", "SteadyMotion", "no_steady_motion", "steady_motion"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +101,12 @@ def steady_motion(
         even = _halves_agree(square / samples, statistical_tolerance, standard_errors)
         columns["steadiness"].append("periodic" if periodic else "statistical" if even else "transient")
     return SteadyMotion(**{name: np.array(values) for name, values in columns.items()})
+
+
+def no_steady_motion() -> SteadyMotion:
+    """What a run shorter than one base cycle has: no amplitude, and a transient."""
+    nothing = np.full(1, np.nan)
+    return SteadyMotion(nothing, nothing, nothing, nothing, np.array(["transient"]))
 
 
 def _repeats(maximum: NDArray[Any], tolerance: float, longest_period: int) -> bool:

@@ -231,7 +231,7 @@ def _numerical_collision(force: Callable[[float, float], float], mass: float, sp
         return float(y[0] if y[1] < 0.0 else 1.0)
 
     off.terminal, off.direction = True, -1.0  # type: ignore[attr-defined]
-    run = solve_ivp(
+    run: Any = solve_ivp(
         rates, (0.0, longest), [0.0, speed], events=off, rtol=1e-10, atol=[1e-12 * depth, 1e-12 * speed],
         max_step=longest, first_step=1e-3 * depth / speed,
     )  # fmt: skip

@@ -116,4 +116,4 @@ def _work_left(d: float, e: float) -> float:
     """Difference of both sides of the relation over d^2; its series where they cancel."""
     if d < 0.02:
         return math.fsum((-1.0) ** n * d ** (n - 2) * (1.0 + (-1.0) ** (n + 1) * e**n) / n for n in range(2, 9))
-    return (d * (1.0 + e) - math.log1p(d) + math.log1p(-e * d)) / d**2
+    return (d * (1.0 + e) - math.log1p(d) + math.log1p(-min(e * d, 1.0 - 1e-16))) / d**2

@@ -189,7 +189,8 @@ def flight_space(system: System, drive: Drive, riders: Riders = ()) -> FlightSpa
         "jump_value": beta * inverse,
         "jump_slope": beta * inverse**2,
     }
-    return FlightSpace(**found, **_contact_forces(whole, drive, found))
+    found.update(_contact_forces(whole, drive, found))
+    return FlightSpace(**found)
 
 
 def _constrained(system: System, whole: _Equations, riders: Riders) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -14,15 +14,13 @@ from femimpact.excitation import Excitation
 from femimpact.impacts import Impacts, Riding, impact_statistics
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven import EventDriven, check_events, outputs_of
-from femimpact.integrators.event_run import EventRun, Keep, new_run, run_event_driven
+from femimpact.integrators.event_run import EventRun, Keep, Progress, new_run, run_event_driven
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.response import Channel, Recorder, Response, Snapshots, resolve_channels
 from femimpact.signals import CycleStatistics, SteadyMotion, no_steady_motion, steady_motion
 from femimpact.system import State, System
 
-__all__ = ["Progress", "cycle_statistics", "fly", "grid_interval"]
-
-from femimpact.integrators.event_run import Progress
+__all__ = ["cycle_statistics", "fly", "grid_interval"]
 
 
 def grid_interval(method: EventDriven, excitation: Excitation) -> float:

@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 from femimpact.energy import EnergyLedger
 from femimpact.errors import DivergenceError, in_range, quantity, require, require_type
 from femimpact.excitation import Sine
-from femimpact.impacts import Impacts, impact_statistics
+from femimpact.impacts import Impacts, Riding, impact_statistics
 from femimpact.integrators import layout
 from femimpact.integrators.block import Block, Progress, prepare, run_block
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.fly import fly
 from femimpact.integrators.kernels import loop
 from femimpact.integrators.newmark import Newmark, check_sampling, check_step, step_notes
 from femimpact.response import Channel, Recorder, Response, Snapshots, resolve_channels
-from femimpact.signals import SteadyMotion, steady_motion
+from femimpact.signals import no_steady_motion, steady_motion
 from femimpact.system import State, System
 
 __all__ = ["check_memory", "divergence_message", "integrate", "memory_needed"]
@@ -25,7 +27,7 @@ __all__ = ["check_memory", "divergence_message", "integrate", "memory_needed"]
 def integrate(
     system: System,
     excitation: Sine,
-    method: Newmark,
+    method: Newmark | EventDriven,
     duration: float,
     record: Recorder | None = None,
     initial: State | None = None,
@@ -40,9 +42,9 @@ def integrate(
     system : System
         Physical or reduced.
     excitation : Sine
-    method : Newmark
+    method : Newmark or EventDriven
     duration : float, s
-        Rounded to whole steps.
+        Rounded to whole steps, or to whole samples.
     record : Recorder, optional
         What to keep; by default the tip, the balls and the contact forces at every step.
     initial : State, optional
@@ -64,9 +66,13 @@ def integrate(
         If the motion is not finite or grows without bound.
     """
     recorder, start = record or Recorder(), initial or State()
-    given = (system, System), (excitation, Sine), (method, Newmark), (recorder, Recorder), (start, State)
+    given: tuple[tuple[Any, Any], ...] = ((system, System), (recorder, Recorder), (start, State))
     for value, kind in given:
         require_type(value, kind, kind.__name__.lower())
+    if isinstance(method, EventDriven):
+        return fly(system, excitation, method, duration, recorder, start, progress)
+    require_type(excitation, Sine, "excitation")
+    require_type(method, Newmark, "method")
     fits = in_range(duration, quantity("s", at_least=method.dt))
     require(fits, "duration", duration, "s", f"must be a finite number >= one step, {method.dt:g} s")
     check_sampling(np.array([excitation.frequency]), method, "frequency")
@@ -195,7 +201,7 @@ def _response(
     record, dt = block.record, method.dt
     every, first, stride, first_field = (int(value) for value in record.stride)
     time = _read_only((first + every * np.arange(record.channels.shape[0])) * dt)
-    impacts = _impacts(record, system)
+    impacts = _impacts(record, system, excitation)
     laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
     window = float(block.steps - block.motion.window[0, 0]) * dt
     totals = block.motion.totals[:, :, 0]
@@ -210,9 +216,10 @@ def _response(
         channels={channel.name: _read_only(record.channels[:, i]) for i, channel in enumerate(channels)},
         units={channel.name: channel.unit for channel in channels},
         impacts=impacts,
+        riding=Riding.none(),
         statistics=impact_statistics(totals, window, excitation.frequency, laws),
         statistics_of=per_ball,
-        steady=steady_motion(cycles, np.array([max(finished // 3, 1)])) if finished else _no_steady_motion(),
+        steady=steady_motion(cycles, np.array([max(finished // 3, 1)])) if finished else no_steady_motion(),
         energy=_ledger(record, time) if recorder.ledger else None,
         snapshots=_snapshots(record, system, first_field, stride, dt) if recorder.snapshots else None,
         base=excitation,
@@ -233,23 +240,23 @@ def _open_contacts(block: Block, system: System) -> tuple[str, ...]:
     )
 
 
-def _no_steady_motion() -> SteadyMotion:
-    """What a run shorter than one base cycle has: no amplitude, and a transient."""
-    nothing = np.full(1, np.nan)
-    return SteadyMotion(nothing, nothing, nothing, nothing, np.array(["transient"]))
-
-
 def _ledger(record: layout.Record, time: NDArray[Any]) -> EnergyLedger:
     columns = {name: _read_only(record.energy[:, i]) for i, name in enumerate(layout.ENERGY_COLUMNS)}
-    return EnergyLedger(time=time, **columns)
+    return EnergyLedger(time=time, structure_loss_of_mode=_read_only(np.zeros((time.size, 0))), **columns)
 
 
-def _impacts(record: layout.Record, system: System) -> Impacts:
+def _impacts(record: layout.Record, system: System, excitation: Sine) -> Impacts:
     count = min(int(record.tally[3]), record.impacts.shape[0])
     columns = {name: _read_only(record.impacts[:count, i]) for i, name in enumerate(layout.IMPACT_COLUMNS)}
     names = np.array([pair.name for pair in system.contacts] or [""])
     columns["impactor"] = names[columns.pop("pair").astype(int)]
-    return Impacts(**columns, dropped=int(record.tally[3]) - count)
+    return Impacts(
+        **columns,
+        phase=_read_only(np.mod(excitation.omega * columns["time"] + excitation.phase, 2.0 * np.pi)),
+        energy_to_modes=_read_only(np.zeros((count, 0))),
+        law={pair.name: pair.law.name for pair in system.contacts},
+        dropped=int(record.tally[3]) - count,
+    )
 
 
 def _snapshots(record: layout.Record, system: System, first: int, stride: int, dt: float) -> Snapshots:

@@ -129,8 +129,7 @@ def _work_on_particle(m: int, space: Space, flight: Flight, duration: float, pha
     # the parabola P and the sine h of the motion, h'' being the drive: integral of (g + h'') (P' + h')
     before = space.particle_sine[m] * phase
     after_sine = before * cmath.exp(wave * duration)
-    h, h_rate = after_sine.real - before.real, (wave * after_sine).real
-    h_rate_before = (wave * before).real
+    h_rate, h_rate_before = (wave * after_sine).real, (wave * before).real
     after = rate + given * duration
     parabola = given * duration * (rate + 0.5 * given * duration)
     swing = 0.5 * (h_rate * h_rate - h_rate_before * h_rate_before)

@@ -22,7 +22,7 @@ from femimpact.integrators.kernels.crossing import (
 
 __all__ = [
     "END", "HIT", "RELEASE", "REST", "STUCK", "Contact", "Samples", "collide_all", "comes_to_rest", "look_at_all",
-    "run_events",
+    "next_event", "run_events",
 ]  # fmt: skip
 
 END, HIT, REST, RELEASE, STUCK = range(5)
@@ -99,11 +99,14 @@ def _look(r: int, space: Space, flight: Flight, phase: complex, remaining: float
         return 3.0 * -press / c.found[3] if c.found[3] > 0.0 else remaining
     if twist < 0.0 and press <= noise:
         return 2.0 * -twist / c.found[4] if c.found[4] > 0.0 else remaining
+    # touching without a push, and nothing that could begin one
+    if press <= noise and c.found[3] == 0.0:
+        return remaining
     return -1.0
 
 
 @compiled
-def _next_event(space: Space, flight: Flight, until: float, c: Contact) -> int:
+def next_event(space: Space, flight: Flight, until: float, c: Contact) -> int:
     """Move to the first event or to `until`: END, HIT, REST or RELEASE, the pair and side in `event`."""
     for _ in range(10_000_000):
         phase = unit_phase(space.omega, flight.clock)
@@ -341,7 +344,7 @@ def run_events(
     """Fly, sample and collide up to `until`, or to an event that changes who rides."""
     while True:
         _copy(flight, trial)
-        status = _next_event(space, trial, until, c)
+        status = next_event(space, trial, until, c)
         _sample(space, flight, mark, trial.clock[0], amplitude, out, b, ledger)
         _copy(trial, flight)
         if ledger:

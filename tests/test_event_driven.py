@@ -1,0 +1,361 @@
+"""Event-driven flight: exact orbits, exact rest times, no missed event, a ledger closed to rounding."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import femimpact as fi
+from femimpact.integrators.driving import drive_of
+from femimpact.integrators.event_driven import space_of
+from femimpact.integrators.flight_space import flight_space
+from femimpact.integrators.kernels import events
+from femimpact.integrators.kernels.crossing import Flight
+
+EXACT = fi.EventDriven()
+
+
+def beam_with_ball(modes=4, restitution=0.7, *, at="tip", gap=4e-3, acceleration=0.0, damping=0.0029):
+    structure = fi.Structure(
+        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
+        masses=[fi.PointMass("box", at="tip", mass=0.02290976)],
+        impactors=[
+            fi.Impactor(
+                "ball",
+                at=at,
+                mass=3.43e-3,
+                gap=gap,
+                contact=fi.Rigid(restitution=restitution),
+                acceleration=acceleration,
+            )
+        ],
+        damping=fi.Rayleigh(ratio=damping, modes=(1, 2)),
+    )
+    return fi.reduce(fi.assemble(structure, elements=20), modes=modes)
+
+
+# ---- closed-form orbits ---------------------------------------------------------------------------
+
+
+def symmetric_orbit(mu, e, zeta, ratio, clearance):
+    """Two impacts per cycle on M = K = F0 = 1: speed, position at impact, state and phase just after it.
+
+    Derived from physics: the half-cycle map of the oscillator under the ball's impulse.
+    """
+    eta, period = math.sqrt(1 - zeta**2), math.pi / ratio
+    decay, c, s = math.exp(-zeta * period), math.cos(eta * period), math.sin(eta * period)
+    amplitude = 1.0 / math.hypot(1 - ratio**2, 2 * zeta * ratio)
+    jump = [
+        [decay * s, 1 + decay * c],
+        [eta * (1 + decay * c) - decay * zeta * s, -zeta * (1 + decay * c) - decay * eta * s],
+    ]
+    a1, a2 = np.linalg.solve(jump, [0.0, 2 * mu])  # per unit of the ball's speed
+    after = -(1 - e - 2 * mu * e) / (1 + e)
+    p, q, r = math.pi / (2 * ratio) - a2, -clearance / 2, (after - (eta * a1 - zeta * a2)) / ratio
+    speed = max(np.roots([p * p + r * r, 2 * p * q, q * q - amplitude**2]).real)
+    phase = math.atan2(p * speed + q, r * speed) + math.atan2(2 * zeta * ratio, 1 - ratio**2)
+    return speed, speed * math.pi / (2 * ratio) - clearance / 2, after * speed, phase
+
+
+ORBITS = [
+    # mu, e, zeta, frequency ratio, total clearance; position and speed as published, 6 decimals; stable
+    (0.1, 0.8, 0.01, 1.0, 20.0, 2.090133, 7.696818, True),
+    (0.1, 0.6, 0.01, 1.0, 24.0, -0.175073, 7.527982, True),
+    (0.05, 0.7, 0.005, 1.0, 40.0, 3.954411, 15.249852, True),
+    (0.1, 0.8, 0.01, 0.98, 20.0, 5.187468, 9.475270, False),
+]
+
+
+@pytest.mark.parametrize(("mu", "e", "zeta", "ratio", "clearance", "position", "speed", "stable"), ORBITS)
+def test_two_impacts_per_cycle_stay_on_their_orbit(mu, e, zeta, ratio, clearance, position, speed, stable):
+    found, x, v, phase = symmetric_orbit(mu, e, zeta, ratio, clearance)
+    assert found == pytest.approx(speed, abs=5e-7)
+    assert x == pytest.approx(position, abs=5e-7)
+    system = fi.System.from_matrices(
+        [[1.0]], [[2 * zeta]], [[1.0]], points={"mass": [1.0]},
+        impactors=[fi.Impactor("ball", "mass", mu, clearance / 2, fi.Rigid(e))],
+    )  # fmt: skip
+    push = fi.PointForce("mass", fi.Sine(1.0, ratio / (2 * math.pi), phase))
+    start = fi.State([x], [v], [x + clearance / 2], [-found])
+    cycles = 100 if stable else 5
+    run = fi.integrate(system, push, EXACT, cycles * 2 * math.pi / ratio, initial=start)
+    approach = 2 * found * (1 + mu) / (1 + e)
+    assert len(run.impacts) in (2 * cycles - 1, 2 * cycles)
+    # a stable orbit keeps rounding down; the unstable one lets 1e-15 grow by 1.26 at each of ten impacts
+    np.testing.assert_allclose(run.impacts.approach_speed, approach, rtol=1e-11)
+    np.testing.assert_allclose(run.impacts.rebound_speed / run.impacts.approach_speed, e, rtol=1e-12)
+
+
+def test_the_unstable_orbit_is_left():
+    speed, x, v, phase = symmetric_orbit(0.1, 0.8, 0.01, 0.98, 20.0)
+    system = fi.System.from_matrices(
+        [[1.0]], [[0.02]], [[1.0]], points={"mass": [1.0]},
+        impactors=[fi.Impactor("ball", "mass", 0.1, 10.0, fi.Rigid(0.8))],
+    )  # fmt: skip
+    push = fi.PointForce("mass", fi.Sine(1.0, 0.98 / (2 * math.pi), phase))
+    start = fi.State([x], [v], [x + 10.0], [-speed * (1 + 1e-9)])
+    run = fi.integrate(system, push, EXACT, 20 * 2 * math.pi / 0.98, initial=start)
+    off = np.abs(run.impacts.approach_speed / (2 * speed * 1.1 / 1.8) - 1)
+    growth = (off[35] / off[15]) ** (1 / 20)
+    # largest eigenvalue of the half map as published, 1.2605
+    assert growth == pytest.approx(1.2605, abs=2e-3)
+
+
+# ---- bouncing, resting, leaving -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("e", [0.0, 0.3, 0.7, 0.95, 0.99])
+def test_a_bouncing_ball_comes_to_rest_when_it_should(e):
+    height, g = 4e-3, 9.81
+    # the root moves with the base and with nothing else: b = 0
+    system = beam_with_ball(2, e, at="root", gap=(1.0, height), acceleration=-g)
+    speed = math.sqrt(2 * g * height)
+    rest = speed / g + 2 * e * speed / (g * (1 - e))
+    run = fi.integrate(system, fi.Sine(0.0, 5.0), EXACT, rest + 0.5, fi.Recorder(("ball", "contact_force")))
+    assert run.riding.start == pytest.approx([rest], rel=1e-13)
+    assert math.isnan(run.riding.end[0])
+    assert run["ball"][-1] == pytest.approx(-height, abs=1e-12)
+    # the wall pushes the ball up and the structure down with the ball's weight
+    assert run["contact_force"][-1] == pytest.approx(-3.43e-3 * g, rel=1e-12)
+    # each bounce loses 1 - e^2: as many as it takes to the closure of 1e-12 m
+    bounces = 1 if e == 0 else math.ceil(math.log(height / 1e-12) / (-2 * math.log(e)))
+    assert abs(len(run.impacts) - bounces) <= 1
+    assert run.energy.residual < 1e-12
+
+
+def test_a_plate_that_outruns_gravity_lets_its_ball_go_at_the_exact_phase():
+    g, f, gain = 9.81, 20.0, 1.3
+    system = beam_with_ball(2, 0.4, at="root", gap=(1.0, 0.0), acceleration=-g)
+    base = fi.Sine(gain * g / (2 * math.pi * f) ** 2, f)
+    run = fi.integrate(system, base, EXACT, 2.0)
+    # the ball leaves where the plate falls faster than it: gain sin(theta) = 1 (downward acceleration g)
+    phase = np.mod(2 * math.pi * f * run.riding.end[:-1], 2 * math.pi)
+    np.testing.assert_allclose(phase, math.asin(1 / gain), rtol=1e-9)
+    assert run.energy.residual < 1e-12
+
+
+def test_riding_hands_the_balls_momentum_over():
+    # e = 0: the ball sticks to its wall while the box decelerates, as one body of M + m
+    system = beam_with_ball(1, 0.0)
+    start = fi.State([0.0], [0.01], [4e-3 - 1e-9], [0.5])
+    run = fi.integrate(
+        system, fi.Sine(0.0, 5.0), EXACT, 1.0, fi.Recorder(("tip.velocity", "ball.velocity", "gap")), start
+    )
+    b = float(system.contacts[0].direction[0])
+    mass = 1.0 / b**2
+    together = (mass * b * 0.01 + 3.43e-3 * 0.5) / (mass + 3.43e-3)
+    rides = (run.time > run.riding.start[0]) & (run.time < run.riding.end[0])
+    assert np.count_nonzero(rides) > 5
+    np.testing.assert_allclose(run["tip.velocity"][rides], run["ball.velocity"][rides], atol=1e-14)
+    np.testing.assert_allclose(run["gap"][rides], 4e-3, rtol=1e-13)
+    # within a sample of the impact the glued body has moved on by less than omega dt
+    assert run["ball.velocity"][rides][0] == pytest.approx(together, rel=0.05)
+    assert run.energy.residual < 1e-13
+
+
+def test_a_rider_moves_like_the_glued_structure():
+    system = beam_with_ball(3, 0.0)
+    drive = drive_of(system, fi.Sine(1e-4, 5.0))
+    closed = flight_space(system, drive, ((0, 1),))
+    # frequencies of the modal system with the ball's mass added at its place
+    row = system.contacts[0].direction
+    K, M = system.K.toarray(), np.eye(3) + 3.43e-3 * np.outer(row, row)
+    omega = np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K)).real)
+    # light damping shifts frequencies by zeta^2
+    np.testing.assert_allclose(np.sort(np.abs(closed.exponent)), np.sort(omega), rtol=1e-4)
+
+
+# ---- no event is missed ---------------------------------------------------------------------------
+
+
+def first_beyond(space, flight, horizon, points):
+    """First time at which a fine scan of the closed form finds the pair beyond a wall, else infinity."""
+    t = np.linspace(0.0, horizon, points)
+    terms = space.weight[0][:, None] * flight.entry[:, None] * np.exp(np.outer(space.exponent, t))
+    wave = space.sine[0] * np.exp(1j * (space.omega * t + flight.clock[3]))
+    y = flight.particle[:, None] + np.outer(flight.particle_rate, t) + 0.5 * np.outer(space.particle_given, t**2)
+    x = terms.real.sum(axis=0) + wave.real + space.constant[0] + space.particle_weight[0] @ y
+    out = np.flatnonzero((x > space.upper[0]) | (x < space.lower[0]))
+    return (t[out[0]] if out.size else math.inf), t[1]
+
+
+@pytest.mark.parametrize(("modes", "states"), [(1, 1000), (4, 1000), (8, 1000), (16, 300)])
+def test_no_crossing_is_missed_in_thousands_of_random_flights(modes, states):
+    rng = np.random.default_rng(modes)
+    horizon, points = 0.05, 40_001
+    base = beam_with_ball(modes)
+    met = 0
+    for _ in range(states):
+        gap = 10.0 ** rng.uniform(-6, -2)
+        pair = dataclasses.replace(base.contacts[0], gaps=(gap, gap * 10.0 ** rng.uniform(-1, 1)))
+        system = dataclasses.replace(base, contacts=(pair,))
+        drive = drive_of(system, fi.Sine(10.0 ** rng.uniform(-6, -3), rng.uniform(1, 300), rng.uniform(0, 6)))
+        closed = flight_space(system, drive)
+        space = space_of(system, drive, closed, 1e-3)
+        scale = gap * 10.0 ** rng.uniform(-3, 1)
+        entry = scale * (rng.normal(size=modes) + 1j * rng.normal(size=modes)) * 10.0 ** rng.uniform(-3, 0, modes)
+        ball = np.array([rng.uniform(-1, 1) * scale, 10.0 ** rng.uniform(-4, 0) * rng.choice([-1, 1])])
+        flight = Flight(
+            entry, ball[:1] / closed.particle_shape[-1, :1], ball[1:] / closed.particle_shape[-1, :1],
+            np.array([0.0, 0.0, 0.0, drive.phase]),
+        )  # fmt: skip
+        expected, step = first_beyond(space, flight, horizon, points)
+        if expected == 0.0:
+            continue
+        contact = scratch(modes)
+        status = events.next_event(space, flight, horizon, contact)
+        time = flight.clock[0] if status == events.HIT else math.inf
+        met += status == events.HIT
+        # the scan sees a crossing one point late at most; the event may be a graze between two points
+        assert time <= expected
+        if math.isfinite(expected) and time < expected - step:
+            again, _ = first_beyond(space, flight, 0.0, 2)
+            # an earlier event is a real one: at its instant the pair is at its wall, to rounding
+            assert again in (0.0, math.inf)
+            x = space.upper[0] if contact.at_wall[0] > 0 else space.lower[0]
+            assert abs(value_now(space, flight) - x) < 1e-12 * (abs(x) + scale + 1)
+    assert met > states / 4
+
+
+def value_now(space, flight):
+    wave = space.sine[0] * np.exp(1j * (space.omega * flight.clock[0] + flight.clock[3]))
+    return float(
+        (space.weight[0] @ flight.entry).real
+        + wave.real
+        + space.constant[0]
+        + space.particle_weight[0] @ flight.particle
+    )
+
+
+def scratch(entries):
+    return events.Contact(
+        restitution=np.ones(1), closure=np.array([1e-12]), leaving=np.zeros(1), at_wall=np.zeros(1), rate=np.zeros(1),
+        impulse=np.zeros(1), found=np.zeros(5), size=np.zeros(2 * entries), event=np.zeros(4), impacts=np.zeros((0, 7)),
+        totals=np.zeros((6, 1)), window=np.zeros(2), tally=np.zeros(3, dtype=np.int64),
+    )  # fmt: skip
+
+
+# ---- ledger ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("modes", "restitution"), [(4, 0.7), (8, 0.3)])
+def test_the_ledger_closes_over_a_thousand_cycles(modes, restitution):
+    system = beam_with_ball(modes, restitution)
+    run = fi.integrate(system, fi.Sine(0.2037e-3, 5.0), EXACT, 200.0, fi.Recorder(every=64))
+    assert len(run.impacts) > 1000
+    # rounding of 1e-16 a step over 64,000 samples, far below the 1e-10 that is asked for
+    assert run.energy.residual < 1e-12
+    np.testing.assert_allclose(run.energy.structure_loss_of_mode.sum(axis=1), run.energy.structure_loss, rtol=1e-12)
+    # the table's losses are the ledger's
+    assert run.impacts.energy_loss.sum() == pytest.approx(run.energy.contact_loss[-1], rel=1e-9)
+
+
+def test_what_an_impact_takes_from_the_ball_goes_to_the_modes_and_is_lost():
+    system = beam_with_ball(6, 0.6)
+    run = fi.integrate(system, fi.Sine(0.2037e-3, 5.0), EXACT, 20.0)
+    i = run.impacts
+    # kinetic energy of the ball relative to the base changes by impulse times its mean velocity
+    total = i.energy_to_modes.sum(axis=1) + i.energy_loss
+    assert np.all(np.isfinite(total))
+    np.testing.assert_allclose(i.mode_share.sum(axis=1), 1.0, rtol=1e-12)
+    mu = 1.0 / (1.0 / 3.43e-3 + float(system.contacts[0].direction @ system.contacts[0].direction))
+    # (1 + e) m_eff v, and (1 - e^2) m_eff v^2/2
+    np.testing.assert_allclose(i.impulse, 1.6 * mu * i.approach_speed, rtol=1e-10)
+    np.testing.assert_allclose(i.energy_loss, 0.32 * mu * i.approach_speed**2, rtol=1e-10)
+
+
+# ---- drives ---------------------------------------------------------------------------------------
+
+
+def test_a_recorded_base_is_flown_exactly_for_its_broken_line():
+    # a triangle of acceleration: the closed form of the broken line against Newmark at ever smaller steps
+    system = fi.without_impactors(beam_with_ball(2))
+    dt = 0.02
+    samples = np.array([0.0, 1.0, -1.0, 0.5, 0.0])
+    base = fi.RecordedBase(samples, dt)
+    run = fi.integrate(system, base, fi.EventDriven(samples_per_cycle=100), 0.4, fi.Recorder(("tip",)))
+
+    def exact(time):
+        # Duhamel's integral of every mode by fine quadrature
+        total = 0.0
+        for omega2, c, load, row in zip(
+            system.K.diagonal(), system.C.diagonal(), system.base_load, system.point_row("tip"), strict=True
+        ):
+            s = np.linspace(0, min(time, 0.08), 400_001)
+            omega_d = math.sqrt(omega2 - c * c / 4)
+            kernel = np.exp(-c / 2 * (time - s)) * np.sin(omega_d * (time - s)) / omega_d
+            total -= row * load * np.trapezoid(kernel * base.acceleration(s), s)
+        return total
+
+    for index in (20, 60, -1):
+        # the quadrature's own error, 1e-9 of the motion
+        assert run["tip"][index] == pytest.approx(exact(run.time[index]), rel=1e-6, abs=1e-12)
+    assert run.energy.residual < 1e-12
+
+
+def test_a_sampled_sine_converges_to_the_sine_with_order_two():
+    system = beam_with_ball(3, 0.8)
+    sine = fi.Sine(0.2037e-3, 5.0)
+    keep = fi.Recorder(("tip",))
+    exact = fi.integrate(system, sine, EXACT, 0.5, keep, fi.State.at_rest())
+    errors = []
+    for n in (50, 100, 200):
+        t = np.arange(int(0.6 * 5 * n)) / (5.0 * n)
+        base = fi.RecordedBase(sine.acceleration(t), 1.0 / (5.0 * n), initial_velocity=float(sine.velocity(0.0)))
+        points = round(5.0 / base.frequency) * 64
+        run = fi.integrate(system, base, fi.EventDriven(samples_per_cycle=points), 0.5, keep)
+        errors.append(np.max(np.abs(np.interp(run.time, exact.time, exact["tip"])[::16] - run["tip"][::16])))
+    # linear interpolation of the comparison itself adds 1e-7 m; the trend is order 2
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.4)
+
+
+def test_stops_bound_the_beam_on_both_sides():
+    structure = fi.Structure(
+        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
+        masses=[fi.PointMass("box", at="tip", mass=0.02290976)],
+        stops=[fi.Stop("bumper", at="tip", gap=(1e-3, 2e-3), contact=fi.Rigid(restitution=0.5))],
+        damping=fi.Rayleigh(ratio=0.0029, modes=(1, 2)),
+    )
+    system = fi.reduce(fi.assemble(structure, elements=10), modes=5)
+    run = fi.integrate(system, fi.Sine(0.2037e-3, 5.3), EXACT, 20.0)
+    assert run["tip"].max() == pytest.approx(1e-3, rel=1e-2)
+    assert run["tip"].max() <= 1e-3 * (1 + 1e-12)
+    assert run["tip"].min() >= -2e-3 * (1 + 1e-12)
+    assert set(run.impacts.side) == {1.0} or set(run.impacts.side) == {1.0, -1.0}
+    assert run.energy.residual < 1e-11
+
+
+def test_newtons_cradle():
+    # five equal masses in a row, in touch: the last one leaves with the first one's speed
+    n = 5
+    points = {f"mass {i}": np.eye(n)[i] for i in range(n)}
+    points |= {f"between {i}": np.eye(n)[i] - np.eye(n)[i + 1] for i in range(n - 1)}
+    stops = [fi.Stop(f"contact {i}", f"between {i}", (0.0, math.inf), fi.Rigid(1.0)) for i in range(n - 1)]
+    system = fi.System.from_matrices(np.eye(n), 0 * np.eye(n), 0 * np.eye(n), points=points, stops=stops)
+    start = fi.State(displacement=[-1.0, 0, 0, 0, 0], velocity=[2.0, 0, 0, 0, 0])
+    channels = tuple(f"mass {i}.velocity" for i in range(n))
+    run = fi.integrate(system, fi.Sine(0.0, 1.0), EXACT, 1.0, fi.Recorder(channels), start)
+    final = [run[channel][-1] for channel in channels]
+    np.testing.assert_allclose(final, [0, 0, 0, 0, 2.0], atol=1e-13)
+    np.testing.assert_allclose(run.impacts.time, 0.5, rtol=1e-14)
+
+
+# ---- input ----------------------------------------------------------------------------------------
+
+
+def test_what_cannot_be_flown_is_refused_by_name():
+    full = fi.assemble(
+        fi.Structure(fi.Beam.uniform(length=0.2, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)), 4
+    )
+    with pytest.raises(fi.InputError, match=r"must be on its normal modes for EventDriven: use reduce"):
+        fi.integrate(full, fi.Sine(1e-4, 5.0), EXACT, 1.0)
+    soft = fi.System.from_matrices(
+        [[1.0]], [[0.0]], [[1.0]], points={"mass": [1.0]},
+        impactors=[fi.Impactor("ball", "mass", 0.1, 1.0, fi.KelvinVoigt(stiffness=1e3, restitution=0.5))],
+    )  # fmt: skip
+    with pytest.raises(fi.InputError, match=r"ball.contact = 'kelvin-voigt': must be Rigid"):
+        fi.integrate(soft, fi.Sine(1e-4, 5.0), EXACT, 1.0)
+    undamped = fi.System.from_matrices([[1.0]], [[0.0]], [[1.0]], points={"mass": [1.0]})
+    with pytest.raises(fi.InputError, match="undamped mode"):
+        fi.integrate(undamped, fi.Sine(1e-4, 1 / (2 * math.pi)), EXACT, 1.0)
