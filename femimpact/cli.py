@@ -177,6 +177,31 @@ def converge(study: Path, *, output: Output = None, force: Force = False, quiet:
     console.print(f"results in {directory}")
 
 
+@app.command
+def contact(
+    study: Path, *, speed_min: float = 0.01, speed_max: float = 1.0, output: Output = None, force: Force = False,
+    quiet: Quiet = False,
+) -> None:  # fmt: skip
+    """One collision of every impactor over the approach speed (m/s): restitution, force and steps."""
+    from femimpact.contact_table import UNITS, write_contact_table
+    from femimpact.study import load_study
+
+    directory = output or _directory(study, "contact")
+    columns = write_contact_table(load_study(study), directory, force, speed_min, speed_max)
+    if quiet:
+        return
+    console = _console()
+    # eleven columns: one word a line
+    units = [f" ({UNITS[name]})" if UNITS.get(name, "1") != "1" else "" for name in columns]
+    header = [name.replace("_", "\n") + unit for name, unit in zip(columns, units, strict=True)]
+    rows = zip(*columns.values(), strict=True)
+    # what is not a number is a dash
+    _print_table(
+        console, header, ([None if v != v else v for v in row] for row in rows), "One collision, by its approach speed"
+    )
+    console.print(f"results in {directory}")
+
+
 # ---- what they share ------------------------------------------------------------------------------
 
 

@@ -1,0 +1,132 @@
+"""What the contacts of a study return, with which force and in how many steps, over the approach speed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.contact import ContactLaw, KelvinVoigt, PowerLaw, Rigid, SwitchingSpring, collide
+from femimpact.errors import require
+from femimpact.export import contact_figure, figures, tables
+from femimpact.integrators.collision import achieved_restitution
+from femimpact.integrators.newmark import Newmark, recommended_step
+from femimpact.results import prepare_directory
+from femimpact.study import Study, build
+from femimpact.system import ContactPair
+
+__all__ = ["UNITS", "approach_speeds", "contact_table", "write_contact_table"]
+
+SPEEDS = 7
+UNITS = {
+    "approach_speed": "m/s",
+    "restitution_asked": "1",
+    "restitution": "1",
+    "restitution_with_step": "1",
+    "contact_time": "s",
+    "steps_per_contact": "1",
+    "peak_force": "N",
+    "largest_penetration": "m",
+    "energy_loss": "J",
+}
+
+
+def approach_speeds(speed_min: float, speed_max: float) -> NDArray[Any]:
+    """Approach speeds (m/s) of the table, even on a logarithmic axis.
+
+    Raises
+    ------
+    InputError
+        Unless 0 < speed_min < speed_max, both finite.
+    """
+    sound = math.isfinite(speed_min) and speed_min > 0.0
+    require(sound, "speed_min", speed_min, "m/s", "must be a finite number > 0 m/s")
+    sound = math.isfinite(speed_max) and speed_max > speed_min
+    require(sound, "speed_max", speed_max, "m/s", f"must be a finite number > speed_min, {speed_min:g} m/s")
+    return np.geomspace(speed_min, speed_max, SPEEDS)
+
+
+def contact_table(study: Study, speed_min: float = 0.01, speed_max: float = 1.0) -> dict[str, list[Any]]:
+    """One collision of every impactor and stop of a study, at seven approach speeds.
+
+    Parameters
+    ----------
+    study : Study
+    speed_min, speed_max : float, m/s
+
+    Returns
+    -------
+    dict of str to list
+        By column, units in `UNITS`: the restitution asked for, that of one collision in continuous
+        time and that with the study's step. Not a number where a law asks for no restitution, has
+        no force or duration, or cannot be stepped alone.
+
+    Raises
+    ------
+    InputError
+        If the speeds are no range, or the study has no contact.
+    """
+    speeds = approach_speeds(speed_min, speed_max)
+    pairs, method = _contacts(study)
+    rows = [_row(pair, method, float(speed)) for pair in pairs for speed in speeds]
+    return {name: [row[name] for row in rows] for name in rows[0]}
+
+
+def write_contact_table(
+    study: Study, directory: Path, force: bool = False, speed_min: float = 0.01, speed_max: float = 1.0
+) -> dict[str, list[Any]]:
+    """Write the table as `contact.csv`, and force over penetration as `contact_force.png`."""
+    columns = contact_table(study, speed_min, speed_max)
+    contacts = [(pair.name, pair.law, pair.effective_mass) for pair in _contacts(study)[0]]
+    # speeds far apart would leave the slow loops too small to see
+    shown = np.linspace(max(speed_min, 0.25 * speed_max), speed_max, 3)
+    with prepare_directory(directory, force) as folder:
+        tables.write_csv(folder / "contact.csv", columns, UNITS)
+        figures.save_figure(contact_figure.penetration_figure(contacts, shown.tolist()), folder / "contact_force.png")
+    return columns
+
+
+def _contacts(study: Study) -> tuple[tuple[ContactPair, ...], Newmark]:
+    """The pairs of the integrated system, and the study's method with its step."""
+    # any step will do to build: a rigid contact, which has no duration, would recommend one of zero
+    _, system, _ = build(replace(study, method={"dt": 1.0}))
+    require(bool(system.contacts), "impactor", None, "", "table [[impactor]] is missing from the study")
+    settings = dict(study.method)
+    if "dt" not in settings:
+        lasting = tuple(pair for pair in system.contacts if not isinstance(pair.law, Rigid))
+        settings["dt"] = recommended_step(replace(system, contacts=lasting))
+    return tuple(system.contacts), Newmark(**settings)
+
+
+def _row(pair: ContactPair, method: Newmark, speed: float) -> dict[str, Any]:
+    found = collide(pair.law, pair.effective_mass, speed)
+    return {
+        "impactor": pair.name,
+        "law": pair.law.name,
+        "approach_speed": speed,
+        "restitution_asked": _asked(pair.law),
+        "restitution": found.restitution,
+        "restitution_with_step": _stepped(pair, method, speed),
+        "contact_time": found.contact_time,
+        "steps_per_contact": math.nan if isinstance(pair.law, Rigid) else found.contact_time / method.dt,
+        "peak_force": found.peak_force,
+        "largest_penetration": found.largest_penetration,
+        "energy_loss": found.energy_loss,
+    }
+
+
+def _asked(law: ContactLaw) -> float:
+    if isinstance(law, (KelvinVoigt, PowerLaw, Rigid)) and law.restitution is not None:
+        return law.restitution
+    return math.nan
+
+
+def _stepped(pair: ContactPair, method: Newmark, speed: float) -> float:
+    """Mean restitution with the method's step, of the laws whose collision can be stepped alone."""
+    if isinstance(pair.law, (KelvinVoigt, SwitchingSpring)):
+        return achieved_restitution(pair, method, speed).mean
+    return math.nan

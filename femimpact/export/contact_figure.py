@@ -1,0 +1,123 @@
+"""What the contacts of a study do in one collision: force over penetration, loading and unloading."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.contact import ContactLaw, Rigid, collide, contact_force
+from femimpact.export.figures import COLOURS, GREY, STYLE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["collision_history", "penetration_figure"]
+
+POINTS = 400
+"""Instants of one collision that are drawn."""
+
+
+def collision_history(
+    law: ContactLaw, effective_mass: float, approach_speed: float
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """One collision, integrated from touch to zero force.
+
+    Parameters
+    ----------
+    law : ContactLaw
+        Not a rigid one, which has no force.
+    effective_mass : float, kg
+    approach_speed : float, m/s
+
+    Returns
+    -------
+    depth : ndarray, m
+    rate : ndarray, m/s
+    force : ndarray, N
+    """
+    from scipy.integrate import solve_ivp
+
+    whole = collide(law, effective_mass, approach_speed)
+    m, v = effective_mass, approach_speed
+
+    def rates(_: float, y: Any) -> list[float]:
+        return [y[1], -contact_force(law, y[0], y[1], v, m) / m]
+
+    # from just inside the wall: on it, a dashpot's force would be zero
+    inside = 1e-9 * whole.largest_penetration
+    run: Any = solve_ivp(
+        rates, (0.0, whole.contact_time), [inside, v], method="LSODA", rtol=1e-9,
+        atol=[1e-11 * whole.largest_penetration, 1e-11 * v],
+        t_eval=np.linspace(0.0, whole.contact_time, POINTS),
+    )  # fmt: skip
+    depth, rate = run.y
+    force = [contact_force(law, p, r, v, m) for p, r in zip(depth, rate, strict=True)]
+    return depth, rate, np.array(force)
+
+
+def penetration_figure(contacts: Sequence[tuple[str, ContactLaw, float]], speeds: Sequence[float]) -> Figure:
+    """Force over penetration of every contact: one loop for each approach speed, whose area is the energy lost.
+
+    Parameters
+    ----------
+    contacts : sequence of (name, ContactLaw, effective mass in kg)
+    speeds : sequence of float, m/s
+        Ascending.
+
+    Returns
+    -------
+    Figure
+    """
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    columns = min(len(contacts), 2)
+    rows = -(-len(contacts) // columns)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(7.2 if columns == 1 else 11.0, 4.4 * rows + 0.3), layout="constrained")
+        axes = figure.subplots(rows, columns, squeeze=False).ravel()
+        caption = "one collision; solid: loading, dashed: unloading, area between them: energy lost"
+        figure.suptitle(caption, fontsize=11.0, color=GREY)
+    for axis, contact in zip(axes, contacts, strict=False):
+        _loops(axis, *contact, speeds)
+    for axis in axes[len(contacts) :]:
+        axis.remove()
+    return figure
+
+
+def _loops(axis: Any, name: str, law: ContactLaw, mass: float, speeds: Sequence[float]) -> None:
+    axis.set_title(f"{name}: {law.name}, effective mass {1e3 * mass:.4g} g", loc="left")
+    axis.set_xlabel("penetration (micrometres)")
+    axis.set_ylabel("contact force (N)")
+    if isinstance(law, Rigid):
+        axis.set_xticks([])
+        axis.set_yticks([])
+        axis.annotate("an impulse only: no force, no penetration", (0.5, 0.5), xycoords="axes fraction",
+                      ha="center", color=GREY)  # fmt: skip
+        return
+    loops = [collision_history(law, mass, speed) for speed in speeds]
+    axis.set_xlim(0.0, 1.16e6 * max(depth.max() for depth, _, _ in loops))
+    axis.set_ylim(0.0, 1.14 * max(force.max() for _, _, force in loops))
+    # the slow loops on top: elastic ones lie on one another
+    for colour, speed, (depth, _, force) in reversed(list(zip(COLOURS, speeds, loops, strict=False))):
+        _loop(axis, 1e6 * depth, force, colour, f"{speed:.3g} m/s")
+
+
+def _loop(axis: Any, depth: NDArray[Any], force: NDArray[Any], colour: str, label: str) -> None:
+    from matplotlib.patheffects import withStroke
+
+    turn, crest = int(np.argmax(depth)), int(np.argmax(force))
+    # off the wall without force: the loop closes along the axes
+    axis.fill(np.append(depth, 0.0), np.append(force, 0.0), color=colour, alpha=0.08, linewidth=0.0)
+    # both branches share the deepest point, or a hole would be left there
+    axis.plot(depth[: turn + 1], force[: turn + 1], color=colour)
+    axis.plot(depth[turn:], force[turn:], color=colour, linestyle="--")
+    axis.plot(depth[turn], force[turn], "o", color=colour, markersize=4.0)
+    # beside an elastic line, on top of a loop
+    elastic = depth[crest] > 0.995 * depth[turn]
+    place: Any = {"xytext": (7, -3), "ha": "left", "va": "top"} if elastic else {"xytext": (0, 5), "ha": "center"}
+    axis.annotate(label, (depth[crest], force[crest]), textcoords="offset points", color=colour,
+                  path_effects=[withStroke(linewidth=3.0, foreground="white")], **place)  # fmt: skip
