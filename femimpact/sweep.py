@@ -22,6 +22,8 @@ from femimpact.identification import DampingEstimate, fit_one_pole, half_power
 from femimpact.impacts import impact_statistics
 from femimpact.integrators import layout
 from femimpact.integrators.block import Block, Progress, prepare, run_block
+from femimpact.integrators.dwell import dwell
+from femimpact.integrators.event_driven import EventDriven, check_events
 from femimpact.integrators.integrate import divergence_message
 from femimpact.integrators.newmark import Newmark, check_sampling, check_step, step_notes
 from femimpact.signals import SteadyMotion, steady_motion
@@ -160,7 +162,7 @@ def frequency_sweep(
     system: System,
     amplitude: float,
     frequencies: ArrayLike,
-    method: Newmark,
+    method: Newmark | EventDriven,
     cycles: int,
     *,
     initial: State | None = None,
@@ -178,7 +180,7 @@ def frequency_sweep(
     amplitude : float, m
         Of the base displacement, the same at all frequencies.
     frequencies : array_like (n,), Hz
-    method : Newmark
+    method : Newmark or EventDriven
     cycles : int
         Whole dwell in base cycles; the last third is measured.
     initial : State, optional
@@ -205,7 +207,8 @@ def frequency_sweep(
         If every frequency diverged.
     """
     state = initial or State()
-    for value, kind in ((system, System), (method, Newmark), (state, State)):
+    given: tuple[tuple[Any, Any], ...] = ((system, System), (state, State))
+    for value, kind in given:
         require_type(value, kind, kind.__name__.lower())
     f = np.atleast_1d(np.array(frequencies, dtype=float))
     fine = f.ndim == 1 and f.size > 0 and bool(np.all(np.isfinite(f) & (f > 0)))
@@ -214,10 +217,38 @@ def frequency_sweep(
     require(whole, "cycles", cycles, "", "must be a whole number >= 3")
     positive = threads is None or (isinstance(threads, int) and threads >= 1)
     require(positive, "threads", threads, "", "must be a whole number >= 1")
+    observed, workers = system.point_row(at), threads or _cores()
+    warnings: list[str] = []
+    if isinstance(method, EventDriven):
+        notes: tuple[str, ...] = ()
+        columns = _event_columns(system, amplitude, f, method, int(cycles), state, observed, ledger, workers, progress)
+    else:
+        require_type(method, Newmark, "method")
+        notes = step_notes(system, method)
+        columns = _stepped_columns(
+            system, amplitude, f, method, int(cycles), state, observed, ledger, workers, progress, warnings
+        )
+    warnings += _steadiness_warnings(f, columns["steadiness"]) + _dwell_warnings(system, f, cycles)
+    return FrequencyResponse(
+        frequency=_read_only(f),
+        **{name: _read_only(column) for name, column in columns.items()},
+        amplitude=amplitude,
+        cycles=int(cycles),
+        at=at,
+        start=state.frame if state.is_at_rest else "given",
+        law=", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none",
+        warnings=tuple(warnings),
+        notes=notes,
+    )
+
+
+def _stepped_columns(
+    system: System, amplitude: float, f: NDArray[Any], method: Newmark, cycles: int, state: State,
+    observed: NDArray[Any], ledger: bool, workers: int, progress: Progress | None, warnings: list[str],
+) -> dict[str, NDArray[Any]]:  # fmt: skip
+    """All frequencies by a step method, side by side in blocks."""
     check_sampling(f, method, "frequencies")
-    warnings = list(check_step(system, method))
-    observed = system.point_row(at)
-    workers = threads or _cores()
+    warnings += check_step(system, method)
     groups = _blocks(f, workers)
     blocks = []
     for members in groups:
@@ -234,18 +265,40 @@ def frequency_sweep(
     if all(s == "failed" for s in columns["steadiness"]):
         time = min(float(block.diverged.min()) for block in blocks)
         raise DivergenceError(divergence_message(float(f[0]), time, method))
-    warnings += _steadiness_warnings(f, columns["steadiness"]) + _dwell_warnings(system, f, cycles)
-    return FrequencyResponse(
-        frequency=_read_only(f),
-        **{name: _read_only(column) for name, column in columns.items()},
-        amplitude=amplitude,
-        cycles=int(cycles),
-        at=at,
-        start=state.frame if state.is_at_rest else "given",
-        law=", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none",
-        warnings=tuple(warnings),
-        notes=step_notes(system, method),
-    )
+    return columns
+
+
+def _event_columns(
+    system: System, amplitude: float, f: NDArray[Any], method: EventDriven, cycles: int, state: State,
+    observed: NDArray[Any], ledger: bool, workers: int, progress: Progress | None,
+) -> dict[str, NDArray[Any]]:  # fmt: skip
+    """All frequencies event-driven, each a run of its own."""
+    check_events(system)
+    columns = {name: np.full(f.size, np.nan) for name in SWEEP_UNITS}
+    columns["steadiness"] = np.full(f.size, "failed", dtype="<U11")
+    lock, done = threading.Lock(), [0]
+
+    def run(i: int) -> None:
+        found = dwell(system, Sine(amplitude, float(f[i])), method, cycles, cycles // 3, state, observed, ledger)
+        motion = steady_motion(found.cycles, np.array([cycles // 3]))
+        for name in ("peak", "rms", "first_harmonic", "phase", "steadiness"):
+            columns[name][i] = getattr(motion, name)[0]
+        statistics = impact_statistics(found.totals, found.measured, float(f[i]), "")
+        for name in IMPACT_NAMES:
+            columns[name][i] = getattr(statistics, name)
+        columns["energy_residual"][i] = found.residual
+        with lock:
+            done[0] += 1
+            if progress is not None:
+                progress(done[0] / f.size)
+
+    if workers == 1 or f.size == 1:
+        for i in range(f.size):
+            run(i)
+    else:
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(run, range(f.size)))
+    return columns
 
 
 def _cores() -> int:
