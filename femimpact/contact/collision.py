@@ -170,8 +170,11 @@ def _potential_of_speed(loss: float, ratio: float) -> float:
     m v dv/(1 + d v/v0) = -dU gives U/(m v0^2) = (1 - r)/d - ln[(1 + d)/(1 + d r)]/d^2, written
     here without differences of near numbers.
     """
-    v = (1.0 - ratio) / (1.0 + loss * ratio)
+    v = (1.0 - ratio) / max(1.0 + loss * ratio, 1e-300)
     u = loss * v
+    if u > 1.0:
+        # no near numbers here, and v may be huge next to the speed at which the force vanishes
+        return (1.0 - ratio) / loss - math.log1p(u) / loss**2
     series = sum((-u) ** n / (n + 2.0) for n in range(8))
     shape = series if abs(u) < 0.02 else (u - math.log1p(u)) / u**2
     return ratio * v + v * v * shape
@@ -198,20 +201,30 @@ def power_contact_time(stiffness: float, exponent: float, loss: float, mass: flo
     For d = 0 and n = 3/2 it is 2.9432 times the largest penetration over v (Hertz; Johnson, 1985).
     """
     e = restitution_of_loss_factor(loss)
-    # r = v/v0 from 1 to -e; N goes to zero at both ends like a power, which x = sin maps away
     x, w = np.polynomial.legendre.leggauss(QUADRATURE)
-    total = 0.0
-    for low, high in ((-e, 0.0), (0.0, 1.0)):
-        # cluster towards the end where the force vanishes: r = end + (other - end) s^q, q = n + 1
-        end, other = (low, high) if low < 0.0 else (high, low)
-        q = exponent + 1.0
-        s = 0.5 * (x + 1.0)
-        r = end + (other - end) * s**q
-        energy = np.array([_potential_of_speed(loss, value) for value in r]) * mass * speed**2
-        depth = np.array([_depth(value, stiffness, exponent) for value in energy])
-        force = stiffness * depth**exponent * (1.0 + loss * r)
-        total += float(np.sum(0.5 * w * mass * speed * abs(other - end) * q * s ** (q - 1.0) / force)) if e > 0 else 0.0
-    return total
+    s, w = 0.5 * (x + 1.0), 0.5 * w
+    scale, q = mass * speed**2, exponent + 1.0
+    # coming: -m dv/N, clustered at the touch, where the force grows from zero
+    r = 1.0 - s**q
+    depth = np.array([_depth(_potential_of_speed(loss, value) * scale, stiffness, exponent) for value in r])
+    coming = mass * speed * q * s ** (q - 1.0) / (stiffness * depth**exponent * (1.0 + loss * r))
+    # leaving: dp/|v|, for a lossy contact creeps back at a speed that hardly changes; clustered where it turns
+    deepest = _depth(_potential_of_speed(loss, 0.0) * scale, stiffness, exponent)
+    back = [_leaving_speed(loss, e, value) for value in (1.0 - s * s) ** q * _potential_of_speed(loss, 0.0)]
+    leaving = 2.0 * s * deepest / (speed * np.array(back))
+    return float(np.sum(w * (coming + leaving)))
+
+
+def _leaving_speed(loss: float, restitution: float, potential: float) -> float:
+    """Relative speed over v0 on the way back, positive, where (stored energy)/(m v0^2) is `potential`."""
+    from scipy.optimize import brentq
+
+    def left(ratio: float) -> float:
+        return _potential_of_speed(loss, -ratio) - potential
+
+    if left(restitution) >= 0.0:
+        return restitution
+    return float(brentq(left, 0.0, restitution, xtol=1e-17, rtol=1e-14))
 
 
 def _numerical_collision(force: Callable[[float, float], float], mass: float, speed: float) -> Collision:
