@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.assembly import assemble
-from femimpact.contact import KelvinVoigt
+from femimpact.contact import KelvinVoigt, Rigid
 from femimpact.errors import Fault, InputError
 from femimpact.identification import amplitude_ratio_damping
+from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.newmark import Newmark, recommended_step
 from femimpact.reduction import reduce
 from femimpact.structure import Structure
@@ -82,13 +83,14 @@ def with_restitution(structure: Structure, restitution: float) -> Structure:
     Raises
     ------
     InputError
-        If a contact is not a `KelvinVoigt` that was given a restitution.
+        If a contact is neither `Rigid` nor a `KelvinVoigt` that was given a restitution.
     """
     impactors = []
     for ball in structure.impactors:
         law = ball.contact
-        if not isinstance(law, KelvinVoigt) or law.restitution is None:
-            allowed = "must be kelvin-voigt with a restitution to be varied"
+        varied = isinstance(law, Rigid) or (isinstance(law, KelvinVoigt) and law.restitution is not None)
+        if not varied or not isinstance(law, KelvinVoigt | Rigid):
+            allowed = "must be rigid, or kelvin-voigt with a restitution, to be varied"
             raise InputError([Fault(f"impactor.{ball.name}.contact", law.name, "", allowed)])
         impactors.append(dataclasses.replace(ball, contact=dataclasses.replace(law, restitution=restitution)))
     return dataclasses.replace(structure, impactors=tuple(impactors))
@@ -111,7 +113,8 @@ def scan_restitution(
     Parameters
     ----------
     structure : Structure
-        Its contacts are Kelvin-Voigt with a restitution.
+        Its contacts are Rigid, flown by the event-driven method, or Kelvin-Voigt with a restitution,
+        stepped by Newmark.
     restitutions : array_like (n,), 1
     empty : FrequencyResponse
         The sweep without balls; gives base amplitude, reference peak and reference damping.
@@ -131,7 +134,8 @@ def scan_restitution(
     curves = []
     for i, restitution in enumerate(values):
         system = reduce(assemble(with_restitution(structure, float(restitution)), elements=elements), modes)
-        method = Newmark(dt=recommended_step(system))
+        rigid = any(isinstance(pair.law, Rigid) for pair in system.contacts)
+        method = EventDriven() if rigid else Newmark(dt=recommended_step(system))
         curves.append(
             frequency_sweep(system, empty.amplitude, frequencies, method, cycles, initial=initial, ledger=False)
         )
