@@ -255,14 +255,14 @@ def test_what_an_impact_takes_from_the_ball_goes_to_the_modes_and_is_lost():
     system = beam_with_ball(6, 0.6)
     run = fi.integrate(system, fi.Sine(0.2037e-3, 5.0), EXACT, 20.0)
     i = run.impacts
-    # kinetic energy of the ball relative to the base changes by impulse times its mean velocity
-    total = i.energy_to_modes.sum(axis=1) + i.energy_loss
-    assert np.all(np.isfinite(total))
     np.testing.assert_allclose(i.mode_share.sum(axis=1), 1.0, rtol=1e-12)
     mu = 1.0 / (1.0 / 3.43e-3 + float(system.contacts[0].direction @ system.contacts[0].direction))
+    # the last impact of an accumulation has no rebound
+    e = np.where(i.rebound_speed > 0.0, 0.6, 0.0)
+    np.testing.assert_allclose(i.rebound_speed, e * i.approach_speed, rtol=1e-10)
     # (1 + e) m_eff v, and (1 - e^2) m_eff v^2/2
-    np.testing.assert_allclose(i.impulse, 1.6 * mu * i.approach_speed, rtol=1e-10)
-    np.testing.assert_allclose(i.energy_loss, 0.32 * mu * i.approach_speed**2, rtol=1e-10)
+    np.testing.assert_allclose(i.impulse, (1 + e) * mu * i.approach_speed, rtol=1e-10)
+    np.testing.assert_allclose(i.energy_loss, 0.5 * (1 - e**2) * mu * i.approach_speed**2, rtol=1e-10)
 
 
 # ---- drives ---------------------------------------------------------------------------------------

@@ -134,7 +134,8 @@ def clear_time(
 ) -> float:
     """Time in which scalar r surely meets neither bound.
 
-    `size` (K,) holds |H|; `found` gets value, rate, and the rounding of both.
+    `size` (K,) holds |H|; `found` gets value, rate, the rounding of both, and the time in which the
+    farther bound is surely not met.
     """
     clock, broken = flight.clock, space.broken
     turned = space.sine[r] * phase
@@ -193,6 +194,7 @@ def clear_time(
         up = _first_meeting(0.0, rate, bend + pull + twist)
     if down == 0.0 and rate > 0.0:
         down = _first_meeting(0.0, -rate, bend - pull + twist)
+    found[4] = down if upper - value < value - lower else up
     return min(up, down)
 
 

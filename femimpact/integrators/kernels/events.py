@@ -71,6 +71,26 @@ class Samples(NamedTuple):
 
 
 @inlined
+def _creep_time(clearance: float, speed: float, bend: float, twist: float, bound: float) -> float:
+    """Time in which clearance > speed s + bend s^2/2 + twist s^3/6 + bound s^4/24, or somewhat less."""
+    if bound <= 0.0:
+        return 0.0
+    if speed <= 0.0 and bend <= 0.0 and twist <= 0.0:
+        # each term that leads away is a match for the remainder for some time
+        away = max(math.sqrt(-12.0 * bend / bound), 4.0 * -twist / bound)
+        return max(away, (24.0 * clearance / bound) ** 0.25)
+    share = 0.25 * clearance
+    time = (24.0 * share / bound) ** 0.25
+    if speed > 0.0:
+        time = min(time, share / speed)
+    if bend > 0.0:
+        time = min(time, math.sqrt(2.0 * share / bend))
+    if twist > 0.0:
+        time = min(time, (6.0 * share / twist) ** (1.0 / 3.0))
+    return time
+
+
+@inlined
 def _look(r: int, space: Space, flight: Flight, phase: complex, remaining: float, c: Contact) -> float:
     """Safe time of one scalar; `at_wall` tells whether it is at a bound now."""
     safe = clear_time(r, space, flight, c.size, phase, remaining, c.found)
@@ -83,7 +103,16 @@ def _look(r: int, space: Space, flight: Flight, phase: complex, remaining: float
         c.at_wall[r] = -1.0
     if c.at_wall[r] == 0.0:
         c.leaving[r] = 0.0
-        return safe
+        over, under = space.upper[r] - value, value - space.lower[r]
+        side = 1.0 if over < under else -1.0
+        clearance = min(over, under)
+        if 2.0 * abs(rate) * safe > clearance or safe >= remaining:
+            return safe
+        # it creeps along its wall, where a parabola's bound says little
+        farther = c.found[4]
+        derivatives(r, space, flight, phase, c.found)
+        creep = _creep_time(clearance, side * rate, side * c.found[0], side * c.found[1], c.found[4])
+        return max(safe, min(creep, farther))
     toward = c.at_wall[r] * rate
     if toward > rate_rounding:
         return 0.0
