@@ -221,7 +221,9 @@ def frequency_sweep(
     warnings: list[str] = []
     if isinstance(method, EventDriven):
         notes: tuple[str, ...] = ()
-        columns = _event_columns(system, amplitude, f, method, int(cycles), state, observed, ledger, workers, progress)
+        columns = _event_columns(
+            system, amplitude, f, method, int(cycles), state, observed, ledger, workers, progress, warnings
+        )
     else:
         require_type(method, Newmark, "method")
         notes = step_notes(system, method)
@@ -270,7 +272,7 @@ def _stepped_columns(
 
 def _event_columns(
     system: System, amplitude: float, f: NDArray[Any], method: EventDriven, cycles: int, state: State,
-    observed: NDArray[Any], ledger: bool, workers: int, progress: Progress | None,
+    observed: NDArray[Any], ledger: bool, workers: int, progress: Progress | None, warnings: list[str],
 ) -> dict[str, NDArray[Any]]:  # fmt: skip
     """All frequencies event-driven, each a run of its own."""
     check_events(system)
@@ -279,7 +281,12 @@ def _event_columns(
     lock, done = threading.Lock(), [0]
 
     def run(i: int) -> None:
-        found = dwell(system, Sine(amplitude, float(f[i])), method, cycles, cycles // 3, state, observed, ledger)
+        try:
+            found = dwell(system, Sine(amplitude, float(f[i])), method, cycles, cycles // 3, state, observed, ledger)
+        except DivergenceError as error:
+            with lock:
+                warnings.append(f"at {f[i]:g} Hz: {error}")
+            return
         motion = steady_motion(found.cycles, np.array([cycles // 3]))
         for name in ("peak", "rms", "first_harmonic", "phase", "steadiness"):
             columns[name][i] = getattr(motion, name)[0]
@@ -298,6 +305,8 @@ def _event_columns(
     else:
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(run, range(f.size)))
+    if all(s == "failed" for s in columns["steadiness"]):
+        raise DivergenceError(warnings[-1])
     return columns
 
 
