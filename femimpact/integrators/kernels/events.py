@@ -72,21 +72,24 @@ class Samples(NamedTuple):
 
 @inlined
 def _creep_time(clearance: float, speed: float, bend: float, twist: float, bound: float) -> float:
-    """Time in which clearance > speed s + bend s^2/2 + twist s^3/6 + bound s^4/24, or somewhat less."""
+    """Time in which clearance >= speed s + bend s^2/2 + twist s^3/6 + bound s^4/24, or somewhat less.
+
+    Each term that leads to the wall stays below a quarter of one of lower order that leads away.
+    """
+    away_speed, away_bend, away_twist = max(-speed, 0.0), max(-bend, 0.0), max(-twist, 0.0)
     if bound <= 0.0:
-        return 0.0
-    if speed <= 0.0 and bend <= 0.0 and twist <= 0.0:
-        # each term that leads away is a match for the remainder for some time
-        away = max(math.sqrt(-12.0 * bend / bound), 4.0 * -twist / bound)
-        return max(away, (24.0 * clearance / bound) ** 0.25)
-    share = 0.25 * clearance
-    time = (24.0 * share / bound) ** 0.25
+        return math.inf if speed <= 0.0 and bend <= 0.0 and twist <= 0.0 else 0.0
+    time = max(
+        max((6.0 * clearance / bound) ** 0.25, (6.0 * away_speed / bound) ** (1.0 / 3.0)),
+        max(math.sqrt(3.0 * away_bend / bound), away_twist / bound),
+    )
     if speed > 0.0:
-        time = min(time, share / speed)
+        time = min(time, 0.25 * clearance / speed)
     if bend > 0.0:
-        time = min(time, math.sqrt(2.0 * share / bend))
+        time = min(time, max(math.sqrt(0.5 * clearance / bend), 0.5 * away_speed / bend))
     if twist > 0.0:
-        time = min(time, (6.0 * share / twist) ** (1.0 / 3.0))
+        by_speed, by_bend = math.sqrt(1.5 * away_speed / twist), 0.75 * away_bend / twist
+        time = min(time, max((1.5 * clearance / twist) ** (1.0 / 3.0), max(by_speed, by_bend)))
     return time
 
 
@@ -101,37 +104,29 @@ def _look(r: int, space: Space, flight: Flight, phase: complex, remaining: float
         c.at_wall[r] = 1.0
     elif value - space.lower[r] <= rounding:
         c.at_wall[r] = -1.0
+    over, under, farther = space.upper[r] - value, value - space.lower[r], c.found[4]
+    side = 1.0 if over < under else -1.0
+    clearance, toward = max(min(over, under), 0.0), side * rate
     if c.at_wall[r] == 0.0:
         c.leaving[r] = 0.0
-        over, under = space.upper[r] - value, value - space.lower[r]
-        side = 1.0 if over < under else -1.0
-        clearance = min(over, under)
         if 2.0 * abs(rate) * safe > clearance or safe >= remaining:
             return safe
-        # it creeps along its wall, where a parabola's bound says little
-        farther = c.found[4]
-        derivatives(r, space, flight, phase, c.found)
-        creep = _creep_time(clearance, side * rate, side * c.found[0], side * c.found[1], c.found[4])
-        return max(safe, min(creep, farther))
-    toward = c.at_wall[r] * rate
-    if toward > rate_rounding:
+    elif toward > rate_rounding:
         return 0.0
-    if toward < -rate_rounding:
-        return safe
-    # at the wall without speed: the next derivatives tell whether it stays
+    # it creeps along its wall, where the bound of a parabola says little
     derivatives(r, space, flight, phase, c.found)
-    press, twist = c.at_wall[r] * c.found[0], c.at_wall[r] * c.found[1]
-    # a rider that was let go has no acceleration left but rounding
-    noise = (1e-9 if c.leaving[r] == c.at_wall[r] else 1e-12) * c.found[2]
-    # clearance = |x''| s^2/2 - bound s^3/6 > 0, or |x'''| s^3/6 - bound s^4/24 > 0
-    if press < -noise:
-        return 3.0 * -press / c.found[3] if c.found[3] > 0.0 else remaining
-    if twist < 0.0 and press <= noise:
-        return 2.0 * -twist / c.found[4] if c.found[4] > 0.0 else remaining
-    # touching without a push, and nothing that could begin one
-    if press <= noise and c.found[3] == 0.0:
-        return remaining
-    return -1.0
+    bend, twist = side * c.found[0], side * c.found[1]
+    if c.at_wall[r] != 0.0 and toward >= -rate_rounding:
+        toward = 0.0
+        # a rider that was let go has no acceleration left but rounding
+        noise = (1e-9 if c.leaving[r] == side else 1e-12) * c.found[2]
+        if bend > noise or (bend >= -noise and (twist > 0.0 or (twist == 0.0 and c.found[3] > 0.0))):
+            return -1.0
+        if c.found[3] == 0.0 and bend >= -noise:
+            # touching without a push, and nothing that could begin one
+            return remaining
+        bend = min(bend, 0.0)
+    return max(safe, min(_creep_time(clearance, toward, bend, twist, c.found[4]), farther))
 
 
 @compiled
