@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["IMPACT_UNITS", "RIDING_UNITS", "ImpactStatistics", "Impacts", "Riding", "impact_statistics"]
+__all__ = [
+    "IMPACT_UNITS", "RIDING_UNITS", "ImpactStatistics", "Impacts", "Riding", "impact_columns", "impact_statistics",
+]  # fmt: skip
 
-SHOWN = 8
+SHOWN = 5
 """Rows of a table that its repr shows."""
 
 IMPACT_UNITS = {
@@ -26,6 +28,7 @@ IMPACT_UNITS = {
     "rebound_speed": "m/s",
     "impulse": "N s",
     "peak_force": "N",
+    "contact_law": "",
     "duration": "s",
     "energy_loss": "J",
     "energy_to_higher_modes": "J",
@@ -84,22 +87,42 @@ class Impacts:
         return int(self.time.size)
 
     def __repr__(self) -> str:
-        names = [name for name in IMPACT_UNITS if name not in ("phase", "duration")]
-        lines = [f"Impacts: {len(self)}" + (f" ({self.dropped} more not kept)" if self.dropped else "")]
-        lines.append("  ".join(f"{name:>22}" for name in names))
+        lost = f", {self.dropped} more not kept" if self.dropped else ""
+        laws = ", ".join(f"{name}: {law}" for name, law in self.law.items())
+        title = f"Impacts: {len(self)}{lost}" + (f" (contact law of {laws})" if laws else "")
+        names = [name for name in IMPACT_UNITS if name not in ("contact_law", "energy_to_higher_modes")]
+        table = [names, [IMPACT_UNITS[name] for name in names]]
         for i in range(min(len(self), SHOWN)):
             cells = (getattr(self, name)[i] for name in names)
-            lines.append("  ".join(f"{cell:>22}" if isinstance(cell, str) else f"{cell:>22.6g}" for cell in cells))
-        return "\n".join([*lines, "..."] if len(self) > SHOWN else lines)
+            table.append([str(cell) if isinstance(cell, str) else f"{cell:.5g}" for cell in cells])
+        widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+        rows = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in table]
+        return "\n".join([title, *rows, *(["..."] if len(self) > SHOWN else [])])
+
+    @property
+    def contact_law(self) -> NDArray[Any]:
+        """Law behind the peak force of each impact, (n,) of str."""
+        laws = np.array([self.law.get(str(name), "") for name in self.impactor], dtype=str)
+        laws.setflags(write=False)
+        return laws
 
     @property
     def energy_to_higher_modes(self) -> NDArray[Any]:
-        """Energy (J) that each impact scatters to the modes above the first; negative where it takes some."""
-        return np.asarray(self.energy_to_modes[:, 1:].sum(axis=1))
+        """Energy (J) that each impact scatters to the modes above the first; negative where it takes some.
+
+        Not a number where the energies of the modes were not kept: nothing is known, which is not zero.
+        """
+        kept = self.energy_to_modes.shape[1] > 0
+        energy = self.energy_to_modes[:, 1:].sum(axis=1) if kept else np.full(len(self), np.nan)
+        energy.setflags(write=False)
+        return np.asarray(energy)
 
     @property
     def mode_share(self) -> NDArray[Any]:
-        """Share (n, modes) of each mode in the energy that an impact moves: |E_k| over the sum of all |E|."""
+        """Share (n, modes) of each mode in the energy that an impact moves: |E_k| over the sum of all |E|.
+
+        The shares of an impact sum to 1, or are all 0 where it moved no energy.
+        """
         size = np.abs(self.energy_to_modes)
         total = size.sum(axis=1, keepdims=True)
         return np.asarray(np.divide(size, total, out=np.zeros_like(size), where=total > 0.0))
@@ -110,18 +133,43 @@ class Impacts:
         return np.asarray(self.rebound_speed / self.approach_speed)
 
     def to_xarray(self) -> xarray.Dataset:
-        """The table as a labelled dataset over impacts and modes."""
+        """The table as a labelled dataset over impacts and, where their energies were kept, modes."""
         import xarray
 
-        data: dict[str, Any] = {
-            name: ("impact", np.array(getattr(self, name)), {"units": unit, "long_name": name.replace("_", " ")})
-            for name, unit in IMPACT_UNITS.items()
-        }
-        data["energy_to_modes"] = (("impact", "mode"), np.array(self.energy_to_modes), {"units": "J"})
-        data["mode_share"] = (("impact", "mode"), self.mode_share, {"units": "1"})
+        def variable(
+            values: NDArray[Any], unit: str, name: str, dims: tuple[str, ...] = ("impact",)
+        ) -> tuple[Any, ...]:
+            labels = {"units": unit, "long_name": name.replace("_", " ")} if unit else {"long_name": name}
+            return (dims, np.array(values), labels)
+
+        data = {name: variable(getattr(self, name), unit, name) for name, unit in IMPACT_UNITS.items()}
+        coords: dict[str, Any] = {"impact": ("impact", np.arange(len(self)))}
+        modes = self.energy_to_modes.shape[1]
+        if modes:
+            dims = ("impact", "mode")
+            data["energy_to_modes"] = variable(self.energy_to_modes, "J", "energy to each mode", dims)
+            data["mode_share"] = variable(self.mode_share, "1", "share of each mode in the energy moved", dims)
+            coords["mode"] = ("mode", np.arange(1, modes + 1))
         laws = "; ".join(f"{name}: {law}" for name, law in self.law.items())
-        modes = ("mode", np.arange(1, self.energy_to_modes.shape[1] + 1))
-        return xarray.Dataset(data, coords={"mode": modes}, attrs={"contact_law": laws, "dropped": self.dropped})
+        return xarray.Dataset(data, coords=coords, attrs={"contact_law": laws, "dropped": self.dropped})
+
+
+def impact_columns(impacts: Impacts) -> tuple[dict[str, Any], dict[str, str]]:
+    """Columns of the impact table and their units, with one more column for the share of every mode.
+
+    Parameters
+    ----------
+    impacts : Impacts
+
+    Returns
+    -------
+    columns : dict of str to ndarray (n,)
+        Those of `IMPACT_UNITS`, then share_of_mode_1, ... (see `Impacts.mode_share`).
+    units : dict of str to str
+    """
+    columns = {name: getattr(impacts, name) for name in IMPACT_UNITS}
+    shares = {f"share_of_mode_{k + 1}": share for k, share in enumerate(impacts.mode_share.T)}
+    return columns | shares, IMPACT_UNITS | dict.fromkeys(shares, "1")
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from femimpact.energy import EnergyLedger
 from femimpact.errors import check_fields, quantity, require, suggestion
 from femimpact.excitation import Excitation
 from femimpact.impacts import Impacts, ImpactStatistics, Riding
+from femimpact.regimes import Regime, classify
 from femimpact.signals import SteadyMotion
 from femimpact.structure import Position
 from femimpact.system import System
@@ -199,6 +201,18 @@ class Response:
         key = str(name)
         require(key in self.channels, "channel", key, "", suggestion(key, self.channels))
         return self.channels[key]
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """Start and end (s) of the last third of the run, over which statistics and regime are taken."""
+        # a run whose only sample is its first has an empty window, which is still one
+        end = max(float(self.time[-1]), 1e-300)
+        return 2.0 * end / 3.0, end
+
+    @cached_property
+    def regime(self) -> Regime:
+        """Kind of motion over the last third of the run; `regimes.classify` says by which criterion."""
+        return classify(self.impacts, self.riding, self.base.frequency, *self.window)
 
     def absolute(self, name: Position) -> NDArray[Any]:
         """A displacement (m) or velocity (m/s) channel in space: relative plus the base's."""

@@ -18,7 +18,7 @@ from femimpact.export import tables
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["FILES", "StudyResults", "load", "prepare_directory"]
+__all__ = ["FILES", "RIDING_FILE", "StudyResults", "load", "prepare_directory"]
 
 FILES = {
     "summary": "summary.json",
@@ -28,6 +28,7 @@ FILES = {
     "sweep_data": "sweep.nc",
     "history": "history.nc",
     "impacts": "impacts.csv",
+    "impact_data": "impacts.nc",
     "modes_scene": "modes.pvd",
     "deflection_scene": "deflection.pvd",
     "movie": "deflection.mp4",
@@ -35,14 +36,20 @@ FILES = {
     "response_figure": "response.png",
     "force_figure": "contact_force.png",
     "portrait_figure": "phase_portrait.png",
+    "impact_histograms": "impact_histograms.png",
+    "impulse_phase": "impulse_phase.png",
 }
 """Every file that a study can leave behind."""
 
+RIDING_FILE = "riding.csv"
+"""Left only by a history in which something rode."""
+
 OTHER_FILES = (
+    RIDING_FILE,
     "deflection.gif", "comparison.csv", "restitution.csv", "restitution.png", "mesh_convergence.csv",
     "mesh_convergence.png", "step_convergence.csv", "step_convergence.png",
 )  # fmt: skip
-"""What the demo and a convergence study leave besides."""
+"""What a riding ball, the demo and a convergence study leave besides."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +61,10 @@ class StudyResults:
     directory : Path
     summary : mapping
         `summary.json`.
-    modes, impacts : mapping of str to ndarray, or None
-        Tables by column.
-    sweep, history : xarray.Dataset or None
+    modes, impacts, riding : mapping of str to ndarray, or None
+        Tables by column; no riding where nothing rode.
+    sweep, history, impact_data : xarray.Dataset or None
+        The last holds the impacts with the energy to each mode.
     """
 
     directory: Path
@@ -65,6 +73,8 @@ class StudyResults:
     impacts: Mapping[str, Any] | None
     sweep: xarray.Dataset | None
     history: xarray.Dataset | None
+    impact_data: xarray.Dataset | None
+    riding: Mapping[str, Any] | None
 
 
 def load(directory: str | Path) -> StudyResults:
@@ -81,8 +91,8 @@ def load(directory: str | Path) -> StudyResults:
     found = (folder / FILES["summary"]).is_file()
     require(found, "directory", str(folder), "", f"must hold results of a study ({FILES['summary']} is missing)")
 
-    def table(name: str) -> Mapping[str, Any] | None:
-        path = folder / FILES[name]
+    def table(file: str) -> Mapping[str, Any] | None:
+        path = folder / file
         return tables.read_csv(path) if path.is_file() else None
 
     def dataset(name: str) -> xarray.Dataset | None:
@@ -90,7 +100,16 @@ def load(directory: str | Path) -> StudyResults:
         return xarray.load_dataset(path, engine="h5netcdf") if path.is_file() else None
 
     summary = json.loads((folder / FILES["summary"]).read_text(encoding="utf-8"))
-    return StudyResults(folder, summary, table("modes"), table("impacts"), dataset("sweep_data"), dataset("history"))
+    return StudyResults(
+        folder,
+        summary,
+        modes=table(FILES["modes"]),
+        impacts=table(FILES["impacts"]),
+        sweep=dataset("sweep_data"),
+        history=dataset("history"),
+        impact_data=dataset("impact_data"),
+        riding=table(RIDING_FILE),
+    )
 
 
 @contextmanager

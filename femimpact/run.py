@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from femimpact.errors import require
-from femimpact.export import figures, tables
-from femimpact.impacts import IMPACT_UNITS
+from femimpact.export import figures, impact_figures, tables
+from femimpact.impacts import RIDING_UNITS, impact_columns
 from femimpact.integrators.integrate import check_memory, integrate
 from femimpact.integrators.newmark import Newmark, check_sampling, check_step, recommended_step
 from femimpact.modes import Modes, solve_modes
 from femimpact.response import Recorder, Response
-from femimpact.results import FILES, StudyResults, load, prepare_directory
+from femimpact.results import FILES, RIDING_FILE, StudyResults, load, prepare_directory
 from femimpact.structure import glue_impactors
 from femimpact.study import Study, build
 from femimpact.summary import SweepPair, summary_of
@@ -286,10 +286,11 @@ def _write_sweeps(study: Study, folder: Path, sweeps: SweepPair) -> None:
 
 def _write_history(study: Study, folder: Path, response: Response, report: Report) -> None:
     tables.write_netcdf(folder / FILES["history"], response.to_xarray())
-    impacts = {name: getattr(response.impacts, name) for name in IMPACT_UNITS}
-    tables.write_csv(folder / FILES["impacts"], impacts, IMPACT_UNITS)
+    _write_impacts(folder, response)
     output = study.output
     if output.figures and response.system.contacts:
+        figures.save_figure(impact_figures.impact_histogram_figure(response), folder / FILES["impact_histograms"])
+        figures.save_figure(impact_figures.impulse_phase_figure(response), folder / FILES["impulse_phase"])
         end = run_end(study)
         figures.save_figure(figures.contact_force_figure(end), folder / FILES["force_figure"])
         figures.save_figure(figures.phase_portrait_figure(end), folder / FILES["portrait_figure"])
@@ -306,3 +307,11 @@ def _write_history(study: Study, folder: Path, response: Response, report: Repor
         report("movie", 0.0)
         movie.write_movie(folder / FILES["movie"], response, study.structure, exaggeration=output.exaggeration)
         report("movie", 1.0)
+
+
+def _write_impacts(folder: Path, response: Response) -> None:
+    tables.write_csv(folder / FILES["impacts"], *impact_columns(response.impacts))
+    tables.write_netcdf(folder / FILES["impact_data"], response.impacts.to_xarray())
+    if len(response.riding):
+        riding = {name: getattr(response.riding, name) for name in RIDING_UNITS}
+        tables.write_csv(folder / RIDING_FILE, riding, RIDING_UNITS)

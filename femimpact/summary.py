@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import math
 import platform
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -113,6 +113,7 @@ def summary_of(
             "steadiness": str(response.steady.steadiness[0]),
             "impacts": len(response.impacts) + response.impacts.dropped,
             "impacts_per_cycle": response.statistics.impacts_per_cycle,
+            "regime": asdict(response.regime),
         }
         summary["energy_residual"] = response.energy.residual if response.energy is not None else math.nan
         summary["notes"] = list(response.notes)

@@ -1,0 +1,97 @@
+"""Figures of the table of impacts: how large they are, and when in the cycle they come."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femimpact.export.figures import BLUE, GREY, ORANGE, _figure
+from femimpact.regimes import Regime, classify
+from femimpact.response import Response
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["impact_histogram_figure", "impulse_phase_figure"]
+
+WALLS: tuple[tuple[int, str, str, str], ...] = ((1, BLUE, "o", "+ wall"), (-1, ORANGE, "^", "- wall"))
+PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+
+
+def _last_third(response: Response) -> tuple[float, float]:
+    """Window of the response's own statistics (s): its last third, after the transient."""
+    first, last = float(response.time[0]), float(response.time[-1])
+    # from the start of the run even if the recorder began later
+    start = max(first, last - last / 3.0)
+    return start, last
+
+
+def _regime(response: Response, start: float, end: float) -> Regime:
+    return classify(response.impacts, response.riding, response.base.frequency, start, end)
+
+
+def _scaled(values: Any, unit: str) -> tuple[Any, str]:
+    """Values and unit with the prefix in which the largest is at least 1."""
+    largest = np.abs(values).max(initial=0.0)
+    scale, prefix = next(((s, p) for s, p in PREFIXES if largest >= s), PREFIXES[-1] if largest else PREFIXES[0])
+    return values / scale, prefix + unit
+
+
+def impact_histogram_figure(response: Response) -> Figure:
+    """How often impacts of a size happen in the last third of a run: approach speed, impulse, energy loss.
+
+    Both walls are stacked; the dashed line is the mean.
+    """
+    impacts = response.impacts
+    start, end = _last_third(response)
+    inside = (impacts.time >= start) & (impacts.time < end)
+    figure, axes = _figure(10.0, 3.9, 1, 3, sharey=True)
+    columns = (
+        ("approach speed", impacts.approach_speed, "m/s"),
+        ("impulse", np.abs(impacts.impulse), "N s"),
+        ("energy loss", impacts.energy_loss, "J"),
+    )
+    for axis, (name, column, unit) in zip(axes[0], columns, strict=True):
+        values, unit = _scaled(column[inside], unit)
+        bins = np.linspace(min(values.min(initial=0.0), 0.0), values.max(initial=0.0) or 1.0, 31)
+        walls = [values[impacts.side[inside] == side] for side, *_ in WALLS]
+        axis.hist(walls, bins=bins, stacked=True, color=[w[1] for w in WALLS], label=[w[3] for w in WALLS])
+        if values.size:
+            axis.axvline(values.mean(), color=GREY, linestyle="--", linewidth=1.2)
+            axis.set_title(f"mean {values.mean():.3g} {unit}", loc="left")
+        axis.set_xlabel(f"{name} ({unit})")
+    axes[0, 0].set_ylabel("impacts")
+    axes[0, 2].legend(loc="upper right", frameon=False)
+    count = int(np.count_nonzero(inside))
+    figure.suptitle(
+        f"{count} impacts from {start:.4g} to {end:.4g} s, base at {response.base.frequency:.4g} Hz",
+        x=0.01, ha="left", fontsize=11.0,
+    )  # fmt: skip
+    return figure
+
+
+def impulse_phase_figure(response: Response) -> Figure:
+    """Impulse of each impact over the base's phase, last third of the run, with the regime in the title."""
+    impacts = response.impacts
+    start, end = _last_third(response)
+    inside = (impacts.time >= start) & (impacts.time < end)
+    impulse, unit = _scaled(np.abs(impacts.impulse[inside]), "N s")
+    phase, sides = np.degrees(impacts.phase[inside]), impacts.side[inside]
+    figure, axes = _figure(8.0, 5.0)
+    axis = axes[0, 0]
+    for side, colour, marker, label in WALLS:
+        chosen = sides == side
+        axis.plot(
+            phase[chosen], impulse[chosen], marker, color=colour, markersize=5.0, alpha=0.6, markeredgewidth=0.0,
+            clip_on=False, label=f"{label}: {np.count_nonzero(chosen)} impacts",
+        )  # fmt: skip
+    axis.set_xlim(0.0, 360.0)
+    axis.set_xticks(np.arange(0.0, 361.0, 45.0))
+    axis.set_ylim(0.0, 1.2 * (impulse.max(initial=0.0) or 1.0))
+    axis.set_xlabel("phase of the base (degrees)")
+    axis.set_ylabel(f"impulse ({unit})")
+    label = _regime(response, start, end).label.replace(": ", ":\n", 1) if start < end else "no time recorded"
+    axis.set_title(f"{response.base.frequency:.4g} Hz, {start:.4g} to {end:.4g} s: {label}", loc="left")
+    axis.legend(loc="upper right", ncols=2, frameon=False)
+    return figure
