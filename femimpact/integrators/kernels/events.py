@@ -79,7 +79,7 @@ def _creep_time(clearance: float, speed: float, bend: float, twist: float, bound
     away_speed, away_bend, away_twist = max(-speed, 0.0), max(-bend, 0.0), max(-twist, 0.0)
     if bound <= 0.0:
         return math.inf if speed <= 0.0 and bend <= 0.0 and twist <= 0.0 else 0.0
-    time = max(
+    time: float = max(
         max((6.0 * clearance / bound) ** 0.25, (6.0 * away_speed / bound) ** (1.0 / 3.0)),
         max(math.sqrt(3.0 * away_bend / bound), away_twist / bound),
     )
@@ -96,7 +96,7 @@ def _creep_time(clearance: float, speed: float, bend: float, twist: float, bound
 @inlined
 def _look(r: int, space: Space, flight: Flight, phase: complex, remaining: float, c: Contact) -> float:
     """Safe time of one scalar; `at_wall` tells whether it is at a bound now."""
-    safe = clear_time(r, space, flight, c.size, phase, remaining, c.found)
+    safe: float = clear_time(r, space, flight, c.size, phase, remaining, c.found)
     value, rate, rounding, rate_rounding = c.found[0], c.found[1], c.found[2], c.found[3]
     c.rate[r] = rate
     c.at_wall[r] = 0.0
@@ -126,7 +126,8 @@ def _look(r: int, space: Space, flight: Flight, phase: complex, remaining: float
             # touching without a push, and nothing that could begin one
             return remaining
         bend = min(bend, 0.0)
-    return max(safe, min(_creep_time(clearance, toward, bend, twist, c.found[4]), farther))
+    creep = min(_creep_time(clearance, toward, bend, twist, c.found[4]), farther)
+    return creep if creep > safe else safe
 
 
 @compiled
