@@ -23,6 +23,8 @@ AMPLITUDE = 0.2037e-3
 PEAK, RATIO, DAMPING = 4.95, 5.0, 0.014
 """Published: Hz, 1, 1."""
 
+START_WORDS = {"base": "on the base", "space": "in space"}
+
 LENGTH_AND_BOX = {"theory": (0.23026615, 0.02290976), "experiment": (0.160525016, 0.081997505)}
 """Beam length (m) and box mass (kg) that have the two frequencies of each study to 8 digits."""
 
@@ -132,7 +134,7 @@ if __name__ == "__main__":
             [tuple(f"{value:.4g}" for value in row) for row in zip(*columns, strict=True)],
         )
         print(f"closest: {scan.restitution[scan.best(PEAK, RATIO)]:.2f}")
-    labelled = [(f"{found.study}, rest on the {found.start}", found.scan) for found in scans]
+    labelled = [(f"{found.study}, rest {START_WORDS[found.start]}", found.scan) for found in scans]
     print(
         "wrote", figures.save_figure(figures.restitution_figure(labelled, PEAK, RATIO), "rigid_reference_studies.png")
     )

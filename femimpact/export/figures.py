@@ -207,18 +207,20 @@ def restitution_figure(
     """What the restitution does to the resonance, for one or more starts, beside the published values."""
     figure, axes = _figure(8.0, 6.4, 2, 1, sharex=True)
     for colour, marker, (label, scan) in zip(COLOURS, "os^D", scans, strict=False):
-        style = {"color": colour, "marker": marker, "label": label, "markersize": 5.0}
+        # hollow, so that curves that coincide are both seen
+        style = {"color": colour, "marker": marker, "label": label, "markersize": 6.0, "markerfacecolor": "none"}
         axes[0, 0].plot(scan.restitution, scan.peak_frequency, **style)
         axes[1, 0].plot(scan.restitution, scan.amplitude_ratio, **style)
     for axis, published in ((axes[0, 0], peak_frequency), (axes[1, 0], amplitude_ratio)):
         axis.axhline(published, color=GREY, linestyle="--", linewidth=1.2)
         axis.annotate(f"published {published:g}", (0.01, published), xycoords=("axes fraction", "data"),
-                      xytext=(0, 4), textcoords="offset points", color=GREY)  # fmt: skip
+                      xytext=(0, -14), textcoords="offset points", color=GREY)  # fmt: skip
     axes[0, 0].set_ylabel("frequency of the largest peak (Hz)")
     axes[1, 0].set_ylabel("amplitude ratio without / with ball")
     axes[1, 0].set_xlabel("restitution of the contact")
     axes[1, 0].set_ylim(bottom=0.0)
-    axes[0, 0].legend(loc="best", frameon=False)
+    # above the axes: no corner is free for every scan
+    axes[0, 0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False)
     return figure
 
 
