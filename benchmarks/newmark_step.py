@@ -18,7 +18,7 @@ import scipy.linalg
 import femimpact as fi
 from femimpact.demo import paper_study
 from femimpact.integrators.block import prepare, run_block
-from femimpact.integrators.newmark import bands
+from femimpact.integrators.operators import bands
 from femimpact.study import build
 
 LIMITS = {(1, False): 60.0, (21, False): 15.0, (1, True): 90.0, (21, True): 22.5}

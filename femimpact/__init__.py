@@ -42,7 +42,8 @@ if TYPE_CHECKING:
     from femimpact.integrators.collision import achieved_restitution
     from femimpact.integrators.event_driven import EventDriven
     from femimpact.integrators.integrate import integrate
-    from femimpact.integrators.newmark import Newmark, recommended_step
+    from femimpact.integrators.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
+    from femimpact.integrators.stepping import recommended_step
     from femimpact.mesh import Mesh, read_mesh, uniform_mesh
     from femimpact.modes import Modes, solve_modes
     from femimpact.reduction import reduce
@@ -86,7 +87,8 @@ _ROOMS = {
     "integrators.collision": ("achieved_restitution",),
     "integrators.event_driven": ("EventDriven",),
     "integrators.integrate": ("integrate",),
-    "integrators.newmark": ("Newmark", "recommended_step"),
+    "integrators.newmark": ("HHT", "WBZ", "GeneralizedAlpha", "MoreauJean", "Newmark"),
+    "integrators.stepping": ("recommended_step",),
     "mesh": ("Mesh", "read_mesh", "uniform_mesh"),
     "modes": ("Modes", "solve_modes"),
     "reduction": ("reduce",),

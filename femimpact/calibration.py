@@ -15,7 +15,8 @@ from femimpact.contact import KelvinVoigt, Rigid
 from femimpact.errors import Fault, InputError
 from femimpact.identification import amplitude_ratio_damping
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.newmark import Newmark, recommended_step
+from femimpact.integrators.newmark import Newmark
+from femimpact.integrators.stepping import recommended_step
 from femimpact.reduction import reduce
 from femimpact.structure import Structure
 from femimpact.sweep import FrequencyResponse, frequency_sweep

@@ -14,7 +14,8 @@ from femimpact.contact import ContactLaw, KelvinVoigt, PowerLaw, Rigid, Switchin
 from femimpact.errors import require
 from femimpact.export import contact_figure, figures, tables
 from femimpact.integrators.collision import achieved_restitution
-from femimpact.integrators.newmark import Newmark, recommended_step
+from femimpact.integrators.newmark import Newmark
+from femimpact.integrators.stepping import recommended_step
 from femimpact.results import prepare_directory
 from femimpact.study import Study, build
 from femimpact.system import ContactPair

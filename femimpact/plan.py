@@ -11,7 +11,7 @@ from femimpact.convergence import MeshConvergence, StepConvergence, converge_ele
 from femimpact.errors import require
 from femimpact.export import figures, tables
 from femimpact.integrators.integrate import memory_needed
-from femimpact.integrators.newmark import check_step, shortest_contact, step_notes
+from femimpact.integrators.stepping import check_step, shortest_contact, step_notes
 from femimpact.results import prepare_directory
 from femimpact.run import Report, history_record, preflight
 from femimpact.study import Study, build

@@ -54,6 +54,8 @@ class Recorder:
         Keep the energy ledger.
     memory_limit : float, bytes
         A run that would keep more is refused before it starts.
+    residual_limit : float, 1
+        Energy residual beyond which the response carries a warning.
     """
 
     channels: tuple[Position, ...] | None = None
@@ -64,6 +66,7 @@ class Recorder:
     impacts: int = field(default=100_000, metadata=quantity("1", at_least=0, integer=True))
     ledger: bool = True
     memory_limit: float = field(default=1e9, metadata=quantity("bytes", above=0.0))
+    residual_limit: float = field(default=0.02, metadata=quantity("1", above=0.0))
 
     def __post_init__(self) -> None:
         if isinstance(self.channels, str):

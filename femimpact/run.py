@@ -13,7 +13,8 @@ from femimpact.errors import require
 from femimpact.export import figures, impact_figures, tables
 from femimpact.impacts import RIDING_UNITS, impact_columns
 from femimpact.integrators.integrate import check_memory, integrate
-from femimpact.integrators.newmark import Newmark, check_sampling, check_step, recommended_step
+from femimpact.integrators.newmark import Newmark
+from femimpact.integrators.stepping import check_sampling, check_step, recommended_step
 from femimpact.modes import Modes, solve_modes
 from femimpact.response import Recorder, Response
 from femimpact.results import FILES, RIDING_FILE, StudyResults, load, prepare_directory

@@ -28,7 +28,8 @@ from femimpact.errors import (
     suggestion,
 )
 from femimpact.excitation import Sine
-from femimpact.integrators.newmark import Newmark, recommended_step
+from femimpact.integrators.newmark import Newmark
+from femimpact.integrators.stepping import recommended_step
 from femimpact.mesh import Mesh, read_mesh, uniform_mesh
 from femimpact.reduction import reduce
 from femimpact.structure import Beam, Impactor, PointMass, Segment, Structure, Support

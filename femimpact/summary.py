@@ -12,7 +12,8 @@ import numpy as np
 
 from femimpact.identification import amplitude_ratio_damping, fit_one_pole, half_power
 from femimpact.integrators.collision import achieved_restitution
-from femimpact.integrators.newmark import Newmark, check_step
+from femimpact.integrators.newmark import Newmark
+from femimpact.integrators.stepping import check_step
 from femimpact.modes import Modes
 from femimpact.response import Response
 from femimpact.study import Study, build

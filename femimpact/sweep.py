@@ -25,7 +25,8 @@ from femimpact.integrators.block import Block, Progress, prepare, run_block
 from femimpact.integrators.dwell import dwell
 from femimpact.integrators.event_driven import EventDriven, check_events
 from femimpact.integrators.integrate import divergence_message
-from femimpact.integrators.newmark import Newmark, check_sampling, check_step, step_notes
+from femimpact.integrators.newmark import SteppingMethod, require_method
+from femimpact.integrators.stepping import check_sampling, check_step, step_notes
 from femimpact.signals import SteadyMotion, steady_motion
 from femimpact.structure import Position
 from femimpact.system import State, System
@@ -162,7 +163,7 @@ def frequency_sweep(
     system: System,
     amplitude: float,
     frequencies: ArrayLike,
-    method: Newmark | EventDriven,
+    method: SteppingMethod | EventDriven,
     cycles: int,
     *,
     initial: State | None = None,
@@ -180,7 +181,7 @@ def frequency_sweep(
     amplitude : float, m
         Of the base displacement, the same at all frequencies.
     frequencies : array_like (n,), Hz
-    method : Newmark or EventDriven
+    method : Newmark, HHT, WBZ, GeneralizedAlpha, MoreauJean or EventDriven
     cycles : int
         Whole dwell in base cycles; the last third is measured.
     initial : State, optional
@@ -225,7 +226,7 @@ def frequency_sweep(
             system, amplitude, f, method, int(cycles), state, observed, ledger, workers, progress, warnings
         )
     else:
-        require_type(method, Newmark, "method")
+        require_method(method)
         notes = step_notes(system, method)
         columns = _stepped_columns(
             system, amplitude, f, method, int(cycles), state, observed, ledger, workers, progress, warnings
@@ -245,7 +246,7 @@ def frequency_sweep(
 
 
 def _stepped_columns(
-    system: System, amplitude: float, f: NDArray[Any], method: Newmark, cycles: int, state: State,
+    system: System, amplitude: float, f: NDArray[Any], method: SteppingMethod, cycles: int, state: State,
     observed: NDArray[Any], ledger: bool, workers: int, progress: Progress | None, warnings: list[str],
 ) -> dict[str, NDArray[Any]]:  # fmt: skip
     """All frequencies by a step method, side by side in blocks."""
@@ -356,7 +357,7 @@ def _gather(
     groups: Sequence[NDArray[Any]],
     f: NDArray[Any],
     cycles: int,
-    method: Newmark,
+    method: SteppingMethod,
     warnings: list[str],
 ) -> dict[str, NDArray[Any]]:
     """Columns over the frequencies in their given order."""

@@ -207,8 +207,8 @@ def test_a_run_that_would_keep_too_much_is_refused_before_it_starts(small, recor
 
 def test_the_memory_limit_is_what_the_arrays_take(small):
     samples = 2001
-    # 3 channels and 7 energies, 9 columns of an empty impact table, 13 columns of 2 or 3 base cycles
-    least = 8 * samples * 10
+    # 3 channels, 7 energies and 8 modes' losses, an empty impact table, 13 columns of 2 or 3 base cycles
+    least = 8 * samples * 18
     with pytest.raises(fi.InputError, match="memory_limit"):
         run(small, 0.2, fi.Recorder(impacts=0, memory_limit=float(least)))
     run(small, 0.2, fi.Recorder(impacts=0, memory_limit=float(least + 8 * 13 * 4)))

@@ -1,4 +1,4 @@
-"""A block of cases side by side: one system, one method, many base motions."""
+"""A block of cases side by side: one system, one method, many excitations of one kind."""
 
 from __future__ import annotations
 
@@ -10,14 +10,19 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse.linalg
 from numpy.typing import NDArray
 
+from femimpact.contact import CustomLaw
 from femimpact.contact.formulas import SWITCHING_SPRING
-from femimpact.excitation import Sine
+from femimpact.excitation import Excitation, RecordedBase
 from femimpact.integrators import layout
+from femimpact.integrators.driving import Drive, drive_of
 from femimpact.integrators.kernels import loop
+from femimpact.integrators.kernels.custom import address_of
 from femimpact.integrators.kernels.ledger import write_energy
-from femimpact.integrators.newmark import Newmark, bands, factorise
+from femimpact.integrators.newmark import SteppingMethod, scheme_of
+from femimpact.integrators.operators import operator_of
 from femimpact.signals import CycleStatistics
 from femimpact.system import State, System
 
@@ -35,6 +40,7 @@ class Block:
 
     operator: layout.Operator
     scheme: layout.Scheme
+    fine: layout.Fine | None
     pairs: layout.Pairs
     motion: layout.Motion
     cycles: layout.Cycles
@@ -77,8 +83,8 @@ def empty_record(dofs: int) -> layout.Record:
 
 def prepare(
     system: System,
-    bases: Sequence[Sine],
-    method: Newmark,
+    excitations: Sequence[Excitation],
+    method: SteppingMethod,
     *,
     steps: Sequence[int],
     window_start: Sequence[int],
@@ -92,9 +98,9 @@ def prepare(
     Parameters
     ----------
     system : System
-    bases : sequence of Sine
-        One for each case.
-    method : Newmark
+    excitations : sequence of Excitation
+        One for each case, all acting along one load.
+    method : SteppingMethod
     steps : sequence of int
         Length of each case; the block runs to the longest, and what a case does after its own end
         does not count.
@@ -111,35 +117,37 @@ def prepare(
     -------
     Block
     """
-    lanes = _lanes(len(bases))
+    lanes = _lanes(len(excitations))
     # idle lanes repeat the last case: finite numbers, no effect on the others
-    padded = [*bases, *[bases[-1]] * (lanes - len(bases))]
-    idle = lanes - len(bases)
+    idle = lanes - len(excitations)
+    padded = [*excitations, *[excitations[-1]] * idle]
+    drives = [drive_of(system, excitation) for excitation in padded]
     window = np.array([[*w, *[w[-1]] * idle] for w in (window_start, steps)], dtype=np.int64)
-    operator = _operator(system, method, observed)
-    scheme = layout.Scheme(
-        dt=method.dt,
-        predict_u=method.dt**2 * (0.5 - method.beta),
-        predict_v=method.dt * (1.0 - method.gamma),
-        correct_u=method.dt**2 * method.beta,
-        correct_v=method.dt * method.gamma,
-    )
-    pairs = _pairs(system, operator, lanes)
-    motion = _motion(system, operator, pairs, padded, method, initial, window)
+    scheme = scheme_of(method)
+    operator = operator_of(system, scheme, observed, drives[0].load)
+    fine = layout.Fine(1, operator, scheme) if scheme.rigid else None
+    if method.refine > 1:
+        fine_scheme = scheme_of(method, method.dt / method.refine)
+        fine = layout.Fine(method.refine, operator_of(system, fine_scheme, observed, drives[0].load), fine_scheme)
     longest = max(steps)
+    kept = record or empty_record(system.dofs)
+    pairs = _pairs(system, operator, drives[0], lanes)
+    modal = ledger and lanes == 1 and not operator.banded
+    motion = _motion(system, operator, pairs, padded, drives, method, initial, window, longest, modal, kept)
     cycles = _cycles(padded, method.dt, longest, ledger)
     block = Block(
         operator=operator,
         scheme=scheme,
+        fine=fine,
         pairs=pairs,
         motion=motion,
         cycles=cycles,
-        record=record or empty_record(system.dofs),
+        record=kept,
         ledger=ledger,
         steps=longest,
         ends=np.array(steps),
-        cases=len(bases),
-        limit=_limits(system, padded, motion, method),
+        cases=len(excitations),
+        limit=_limits(system, padded, drives, motion, method, longest * method.dt),
         diverged=np.full(lanes, np.inf),
     )
     if ledger:
@@ -148,57 +156,27 @@ def prepare(
     return block
 
 
-def _operator(system: System, method: Newmark, observed: NDArray[Any]) -> layout.Operator:
-    lower, effective = factorise(system, method)
-    diagonal = system.is_diagonal
-    rows: list[NDArray[Any]] = [observed]
-    for pair in system.contacts:
-        if not any(np.array_equal(pair.direction, row) for row in rows):
-            rows.append(pair.direction)
-    table = np.ascontiguousarray(rows)
-    directions = np.array([pair.direction for pair in system.contacts]).reshape(-1, system.dofs)
-    response = scipy.linalg.cho_solve_banded((_true_factor(lower), True), directions.T).T
-    scale = effective[0] if diagonal else np.ones(system.dofs)
-    return layout.Operator(
-        banded=not diagonal,
-        load=-system.base_load / scale,
-        damping=system.C.diagonal() / scale,
-        stiffness=system.K.diagonal() / scale,
-        mass_band=bands(system.M),
-        damping_band=_widened(bands(system.C), lower.shape[0]),
-        stiffness_band=_widened(bands(system.K), lower.shape[0]),
-        cholesky_band=lower,
-        base_load=np.array(system.base_load),
-        rows=table,
-        response=np.ascontiguousarray(response),
-        compliance=np.ascontiguousarray(table @ response.T),
-    )
-
-
-def _true_factor(lower: NDArray[Any]) -> NDArray[Any]:
-    factor = lower.copy()
-    factor[0] = 1.0 / factor[0]
-    return factor
-
-
-def _widened(band: NDArray[Any], width: int) -> NDArray[Any]:
-    return np.vstack([band, np.zeros((width - band.shape[0], band.shape[1]))])
-
-
-def _pairs(system: System, operator: layout.Operator, lanes: int) -> layout.Pairs:
+def _pairs(system: System, operator: layout.Operator, drive: Drive, lanes: int) -> layout.Pairs:
     contacts = system.contacts
     rows = [next(i for i, row in enumerate(operator.rows) if np.array_equal(row, pair.direction)) for pair in contacts]
-    constants = np.zeros((7, len(contacts), lanes))
+    constants = np.zeros((11, len(contacts), lanes))
     for j, pair in enumerate(contacts):
-        constants[layout.MASS, j] = pair.mass
+        numbers = pair.parameters
+        constants[layout.MASS, j] = 0.0 if pair.is_stop else pair.mass
+        constants[layout.MOBILITY, j] = pair.mobility
         constants[layout.GAP_PLUS, j], constants[layout.GAP_MINUS, j] = pair.gaps
-        constants[layout.STIFFNESS, j] = pair.parameters.stiffness
-        constants[layout.DAMPING, j] = pair.parameters.damping
+        constants[layout.STIFFNESS, j] = numbers.stiffness
+        constants[layout.DAMPING, j] = numbers.damping
+        constants[layout.EXPONENT, j] = numbers.exponent
+        constants[layout.RESTITUTION, j] = numbers.restitution
         constants[layout.FREE_STIFFNESS, j] = pair.free_stiffness + getattr(pair.law, "free_stiffness", 0.0)
         constants[layout.ACCELERATION, j] = pair.acceleration
+        constants[layout.SHARE, j] = 0.0 if pair.is_stop else drive.share
+    laws = [pair.law for pair in contacts]
     return layout.Pairs(
         row=np.array(rows, dtype=np.int64),
         kind=np.array([pair.parameters.kind for pair in contacts], dtype=np.int64),
+        address=np.array([address_of(law.force) if isinstance(law, CustomLaw) else 0 for law in laws], dtype=np.int64),
         constants=constants,
     )
 
@@ -207,63 +185,91 @@ def _motion(
     system: System,
     operator: layout.Operator,
     pairs: layout.Pairs,
-    bases: list[Sine],
-    method: Newmark,
+    excitations: Sequence[Excitation],
+    drives: Sequence[Drive],
+    method: SteppingMethod,
     initial: State,
     window: NDArray[Any],
+    steps: int,
+    modal: bool,
+    record: layout.Record,
 ) -> layout.Motion:
-    lanes, dofs, balls = len(bases), system.dofs, len(system.contacts)
-    states = [initial.relative_to_base(system, base) for base in bases]
+    lanes, dofs, count = len(drives), system.dofs, len(system.contacts)
+    states = [initial.relative_to_base(system, excitation) for excitation in excitations]
     q, v, y, y_rate = (np.ascontiguousarray(np.array(columns).T) for columns in zip(*states, strict=True))
-    constants = pairs.constants
-    w = operator.rows @ q
-    ball = np.zeros((7, balls, lanes))
+    constants, w, w_rate = pairs.constants, operator.rows @ q, operator.rows @ v
+    drive = _drive(drives, method.dt)
+    ball = np.zeros((9, count, lanes))
     ball[layout.Y] = ball[layout.Y_BEFORE] = y
     ball[layout.Y_RATE] = y_rate
     ball[layout.X] = ball[layout.X_BEFORE] = y - w[pairs.row]
-    ball[layout.FORCE] = force = constants[layout.FREE_STIFFNESS] * ball[layout.X]
-    base = np.array([float(excitation.acceleration(0.0)) for excitation in bases])
-    ball[layout.Y_ACCELERATION] = constants[layout.ACCELERATION] - base - force / constants[layout.MASS]
-    load = operator.rows[pairs.row].T @ force - np.outer(system.base_load, base) - system.C @ v - system.K @ q
-    always = (pairs.kind[:, None] == SWITCHING_SPRING) | (constants[layout.FREE_STIFFNESS] > 0.0)
-    touch = np.zeros((11, balls, lanes))
-    touch[layout.BUSY] = always
-    ledger = np.zeros((5, lanes))
-    ledger[layout.LOAD_BEFORE] = system.base_load @ q
+    ball[layout.RATE] = ball[layout.RATE_BEFORE] = y_rate - w_rate[pairs.row]
+    springs = constants[layout.FREE_STIFFNESS] * ball[layout.X]
+    # where contact forces are no part of the acceleration, neither are those of centring springs
+    inside = np.zeros_like(springs) if scheme_of(method).mean else springs
+    ball[layout.FORCE] = springs
+    ball[layout.Y_ACCELERATION] = (
+        constants[layout.ACCELERATION] - constants[layout.SHARE] * drive[layout.BASE]
+    ) - inside * constants[layout.MOBILITY]
+    load = operator.rows[pairs.row].T @ inside + np.outer(operator.drive_load, drive[layout.BASE])
+    load -= system.C @ v + system.K @ q
+    touch = np.zeros((13, count, lanes))
+    touch[layout.BUSY] = (pairs.kind[:, None] == SWITCHING_SPRING) | (constants[layout.FREE_STIFFNESS] > 0.0)
+    # any speed > 0: a law's potential is asked for before its first contact
+    touch[layout.APPROACH] = 1.0
+    ledger = np.zeros((8, lanes))
+    ledger[layout.LOAD_BEFORE] = operator.drive_load @ q
+    redo = method.refine > 1
     return layout.Motion(
         q=q,
         v=v,
         # C order matters: the case axis must be contiguous
         a=np.ascontiguousarray(scipy.linalg.solveh_banded(operator.mass_band, load, lower=True)),
         w=w,
-        w_rate=operator.rows @ v,
+        w_rate=w_rate,
         ball=ball,
         touch=touch,
-        totals=np.zeros((len(layout.TOTAL_COLUMNS), balls, lanes)),
+        totals=np.zeros((len(layout.TOTAL_COLUMNS), count, lanes)),
         window=window,
-        drive=_drive(bases, method.dt),
+        drive=drive,
+        table=_table(drives, excitations, method, steps),
         ledger=ledger,
         v_before=v.copy(),
+        loss_of_mode=np.zeros(dofs if modal else 0),
+        to_modes=np.zeros((count, dofs if modal and record.impacts.shape[0] > 0 else 0)),
+        saved=np.zeros((3, dofs if redo else 0, lanes)),
+        saved_ball=np.zeros((3, count if redo else 0, lanes)),
         scratch=np.zeros((3, dofs, lanes)),
     )
 
 
-def _drive(bases: list[Sine], dt: float) -> NDArray[Any]:
+def _drive(drives: Sequence[Drive], dt: float) -> NDArray[Any]:
     omega, phase, amplitude = (
-        np.array([getattr(base, name) for base in bases]) for name in ("omega", "phase", "amplitude")
+        np.array([getattr(drive, name) for drive in drives]) for name in ("omega", "phase", "amplitude")
     )
-    drive = np.zeros((9, len(bases)))
-    drive[layout.SINE], drive[layout.COSINE] = np.sin(phase), np.cos(phase)
-    drive[layout.TURN_SINE], drive[layout.TURN_COSINE] = np.sin(omega * dt), np.cos(omega * dt)
-    drive[layout.PHASE], drive[layout.PHASE_STEP] = phase, omega * dt
-    drive[layout.SCALE] = -amplitude * omega**2
-    drive[layout.BASE] = drive[layout.BASE_BEFORE] = drive[layout.SCALE] * drive[layout.SINE]
-    return drive
+    rows = np.zeros((10, len(drives)))
+    rows[layout.SINE], rows[layout.COSINE] = np.sin(phase), np.cos(phase)
+    rows[layout.TURN_SINE], rows[layout.TURN_COSINE] = np.sin(omega * dt), np.cos(omega * dt)
+    rows[layout.PHASE], rows[layout.PHASE_STEP] = phase, omega * dt
+    rows[layout.SCALE] = amplitude
+    rows[layout.BASE] = [float(drive.value(np.zeros(1))[0]) for drive in drives]
+    rows[layout.BASE_BEFORE] = rows[layout.ACTING] = rows[layout.BASE]
+    return rows
 
 
-def _cycles(bases: list[Sine], dt: float, steps: int, ledger: bool) -> layout.Cycles:
-    lanes = len(bases)
-    period = np.array([1.0 / (base.frequency * dt) for base in bases])
+def _table(
+    drives: Sequence[Drive], excitations: Sequence[Excitation], method: SteppingMethod, steps: int
+) -> NDArray[Any]:
+    """Values of drives given by samples at every fine step; no rows for sines."""
+    if not any(isinstance(excitation, RecordedBase) for excitation in excitations):
+        return np.zeros((0, len(drives)))
+    time = np.arange(steps * method.refine + 1) * (method.dt / method.refine)
+    return np.ascontiguousarray(np.array([drive.value(time) for drive in drives]).T)
+
+
+def _cycles(excitations: Sequence[Excitation], dt: float, steps: int, ledger: bool) -> layout.Cycles:
+    lanes = len(excitations)
+    period = np.array([1.0 / (excitation.frequency * dt) for excitation in excitations])
     most = int(steps / period.min()) + 1
     sums = np.zeros((len(layout.CYCLE_COLUMNS), lanes))
     sums[0], sums[1] = -np.inf, np.inf
@@ -277,20 +283,35 @@ def _cycles(bases: list[Sine], dt: float, steps: int, ledger: bool) -> layout.Cy
     )
 
 
-def _limits(system: System, bases: list[Sine], motion: layout.Motion, method: Newmark) -> NDArray[Any]:
+def _limits(
+    system: System,
+    excitations: Sequence[Excitation],
+    drives: Sequence[Drive],
+    motion: layout.Motion,
+    method: SteppingMethod,
+    duration: float,
+) -> NDArray[Any]:
     """Displacement (m) of the observed place beyond which a case counts as diverging.
 
-    A multiple of what the base does at resonance, the initial state, and a ball's flight within
-    one radian of the first mode can amount to.
+    A multiple of what the drive does at resonance, the initial state, and a ball's flight within
+    one radian of the first mode can amount to; without an elastic mode, within the whole run.
     """
-    amplitude = np.array([base.amplitude for base in bases])
     alpha, beta = system.rayleigh or (0.0, 0.0)
     omega = 2.0 * math.pi * system.first_frequency
-    ratio = max(0.5 * (alpha / omega + beta * omega), 1e-3)
+    time = 1.0 / omega if omega > 0.0 else duration
+    ratio = max(0.5 * (alpha / omega + beta * omega), 1e-3) if omega > 0.0 else 1.0
+    forced = [0.0 if drive.share else _acceleration(system, drive) for drive in drives]
+    amplitude = np.array([excitation.amplitude for excitation in excitations]) + time**2 * np.array(forced)
     rates = np.vstack([motion.w_rate, motion.ball[layout.Y_RATE]])
     given = max((abs(pair.acceleration) for pair in system.contacts), default=0.0)
-    scale = amplitude / ratio + np.abs(motion.w).max(axis=0) + np.abs(rates).max(axis=0) / omega + given / omega**2
+    scale = amplitude / ratio + np.abs(motion.w).max(axis=0) + np.abs(rates).max(axis=0) * time + given * time**2
     return np.asarray(method.divergence_limit * (scale + 1e-9))
+
+
+def _acceleration(system: System, drive: Drive) -> float:
+    """Largest acceleration (m/s^2) that a force on the structure gives to its own place."""
+    free = scipy.sparse.linalg.spsolve(system.M.tocsc(), drive.load)
+    return abs(drive.amplitude) * float(np.atleast_1d(free) @ drive.load)
 
 
 def run_block(block: Block, progress: Progress | None = None, stop: threading.Event | None = None) -> None:
@@ -305,7 +326,7 @@ def run_block(block: Block, progress: Progress | None = None, stop: threading.Ev
         Ends the run early once set.
     """
     lanes, dofs = block.motion.q.shape[1], block.motion.q.shape[0]
-    work, energy = np.zeros((5, max(len(block.pairs.row), 1))), np.zeros(len(layout.ENERGY_COLUMNS))
+    work, energy = np.zeros((6, max(len(block.pairs.row), 1))), np.zeros(len(layout.ENERGY_COLUMNS))
     piece = max(1000, STEPS_BETWEEN_CHECKS // (lanes * dofs))
     done = 0
     while done < block.steps:
@@ -314,7 +335,7 @@ def run_block(block: Block, progress: Progress | None = None, stop: threading.Ev
         # pieces end where cases end, so that none is judged by what comes after
         steps = min(piece, int(block.ends[block.ends > done].min()) - done)
         loop.advance(
-            steps, block.operator, block.scheme, block.pairs, block.motion, block.cycles, block.record,
+            steps, block.operator, block.scheme, block.fine, block.pairs, block.motion, block.cycles, block.record,
             block.ledger, work, energy,
         )  # fmt: skip
         done += steps

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femimpact.contact import CustomLaw
 from femimpact.errors import require
-from femimpact.integrators import layout
 from femimpact.integrators.kernels import touch
-from femimpact.integrators.newmark import Newmark
+from femimpact.integrators.kernels.custom import address_of
+from femimpact.integrators.newmark import SteppingMethod, require_method, scheme_of
 from femimpact.system import ContactPair
 
 __all__ = ["AchievedRestitution", "achieved_restitution"]
@@ -37,14 +38,14 @@ class AchievedRestitution:
 
 
 def achieved_restitution(
-    pair: ContactPair, method: Newmark, approach_speed: float, phases: int = 32
+    pair: ContactPair, method: SteppingMethod, approach_speed: float, phases: int = 32
 ) -> AchievedRestitution:
     """Throw the pair's effective mass at a wall with the method's own step, and look at the rebound.
 
     Parameters
     ----------
     pair : ContactPair
-    method : Newmark
+    method : SteppingMethod
     approach_speed : float, m/s
     phases : int
         At how many instants within a step the touch is tried.
@@ -54,18 +55,17 @@ def achieved_restitution(
     AchievedRestitution
     """
     require(approach_speed > 0.0, "approach_speed", approach_speed, "m/s", "must be > 0")
-    scheme = layout.Scheme(
-        method.dt,
-        method.dt**2 * (0.5 - method.beta),
-        method.dt * (1.0 - method.gamma),
-        method.dt**2 * method.beta,
-        method.dt * method.gamma,
-    )
-    law = pair.parameters
+    require_method(method)
+    scheme = scheme_of(method, method.dt / method.refine)
+    law, force = pair.parameters, pair.law
+    address = address_of(force.force) if isinstance(force, CustomLaw) else 0
     runs = [
-        touch.collide(law.kind, law.stiffness, law.damping, pair.effective_mass, approach_speed, start, scheme)
+        touch.collide(
+            law.kind, law.stiffness, law.damping, law.exponent, law.restitution, address, pair.effective_mass,
+            approach_speed, start, scheme,
+        )
         for start in (np.arange(phases) + 0.5) / phases
-    ]
+    ]  # fmt: skip
     rebound, peak = (np.array(column) for column in zip(*runs, strict=True))
     return AchievedRestitution(
         law.restitution, float(rebound.mean()), float(rebound.min()), float(rebound.max()), float(peak.max())

@@ -7,16 +7,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.contact.formulas import RIGID
 from femimpact.energy import EnergyLedger
 from femimpact.errors import DivergenceError, in_range, quantity, require, require_type
-from femimpact.excitation import Sine
+from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
 from femimpact.impacts import Impacts, Riding, impact_statistics
 from femimpact.integrators import layout
 from femimpact.integrators.block import Block, Progress, prepare, run_block
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.fly import fly
 from femimpact.integrators.kernels import loop
-from femimpact.integrators.newmark import Newmark, check_sampling, check_step, step_notes
+from femimpact.integrators.newmark import SteppingMethod, require_method
+from femimpact.integrators.stepping import check_sampling, check_step, step_notes
 from femimpact.response import Channel, Recorder, Response, Snapshots, resolve_channels
 from femimpact.signals import no_steady_motion, steady_motion
 from femimpact.system import State, System
@@ -26,23 +28,23 @@ __all__ = ["check_memory", "divergence_message", "integrate", "memory_needed"]
 
 def integrate(
     system: System,
-    excitation: Sine,
-    method: Newmark | EventDriven,
+    excitation: Excitation,
+    method: SteppingMethod | EventDriven,
     duration: float,
     record: Recorder | None = None,
     initial: State | None = None,
     progress: Progress | None = None,
 ) -> Response:
-    """Motion of structure and balls under a moving base, from an initial state.
+    """Motion of structure and balls under a moving base or a force, from an initial state.
 
-    M u'' + C u' + K u = -M r ub'' + sum_j b_j F_j,  m_j (y_j'' + ub'') = m_j g_j - F_j
+    M u'' + C u' + K u = -M r ub'' + b F(t) + sum_j b_j F_j,  m_j (y_j'' + ub'') = m_j g_j - F_j
 
     Parameters
     ----------
     system : System
         Physical or reduced.
-    excitation : Sine
-    method : Newmark or EventDriven
+    excitation : Sine, PointForce or RecordedBase
+    method : Newmark, HHT, WBZ, GeneralizedAlpha, MoreauJean or EventDriven
     duration : float, s
         Rounded to whole steps, or to whole samples.
     record : Recorder, optional
@@ -71,15 +73,16 @@ def integrate(
         require_type(value, kind, kind.__name__.lower())
     if isinstance(method, EventDriven):
         return fly(system, excitation, method, duration, recorder, start, progress)
-    require_type(excitation, Sine, "excitation")
-    require_type(method, Newmark, "method")
+    require_method(method)
+    known = isinstance(excitation, Sine | PointForce | RecordedBase)
+    require(known, "excitation", type(excitation).__name__, "", "must be a Sine, a PointForce or a RecordedBase")
     fits = in_range(duration, quantity("s", at_least=method.dt))
     require(fits, "duration", duration, "s", f"must be a finite number >= one step, {method.dt:g} s")
     check_sampling(np.array([excitation.frequency]), method, "frequency")
     warnings = list(check_step(system, method))
     steps = round(duration / method.dt)
     channels = resolve_channels(system, recorder.channels)
-    kept = _record(system, recorder, channels, steps, method.dt, excitation.frequency)
+    kept = _record(system, recorder, channels, steps, method, excitation)
     window_start = 2 * steps // 3
     block = prepare(
         system,
@@ -88,7 +91,7 @@ def integrate(
         steps=[steps],
         window_start=[window_start],
         initial=start,
-        observed=system.point_row("tip"),
+        observed=system.point_row(system.default_place),
         ledger=recorder.ledger,
         record=kept,
     )
@@ -102,7 +105,7 @@ def integrate(
     return _response(block, system, excitation, method, recorder, channels, tuple(warnings))
 
 
-def divergence_message(frequency: float, time: float, method: Newmark) -> str:
+def divergence_message(frequency: float, time: float, method: SteppingMethod) -> str:
     """Words for a run that grew without bound, and the way out."""
     return (
         f"the motion at {frequency:g} Hz is not finite or grew without bound before t = {time:.4g} s with "
@@ -123,15 +126,20 @@ def memory_needed(
     """Bytes that a run will keep: channels, energies, snapshots, impacts and cycle statistics."""
     samples, snapshots = _samples(recorder, steps, dt)
     width = 2 * (system.dofs + len(system.contacts)) + len(system.contacts)
-    cycles = int(steps * dt * frequency) + 2
+    cycles, modes = int(steps * dt * frequency) + 2, _modes_kept(system, recorder)
     return {
         "channels": 8 * samples * channels,
-        "energies": 8 * samples * len(layout.ENERGY_COLUMNS) * recorder.ledger,
+        "energies": 8 * samples * (len(layout.ENERGY_COLUMNS) + modes) * recorder.ledger,
         # in dofs while running, at the nodes afterwards
         "snapshots": 8 * snapshots * (width + 4 * system.nodes.size),
-        "impacts": 8 * recorder.impacts * len(layout.IMPACT_COLUMNS) * bool(system.contacts),
+        "impacts": 8 * recorder.impacts * (len(layout.IMPACT_COLUMNS) + modes) * bool(system.contacts),
         "cycles": 8 * cycles * (len(layout.CYCLE_COLUMNS) + len(layout.ENERGY_COLUMNS)),
     }
+
+
+def _modes_kept(system: System, recorder: Recorder) -> int:
+    """How many modes get energies of their own: all of a system on its modes, with a ledger."""
+    return system.dofs if recorder.ledger and system.is_diagonal else 0
 
 
 def check_memory(
@@ -165,10 +173,16 @@ def _samples(recorder: Recorder, steps: int, dt: float) -> tuple[int, int]:
 
 
 def _record(
-    system: System, recorder: Recorder, channels: tuple[Channel, ...], steps: int, dt: float, frequency: float
+    system: System,
+    recorder: Recorder,
+    channels: tuple[Channel, ...],
+    steps: int,
+    method: SteppingMethod,
+    excitation: Excitation,
 ) -> layout.Record:
     """Arrays for what is kept, refused before the run when they would not fit."""
-    check_memory(system, recorder, len(channels), steps, dt, frequency)
+    dt, modes = method.dt, _modes_kept(system, recorder)
+    check_memory(system, recorder, len(channels), steps, dt, excitation.frequency)
     samples, snapshots = _samples(recorder, steps, dt)
     rows = [channel.row for channel in channels if channel.row is not None]
     number = iter(range(len(rows)))
@@ -180,10 +194,10 @@ def _record(
         source=np.array(index, dtype=np.int64),
         rows=np.array(rows).reshape(-1, system.dofs),
         channels=np.zeros((samples, len(channels))),
-        energy=np.zeros((samples if recorder.ledger else 0, len(layout.ENERGY_COLUMNS))),
+        energy=np.zeros((samples if recorder.ledger else 0, len(layout.ENERGY_COLUMNS) + modes)),
         fields=np.zeros((snapshots, 2, system.dofs + balls)),
         forces=np.zeros((snapshots, balls)),
-        impacts=np.zeros((recorder.impacts if balls else 0, len(layout.IMPACT_COLUMNS))),
+        impacts=np.zeros((recorder.impacts if balls else 0, len(layout.IMPACT_COLUMNS) + modes)),
         stride=np.array([recorder.every, start, max(recorder.snapshots, 1), start_field], dtype=np.int64),
         tally=np.zeros(4, dtype=np.int64),
     )
@@ -192,8 +206,8 @@ def _record(
 def _response(
     block: Block,
     system: System,
-    excitation: Sine,
-    method: Newmark,
+    excitation: Excitation,
+    method: SteppingMethod,
     recorder: Recorder,
     channels: tuple[Channel, ...],
     warnings: tuple[str, ...],
@@ -205,6 +219,11 @@ def _response(
     laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
     window = float(block.steps - block.motion.window[0, 0]) * dt
     totals = block.motion.totals[:, :, 0]
+    # an impulse has no peak
+    totals[4, block.pairs.kind == RIGID] = np.nan
+    energy = _ledger(record, time) if recorder.ledger else None
+    if energy is not None and energy.residual > recorder.residual_limit:
+        warnings = (*warnings, _residual_warning(energy.residual, recorder.residual_limit))
     per_ball = {
         pair.name: impact_statistics(totals[:, j : j + 1], window, excitation.frequency, pair.law.name)
         for j, pair in enumerate(system.contacts)
@@ -220,12 +239,19 @@ def _response(
         statistics=impact_statistics(totals, window, excitation.frequency, laws),
         statistics_of=per_ball,
         steady=steady_motion(cycles, np.array([max(finished // 3, 1)])) if finished else no_steady_motion(),
-        energy=_ledger(record, time) if recorder.ledger else None,
+        energy=energy,
         snapshots=_snapshots(record, system, first_field, stride, dt) if recorder.snapshots else None,
         base=excitation,
         system=system,
         warnings=warnings,
         notes=(*step_notes(system, method), *_open_contacts(block, system)),
+    )
+
+
+def _residual_warning(residual: float, limit: float) -> str:
+    return (
+        f"energy residual {residual:.2g} exceeds {limit:g}: the method or the contact law makes or loses energy that "
+        "the ledger cannot name; take a smaller dt, or raise Recorder.residual_limit"
     )
 
 
@@ -242,18 +268,19 @@ def _open_contacts(block: Block, system: System) -> tuple[str, ...]:
 
 def _ledger(record: layout.Record, time: NDArray[Any]) -> EnergyLedger:
     columns = {name: _read_only(record.energy[:, i]) for i, name in enumerate(layout.ENERGY_COLUMNS)}
-    return EnergyLedger(time=time, structure_loss_of_mode=_read_only(np.zeros((time.size, 0))), **columns)
+    of_mode = _read_only(record.energy[:, len(layout.ENERGY_COLUMNS) :])
+    return EnergyLedger(time=time, structure_loss_of_mode=of_mode, **columns)
 
 
-def _impacts(record: layout.Record, system: System, excitation: Sine) -> Impacts:
+def _impacts(record: layout.Record, system: System, excitation: Excitation) -> Impacts:
     count = min(int(record.tally[3]), record.impacts.shape[0])
     columns = {name: _read_only(record.impacts[:count, i]) for i, name in enumerate(layout.IMPACT_COLUMNS)}
     names = np.array([pair.name for pair in system.contacts] or [""])
     columns["impactor"] = names[columns.pop("pair").astype(int)]
     return Impacts(
         **columns,
-        phase=_read_only(np.mod(excitation.omega * columns["time"] + excitation.phase, 2.0 * np.pi)),
-        energy_to_modes=_read_only(np.zeros((count, 0))),
+        phase=_read_only(np.mod(2.0 * np.pi * excitation.frequency * columns["time"] + excitation.phase, 2.0 * np.pi)),
+        energy_to_modes=_read_only(record.impacts[:count, len(layout.IMPACT_COLUMNS) :]),
         law={pair.name: pair.law.name for pair in system.contacts},
         dropped=int(record.tally[3]) - count,
     )

@@ -14,43 +14,77 @@ IMPACT_COLUMNS = (
 TOTAL_COLUMNS = ("count", "approach_speed", "approach_speed_max", "impulse", "peak_force", "force_time")
 # the first four count impacts that end within the window; the last two every force in it, riding included
 
-# rows of Motion.ball (., pairs, cases); y and x = y - w are relative to the base, FORCE acts on the structure
-Y, Y_RATE, Y_ACCELERATION, X, X_BEFORE, FORCE, Y_BEFORE = range(7)
-# rows of Motion.drive (., cases); SCALE is -amplitude omega^2, BASE the base acceleration
-SINE, COSINE, TURN_SINE, TURN_COSINE, PHASE, PHASE_STEP, SCALE, BASE, BASE_BEFORE = range(9)
-# rows of Motion.ledger (., cases)
-WORK, STRUCTURE_LOSS, CONTACT_LOSS, LOAD, LOAD_BEFORE = range(5)
-# rows of Pairs.constants (., pairs, cases)
-MASS, GAP_PLUS, GAP_MINUS, STIFFNESS, DAMPING, FREE_STIFFNESS, ACCELERATION = range(7)
+# rows of Motion.ball (., pairs, cases); y and x = y - w are relative to the base, FORCE acts on the structure;
+# RATE and RATE_BEFORE are kept only where a method looks ahead
+Y, Y_RATE, Y_ACCELERATION, X, X_BEFORE, FORCE, Y_BEFORE, RATE, RATE_BEFORE = range(9)
+# rows of Motion.drive (., cases); the drive's history is SCALE times the sine; BASE is its value at the step's
+# end, ACTING what the balance of the step feels
+SINE, COSINE, TURN_SINE, TURN_COSINE, PHASE, PHASE_STEP, SCALE, BASE, BASE_BEFORE, ACTING = range(10)
+# rows of Motion.ledger (., cases); the last three set aside what a refined case has booked by itself
+WORK, STRUCTURE_LOSS, CONTACT_LOSS, LOAD, LOAD_BEFORE, REFINED, OWN_WORK, OWN_LOSS = range(8)
+# rows of Pairs.constants (., pairs, cases); a stop has no mass (its energy) and no mobility (1/m);
+# SHARE of the drive that acts as an acceleration of the base on the ball
+(
+    MASS, MOBILITY, GAP_PLUS, GAP_MINUS, STIFFNESS, DAMPING, EXPONENT, RESTITUTION, FREE_STIFFNESS, ACCELERATION, SHARE,
+) = range(11)  # fmt: skip
 # rows of Motion.touch (., pairs, cases); BUSY: the pair must be looked at in every step
-BUSY, OPEN, SIDE, START, APPROACH, IMPULSE, PEAK, DURATION, LOSS, NORMAL, DISSIPATIVE = range(11)
+BUSY, OPEN, SIDE, START, APPROACH, IMPULSE, PEAK, DURATION, LOSS, NORMAL, DISSIPATIVE, REBOUND, NEAR = range(13)
 
 
 class Scheme(NamedTuple):
-    """Newmark's constants for one step size."""
+    """Constants of a one-step method for one step size, acting on the accelerations a0 and a1.
+
+    M [(1 - alpha_m) a1 + alpha_m a0] + C v_f + K u_f = F_f + b [(1 - alpha_f) f1 + alpha_f f0], where
+    . _f is (1 - alpha_f) . 1 + alpha_f . 0, or, with one mean force f kept out of the acceleration,
+    M a + C v + K u = F and v1 gains dt M^-1 b f, u1 gains give_u M^-1 b f.
+    """
 
     dt: float
-    predict_u: float  # dt^2 (1/2 - beta)
-    predict_v: float  # dt (1 - gamma)
-    correct_u: float  # dt^2 beta
-    correct_v: float  # dt gamma
+    predict_u: float  # u1 = u0 + dt v0 + predict_u a0 + correct_u a1
+    predict_v: float  # v1 = v0 + predict_v a0 + correct_v a1
+    correct_u: float
+    correct_v: float
+    alpha_f: float
+    alpha_m: float
+    carry: float  # alpha_f/(1 - alpha_f): share of the last step's contact force
+    give_a: float  # what a force of 1 N does to a free mass of 1 kg in a step
+    give_u: float
+    give_v: float
+    spring_now: float  # share of x1 in the force of a centring spring, the rest is that of x0
+    mean: bool  # one mean contact force per step, kept out of the acceleration
+    rigid: bool  # that force is an impulse that sets the rebound
 
 
 class Operator(NamedTuple):
-    """The structure, ready for a step: S = M + gamma dt C + beta dt^2 K, factorised once."""
+    """The structure, ready for a step: S = (1 - alpha_m) M + (1 - alpha_f)(correct_v C + correct_u K), factorised.
+
+    Of a diagonal system a1 = load s - (stiffness u0 + damping v0 + inertia a0).
+    """
 
     banded: bool
-    load: NDArray[Any]  # (n,) -base_load; diagonal systems: already divided by S
-    damping: NDArray[Any]  # (n,) C/S of a diagonal system
-    stiffness: NDArray[Any]  # (n,) K/S of a diagonal system
+    load: NDArray[Any]  # (n,) of the drive; diagonal systems: divided by S
+    inertia: NDArray[Any]  # (n,) of a diagonal system
+    damping: NDArray[Any]  # (n,) of a diagonal system
+    stiffness: NDArray[Any]  # (n,) of a diagonal system
     mass_band: NDArray[Any]  # (k + 1, n) lower bands; a diagonal system has one
     damping_band: NDArray[Any]
     stiffness_band: NDArray[Any]
     cholesky_band: NDArray[Any]  # (k + 1, n) lower bands of L, S = L L^T, diagonal inverted
-    base_load: NDArray[Any]  # (n,)
+    drive_load: NDArray[Any]  # (n,) of the drive
     rows: NDArray[Any]  # (rows, n) places read every step: the observed one first
-    response: NDArray[Any]  # (pairs, n) S^-1 b_j
-    compliance: NDArray[Any]  # (rows, pairs) row_i S^-1 b_j
+    response_a: NDArray[Any]  # (pairs, n) what 1 N along b_j does in a step
+    response_u: NDArray[Any]
+    response_v: NDArray[Any]
+    compliance_u: NDArray[Any]  # (rows, pairs) row_i response_u_j
+    compliance_v: NDArray[Any]
+
+
+class Fine(NamedTuple):
+    """The fine steps of a method that divides those with contact; parts = 1 where it only looks ahead."""
+
+    parts: int
+    operator: Operator
+    scheme: Scheme
 
 
 class Pairs(NamedTuple):
@@ -58,7 +92,8 @@ class Pairs(NamedTuple):
 
     row: NDArray[Any]  # (pairs,)
     kind: NDArray[Any]  # (pairs,)
-    constants: NDArray[Any]  # (7, pairs, cases)
+    address: NDArray[Any]  # (pairs,) of a custom law's compiled function
+    constants: NDArray[Any]  # (11, pairs, cases)
 
 
 class Motion(NamedTuple):
@@ -69,13 +104,18 @@ class Motion(NamedTuple):
     a: NDArray[Any]
     w: NDArray[Any]  # (rows, cases)
     w_rate: NDArray[Any]
-    ball: NDArray[Any]  # (7, pairs, cases)
-    touch: NDArray[Any]  # (11, pairs, cases)
+    ball: NDArray[Any]  # (9, pairs, cases)
+    touch: NDArray[Any]  # (13, pairs, cases)
     totals: NDArray[Any]  # (columns, pairs, cases)
     window: NDArray[Any]  # (2, cases) first step, and the step after the last
-    drive: NDArray[Any]  # (9, cases)
-    ledger: NDArray[Any]  # (5, cases)
+    drive: NDArray[Any]  # (10, cases)
+    table: NDArray[Any]  # (steps * refine + 1, cases) history of a drive given by samples, else no rows
+    ledger: NDArray[Any]  # (8, cases)
     v_before: NDArray[Any]  # (n, cases)
+    loss_of_mode: NDArray[Any]  # (n,) of a single case on its modes, else none
+    to_modes: NDArray[Any]  # (pairs, n) energy that the open contacts of such a case have passed on, else none
+    saved: NDArray[Any]  # (3, n, cases) q, v and a at the start of a step that may be redone, else none
+    saved_ball: NDArray[Any]  # (3, pairs, cases) y and its rates
     scratch: NDArray[Any]  # (3, n, cases)
 
 
@@ -97,9 +137,9 @@ class Record(NamedTuple):
     source: NDArray[Any]  # (channels,) row or pair
     rows: NDArray[Any]  # (rows, n)
     channels: NDArray[Any]  # (samples, channels)
-    energy: NDArray[Any]  # (samples, columns)
+    energy: NDArray[Any]  # (samples, columns and modes)
     fields: NDArray[Any]  # (snapshots, 2, n + pairs)
     forces: NDArray[Any]  # (snapshots, pairs)
-    impacts: NDArray[Any]  # (most, columns)
+    impacts: NDArray[Any]  # (most, columns and modes)
     stride: NDArray[Any]  # (4,): every, first sample, snapshot stride, first snapshot
     tally: NDArray[Any]  # (4,): step, samples, snapshots, impacts met

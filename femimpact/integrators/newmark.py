@@ -1,30 +1,23 @@
-"""The Newmark method as a value, the step that it needs, and the structure made ready for its steps."""
+"""The Newmark family and its relative with impulses, as values, and the constants of their step.
+
+All of them are u1 = u0 + dt v0 + dt^2 [(1/2 - beta) a0 + beta a1], v1 = v0 + dt [(1 - gamma) a0 + gamma a1]
+with one balance of forces per step; they differ in where within the step it is taken.
+"""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-import scipy.linalg
-import scipy.sparse as sparse
-from numpy.typing import NDArray
+from femimpact.errors import check_fields, choice, quantity, require
+from femimpact.integrators.layout import Scheme
 
-from femimpact.errors import Fault, InputError, check_fields, quantity, require
-from femimpact.system import System
-
-__all__ = ["Newmark", "check_sampling", "check_step", "recommended_step", "step_notes"]
-
-STEPS_PER_CONTACT = 20
-LEAST_STEPS_PER_CONTACT = 10
-STEPS_PER_PERIOD = 400
-LEAST_STEPS_PER_CYCLE = 8
+__all__ = ["HHT", "WBZ", "GeneralizedAlpha", "MoreauJean", "Newmark", "SteppingMethod", "require_method", "scheme_of"]
 
 
 @dataclass(frozen=True)
 class Newmark:
-    """Newmark's method: u1 = u0 + dt v0 + dt^2 [(1/2 - beta) a0 + beta a1], v1 = v0 + dt [(1 - gamma) a0 + gamma a1].
+    """Newmark's method: M a1 + C v1 + K u1 = F1 + b f1.
 
     The defaults are the constant average acceleration. (Newmark, 1959.)
 
@@ -38,6 +31,15 @@ class Newmark:
     divergence_limit : float, 1
         Stop when a displacement exceeds this many times the resonant amplitude of the structure
         without balls (plus the initial displacement).
+    contact : {"end", "energy-consistent"}
+        Where the law acts: on the state at the step's end, or as the mean over the step's way,
+        f = [V(p1) - V(p0)]/(p1 - p0) for a law with the potential V, its dissipative part at the
+        step's mean rate. Then no contact force makes or loses energy that its law does not, at any
+        step. It needs beta = 1/4, gamma = 1/2. (Discrete gradient: Gonzalez, 1996; of a penalty
+        potential: Armero and Petocz, 1998.)
+    refine : int
+        Fine steps into which a step is divided in which a contact takes place, or could: dt is then
+        the step in flight.
     """
 
     dt: float = field(metadata=quantity("s", above=0.0))
@@ -45,110 +47,172 @@ class Newmark:
     gamma: float = field(default=0.5, metadata=quantity("1", at_least=0.5, at_most=1.0))
     allow_coarse_step: bool = False
     divergence_limit: float = field(default=1000.0, metadata=quantity("1", above=1.0))
+    contact: str = field(default="end", metadata=choice("end", "energy-consistent"))
+    refine: int = field(default=1, metadata=quantity("1", at_least=1, at_most=1000, integer=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if self.contact == "energy-consistent":
+            for name, value in (("beta", 0.25), ("gamma", 0.5)):
+                given = getattr(self, name)
+                require(given == value, name, given, "", f"must be {value:g} for an energy-consistent contact")
+
+
+@dataclass(frozen=True)
+class HHT:
+    """Hilber, Hughes and Taylor: M a1 + (1 + alpha)(C v1 + K u1 - F1) = alpha (C v0 + K u0 - F0), contacts included.
+
+    gamma = 1/2 - alpha, beta = (1 - alpha)^2/4: order 2, with high modes damped. (Hilber et al., 1977.)
+
+    Parameters
+    ----------
+    dt : float, s
+    alpha : float, 1
+        0 is the average acceleration; -1/3 damps most.
+    allow_coarse_step, divergence_limit, refine
+        As of `Newmark`.
+    """
+
+    dt: float = field(metadata=quantity("s", above=0.0))
+    alpha: float = field(default=-0.1, metadata=quantity("1", at_least=-1.0 / 3.0, at_most=0.0))
+    allow_coarse_step: bool = False
+    divergence_limit: float = field(default=1000.0, metadata=quantity("1", above=1.0))
+    refine: int = field(default=1, metadata=quantity("1", at_least=1, at_most=1000, integer=True))
 
     def __post_init__(self) -> None:
         check_fields(self)
 
 
-def shortest_contact(system: System) -> float:
-    """Shortest contact time (s) among the pairs; infinite without one."""
-    return min((pair.parameters.contact_time for pair in system.contacts), default=math.inf)
+@dataclass(frozen=True)
+class WBZ:
+    """Wood, Bossak and Zienkiewicz: M [(1 - alpha) a1 + alpha a0] + C v1 + K u1 = F1 + b f1.
 
-
-def recommended_step(system: System) -> float:
-    """Step (s) that resolves the contact and the first mode: the smaller of T_c/20 and 1/(400 f1).
+    gamma = 1/2 - alpha, beta = (1 - alpha)^2/4: order 2, with high modes damped. (Wood et al., 1980.)
 
     Parameters
     ----------
-    system : System
-
-    Returns
-    -------
-    float, s
-        At T_c/20 a collision's energy error is about 0.1 %; at 1/(400 f1) the period is
-        lengthened by pi^2/(3 400^2) = 2e-5.
+    dt : float, s
+    alpha : float, 1
+        0 is the average acceleration; -1 damps most.
+    allow_coarse_step, divergence_limit, refine
+        As of `Newmark`.
     """
-    by_mode = 1.0 / (STEPS_PER_PERIOD * system.first_frequency)
-    return min(shortest_contact(system) / STEPS_PER_CONTACT, by_mode)
+
+    dt: float = field(metadata=quantity("s", above=0.0))
+    alpha: float = field(default=-0.1, metadata=quantity("1", at_least=-1.0, at_most=0.0))
+    allow_coarse_step: bool = False
+    divergence_limit: float = field(default=1000.0, metadata=quantity("1", above=1.0))
+    refine: int = field(default=1, metadata=quantity("1", at_least=1, at_most=1000, integer=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
-def check_step(system: System, method: Newmark) -> tuple[str, ...]:
-    """Warnings of a step that was let through; an error for one that does not resolve the contact.
+@dataclass(frozen=True)
+class GeneralizedAlpha:
+    """Generalised alpha: M a_m + C v_f + K u_f = F_f + b f_f, each taken within the step.
 
-    Raises
-    ------
-    InputError
-        If dt > T_c/10 and the method does not allow it, or the scheme is unstable at dt.
+    alpha_m = (2 r - 1)/(r + 1), alpha_f = r/(r + 1), gamma = 1/2 - alpha_m + alpha_f,
+    beta = (1 - alpha_m + alpha_f)^2/4. (Chung and Hulbert, 1993.)
+
+    Parameters
+    ----------
+    dt : float, s
+    spectral_radius : float, 1
+        r at infinite frequency: 1 damps nothing, 0 annihilates the highest modes in one step.
+    allow_coarse_step, divergence_limit, refine
+        As of `Newmark`.
     """
-    stable = 2.0 * method.beta >= method.gamma
-    if not stable:
-        omega = _highest_omega(system)
-        limit = 1.0 / (omega * math.sqrt(0.5 * method.gamma - method.beta))
-        if method.dt > limit:
-            allowed = f"must be <= {limit:.3g} s: with 2 beta < gamma the method is only conditionally stable"
-            raise InputError([Fault("method.dt", method.dt, "s", allowed)])
-    contact_time = shortest_contact(system)
-    longest = contact_time / LEAST_STEPS_PER_CONTACT
-    if method.dt <= longest * (1.0 + 1e-9):
-        return ()
-    numbers = f"dt = {method.dt:.3g} s against a contact time of {contact_time:.3g} s"
-    if method.allow_coarse_step:
-        return (
-            f"coarse step: {numbers}; a contact wants {LEAST_STEPS_PER_CONTACT} steps or more, "
-            "so impacts, restitution and energy of this run are not to be trusted",
-        )
-    allowed = (
-        f"must be <= {longest:.3g} s ({numbers}, {LEAST_STEPS_PER_CONTACT} steps or more in a contact): use "
-        f"dt = recommended_step(system) = {recommended_step(system):.3g} s, a longer contact_time, or "
-        "allow_coarse_step = true to see what happens"
-    )
-    raise InputError([Fault("method.dt", method.dt, "s", allowed)])
+
+    dt: float = field(metadata=quantity("s", above=0.0))
+    spectral_radius: float = field(default=0.8, metadata=quantity("1", at_least=0.0, at_most=1.0))
+    allow_coarse_step: bool = False
+    divergence_limit: float = field(default=1000.0, metadata=quantity("1", above=1.0))
+    refine: int = field(default=1, metadata=quantity("1", at_least=1, at_most=1000, integer=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
-def check_sampling(frequencies: NDArray[Any], method: Newmark, key: str) -> None:
-    """Refuse base frequencies (Hz) of which the step sees fewer than 8 points a cycle."""
-    least = LEAST_STEPS_PER_CYCLE
-    highest, most = float(frequencies.max()), 1.0 / (least * method.dt)
-    allowed = f"must be <= {most:.4g} Hz with dt = {method.dt:g} s ({least} steps in a base cycle or more)"
-    require(highest <= most, key, highest, "Hz", allowed)
+@dataclass(frozen=True)
+class MoreauJean:
+    """Time stepping with impulses for rigid contacts: velocities jump, no impact is an event of its own.
+
+    M (v1 - v0) = dt (F - C v - K u)_theta + b P, u1 = u0 + dt v_theta, with ._theta = theta .1 + (1 - theta) .0;
+    where the gap is closed half a step on, 0 <= P and v1 >= -e v0 in the direction of separation, one of
+    them with equality. (Moreau, 1988; Jean, 1999.)
+
+    Parameters
+    ----------
+    dt : float, s
+        Resolves the flight; a rigid contact has no time of its own. Instants of impact are met to a step.
+    theta : float, 1
+        1/2 loses no energy beside the impacts; 1 is the implicit Euler rule.
+    allow_coarse_step, divergence_limit
+        As of `Newmark`.
+    """
+
+    dt: float = field(metadata=quantity("s", above=0.0))
+    theta: float = field(default=0.5, metadata=quantity("1", at_least=0.5, at_most=1.0))
+    allow_coarse_step: bool = False
+    divergence_limit: float = field(default=1000.0, metadata=quantity("1", above=1.0))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @property
+    def refine(self) -> int:
+        """A rigid contact has nothing to resolve: 1."""
+        return 1
 
 
-def step_notes(system: System, method: Newmark) -> tuple[str, ...]:
-    """Notes on modes that the step does not follow: never an error, the scheme is stable for them."""
-    omega = np.sort(np.sqrt(system.K.diagonal() / system.M.diagonal())) if system.is_diagonal else None
-    fastest = 1.0 / (10.0 * method.dt)
-    if omega is None:
-        return ()
-    missed = int(np.count_nonzero(omega / (2.0 * math.pi) > fastest))
-    if missed == 0:
-        return ()
-    return (f"{missed} of {omega.size} kept modes are faster than 1/(10 dt) = {fastest:.4g} Hz: not resolved in time",)
+SteppingMethod = Newmark | HHT | WBZ | GeneralizedAlpha | MoreauJean
+"""The methods that take steps; `EventDriven` flies from event to event."""
 
 
-def _highest_omega(system: System) -> float:
-    if system.is_diagonal:
-        return float(np.sqrt(np.max(system.K.diagonal() / system.M.diagonal())))
-    values = scipy.linalg.eigh(
-        system.K.toarray(), system.M.toarray(), eigvals_only=True, subset_by_index=[system.dofs - 1] * 2
-    )
-    return float(np.sqrt(values[0]))
+def require_method(method: Any) -> None:
+    """Raise `InputError` unless the value is one of the methods."""
+    allowed = "must be a Newmark, HHT, WBZ, GeneralizedAlpha, MoreauJean or EventDriven"
+    require(isinstance(method, SteppingMethod), "method", type(method).__name__, "", allowed)
 
 
-def bands(matrix: Any) -> NDArray[Any]:
-    """Lower bands (k + 1, n) of a symmetric sparse matrix: bands[k, i] = A[i + k, i]."""
-    entries = sparse.coo_array(matrix)
-    row, column = entries.coords
-    width = int(np.max(row - column, initial=0))
-    result = np.zeros((width + 1, matrix.shape[0]))
-    lower = row >= column
-    np.add.at(result, (row[lower] - column[lower], column[lower]), entries.data[lower])
-    return result
+def scheme_of(method: SteppingMethod, dt: float | None = None) -> Scheme:
+    """Constants of a method for its own step (s), or for a finer one."""
+    h = method.dt if dt is None else dt
+    if isinstance(method, MoreauJean):
+        th = method.theta
+        weights = h * h * th * (1.0 - th), h * (1.0 - th), h * h * th * th, h * th
+        return _mean_scheme(h, weights, th, rigid=True)
+    alpha_m, alpha_f = _shifts(method)
+    gamma, beta = 0.5 - alpha_m + alpha_f, 0.25 * (1.0 - alpha_m + alpha_f) ** 2
+    if isinstance(method, Newmark):
+        beta, gamma = method.beta, method.gamma
+    weights = h * h * (0.5 - beta), h * (1.0 - gamma), h * h * beta, h * gamma
+    if isinstance(method, Newmark) and method.contact == "energy-consistent":
+        return _mean_scheme(h, weights, 0.5, rigid=False)
+    give = (1.0 - alpha_f) / (1.0 - alpha_m)
+    return Scheme(
+        h, *weights, alpha_f, alpha_m,
+        carry=alpha_f / (1.0 - alpha_f), give_a=give, give_u=give * weights[2], give_v=give * weights[3],
+        spring_now=1.0, mean=False, rigid=False,
+    )  # fmt: skip
 
 
-def factorise(system: System, method: Newmark) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Bands of L with S = M + gamma dt C + beta dt^2 K = L L^T (its diagonal inverted), and of S itself."""
-    effective = system.M + method.gamma * method.dt * system.C + method.beta * method.dt**2 * system.K
-    band = bands(effective)
-    lower = scipy.linalg.cholesky_banded(band, lower=True)
-    lower[0] = 1.0 / lower[0]
-    return lower, band
+def _shifts(method: Newmark | HHT | WBZ | GeneralizedAlpha) -> tuple[float, float]:
+    """alpha_m and alpha_f: where within the step inertia and the other forces are taken."""
+    if isinstance(method, HHT):
+        return 0.0, -method.alpha
+    if isinstance(method, WBZ):
+        return method.alpha, 0.0
+    if isinstance(method, GeneralizedAlpha):
+        r = method.spectral_radius
+        return (2.0 * r - 1.0) / (r + 1.0), r / (r + 1.0)
+    return 0.0, 0.0
+
+
+def _mean_scheme(h: float, weights: tuple[float, float, float, float], theta: float, rigid: bool) -> Scheme:
+    """Constants where one mean contact force per step is kept out of the acceleration."""
+    return Scheme(
+        h, *weights, 0.0, 0.0,
+        carry=0.0, give_a=0.0, give_u=h * h * theta, give_v=h, spring_now=theta, mean=True, rigid=rigid,
+    )  # fmt: skip

@@ -7,29 +7,57 @@ from typing import Any
 from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.compiling import compiled, inlined
-from femimpact.integrators.layout import BASE, COSINE, SCALE, SINE, TURN_COSINE, TURN_SINE, Motion, Operator, Scheme
+from femimpact.integrators.layout import (
+    BASE,
+    BASE_BEFORE,
+    COSINE,
+    SCALE,
+    SINE,
+    TURN_COSINE,
+    TURN_SINE,
+    Motion,
+    Operator,
+    Scheme,
+)
 
 # A loop over cases goes into SIMD lanes only while the compiler can check its few arrays against overlap:
 # three written and two read are too many already, so some loops below are split in two.
 
 
 @inlined
-def turn_base(drive: NDArray[Any]) -> None:
-    """Base acceleration at the next step, by rotating the phase: no trigonometric call per step."""
+def turn_drive(drive: NDArray[Any]) -> None:
+    """The drive at the next step, by rotating the phase: no trigonometric call per step."""
     sine, cosine, turn_sine, turn_cosine = drive[SINE], drive[COSINE], drive[TURN_SINE], drive[TURN_COSINE]
-    base, scale = drive[BASE], drive[SCALE]
+    base, before, scale = drive[BASE], drive[BASE_BEFORE], drive[SCALE]
     for c in range(sine.size):
         turned = sine[c] * turn_cosine[c] + cosine[c] * turn_sine[c]
         cosine[c] = cosine[c] * turn_cosine[c] - sine[c] * turn_sine[c]
         sine[c] = turned
     for c in range(sine.size):
+        before[c] = base[c]
+    for c in range(sine.size):
         base[c] = scale[c] * sine[c]
 
 
 @inlined
+def read_drive(table: NDArray[Any], base: NDArray[Any]) -> None:
+    """The drive at the next step from its samples."""
+    for c in range(base.size):
+        base[c] = table[c]
+
+
+@inlined
+def blend_drive(alpha: float, base: NDArray[Any], before: NDArray[Any], acting: NDArray[Any]) -> None:
+    """What the balance within the step feels of the drive."""
+    for c in range(base.size):
+        acting[c] = (1.0 - alpha) * base[c] + alpha * before[c]
+
+
+@inlined
 def free_step_diagonal(
-    load: NDArray[Any], damping: NDArray[Any], stiffness: NDArray[Any], row: NDArray[Any], s: Scheme,
-    q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], w: NDArray[Any], w_rate: NDArray[Any], base: NDArray[Any],
+    load: NDArray[Any], inertia: NDArray[Any], damping: NDArray[Any], stiffness: NDArray[Any], row: NDArray[Any],
+    s: Scheme, q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], w: NDArray[Any], w_rate: NDArray[Any],
+    acting: NDArray[Any],
 ) -> None:  # fmt: skip
     """One step of every mode without contact force, and the first place that is read every step."""
     n, cases = q.shape
@@ -38,14 +66,13 @@ def free_step_diagonal(
         w[c] = 0.0
         w_rate[c] = 0.0
     for i in range(n):
-        g, d, k, r = load[i], damping[i], stiffness[i], row[i]
+        g, j, d, k, r = load[i], inertia[i], damping[i], stiffness[i], row[i]
         qi, vi, ai = q[i], v[i], a[i]
         for c in range(cases):
-            u_predicted = qi[c] + dt * vi[c] + pu * ai[c]
-            v_predicted = vi[c] + pv * ai[c]
-            acceleration = g * base[c] - (d * v_predicted + k * u_predicted)
-            u_new = u_predicted + cu * acceleration
-            v_new = v_predicted + cv * acceleration
+            u, rate, old = qi[c], vi[c], ai[c]
+            acceleration = g * acting[c] - (k * u + d * rate + j * old)
+            u_new = u + dt * rate + pu * old + cu * acceleration
+            v_new = rate + pv * old + cv * acceleration
             ai[c] = acceleration
             qi[c] = u_new
             vi[c] = v_new
@@ -55,22 +82,20 @@ def free_step_diagonal(
 
 @inlined
 def free_step_single(
-    load: NDArray[Any], damping: NDArray[Any], stiffness: NDArray[Any], row: NDArray[Any], s: Scheme,
-    q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], w: NDArray[Any], w_rate: NDArray[Any], base: NDArray[Any],
-) -> None:  # fmt: skip
+    load: NDArray[Any], inertia: NDArray[Any], damping: NDArray[Any], stiffness: NDArray[Any], row: NDArray[Any],
+    s: Scheme, q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], acting: float,
+) -> tuple[float, float]:  # fmt: skip
     """The same step, operation by operation, of one case alone: sums stay in registers."""
-    acting, total, total_rate = base[0], 0.0, 0.0
+    total, total_rate = 0.0, 0.0
     for i in range(q.size):
-        u_predicted = q[i] + s.dt * v[i] + s.predict_u * a[i]
-        v_predicted = v[i] + s.predict_v * a[i]
-        acceleration = load[i] * acting - (damping[i] * v_predicted + stiffness[i] * u_predicted)
-        q[i] = u_predicted + s.correct_u * acceleration
-        v[i] = v_predicted + s.correct_v * acceleration
-        a[i] = acceleration
-        total += row[i] * q[i]
-        total_rate += row[i] * v[i]
-    w[0] = total
-    w_rate[0] = total_rate
+        u, rate, old = q[i], v[i], a[i]
+        acceleration = load[i] * acting - (stiffness[i] * u + damping[i] * rate + inertia[i] * old)
+        u_new = u + s.dt * rate + s.predict_u * old + s.correct_u * acceleration
+        v_new = rate + s.predict_v * old + s.correct_v * acceleration
+        q[i], v[i], a[i] = u_new, v_new, acceleration
+        total += row[i] * u_new
+        total_rate += row[i] * v_new
+    return total, total_rate
 
 
 @compiled
@@ -106,52 +131,66 @@ def _scale(target: NDArray[Any], scale: float) -> None:
 
 
 @compiled
-def free_step_banded(op: Operator, s: Scheme, m: Motion) -> None:
+def free_step_banded(op: Operator, s: Scheme, m: Motion, acting: NDArray[Any]) -> None:
     """The step in physical dofs: banded right-hand side, forward and back substitution."""
     n, cases = m.q.shape
-    rhs, u_predicted, v_predicted = m.scratch[0], m.scratch[1], m.scratch[2]
-    base = m.drive[BASE]
+    rhs, u_felt, v_felt = m.scratch[0], m.scratch[1], m.scratch[2]
+    felt = 1.0 - s.alpha_f
     for i in range(n):
         load, q, v, a = op.load[i], m.q[i], m.v[i], m.a[i]
-        u_i, v_i, rhs_i = u_predicted[i], v_predicted[i], rhs[i]
+        u_i, v_i, rhs_i = u_felt[i], v_felt[i], rhs[i]
         for c in range(cases):
-            u_i[c] = q[c] + s.dt * v[c] + s.predict_u * a[c]
-            v_i[c] = v[c] + s.predict_v * a[c]
-            rhs_i[c] = load * base[c]
+            u_i[c] = q[c] + felt * (s.dt * v[c] + s.predict_u * a[c])
+            v_i[c] = v[c] + felt * s.predict_v * a[c]
+            rhs_i[c] = load * acting[c]
     for i in range(n):
-        add(rhs[i], -op.damping_band[0, i], v_predicted[i])
-        add(rhs[i], -op.stiffness_band[0, i], u_predicted[i])
+        add(rhs[i], -op.damping_band[0, i], v_felt[i])
+        add(rhs[i], -op.stiffness_band[0, i], u_felt[i])
         for k in range(1, min(op.stiffness_band.shape[0], n - i)):
-            add(rhs[i], -op.damping_band[k, i], v_predicted[i + k])
-            add(rhs[i], -op.stiffness_band[k, i], u_predicted[i + k])
-            add(rhs[i + k], -op.damping_band[k, i], v_predicted[i])
-            add(rhs[i + k], -op.stiffness_band[k, i], u_predicted[i])
+            add(rhs[i], -op.damping_band[k, i], v_felt[i + k])
+            add(rhs[i], -op.stiffness_band[k, i], u_felt[i + k])
+            add(rhs[i + k], -op.damping_band[k, i], v_felt[i])
+            add(rhs[i + k], -op.stiffness_band[k, i], u_felt[i])
+    if s.alpha_m != 0.0:
+        for i in range(n):
+            add(rhs[i], -s.alpha_m * op.mass_band[0, i], m.a[i])
+            for k in range(1, min(op.mass_band.shape[0], n - i)):
+                add(rhs[i], -s.alpha_m * op.mass_band[k, i], m.a[i + k])
+                add(rhs[i + k], -s.alpha_m * op.mass_band[k, i], m.a[i])
     _solve_banded(op.cholesky_band, rhs)
     for i in range(n):
-        q, v, a, u_i, v_i, rhs_i = m.q[i], m.v[i], m.a[i], u_predicted[i], v_predicted[i], rhs[i]
+        q, v, a, rhs_i = m.q[i], m.v[i], m.a[i], rhs[i]
         for c in range(cases):
+            q[c] += s.dt * v[c] + s.predict_u * a[c] + s.correct_u * rhs_i[c]
+        for c in range(cases):
+            v[c] += s.predict_v * a[c] + s.correct_v * rhs_i[c]
             a[c] = rhs_i[c]
-            q[c] = u_i[c] + s.correct_u * rhs_i[c]
-            v[c] = v_i[c] + s.correct_v * rhs_i[c]
 
 
 @compiled
 def free_step_banded_single(
-    op: Operator, s: Scheme, q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], base: float, scratch: NDArray[Any]
+    op: Operator, s: Scheme, q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], acting: float, scratch: NDArray[Any]
 ) -> None:
     """The same step of one case alone."""
     n, bands, lower = q.size, op.cholesky_band.shape[0], op.cholesky_band
-    rhs, u_predicted, v_predicted = scratch[0, :, 0], scratch[1, :, 0], scratch[2, :, 0]
+    rhs, u_felt, v_felt = scratch[0, :, 0], scratch[1, :, 0], scratch[2, :, 0]
+    felt = 1.0 - s.alpha_f
     for i in range(n):
-        u_predicted[i] = q[i] + s.dt * v[i] + s.predict_u * a[i]
-        v_predicted[i] = v[i] + s.predict_v * a[i]
-        rhs[i] = op.load[i] * base - op.damping_band[0, i] * v_predicted[i] - op.stiffness_band[0, i] * u_predicted[i]
+        u_felt[i] = q[i] + felt * (s.dt * v[i] + s.predict_u * a[i])
+        v_felt[i] = v[i] + felt * s.predict_v * a[i]
+        rhs[i] = op.load[i] * acting - op.damping_band[0, i] * v_felt[i] - op.stiffness_band[0, i] * u_felt[i]
     for k in range(1, bands):
         damping, stiffness = op.damping_band[k], op.stiffness_band[k]
         for i in range(n - k):
-            rhs[i] -= damping[i] * v_predicted[i + k] + stiffness[i] * u_predicted[i + k]
+            rhs[i] -= damping[i] * v_felt[i + k] + stiffness[i] * u_felt[i + k]
         for i in range(n - k):
-            rhs[i + k] -= damping[i] * v_predicted[i] + stiffness[i] * u_predicted[i]
+            rhs[i + k] -= damping[i] * v_felt[i] + stiffness[i] * u_felt[i]
+    if s.alpha_m != 0.0:
+        for i in range(n):
+            rhs[i] -= s.alpha_m * op.mass_band[0, i] * a[i]
+            for k in range(1, min(op.mass_band.shape[0], n - i)):
+                rhs[i] -= s.alpha_m * op.mass_band[k, i] * a[i + k]
+                rhs[i + k] -= s.alpha_m * op.mass_band[k, i] * a[i]
     for i in range(n):
         value = rhs[i]
         for k in range(1, min(bands, i + 1)):
@@ -163,9 +202,9 @@ def free_step_banded_single(
             value -= lower[k, i] * rhs[i + k]
         rhs[i] = value * lower[0, i]
     for i in range(n):
+        q[i] += s.dt * v[i] + s.predict_u * a[i] + s.correct_u * rhs[i]
+        v[i] += s.predict_v * a[i] + s.correct_v * rhs[i]
         a[i] = rhs[i]
-        q[i] = u_predicted[i] + s.correct_u * rhs[i]
-        v[i] = v_predicted[i] + s.correct_v * rhs[i]
 
 
 @compiled
@@ -185,32 +224,18 @@ def _solve_banded(lower: NDArray[Any], rhs: NDArray[Any]) -> None:
 @inlined
 def free_step_ball(
     s: Scheme, y: NDArray[Any], y_rate: NDArray[Any], y_acceleration: NDArray[Any], given: NDArray[Any],
-    base: NDArray[Any],
+    share: float, acting: NDArray[Any],
 ) -> None:  # fmt: skip
-    """One step of a ball in free flight."""
+    """One step of a ball in free flight; a stop has no share in the drive and stays where it is."""
+    scale, inertia = 1.0 / (1.0 - s.alpha_m), s.alpha_m / (1.0 - s.alpha_m)
     for c in range(y.size):
         y[c] += s.dt * y_rate[c] + s.predict_u * y_acceleration[c]
         y_rate[c] += s.predict_v * y_acceleration[c]
     for c in range(y.size):
-        y_acceleration[c] = given[c] - base[c]
+        y_acceleration[c] = scale * (given[c] - share * acting[c]) - inertia * y_acceleration[c]
     for c in range(y.size):
         y[c] += s.correct_u * y_acceleration[c]
         y_rate[c] += s.correct_v * y_acceleration[c]
-
-
-@inlined
-def look(
-    x: NDArray[Any], x_before: NDArray[Any], y: NDArray[Any], w: NDArray[Any], gap_plus: NDArray[Any],
-    gap_minus: NDArray[Any], busy: NDArray[Any],
-) -> int:  # fmt: skip
-    """Relative displacement of a ball, and in how many cases its contact must be looked at."""
-    for c in range(x.size):
-        x_before[c] = x[c]
-        x[c] = y[c] - w[c]
-    looking = 0
-    for c in range(x.size):
-        looking += (x[c] > gap_plus[c]) | (x[c] < -gap_minus[c]) | (busy[c] > 0.0)
-    return looking
 
 
 @inlined

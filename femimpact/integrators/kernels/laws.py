@@ -1,22 +1,125 @@
-"""The contact laws' formulas, compiled: they stand in `contact`, and nowhere else."""
+"""The contact laws in the time loop: their formulas stand in `contact`, and nowhere else.
+
+A law here is (kind, stiffness, damping, exponent, approach speed, address); a rigid one has no force.
+"""
 
 from __future__ import annotations
 
+import numpy as np
+
 from femimpact.contact import formulas
-from femimpact.integrators.kernels.compiling import inlined
+from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.custom import call_law
 
 __all__ = [
+    "CUSTOM",
+    "KELVIN_VOIGT",
+    "POWER",
+    "RIGID",
     "SWITCHING_SPRING",
+    "elastic_potential",
     "kelvin_voigt_force",
+    "mean_forces",
+    "normal_force",
     "penetration",
     "spring_potential",
     "switching_potential",
     "switching_stiffness",
 ]
 
-SWITCHING_SPRING = formulas.SWITCHING_SPRING
+KELVIN_VOIGT, SWITCHING_SPRING, POWER = formulas.KELVIN_VOIGT, formulas.SWITCHING_SPRING, formulas.POWER
+CUSTOM, RIGID = formulas.CUSTOM, formulas.RIGID
 penetration = inlined(formulas.penetration)
 kelvin_voigt_force = inlined(formulas.kelvin_voigt_force)
 spring_potential = inlined(formulas.spring_potential)
 switching_stiffness = inlined(formulas.switching_stiffness)
 switching_potential = inlined(formulas.switching_potential)
+power_force = inlined(formulas.power_force)
+power_potential = inlined(formulas.power_potential)
+
+_LEGENDRE = np.polynomial.legendre.leggauss(8)
+NODES, WEIGHTS = 0.5 * (_LEGENDRE[0] + 1.0), 0.5 * _LEGENDRE[1]
+"""Gauss points and weights on 0 to 1."""
+SHORT = 0.02
+"""Way over depth below which a mean of forces is taken by quadrature: differences of potentials would cancel."""
+
+
+@compiled
+def normal_force(
+    kind: int, depth: float, rate: float, stiffness: float, damping: float, exponent: float, approach: float,
+    address: int,
+) -> float:  # fmt: skip
+    """Normal force of a law (N, never pulling)."""
+    if depth <= 0.0:
+        return 0.0
+    if kind == KELVIN_VOIGT:
+        return kelvin_voigt_force(depth, rate, stiffness, damping)
+    if kind == POWER:
+        return power_force(depth, rate, stiffness, exponent, damping, approach)
+    if kind == CUSTOM:
+        force: float = call_law(address, depth, rate, approach)
+        return force if force > 0.0 else 0.0
+    return 0.0
+
+
+@compiled
+def elastic_potential(
+    kind: int, depth: float, stiffness: float, exponent: float, approach: float, address: int
+) -> float:
+    """Energy (J) that a law has stored at a depth: the integral of its force at rate zero."""
+    if depth <= 0.0:
+        return 0.0
+    if kind == KELVIN_VOIGT:
+        return spring_potential(depth, stiffness)
+    if kind == POWER:
+        return power_potential(depth, stiffness, exponent)
+    if kind == CUSTOM:
+        # depth s^2 for the integration variable: half powers of the depth are integrated exactly
+        total = 0.0
+        for i in range(NODES.size):
+            s = NODES[i]
+            total += 2.0 * WEIGHTS[i] * s * normal_force(kind, depth * s * s, 0.0, 0.0, 0.0, 1.0, approach, address)
+        return depth * total
+    return 0.0
+
+
+@compiled
+def mean_forces(
+    kind: int, before: float, after: float, travel: float, dt: float, stiffness: float, damping: float,
+    exponent: float, approach: float, address: int,
+) -> tuple[float, float]:  # fmt: skip
+    """Elastic and whole normal force (N) of a step, as means over its way.
+
+    mean = (1/travel) integral of N(p, travel/dt) dp from before to after: depths at both ends of the
+    step, no less than 0; the travel is that of the pair, in flight too. The elastic part is
+    [V(after) - V(before)]/travel: its work is what the potential changes by.
+    """
+    way = after - before
+    inside = way / travel if travel != 0.0 else 1.0
+    rate = travel / dt
+    middle = 0.5 * (before + after)
+    short = abs(way) <= SHORT * middle
+    if kind == KELVIN_VOIGT:
+        elastic = stiffness * middle * inside
+        whole = elastic + damping * rate * inside
+    else:
+        if short:
+            elastic = 0.0
+            for i in range(NODES.size):
+                depth = before + NODES[i] * way
+                elastic += WEIGHTS[i] * normal_force(kind, depth, 0.0, stiffness, 0.0, exponent, approach, address)
+            elastic *= inside
+        else:
+            gained = elastic_potential(kind, after, stiffness, exponent, approach, address)
+            gained -= elastic_potential(kind, before, stiffness, exponent, approach, address)
+            elastic = gained / travel
+        whole = elastic
+        if kind == POWER:
+            whole += elastic * damping * rate / approach if damping > 0.0 else 0.0
+        else:
+            for i in range(NODES.size):
+                depth = before + NODES[i] * way
+                share = WEIGHTS[i] * inside
+                whole += share * normal_force(kind, depth, rate, 0.0, 0.0, 1.0, approach, address)
+                whole -= share * normal_force(kind, depth, 0.0, 0.0, 0.0, 1.0, approach, address)
+    return elastic, max(whole, 0.0)

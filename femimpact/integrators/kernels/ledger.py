@@ -8,24 +8,39 @@ from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.compiling import compiled, inlined
 from femimpact.integrators.kernels.flight import add, add_product
-from femimpact.integrators.kernels.laws import SWITCHING_SPRING, penetration, spring_potential, switching_potential
+from femimpact.integrators.kernels.laws import (
+    SWITCHING_SPRING,
+    elastic_potential,
+    penetration,
+    spring_potential,
+    switching_potential,
+)
 from femimpact.integrators.layout import (
+    ACCELERATION,
+    APPROACH,
     CONTACT_LOSS,
+    EXPONENT,
     FREE_STIFFNESS,
     GAP_MINUS,
     GAP_PLUS,
     LOAD,
     LOAD_BEFORE,
     MASS,
+    OWN_LOSS,
+    OWN_WORK,
+    REFINED,
+    SHARE,
     STIFFNESS,
     STRUCTURE_LOSS,
     WORK,
+    Y_BEFORE,
     Y_RATE,
     Motion,
     Operator,
     Pairs,
     Scheme,
     X,
+    Y,
 )
 
 
@@ -34,7 +49,7 @@ def book_loss_diagonal(
     scale: NDArray[Any], weight: NDArray[Any], q: NDArray[Any], v: NDArray[Any], v_before: NDArray[Any],
     loss: NDArray[Any], load: NDArray[Any],
 ) -> None:  # fmt: skip
-    """Add dt c ((v0 + v1)/2)^2 of every mode to the loss, and sum base_load @ q; scale is dt c/4."""
+    """Add dt c ((v0 + v1)/2)^2 of every mode to the loss, and sum load @ q; scale is dt c/4."""
     n, cases = q.shape
     for i in range(n):
         sc, we, qi, vi, before = scale[i], weight[i], q[i], v[i], v_before[i]
@@ -49,16 +64,16 @@ def book_loss_diagonal(
 @inlined
 def book_loss_single(
     scale: NDArray[Any], weight: NDArray[Any], q: NDArray[Any], v: NDArray[Any], v_before: NDArray[Any],
-    loss: NDArray[Any], load: NDArray[Any],
-) -> None:  # fmt: skip
-    """The same, operation by operation, of one case alone."""
-    lost, total = loss[0], load[0]
+    loss_of_mode: NDArray[Any],
+) -> float:  # fmt: skip
+    """The same of one case alone, mode by mode; returns load @ q."""
+    total = 0.0
     for i in range(q.size):
         twice = v[i] + v_before[i]
         v_before[i] = v[i]
-        lost += scale[i] * twice * twice
+        loss_of_mode[i] += scale[i] * twice * twice
         total += weight[i] * q[i]
-    loss[0], load[0] = lost, total
+    return total
 
 
 @compiled
@@ -67,7 +82,7 @@ def book_loss_banded(op: Operator, s: Scheme, m: Motion) -> None:
     n, cases = m.q.shape
     load, loss = m.ledger[LOAD], m.ledger[STRUCTURE_LOSS]
     for i in range(n):
-        add(load, op.base_load[i], m.q[i])
+        add(load, op.drive_load[i], m.q[i])
         add(m.v_before[i], 1.0, m.v[i])
     for i in range(n):
         add_product(loss, 0.25 * s.dt * op.damping_band[0, i], m.v_before[i], m.v_before[i])
@@ -80,13 +95,13 @@ def book_loss_banded(op: Operator, s: Scheme, m: Motion) -> None:
 
 @inlined
 def book_work(base: NDArray[Any], base_before: NDArray[Any], ledger: NDArray[Any]) -> None:
-    """Work of the inertia forces on the structure over one step, by the trapezoidal rule.
+    """Work of the drive on the structure over one step, by the trapezoidal rule.
 
     With the loss above it is the exact balance of the linear part for beta = 1/4, gamma = 1/2.
     """
     work, load, load_before = ledger[WORK], ledger[LOAD], ledger[LOAD_BEFORE]
     for c in range(work.size):
-        work[c] -= 0.5 * (base[c] + base_before[c]) * (load[c] - load_before[c])
+        work[c] += 0.5 * (base[c] + base_before[c]) * (load[c] - load_before[c])
         load_before[c] = load[c]
     for c in range(work.size):
         load[c] = 0.0
@@ -94,13 +109,51 @@ def book_work(base: NDArray[Any], base_before: NDArray[Any], ledger: NDArray[Any
 
 @inlined
 def book_work_on_ball(
-    base: NDArray[Any], base_before: NDArray[Any], mass: NDArray[Any], given: NDArray[Any], y: NDArray[Any],
-    y_before: NDArray[Any], work: NDArray[Any],
+    base: NDArray[Any], base_before: NDArray[Any], share: float, mass: NDArray[Any], given: NDArray[Any],
+    y: NDArray[Any], y_before: NDArray[Any], work: NDArray[Any],
 ) -> None:  # fmt: skip
     """Work of inertia and of the constant acceleration on one ball over one step."""
     for c in range(work.size):
-        work[c] += mass[c] * (given[c] - 0.5 * (base[c] + base_before[c])) * (y[c] - y_before[c])
+        acting = given[c] - share * (0.5 * (base[c] + base_before[c]))
+        work[c] += mass[c] * acting * (y[c] - y_before[c])
         y_before[c] = y[c]
+
+
+@compiled
+def book_case(c: int, base: float, before: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion) -> None:
+    """All of the above for one case and one of its fine steps."""
+    n, load, loss = m.q.shape[0], 0.0, 0.0
+    for i in range(n):
+        load += op.drive_load[i] * m.q[i, c]
+        m.v_before[i, c] += m.v[i, c]
+    for i in range(n):
+        lost = 0.25 * s.dt * op.damping_band[0, i] * m.v_before[i, c] * m.v_before[i, c]
+        if m.loss_of_mode.size > 0:
+            m.loss_of_mode[i] += lost
+        else:
+            loss += lost
+        for k in range(1, min(op.damping_band.shape[0], n - i)):
+            loss += 0.5 * s.dt * op.damping_band[k, i] * m.v_before[i, c] * m.v_before[i + k, c]
+    for i in range(n):
+        m.v_before[i, c] = m.v[i, c]
+    m.ledger[STRUCTURE_LOSS, c] += loss
+    acting = 0.5 * (base + before)
+    m.ledger[WORK, c] += acting * (load - m.ledger[LOAD_BEFORE, c])
+    m.ledger[LOAD_BEFORE, c] = load
+    for j in range(pairs.row.size):
+        constants = pairs.constants
+        pull = constants[ACCELERATION, j, c] - constants[SHARE, j, c] * acting
+        m.ledger[WORK, c] += constants[MASS, j, c] * pull * (m.ball[Y, j, c] - m.ball[Y_BEFORE, j, c])
+        m.ball[Y_BEFORE, j, c] = m.ball[Y, j, c]
+
+
+@inlined
+def keep_own_books(ledger: NDArray[Any]) -> None:
+    """Undo what the whole step has booked for the cases that took it in fine ones."""
+    for c in range(ledger.shape[1]):
+        if ledger[REFINED, c] > 0.0:
+            ledger[REFINED, c] = 0.0
+            ledger[WORK, c], ledger[STRUCTURE_LOSS, c] = ledger[OWN_WORK, c], ledger[OWN_LOSS, c]
 
 
 @compiled
@@ -130,5 +183,11 @@ def write_energy(c: int, op: Operator, pairs: Pairs, m: Motion, out: NDArray[Any
             out[3] += switching_potential(x, plus, minus, spring, stiffness)
         else:
             out[3] += spring_potential(x, spring)
-            out[3] += spring_potential(penetration(x, plus, minus)[0], stiffness)
-    out[4], out[5], out[6] = m.ledger[WORK, c], m.ledger[STRUCTURE_LOSS, c], m.ledger[CONTACT_LOSS, c]
+            out[3] += elastic_potential(
+                pairs.kind[j], penetration(x, plus, minus)[0], stiffness, constants[EXPONENT, j, c],
+                m.touch[APPROACH, j, c], pairs.address[j],
+            )  # fmt: skip
+    loss = m.ledger[STRUCTURE_LOSS, c]
+    for i in range(m.loss_of_mode.size):
+        loss += m.loss_of_mode[i]
+    out[4], out[5], out[6] = m.ledger[WORK, c], loss, m.ledger[CONTACT_LOSS, c]

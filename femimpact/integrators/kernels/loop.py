@@ -8,17 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import compiled
+from femimpact.integrators.kernels.compiling import compiled, inlined
 from femimpact.integrators.kernels.flight import (
+    blend_drive,
     free_step_ball,
     free_step_banded,
     free_step_banded_single,
     free_step_diagonal,
     free_step_single,
-    look,
     observe,
+    read_drive,
     read_row,
-    turn_base,
+    turn_drive,
 )
 from femimpact.integrators.kernels.ledger import (
     book_loss_banded,
@@ -26,22 +27,33 @@ from femimpact.integrators.kernels.ledger import (
     book_loss_single,
     book_work,
     book_work_on_ball,
+    keep_own_books,
     write_energy,
 )
+from femimpact.integrators.kernels.refine import in_reach, is_near, redo_step, save_state
 from femimpact.integrators.kernels.touch import contact_step
+from femimpact.integrators.kernels.watch import keep_rate, look, look_ahead, look_around
 from femimpact.integrators.layout import (
     ACCELERATION,
+    ACTING,
     BASE,
     BASE_BEFORE,
     BUSY,
     COSINE,
+    ENERGY_COLUMNS,
     FORCE,
     GAP_MINUS,
     GAP_PLUS,
     LOAD,
     MASS,
+    NEAR,
+    OPEN,
     PHASE,
     PHASE_STEP,
+    RATE,
+    RATE_BEFORE,
+    REFINED,
+    SHARE,
     SINE,
     STRUCTURE_LOSS,
     WORK,
@@ -50,6 +62,7 @@ from femimpact.integrators.layout import (
     Y_BEFORE,
     Y_RATE,
     Cycles,
+    Fine,
     Motion,
     Operator,
     Pairs,
@@ -58,6 +71,9 @@ from femimpact.integrators.layout import (
     X,
     Y,
 )
+
+LOSS_COLUMNS = len(ENERGY_COLUMNS)
+"""Where the losses of the modes begin in a row of energies."""
 
 
 @compiled
@@ -108,6 +124,8 @@ def _write_sample(op: Operator, pairs: Pairs, m: Motion, record: Record, ledger:
         record.channels[k, i] = value
     if ledger:
         write_energy(0, op, pairs, m, record.energy[k])
+        for i in range(m.loss_of_mode.size):
+            record.energy[k, LOSS_COLUMNS + i] = m.loss_of_mode[i]
     record.tally[1] = k + 1
 
 
@@ -150,76 +168,144 @@ def _any_due(step: int, record: Record) -> bool:
     return sample or field
 
 
+@inlined
+def _free_step(op: Operator, s: Scheme, m: Motion, acting: NDArray[Any]) -> None:
+    """Structure of every case, and what is read of it."""
+    if op.banded:
+        if m.w.shape[1] == 1:
+            free_step_banded_single(op, s, m.q[:, 0], m.v[:, 0], m.a[:, 0], acting[0], m.scratch)
+        else:
+            free_step_banded(op, s, m, acting)
+        read_row(op.rows[0], m.q, m.v, m.w[0], m.w_rate[0])
+    elif m.w.shape[1] == 1:
+        m.w[0, 0], m.w_rate[0, 0] = free_step_single(
+            op.load, op.inertia, op.damping, op.stiffness, op.rows[0], s, m.q[:, 0], m.v[:, 0], m.a[:, 0], acting[0]
+        )
+    else:
+        free_step_diagonal(
+            op.load, op.inertia, op.damping, op.stiffness, op.rows[0], s, m.q, m.v, m.a, m.w[0], m.w_rate[0], acting
+        )
+    for r in range(1, m.w.shape[0]):
+        read_row(op.rows[r], m.q, m.v, m.w[r], m.w_rate[r])
+
+
+@inlined
+def _book(op: Operator, s: Scheme, pairs: Pairs, m: Motion) -> None:
+    """Work and losses of the step of every case."""
+    base, before = m.drive[BASE], m.drive[BASE_BEFORE]
+    if op.banded:
+        book_loss_banded(op, s, m)
+    elif m.loss_of_mode.size > 0:
+        m.ledger[LOAD, 0] = book_loss_single(
+            m.scratch[0, :, 0], op.drive_load, m.q[:, 0], m.v[:, 0], m.v_before[:, 0], m.loss_of_mode
+        )
+    else:
+        book_loss_diagonal(
+            m.scratch[0, :, 0], op.drive_load, m.q, m.v, m.v_before, m.ledger[STRUCTURE_LOSS], m.ledger[LOAD]
+        )
+    book_work(base, before, m.ledger)
+    for j in range(pairs.row.size):
+        book_work_on_ball(
+            base, before, pairs.constants[SHARE, j, 0], pairs.constants[MASS, j], pairs.constants[ACCELERATION, j],
+            m.ball[Y, j], m.ball[Y_BEFORE, j], m.ledger[WORK],
+        )  # fmt: skip
+
+
+@inlined
+def _redo(
+    s: Scheme, fine: Fine, pairs: Pairs, m: Motion, record: Record, ledger: bool, work: NDArray[Any]
+) -> int:  # fmt: skip
+    """Cases in which a contact lasts or could have begun take the step in fine ones; returns how many."""
+    refined = 0
+    if fine.parts == 1:
+        return refined
+    for c in range(m.q.shape[1]):
+        if is_near(c, m):
+            redo_step(c, fine.parts, s.dt, fine.operator, fine.scheme, pairs, m, record, ledger, work)
+            refined += 1
+    return refined
+
+
+@inlined
+def _look_ahead(s: Scheme, fine: Fine, pairs: Pairs, m: Motion) -> None:
+    """Before a step: what may be needed to redo it, or which gaps impulses will find closed."""
+    if fine.parts > 1:
+        save_state(m)
+    if s.rigid:
+        for j in range(pairs.row.size):
+            look_ahead(
+                0.5 * s.dt, m.ball[X, j], m.ball[RATE, j], pairs.constants[GAP_PLUS, j], pairs.constants[GAP_MINUS, j],
+                m.touch[BUSY, j],
+            )  # fmt: skip
+
+
+@inlined
+def _look_around(j: int, s: Scheme, fine: Fine, pairs: Pairs, m: Motion) -> int:
+    """After a step in flight: rates of a pair, and in how many cases a contact could have taken place."""
+    keep_rate(m.ball[RATE, j], m.ball[RATE_BEFORE, j], m.ball[Y_RATE, j], m.w_rate[pairs.row[j]])
+    if fine.parts == 1:
+        return 0
+    return look_around(
+        s.dt, m.ball[X, j], m.ball[X_BEFORE, j], m.ball[RATE, j], m.ball[RATE_BEFORE, j],
+        pairs.constants[GAP_PLUS, j], pairs.constants[GAP_MINUS, j], m.touch[OPEN, j], m.touch[NEAR, j],
+    )  # fmt: skip
+
+
 @compiled
 def advance(
-    steps: int, op: Operator, s: Scheme, pairs: Pairs, m: Motion, cycles: Cycles, record: Record,
-    ledger: bool, work: NDArray[Any], energy: NDArray[Any],
+    steps: int, op: Operator, s: Scheme, fine: Fine | None, pairs: Pairs, m: Motion,
+    cycles: Cycles, record: Record, ledger: bool, work: NDArray[Any], energy: NDArray[Any],
 ) -> None:  # fmt: skip
     """Take that many steps with every case; all results are written into the arrays given.
 
-    `work` (5, pairs) and `energy` (columns,) are scratch space.
+    Without `fine`, for a method that neither divides steps nor looks ahead, all that concerns it is
+    left out when compiled. `work` (6, pairs) and `energy` (columns,) are scratch space.
     """
     next_wrap = _least(cycles.next_wrap)
     keeping = record.channels.shape[0] + record.fields.shape[0] > 0
-    base, w, w_rate, constants = m.drive[BASE], m.w, m.w_rate, pairs.constants
-    single = w.shape[1] == 1
+    base, constants = m.drive[BASE], pairs.constants
+    acting = m.drive[ACTING] if s.alpha_f != 0.0 else base
+    parts = 1
+    if fine is not None:
+        parts = fine.parts
+    sampled = m.table.shape[0] > 0
     if ledger and not op.banded:
-        for i in range(op.base_load.size):
+        for i in range(op.drive_load.size):
             m.scratch[0, i, 0] = 0.25 * s.dt * op.damping_band[0, i]
     for _ in range(steps):
-        turn_base(m.drive)
-        if op.banded:
-            if single:
-                free_step_banded_single(op, s, m.q[:, 0], m.v[:, 0], m.a[:, 0], base[0], m.scratch)
-            else:
-                free_step_banded(op, s, m)
-            read_row(op.rows[0], m.q, m.v, w[0], w_rate[0])
-        elif single:
-            free_step_single(
-                op.load, op.damping, op.stiffness, op.rows[0], s, m.q[:, 0], m.v[:, 0], m.a[:, 0], w[0], w_rate[0], base
-            )
-        else:
-            free_step_diagonal(op.load, op.damping, op.stiffness, op.rows[0], s, m.q, m.v, m.a, w[0], w_rate[0], base)
-        for r in range(1, w.shape[0]):
-            read_row(op.rows[r], m.q, m.v, w[r], w_rate[r])
-        looking = 0
+        turn_drive(m.drive)
+        if sampled:
+            read_drive(m.table[parts * (record.tally[0] + 1)], base)
+        if s.alpha_f != 0.0:
+            blend_drive(s.alpha_f, base, m.drive[BASE_BEFORE], acting)
+        if fine is not None:
+            _look_ahead(s, fine, pairs, m)
+        _free_step(op, s, m, acting)
+        looking, refined = 0, 0
         for j in range(pairs.row.size):
             free_step_ball(
-                s, m.ball[Y, j], m.ball[Y_RATE, j], m.ball[Y_ACCELERATION, j], constants[ACCELERATION, j], base
-            )
+                s, m.ball[Y, j], m.ball[Y_RATE, j], m.ball[Y_ACCELERATION, j], constants[ACCELERATION, j],
+                constants[SHARE, j, 0], acting,
+            )  # fmt: skip
             looking += look(
-                m.ball[X, j], m.ball[X_BEFORE, j], m.ball[Y, j], w[pairs.row[j]], constants[GAP_PLUS, j],
+                m.ball[X, j], m.ball[X_BEFORE, j], m.ball[Y, j], m.w[pairs.row[j]], constants[GAP_PLUS, j],
                 constants[GAP_MINUS, j], m.touch[BUSY, j],
             )  # fmt: skip
+            if fine is not None:
+                looking += _look_around(j, s, fine, pairs, m)
         if looking > 0:
-            for c in range(m.q.shape[1]):
-                for j in range(pairs.row.size):
-                    x = m.ball[X, j, c]
-                    outside = x > constants[GAP_PLUS, j, c] or x < -constants[GAP_MINUS, j, c]
-                    if outside or m.touch[BUSY, j, c] > 0.0:
-                        contact_step(c, op, s, pairs, m, record, work)
-                        break
-        if ledger:
-            if op.banded:
-                book_loss_banded(op, s, m)
-            elif single:
-                book_loss_single(
-                    m.scratch[0, :, 0], op.base_load, m.q[:, 0], m.v[:, 0], m.v_before[:, 0],
-                    m.ledger[STRUCTURE_LOSS], m.ledger[LOAD],
-                )  # fmt: skip
-            else:
-                book_loss_diagonal(
-                    m.scratch[0, :, 0], op.base_load, m.q, m.v, m.v_before, m.ledger[STRUCTURE_LOSS], m.ledger[LOAD]
-                )
-            book_work(base, m.drive[BASE_BEFORE], m.ledger)
-            for j in range(pairs.row.size):
-                book_work_on_ball(
-                    base, m.drive[BASE_BEFORE], constants[MASS, j], constants[ACCELERATION, j], m.ball[Y, j],
-                    m.ball[Y_BEFORE, j], m.ledger[WORK],
-                )  # fmt: skip
+            if fine is not None:
+                refined = _redo(s, fine, pairs, m, record, ledger, work)
+            time = (record.tally[0] + 1) * s.dt
             for c in range(base.size):
-                m.drive[BASE_BEFORE, c] = base[c]
-        observe(w[0], m.drive, cycles.sums)
+                # a case that took fine steps has had its contacts
+                if m.ledger[REFINED, c] == 0.0 and in_reach(c, pairs, m):
+                    contact_step(c, time, op, s, pairs, m, record, work)
+        if ledger and (refined == 0 or base.size > 1):
+            _book(op, s, pairs, m)
+        if refined > 0:
+            keep_own_books(m.ledger)
+        observe(m.w[0], m.drive, cycles.sums)
         step = record.tally[0] + 1
         record.tally[0] = step
         if step == next_wrap:

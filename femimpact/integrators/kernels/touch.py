@@ -1,4 +1,4 @@
-"""Contact: the scalar equation of a pair, its effect on a case, and the record of its impacts."""
+"""Contact: the equations of the pairs of one case, their effect on its state, and one collision alone."""
 
 from __future__ import annotations
 
@@ -8,26 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.compiling import compiled, inlined
-from femimpact.integrators.kernels.laws import SWITCHING_SPRING, kelvin_voigt_force, penetration, switching_stiffness
+from femimpact.integrators.kernels.impact import book_impact
+from femimpact.integrators.kernels.laws import RIGID, penetration
+from femimpact.integrators.kernels.pair import pair_force
 from femimpact.integrators.layout import (
     APPROACH,
-    BUSY,
-    CONTACT_LOSS,
     DAMPING,
-    DISSIPATIVE,
-    DURATION,
+    EXPONENT,
     FORCE,
     FREE_STIFFNESS,
     GAP_MINUS,
     GAP_PLUS,
-    IMPULSE,
-    LOSS,
-    MASS,
-    NORMAL,
+    MOBILITY,
     OPEN,
-    PEAK,
-    SIDE,
-    START,
+    RATE,
+    RATE_BEFORE,
+    RESTITUTION,
     STIFFNESS,
     X_BEFORE,
     Y_ACCELERATION,
@@ -47,56 +43,65 @@ PAIR_TOLERANCE = 1e-15
 
 
 @inlined
-def _pair_force(
-    j: int, c: int, x_free: float, rate_free: float, gate: float, mobility: float, x_before: float,
-    s: Scheme, kind: int, constants: NDArray[Any],
-) -> tuple[float, float]:  # fmt: skip
-    """Force on the structure and its normal part, from the step's scalar equation of one pair.
-
-    x = x_free - correct_u mobility F, x' = rate_free - correct_v mobility F, F = F(x, x').
-    """
-    spring, plus, minus = constants[FREE_STIFFNESS, j, c], constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c]
-    stiffness, damping = constants[STIFFNESS, j, c], constants[DAMPING, j, c]
-    if kind == SWITCHING_SPRING:
-        # decided by the state before the step, as printed
-        spring = switching_stiffness(x_before, plus, minus, spring, stiffness)
-    give_u, give_v = s.correct_u * mobility, s.correct_v * mobility
-    soften = 1.0 / (1.0 + give_u * spring)
-    x = x_free * soften
-    rate = rate_free - give_v * spring * x
-    if kind == SWITCHING_SPRING:
-        return spring * x, abs(spring * x)
-    normal = 0.0
-    if gate != 0.0:
-        depth = gate * x - (plus if gate > 0.0 else minus)
-        yielding = 1.0 + soften * (stiffness * give_u + damping * give_v)
-        normal = kelvin_voigt_force(depth, gate * rate, stiffness, damping) / yielding
-    x -= soften * give_u * gate * normal
-    return gate * normal + spring * x, normal
+def _side_at_hand(
+    s: Scheme, kind: int, x: float, x_before: float, rate_before: float, plus: float, minus: float
+) -> float:
+    """Wall whose contact a step is about, from its contact-free end: +1, -1, or 0 in flight."""
+    if kind == RIGID:
+        # half a step on, from the state before the step
+        return penetration(x_before + 0.5 * s.dt * rate_before, plus, minus)[1]
+    side = penetration(x, plus, minus)[1]
+    return penetration(x_before, plus, minus)[1] if s.mean and side == 0.0 else side
 
 
 @inlined
-def contact_step(c: int, op: Operator, s: Scheme, pairs: Pairs, m: Motion, record: Record, work: NDArray[Any]) -> None:
-    """Contact forces of one case, their effect on its state, and the bookkeeping of its impacts."""
-    count = pairs.row.size
-    x_free, rate_free, gate, force, normal = work[0], work[1], work[2], work[3], work[4]
+def _approach_speed(gate: float, rate: float, x: float, x_before: float, dt: float) -> float:
+    """Speed (m/s) at which a contact opens: that of the flight, or of the way into the wall if that ends within."""
+    speed = gate * rate
+    return speed if speed > 0.0 else max(gate * (x - x_before) / dt, 1e-300)
+
+
+@inlined
+def contact_step(
+    c: int, time: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion, record: Record, work: NDArray[Any]
+) -> None:
+    """Contact forces of one case, their effect on its state, and the bookkeeping of its impacts.
+
+    `time` is that of the step's end.
+    """
+    count, constants = pairs.row.size, pairs.constants
+    x_free, rate_free, gate, force, normal, approach = work[0], work[1], work[2], work[3], work[4], work[5]
+    if s.carry != 0.0:
+        for j in range(count):
+            if m.ball[FORCE, j, c] != 0.0:
+                _apply_force(j, c, s.carry * m.ball[FORCE, j, c], op, s, constants[MOBILITY, j, c], m)
     for j in range(count):
         x_free[j] = m.ball[Y, j, c] - m.w[pairs.row[j], c]
         rate_free[j] = m.ball[Y_RATE, j, c] - m.w_rate[pairs.row[j], c]
-        # gated on the penetration without contact force, never inside the iteration
-        gate[j] = penetration(x_free[j], pairs.constants[GAP_PLUS, j, c], pairs.constants[GAP_MINUS, j, c])[1]
+        gate[j] = _side_at_hand(
+            s, pairs.kind[j], x_free[j], m.ball[X_BEFORE, j, c], m.ball[RATE_BEFORE, j, c],
+            constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c],
+        )  # fmt: skip
+        approach[j] = m.touch[APPROACH, j, c]
+        if m.touch[OPEN, j, c] == 0.0 and gate[j] != 0.0:
+            approach[j] = _approach_speed(gate[j], rate_free[j], x_free[j], m.ball[X_BEFORE, j, c], s.dt)
         force[j] = 0.0
     for _ in range(PAIR_ITERATIONS):
         change, largest = 0.0, 0.0
         for j in range(count):
-            others = 0.0
+            others_u, others_v, r = 0.0, 0.0, pairs.row[j]
             for i in range(count):
                 if i != j:
-                    others += op.compliance[pairs.row[j], i] * force[i]
-            mobility = 1.0 / pairs.constants[MASS, j, c] + op.compliance[pairs.row[j], j]
-            new, normal[j] = _pair_force(
-                j, c, x_free[j] - s.correct_u * others, rate_free[j] - s.correct_v * others,
-                gate[j], mobility, m.ball[X_BEFORE, j, c], s, pairs.kind[j], pairs.constants,
+                    others_u += op.compliance_u[r, i] * force[i]
+                    others_v += op.compliance_v[r, i] * force[i]
+            mobility = constants[MOBILITY, j, c]
+            new, normal[j] = pair_force(
+                s, pairs.kind[j], gate[j], x_free[j] - others_u, rate_free[j] - others_v,
+                m.ball[X_BEFORE, j, c], m.ball[RATE_BEFORE, j, c],
+                op.compliance_u[r, j] + s.give_u * mobility, op.compliance_v[r, j] + s.give_v * mobility,
+                constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c], constants[STIFFNESS, j, c],
+                constants[DAMPING, j, c], constants[EXPONENT, j, c], constants[RESTITUTION, j, c],
+                constants[FREE_STIFFNESS, j, c], approach[j], pairs.address[j],
             )  # fmt: skip
             change = max(change, abs(new - force[j]))
             largest = max(largest, abs(new))
@@ -106,128 +111,59 @@ def contact_step(c: int, op: Operator, s: Scheme, pairs: Pairs, m: Motion, recor
     for j in range(count):
         m.ball[FORCE, j, c] = force[j]
         if force[j] != 0.0:
-            _apply_force(j, c, force[j], op, s, pairs.constants[MASS, j, c], m)
+            _apply_force(j, c, force[j], op, s, constants[MOBILITY, j, c], m)
     for j in range(count):
         m.ball[X, j, c] = m.ball[Y, j, c] - m.w[pairs.row[j], c]
-        rate = m.ball[Y_RATE, j, c] - m.w_rate[pairs.row[j], c]
-        _book_impact(
-            j, c, gate[j], x_free[j], rate_free[j], rate, normal[j], s.dt, pairs.kind[j], pairs.constants, m, record
-        )
+        m.ball[RATE, j, c] = m.ball[Y_RATE, j, c] - m.w_rate[pairs.row[j], c]
+        book_impact(j, c, time, gate[j], x_free[j], approach[j], normal[j], op.rows[pairs.row[j]], s, pairs, m, record)
 
 
 @inlined
-def _apply_force(j: int, c: int, force: float, op: Operator, s: Scheme, mass: float, m: Motion) -> None:
+def _apply_force(j: int, c: int, force: float, op: Operator, s: Scheme, mobility: float, m: Motion) -> None:
     for i in range(m.q.shape[0]):
-        gain = op.response[j, i] * force
-        m.a[i, c] += gain
-        m.q[i, c] += s.correct_u * gain
-        m.v[i, c] += s.correct_v * gain
+        m.a[i, c] += op.response_a[j, i] * force
+        m.q[i, c] += op.response_u[j, i] * force
+        m.v[i, c] += op.response_v[j, i] * force
     for r in range(m.w.shape[0]):
-        gain = op.compliance[r, j] * force
-        m.w[r, c] += s.correct_u * gain
-        m.w_rate[r, c] += s.correct_v * gain
-    gain = -force / mass
-    m.ball[Y_ACCELERATION, j, c] += gain
-    m.ball[Y, j, c] += s.correct_u * gain
-    m.ball[Y_RATE, j, c] += s.correct_v * gain
-
-
-@inlined
-def _book_impact(
-    j: int, c: int, gate: float, x_free: float, rate_free: float, rate: float, normal: float, dt: float, kind: int,
-    constants: NDArray[Any], m: Motion, record: Record,
-) -> None:  # fmt: skip
-    """Open, follow and close the record of one contact.
-
-    It opens with the first force, even one that throws the ball back within the step, and closes
-    when the ball is off the wall and without force.
-    """
-    touch, x, step = m.touch, m.ball[X, j, c], record.tally[0]
-    depth, side = penetration(x, constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c])
-    always = kind == SWITCHING_SPRING or constants[FREE_STIFFNESS, j, c] > 0.0
-    if kind == SWITCHING_SPRING:
-        normal = normal if side != 0.0 else 0.0
-        gate = side
-    if touch[OPEN, j, c] == 0.0:
-        if normal == 0.0:
-            touch[BUSY, j, c] = 1.0 if always else 0.0
-            return
-        approach = gate * rate_free
-        gap = constants[GAP_PLUS, j, c] if gate > 0.0 else constants[GAP_MINUS, j, c]
-        late = min(max((gate * x_free - gap) / max(approach, 1e-300), 0.0), dt)
-        for field in range(OPEN, DISSIPATIVE + 1):
-            touch[field, j, c] = 0.0
-        touch[BUSY, j, c] = touch[OPEN, j, c] = 1.0
-        touch[SIDE, j, c], touch[APPROACH, j, c], touch[START, j, c] = gate, approach, (step + 1) * dt - late
-    off = side != touch[SIDE, j, c]
-    closing = off and normal == 0.0
-    if off:
-        depth = 0.0
-    dissipative = 0.0
-    if kind != SWITCHING_SPRING:
-        dissipative = normal - constants[STIFFNESS, j, c] * depth
-    travel = touch[SIDE, j, c] * (x - m.ball[X_BEFORE, j, c])
-    loss = 0.5 * (touch[DISSIPATIVE, j, c] + dissipative) * travel
-    touch[LOSS, j, c] += loss
-    m.ledger[CONTACT_LOSS, c] += loss
-    impulse = 0.5 * dt * (touch[NORMAL, j, c] + normal)
-    touch[IMPULSE, j, c] += impulse
-    if m.window[0, c] <= step < m.window[1, c]:
-        m.totals[4, j, c] = max(m.totals[4, j, c], normal)
-        m.totals[5, j, c] += impulse
-    touch[PEAK, j, c] = max(touch[PEAK, j, c], normal)
-    touch[DURATION, j, c] += dt if normal > 0.0 else 0.0
-    touch[NORMAL, j, c], touch[DISSIPATIVE, j, c] = normal, dissipative
-    if closing:
-        touch[OPEN, j, c], touch[BUSY, j, c] = 0.0, 1.0 if always else 0.0
-        _write_impact(j, c, step, rate, m, record)
-
-
-@inlined
-def _write_impact(j: int, c: int, step: int, rate: float, m: Motion, record: Record) -> None:
-    """Add a finished impact to the totals of its case, and to the table of case 0."""
-    touch, totals = m.touch, m.totals
-    if m.window[0, c] <= step < m.window[1, c]:
-        totals[0, j, c] += 1.0
-        totals[1, j, c] += touch[APPROACH, j, c]
-        totals[2, j, c] = max(totals[2, j, c], touch[APPROACH, j, c])
-        totals[3, j, c] += touch[IMPULSE, j, c]
-    if c == 0:
-        k = record.tally[3]
-        if k < record.impacts.shape[0]:
-            row = record.impacts[k]
-            row[0], row[1], row[2] = touch[START, j, c], j, touch[SIDE, j, c]
-            row[3], row[4] = touch[APPROACH, j, c], -touch[SIDE, j, c] * rate
-            row[5], row[6] = touch[IMPULSE, j, c], touch[PEAK, j, c]
-            row[7], row[8] = touch[DURATION, j, c], touch[LOSS, j, c]
-        record.tally[3] += 1
+        m.w[r, c] += op.compliance_u[r, j] * force
+        m.w_rate[r, c] += op.compliance_v[r, j] * force
+    gain = -force * mobility
+    m.ball[Y_ACCELERATION, j, c] += s.give_a * gain
+    m.ball[Y, j, c] += s.give_u * gain
+    m.ball[Y_RATE, j, c] += s.give_v * gain
 
 
 @compiled
 def collide(
-    kind: int, stiffness: float, damping: float, mass: float, speed: float, start: float, s: Scheme
-) -> tuple[float, float]:
+    kind: int, stiffness: float, damping: float, exponent: float, restitution: float, address: int, mass: float,
+    speed: float, start: float, s: Scheme,
+) -> tuple[float, float]:  # fmt: skip
     """Rebound over approach speed, and peak force (N), of one mass thrown at one wall with this step.
 
     The contact begins `start` (0 to 1) of a step after the last step in flight.
     """
-    x, rate, acceleration = -start * s.dt * speed, speed, 0.0
-    peak = 0.0
+    x, rate, acceleration, before = -start * s.dt * speed, speed, 0.0, 0.0
+    peak, approach = 0.0, 0.0
     for _ in range(100_000_000):
-        x_free = x + s.dt * rate + s.predict_u * acceleration
-        rate_free = rate + s.predict_v * acceleration
-        depth = penetration(x_free, 0.0, np.inf)[0]
-        force = 0.0
-        if kind == SWITCHING_SPRING:
-            if x > 0.0:
-                force = stiffness * x_free / (1.0 + stiffness * s.correct_u / mass)
-        elif depth > 0.0:
-            yielding = 1.0 + (stiffness * s.correct_u + damping * s.correct_v) / mass
-            force = kelvin_voigt_force(depth, rate_free, stiffness, damping) / yielding
-        peak = max(peak, force)
-        acceleration = -force / mass
-        x = x_free + s.correct_u * acceleration
-        rate = rate_free + s.correct_v * acceleration
-        if x <= 0.0 and rate <= 0.0:
+        x_before, rate_before = x, rate
+        old = acceleration
+        acceleration = -s.alpha_m / (1.0 - s.alpha_m) * old - s.give_a * s.carry * before / mass
+        x += s.dt * rate + s.predict_u * old + s.correct_u * acceleration
+        rate += s.predict_v * old + s.correct_v * acceleration
+        gate = _side_at_hand(s, kind, x, x_before, rate_before, 0.0, np.inf)
+        if approach == 0.0 and gate != 0.0:
+            approach = _approach_speed(gate, rate, x, x_before, s.dt)
+        force, normal = pair_force(
+            s, kind, gate, x, rate, x_before, rate_before, s.give_u / mass, s.give_v / mass, 0.0, np.inf,
+            stiffness, damping, exponent, restitution, 0.0, approach, address,
+        )  # fmt: skip
+        peak = max(peak, normal)
+        x -= s.give_u * force / mass
+        rate -= s.give_v * force / mass
+        acceleration -= s.give_a * force / mass
+        left = x <= 0.0 or kind == RIGID
+        # an algorithmic acceleration may linger after the force
+        if left and rate <= 0.0 and force == 0.0 and abs(rate - rate_before) <= 1e-13 * speed:
             break
+        before = force
     return -rate / speed, peak

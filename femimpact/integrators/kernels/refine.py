@@ -1,0 +1,159 @@
+"""A step in which contact takes place, redone by one case in fine steps with the second prepared operator."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from numpy.typing import NDArray
+
+from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.flight import free_step_banded_single, free_step_single
+from femimpact.integrators.kernels.ledger import book_case
+from femimpact.integrators.kernels.touch import contact_step
+from femimpact.integrators.kernels.watch import save
+from femimpact.integrators.layout import (
+    ACCELERATION,
+    BASE,
+    BASE_BEFORE,
+    BUSY,
+    GAP_MINUS,
+    GAP_PLUS,
+    NEAR,
+    OWN_LOSS,
+    OWN_WORK,
+    PHASE,
+    PHASE_STEP,
+    RATE,
+    RATE_BEFORE,
+    REFINED,
+    SCALE,
+    SHARE,
+    STRUCTURE_LOSS,
+    WORK,
+    X_BEFORE,
+    Y_ACCELERATION,
+    Y_RATE,
+    Motion,
+    Operator,
+    Pairs,
+    Record,
+    Scheme,
+    X,
+    Y,
+)
+
+__all__ = ["in_reach", "is_near", "redo_step", "save_state"]
+
+
+@inlined
+def save_state(m: Motion) -> None:
+    """Keep the state before a step, to redo it from there."""
+    save(m.saved[0], m.q)
+    save(m.saved[1], m.v)
+    save(m.saved[2], m.a)
+    save(m.saved_ball[0], m.ball[Y])
+    save(m.saved_ball[1], m.ball[Y_RATE])
+    save(m.saved_ball[2], m.ball[Y_ACCELERATION])
+
+
+@inlined
+def _restore(c: int, m: Motion) -> None:
+    """Put one case back to the start of its step."""
+    for i in range(m.q.shape[0]):
+        m.q[i, c], m.v[i, c], m.a[i, c] = m.saved[0, i, c], m.saved[1, i, c], m.saved[2, i, c]
+    for j in range(m.ball.shape[1]):
+        m.ball[Y, j, c], m.ball[Y_RATE, j, c] = m.saved_ball[0, j, c], m.saved_ball[1, j, c]
+        m.ball[Y_ACCELERATION, j, c] = m.saved_ball[2, j, c]
+        m.ball[X, j, c], m.ball[RATE, j, c] = m.ball[X_BEFORE, j, c], m.ball[RATE_BEFORE, j, c]
+
+
+@inlined
+def is_near(c: int, m: Motion) -> bool:
+    """Whether any pair of a case was in contact in this step, or could have been."""
+    near = 0.0
+    for j in range(m.ball.shape[1]):
+        near = max(near, m.touch[NEAR, j, c])
+    return near > 0.0
+
+
+@inlined
+def in_reach(c: int, pairs: Pairs, m: Motion) -> bool:
+    """Whether a pair of a case must be looked at."""
+    for j in range(pairs.row.size):
+        x = m.ball[X, j, c]
+        outside = x > pairs.constants[GAP_PLUS, j, c] or x < -pairs.constants[GAP_MINUS, j, c]
+        if outside or m.touch[BUSY, j, c] > 0.0:
+            return True
+    return False
+
+
+@inlined
+def _drive_within(c: int, step: int, part: int, parts: int, m: Motion) -> float:
+    """Drive of one case after `part` fine steps of the step that began at `step`; at its ends as the others have it."""
+    if part == 0:
+        value: float = m.drive[BASE_BEFORE, c]
+    elif part == parts:
+        value = m.drive[BASE, c]
+    elif m.table.shape[0] > 0:
+        value = m.table[step * parts + part, c]
+    else:
+        value = m.drive[SCALE, c] * math.sin(m.drive[PHASE, c] + m.drive[PHASE_STEP, c] * (step + part / parts))
+    return value
+
+
+@inlined
+def _fine_flight(c: int, before: float, after: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion) -> None:
+    """One fine step of one case without contact force."""
+    acting = (1.0 - s.alpha_f) * after + s.alpha_f * before
+    if op.banded:
+        free_step_banded_single(op, s, m.q[:, c], m.v[:, c], m.a[:, c], acting, m.scratch)
+    else:
+        free_step_single(
+            op.load, op.inertia, op.damping, op.stiffness, op.rows[0], s, m.q[:, c], m.v[:, c], m.a[:, c], acting
+        )
+    _read_rows(c, op.rows, m.q, m.v, m.w, m.w_rate)
+    scale, inertia = 1.0 / (1.0 - s.alpha_m), s.alpha_m / (1.0 - s.alpha_m)
+    for j in range(pairs.row.size):
+        given = pairs.constants[ACCELERATION, j, c] - pairs.constants[SHARE, j, c] * acting
+        old = m.ball[Y_ACCELERATION, j, c]
+        new = scale * given - inertia * old
+        m.ball[Y, j, c] += s.dt * m.ball[Y_RATE, j, c] + s.predict_u * old + s.correct_u * new
+        m.ball[Y_RATE, j, c] += s.predict_v * old + s.correct_v * new
+        m.ball[Y_ACCELERATION, j, c] = new
+        r = pairs.row[j]
+        m.ball[X_BEFORE, j, c], m.ball[RATE_BEFORE, j, c] = m.ball[X, j, c], m.ball[RATE, j, c]
+        m.ball[X, j, c] = m.ball[Y, j, c] - m.w[r, c]
+        m.ball[RATE, j, c] = m.ball[Y_RATE, j, c] - m.w_rate[r, c]
+
+
+@compiled
+def _read_rows(
+    c: int, rows: NDArray[Any], q: NDArray[Any], v: NDArray[Any], w: NDArray[Any], w_rate: NDArray[Any]
+) -> None:
+    for r in range(rows.shape[0]):
+        total, total_rate = 0.0, 0.0
+        for i in range(rows.shape[1]):
+            total += rows[r, i] * q[i, c]
+            total_rate += rows[r, i] * v[i, c]
+        w[r, c], w_rate[r, c] = total, total_rate
+
+
+@compiled
+def redo_step(
+    c: int, parts: int, dt: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion, record: Record, ledger: bool,
+    work: NDArray[Any],
+) -> None:  # fmt: skip
+    """Take one case through its step of dt again, in `parts` fine ones; its books are its own."""
+    step = record.tally[0]
+    _restore(c, m)
+    after = _drive_within(c, step, 0, parts, m)
+    for part in range(parts):
+        before, after = after, _drive_within(c, step, part + 1, parts, m)
+        _fine_flight(c, before, after, op, s, pairs, m)
+        if in_reach(c, pairs, m):
+            contact_step(c, step * dt + (part + 1) * s.dt, op, s, pairs, m, record, work)
+        if ledger:
+            book_case(c, before, after, op, s, pairs, m)
+    m.ledger[REFINED, c] = 1.0
+    m.ledger[OWN_WORK, c], m.ledger[OWN_LOSS, c] = m.ledger[WORK, c], m.ledger[STRUCTURE_LOSS, c]

@@ -1,0 +1,74 @@
+"""Which cases a contact concerns: cheap looks at every pair, in flight too."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import NDArray
+
+from femimpact.integrators.kernels.compiling import inlined
+
+__all__ = ["keep_rate", "look", "look_ahead", "look_around", "save"]
+
+
+@inlined
+def look(
+    x: NDArray[Any], x_before: NDArray[Any], y: NDArray[Any], w: NDArray[Any], gap_plus: NDArray[Any],
+    gap_minus: NDArray[Any], busy: NDArray[Any],
+) -> int:  # fmt: skip
+    """Relative displacement of a ball, and in how many cases its contact must be looked at."""
+    for c in range(x.size):
+        x_before[c] = x[c]
+        x[c] = y[c] - w[c]
+    looking = 0
+    for c in range(x.size):
+        looking += (x[c] > gap_plus[c]) | (x[c] < -gap_minus[c]) | (busy[c] > 0.0)
+    return looking
+
+
+@inlined
+def keep_rate(rate: NDArray[Any], rate_before: NDArray[Any], y_rate: NDArray[Any], w_rate: NDArray[Any]) -> None:
+    """Relative rate of a pair at this step and at the last."""
+    for c in range(rate.size):
+        rate_before[c] = rate[c]
+        rate[c] = y_rate[c] - w_rate[c]
+
+
+@inlined
+def look_ahead(
+    half: float, x: NDArray[Any], rate: NDArray[Any], gap_plus: NDArray[Any], gap_minus: NDArray[Any],
+    busy: NDArray[Any],
+) -> None:  # fmt: skip
+    """Before a step with impulses: mark the cases whose gap is closed half a step on."""
+    for c in range(x.size):
+        ahead = x[c] + half * rate[c]
+        if ahead > gap_plus[c] or ahead < -gap_minus[c]:
+            busy[c] = 1.0
+
+
+@inlined
+def look_around(
+    dt: float, x: NDArray[Any], x_before: NDArray[Any], rate: NDArray[Any], rate_before: NDArray[Any],
+    gap_plus: NDArray[Any], gap_minus: NDArray[Any], opened: NDArray[Any], near: NDArray[Any],
+) -> int:  # fmt: skip
+    """After a step in flight: mark the cases in which a contact lasts, or could have taken place within it.
+
+    The cubic through both ends with their rates stays below max(x0, x1) + 4/27 dt (|x0'| + |x1'|).
+    """
+    reach = dt / 6.0
+    looking = 0
+    for c in range(x.size):
+        beyond = reach * (abs(rate_before[c]) + abs(rate[c]))
+        touching = max(x[c], x_before[c]) + beyond > gap_plus[c] or min(x[c], x_before[c]) - beyond < -gap_minus[c]
+        near[c] = 1.0 if touching or opened[c] > 0.0 else 0.0
+        looking += near[c] > 0.0
+    return looking
+
+
+@inlined
+def save(target: NDArray[Any], source: NDArray[Any]) -> None:
+    """Copy rows over the cases, to redo a step from them."""
+    for i in range(source.shape[0]):
+        kept, values = target[i], source[i]
+        for c in range(values.size):
+            kept[c] = values[c]
