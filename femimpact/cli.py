@@ -202,6 +202,33 @@ def contact(
     console.print(f"results in {directory}")
 
 
+@app.command
+def validate(
+    *,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="CSV file of the table.")] = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Exact and published cases beside the computed ones; exit status 1 if one misses its bound."""
+    from femimpact.export.tables import write_csv
+    from femimpact.validation.shelf import HEADER, case_columns, run_validation, table_row
+
+    if output is not None:
+        require(force or not output.exists(), "output", str(output), "", "exists already: choose another, or --force")
+        require(output.resolve().parent.is_dir(), "output", str(output), "", "must be in an existing directory")
+    with _progress(quiet) as report:
+        cases = run_validation(report)
+    if output is not None:
+        write_csv(output, case_columns(cases), {})
+    failed = [case for case in cases if not case.passes]
+    if not quiet:
+        console = _console()
+        _print_table(console, HEADER, [table_row(case) for case in cases], "Validation")
+        console.print(f"{len(cases) - len(failed)} of {len(cases)} pass")
+    if failed:
+        _fail("\n".join(f"{case.name}: error {case.error:.2g}, bound {case.bound:.2g}" for case in failed), 1)
+
+
 # ---- what they share ------------------------------------------------------------------------------
 
 

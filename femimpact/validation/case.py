@@ -1,0 +1,47 @@
+"""One case of the validation shelf: a number that is known, the same number computed, and how close it must be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+__all__ = ["Case"]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A known number beside the computed one.
+
+    Parameters
+    ----------
+    name : str
+        Distinct within the shelf.
+    source : str
+        Where the reference is from: author and year, or "derived here".
+    quantity, unit : str
+    reference, computed : float, unit
+    bound : float
+        Largest error allowed: relative to the reference, or absolute where the reference is zero.
+    reason : str
+        Why the bound is what it is.
+    """
+
+    name: str
+    source: str
+    quantity: str
+    unit: str
+    reference: float
+    computed: float
+    bound: float
+    reason: str
+
+    @property
+    def error(self) -> float:
+        """Relative to the reference, or absolute where it is zero."""
+        difference = abs(self.computed - self.reference)
+        return difference / abs(self.reference) if self.reference else difference
+
+    @property
+    def passes(self) -> bool:
+        """Whether the error is a number within the bound."""
+        return math.isfinite(self.error) and self.error <= self.bound

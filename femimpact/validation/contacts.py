@@ -1,0 +1,168 @@
+"""Contact laws with a force: Hertz contact in closed form, and the restitution that each law returns.
+
+The computed side integrates the force of the law itself through one collision; the reference is a
+closed form, or the root of one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from femimpact.contact import (
+    STEEL,
+    CustomLaw,
+    Flores,
+    GonthierCarvalhoMartins,
+    Hertz,
+    HuntCrossley,
+    KelvinVoigt,
+    LankaraniNikravesh,
+    PowerLaw,
+    collide,
+    contact_force,
+    hertz_stiffness,
+)
+from femimpact.contact.collision import Collision
+from femimpact.contact.laws import ContactLaw
+from femimpact.excitation import Sine
+from femimpact.integrators.integrate import integrate
+from femimpact.integrators.newmark import Newmark
+from femimpact.structure import Impactor
+from femimpact.system import State, System
+from femimpact.validation.case import Case
+
+__all__ = ["CASES", "PUBLISHED", "Published"]
+
+MASS, SPEED, RADIUS = 3.43e-3, 0.26, 0.5 * 9.49e-3
+"""A steel ball of 9.49 mm, kg, m/s and m."""
+STIFFNESS = 1e10
+"""N/m^1.5."""
+
+
+@dataclass(frozen=True)
+class Published:
+    """A law k p^1.5 (1 + d p'/v) by its author's loss factor d of the restitution asked for."""
+
+    name: str
+    source: str
+    make: Callable[[float, float], PowerLaw]
+    loss: Callable[[float], float]
+
+
+PUBLISHED = (
+    Published("Hunt-Crossley", "Hunt and Crossley (1975)", HuntCrossley, lambda e: 3 * (1 - e) / 2),
+    Published(
+        "Lankarani-Nikravesh", "Lankarani and Nikravesh (1990)", LankaraniNikravesh, lambda e: 3 * (1 - e**2) / 4
+    ),
+    Published("Flores", "Flores et al. (2011)", Flores, lambda e: 8 * (1 - e) / (5 * e)),
+)
+"""Laws that miss the restitution asked for, with their published loss factors."""
+
+
+def _integrated(law: ContactLaw) -> Collision:
+    """One collision under the law's own force, by integration in time, not by the law's closed form."""
+
+    def force(depth: float, rate: float, approach_speed: float) -> float:
+        return contact_force(law, depth, rate, approach_speed, MASS)
+
+    return collide(CustomLaw(force), MASS, SPEED)
+
+
+def _steel() -> PowerLaw:
+    return Hertz(hertz_stiffness(RADIUS, STEEL, STEEL))
+
+
+def _steel_stiffness() -> float:
+    """4/3 E* sqrt(R) of steel on steel, N/m^1.5."""
+    modulus = STEEL.young_modulus / (2 * (1 - STEEL.poisson_ratio**2))
+    return 4 / 3 * modulus * math.sqrt(RADIUS)
+
+
+def hertz_time() -> Case:
+    """Contact time of a Hertz contact: 2.9432 times the largest depth over the speed."""
+    found = collide(_steel(), MASS, SPEED)
+    return Case(
+        "Hertz contact: time", "Johnson (1985), rounded to 2.94 there", "contact time v/p_max", "1",
+        0.8 * math.gamma(0.4) * math.sqrt(math.pi) / math.gamma(0.9),
+        found.contact_time * SPEED / found.largest_penetration, 1e-9, "quadrature of a smooth integrand, 60 points",
+    )  # fmt: skip
+
+
+def hertz_peak(integrated: bool) -> Case:
+    """Peak force of a steel ball on steel, k p^1.5 with (2/5) k p^2.5 = m v^2/2."""
+    stiffness = _steel_stiffness()
+    depth = (5 * MASS * SPEED**2 / (4 * stiffness)) ** 0.4
+    found = _integrated(_steel()) if integrated else collide(_steel(), MASS, SPEED)
+    return Case(
+        f"Hertz contact of steel: peak force, {'integrated' if integrated else 'closed form'}",
+        "derived here (energy; Hertz, 1882)", "peak force", "N", stiffness * depth**1.5, found.peak_force,
+        1e-3 if integrated else 1e-12, "largest of the integrator's own steps" if integrated else "rounding",
+    )  # fmt: skip
+
+
+def restitution_of(loss: float) -> float:
+    """Root e of d (1 + e) = ln[(1 + d)/(1 - e d)], e > 0."""
+    from scipy.optimize import brentq
+
+    def difference(e: float) -> float:
+        return loss * (1 + e) - math.log1p(loss) + math.log1p(-e * loss)
+
+    return float(brentq(difference, 1e-9, min(1.0, (1 - 1e-15) / loss), xtol=1e-15))
+
+
+def published_law(law: Published, asked: float) -> Case:
+    """What a law with a published loss factor returns."""
+    return Case(
+        f"{law.name}, e = {asked:g} asked", f"{law.source}; d (1 + e) = ln[(1 + d)/(1 - e d)]", "restitution", "1",
+        restitution_of(law.loss(asked)), _integrated(law.make(STIFFNESS, asked)).restitution, 1e-6,
+        "integration to 1e-10 a step; the end of the contact is read from the steps",
+    )  # fmt: skip
+
+
+def exact_law(asked: float) -> Case:
+    """The law whose loss factor solves the relation returns what is asked."""
+    return Case(
+        f"Gonthier/Carvalho-Martins, e = {asked:g} asked", "Gonthier et al. (2004)", "restitution", "1", asked,
+        _integrated(GonthierCarvalhoMartins(STIFFNESS, asked)).restitution, 1e-6,
+        "integration to 1e-10 a step; the end of the contact is read from the steps",
+    )  # fmt: skip
+
+
+def kelvin_voigt(asked: float) -> Case:
+    """The linear law that ends at zero force returns what is asked."""
+    law = KelvinVoigt(restitution=asked, contact_time=1e-4)
+    return Case(
+        f"Kelvin-Voigt, e = {asked:g} asked", "Schwager and Poeschel (2007)", "restitution", "1", asked,
+        _integrated(law).restitution, 1e-6, "integration to 1e-10 a step; the end is read from the steps",
+    )  # fmt: skip
+
+
+def kelvin_voigt_stepped(asked: float) -> Case:
+    """The same collision in the time loop, 1000 Newmark steps in the contact."""
+    law = KelvinVoigt(restitution=asked, contact_time=1e-4)
+    ball = Impactor("ball", "tip", MASS, 1e-6, law)
+    # a wall that does not move: the structure's row is zero
+    system = System.from_matrices([[1.0]], [[0.0]], [[1.0]], points={"tip": [0.0]}, impactors=[ball])
+    dt = 1e-4 / 1000
+    method = Newmark(dt, divergence_limit=1e6)
+    still = Sine(0.0, 1 / (400 * dt))
+    run = integrate(system, still, method, 2e-4, initial=State(ball_velocity=[SPEED]))
+    found = float(run.impacts.rebound_speed[0] / run.impacts.approach_speed[0])
+    return Case(
+        f"Kelvin-Voigt, e = {asked:g} asked, Newmark T_c/1000", "Schwager and Poeschel (2007)", "restitution", "1",
+        asked, found, 2e-3, "first order: the dashpot starts up to one step late, 2 z w0 dt = 2e-3 of the speed",
+    )  # fmt: skip
+
+
+ASKED = (0.3, 0.5, 0.8)
+
+CASES: tuple[Callable[[], Case], ...] = (
+    hertz_time,
+    *(partial(hertz_peak, integrated) for integrated in (False, True)),
+    *(partial(check, e) for check in (kelvin_voigt, kelvin_voigt_stepped, exact_law) for e in ASKED),
+    *(partial(published_law, law, e) for law in PUBLISHED for e in ASKED),
+)
+"""The cases of this subject, in the order of the table."""

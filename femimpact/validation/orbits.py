@@ -1,0 +1,185 @@
+"""Periodic motions with rigid impacts in closed form: a stop, a ball in a box on an oscillator, a light ball."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.contact import Rigid
+from femimpact.excitation import PointForce, Sine
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.integrate import integrate
+from femimpact.structure import Impactor, Stop
+from femimpact.system import State, System
+from femimpact.validation.case import Case
+from femimpact.validation.impacts import shaken_floor
+
+__all__ = ["CASES"]
+
+ORBITS = (
+    # mass ratio, restitution, damping ratio, frequency ratio, total clearance; position and speed; largest eigenvalue
+    (0.1, 0.8, 0.01, 1.0, 20.0, 2.090133, 7.696818, 0.9515),
+    (0.1, 0.6, 0.01, 1.0, 24.0, -0.175073, 7.527982, 0.8785),
+    (0.05, 0.7, 0.005, 1.0, 40.0, 3.954411, 15.249852, 0.9604),
+    (0.1, 0.8, 0.01, 0.98, 20.0, 5.187468, 9.475270, 1.2605),
+)
+"""Two impacts in each cycle, M = K = F = 1: the project's own table, held to an event-driven simulation before."""
+
+Orbit = tuple[float, float, float, float, float, float, float, float]
+
+
+# ---- an oscillator that hits one stop ------------------------------------------------------------
+
+
+def _stop_orbit(damping: float, restitution: float, omega: float, stop: float) -> tuple[float, float]:
+    """Impact speed v and phase of the force (sine) at the impact, one impact in each cycle, F = M = K = 1.
+
+    With the forced motion's value P and rate Q at the impact, the free part goes from (stop - P, -e v - Q)
+    to (stop - P, v - Q) in one cycle: linear in v. P^2 + (Q/omega)^2 = A^2 is then a quadratic in v.
+    """
+    from scipy.linalg import expm
+
+    cycle = expm(np.array([[0.0, 1.0], [-1.0, -2 * damping]]) * (2 * math.pi / omega))
+    x, w = np.linalg.solve(cycle - np.eye(2), [0.0, 1 + restitution])
+    amplitude = 1 / math.hypot(1 - omega**2, 2 * damping * omega)
+    tail = (restitution + w) / omega
+    speed = max(np.roots([x**2 + tail**2, -2 * stop * x, stop**2 - amplitude**2]).real)
+    # forced motion A sin(omega t + psi): P = A sin(psi), Q = A omega cos(psi); the force leads it
+    psi = math.atan2(stop - speed * x, -speed * tail)
+    return float(speed), psi + math.atan2(2 * damping * omega, 1 - omega**2)
+
+
+def stop_once_a_cycle(omega: float, stop: float) -> Case:
+    """An oscillator pushed by a sine against one rigid stop, one impact in each cycle."""
+    damping, restitution = 0.05, 0.8
+    speed, phase = _stop_orbit(damping, restitution, omega, stop)
+    wall = Stop("wall", "tip", (stop, math.inf), Rigid(restitution))
+    system = System.from_matrices([[1.0]], [[2 * damping]], [[1.0]], points={"tip": [1.0]}, stops=[wall])
+    push = PointForce("tip", Sine(1.0, omega / (2 * math.pi), phase))
+    # 1 % too fast: the motion has to find the orbit
+    start = State([stop], [-1.01 * restitution * speed])
+    run = integrate(system, push, EventDriven(), 400 * 2 * math.pi / omega, initial=start)
+    return Case(
+        f"oscillator against a stop at {stop:g}, {omega:g} w0", "derived here (linear half of the orbit)",
+        "impact speed after 400 cycles", "m/s", speed, float(run.impacts.approach_speed[-1]), 1e-11,
+        "rounding; the start's 1 % have died out",
+    )  # fmt: skip
+
+
+# ---- a ball between two walls on an oscillator ---------------------------------------------------
+
+
+def _symmetric_orbit(orbit: Orbit) -> tuple[float, float, float]:
+    """Ball's speed, oscillator's rate after the impact and phase of the force at it, by the half-cycle map."""
+    mu, e, zeta, ratio, clearance, *_ = orbit
+    eta, period = math.sqrt(1 - zeta**2), math.pi / ratio
+    decay, c, s = math.exp(-zeta * period), math.cos(eta * period), math.sin(eta * period)
+    jump = [
+        [decay * s, 1 + decay * c],
+        [eta * (1 + decay * c) - decay * zeta * s, -zeta * (1 + decay * c) - decay * eta * s],
+    ]
+    a1, a2 = np.linalg.solve(jump, [0.0, 2 * mu])  # in units of the ball's speed
+    after = -(1 - e - 2 * mu * e) / (1 + e)
+    # the forced motion at the impact, p u + q, and its rate over the frequency, r u
+    p, q, r = math.pi / (2 * ratio) - a2, -clearance / 2, (after - (eta * a1 - zeta * a2)) / ratio
+    amplitude = 1 / math.hypot(1 - ratio**2, 2 * zeta * ratio)
+    speed = max(np.roots([p * p + r * r, 2 * p * q, q * q - amplitude**2]).real)
+    lead = math.atan2(2 * zeta * ratio, 1 - ratio**2)
+    return float(speed), after * float(speed), math.atan2(p * speed + q, r * speed) + lead
+
+
+def _approach_speeds(orbit: Orbit, off: float, cycles: int) -> NDArray[np.float64]:
+    """Approach speeds of a run started beside the orbit, the ball `off` too fast."""
+    mu, e, zeta, ratio, clearance, *_ = orbit
+    speed, rate, phase = _symmetric_orbit(orbit)
+    position = speed * math.pi / (2 * ratio) - clearance / 2
+    ball = Impactor("ball", "tip", mu, clearance / 2, Rigid(e))
+    system = System.from_matrices([[1.0]], [[2 * zeta]], [[1.0]], points={"tip": [1.0]}, impactors=[ball])
+    push = PointForce("tip", Sine(1.0, ratio / (2 * math.pi), phase))
+    start = State([position], [rate], [position + clearance / 2], [-speed * (1 + off)])
+    run = integrate(system, push, EventDriven(), cycles * 2 * math.pi / ratio, initial=start)
+    return np.asarray(run.impacts.approach_speed)
+
+
+def _settled_speed(orbit: Orbit) -> float:
+    """Ball's speed of the run: a stable orbit is found from 1 % off, the unstable one is flown for ten impacts."""
+    mu, e, *_, growth = orbit
+    speeds = _approach_speeds(orbit, 0.01, 200) if growth < 1 else _approach_speeds(orbit, 0.0, 5)
+    return float(speeds[-1]) * (1 + e) / (2 * (1 + mu))
+
+
+def _label(orbit: Orbit) -> str:
+    mu, e, _, ratio, *_, growth = orbit
+    return f"ball in a box, mu = {mu:g}, e = {e:g}, {ratio:g} w0 ({'stable' if growth < 1 else 'unstable'})"
+
+
+def box_speed(orbit: Orbit) -> Case:
+    """Speed of the ball, two impacts in each cycle."""
+    return Case(
+        f"{_label(orbit)}: speed", "derived here (half-cycle map)", "speed of the ball", "m/s", orbit[6],
+        _settled_speed(orbit), 5.1e-7 / orbit[6], "6 decimals of the table",
+    )  # fmt: skip
+
+
+def box_position(orbit: Orbit) -> Case:
+    """Position of the oscillator at the impact: |u| = (2 x + d) w/pi."""
+    _, _, _, ratio, clearance, position, *_ = orbit
+    found = _settled_speed(orbit) * math.pi / (2 * ratio) - clearance / 2
+    return Case(
+        f"{_label(orbit)}: position", "derived here (half-cycle map)", "position at the impact", "m", position,
+        found, 5.1e-7 / abs(position), "6 decimals of the table",
+    )  # fmt: skip
+
+
+def box_eigenvalue(orbit: Orbit) -> Case:
+    """Largest eigenvalue of the half-cycle map, from how a small disturbance grows or dies."""
+    mu, e, *_, growth = orbit
+    exact = 2 * _symmetric_orbit(orbit)[0] * (1 + mu) / (1 + e)
+    off = _approach_speeds(orbit, 1e-7, 20)[:36] / exact - 1
+    # four states at an impact: the deviations obey a recurrence of order four
+    columns = np.column_stack([off[k : off.size - 4 + k] for k in range(4)])
+    # each equation in units of its own size, for one that grows
+    weight = 1 / np.max(np.abs(columns), axis=1)
+    factors = np.linalg.lstsq(weight[:, None] * columns, weight * off[4:])[0]
+    largest = float(np.max(np.abs(np.roots([1.0, *-factors[::-1]]))))
+    return Case(
+        f"{_label(orbit)}: growth", "derived here (half-cycle map)", "largest eigenvalue, absolute", "1", growth,
+        largest, 1e-4, "4 decimals of the table; the disturbance of 1e-7 is small, not infinitely so",
+    )  # fmt: skip
+
+
+# ---- a light ball --------------------------------------------------------------------------------
+
+
+def light_ball(restitution: float) -> Case:
+    """Largest damping ratio that a light ball adds, over the mass ratio: (2/pi) (1 + e)/(1 - e).
+
+    It is reached at the amplitude 2 s/pi of the half clearance, s = (1 - e)/(1 + e): impacts fall
+    where the box is at its centre. A box that moves as a sine whatever the ball does is this limit.
+    """
+    sigma, half, frequency = (1 - restitution) / (1 + restitution), 4e-3, 5.0
+    omega = 2 * math.pi * frequency
+    box = Sine(2 * sigma / math.pi * half, frequency, math.pi)
+    speed = 2 * half * omega / math.pi
+    # 1 % too fast, seen from the box
+    start = State(ball_displacement=[half], ball_velocity=[-1.01 * speed * (1 - sigma)])
+    run = integrate(shaken_floor(restitution, (half, half)), box, EventDriven(), 300 / frequency, initial=start)
+    # a damping ratio z takes 2 pi z M w^2 a^2 in each cycle; the ball's mass here is 1
+    loss = 2 * float(run.impacts.energy_loss[-1])
+    return Case(
+        f"light ball, e = {restitution:g}: largest damping", "derived here (slow invariant manifold)",
+        "damping ratio over mass ratio", "1", 2 / (math.pi * sigma),
+        loss / (2 * math.pi * (omega * box.amplitude) ** 2), 1e-10, "rounding; the start's 1 % have died out",
+    )  # fmt: skip
+
+
+CASES: tuple[Callable[[], Case], ...] = (
+    *(partial(stop_once_a_cycle, omega, stop) for omega, stop in ((1.5, 0.0), (2.0, 0.3), (2.5, 0.0))),
+    *(partial(check, orbit) for orbit in ORBITS for check in (box_speed, box_position, box_eigenvalue)),
+    *(partial(light_ball, e) for e in (0.3, 0.5, 0.7)),
+)
+"""The cases of this subject, in the order of the table."""

@@ -1,0 +1,79 @@
+"""The validation shelf: every case passes, and one that does not is an exit status."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from femimpact import cli
+from femimpact.errors import InputError
+from femimpact.export.tables import read_csv
+from femimpact.validation import Case, case_columns, markdown_table, run_validation, shelf
+
+PAGE = Path(__file__).parents[1] / "docs" / "validation.md"
+GOOD = Case("good", "derived here", "speed", "m/s", 2.0, 2.0, 1e-9, "rounding")
+BAD = replace(GOOD, name="a|b", computed=2.1)
+
+
+@pytest.fixture(scope="module")
+def cases():
+    shares = []
+    found = run_validation(lambda what, share: shares.append((what, share)))
+    assert shares[-1] == ("validation", 1.0)
+    return found
+
+
+@pytest.mark.parametrize("index", range(len(shelf.SHELF)))
+def test_a_case_is_within_its_bound(cases, index):
+    case = cases[index]
+    assert case.passes, f"{case.name}: {case.computed!r} for {case.reference!r}, error {case.error:.3g}"
+    assert all((case.source, case.quantity, case.unit, case.reason))
+    # a bound that passes anything is none
+    assert 0 < case.bound < 0.01
+
+
+def test_names_are_distinct_and_on_the_page(cases):
+    assert len({case.name for case in cases}) == len(cases)
+    rows = PAGE.read_text(encoding="utf-8").splitlines()
+    for case in cases:
+        assert any(row.startswith(f"| {case.name} | {case.source} |") for row in rows), case.name
+    assert sum(row.startswith("| ") for row in rows) == len(cases) + 2
+
+
+def test_an_error_is_relative_or_absolute_where_the_reference_is_zero():
+    assert BAD.error == pytest.approx(0.05)
+    assert not BAD.passes
+    assert replace(GOOD, reference=0.0, computed=1e-10).passes
+    assert not replace(GOOD, computed=math.nan).passes
+    assert not replace(GOOD, computed=math.inf).passes
+
+
+def test_the_command_prints_the_table_and_writes_it(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(shelf, "SHELF", (lambda: GOOD,))
+    cli.validate(output=tmp_path / "table.csv")
+    printed = capsys.readouterr().out
+    assert "speed (m/s)" in printed
+    assert printed.endswith("1 of 1 pass\n")
+    assert read_csv(tmp_path / "table.csv")["computed"] == [2.0]
+    with pytest.raises(InputError, match="exists already"):
+        cli.validate(output=tmp_path / "table.csv", quiet=True)
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+def test_a_failing_case_makes_the_command_exit_with_1(monkeypatch, capsys, quiet):
+    monkeypatch.setattr(shelf, "SHELF", (lambda: GOOD, lambda: BAD))
+    with pytest.raises(SystemExit) as ended:
+        cli.validate(quiet=quiet)
+    assert ended.value.code == 1
+    captured = capsys.readouterr()
+    assert "femimpact: a|b: error 0.05, bound 1e-09" in captured.err
+    assert captured.out.endswith("" if quiet else "1 of 2 pass\n")
+    assert ("NO" in captured.out) is not quiet
+
+
+def test_the_markdown_table_has_one_row_a_case():
+    lines = markdown_table([GOOD, BAD]).splitlines()
+    assert lines[2] == "| good | derived here | speed (m/s) | 2 | 2 | 0.0e+00 | 1.0e-09 | yes | rounding |"
+    assert lines[3].startswith(r"| a\|b |")
+    assert case_columns([GOOD, BAD])["passes"] == [True, False]
