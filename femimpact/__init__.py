@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from femimpact.integrators.stepping import recommended_step
     from femimpact.mesh import Mesh, read_mesh, uniform_mesh
     from femimpact.modes import Modes, solve_modes
-    from femimpact.reduction import reduce
+    from femimpact.reduction import reduce, truncation_notes
     from femimpact.response import Recorder, Response
     from femimpact.results import StudyResults, load
     from femimpact.run import run_study
@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from femimpact.study import Study, load_study
     from femimpact.sweep import FrequencyResponse, frequency_sweep
     from femimpact.system import ContactPair, State, System, without_impactors
+    from femimpact.truncation import ModeConvergence, mode_convergence
 
 _ROOMS = {
     "assembly": ("assemble",),
@@ -91,7 +92,7 @@ _ROOMS = {
     "integrators.stepping": ("recommended_step",),
     "mesh": ("Mesh", "read_mesh", "uniform_mesh"),
     "modes": ("Modes", "solve_modes"),
-    "reduction": ("reduce",),
+    "reduction": ("reduce", "truncation_notes"),
     "response": ("Recorder", "Response"),
     "structure": ("Beam", "Impactor", "PointMass", "Segment", "Stop", "Structure", "Support", "glue_impactors"),
     "results": ("StudyResults", "load"),
@@ -99,6 +100,7 @@ _ROOMS = {
     "study": ("Study", "load_study"),
     "sweep": ("FrequencyResponse", "frequency_sweep"),
     "system": ("ContactPair", "State", "System", "without_impactors"),
+    "truncation": ("ModeConvergence", "mode_convergence"),
 }
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
 

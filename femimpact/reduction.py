@@ -1,4 +1,4 @@
-"""Modal coordinates: the same equations on a few normal modes."""
+"""Modal coordinates: the same equations on a few normal modes, and what the missing ones leave out."""
 
 from __future__ import annotations
 
@@ -7,16 +7,26 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse as sparse
+from numpy.typing import NDArray
 
+from femimpact.contact import Rigid
+from femimpact.damping import realised_damping_ratio
 from femimpact.errors import require
-from femimpact.modes import solve_modes
-from femimpact.system import System
+from femimpact.modes import solve_modes, solve_stiffness
+from femimpact.system import ContactPair, System
 
-__all__ = ["reduce"]
+__all__ = ["reduce", "truncation_notes"]
+
+NEGLIGIBLE = 1e-12
+"""Share of a direction's static flexibility below which a residual adds nothing but rounding."""
+
+ENOUGH_FLEXIBILITY = 0.95
+"""Share of the whole structure's flexibility at a contact that kept modes should have."""
 
 
-def reduce(system: System, modes: int) -> System:
+def reduce(system: System, modes: int, static_correction: bool = False) -> System:
     """The system on its lowest normal modes, u = Phi q: a `System` again, with diagonal matrices.
 
     q'' + 2 zeta omega q' + omega^2 q = -Phi^T base_load ub'' + sum_j (b_j^T Phi) F_j.
@@ -26,27 +36,45 @@ def reduce(system: System, modes: int) -> System:
     system : System
     modes : int
         How many normal modes are kept, 1 to the number of dofs; exactly so many.
+    static_correction : bool
+        Add one residual attachment vector for every distinct contact direction.
 
     Returns
     -------
     System
         M = 1, C = diag(2 zeta omega), K = diag(omega^2); contacts keep their effective mass.
+        Attachment vectors come behind the modes, faster than all of them.
 
     Raises
     ------
     InputError
-        If modes is out of range, or the damping does not decouple on the modes.
+        If modes is out of range, the damping does not decouple, or a static correction is asked of a
+        structure that is not held (K^-1 does not exist).
+
+    Notes
+    -----
+    The residual attachment vector of a direction b is what the kept modes miss of the static deflection
+    under a unit force there (residual flexibility: MacNeal, 1971; Rubin, 1975),
+
+        psi = K^-1 b - sum_k phi_k (phi_k^T b)/omega_k^2.
+
+    It is M- and K-orthogonal to the kept modes. Several of them are made orthogonal to one another by
+    psi^T K psi w = omega^2 psi^T M psi w, so that the system stays diagonal, and b^T K^-1 b is exact at
+    every contact. Their frequencies are no natural frequencies: they say how far the correction is static.
     """
     kept = solve_modes(system, modes)
-    phi = kept.vectors
-    omega = 2.0 * math.pi * kept.natural_frequency
+    phi, omega, ratio = kept.vectors, 2.0 * math.pi * kept.natural_frequency, kept.damping_ratio
+    if static_correction and system.contacts:
+        extra, extra_omega = _attachment_vectors(system, phi, omega)
+        phi, omega = np.hstack([phi, extra]), np.append(omega, extra_omega)
+        ratio = np.append(ratio, _damping_ratio(system, extra, extra_omega))
     if system.rayleigh is None:
         _check_decoupled(phi.T @ (system.C @ phi))
     contacts = tuple(replace(pair, direction=_row(pair.direction @ phi)) for pair in system.contacts)
     return replace(
         system,
-        M=sparse.eye_array(modes, format="csr"),
-        C=sparse.diags_array(2.0 * kept.damping_ratio * omega, format="csr"),
+        M=sparse.eye_array(omega.size, format="csr"),
+        C=sparse.diags_array(2.0 * ratio * omega, format="csr"),
         K=sparse.diags_array(omega**2, format="csr"),
         stiffness_factor=sparse.diags_array(omega, format="csr"),
         base_load=_row(phi.T @ system.base_load),
@@ -55,6 +83,108 @@ def reduce(system: System, modes: int) -> System:
         contacts=contacts,
         directions={name: _row(row @ phi) for name, row in system.directions.items()},
     )
+
+
+def _attachment_vectors(system: System, phi: NDArray[Any], omega: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Mass-normalised residual attachment vectors of all contact directions, and their omega (rad/s)."""
+    held = system.first_frequency > 0.0
+    require(held, "static_correction", True, "", "needs a structure that is held: K^-1 b does not exist")
+    loads = np.array([pair.direction for pair in system.contacts]).T
+    loads = loads[:, np.abs(loads).max(axis=0) > 0.0]
+    static = solve_stiffness(system, loads)
+    psi = static - phi @ ((phi.T @ loads) / omega[:, None] ** 2)
+    # once more against the mass, for what rounding left
+    psi -= phi @ (phi.T @ (system.M @ psi))
+    bent = system.stiffness_factor @ psi
+    residual = np.einsum("ij,ij->j", bent, bent)
+    chosen = residual > NEGLIGIBLE * np.einsum("ij,ij->j", loads, static)
+    psi, bent = (array[:, chosen] / np.sqrt(residual[chosen]) for array in (psi, bent))
+    if not psi.size:
+        return psi, np.zeros(0)
+    # equal and opposite directions, as of two balls in one box, count once
+    share, mix = scipy.linalg.eigh(bent.T @ bent)
+    psi = psi @ (mix[:, share > NEGLIGIBLE] / np.sqrt(share[share > NEGLIGIBLE]))
+    inverse_square, mix = scipy.linalg.eigh(psi.T @ (system.M @ psi))
+    psi = (psi @ mix / np.sqrt(inverse_square))[:, ::-1]
+    return psi, np.linalg.norm(system.stiffness_factor @ psi, axis=0)
+
+
+def _damping_ratio(system: System, vectors: NDArray[Any], omega: NDArray[Any]) -> NDArray[Any]:
+    if system.rayleigh is not None:
+        return realised_damping_ratio(*system.rayleigh, omega)
+    return np.asarray(np.einsum("ij,ij->j", vectors, system.C @ vectors) / (2.0 * omega))
+
+
+def truncation_notes(system: System) -> tuple[str, ...]:
+    """What a reduced system leaves out at its contacts, in words with numbers.
+
+    Parameters
+    ----------
+    system : System
+
+    Returns
+    -------
+    tuple of str
+        Empty for physical dofs and without contacts. Per pair: the fastest kept coordinate against
+        1/(contact time) of a compliant law, and the static flexibility of the kept coordinates where it is
+        below 95 % of the structure's. One more where an impact is rigid, or too short for the modes.
+
+    Notes
+    -----
+    Attachment vectors of a static correction count as coordinates: they make the flexibility exact, and
+    their frequency is up to where they are static.
+    """
+    # a System by matrices may be diagonal without being truncated; `reduce` leaves a dense expansion
+    if not (system.contacts and system.is_diagonal and isinstance(system.expansion, np.ndarray)):
+        return ()
+    omega = np.sqrt(system.K.diagonal())
+    highest = float(omega.max()) / (2.0 * math.pi)
+    notes: list[str] = []
+    stiff = [pair for pair in system.contacts if _is_short(pair, highest)]
+    for pair in system.contacts:
+        if _is_short(pair, highest) and not isinstance(pair.law, Rigid):
+            notes.append(
+                f"{pair.name}: {_modes(omega.size)} kept, up to {highest:.4g} Hz: below 1/(contact time) = "
+                f"{1.0 / pair.parameters.contact_time:.4g} Hz, so the course of the force is not resolved"
+            )
+        notes.extend(_flexibility_note(pair, omega))
+    if stiff:
+        notes.append(_stiff_note(stiff, omega.size))
+    return tuple(notes)
+
+
+def _is_short(pair: ContactPair, highest: float) -> bool:
+    """Whether a contact is rigid, or over before the fastest kept coordinate (Hz) has turned once."""
+    return isinstance(pair.law, Rigid) or 0.0 < highest * pair.parameters.contact_time < 1.0
+
+
+def _flexibility_note(pair: ContactPair, omega: NDArray[Any]) -> list[str]:
+    if not math.isfinite(pair.flexibility) or not np.all(omega > 0.0):
+        return []
+    kept = float(np.sum((pair.direction / omega) ** 2))
+    if kept >= ENOUGH_FLEXIBILITY * pair.flexibility:
+        return []
+    return [
+        f"{pair.name}: {_modes(omega.size)} kept, with a static flexibility of {kept:.4g} m/N at the contact of the "
+        f"structure's {pair.flexibility:.4g} m/N: keep more, or reduce(..., static_correction=True)"
+    ]
+
+
+def _stiff_note(pairs: list[ContactPair], modes: int) -> str:
+    """One note for all rigid or short contacts, with the mass that the kept modes put behind them."""
+    felt = [float(pair.direction @ pair.direction) for pair in pairs]
+    masses = ", ".join(
+        f"{pair.name} {1.0 / mobility:.4g} kg" for pair, mobility in zip(pairs, felt, strict=True) if mobility > 0.0
+    )
+    return (
+        f"{_modes(modes)} kept: for rigid or very short contacts the peak force does not converge with their number; "
+        "displacement, energy loss and the impulse of a whole contact do. The mass that is felt at once, which sets "
+        f"the impulse of a single rigid impact, is that of these modes: {masses or 'none'}"
+    )
+
+
+def _modes(count: int) -> str:
+    return f"{count} mode{'s' if count > 1 else ''}"
 
 
 def _check_decoupled(damping: Any) -> None:
