@@ -58,8 +58,8 @@ def collision(body: int, restitution: float) -> Case:
     reference = common - restitution * (2.0 - common) if body == 0 else common + restitution * common
     return Case(
         f"collision of 0.3 and 0.7 kg, e = {restitution:g}, body {body + 1}",
-        "derived here (momentum and restitution)",
-        "velocity after", "m/s", reference, float(_thrown(m, restitution)[f"mass {body}.velocity"][-1]), 1e-12, "rounding",
+        "derived here (momentum and restitution)", "velocity after", "m/s", reference,
+        float(_thrown(m, restitution)[f"mass {body}.velocity"][-1]), 1e-12, "rounding",
     )  # fmt: skip
 
 
