@@ -235,7 +235,7 @@ def _response(
         channels={channel.name: _read_only(record.channels[:, i]) for i, channel in enumerate(channels)},
         units={channel.name: channel.unit for channel in channels},
         impacts=impacts,
-        riding=Riding.none(),
+        riding=_riding(block, system),
         statistics=impact_statistics(totals, window, excitation.frequency, laws),
         statistics_of=per_ball,
         steady=steady_motion(cycles, np.array([max(finished // 3, 1)])) if finished else no_steady_motion(),
@@ -283,6 +283,34 @@ def _impacts(record: layout.Record, system: System, excitation: Excitation) -> I
         energy_to_modes=_read_only(record.impacts[:count, len(layout.IMPACT_COLUMNS) :]),
         law={pair.name: pair.law.name for pair in system.contacts},
         dropped=int(record.tally[3]) - count,
+    )
+
+
+def _riding(block: Block, system: System) -> Riding:
+    """Rigid contacts that took an impulse in three or more steps in a row: a ball that moves with its wall.
+
+    Each begins with an impact, which has its own row in the table of impacts once the contact has ended;
+    the impulses of the two tables are the same.
+    """
+    record, touch, dt = block.record, block.motion.touch[:, :, 0], block.scheme.dt
+    count = min(int(record.tally[3]), record.impacts.shape[0])
+    rows = [(*row[:3], row[7], row[5], row[0] + row[7]) for row in record.impacts[:count]]
+    for j in np.flatnonzero(touch[layout.OPEN]):
+        time, side, duration, impulse = (
+            touch[row, j] for row in (layout.START, layout.SIDE, layout.DURATION, layout.IMPULSE)
+        )
+        rows.append((time, j, side, duration, impulse, np.nan))
+    rows = [row for row in rows if block.pairs.kind[int(row[1])] == RIGID and row[3] > 1.5 * dt]
+    if not rows:
+        return Riding.none()
+    start, pair, side, duration, impulse, end = (np.array(column) for column in zip(*rows, strict=True))
+    return Riding(
+        impactor=np.array([system.contacts[int(j)].name for j in pair]),
+        side=_read_only(side),
+        start=_read_only(start),
+        end=_read_only(end),
+        impulse=_read_only(side * impulse),
+        mean_force=_read_only(side * impulse / duration),
     )
 
 

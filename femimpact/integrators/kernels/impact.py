@@ -100,7 +100,8 @@ def _open(
     gap = pairs.constants[GAP_PLUS, j, c] if gate > 0.0 else pairs.constants[GAP_MINUS, j, c]
     if pairs.kind[j] == RIGID:
         approach = gate * m.ball[RATE_BEFORE, j, c]
-        late = s.dt - min(max((gap - gate * m.ball[X_BEFORE, j, c]) / max(approach, 1e-300), 0.0), s.dt)
+        # the gap closed up to half a step before this one, or within its first half
+        late = s.dt - min(max((gap - gate * m.ball[X_BEFORE, j, c]) / max(approach, 1e-300), -s.dt), s.dt)
     else:
         late = min(max((gate * x_free - gap) / max(approach, 1e-300), 0.0), s.dt)
     for field in range(OPEN, REBOUND + 1):

@@ -1,0 +1,296 @@
+"""The step methods against the exact analysis of their amplification matrices, and Moreau-Jean against ballistics."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import femimpact as fi
+from femimpact.integrators.newmark import scheme_of
+
+STILL = fi.Sine(amplitude=0.0, frequency=0.1)
+FAMILY = [
+    fi.Newmark(1.0),
+    fi.Newmark(1.0, beta=0.3025, gamma=0.6),
+    fi.Newmark(1.0, contact="energy-consistent"),
+    fi.HHT(1.0, alpha=-0.1),
+    fi.HHT(1.0, alpha=-1 / 3),
+    fi.WBZ(1.0, alpha=-0.1),
+    fi.WBZ(1.0, alpha=-1.0),
+    fi.GeneralizedAlpha(1.0, spectral_radius=1.0),
+    fi.GeneralizedAlpha(1.0, spectral_radius=0.8),
+    fi.GeneralizedAlpha(1.0, spectral_radius=0.0),
+    fi.MoreauJean(1.0),
+    fi.MoreauJean(1.0, theta=0.6),
+]
+SECOND_ORDER = [method for method in FAMILY if getattr(method, "gamma", 0.5) == 0.5 and method != FAMILY[-1]]
+
+
+def oscillator(damping_ratio=0.0, omega=1.0, **more):
+    """One mode of 1 kg, given by matrices."""
+    return fi.System.from_matrices([[1.0]], [[2 * damping_ratio * omega]], [[omega**2]], points={"mass": [1.0]}, **more)
+
+
+def amplification(method, omega, damping_ratio=0.0):
+    """A of (u, v, a) after one step without load, from the textbook form of the method: derived by hand."""
+    h, c, k = method.dt, 2 * damping_ratio * omega, omega**2
+    if isinstance(method, fi.MoreauJean):
+        th = method.theta
+        left = np.array([[1, -h * th, 0], [h * th * k, 1 + h * th * c, 0], [k, c, 1]])
+        right = np.array([[1, h * (1 - th), 0], [-h * (1 - th) * k, 1 - h * (1 - th) * c, 0], [0, 0, 0]])
+        return np.linalg.solve(left, right)
+    am = af = 0.0
+    if isinstance(method, fi.HHT):
+        af = -method.alpha
+    elif isinstance(method, fi.WBZ):
+        am = method.alpha
+    elif isinstance(method, fi.GeneralizedAlpha):
+        r = method.spectral_radius
+        am, af = (2 * r - 1) / (r + 1), r / (r + 1)
+    beta, gamma = getattr(method, "beta", (1 - am + af) ** 2 / 4), getattr(method, "gamma", 0.5 - am + af)
+    left = np.array([[1, 0, -beta * h * h], [0, 1, -gamma * h], [(1 - af) * k, (1 - af) * c, 1 - am]])
+    right = np.array([[1, h, (0.5 - beta) * h * h], [0, 1, (1 - gamma) * h], [-af * k, -af * c, -am]])
+    return np.linalg.solve(left, right)
+
+
+def steps_of(method, system, dt, count, displacement=1.0, velocity=0.3):
+    start = fi.State(displacement=[displacement], velocity=[velocity])
+    method = replace(method, dt=dt, allow_coarse_step=True)
+    record = fi.Recorder(("mass", "mass.velocity"), ledger=False)
+    return fi.integrate(system, STILL, method, count * dt, record, initial=start)
+
+
+@pytest.mark.parametrize("damping_ratio", [0.0, 0.07])
+@pytest.mark.parametrize("method", FAMILY, ids=repr)
+def test_every_step_is_the_amplification_matrix_of_the_textbook(method, damping_ratio):
+    system, dt = oscillator(damping_ratio), 0.11
+    run = steps_of(method, system, dt, 40)
+    A = amplification(replace(method, dt=dt), 1.0, damping_ratio)
+    state = np.array([1.0, 0.3, -1.0 - 2 * damping_ratio * 0.3])
+    for n in range(41):
+        # rounding of 40 steps
+        np.testing.assert_allclose([run["mass"][n], run["mass.velocity"][n]], state[:2], rtol=0, atol=1e-13)
+        state = A @ state
+
+
+@pytest.mark.parametrize("method", FAMILY, ids=repr)
+def test_period_and_damping_are_those_of_the_eigenvalues(method):
+    system, dt = oscillator(), 0.25
+    eigenvalues = np.linalg.eigvals(amplification(replace(method, dt=dt), 1.0))
+    principal = eigenvalues[np.argmax(eigenvalues.imag)]
+    # the third, spurious root dies out in the first steps, or is as weak as its start
+    u = steps_of(method, system, dt, 400)["mass"][60:]
+    # u[n+1] - 2 Re(lambda) u[n] + |lambda|^2 u[n-1] = 0: least squares of both coefficients
+    trace, radius = np.linalg.lstsq(np.column_stack([u[1:-1], -u[:-2]]), u[2:])[0]
+    if method != fi.GeneralizedAlpha(1.0, spectral_radius=1.0):
+        assert math.sqrt(radius) == pytest.approx(abs(principal), rel=1e-8)
+        turn = math.acos(trace / 2 / math.sqrt(radius))
+        assert turn == pytest.approx(np.angle(principal), rel=1e-8)
+    elongation = dt / np.angle(principal) - 1
+    # average acceleration lengthens by (w dt)^2/12, its relatives by up to five times that
+    assert 0.9 * dt**2 / 12 < elongation < 5.1 * dt**2 / 12
+    assert abs(principal) <= 1 + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("method", "radius"),
+    [
+        (fi.HHT(1.0, alpha=-1 / 3), 0.5),  # (1 + alpha)/(1 - alpha)
+        (fi.WBZ(1.0, alpha=-1.0), 0.0),  # (1 + alpha)/(1 - alpha)
+        (fi.WBZ(1.0, alpha=-0.2), 0.8 / 1.2),
+        (fi.GeneralizedAlpha(1.0, spectral_radius=0.3), 0.3),
+        (fi.GeneralizedAlpha(1.0, spectral_radius=0.0), 0.0),
+        (fi.Newmark(1.0), 1.0),
+    ],
+    ids=repr,
+)
+def test_the_highest_modes_are_damped_as_published(method, radius):
+    largest = np.max(np.abs(np.linalg.eigvals(amplification(method, 1e5))))
+    # w dt = 1e5 is infinite but for (w dt)^-1; a double root spreads by the square root of rounding
+    assert largest == pytest.approx(radius, abs=1e-3)
+
+
+@pytest.mark.parametrize("method", SECOND_ORDER, ids=repr)
+def test_the_methods_converge_with_the_square_of_the_step(method):
+    system = oscillator(0.05)
+    base = fi.Sine(amplitude=0.1, frequency=0.13)
+    steps, ends = 1 / np.array([16, 32, 64]), []
+    for dt in [*steps, 1 / 1024]:
+        used = replace(method if dt > 1e-3 else fi.Newmark(1.0), dt=float(dt), allow_coarse_step=True)
+        start = fi.State(displacement=[1.0])
+        ends.append(fi.integrate(system, base, used, 10.0, fi.Recorder(("mass",)), initial=start)["mass"][-1])
+    error = np.abs(np.array(ends[:-1]) - ends[-1])
+    # the reference itself carries 1/256 of the coarse error
+    assert np.polyfit(np.log(steps), np.log(error), 1)[0] == pytest.approx(2.0, abs=0.15)
+
+
+def test_newmark_with_its_own_weights_is_the_limit_of_its_relatives():
+    for method in (fi.HHT(0.1, alpha=0.0), fi.WBZ(0.1, alpha=0.0)):
+        assert scheme_of(method) == scheme_of(fi.Newmark(0.1))
+    same = scheme_of(fi.MoreauJean(0.1)), scheme_of(fi.Newmark(0.1, contact="energy-consistent"))
+    assert same[0]._replace(rigid=False) == same[1]
+
+
+@pytest.mark.parametrize("method", FAMILY, ids=repr)
+def test_banded_dofs_and_modes_agree(reference, method):
+    structure = replace(reference, impactors=())
+    full = fi.assemble(structure, elements=5)
+    modal = fi.reduce(full, modes=10)
+    base = fi.Sine(2e-4, 5.0)
+    method = replace(method, dt=1e-3)
+    one, other = (fi.integrate(system, base, method, 0.5, fi.Recorder(("tip",)))["tip"] for system in (full, modal))
+    # eigenvalues of the mesh span 1e6
+    np.testing.assert_allclose(one, other, rtol=0, atol=1e-7 * np.max(np.abs(other)))
+
+
+@pytest.mark.parametrize("method", FAMILY, ids=repr)
+def test_one_case_alone_and_beside_others_agree(small, method):
+    empty = fi.without_impactors(small)
+    method = replace(method, dt=1e-3)
+    alone = fi.frequency_sweep(empty, 2e-4, [5.0], method, 20)
+    beside = fi.frequency_sweep(empty, 2e-4, [4.5, 5.0, 5.5], method, 20, threads=1)
+    assert beside.peak[1] == alone.peak[0]
+
+
+@pytest.mark.parametrize(
+    ("make", "key"),
+    [
+        (lambda: fi.HHT(1e-3, alpha=0.1), "alpha"),
+        (lambda: fi.HHT(1e-3, alpha=-0.5), "alpha"),
+        (lambda: fi.WBZ(1e-3, alpha=-1.1), "alpha"),
+        (lambda: fi.GeneralizedAlpha(1e-3, spectral_radius=1.1), "spectral_radius"),
+        (lambda: fi.MoreauJean(1e-3, theta=0.4), "theta"),
+        (lambda: fi.Newmark(1e-3, contact="middle"), "contact"),
+        (lambda: fi.Newmark(1e-3, gamma=0.6, contact="energy-consistent"), "gamma"),
+        (lambda: fi.Newmark(1e-3, beta=0.3, contact="energy-consistent"), "beta"),
+        (lambda: fi.Newmark(1e-3, refine=0), "refine"),
+    ],
+)
+def test_numbers_out_of_range_are_refused(make, key):
+    with pytest.raises(fi.InputError, match=key):
+        make()
+
+
+def test_something_else_than_a_method_is_refused(small):
+    with pytest.raises(fi.InputError, match="must be a Newmark, HHT, WBZ"):
+        fi.integrate(small, STILL, 1e-3, 1.0)
+
+
+# ---- impulses ---------------------------------------------------------------------------------------
+
+
+def thrown_at(restitution, method, mass=0.3, speed=0.7, duration=0.4):
+    """A ball thrown at the wall of a heavier oscillator."""
+    ball = fi.Impactor("ball", "mass", mass, 0.1, fi.Rigid(restitution))
+    system = oscillator(omega=2.0, impactors=[ball])
+    return fi.integrate(system, STILL, method, duration, initial=fi.State(ball_velocity=[speed]))
+
+
+@pytest.mark.parametrize("restitution", [0.1, 0.4, 1.0])
+def test_impulses_keep_the_restitution_exactly(restitution):
+    run = thrown_at(restitution, fi.MoreauJean(1e-3))
+    impacts = run.impacts
+    assert len(impacts) == 1
+    assert impacts.approach_speed[0] == pytest.approx(0.7, rel=1e-12)
+    assert impacts.rebound_speed[0] == pytest.approx(restitution * 0.7, abs=1e-12)
+    # momentum of the two free bodies; the spring of the oscillator acts by less than (w dt)^2
+    effective = 1 / (1 / 0.3 + 1 / 1.0)
+    assert impacts.impulse[0] == pytest.approx((1 + restitution) * effective * 0.7, rel=1e-5)
+    assert impacts.energy_loss[0] == pytest.approx(0.5 * (1 - restitution**2) * effective * 0.49, rel=1e-4, abs=1e-12)
+    assert impacts.duration[0] == 0.0
+    assert np.isnan(impacts.peak_force[0])
+    assert impacts.time[0] == pytest.approx(0.1 / 0.7, abs=1e-12)
+    # the work of an impulse is P (v0 + v1)/2, and the trapezoidal rule closes the rest: rounding
+    assert run.energy.residual < 1e-12
+
+
+def test_a_plastic_ball_stays_with_its_wall():
+    run = thrown_at(0.0, fi.MoreauJean(1e-3), duration=0.5)
+    riding = run.riding
+    assert len(riding) == 1
+    assert (riding.impactor[0], riding.side[0]) == ("ball", 1)
+    assert riding.start[0] == pytest.approx(0.1 / 0.7, abs=1e-12)
+    assert np.isnan(riding.end[0])
+    after = run.time > 0.15
+    np.testing.assert_allclose(np.diff(run["ball"][after] - run["mass"][after]), 0.0, atol=1e-14)
+    # momentum: the pair moves on together
+    exact = 0.3 * 0.7 / 1.3
+    start = np.flatnonzero(after)[0]
+    assert (run["ball"][start + 1] - run["ball"][start]) / 1e-3 == pytest.approx(exact, rel=1e-2)
+    assert run.energy.residual < 1e-12
+
+
+def bouncing(restitution, method, duration, height=0.05):
+    """A ball that bounces on the base itself: no structure between."""
+    beam = fi.Beam.uniform(length=0.2, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)
+    ball = fi.Impactor("ball", "root", 2e-3, (1.0, height), fi.Rigid(restitution), acceleration=-9.81)
+    system = fi.reduce(fi.assemble(fi.Structure(beam, impactors=[ball]), elements=2), modes=1)
+    return fi.integrate(system, STILL, method, duration, fi.Recorder(("ball", "contact_force")))
+
+
+def test_a_bouncing_ball_comes_to_rest_when_ballistics_say_and_then_weighs_what_it_weighs():
+    e, h, g = 0.5, 0.05, 9.81
+    run = bouncing(e, fi.MoreauJean(1e-4), 0.6)
+    fall = math.sqrt(2 * h / g)
+    times = fall * (1 + 2 * np.cumsum(e ** np.arange(1, 5)))
+    # instants drift by a step an impact
+    np.testing.assert_allclose(run.impacts.time[:5], [fall, *times], rtol=0, atol=5e-4)
+    np.testing.assert_allclose(run.impacts.restitution[:5], e, rtol=1e-9)
+    # the accumulation ends at (1 + e)/(1 - e) times the fall; then the ball rests: force m g in every step
+    rest = fall * (1 + e) / (1 - e)
+    resting = run.time > rest + 0.02
+    np.testing.assert_allclose(run["contact_force"][resting], -2e-3 * g, rtol=1e-9)
+    np.testing.assert_allclose(run["ball"][resting], run["ball"][-1], rtol=0, atol=1e-9)
+    # a ball that rides is no row of impacts: a dozen bounces, not 4000 steps
+    assert len(run.impacts) < 25
+    assert len(run.riding) == 1
+    assert run.riding.mean_force[0] == pytest.approx(-2e-3 * g, rel=1e-2)
+    assert run.energy.residual < 1e-12
+    assert run.energy.contact_loss[-1] == pytest.approx(2e-3 * g * h, rel=2e-3)
+
+
+def test_an_elastic_ball_bounces_for_ever():
+    run = bouncing(1.0, fi.MoreauJean(1e-4), 2.0)
+    assert len(run.impacts) > 9
+    # every impact is met up to a step late, deeper by v dt, and returns as fast as it came
+    assert np.ptp(run.impacts.approach_speed) < 20 * 9.81 * 1e-4
+    assert run.energy.residual < 1e-11
+
+
+def test_moreau_jean_and_the_event_driven_method_agree_before_chaos(reference):
+    ball = replace(reference.impactors[0], contact=fi.Rigid(0.6))
+    system = fi.reduce(fi.assemble(replace(reference, impactors=(ball,)), elements=10), modes=3)
+    base, start = fi.Sine(1e-3, 5.2), fi.State(ball_velocity=[0.3])
+    exact = fi.integrate(system, base, fi.EventDriven(), 0.25, initial=start).impacts
+    error = []
+    for dt in (4e-5, 1e-6):
+        found = fi.integrate(system, base, fi.MoreauJean(dt), 0.25, initial=start).impacts
+        assert len(found) == len(exact) >= 2
+        error.append(np.max(np.abs(found.approach_speed / exact.approach_speed - 1)))
+    # first order: each impact is met up to a step late
+    assert error[0] < 0.02
+    assert error[1] < 0.1 * error[0]
+
+
+def test_two_impulses_at_once_are_solved_together():
+    balls = [fi.Impactor(name, "mass", 0.2, 0.1, fi.Rigid(0.5)) for name in ("one", "two")]
+    start = fi.State(ball_velocity=[0.5, 0.5])
+    pair = fi.integrate(oscillator(impactors=balls), STILL, fi.MoreauJean(1e-3), 0.3, initial=start)
+    whole = replace(balls[0], mass=0.4)
+    start = fi.State(ball_velocity=[0.5])
+    single = fi.integrate(oscillator(impactors=[whole]), STILL, fi.MoreauJean(1e-3), 0.3, initial=start)
+    assert len(pair.impacts) == 2
+    # iteration over the pairs to 1e-15
+    np.testing.assert_allclose(pair["mass"], single["mass"], rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("method", [fi.Newmark(1e-4), fi.HHT(1e-4), fi.Newmark(1e-4, contact="energy-consistent")])
+def test_a_rigid_contact_wants_impulses(method):
+    with pytest.raises(fi.InputError, match=r"ball\.contact.*MoreauJean\(dt\) or EventDriven\(\)"):
+        thrown_at(0.5, method)
+
+
+def test_impulses_want_a_rigid_contact(small):
+    with pytest.raises(fi.InputError, match=r"ball\.contact.*must be Rigid.*Newmark"):
+        fi.integrate(small, STILL, fi.MoreauJean(1e-4), 0.1)
