@@ -10,7 +10,6 @@ from typing import Any, cast
 from llvmlite import ir
 from numba import cfunc, types
 from numba.core import cgutils
-from numba.core.errors import NumbaError
 from numba.extending import intrinsic
 
 from femimpact.errors import Fault, InputError
@@ -26,7 +25,8 @@ def _compiled_law(force: Callable[[float, float, float], float]) -> Any:
     plain = getattr(force, "py_func", force)
     try:
         return cfunc(SIGNATURE, error_model="numpy")(plain)
-    except (NumbaError, TypeError, AttributeError) as error:
+    except Exception as error:
+        # whatever the compiler raises is about the user's function
         name = getattr(force, "__name__", repr(force))
         words = " ".join(str(error).split())[:300]
         allowed = f"must be a plain function of depth, rate, approach_speed that numba compiles: {words}"

@@ -12,7 +12,7 @@ from femimpact.integrators.kernels.laws import (
     KELVIN_VOIGT,
     RIGID,
     SWITCHING_SPRING,
-    mean_forces,
+    elastic_mean,
     normal_force,
     penetration,
 )
@@ -20,7 +20,6 @@ from femimpact.integrators.layout import (
     APPROACH,
     BUSY,
     CONTACT_LOSS,
-    DAMPING,
     DISSIPATIVE,
     DURATION,
     EXPONENT,
@@ -72,6 +71,8 @@ def book_impact(
         _open(j, c, time, gate, x_free, approach, s, pairs, m)
     elif kind == RIGID and normal > 0.0:
         touch[DURATION, j, c] += s.dt
+    # of a coarse step from wall to wall the force may be that of the other one
+    normal *= gate * touch[SIDE, j, c] if gate != 0.0 else 1.0
     closing = normal == 0.0 and (kind == RIGID or side != touch[SIDE, j, c])
     step = record.tally[0]
     impulse, passed = _book_loss(j, c, normal, s, pairs, m)
@@ -81,7 +82,7 @@ def book_impact(
     touch[IMPULSE, j, c] += impulse
     touch[PEAK, j, c] = max(touch[PEAK, j, c], normal)
     if kind != RIGID:
-        touch[DURATION, j, c] += s.dt if normal > 0.0 else 0.0
+        touch[DURATION, j, c] += s.dt if normal != 0.0 else 0.0
     if kind != RIGID or normal > 0.0:
         touch[REBOUND, j, c] = -touch[SIDE, j, c] * m.ball[RATE, j, c]
     for k in range(m.to_modes.shape[1]):
@@ -126,19 +127,16 @@ def _book_loss(j: int, c: int, normal: float, s: Scheme, pairs: Pairs, m: Motion
         loss = normal * s.dt * wall * 0.5 * (m.ball[RATE, j, c] + m.ball[RATE_BEFORE, j, c])
         impulse = s.dt * normal
     else:
-        gap = constants[GAP_PLUS, j, c] if wall > 0.0 else constants[GAP_MINUS, j, c]
-        depth, depth_before = max(wall * x - gap, 0.0), max(wall * before - gap, 0.0)
-        dissipative = 0.0
+        dissipative, plus, minus = 0.0, constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c]
+        depth = max(wall * x - (plus if wall > 0.0 else minus), 0.0)
         if kind == KELVIN_VOIGT and not s.mean:
             dissipative = normal - constants[STIFFNESS, j, c] * depth
         elif s.mean:
-            elastic = normal if kind == SWITCHING_SPRING else 0.0
-            if kind != SWITCHING_SPRING and (depth > 0.0 or depth_before > 0.0):
-                elastic, _ = mean_forces(
-                    kind, depth_before, depth, travel, s.dt, constants[STIFFNESS, j, c], constants[DAMPING, j, c],
-                    constants[EXPONENT, j, c], touch[APPROACH, j, c], pairs.address[j],
+            if kind != SWITCHING_SPRING:
+                dissipative = normal - wall * elastic_mean(
+                    kind, before, x, s.dt, plus, minus, constants[STIFFNESS, j, c], constants[EXPONENT, j, c],
+                    touch[APPROACH, j, c], pairs.address[j],
                 )  # fmt: skip
-            dissipative = normal - elastic
         elif kind != SWITCHING_SPRING:
             dissipative = normal - normal_force(
                 kind, depth, 0.0, constants[STIFFNESS, j, c], 0.0, constants[EXPONENT, j, c],

@@ -17,6 +17,7 @@ __all__ = [
     "POWER",
     "RIGID",
     "SWITCHING_SPRING",
+    "elastic_mean",
     "elastic_potential",
     "kelvin_voigt_force",
     "mean_forces",
@@ -123,3 +124,20 @@ def mean_forces(
                 whole += share * normal_force(kind, depth, rate, 0.0, 0.0, 1.0, approach, address)
                 whole -= share * normal_force(kind, depth, 0.0, 0.0, 0.0, 1.0, approach, address)
     return elastic, max(whole, 0.0)
+
+
+@compiled
+def elastic_mean(
+    kind: int, x_before: float, x: float, dt: float, plus: float, minus: float, stiffness: float, exponent: float,
+    approach: float, address: int,
+) -> float:  # fmt: skip
+    """Mean elastic force (N) of both walls over the way of a step, positive at the + wall."""
+    total = 0.0
+    for k in range(2):
+        side, gap = (1.0, plus) if k == 0 else (-1.0, minus)
+        before, after = max(side * x_before - gap, 0.0), max(side * x - gap, 0.0)
+        if before > 0.0 or after > 0.0:
+            way = side * (x - x_before)
+            elastic, _ = mean_forces(kind, before, after, way, dt, stiffness, 0.0, exponent, approach, address)
+            total += side * elastic
+    return total

@@ -94,7 +94,7 @@ def pair_force(
     give_u: float, give_v: float, plus: float, minus: float, stiffness: float, damping: float, exponent: float,
     restitution: float, spring: float, approach: float, address: int,
 ) -> tuple[float, float]:  # fmt: skip
-    """Force on the structure (N), centring spring included, and its normal part, positive where the wall pushes.
+    """Force on the structure (N), centring spring included, and its normal part, positive where its wall pushes.
 
     `gate` is the side at hand, decided before the equation is solved, never inside an iteration.
     """
@@ -122,4 +122,4 @@ def pair_force(
             s.mean, kind, gate, x, rate, x_before, give_u, give_v, s.dt, plus, minus, stiffness, damping,
             exponent, approach, address,
         )  # fmt: skip
-    return force + spring * s.spring_now * (x - give_u * force) + old, abs(force)
+    return force + spring * s.spring_now * (x - give_u * force) + old, gate * force
