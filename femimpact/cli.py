@@ -270,11 +270,12 @@ def _print_results(study: Study, results: StudyResults) -> None:
         history = summary["history"]
         console.print(
             f"history at {history['frequency']:.5g} Hz: peak {_number(history['peak'], 1e3)} mm, rms "
-            f"{_number(history['rms'], 1e3)} mm, {history['steadiness']}; {history['impacts']} impacts"
+            f"{_number(history['rms'], 1e3)} mm, {history['steadiness']}; {history['impacts']} impacts, "
+            f"{history['regime']['label']}"
         )
         for name, contact in summary.get("contacts", {}).items():
             console.print(
-                f"{name} ({contact['law']}): peak force {contact['peak_force']:.4g} N, mean impulse "
+                f"{name} ({contact['law']}): peak force {_number(contact['peak_force'])} N, mean impulse "
                 f"{1e3 * contact['mean_impulse']:.4g} mN s, cycle-averaged force {contact['cycle_mean_force']:.4g} N; "
                 f"restitution {contact['restitution']:.4g} asked, {contact['achieved_restitution']['mean']:.4g} with "
                 f"this step, {_number(contact['observed_restitution'])} seen (median of {contact['impacts']} impacts)"

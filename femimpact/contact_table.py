@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.contact import ContactLaw, KelvinVoigt, PowerLaw, Rigid, SwitchingSpring, collide
+from femimpact.contact import ContactLaw, KelvinVoigt, PowerLaw, Rigid, collide
 from femimpact.errors import require
 from femimpact.export import contact_figure, figures, tables
 from femimpact.integrators.collision import achieved_restitution
-from femimpact.integrators.newmark import Newmark
-from femimpact.integrators.stepping import recommended_step
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.methods import Method
+from femimpact.integrators.newmark import MoreauJean
 from femimpact.results import prepare_directory
-from femimpact.study import Study, build
+from femimpact.study import Study, build_systems, method_for
 from femimpact.system import ContactPair
 
 __all__ = ["UNITS", "approach_speeds", "contact_table", "write_contact_table"]
@@ -91,19 +91,14 @@ def write_contact_table(
     return columns
 
 
-def _contacts(study: Study) -> tuple[tuple[ContactPair, ...], Newmark]:
+def _contacts(study: Study) -> tuple[tuple[ContactPair, ...], Method]:
     """The pairs of the integrated system, and the study's method with its step."""
-    # any step will do to build: a rigid contact, which has no duration, would recommend one of zero
-    _, system, _ = build(replace(study, method={"dt": 1.0}))
+    _, system = build_systems(study)
     require(bool(system.contacts), "impactor", None, "", "table [[impactor]] is missing from the study")
-    settings = dict(study.method)
-    if "dt" not in settings:
-        lasting = tuple(pair for pair in system.contacts if not isinstance(pair.law, Rigid))
-        settings["dt"] = recommended_step(replace(system, contacts=lasting))
-    return tuple(system.contacts), Newmark(**settings)
+    return tuple(system.contacts), method_for(study, system)
 
 
-def _row(pair: ContactPair, method: Newmark, speed: float) -> dict[str, Any]:
+def _row(pair: ContactPair, method: Method, speed: float) -> dict[str, Any]:
     found = collide(pair.law, pair.effective_mass, speed)
     return {
         "impactor": pair.name,
@@ -113,7 +108,7 @@ def _row(pair: ContactPair, method: Newmark, speed: float) -> dict[str, Any]:
         "restitution": found.restitution,
         "restitution_with_step": _stepped(pair, method, speed),
         "contact_time": found.contact_time,
-        "steps_per_contact": math.nan if isinstance(pair.law, Rigid) else found.contact_time / method.dt,
+        "steps_per_contact": _steps(pair, method, found.contact_time),
         "peak_force": found.peak_force,
         "largest_penetration": found.largest_penetration,
         "energy_loss": found.energy_loss,
@@ -126,8 +121,14 @@ def _asked(law: ContactLaw) -> float:
     return math.nan
 
 
-def _stepped(pair: ContactPair, method: Newmark, speed: float) -> float:
-    """Mean restitution with the method's step, of the laws whose collision can be stepped alone."""
-    if isinstance(pair.law, (KelvinVoigt, SwitchingSpring)):
-        return achieved_restitution(pair, method, speed).mean
-    return math.nan
+def _steps(pair: ContactPair, method: Method, contact_time: float) -> float:
+    if isinstance(method, EventDriven) or isinstance(pair.law, Rigid):
+        return math.nan
+    return contact_time * method.refine / method.dt
+
+
+def _stepped(pair: ContactPair, method: Method, speed: float) -> float:
+    """Mean restitution with the method's step; none where the method does not step, or not this law."""
+    if isinstance(method, EventDriven) or isinstance(pair.law, Rigid) != isinstance(method, MoreauJean):
+        return math.nan
+    return achieved_restitution(pair, method, speed).mean

@@ -17,8 +17,8 @@ from femimpact.export import figures, tables
 from femimpact.integrators.integrate import integrate
 from femimpact.response import Recorder
 from femimpact.results import StudyResults, load, prepare_directory
-from femimpact.run import Report, build_method, run_modes, run_simulation, run_sweep, write_results
-from femimpact.study import Study, build, load_study
+from femimpact.run import Report, run_modes, run_simulation, run_sweep, write_results
+from femimpact.study import Study, build, load_study, method_for
 from femimpact.summary import SweepPair, summary_of
 from femimpact.sweep import frequency_sweep
 from femimpact.system import State, without_impactors
@@ -186,9 +186,7 @@ def scan_both_starts(study: Study, plan: ScanPlan, report: Report) -> dict[str, 
     frequencies = np.linspace(study.sweep.start, study.sweep.stop, plan.points)
     width = small.first_frequency * 0.02
     fine = np.unique(np.concatenate([frequencies, np.linspace(-width, width, 41) + small.first_frequency]))
-    empty = frequency_sweep(
-        bare, study.base.amplitude, fine, build_method(study, bare), study.sweep.cycles, ledger=False
-    )
+    empty = frequency_sweep(bare, study.base.amplitude, fine, method_for(study, bare), study.sweep.cycles, ledger=False)
 
     def scan_from(start: str) -> RestitutionScan:
         return scan_restitution(

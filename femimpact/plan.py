@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
+from femimpact.contact import CustomLaw, PowerLaw, Rigid
 from femimpact.convergence import MeshConvergence, StepConvergence, converge_elements, converge_step
 from femimpact.errors import require
 from femimpact.export import figures, tables
+from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import memory_needed
-from femimpact.integrators.stepping import check_step, shortest_contact, step_notes
+from femimpact.integrators.methods import check_method, method_notes, time_grid
+from femimpact.integrators.newmark import Newmark
+from femimpact.integrators.stepping import shortest_contact
 from femimpact.results import prepare_directory
 from femimpact.run import Report, history_record, preflight
 from femimpact.study import Study, build
+from femimpact.system import ContactPair
 
 __all__ = ["plan_lines", "write_convergence"]
 
 NANOSECONDS = {"modal alone": 9.0, "modal beside others": 2.5, "physical": 20.0}
 """Rough cost of one dof and step on one core of a 2024 server, for the time estimate only."""
+
+EVENT_DRIVEN_CYCLE = 4e-5
+"""Rough cost of one base cycle flown event-driven with a few modes, s."""
 
 MESHES = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)
 
@@ -33,47 +41,62 @@ def plan_lines(study: Study) -> list[str]:
         For everything that would stop the run before it starts.
     """
     full, small, method = preflight(study)
-    warnings = check_step(small, method)
-    steps = round(study.base.duration / method.dt)
+    warnings = check_method(small, method)
+    grid = time_grid(method, study.base.frequency)
+    steps = round(study.base.duration / grid)
     record = history_record(study, small, method)
-    memory = sum(
-        memory_needed(small, record, len(record.channels or ()), steps, method.dt, study.base.frequency).values()
-    )
+    memory = sum(memory_needed(small, record, len(record.channels or ()), steps, grid, study.base.frequency).values())
     contact_time = shortest_contact(small)
     kind = "modal" if small.is_diagonal else "physical"
     alone = NANOSECONDS["modal alone" if small.is_diagonal else "physical"]
     lines = [
         f"dofs: {full.dofs} of the mesh ({full.nodes.size - 1} elements), {small.dofs} integrated ({kind}), "
-        f"{len(small.contacts)} ball(s)",
+        f"{len(small.balls)} ball(s), {len(small.contacts) - len(small.balls)} stop(s)",
         f"first natural frequency: {small.first_frequency:.6g} Hz without ball",
         f"contact time: {contact_time:.4g} s" if np.isfinite(contact_time) else "contact time: no contact",
     ]
     for pair in small.contacts:
-        law = pair.parameters
         lines.append(
-            f"contact of {pair.name}: {pair.law.name}, stiffness {law.stiffness:.5g} N/m, "
-            f"damping {law.damping:.5g} N s/m, restitution {law.restitution:.4g}, "
+            f"contact of {pair.name}: {pair.law.name}, {_numbers(pair)}restitution {pair.parameters.restitution:.4g}, "
             f"effective mass {1e3 * pair.effective_mass:.4g} g, total clearance {1e3 * sum(pair.gaps):.4g} mm"
         )
-    origin = "given" if "dt" in study.method else "recommended"
-    lines.append(f"step: {method.dt:.4g} s ({origin})")
-    seconds = 1e-9 * alone * steps * max(small.dofs, 4)
+    if isinstance(method, EventDriven):
+        lines.append(f"method: event-driven, exact between impacts, read every {grid:.4g} s")
+    else:
+        origin = "given" if "dt" in study.method else "recommended"
+        refined = f", divided by {method.refine} in contact" if method.refine > 1 else ""
+        lines.append(f"method: {study.method.get('name', 'newmark')}; step: {method.dt:.4g} s ({origin}){refined}")
+    seconds, unit = 1e-9 * alone * steps * max(small.dofs, 4), "steps"
+    if isinstance(method, EventDriven):
+        seconds, unit = EVENT_DRIVEN_CYCLE * study.base.duration * study.base.frequency, "samples"
     lines.append(
-        f"history: {steps} steps, {study.base.duration:g} s at {study.base.frequency:g} Hz, "
+        f"history: {steps} {unit}, {study.base.duration:g} s at {study.base.frequency:g} Hz, "
         f"keeps {memory / 1e6:.3g} MB, takes about {seconds:.2g} s"
     )
     if study.sweep is not None:
         plan = study.sweep
         cases = plan.points + 2 * plan.refine
-        total = cases * plan.cycles / (0.5 * (plan.start + plan.stop)) / method.dt
+        total = cases * plan.cycles / (0.5 * (plan.start + plan.stop)) / grid
         each = NANOSECONDS["modal beside others" if small.is_diagonal else "physical"]
         seconds = 1.5e-9 * each * total * max(small.dofs, 4)
+        if isinstance(method, EventDriven):
+            seconds = EVENT_DRIVEN_CYCLE * cases * plan.cycles
         lines.append(
             f"sweep: up to {cases} frequencies from {plan.start:g} to {plan.stop:g} Hz, {plan.cycles} cycles each, "
-            f"{total:.3g} steps, takes about {seconds:.2g} s on one core"
+            f"{total:.3g} {unit}, takes about {seconds:.2g} s on one core"
         )
-    lines += [f"note: {text}" for text in step_notes(small, method)]
+    lines += [f"note: {text}" for text in method_notes(small, method)]
     return lines + [f"warning: {text}" for text in warnings]
+
+
+def _numbers(pair: ContactPair) -> str:
+    """Stiffness and damping of a pair's law, in its units."""
+    law = pair.parameters
+    if isinstance(pair.law, PowerLaw):
+        return f"stiffness {law.stiffness:.5g} N/m^{law.exponent:g}, loss factor {law.damping:.5g}, "
+    if isinstance(pair.law, Rigid | CustomLaw):
+        return ""
+    return f"stiffness {law.stiffness:.5g} N/m, damping {law.damping:.5g} N s/m, "
 
 
 def write_convergence(
@@ -81,7 +104,9 @@ def write_convergence(
 ) -> tuple[MeshConvergence, StepConvergence, Path]:
     """Run both convergence studies and write their tables and figures."""
     _, small, method = build(study)
-    check_step(small, method)
+    allowed = "must be 'newmark' for a study over the step"
+    require(isinstance(method, Newmark), "method.name", study.method.get("name"), "", allowed)
+    check_method(small, method)
     require(study.mesh.file is None, "mesh.file", study.mesh.file, "", "convergence needs [mesh] elements, not a file")
     least = len(set(small.points.values())) - 1
     counts = [n for n in MESHES if n >= least]
@@ -90,7 +115,7 @@ def write_convergence(
         mesh = converge_elements(study.structure, counts)
         report("meshes", 1.0)
         report("steps", 0.0)
-        step = converge_step(small, study.sine, method)
+        step = converge_step(small, study.sine, cast(Newmark, method))
         report("steps", 1.0)
         columns: dict[str, Any] = {"elements": mesh.elements}
         for i in range(mesh.reference.size):

@@ -142,8 +142,8 @@ class Snapshots:
     displacement, velocity : ndarray (snapshots, 2 nodes), m and 1; m/s and 1/s
         (w1, w1', w2, w2', ...) at the nodes.
     ball_displacement, ball_velocity : ndarray (snapshots, balls), m and m/s
-    contact_force : ndarray (snapshots, balls), N
-        On the beam.
+    contact_force : ndarray (snapshots, pairs), N
+        On the beam, balls first, then stops.
     """
 
     time: NDArray[Any]

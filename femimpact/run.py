@@ -9,24 +9,23 @@ from typing import Any
 
 import numpy as np
 
+from femimpact.contact import Rigid
 from femimpact.errors import require
 from femimpact.export import figures, impact_figures, tables
 from femimpact.impacts import RIDING_UNITS, impact_columns
 from femimpact.integrators.integrate import check_memory, integrate
-from femimpact.integrators.newmark import Newmark
-from femimpact.integrators.stepping import check_sampling, check_step, recommended_step
+from femimpact.integrators.methods import Method, check_method, check_resolution, time_grid
 from femimpact.modes import Modes, solve_modes
 from femimpact.response import Recorder, Response
 from femimpact.results import FILES, RIDING_FILE, StudyResults, load, prepare_directory
 from femimpact.structure import glue_impactors
-from femimpact.study import Study, build
+from femimpact.study import Study, build, method_for
 from femimpact.summary import SweepPair, summary_of
 from femimpact.sweep import SWEEP_UNITS, frequency_sweep
 from femimpact.system import State, System, without_impactors
 
 __all__ = [
     "Report",
-    "build_method",
     "history_record",
     "preflight",
     "run_modes",
@@ -57,32 +56,33 @@ def run_modes(study: Study) -> tuple[System, Modes, Modes | None]:
     return full, solve_modes(full, count), glued
 
 
-def history_record(study: Study, small: System, method: Newmark) -> Recorder:
+def history_record(study: Study, small: System, method: Method) -> Recorder:
     """What the study's history keeps: every place that carries a ball, the balls, the last cycles whole."""
     output = study.output
-    kept = _frames_duration(study)
+    kept, grid = _frames_duration(study), time_grid(method, study.base.frequency)
     channels: list[str | float] = ["tip", "tip.velocity", "mid"]
     for pair in small.contacts:
         place = next((name for name, x in small.points.items() if x == pair.position), None)
         if place not in (None, "tip"):
             channels += [str(place), f"{place}.velocity"]
-        channels += [pair.name, f"{pair.name}.velocity", f"{pair.name}.contact_force"]
+        moving = [] if pair.is_stop else [pair.name, f"{pair.name}.velocity"]
+        channels += [*moving, f"{pair.name}.contact_force"]
     return Recorder(
         channels=tuple(channels),
         every=output.every,
-        snapshots=max(round(kept / (output.frames * method.dt)), 1) if output.frames else 0,
+        snapshots=max(round(kept / (output.frames * grid)), 1) if output.frames else 0,
         snapshots_start=max(study.base.duration - kept, 0.0),
         memory_limit=output.memory_limit,
     )
 
 
-def preflight(study: Study, parts: tuple[str, ...] = ("modes", "simulate", "sweep")) -> tuple[System, System, Newmark]:
+def preflight(study: Study, parts: tuple[str, ...] = ("modes", "simulate", "sweep")) -> tuple[System, System, Method]:
     """Find all that can be wrong with a run before its first long step.
 
     Returns
     -------
     full, small : System
-    method : Newmark
+    method : Method
 
     Raises
     ------
@@ -90,17 +90,17 @@ def preflight(study: Study, parts: tuple[str, ...] = ("modes", "simulate", "swee
         If the step does not resolve contact or base, or the history would keep too much.
     """
     full, small, method = build(study)
-    check_step(small, method)
-    bare = build_method(study, without_impactors(small))
+    check_method(small, method)
+    bare = method_for(study, without_impactors(small))
     if "simulate" in parts:
-        check_sampling(np.array([study.base.frequency]), method, "base.frequency")
+        check_resolution(np.array([study.base.frequency]), method, "base.frequency")
         record = history_record(study, small, method)
-        steps = round(study.base.duration / method.dt)
+        grid = time_grid(method, study.base.frequency)
         channels, key = len(record.channels or ()), "output.memory_limit"
-        check_memory(small, record, channels, steps, method.dt, study.base.frequency, key)
+        check_memory(small, record, channels, round(study.base.duration / grid), grid, study.base.frequency, key)
     if "sweep" in parts and study.sweep is not None:
         for each in (method, bare):
-            check_sampling(np.array([study.sweep.stop]), each, "sweep.stop")
+            check_resolution(np.array([study.sweep.stop]), each, "sweep.stop")
     return full, small, method
 
 
@@ -134,7 +134,7 @@ def run_sweep(study: Study, report: Report = _silent, initial: State | None = No
         raise AssertionError("require raises")
     _, small, method = build(study)
     bare = without_impactors(small)
-    bare_method = build_method(study, bare)
+    bare_method = method_for(study, bare)
     coarse = np.linspace(plan.start, plan.stop, plan.points)
     state = initial or study.initial
     frequencies = coarse
@@ -162,13 +162,6 @@ def run_sweep(study: Study, report: Report = _silent, initial: State | None = No
             progress=lambda share: report("sweep with ball", share),
         )  # fmt: skip
     return SweepPair(empty, ball, coarse)
-
-
-def build_method(study: Study, bare: System) -> Newmark:
-    """The method for the study without balls: its own recommended step unless the study gives one."""
-    settings = dict(study.method)
-    settings.setdefault("dt", recommended_step(bare))
-    return Newmark(**settings)
 
 
 def _structure_only(state: State) -> State:
@@ -293,8 +286,11 @@ def _write_history(study: Study, folder: Path, response: Response, report: Repor
         figures.save_figure(impact_figures.impact_histogram_figure(response), folder / FILES["impact_histograms"])
         figures.save_figure(impact_figures.impulse_phase_figure(response), folder / FILES["impulse_phase"])
         end = run_end(study)
-        figures.save_figure(figures.contact_force_figure(end), folder / FILES["force_figure"])
-        figures.save_figure(figures.phase_portrait_figure(end), folder / FILES["portrait_figure"])
+        if not all(isinstance(pair.law, Rigid) for pair in end.system.contacts):
+            # a rigid impact has an impulse and no force to draw
+            figures.save_figure(figures.contact_force_figure(end), folder / FILES["force_figure"])
+        if end.system.balls:
+            figures.save_figure(figures.phase_portrait_figure(end), folder / FILES["portrait_figure"])
     if response.snapshots is None:
         return
     if output.paraview:

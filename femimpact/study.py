@@ -28,14 +28,26 @@ from femimpact.errors import (
     suggestion,
 )
 from femimpact.excitation import Sine
-from femimpact.integrators.newmark import Newmark
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.methods import METHODS, Method
 from femimpact.integrators.stepping import recommended_step
 from femimpact.mesh import Mesh, read_mesh, uniform_mesh
 from femimpact.reduction import reduce
-from femimpact.structure import Beam, Impactor, PointMass, Segment, Structure, Support
+from femimpact.structure import Beam, Impactor, PointMass, Segment, Stop, Structure, Support
 from femimpact.system import State, System
 
-__all__ = ["BaseMotion", "MeshChoice", "Output", "Reduction", "Study", "SweepPlan", "build", "load_study"]
+__all__ = [
+    "BaseMotion",
+    "MeshChoice",
+    "Output",
+    "Reduction",
+    "Study",
+    "SweepPlan",
+    "build",
+    "build_systems",
+    "load_study",
+    "method_for",
+]
 
 LAWS: Mapping[str, tuple[Any, Mapping[str, Any]]] = {
     "kelvin-voigt": (KelvinVoigt, {}),
@@ -137,7 +149,7 @@ class Study:
     reduction : Reduction or None
         None integrates in physical dofs.
     method : mapping of str to value
-        Fields of `Newmark` as given; dt may be absent and is then the recommended step.
+        Its name and fields as given; dt may be absent and is then the recommended step.
     sweep : SweepPlan or None
     output : Output
     path : Path
@@ -166,7 +178,7 @@ class Study:
         return State.at_rest(self.base.start)
 
 
-def build(study: Study, structure: Structure | None = None) -> tuple[System, System, Newmark]:
+def build(study: Study, structure: Structure | None = None) -> tuple[System, System, Method]:
     """The full system, the one that is integrated, and the method with its step.
 
     Parameters
@@ -178,8 +190,14 @@ def build(study: Study, structure: Structure | None = None) -> tuple[System, Sys
     Returns
     -------
     full, small : System
-    method : Newmark
+    method : Method
     """
+    full, small = build_systems(study, structure)
+    return full, small, method_for(study, small)
+
+
+def build_systems(study: Study, structure: Structure | None = None) -> tuple[System, System]:
+    """The full system and the one that is integrated."""
     mesh = _mesh(study)
     full = assemble(structure or study.structure, mesh=mesh, elements=None if mesh else study.mesh.elements)
     small = full
@@ -188,9 +206,17 @@ def build(study: Study, structure: Structure | None = None) -> tuple[System, Sys
         fits = kept <= full.dofs
         require(fits, "reduction.modes", kept, "", f"must be <= {full.dofs}, the dofs of this mesh")
         small = reduce(full, kept)
+    return full, small
+
+
+def method_for(study: Study, system: System) -> Method:
+    """The study's method for a system: with the step recommended for it unless the study gives one."""
     settings = dict(study.method)
-    settings.setdefault("dt", recommended_step(small))
-    return full, small, Newmark(**settings)
+    noun = METHODS[settings.pop("name", "newmark")]
+    if noun is not EventDriven and "dt" not in settings:
+        settings["dt"] = recommended_step(system, settings.get("refine", 1))
+    made: Method = noun(**settings)
+    return made
 
 
 def _mesh(study: Study) -> Mesh | None:
@@ -242,7 +268,8 @@ def _from_tables(data: Mapping[str, Any], path: Path, text: str) -> Study:
     structure = None
     if made.get("beam") is not None:
         # with what is sound of the rest, so that faults between tables are found in the same pass
-        parts = {"masses": "mass", "impactors": "impactor", "supports": "support", "damping": "damping"}
+        parts = {"masses": "mass", "impactors": "impactor", "stops": "stop", "supports": "support"}
+        parts["damping"] = "damping"
         given = {key: made[name] for key, name in parts.items() if made.get(name) is not None}
         structure = _collected("", partial(Structure, beam=made["beam"], **given), faults)
     mesh = made.get("mesh")
@@ -358,7 +385,7 @@ def _beam(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
     return _collected(prefix, lambda: Beam(tuple(segments)), faults) if segments else None
 
 
-def _impactor(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+def _with_contact(noun: Any, prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
     rest = {key: value for key, value in values.items() if key != "contact"}
     contact = values.get("contact")
     law = None
@@ -368,24 +395,34 @@ def _impactor(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> An
         faults.append(Fault(f"{prefix}.contact.law", named, "", allowed))
     else:
         numbers = {key: value for key, value in contact.items() if key != "law"}
-        noun, fixed = LAWS[contact["law"]]
-        law = _noun(noun, f"{prefix}.contact", numbers, faults, **fixed)
-    return _noun(Impactor, prefix, rest, faults, contact=law)
+        made_by, fixed = LAWS[contact["law"]]
+        law = _noun(made_by, f"{prefix}.contact", numbers, faults, **fixed)
+    return _noun(noun, prefix, rest, faults, contact=law)
 
 
 def _method(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
     settings = {key: value for key, value in values.items() if key != "name"}
-    if values.get("name", "newmark") != "newmark":
-        faults.append(Fault(f"{prefix}.name", values["name"], "", "must be 'newmark'"))
-    faults += _model_faults(_model_of(Newmark, optional=("dt",)), Newmark, prefix, settings)
-    return settings
+    name = values.get("name", "newmark")
+    if name not in METHODS:
+        allowed = f"must be one of {', '.join(repr(known) for known in METHODS)}"
+        faults.append(Fault(f"{prefix}.name", name, "", allowed))
+        return None
+    noun = METHODS[name]
+    found = _model_faults(_model_of(noun, optional=("dt",)), noun, prefix, settings)
+    # dt is chosen later: any will do to check the rest together
+    stand_in = {} if noun is EventDriven else {"dt": 1.0}
+    if not found:
+        _collected(prefix, lambda: noun(**{**stand_in, **settings}), found)
+    faults += found
+    return {"name": name, **settings}
 
 
 TABLES: Mapping[str, _Table] = {
     "beam": _Table(_beam, required=True),
     "mesh": _Table(partial(_noun, MeshChoice), required=True),
     "mass": _Table(partial(_noun, PointMass), many=True),
-    "impactor": _Table(_impactor, many=True),
+    "impactor": _Table(partial(_with_contact, Impactor), many=True),
+    "stop": _Table(partial(_with_contact, Stop), many=True),
     "support": _Table(partial(_noun, Support), many=True),
     "damping": _Table(partial(_noun, Rayleigh)),
     "reduction": _Table(partial(_noun, Reduction)),

@@ -12,8 +12,8 @@ import numpy as np
 
 from femimpact.identification import amplitude_ratio_damping, fit_one_pole, half_power
 from femimpact.integrators.collision import achieved_restitution
-from femimpact.integrators.newmark import Newmark
-from femimpact.integrators.stepping import check_step
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.methods import Method, check_method
 from femimpact.modes import Modes
 from femimpact.response import Response
 from femimpact.study import Study, build
@@ -79,8 +79,13 @@ def summary_of(
 ) -> dict[str, Any]:
     """Machine-readable summary: plain numbers in Hz, m, N, N s and 1."""
     _, small, method = build(study)
-    warnings = list(check_step(small, method))
-    summary: dict[str, Any] = {"study": str(study.path.name), "versions": _versions(), "step": method.dt}
+    warnings = list(check_method(small, method))
+    summary: dict[str, Any] = {
+        "study": str(study.path.name),
+        "versions": _versions(),
+        "method": str(study.method.get("name", "newmark")),
+        "step": getattr(method, "dt", math.nan),
+    }
     if modes is not None:
         _, empty, glued = modes
         summary["natural_frequency"] = {"empty": empty.natural_frequency}
@@ -124,11 +129,15 @@ def summary_of(
     return summary
 
 
-def _contact_summary(pair: ContactPair, method: Newmark, response: Response | None) -> dict[str, Any]:
+def _contact_summary(pair: ContactPair, method: Method, response: Response | None) -> dict[str, Any]:
     """Law, achieved restitution and statistics of one ball; N, N s, m/s and 1."""
     statistics = response.statistics_of[pair.name] if response is not None else None
     speed = statistics.mean_approach_speed if statistics is not None and statistics.count else 0.1
-    achieved = achieved_restitution(pair, method, speed)
+    exact = pair.parameters.restitution
+    achieved = {"mean": exact, "lowest": exact, "highest": exact}
+    if not isinstance(method, EventDriven):
+        stepped = achieved_restitution(pair, method, speed)
+        achieved = {"mean": stepped.mean, "lowest": stepped.lowest, "highest": stepped.highest}
     result: dict[str, Any] = {
         "law": pair.law.name,
         "restitution": pair.parameters.restitution,
@@ -137,7 +146,7 @@ def _contact_summary(pair: ContactPair, method: Newmark, response: Response | No
         "contact_time": pair.parameters.contact_time,
         "effective_mass": pair.effective_mass,
         "total_clearance": sum(pair.gaps),
-        "achieved_restitution": {"mean": achieved.mean, "lowest": achieved.lowest, "highest": achieved.highest},
+        "achieved_restitution": achieved,
     }
     if response is not None and statistics is not None:
         mine = response.impacts.impactor == pair.name

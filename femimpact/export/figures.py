@@ -179,7 +179,7 @@ def phase_portrait_figure(response: Response, ball: str | None = None, cycles: i
 
     Needs the channels of the ball, its velocity, and the tip with its velocity where the ball is.
     """
-    pair = next(p for p in response.system.contacts if ball in (None, p.name))
+    pair = next(p for p in response.system.balls if ball in (None, p.name))
     place = next(name for name, x in response.system.points.items() if x == pair.position)
     last = response.time >= response.time[-1] - cycles / response.base.frequency
     x = 1e3 * (response[pair.name] - response[place])[last]

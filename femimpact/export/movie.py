@@ -97,13 +97,13 @@ def _film(response: Response, structure: Structure, exaggeration: float | None, 
     snapshots = snapshots_of(response)
     if exaggeration is None:
         reach = float(np.abs(snapshots.displacement[:, 0::2]).max())
-        reach += max((max(pair.gaps) for pair in response.system.contacts), default=0.0)
+        reach += max((max(pair.gaps) for pair in response.system.balls), default=0.0)
         exaggeration = float(f"{SWING * structure.beam.length / max(reach, 1e-12):.1g}")
     chosen = thinned(snapshots.time.size, most)
     shown = float(snapshots.time[chosen[-1]] - snapshots.time[chosen[0]])
     slow = f"   Slowed {(chosen.size - 1) / fps / shown:.2g} times." if shown > 0.0 else ""
     base = f"Base: sine, {response.base.frequency:.4g} Hz, {1e3 * response.base.amplitude:.4g} mm."
-    drawn = "Motion and clearance" if response.system.contacts else "Motion"
+    drawn = "Motion and clearance" if response.system.balls else "Motion"
     size = "to scale" if exaggeration == 1.0 else f"{exaggeration:g} times as large"
     caption = f"{base}   {drawn} drawn {size}.{slow}"
     scene = build_scene(structure, response.system, exaggeration)
@@ -117,7 +117,7 @@ def _hits(response: Response, snapshots: Snapshots, chosen: NDArray[Any]) -> NDA
     """
     hits = np.sign(snapshots.contact_force[chosen]).astype(int)
     times, earlier = snapshots.time[chosen], snapshots.time[np.concatenate([chosen[:1], chosen[:1], chosen])[:-2]]
-    for j, pair in enumerate(response.system.contacts):
+    for j, pair in enumerate(response.system.balls):
         mine = response.impacts.impactor == pair.name
         start, side = response.impacts.time[mine], response.impacts.side[mine]
         last = np.searchsorted(start, times, side="right")
@@ -163,7 +163,7 @@ def _pyvista_frames(film: Film, window: str) -> Iterator[NDArray[Any]]:
     os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", window)
     import pyvista
 
-    draw, views, height = sheets(film, plane=False), 1 + bool(film.response.system.contacts), VIEWS.stop - VIEWS.start
+    draw, views, height = sheets(film, plane=False), 1 + bool(film.response.system.balls), VIEWS.stop - VIEWS.start
     plotter: Any = pyvista.Plotter(off_screen=True, window_size=[WIDTH, height], shape=(1, views), border=False)
     plotter.render_window.SetMultiSamples(4)
     plotter.set_background("white")
@@ -212,7 +212,7 @@ def _pieces(film: Film) -> list[tuple[Any, NDArray[Any], dict[str, Any], tuple[i
     shiny = {"color": BLUE, "smooth_shading": True, "ambient": 0.25, "specular": 0.4, "specular_power": 20.0}
     plan: list[tuple[NDArray[Any], dict[str, Any], tuple[int, int] | None]]
     plan = [(np.flatnonzero(scene.part == BEAM), {"color": "#a3acb6", "ambient": 0.4}, None)]
-    for j in range(len(film.response.system.contacts)):
+    for j in range(len(film.response.system.balls)):
         plus, minus, floor = np.flatnonzero((scene.part == BOX) & (scene.pair == j))[:, None]
         plan.append((plus, {"color": "#7b8a9a", "ambient": 0.4}, (j, 1)))
         plan.append((minus, {"color": "#7b8a9a", "ambient": 0.4}, (j, -1)))
@@ -238,11 +238,11 @@ def _supports(film: Film) -> list[Any]:
 
 def _aim(plotter: Any, film: Film, close: bool) -> None:
     """Point the camera of a view and choose its scale: a parallel projection, so that lengths stay lengths."""
-    aspect = (1 + (not film.response.system.contacts)) * 0.5 * WIDTH / (VIEWS.stop - VIEWS.start)
+    aspect = (1 + (not film.response.system.balls)) * 0.5 * WIDTH / (VIEWS.stop - VIEWS.start)
     length = film.structure.beam.length
     upright = 1.0 / np.hypot(1.0, TILT[1])
     if close:
-        pair = film.response.system.contacts[0]
+        pair = film.response.system.balls[0]
         ball = film.scene.points[np.unique(film.scene.connectivity)]
         height = float(ball[:, 2].max()) - ball_radius(pair.mass)
         target = (pair.position, 0.0, height)

@@ -113,7 +113,7 @@ def build_scene(structure: Structure, system: System, exaggeration: float = 1.0)
     """
     builder = _Builder([], [], [], [])
     _add_beam(builder, structure)
-    for j, pair in enumerate(system.contacts):
+    for j, pair in enumerate(system.balls):
         width, _ = _section_at(structure, pair.position)
         _add_box(builder, j, pair.position, width, ball_radius(pair.mass), pair.gaps, exaggeration)
         _add_ball(builder, j, pair.position, width, ball_radius(pair.mass))
@@ -123,7 +123,7 @@ def build_scene(structure: Structure, system: System, exaggeration: float = 1.0)
     place = np.where(ball < 0, axis, 0.0)
     carried = sparse.csr_array(
         (np.ones(np.count_nonzero(ball >= 0)), (np.flatnonzero(ball >= 0), ball[ball >= 0])),
-        shape=(len(points), len(system.contacts)),
+        shape=(len(points), len(system.balls)),
     )
     kinds, nodes, parts, pairs = zip(*builder.cells, strict=True)
     return Scene(

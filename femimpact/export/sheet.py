@@ -62,7 +62,7 @@ class Film:
 
     def at_pair(self, j: int) -> NDArray[Any]:
         """Deflection (m) of the beam at pair j in every snapshot."""
-        position = self.response.system.contacts[j].position
+        position = self.response.system.balls[j].position
         rows = hermite_rows(self.response.system.nodes, [position])
         return np.asarray((rows @ self.snapshots.displacement.T)[0])
 
@@ -111,7 +111,7 @@ def sheets(film: Film, plane: bool) -> Callable[[int], NDArray[Any]]:
 def _titles(film: Film) -> list[tuple[float, str]]:
     """Words above the two views, with the sizes that an exaggerated picture cannot be measured for."""
     titles = [(0.02, f"Whole beam ({1e3 * film.structure.beam.length:.4g} mm), relative to the moving base")]
-    for pair in film.response.system.contacts[:1]:
+    for pair in film.response.system.balls[:1]:
         plus, minus = (1e3 * gap for gap in pair.gaps)
         gaps = f"gaps {plus:.3g} mm" if plus == minus else f"gaps +{plus:.3g}, -{minus:.3g} mm"
         titles.append((0.52, f"Close-up, moving with the box ({gaps})"))
@@ -120,7 +120,7 @@ def _titles(film: Film) -> list[tuple[float, str]]:
 
 def _histories(figure: Any, film: Film) -> Draw:
     """Strip of beam and ball over time, true millimetres, with a marker at the frame's time."""
-    snapshots, contacts, impacts = film.snapshots, film.response.system.contacts, film.response.impacts
+    snapshots, contacts, impacts = film.snapshots, film.response.system.balls, film.response.impacts
     axis, time = figure.add_axes((0.065, 0.105, 0.915, 0.195)), snapshots.time
     if contacts:
         pair, wall, ball = contacts[0], 1e3 * film.at_pair(0), 1e3 * snapshots.ball_displacement[:, 0]
@@ -151,7 +151,7 @@ def _histories(figure: Any, film: Film) -> Draw:
 
 def _plane_views(figure: Any, film: Film) -> list[Draw]:
     """Axes of the whole beam, and of the close-up where there is a ball."""
-    length, s, contacts = 1e3 * film.structure.beam.length, film.scene.exaggeration, film.response.system.contacts
+    length, s, contacts = 1e3 * film.structure.beam.length, film.scene.exaggeration, film.response.system.balls
     axis = figure.add_axes((0.065, 0.435, 0.5 if contacts else 0.915, 0.435))
     _fit(axis, 0.52 * length, 0.56 * length, 1.05e3 * film.reach, s)
     for support in film.structure.supports:
@@ -187,7 +187,7 @@ def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Circle
 
-    scene, contacts = film.scene, film.response.system.contacts
+    scene, contacts = film.scene, film.response.system.balls
     cells = np.split(scene.connectivity, scene.offsets[:-1])
     # the faces that look along z: of a hexahedron of the beam, and of one of a box
     beam = [cells[c][[0, 1, 5, 4]] for c in np.flatnonzero(scene.part == BEAM)]

@@ -249,9 +249,9 @@ def _about(response: Response, exaggeration: float, frame: str) -> dict[str, flo
     motion = "relative to the moving base" if frame == "base" else "absolute, in space"
     note = f"displacement {motion}; displacement and clearance times {exaggeration:g}; velocity true, not exaggerated"
     fields: dict[str, float | Sequence[float] | str] = {"exaggeration": float(exaggeration)}
-    if response.system.contacts:
+    if response.system.balls:
         # the model has no radius: the ball is a point mass to it
-        fields["ball_radius"] = [ball_radius(pair.mass) for pair in response.system.contacts]
+        fields["ball_radius"] = [ball_radius(pair.mass) for pair in response.system.balls]
         note += f"; each ball is drawn as a steel sphere ({BALL_DENSITY:g} kg/m^3) of its mass"
     return {**fields, "note": note}
 

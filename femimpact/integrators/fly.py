@@ -174,15 +174,14 @@ def _ledger(run: EventRun, time: NDArray[Any]) -> EnergyLedger:
 
 
 def _snapshots(run: EventRun, system: System, samples: int) -> Snapshots:
-    fields, n, stops = np.concatenate(run.fields), system.dofs, len(system.contacts) - len(system.balls)
+    fields, n = np.concatenate(run.fields), system.dofs
     u, v = (np.asarray((system.expansion @ fields[:, k, :n].T).T) for k in (0, 1))
-    still = np.zeros((fields.shape[0], stops))
     return Snapshots(
         time=_read_only(run.interval * np.arange(run.keep.first_snapshot, samples + 1, run.keep.snapshots)),
         displacement=_read_only(u),
         velocity=_read_only(v),
-        ball_displacement=_read_only(np.hstack([fields[:, 0, n:], still])),
-        ball_velocity=_read_only(np.hstack([fields[:, 1, n:], still])),
+        ball_displacement=_read_only(fields[:, 0, n:]),
+        ball_velocity=_read_only(fields[:, 1, n:]),
         contact_force=_read_only(np.zeros((fields.shape[0], len(system.contacts)))),
     )
 

@@ -315,14 +315,14 @@ def _riding(block: Block, system: System) -> Riding:
 
 
 def _snapshots(record: layout.Record, system: System, first: int, stride: int, dt: float) -> Snapshots:
-    dofs = system.dofs
+    dofs, balls = system.dofs, slice(system.dofs, system.dofs + len(system.balls))
     u, v = (np.asarray((system.expansion @ record.fields[:, k, :dofs].T).T) for k in (0, 1))
     return Snapshots(
         time=_read_only((first + stride * np.arange(record.fields.shape[0])) * dt),
         displacement=_read_only(u),
         velocity=_read_only(v),
-        ball_displacement=_read_only(record.fields[:, 0, dofs:]),
-        ball_velocity=_read_only(record.fields[:, 1, dofs:]),
+        ball_displacement=_read_only(record.fields[:, 0, balls]),
+        ball_velocity=_read_only(record.fields[:, 1, balls]),
         contact_force=_read_only(record.forces),
     )
 
