@@ -3,46 +3,51 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Protocol
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import require
+from femimpact.errors import check_fields, quantity, require
+from femimpact.impacts import Impacts, Riding
 
-__all__ = ["Regime", "classify", "impacts_per_cycle", "significant"]
-
-SHORTEST_CHATTER = 4
-"""Impacts on one wall, one slower and sooner than the other, that make a chatter."""
+__all__ = ["Regime", "RegimeCriteria", "classify", "impacts_per_cycle", "significant"]
 
 
-class ImpactTable(Protocol):
-    """Columns of `impacts.Impacts` that tell one motion from another."""
+@dataclass(frozen=True)
+class RegimeCriteria:
+    """What a motion must do to be called by a name.
 
-    @property
-    def time(self) -> NDArray[Any]: ...  # noqa: D102
-    @property
-    def phase(self) -> NDArray[Any]: ...  # noqa: D102
-    @property
-    def impactor(self) -> NDArray[Any]: ...  # noqa: D102
-    @property
-    def side(self) -> NDArray[Any]: ...  # noqa: D102
-    @property
-    def approach_speed(self) -> NDArray[Any]: ...  # noqa: D102
-    @property
-    def impulse(self) -> NDArray[Any]: ...  # noqa: D102
-    @property
-    def dropped(self) -> int: ...  # noqa: D102
+    Parameters
+    ----------
+    longest_period : int
+        Base cycles after which a motion must repeat to be periodic.
+    repeats : int
+        Repeats after the first period that the window must hold.
+    phase_tolerance : float, rad
+        Of the base phase, between an impact and its counterpart in the window's last period.
+    speed_tolerance : float, 1
+        Of the approach speed, in shares of the counterpart's.
+    significant_share : float, 1
+        Impacts of less than this share of the window's largest impulse are left out of the period.
+    chatter_impacts : int
+        Impacts in a row on one wall, each slower than the one before and sooner after it, that
+        make a chatter.
+    cycle_share : float, 1
+        Share of the cycles in which something must ride, or chatter.
+    """
 
+    longest_period: int = field(default=8, metadata=quantity("1", at_least=1, integer=True))
+    repeats: int = field(default=4, metadata=quantity("1", at_least=1, integer=True))
+    phase_tolerance: float = field(default=1e-2, metadata=quantity("rad", at_least=0.0))
+    speed_tolerance: float = field(default=1e-2, metadata=quantity("1", at_least=0.0))
+    significant_share: float = field(default=0.1, metadata=quantity("1", at_least=0.0, at_most=1.0))
+    chatter_impacts: int = field(default=4, metadata=quantity("1", at_least=3, integer=True))
+    cycle_share: float = field(default=0.5, metadata=quantity("1", above=0.0, at_most=1.0))
 
-class RidingTable(Protocol):
-    """Columns of `impacts.Riding` that tell when something rides."""
-
-    @property
-    def start(self) -> NDArray[Any]: ...  # noqa: D102
-    @property
-    def end(self) -> NDArray[Any]: ...  # noqa: D102
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 @dataclass(frozen=True)
@@ -52,8 +57,8 @@ class Regime:
     Parameters
     ----------
     kind : str
-        "none", "periodic", "riding", "chatter", "irregular", or "undecided" where the window is too
-        short or its table incomplete.
+        "no impacts", "periodic", "riding", "chatter", "chaotic", or "undecided" where the window is
+        too short or its table incomplete.
     impacts, cycles : int
         Significant impacts in that many base cycles, after which they repeat; 0 where nothing repeats.
         Riding and chattering motions may repeat too.
@@ -82,6 +87,7 @@ class _Window:
     impactor: NDArray[Any]
     side: NDArray[Any]
     speed: NDArray[Any]
+    impulse: NDArray[Any]
 
     @property
     def cycles(self) -> int:
@@ -90,30 +96,19 @@ class _Window:
         return math.floor((self.end - self.start) * self.frequency + 1e-6)
 
     def only(self, chosen: NDArray[Any]) -> _Window:
-        columns = (self.time, self.phase, self.impactor, self.side, self.speed)
+        columns = (self.time, self.phase, self.impactor, self.side, self.speed, self.impulse)
         return _Window(self.start, self.end, self.frequency, *(column[chosen] for column in columns))
 
     def cycle_of(self, time: float) -> int:
         return min(max(math.floor((time - self.start) * self.frequency), 0), max(self.cycles - 1, 0))
 
 
-def significant(impacts: ImpactTable, share: float = 0.1) -> NDArray[Any]:
-    """Which impacts have an impulse of at least a share of the largest.
-
-    Parameters
-    ----------
-    impacts : Impacts
-    share : float, 1
-        0 keeps all.
-
-    Returns
-    -------
-    ndarray (n,) of bool
-    """
+def significant(impacts: Impacts, share: float = 0.1) -> NDArray[Any]:
+    """Mask (n,) of the impacts whose impulse is at least a share (1) of the largest; 0 keeps all."""
     return _at_least(impacts.impulse, share)
 
 
-def impacts_per_cycle(impacts: ImpactTable, frequency: float, start: float, end: float) -> float:
+def impacts_per_cycle(impacts: Impacts, frequency: float, start: float, end: float) -> float:
     """Impacts of any size per base cycle (frequency in Hz) that touch in start <= time < end (s)."""
     _check_window(frequency, start, end)
     count = np.count_nonzero((impacts.time >= start) & (impacts.time < end))
@@ -121,22 +116,22 @@ def impacts_per_cycle(impacts: ImpactTable, frequency: float, start: float, end:
 
 
 def classify(
-    impacts: ImpactTable,
-    riding: RidingTable,
+    impacts: Impacts,
+    riding: Riding,
     frequency: float,
     start: float,
     end: float,
-    *,
-    longest_period: int = 8,
-    phase_tolerance: float = 1e-2,
-    speed_tolerance: float = 1e-2,
-    repeats: int = 4,
-    significant_share: float = 0.1,
+    criteria: RegimeCriteria | None = None,
 ) -> Regime:
     """Kind of motion that the impacts of a time window show.
 
-    Riding is looked for first, then chatter, then plain periodicity: a ball that rides or chatters in
-    every cycle in the same way is called after that, and its label and counts say that it repeats.
+    k:n periodic: n is the smallest number of base cycles, up to `longest_period`, after which the
+    k significant impacts repeat in count, impactor, side, phase and approach speed, over at least
+    `repeats` repeats. Riding is looked for first, then chatter, then plain periodicity: a ball that
+    rides or chatters in every cycle in the same way is called after that, and its label and counts
+    say that it repeats. What does not repeat is called chaotic by this criterion alone: a long
+    period, a transient and noise look the same. A soft contact never rides here: a ball that lies
+    on its wall there is one long contact.
 
     Parameters
     ----------
@@ -146,71 +141,63 @@ def classify(
         Of the base.
     start, end : float, s
         The window, start <= time < end; the transient should be over.
-    longest_period : int
-        Base cycles after which a motion must repeat to be periodic.
-    phase_tolerance : float, rad
-        Of the base phase, between an impact and its counterpart in the window's last period.
-    speed_tolerance : float, 1
-        Of the approach speed, in shares of the window's largest.
-    repeats : int
-        Repeats after the first period that the window must hold.
-    significant_share : float, 1
-        Impacts of less than this share of the window's largest impulse are left out of the period.
+    criteria : RegimeCriteria, optional
 
     Returns
     -------
     Regime
+
+    Raises
+    ------
+    InputError
+        If the window is empty, or the frequency is not positive.
     """
     _check_window(frequency, start, end)
-    for key, least, value in (("longest_period", 1, longest_period), ("repeats", 1, repeats)):
-        require(value >= least, key, value, "1", f"must be at least {least}")
-    order = np.argsort(impacts.time, kind="stable")
-    order = order[(impacts.time[order] >= start) & (impacts.time[order] < end)]
-    columns = (impacts.time, impacts.phase, impacts.impactor, impacts.side, impacts.approach_speed)
-    everything = _Window(start, end, frequency, *(np.asarray(column)[order] for column in columns))
-    large = everything.only(_at_least(np.asarray(impacts.impulse)[order], significant_share))
-    cycles = everything.cycles
-    testable = min(longest_period, cycles // (repeats + 1))
-
-    matched = (
-        f"impacts of at least {significant_share:g} of the largest impulse repeat in count, impactor, side, phase "
-        f"(within {phase_tolerance:g} rad) and approach speed (within {speed_tolerance:g} of the largest) "
-        f"over at least {repeats} repeats"
-    )
-    period, count = 0, 0
-    for n in range(1, testable + 1):
-        count = _repeating(large, n, phase_tolerance, speed_tolerance)
-        if count:
-            period = n
-            break
+    rules = criteria or RegimeCriteria()
+    window = _window(impacts, frequency, start, end)
+    count, period = _smallest_period(window, rules)
     repeated = f"{count}:{period} periodic" if period else ""
-
-    def regime(kind: str, label: str, criterion: str) -> Regime:
-        return Regime(kind, count, period, label, criterion)
-
-    ridden = _ridden_cycles(riding, everything)
-    if 2 * len(ridden) >= max(cycles, 1):
-        criterion = f"something rides in {len(ridden)} of {cycles} cycles, at least half"
-        return regime("riding", _joined("riding", repeated), _joined(criterion, matched if period else ""))
-    chattered = _chattering_cycles(everything)
-    if 2 * len(chattered) >= max(cycles, 1):
-        criterion = (
-            f"runs of at least {SHORTEST_CHATTER} impacts on one wall with falling approach speed and shrinking "
-            f"intervals in {len(chattered)} of {cycles} cycles, at least half"
-        )
-        return regime("chatter", _joined("chatter", repeated), _joined(criterion, matched if period else ""))
+    for kind, seen, what in (
+        ("riding", _ridden_cycles(riding, window), "something rides"),
+        ("chatter", _chattering_cycles(window, rules.chatter_impacts), _chatter_words(rules)),
+    ):
+        if len(seen) >= rules.cycle_share * max(window.cycles, 1):
+            words = f"{what} in {len(seen)} of {window.cycles} cycles, at least {rules.cycle_share:g} of them"
+            criterion = f"{words}; {_period_words(rules)}" if period else words
+            return Regime(kind, count, period, f"{kind}, {repeated}" if period else kind, criterion)
     if period:
-        return regime("periodic", repeated, f"{matched}; the smallest period up to {testable} cycles")
-    if impacts.dropped and (not impacts.time.size or end > impacts.time.max()):
+        words = f"{_period_words(rules)}; the smallest period up to {_testable(window, rules)} cycles"
+        return Regime("periodic", count, period, repeated, words)
+    return _without_period(impacts, window, rules)
+
+
+def _without_period(impacts: Impacts, window: _Window, rules: RegimeCriteria) -> Regime:
+    """Name of a motion that was not seen to repeat, ride or chatter."""
+    cycles, testable = window.cycles, _testable(window, rules)
+    if impacts.dropped and window.end > impacts.time.max(initial=-np.inf):
         label = f"undecided: {impacts.dropped} impacts met a full table"
-        return regime("undecided", label, "a table that holds every impact of the window")
-    if not everything.time.size:
-        return regime("none", "no impacts", f"no impact in {cycles} cycles, and riding in fewer than half of them")
+        return Regime("undecided", 0, 0, label, "a table that holds every impact of the window is needed")
+    if not window.time.size:
+        words = f"no impact in {cycles} cycles, and riding in fewer than {rules.cycle_share:g} of them"
+        return Regime("no impacts", 0, 0, "no impacts", words)
     if not testable:
-        label = f"undecided: {cycles} whole cycles are too few"
-        return regime("undecided", label, f"a period needs {repeats + 1} cycles to show {repeats} repeats")
-    tested = f"no period up to {testable} cycle{'s' if testable > 1 else ''} repeats"
-    return regime("irregular", f"irregular: chaotic by the criterion that {tested}", f"{tested}: {matched}")
+        words = f"a period needs {rules.repeats + 1} cycles to show {rules.repeats} repeats"
+        return Regime("undecided", 0, 0, f"undecided: {cycles} whole cycles are too few", words)
+    asked = f"no period up to {testable} cycle{'s' if testable > 1 else ''}"
+    words = f"irregular, and called chaotic because it has {asked}, where {_period_words(rules)}"
+    return Regime("chaotic", 0, 0, f"chaotic ({asked})", words)
+
+
+def _period_words(rules: RegimeCriteria) -> str:
+    return (
+        f"impacts of at least {rules.significant_share:g} of the largest impulse repeat in count, impactor, side, "
+        f"phase (within {rules.phase_tolerance:g} rad) and approach speed (within {rules.speed_tolerance:g} of it) "
+        f"over at least {rules.repeats} repeats"
+    )
+
+
+def _chatter_words(rules: RegimeCriteria) -> str:
+    return f"runs of at least {rules.chatter_impacts} impacts on one wall, each slower and sooner than the one before,"
 
 
 def _check_window(frequency: float, start: float, end: float) -> None:
@@ -218,35 +205,52 @@ def _check_window(frequency: float, start: float, end: float) -> None:
     require(end > start, "end", end, "s", f"must be after the start, {start:g} s")
 
 
+def _window(impacts: Impacts, frequency: float, start: float, end: float) -> _Window:
+    order = np.argsort(impacts.time, kind="stable")
+    order = order[(impacts.time[order] >= start) & (impacts.time[order] < end)]
+    names = ("time", "phase", "impactor", "side", "approach_speed", "impulse")
+    return _Window(start, end, frequency, *(np.asarray(getattr(impacts, name))[order] for name in names))
+
+
 def _at_least(impulse: NDArray[Any], share: float) -> NDArray[Any]:
     size = np.abs(impulse)
     return np.asarray(size >= share * size.max(initial=0.0))
 
 
-def _joined(first: str, second: str) -> str:
-    return f"{first}, {second}" if second else first
+def _testable(window: _Window, rules: RegimeCriteria) -> int:
+    """Longest period (cycles) of which the window holds enough repeats."""
+    return min(rules.longest_period, window.cycles // (rules.repeats + 1))
 
 
-def _repeating(window: _Window, period: int, phase_tolerance: float, speed_tolerance: float) -> int:
+def _smallest_period(window: _Window, rules: RegimeCriteria) -> tuple[int, int]:
+    """Significant impacts and base cycles after which they repeat; 0 and 0 where they do not."""
+    large = window.only(_at_least(window.impulse, rules.significant_share))
+    for period in range(1, _testable(window, rules) + 1):
+        count = _repeating(large, period, rules)
+        if count:
+            return count, period
+    return 0, 0
+
+
+def _repeating(window: _Window, period: int, rules: RegimeCriteria) -> int:
     """Impacts in so many cycles if the window's impacts repeat after them, else 0.
 
     Each impactor's impacts on each side are matched for themselves, so that impacts at the same
     instant cannot change places by rounding.
     """
     total = 0
-    largest = window.speed.max(initial=0.0)
     for impactor, side in sorted(set(zip(window.impactor.tolist(), window.side.tolist(), strict=True))):
         group = window.only((window.impactor == impactor) & (window.side == side))
-        count = _group_repeating(group, period, phase_tolerance, speed_tolerance * largest)
+        count = _group_repeating(group, period, rules)
         if not count:
             return 0
         total += count
     return total
 
 
-def _group_repeating(window: _Window, period: int, phase_tolerance: float, speed_tolerance: float) -> int:
+def _group_repeating(window: _Window, period: int, rules: RegimeCriteria) -> int:
     length = period / window.frequency
-    slack = phase_tolerance / (2.0 * np.pi * window.frequency)
+    slack = rules.phase_tolerance / (2.0 * np.pi * window.frequency)
     time = window.time[::-1]
     if time.size < 2 or time[0] < window.end - length - slack or time[-1] > window.start + length + slack:
         return 0
@@ -261,13 +265,13 @@ def _group_repeating(window: _Window, period: int, phase_tolerance: float, speed
     turn -= 2.0 * np.pi * np.round(turn / (2.0 * np.pi))  # 0 and 2 pi are one phase
     repeats = (
         np.all(np.round(cycles) == period * (index // count))
-        and np.all(np.abs(turn) <= phase_tolerance)
-        and np.all(np.abs(speed[last] - speed) <= speed_tolerance)
+        and np.all(np.abs(turn) <= rules.phase_tolerance)
+        and np.all(np.abs(speed[last] - speed) <= rules.speed_tolerance * speed[last])
     )
     return count if repeats else 0
 
 
-def _ridden_cycles(riding: RidingTable, window: _Window) -> set[int]:
+def _ridden_cycles(riding: Riding, window: _Window) -> set[int]:
     end = np.where(np.isnan(riding.end), window.end, riding.end)  # nan: it lasts
     cycles: set[int] = set()
     for first, last in zip(np.asarray(riding.start).tolist(), end.tolist(), strict=True):
@@ -276,7 +280,7 @@ def _ridden_cycles(riding: RidingTable, window: _Window) -> set[int]:
     return cycles
 
 
-def _chattering_cycles(window: _Window) -> set[int]:
+def _chattering_cycles(window: _Window, shortest: int) -> set[int]:
     cycles: set[int] = set()
     for impactor in sorted(set(window.impactor.tolist())):
         own = window.only(window.impactor == impactor)
@@ -289,7 +293,7 @@ def _chattering_cycles(window: _Window) -> set[int]:
                 length += 1
             else:
                 length = 2  # slower but later: a new run may begin with the impact before
-            if length >= SHORTEST_CHATTER:
+            if length >= shortest:
                 first = float(own.time[i - length + 1])
                 cycles.update(range(own.cycle_of(first), own.cycle_of(float(own.time[i])) + 1))
     return cycles

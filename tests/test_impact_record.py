@@ -9,7 +9,7 @@ import pytest
 import femimpact as fi
 from femimpact.export import impact_figures, tables
 from femimpact.impacts import IMPACT_UNITS, RIDING_UNITS, Impacts, Riding, impact_columns
-from femimpact.regimes import classify, impacts_per_cycle, significant
+from femimpact.regimes import RegimeCriteria, classify, impacts_per_cycle, significant
 
 FREQUENCY = 5.0
 SINE = fi.Sine(amplitude=0.2037e-3, frequency=5.2, phase=0.7)
@@ -47,7 +47,7 @@ def repeated(offsets, sides, speeds, period, periods, noise=0.0, start=0.0):
 
 
 def of(impacts, end, riding=None, start=0.0, **tolerances):
-    return classify(impacts, riding or Riding.none(), FREQUENCY, start, end, **tolerances)
+    return classify(impacts, riding or Riding.none(), FREQUENCY, start, end, RegimeCriteria(**tolerances))
 
 
 # ---- regimes --------------------------------------------------------------------------------------

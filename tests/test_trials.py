@@ -117,7 +117,7 @@ def test_numpy_scalars_and_arrays_are_numbers_too(small):
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda s, m, r: fi.integrate(s, BASE, 1e-4, 1.0), "newmark = 'float': must be a Newmark"),
+        (lambda s, m, r: fi.integrate(s, BASE, 1e-4, 1.0), "method = 'float': must be a Newmark, HHT"),
         (lambda s, m, r: fi.integrate(r, BASE, m, 1.0), "system = 'Structure': must be a System"),
         (lambda s, m, r: fi.integrate(s, BASE, m, 1.0, record=("tip",)), "recorder = 'tuple': must be a Recorder"),
         (lambda s, m, r: fi.frequency_sweep(s, 1e-4, [5.0], m, 3, threads="2"), "threads = '2'"),
