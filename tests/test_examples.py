@@ -82,3 +82,14 @@ def test_a_stiff_compliant_wall_has_the_statistics_of_the_rigid_one():
     assert stiff.curve.rms.mean() == pytest.approx(rigid.curve.rms.mean(), rel=0.05)
     assert stiff.curve.impacts_per_cycle.mean() == pytest.approx(rigid.curve.impacts_per_cycle.mean(), rel=0.1)
     assert stiff.curve.mean_approach_speed.mean() == pytest.approx(rigid.curve.mean_approach_speed.mean(), rel=0.05)
+
+
+def test_a_law_of_ones_own_is_stepped_like_the_others():
+    responses = load("own_contact_law").main(duration=10.0)
+    felt, bare = responses["felt"], responses["bare"]
+    assert felt.statistics.law == "felt"
+    # stepped by the discrete gradient: no energy from nowhere, whatever the law
+    assert felt.energy.residual < 1e-6
+    # the felt takes longer and pushes less
+    assert felt.impacts.duration.mean() > bare.impacts.duration.mean()
+    assert felt.statistics.peak_force < bare.statistics.peak_force
