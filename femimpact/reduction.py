@@ -91,6 +91,8 @@ def _attachment_vectors(system: System, phi: NDArray[Any], omega: NDArray[Any]) 
     require(held, "static_correction", True, "", "needs a structure that is held: K^-1 b does not exist")
     loads = np.array([pair.direction for pair in system.contacts]).T
     loads = loads[:, np.abs(loads).max(axis=0) > 0.0]
+    if not loads.size:
+        return np.zeros((system.dofs, 0)), np.zeros(0)
     static = solve_stiffness(system, loads)
     psi = static - phi @ ((phi.T @ loads) / omega[:, None] ** 2)
     # once more against the mass, for what rounding left
@@ -177,9 +179,9 @@ def _stiff_note(pairs: list[ContactPair], modes: int) -> str:
         f"{pair.name} {1.0 / mobility:.4g} kg" for pair, mobility in zip(pairs, felt, strict=True) if mobility > 0.0
     )
     return (
-        f"{_modes(modes)} kept: for rigid or very short contacts the peak force does not converge with their number; "
-        "displacement, energy loss and the impulse of a whole contact do. The mass that is felt at once, which sets "
-        f"the impulse of a single rigid impact, is that of these modes: {masses or 'none'}"
+        f"{_modes(modes)} kept: the peak force of a rigid or very short contact does not converge with their number; "
+        "displacement and the whole energy loss do. Impulse and contact loss of a single rigid impact go with the mass "
+        f"felt at once, which settles only where a body sits at the contact; of these modes: {masses or 'none'}"
     )
 
 

@@ -1,0 +1,113 @@
+"""The result of a convergence study over the number of normal modes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["OTHERS", "STATISTICS", "ModeConvergence"]
+
+STATISTICS = {
+    "rms": "m",
+    "peak": "m",
+    "contact_loss": "J",
+    "structure_loss": "J",
+    "damping": "1",
+    "mean_impulse": "N s",
+}
+"""Columns that scatter, and their units."""
+
+OTHERS = {
+    "peak_force": "N",
+    "residual": "1",
+    "first_displacement": "m",
+    "first_loss": "J",
+    "displacement_error": "1",
+    "loss_error": "1",
+}
+"""Columns of one value without scatter."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModeConvergence:
+    """Response over the number of normal modes; columns are (n, 2): without and with static correction.
+
+    Parameters
+    ----------
+    counts : ndarray (n,)
+        Normal modes; the correction adds one vector for every distinct contact direction.
+    rms, peak : ndarray (n, 2), m
+        Of the observed place, relative to the base.
+    contact_loss, structure_loss : ndarray (n, 2), J
+        Per base cycle.
+    damping : ndarray (n, 2), 1
+        Equivalent damping ratio D/(4 pi U): D all loss per cycle, U twice the mean strain energy, which is
+        the largest strain energy of a sine.
+    mean_impulse : ndarray (n, 2), N s
+        Of one impact; not a number without impacts.
+    scatter : mapping of str to ndarray (n, 2)
+        Standard error of each of these from eight parts of the window; of `peak` the standard deviation of
+        the parts' peaks. Differences below it mean nothing.
+    peak_force : ndarray (n, 2), N
+        Of a compliant law, as computed: it does not converge for short contacts. Not a number for a rigid one.
+    residual : ndarray (n, 2), 1
+        Energy unaccounted for over the energy put in.
+    first_displacement : ndarray (n, 2), m
+        Of the observed place a quarter of the first natural period after one first impact.
+    first_loss : ndarray (n, 2), J
+        Lost in the contact until then.
+    displacement_error, loss_error : ndarray (n, 2), 1
+        Of these two, relative to the largest count with static correction.
+    displacement_order, loss_order : ndarray (2,), 1
+        Fitted exponent with which the error falls with the count; counts near the largest flatter it.
+    at, law : str
+    cycles : int
+        In the window of the statistics.
+    notes : tuple of str
+    """
+
+    counts: NDArray[Any]
+    rms: NDArray[Any]
+    peak: NDArray[Any]
+    contact_loss: NDArray[Any]
+    structure_loss: NDArray[Any]
+    damping: NDArray[Any]
+    mean_impulse: NDArray[Any]
+    scatter: Mapping[str, NDArray[Any]]
+    peak_force: NDArray[Any]
+    residual: NDArray[Any]
+    first_displacement: NDArray[Any]
+    first_loss: NDArray[Any]
+    displacement_error: NDArray[Any]
+    loss_error: NDArray[Any]
+    displacement_order: NDArray[Any]
+    loss_order: NDArray[Any]
+    at: str
+    law: str
+    cycles: int
+    notes: tuple[str, ...]
+
+    def to_xarray(self) -> xarray.Dataset:
+        """All columns as a labelled dataset over the count and the static correction."""
+        import xarray
+
+        dims = ("modes", "static_correction")
+        data: dict[str, Any] = {}
+        for name, unit in (STATISTICS | OTHERS).items():
+            labels = {"units": unit, "long_name": name.replace("_", " ")}
+            data[name] = (dims, np.array(getattr(self, name)), labels)
+            if name in self.scatter:
+                labels = {"units": unit, "long_name": f"scatter of {labels['long_name']}"}
+                data[f"{name}_scatter"] = (dims, np.array(self.scatter[name]), labels)
+        for name in ("displacement_order", "loss_order"):
+            data[name] = (dims[1], np.array(getattr(self, name)), {"units": "1", "long_name": name.replace("_", " ")})
+        coords = {"modes": np.array(self.counts), "static_correction": np.array([False, True])}
+        attributes = {"at": self.at, "contact_law": self.law, "cycles": self.cycles, "notes": "; ".join(self.notes)}
+        return xarray.Dataset(data, coords=coords, attrs=attributes)
