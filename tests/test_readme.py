@@ -12,15 +12,18 @@ README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8"
 
 
 def test_the_script_of_the_readme_runs_as_it_stands(capsys):
-    (script,) = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
+    script = "\n".join(re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL))
     names: dict[str, object] = {}
     exec(compile(script, "README.md", "exec"), names)
     # the shapes and names are the public interface
     assert names["modes"].natural_frequency.shape == (4,)
     assert names["small"].dofs == 8
-    assert names["response"].time.shape == names["response"]["tip"].shape
+    assert names["response"].time.shape == names["response"]["tip"].shape == (19201,)
     np.testing.assert_array_equal(names["curve"].frequency, np.linspace(4, 6, 21))
     assert capsys.readouterr().out.startswith("0.")
+    rigid = names["response"]
+    assert len(rigid.impacts) > 100
+    assert rigid.energy.residual < 1e-10
 
 
 @pytest.mark.parametrize("path", sorted(set(re.findall(r"\]\(((?!http)[^)#]+)\)", README))))
