@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from femimpact.contact.formulas import RIGID
 from femimpact.damping import realised_damping_ratio
 from femimpact.energy import energy_residual
 from femimpact.errors import DivergenceError, require, require_type
@@ -366,6 +367,8 @@ def _gather(
     for block, members in zip(blocks, groups, strict=True):
         motion = _motion(block, cycles, members.size)
         totals = block.motion.totals[:, :, : members.size]
+        # an impulse has no peak
+        totals[4, block.pairs.kind == RIGID] = np.nan
         residual = _residuals(block, cycles) if block.ledger else np.full(members.size, np.nan)
         for c, i in enumerate(members):
             if np.isfinite(block.diverged[c]):

@@ -294,3 +294,15 @@ def test_a_rigid_contact_wants_impulses(method):
 def test_impulses_want_a_rigid_contact(small):
     with pytest.raises(fi.InputError, match=r"ball\.contact.*must be Rigid.*Newmark"):
         fi.integrate(small, STILL, fi.MoreauJean(1e-4), 0.1)
+
+
+def test_a_sweep_takes_every_method(reference):
+    rigid = replace(reference, impactors=(replace(reference.impactors[0], contact=fi.Rigid(0.6)),))
+    compliant, stiff = (fi.reduce(fi.assemble(structure, elements=5), modes=2) for structure in (reference, rigid))
+    for method in [*FAMILY, fi.Newmark(1.0, refine=10), fi.EventDriven()]:
+        impulsive = isinstance(method, fi.MoreauJean | fi.EventDriven)
+        used = method if isinstance(method, fi.EventDriven) else replace(method, dt=1e-3 if method.refine > 1 else 1e-4)
+        curve = fi.frequency_sweep(stiff if impulsive else compliant, 1e-3, [4.9, 5.2], used, 9)
+        assert np.all(curve.impacts_per_cycle > 0)
+        assert np.all(np.isnan(curve.peak_force) == impulsive)
+        assert np.all(curve.peak > 0)

@@ -16,8 +16,9 @@ from femimpact.integrators import layout
 from femimpact.integrators.block import Block, Progress, prepare, run_block
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.fly import fly
-from femimpact.integrators.kernels import loop
+from femimpact.integrators.kernels.keeping import keep
 from femimpact.integrators.newmark import SteppingMethod, require_method
+from femimpact.integrators.recording import check_memory, memory_needed, record_of
 from femimpact.integrators.stepping import check_sampling, check_step, step_notes
 from femimpact.response import Channel, Recorder, Response, Snapshots, resolve_channels
 from femimpact.signals import no_steady_motion, steady_motion
@@ -82,7 +83,7 @@ def integrate(
     warnings = list(check_step(system, method))
     steps = round(duration / method.dt)
     channels = resolve_channels(system, recorder.channels)
-    kept = _record(system, recorder, channels, steps, method, excitation)
+    kept = record_of(system, recorder, channels, steps, method, excitation)
     window_start = 2 * steps // 3
     block = prepare(
         system,
@@ -117,90 +118,7 @@ def divergence_message(frequency: float, time: float, method: SteppingMethod) ->
 def _keep_first(block: Block) -> None:
     """Keep the state at t = 0 where it is asked for."""
     if block.record.channels.shape[0] + block.record.fields.shape[0] > 0:
-        loop.keep(0, block.operator, block.pairs, block.motion, block.record, block.ledger)
-
-
-def memory_needed(
-    system: System, recorder: Recorder, channels: int, steps: int, dt: float, frequency: float
-) -> dict[str, int]:
-    """Bytes that a run will keep: channels, energies, snapshots, impacts and cycle statistics."""
-    samples, snapshots = _samples(recorder, steps, dt)
-    width = 2 * (system.dofs + len(system.contacts)) + len(system.contacts)
-    cycles, modes = int(steps * dt * frequency) + 2, _modes_kept(system, recorder)
-    return {
-        "channels": 8 * samples * channels,
-        "energies": 8 * samples * (len(layout.ENERGY_COLUMNS) + modes) * recorder.ledger,
-        # in dofs while running, at the nodes afterwards
-        "snapshots": 8 * snapshots * (width + 4 * system.nodes.size),
-        "impacts": 8 * recorder.impacts * (len(layout.IMPACT_COLUMNS) + modes) * bool(system.contacts),
-        "cycles": 8 * cycles * (len(layout.CYCLE_COLUMNS) + len(layout.ENERGY_COLUMNS)),
-    }
-
-
-def _modes_kept(system: System, recorder: Recorder) -> int:
-    """How many modes get energies of their own: all of a system on its modes, with a ledger."""
-    return system.dofs if recorder.ledger and system.is_diagonal else 0
-
-
-def check_memory(
-    system: System, recorder: Recorder, channels: int, steps: int, dt: float, frequency: float,
-    key: str = "record.memory_limit",
-) -> int:  # fmt: skip
-    """Bytes that a run will keep; an error when they are more than the recorder allows.
-
-    Raises
-    ------
-    InputError
-        Naming what takes how much.
-    """
-    parts = memory_needed(system, recorder, channels, steps, dt, frequency)
-    needed = sum(parts.values())
-    shares = ", ".join(f"{name} {size / 1e6:.3g} MB" for name, size in parts.items() if size > 1e6)
-    allowed = (
-        f"must be >= {needed:.3g}, what this run keeps ({shares}): keep less (a larger stride every, fewer "
-        "snapshots, a shorter run), or raise it"
-    )
-    require(needed <= recorder.memory_limit, key, recorder.memory_limit, "bytes", allowed)
-    return needed
-
-
-def _samples(recorder: Recorder, steps: int, dt: float) -> tuple[int, int]:
-    first = min(round(recorder.start / dt), steps)
-    first_field = min(round(recorder.snapshots_start / dt), steps)
-    samples = (steps - first) // recorder.every + 1
-    snapshots = (steps - first_field) // recorder.snapshots + 1 if recorder.snapshots else 0
-    return samples, snapshots
-
-
-def _record(
-    system: System,
-    recorder: Recorder,
-    channels: tuple[Channel, ...],
-    steps: int,
-    method: SteppingMethod,
-    excitation: Excitation,
-) -> layout.Record:
-    """Arrays for what is kept, refused before the run when they would not fit."""
-    dt, modes = method.dt, _modes_kept(system, recorder)
-    check_memory(system, recorder, len(channels), steps, dt, excitation.frequency)
-    samples, snapshots = _samples(recorder, steps, dt)
-    rows = [channel.row for channel in channels if channel.row is not None]
-    number = iter(range(len(rows)))
-    index = [channel.ball if channel.row is None else next(number) for channel in channels]
-    balls = len(system.contacts)
-    start, start_field = (min(round(t / dt), steps) for t in (recorder.start, recorder.snapshots_start))
-    return layout.Record(
-        kind=np.array([channel.kind for channel in channels], dtype=np.int64),
-        source=np.array(index, dtype=np.int64),
-        rows=np.array(rows).reshape(-1, system.dofs),
-        channels=np.zeros((samples, len(channels))),
-        energy=np.zeros((samples if recorder.ledger else 0, len(layout.ENERGY_COLUMNS) + modes)),
-        fields=np.zeros((snapshots, 2, system.dofs + balls)),
-        forces=np.zeros((snapshots, balls)),
-        impacts=np.zeros((recorder.impacts if balls else 0, len(layout.IMPACT_COLUMNS) + modes)),
-        stride=np.array([recorder.every, start, max(recorder.snapshots, 1), start_field], dtype=np.int64),
-        tally=np.zeros(4, dtype=np.int64),
-    )
+        keep(0, block.operator, block.pairs, block.motion, block.record, block.ledger)
 
 
 def _response(

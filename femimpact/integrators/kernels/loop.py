@@ -1,11 +1,9 @@
-"""The loop over steps, and what it keeps now and then."""
+"""The loop over steps."""
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.compiling import compiled, inlined
@@ -21,6 +19,7 @@ from femimpact.integrators.kernels.flight import (
     read_row,
     turn_drive,
 )
+from femimpact.integrators.kernels.keeping import any_due, close_cycles, keep, least
 from femimpact.integrators.kernels.ledger import (
     book_loss_banded,
     book_loss_diagonal,
@@ -28,7 +27,6 @@ from femimpact.integrators.kernels.ledger import (
     book_work,
     book_work_on_ball,
     keep_own_books,
-    write_energy,
 )
 from femimpact.integrators.kernels.refine import in_reach, is_near, redo_step, save_state
 from femimpact.integrators.kernels.touch import contact_step
@@ -39,22 +37,16 @@ from femimpact.integrators.layout import (
     BASE,
     BASE_BEFORE,
     BUSY,
-    COSINE,
-    ENERGY_COLUMNS,
-    FORCE,
     GAP_MINUS,
     GAP_PLUS,
     LOAD,
     MASS,
     NEAR,
     OPEN,
-    PHASE,
-    PHASE_STEP,
     RATE,
     RATE_BEFORE,
     REFINED,
     SHARE,
-    SINE,
     STRUCTURE_LOSS,
     WORK,
     X_BEFORE,
@@ -71,101 +63,6 @@ from femimpact.integrators.layout import (
     X,
     Y,
 )
-
-LOSS_COLUMNS = len(ENERGY_COLUMNS)
-"""Where the losses of the modes begin in a row of energies."""
-
-
-@compiled
-def _close_cycles(
-    step: int, ledger: bool, op: Operator, pairs: Pairs, m: Motion, cycles: Cycles, energy: NDArray[Any]
-) -> None:
-    """Write the statistics of every case whose base cycle ends at this step, and start the next."""
-    for c in range(cycles.number.size):
-        if step != cycles.next_wrap[c]:
-            continue
-        k = cycles.number[c]
-        begun = math.ceil(k * cycles.period[c])
-        if k < cycles.values.shape[0]:
-            for i in range(cycles.sums.shape[0]):
-                cycles.values[k, i, c] = cycles.sums[i, c]
-            cycles.values[k, 5, c] = step - begun
-            if ledger:
-                write_energy(c, op, pairs, m, energy)
-                for i in range(energy.size):
-                    cycles.energy[k + 1, i, c] = energy[i]
-        cycles.number[c] = k + 1
-        cycles.next_wrap[c] = math.ceil((k + 2) * cycles.period[c])
-        for i in range(cycles.sums.shape[0]):
-            cycles.sums[i, c] = 0.0
-        cycles.sums[0, c], cycles.sums[1, c] = -np.inf, np.inf
-        # the rotated phase is set right once a cycle, so that rounding cannot add up
-        angle = m.drive[PHASE, c] + m.drive[PHASE_STEP, c] * step
-        m.drive[SINE, c], m.drive[COSINE, c] = math.sin(angle), math.cos(angle)
-
-
-@compiled
-def _write_sample(op: Operator, pairs: Pairs, m: Motion, record: Record, ledger: bool) -> None:
-    k = record.tally[1]
-    for i in range(record.kind.size):
-        kind, index, value = record.kind[i], record.source[i], 0.0
-        if kind == 0 or kind == 1:
-            state = m.q if kind == 0 else m.v
-            for d in range(state.shape[0]):
-                value += record.rows[index, d] * state[d, 0]
-        elif kind == 2:
-            value = m.ball[Y, index, 0]
-        elif kind == 3:
-            value = m.ball[Y_RATE, index, 0]
-        elif kind == 4:
-            value = m.ball[X, index, 0]
-        else:
-            value = m.ball[FORCE, index, 0]
-        record.channels[k, i] = value
-    if ledger:
-        write_energy(0, op, pairs, m, record.energy[k])
-        for i in range(m.loss_of_mode.size):
-            record.energy[k, LOSS_COLUMNS + i] = m.loss_of_mode[i]
-    record.tally[1] = k + 1
-
-
-@compiled
-def _write_snapshot(m: Motion, record: Record) -> None:
-    k, n = record.tally[2], m.q.shape[0]
-    for i in range(n):
-        record.fields[k, 0, i] = m.q[i, 0]
-        record.fields[k, 1, i] = m.v[i, 0]
-    for j in range(m.ball.shape[1]):
-        record.fields[k, 0, n + j] = m.ball[Y, j, 0]
-        record.fields[k, 1, n + j] = m.ball[Y_RATE, j, 0]
-        record.forces[k, j] = m.ball[FORCE, j, 0]
-    record.tally[2] = k + 1
-
-
-@compiled
-def keep(step: int, op: Operator, pairs: Pairs, m: Motion, record: Record, ledger: bool) -> None:
-    """Write the sample and the snapshot that are due at this step."""
-    every, first, stride, first_field = record.stride
-    if step >= first and (step - first) % every == 0 and record.tally[1] < record.channels.shape[0]:
-        _write_sample(op, pairs, m, record, ledger)
-    if step >= first_field and (step - first_field) % stride == 0 and record.tally[2] < record.fields.shape[0]:
-        _write_snapshot(m, record)
-
-
-@compiled
-def _least(values: NDArray[Any]) -> int:
-    least: int = values[0]
-    for value in values:
-        least = min(least, value)
-    return least
-
-
-@compiled
-def _any_due(step: int, record: Record) -> bool:
-    every, first, stride, first_field = record.stride
-    sample: bool = record.channels.shape[0] > 0 and (step - first) % every == 0
-    field: bool = record.fields.shape[0] > 0 and (step - first_field) % stride == 0
-    return sample or field
 
 
 @inlined
@@ -251,6 +148,20 @@ def _look_around(j: int, s: Scheme, fine: Fine, pairs: Pairs, m: Motion) -> int:
     )  # fmt: skip
 
 
+@inlined
+def _touch(
+    op: Operator, s: Scheme, fine: Fine | None, pairs: Pairs, m: Motion, record: Record, work: NDArray[Any]
+) -> None:
+    """Contact of the cases in reach of a wall, but for those that took fine steps and have had theirs."""
+    time = (record.tally[0] + 1) * s.dt
+    for c in range(m.q.shape[1]):
+        reached = in_reach(c, pairs, m)
+        if fine is not None:
+            reached = reached and m.ledger[REFINED, c] == 0.0
+        if reached:
+            contact_step(c, time, op, s, pairs, m, record, work)
+
+
 @compiled
 def advance(
     steps: int, op: Operator, s: Scheme, fine: Fine | None, pairs: Pairs, m: Motion,
@@ -261,7 +172,7 @@ def advance(
     Without `fine`, for a method that neither divides steps nor looks ahead, all that concerns it is
     left out when compiled. `work` (6, pairs) and `energy` (columns,) are scratch space.
     """
-    next_wrap = _least(cycles.next_wrap)
+    next_wrap = least(cycles.next_wrap)
     keeping = record.channels.shape[0] + record.fields.shape[0] > 0
     base, constants = m.drive[BASE], pairs.constants
     acting = m.drive[ACTING] if s.alpha_f != 0.0 else base
@@ -296,11 +207,7 @@ def advance(
         if looking > 0:
             if fine is not None:
                 refined = _redo(s, fine, pairs, m, record, ledger, work)
-            time = (record.tally[0] + 1) * s.dt
-            for c in range(base.size):
-                # a case that took fine steps has had its contacts
-                if m.ledger[REFINED, c] == 0.0 and in_reach(c, pairs, m):
-                    contact_step(c, time, op, s, pairs, m, record, work)
+            _touch(op, s, fine, pairs, m, record, work)
         if ledger and (refined == 0 or base.size > 1):
             _book(op, s, pairs, m)
         if refined > 0:
@@ -309,7 +216,7 @@ def advance(
         step = record.tally[0] + 1
         record.tally[0] = step
         if step == next_wrap:
-            _close_cycles(step, ledger, op, pairs, m, cycles, energy)
-            next_wrap = _least(cycles.next_wrap)
-        if keeping and _any_due(step, record):
+            close_cycles(step, ledger, op, pairs, m, cycles, energy)
+            next_wrap = least(cycles.next_wrap)
+        if keeping and any_due(step, record):
             keep(step, op, pairs, m, record, ledger)

@@ -1,0 +1,200 @@
+"""The arrays of a block of cases: pairs, state, drive and statistics as the compiled loop takes them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse.linalg
+from numpy.typing import NDArray
+
+from femimpact.contact import CustomLaw
+from femimpact.contact.formulas import SWITCHING_SPRING
+from femimpact.excitation import Excitation, RecordedBase
+from femimpact.integrators import layout
+from femimpact.integrators.driving import Drive
+from femimpact.integrators.kernels.custom import address_of
+from femimpact.integrators.newmark import SteppingMethod, scheme_of
+from femimpact.system import State, System
+
+__all__ = ["cycles_of", "empty_record", "limits_of", "motion_of", "pairs_of"]
+
+
+def empty_record(dofs: int) -> layout.Record:
+    """A record that keeps nothing."""
+    return layout.Record(
+        kind=np.zeros(0, dtype=np.int64),
+        source=np.zeros(0, dtype=np.int64),
+        rows=np.zeros((0, dofs)),
+        channels=np.zeros((0, 0)),
+        energy=np.zeros((0, len(layout.ENERGY_COLUMNS))),
+        fields=np.zeros((0, 2, 0)),
+        forces=np.zeros((0, 0)),
+        impacts=np.zeros((0, len(layout.IMPACT_COLUMNS))),
+        stride=np.ones(4, dtype=np.int64),
+        tally=np.zeros(4, dtype=np.int64),
+    )
+
+
+def pairs_of(system: System, operator: layout.Operator, drive: Drive, lanes: int) -> layout.Pairs:
+    """Contact pairs: the row that each reads, its law and its numbers."""
+    contacts = system.contacts
+    rows = [next(i for i, row in enumerate(operator.rows) if np.array_equal(row, pair.direction)) for pair in contacts]
+    constants = np.zeros((11, len(contacts), lanes))
+    for j, pair in enumerate(contacts):
+        numbers = pair.parameters
+        constants[layout.MASS, j] = 0.0 if pair.is_stop else pair.mass
+        constants[layout.MOBILITY, j] = pair.mobility
+        constants[layout.GAP_PLUS, j], constants[layout.GAP_MINUS, j] = pair.gaps
+        constants[layout.STIFFNESS, j] = numbers.stiffness
+        constants[layout.DAMPING, j] = numbers.damping
+        constants[layout.EXPONENT, j] = numbers.exponent
+        constants[layout.RESTITUTION, j] = numbers.restitution
+        constants[layout.FREE_STIFFNESS, j] = pair.free_stiffness + getattr(pair.law, "free_stiffness", 0.0)
+        constants[layout.ACCELERATION, j] = pair.acceleration
+        constants[layout.SHARE, j] = 0.0 if pair.is_stop else drive.share
+    laws = [pair.law for pair in contacts]
+    return layout.Pairs(
+        row=np.array(rows, dtype=np.int64),
+        kind=np.array([pair.parameters.kind for pair in contacts], dtype=np.int64),
+        address=np.array([address_of(law.force) if isinstance(law, CustomLaw) else 0 for law in laws], dtype=np.int64),
+        constants=constants,
+    )
+
+
+def motion_of(
+    system: System,
+    operator: layout.Operator,
+    pairs: layout.Pairs,
+    excitations: Sequence[Excitation],
+    drives: Sequence[Drive],
+    method: SteppingMethod,
+    initial: State,
+    window: NDArray[Any],
+    steps: int,
+    modal: bool,
+    record: layout.Record,
+) -> layout.Motion:
+    """State at t = 0: displacements, velocities and the accelerations that the balance gives."""
+    lanes, dofs, count = len(drives), system.dofs, len(system.contacts)
+    states = [initial.relative_to_base(system, excitation) for excitation in excitations]
+    q, v, y, y_rate = (np.ascontiguousarray(np.array(columns).T) for columns in zip(*states, strict=True))
+    constants, w, w_rate = pairs.constants, operator.rows @ q, operator.rows @ v
+    drive = _drive(drives, method.dt)
+    ball = np.zeros((9, count, lanes))
+    ball[layout.Y] = ball[layout.Y_BEFORE] = y
+    ball[layout.Y_RATE] = y_rate
+    ball[layout.X] = ball[layout.X_BEFORE] = y - w[pairs.row]
+    ball[layout.RATE] = ball[layout.RATE_BEFORE] = y_rate - w_rate[pairs.row]
+    springs = constants[layout.FREE_STIFFNESS] * ball[layout.X]
+    # where contact forces are no part of the acceleration, neither are those of centring springs
+    inside = np.zeros_like(springs) if scheme_of(method).mean else springs
+    ball[layout.FORCE] = springs
+    ball[layout.Y_ACCELERATION] = (
+        constants[layout.ACCELERATION] - constants[layout.SHARE] * drive[layout.BASE]
+    ) - inside * constants[layout.MOBILITY]
+    load = operator.rows[pairs.row].T @ inside + np.outer(operator.drive_load, drive[layout.BASE])
+    load -= system.C @ v + system.K @ q
+    touch = np.zeros((13, count, lanes))
+    touch[layout.BUSY] = (pairs.kind[:, None] == SWITCHING_SPRING) | (constants[layout.FREE_STIFFNESS] > 0.0)
+    # any speed > 0: a law's potential is asked for before its first contact
+    touch[layout.APPROACH] = 1.0
+    ledger = np.zeros((8, lanes))
+    ledger[layout.LOAD_BEFORE] = operator.drive_load @ q
+    redo = method.refine > 1
+    return layout.Motion(
+        q=q,
+        v=v,
+        # C order matters: the case axis must be contiguous
+        a=np.ascontiguousarray(scipy.linalg.solveh_banded(operator.mass_band, load, lower=True)),
+        w=w,
+        w_rate=w_rate,
+        ball=ball,
+        touch=touch,
+        totals=np.zeros((len(layout.TOTAL_COLUMNS), count, lanes)),
+        window=window,
+        drive=drive,
+        table=_table(drives, excitations, method, steps),
+        ledger=ledger,
+        v_before=v.copy(),
+        loss_of_mode=np.zeros(dofs if modal else 0),
+        to_modes=np.zeros((count, dofs if modal and record.impacts.shape[0] > 0 else 0)),
+        saved=np.zeros((3, dofs if redo else 0, lanes)),
+        saved_ball=np.zeros((3, count if redo else 0, lanes)),
+        scratch=np.zeros((3, dofs, lanes)),
+    )
+
+
+def _drive(drives: Sequence[Drive], dt: float) -> NDArray[Any]:
+    omega, phase, amplitude = (
+        np.array([getattr(drive, name) for drive in drives]) for name in ("omega", "phase", "amplitude")
+    )
+    rows = np.zeros((10, len(drives)))
+    rows[layout.SINE], rows[layout.COSINE] = np.sin(phase), np.cos(phase)
+    rows[layout.TURN_SINE], rows[layout.TURN_COSINE] = np.sin(omega * dt), np.cos(omega * dt)
+    rows[layout.PHASE], rows[layout.PHASE_STEP] = phase, omega * dt
+    rows[layout.SCALE] = amplitude
+    rows[layout.BASE] = [float(drive.value(np.zeros(1))[0]) for drive in drives]
+    rows[layout.BASE_BEFORE] = rows[layout.ACTING] = rows[layout.BASE]
+    return rows
+
+
+def _table(
+    drives: Sequence[Drive], excitations: Sequence[Excitation], method: SteppingMethod, steps: int
+) -> NDArray[Any]:
+    """Values of drives given by samples at every fine step; no rows for sines."""
+    if not any(isinstance(excitation, RecordedBase) for excitation in excitations):
+        return np.zeros((0, len(drives)))
+    time = np.arange(steps * method.refine + 1) * (method.dt / method.refine)
+    return np.ascontiguousarray(np.array([drive.value(time) for drive in drives]).T)
+
+
+def cycles_of(excitations: Sequence[Excitation], dt: float, steps: int, ledger: bool) -> layout.Cycles:
+    """Statistics per cycle of each excitation, empty."""
+    lanes = len(excitations)
+    period = np.array([1.0 / (excitation.frequency * dt) for excitation in excitations])
+    most = int(steps / period.min()) + 1
+    sums = np.zeros((len(layout.CYCLE_COLUMNS), lanes))
+    sums[0], sums[1] = -np.inf, np.inf
+    return layout.Cycles(
+        next_wrap=np.ceil(period).astype(np.int64),
+        number=np.zeros(lanes, dtype=np.int64),
+        period=period,
+        sums=sums,
+        values=np.zeros((most, len(layout.CYCLE_COLUMNS), lanes)),
+        energy=np.zeros(((most if ledger else 0) + 1, len(layout.ENERGY_COLUMNS), lanes)),
+    )
+
+
+def limits_of(
+    system: System,
+    excitations: Sequence[Excitation],
+    drives: Sequence[Drive],
+    motion: layout.Motion,
+    method: SteppingMethod,
+    duration: float,
+) -> NDArray[Any]:
+    """Displacement (m) of the observed place beyond which a case counts as diverging.
+
+    A multiple of what the drive does at resonance, the initial state, and a ball's flight within
+    one radian of the first mode can amount to; without an elastic mode, within the whole run.
+    """
+    alpha, beta = system.rayleigh or (0.0, 0.0)
+    omega = 2.0 * math.pi * system.first_frequency
+    time = 1.0 / omega if omega > 0.0 else duration
+    ratio = max(0.5 * (alpha / omega + beta * omega), 1e-3) if omega > 0.0 else 1.0
+    forced = [0.0 if drive.share else _acceleration(system, drive) for drive in drives]
+    amplitude = np.array([excitation.amplitude for excitation in excitations]) + time**2 * np.array(forced)
+    rates = np.vstack([motion.w_rate, motion.ball[layout.Y_RATE]])
+    given = max((abs(pair.acceleration) for pair in system.contacts), default=0.0)
+    scale = amplitude / ratio + np.abs(motion.w).max(axis=0) + np.abs(rates).max(axis=0) * time + given * time**2
+    return np.asarray(method.divergence_limit * (scale + 1e-9))
+
+
+def _acceleration(system: System, drive: Drive) -> float:
+    """Largest acceleration (m/s^2) that a force on the structure gives to its own place."""
+    free = scipy.sparse.linalg.spsolve(system.M.tocsc(), drive.load)
+    return abs(drive.amplitude) * float(np.atleast_1d(free) @ drive.load)

@@ -1,0 +1,127 @@
+"""What the loop over steps keeps now and then: cycle statistics, samples and snapshots."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.integrators.kernels.compiling import compiled
+from femimpact.integrators.kernels.ledger import write_energy
+from femimpact.integrators.layout import (
+    COSINE,
+    ENERGY_COLUMNS,
+    FORCE,
+    PHASE,
+    PHASE_STEP,
+    SINE,
+    Y_RATE,
+    Cycles,
+    Motion,
+    Operator,
+    Pairs,
+    Record,
+    X,
+    Y,
+)
+
+__all__ = ["any_due", "close_cycles", "keep", "least"]
+
+LOSS_COLUMNS = len(ENERGY_COLUMNS)
+"""Where the losses of the modes begin in a row of energies."""
+
+
+@compiled
+def close_cycles(
+    step: int, ledger: bool, op: Operator, pairs: Pairs, m: Motion, cycles: Cycles, energy: NDArray[Any]
+) -> None:
+    """Write the statistics of every case whose base cycle ends at this step, and start the next."""
+    for c in range(cycles.number.size):
+        if step != cycles.next_wrap[c]:
+            continue
+        k = cycles.number[c]
+        begun = math.ceil(k * cycles.period[c])
+        if k < cycles.values.shape[0]:
+            for i in range(cycles.sums.shape[0]):
+                cycles.values[k, i, c] = cycles.sums[i, c]
+            cycles.values[k, 5, c] = step - begun
+            if ledger:
+                write_energy(c, op, pairs, m, energy)
+                for i in range(energy.size):
+                    cycles.energy[k + 1, i, c] = energy[i]
+        cycles.number[c] = k + 1
+        cycles.next_wrap[c] = math.ceil((k + 2) * cycles.period[c])
+        for i in range(cycles.sums.shape[0]):
+            cycles.sums[i, c] = 0.0
+        cycles.sums[0, c], cycles.sums[1, c] = -np.inf, np.inf
+        # the rotated phase is set right once a cycle, so that rounding cannot add up
+        angle = m.drive[PHASE, c] + m.drive[PHASE_STEP, c] * step
+        m.drive[SINE, c], m.drive[COSINE, c] = math.sin(angle), math.cos(angle)
+
+
+@compiled
+def _write_sample(op: Operator, pairs: Pairs, m: Motion, record: Record, ledger: bool) -> None:
+    k = record.tally[1]
+    for i in range(record.kind.size):
+        kind, index, value = record.kind[i], record.source[i], 0.0
+        if kind == 0 or kind == 1:
+            state = m.q if kind == 0 else m.v
+            for d in range(state.shape[0]):
+                value += record.rows[index, d] * state[d, 0]
+        elif kind == 2:
+            value = m.ball[Y, index, 0]
+        elif kind == 3:
+            value = m.ball[Y_RATE, index, 0]
+        elif kind == 4:
+            value = m.ball[X, index, 0]
+        else:
+            value = m.ball[FORCE, index, 0]
+        record.channels[k, i] = value
+    if ledger:
+        write_energy(0, op, pairs, m, record.energy[k])
+        for i in range(m.loss_of_mode.size):
+            record.energy[k, LOSS_COLUMNS + i] = m.loss_of_mode[i]
+    record.tally[1] = k + 1
+
+
+@compiled
+def _write_snapshot(m: Motion, record: Record) -> None:
+    k, n = record.tally[2], m.q.shape[0]
+    for i in range(n):
+        record.fields[k, 0, i] = m.q[i, 0]
+        record.fields[k, 1, i] = m.v[i, 0]
+    for j in range(m.ball.shape[1]):
+        record.fields[k, 0, n + j] = m.ball[Y, j, 0]
+        record.fields[k, 1, n + j] = m.ball[Y_RATE, j, 0]
+        record.forces[k, j] = m.ball[FORCE, j, 0]
+    record.tally[2] = k + 1
+
+
+@compiled
+def keep(step: int, op: Operator, pairs: Pairs, m: Motion, record: Record, ledger: bool) -> None:
+    """Write the sample and the snapshot that are due at this step."""
+    every, first, stride, first_field = record.stride
+    if step >= first and (step - first) % every == 0 and record.tally[1] < record.channels.shape[0]:
+        _write_sample(op, pairs, m, record, ledger)
+    if step >= first_field and (step - first_field) % stride == 0 and record.tally[2] < record.fields.shape[0]:
+        _write_snapshot(m, record)
+
+
+@compiled
+def least(values: NDArray[Any]) -> int:
+    """Smallest of some numbers."""
+    smallest: int = values[0]
+    for value in values:
+        smallest = min(smallest, value)
+    return smallest
+
+
+@compiled
+def any_due(step: int, record: Record) -> bool:
+    """Whether a sample or a snapshot falls on this step."""
+    every, first, stride, first_field = record.stride
+    sample: bool = record.channels.shape[0] > 0 and (step - first) % every == 0
+    field: bool = record.fields.shape[0] > 0 and (step - first_field) % stride == 0
+    return sample or field
