@@ -12,7 +12,7 @@ from femimpact.errors import require
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate
-from femimpact.integrators.newmark import Newmark
+from femimpact.integrators.newmark import SteppingMethod
 from femimpact.response import Recorder, Response
 from femimpact.structure import Position
 from femimpact.system import State, System
@@ -24,15 +24,15 @@ PARTS = 8
 """Parts of the window between which statistics scatter."""
 
 POINTS_PER_CYCLE = 64
-"""Samples of a Newmark run in a base cycle: a sine's peak is met to 0.1 %."""
+"""Samples of a stepped run in a base cycle: a sine's peak is met to 0.1 %."""
 
 
 def run_statistics(
-    system: System, excitation: Sine, method: EventDriven | Newmark, duration: float, at: Position, cycles: int
+    system: System, excitation: Sine, method: EventDriven | SteppingMethod, duration: float, at: Position, cycles: int
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Values over the last `cycles` of a run, and their scatter between parts of it."""
     every = 1
-    if isinstance(method, Newmark):
+    if not isinstance(method, EventDriven):
         every = max(math.floor(1.0 / (POINTS_PER_CYCLE * excitation.frequency * method.dt)), 1)
     keep = Recorder(channels=(at,), every=every, impacts=1_000_000)
     run = integrate(system, excitation, method, duration, keep)
@@ -75,7 +75,7 @@ def _over(run: Response, at: Position, start: float, end: float, cycles: int) ->
     }
 
 
-def first_impact(system: System, method: EventDriven | Newmark, at: Position) -> dict[str, float]:
+def first_impact(system: System, method: EventDriven | SteppingMethod, at: Position) -> dict[str, float]:
     """Displacement and loss a quarter of the first period after one impact from a given state."""
     quiet = Sine(0.0, system.first_frequency)
     state, until = _before_impact(system)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from femimpact.errors import DivergenceError, require
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.newmark import Newmark
+from femimpact.integrators.newmark import SteppingMethod
 from femimpact.reduction import reduce
 from femimpact.structure import Position
 from femimpact.system import System
@@ -28,7 +28,7 @@ UNSETTLED = 0.1
 def mode_convergence(
     system: System,
     excitation: Sine,
-    method: EventDriven | Newmark,
+    method: EventDriven | SteppingMethod,
     duration: float,
     counts: Sequence[int],
     *,
@@ -48,8 +48,8 @@ def mode_convergence(
     system : System
         In physical dofs, with contacts.
     excitation : Sine
-    method : EventDriven or Newmark
-        The first for rigid contacts only.
+    method : EventDriven, Newmark or its family
+        The first, and Moreau-Jean, for rigid contacts only.
     duration : float, s
         Of each run; its last third must hold eight base cycles.
     counts : sequence of int
