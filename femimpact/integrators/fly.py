@@ -16,11 +16,17 @@ from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven import EventDriven, check_events, outputs_of
 from femimpact.integrators.event_run import EventRun, Keep, Progress, new_run, run_event_driven
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS
+from femimpact.integrators.recording import check_memory
+from femimpact.reduction import truncation_notes
 from femimpact.response import Channel, Recorder, Response, Snapshots, resolve_channels
 from femimpact.signals import CycleStatistics, SteadyMotion, no_steady_motion, steady_motion
 from femimpact.system import State, System
 
 __all__ = ["cycle_statistics", "fly", "grid_interval"]
+
+
+CLOSED = 1e-9
+"""Energy residual above which a run carries a warning: rounding is far below."""
 
 
 def grid_interval(method: EventDriven, excitation: Excitation) -> float:
@@ -52,6 +58,7 @@ def fly(
     require(fits, "duration", duration, "s", f"must be a finite number >= one sample, {interval:g} s")
     samples = round(duration / interval)
     channels = resolve_channels(system, recorder.channels)
+    check_memory(system, recorder, len(channels), samples, interval, excitation.frequency)
     first, first_field = (min(round(t / interval), samples) for t in (recorder.start, recorder.snapshots_start))
     window = (interval * (2 * samples // 3), math.inf)
     run = new_run(
@@ -89,7 +96,13 @@ def _response(
     totals[4] = math.nan
     frequency = excitation.frequency
     impacts = _impacts(run, system, excitation)
+    energy = _ledger(run, time) if run.ledger else None
     warnings = []
+    if energy is not None and energy.residual > CLOSED:
+        warnings.append(
+            f"energy residual {energy.residual:.2g} of the energy put in, above {CLOSED:g}: an event-driven run "
+            "closes to rounding unless its modes span too many decades; keep fewer"
+        )
     if impacts.dropped:
         warnings.append(
             f"{impacts.dropped} impacts beyond the first {len(impacts)} are not in the table (Recorder.impacts)"
@@ -106,12 +119,12 @@ def _response(
             for j, pair in enumerate(system.contacts)
         },
         steady=_steady(cycle_statistics(run)),
-        energy=_ledger(run, time) if run.ledger else None,
+        energy=energy,
         snapshots=_snapshots(run, system, samples) if keep.snapshots else None,
         base=excitation,
         system=system,
         warnings=tuple(warnings),
-        notes=_open_rides(run, system),
+        notes=(*truncation_notes(system), *_open_rides(run, system)),
     )
 
 

@@ -20,6 +20,7 @@ from femimpact.integrators.kernels.keeping import keep
 from femimpact.integrators.newmark import SteppingMethod, require_method
 from femimpact.integrators.recording import check_memory, memory_needed, record_of
 from femimpact.integrators.stepping import check_sampling, check_step, step_notes
+from femimpact.reduction import truncation_notes
 from femimpact.response import Channel, Recorder, Response, Snapshots, resolve_channels
 from femimpact.signals import no_steady_motion, steady_motion
 from femimpact.system import State, System
@@ -162,7 +163,7 @@ def _response(
         base=excitation,
         system=system,
         warnings=warnings,
-        notes=(*step_notes(system, method), *_open_contacts(block, system)),
+        notes=(*step_notes(system, method), *truncation_notes(system), *_open_contacts(block, system)),
     )
 
 
