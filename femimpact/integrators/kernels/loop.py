@@ -150,16 +150,25 @@ def _look_around(j: int, s: Scheme, fine: Fine, pairs: Pairs, m: Motion) -> int:
 
 @inlined
 def _touch(
-    op: Operator, s: Scheme, fine: Fine | None, pairs: Pairs, m: Motion, record: Record, work: NDArray[Any]
-) -> None:
-    """Contact of the cases in reach of a wall, but for those that took fine steps and have had theirs."""
+    looking: int, op: Operator, s: Scheme, fine: Fine | None, pairs: Pairs, m: Motion, record: Record,
+    work: NDArray[Any],
+) -> None:  # fmt: skip
+    """Contact of the cases in reach of a wall, but for those that took fine steps and have had theirs.
+
+    No more than `looking` pairs are.
+    """
     time = (record.tally[0] + 1) * s.dt
     for c in range(m.q.shape[1]):
         reached = in_reach(c, pairs, m)
-        if fine is not None:
-            reached = reached and m.ledger[REFINED, c] == 0.0
-        if reached:
-            contact_step(c, time, op, s, pairs, m, record, work)
+        if reached == 0:
+            continue
+        # the pairs of such a case are counted as they were before its fine steps
+        if fine is not None and m.ledger[REFINED, c] > 0.0:
+            continue
+        looking -= reached
+        contact_step(c, time, op, s, pairs, m, record, work)
+        if looking <= 0:
+            break
 
 
 @compiled
@@ -207,7 +216,7 @@ def advance(
         if looking > 0:
             if fine is not None:
                 refined = _redo(s, fine, pairs, m, record, ledger, work)
-            _touch(op, s, fine, pairs, m, record, work)
+            _touch(looking, op, s, fine, pairs, m, record, work)
         if ledger and (refined == 0 or base.size > 1):
             _book(op, s, pairs, m)
         if refined > 0:

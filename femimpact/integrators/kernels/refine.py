@@ -78,14 +78,14 @@ def is_near(c: int, m: Motion) -> bool:
 
 
 @inlined
-def in_reach(c: int, pairs: Pairs, m: Motion) -> bool:
-    """Whether a pair of a case must be looked at."""
+def in_reach(c: int, pairs: Pairs, m: Motion) -> int:
+    """How many pairs of a case must be looked at."""
+    reached = 0
     for j in range(pairs.row.size):
         x = m.ball[X, j, c]
-        outside = x > pairs.constants[GAP_PLUS, j, c] or x < -pairs.constants[GAP_MINUS, j, c]
-        if outside or m.touch[BUSY, j, c] > 0.0:
-            return True
-    return False
+        outside = (x > pairs.constants[GAP_PLUS, j, c]) | (x < -pairs.constants[GAP_MINUS, j, c])
+        reached += outside | (m.touch[BUSY, j, c] > 0.0)
+    return reached
 
 
 @inlined
@@ -151,7 +151,7 @@ def redo_step(
     for part in range(parts):
         before, after = after, _drive_within(c, step, part + 1, parts, m)
         _fine_flight(c, before, after, op, s, pairs, m)
-        if in_reach(c, pairs, m):
+        if in_reach(c, pairs, m) > 0:
             contact_step(c, step * dt + (part + 1) * s.dt, op, s, pairs, m, record, work)
         if ledger:
             book_case(c, before, after, op, s, pairs, m)
