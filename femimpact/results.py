@@ -45,11 +45,11 @@ RIDING_FILE = "riding.csv"
 """Left only by a history in which something rode."""
 
 OTHER_FILES = (
-    RIDING_FILE,
+    RIDING_FILE, "contact.csv",
     "deflection.gif", "comparison.csv", "restitution.csv", "restitution.png", "mesh_convergence.csv",
     "mesh_convergence.png", "step_convergence.csv", "step_convergence.png",
 )  # fmt: skip
-"""What a riding ball, the demo and a convergence study leave besides."""
+"""What a riding ball, a table of contacts, the demo and a convergence study leave besides."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from femimpact.integrators.kernels.crossing import Space
 from femimpact.response import Channel
 from femimpact.system import System
 
-__all__ = ["EventDriven", "Outputs", "check_events", "outputs_of", "space_of"]
+__all__ = ["EventDriven", "Outputs", "check_events", "force_directions", "outputs_of", "space_of"]
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def space_of(system: System, drive: Drive, flight: FlightSpace, interval: float)
     """A flight space with its watched scalars, as arrays for the compiled loop."""
     pairs = len(system.contacts)
     sides = dict(flight.riders)
-    force = _force_directions(system)
+    force = force_directions(system)
     wave = _wave(drive)
     broken = drive.samples is not None
     e = flight.exponent
@@ -170,8 +170,8 @@ def _wave(drive: Drive) -> complex:
     return complex(0.0, -drive.amplitude)
 
 
-def _force_directions(system: System) -> NDArray[Any]:
-    """(d, pairs): what a force on the structure at each pair does to the coordinates."""
+def force_directions(system: System) -> NDArray[Any]:
+    """What a force on the structure at each pair does to the coordinates, (d, pairs): b there, -1 on its ball."""
     n, balls = system.dofs, len(system.balls)
     force = np.zeros((n + balls, len(system.contacts)))
     for j, pair in enumerate(system.contacts):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import DivergenceError
 from femimpact.integrators.driving import Drive
-from femimpact.integrators.event_driven import EventDriven, Outputs, space_of
+from femimpact.integrators.event_driven import EventDriven, Outputs, force_directions, space_of
 from femimpact.integrators.flight_space import FlightSpace, Riders, flight_space
 from femimpact.integrators.kernels import events
 from femimpact.integrators.kernels.balance import Balance, write_balance
@@ -73,7 +73,6 @@ class EventRun:
     cycles: list[NDArray[Any]] = field(default_factory=list)
     rides: list[Ride] = field(default_factory=list)
     open_rides: dict[int, tuple[int, float, float]] = field(default_factory=dict)
-    switches: int = 0
 
     def space(self, riders: Riders) -> tuple[FlightSpace, Space]:
         """Closed form and kernel arrays for these riders, made once."""
@@ -93,18 +92,13 @@ def new_run(
     given = np.concatenate([np.zeros(n), [pair.mass * pair.acceleration for pair in system.balls]])
     load = np.concatenate([drive.load, [-pair.mass * drive.share for pair in system.balls]])
     most = 2 * (n + balls) + 2
-    force = np.zeros((n + balls, pairs))
-    for j, pair in enumerate(system.contacts):
-        force[:n, j] = pair.direction
-        if not pair.is_stop:
-            force[n + j, j] = -1.0
     balance = Balance(
         mass=mass,
         damping=np.concatenate([system.C.diagonal(), np.zeros(balls)]),
         stiffness=np.concatenate([system.K.diagonal(), np.zeros(balls)]),
         load=load,
         given=given,
-        force=force,
+        force=force_directions(system),
         spring=np.array([pair.free_stiffness for pair in system.contacts]),
         structure=np.array([n]),
         loss_of_mode=np.zeros(n),
