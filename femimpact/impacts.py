@@ -185,7 +185,7 @@ class Riding:
         From the end of the accumulation of impacts to the change of sign of the contact force; the
         end is not a number for a state that lasts.
     impulse : ndarray (n,), N s
-        Integral of the contact force; positive towards + where the wall pushes the structure so.
+        Integral of the normal force, with which wall and ball push each other apart.
     mean_force : ndarray (n,), N
     """
 

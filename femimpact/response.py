@@ -22,7 +22,7 @@ from femimpact.system import System
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["Channel", "Recorder", "Response", "Snapshots", "resolve_channels"]
+__all__ = ["Channel", "Recorder", "Response", "Snapshots", "on_beam", "resolve_channels"]
 
 KINDS = ("displacement", "velocity", "ball", "ball_velocity", "gap", "contact_force")
 UNITS = ("m", "m/s", "m", "m/s", "m", "N")
@@ -108,6 +108,11 @@ def resolve_channels(system: System, channels: tuple[Position, ...] | None) -> t
         moving = str(channel).removesuffix(".velocity") not in stops
         require(moving, "channels", str(channel), "", "is a stop, which does not move: take its .gap or .contact_force")
     return tuple(_resolve(system, balls, channel) for channel in channels)
+
+
+def on_beam(system: System, channel: Channel) -> float:
+    """Sign that turns a pair's force along its direction b into the force on the beam: -1 for stops, b = -row."""
+    return -1.0 if channel.kind == KINDS.index("contact_force") and system.contacts[channel.ball].is_stop else 1.0
 
 
 def _resolve(system: System, balls: list[str], channel: Position) -> Channel:

@@ -359,3 +359,24 @@ def test_what_cannot_be_flown_is_refused_by_name():
     undamped = fi.System.from_matrices([[1.0]], [[0.0]], [[1.0]], points={"mass": [1.0]})
     with pytest.raises(fi.InputError, match="undamped mode"):
         fi.integrate(undamped, fi.Sine(1e-4, 1 / (2 * math.pi)), EXACT, 1.0)
+
+
+@pytest.mark.parametrize("method", ["event-driven", "moreau-jean", "newmark"])
+def test_the_force_of_a_stop_is_the_one_on_the_beam(method):
+    # a static push of 1 N towards + against a stop in touch: the stop pushes back, towards -
+    law = fi.KelvinVoigt(stiffness=1e5, restitution=0.2) if method == "newmark" else fi.Rigid(0.0)
+    system = fi.System.from_matrices(
+        [[1.0]], [[4.0]], [[1.0]], points={"mass": [1.0]},
+        stops=[fi.Stop("wall", "mass", (0.0, math.inf), law)],
+    )  # fmt: skip
+    # a force that hardly changes over the run: 1 N from phase 90 degrees on
+    push = fi.PointForce("mass", fi.Sine(1.0, 1e-3, math.pi / 2))
+    chosen = {
+        "event-driven": fi.EventDriven(samples_per_cycle=100_000),
+        "moreau-jean": fi.MoreauJean(dt=1e-3),
+        "newmark": fi.Newmark(dt=2e-4),
+    }[method]
+    run = fi.integrate(system, push, chosen, 5.0, fi.Recorder(("wall.contact_force", "mass")))
+    # the soft wall gives 1e-5 m, and the mass's own spring takes as much
+    assert run["wall.contact_force"][-1] == pytest.approx(-1.0, rel=2e-3)
+    assert abs(run["mass"][-1]) < 1e-4

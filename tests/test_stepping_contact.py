@@ -50,8 +50,8 @@ def test_a_two_sided_stop_makes_the_bilinear_oscillator():
     # a stop stays where it is: its gap is the deflection, read from the wall's side
     np.testing.assert_array_equal(run["wall.gap"], u)
     np.testing.assert_array_equal(run["gap"], u)
-    # the pair's force is positive at the + side, where it pushes the oscillator back
-    expected = stiff * (np.maximum(u - gap, 0) - np.maximum(-u - 1.5 * gap, 0))
+    # the force on the oscillator is negative at the + side, where the stop pushes it back
+    expected = -stiff * (np.maximum(u - gap, 0) - np.maximum(-u - 1.5 * gap, 0))
     np.testing.assert_allclose(run["contact_force"], expected, rtol=0, atol=1e-9)
     assert set(run.impacts.impactor) == {"wall"}
     np.testing.assert_array_equal(run.impacts.side[:4], [1, -1, 1, -1])

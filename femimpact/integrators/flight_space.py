@@ -152,7 +152,7 @@ def flight_space(system: System, drive: Drive, riders: Riders = ()) -> FlightSpa
     load, given = shapes.T @ whole.drive, vectors.T @ given
     # what nothing pulls back and nothing brakes moves on parabolas: free balls, rigid motions
     stiff = omega_squared > 0.0
-    braked = np.max(np.abs(damping), axis=0, initial=0.0) > 1e-15 * max(float(np.abs(damping).max()), 1e-300)
+    braked = np.max(np.abs(damping), axis=0, initial=0.0) > 1e-15 * max(float(np.abs(damping).max(initial=0.0)), 1e-300)
     bound = stiff | braked
     omega_squared = np.where(stiff, omega_squared, 0.0)
     exponent, modal, from_u, from_v = _entries(omega_squared[bound], damping[np.ix_(bound, bound)])

@@ -18,7 +18,7 @@ from femimpact.integrators.event_run import EventRun, Keep, Progress, new_run, r
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.integrators.recording import check_memory
 from femimpact.reduction import truncation_notes
-from femimpact.response import Channel, Recorder, Response, Snapshots, resolve_channels
+from femimpact.response import Channel, Recorder, Response, Snapshots, on_beam, resolve_channels
 from femimpact.signals import CycleStatistics, SteadyMotion, no_steady_motion, steady_motion
 from femimpact.system import State, System
 
@@ -109,7 +109,9 @@ def _response(
         )
     return Response(
         time=time,
-        channels={channel.name: _read_only(values[:, i + 1]) for i, channel in enumerate(channels)},
+        channels={
+            channel.name: _read_only(on_beam(system, channel) * values[:, i + 1]) for i, channel in enumerate(channels)
+        },
         units={channel.name: channel.unit for channel in channels},
         impacts=impacts,
         riding=_riding(run, system),

@@ -21,7 +21,7 @@ from femimpact.integrators.newmark import SteppingMethod, require_method
 from femimpact.integrators.recording import check_memory, memory_needed, record_of
 from femimpact.integrators.stepping import check_sampling, check_step, step_notes
 from femimpact.reduction import truncation_notes
-from femimpact.response import Channel, Recorder, Response, Snapshots, resolve_channels
+from femimpact.response import Channel, Recorder, Response, Snapshots, on_beam, resolve_channels
 from femimpact.signals import no_steady_motion, steady_motion
 from femimpact.system import State, System
 
@@ -151,7 +151,10 @@ def _response(
     finished = int(np.count_nonzero(cycles.samples[:, 0]))
     return Response(
         time=time,
-        channels={channel.name: _read_only(record.channels[:, i]) for i, channel in enumerate(channels)},
+        channels={
+            channel.name: _read_only(on_beam(system, channel) * record.channels[:, i])
+            for i, channel in enumerate(channels)
+        },
         units={channel.name: channel.unit for channel in channels},
         impacts=impacts,
         riding=_riding(block, system),
@@ -242,7 +245,7 @@ def _snapshots(record: layout.Record, system: System, first: int, stride: int, d
         velocity=_read_only(v),
         ball_displacement=_read_only(record.fields[:, 0, balls]),
         ball_velocity=_read_only(record.fields[:, 1, balls]),
-        contact_force=_read_only(record.forces),
+        contact_force=_read_only(record.forces * [-1.0 if pair.is_stop else 1.0 for pair in system.contacts]),
     )
 
 
