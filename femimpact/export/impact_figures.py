@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact.export.figures import BLUE, GREY, ORANGE, _figure
-from femimpact.regimes import Regime, classify
 from femimpact.response import Response
 
 if TYPE_CHECKING:
@@ -17,18 +16,6 @@ __all__ = ["impact_histogram_figure", "impulse_phase_figure"]
 
 WALLS: tuple[tuple[int, str, str, str], ...] = ((1, BLUE, "o", "+ wall"), (-1, ORANGE, "^", "- wall"))
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
-
-
-def _last_third(response: Response) -> tuple[float, float]:
-    """Window of the response's own statistics (s): its last third, after the transient."""
-    first, last = float(response.time[0]), float(response.time[-1])
-    # from the start of the run even if the recorder began later
-    start = max(first, last - last / 3.0)
-    return start, last
-
-
-def _regime(response: Response, start: float, end: float) -> Regime:
-    return classify(response.impacts, response.riding, response.base.frequency, start, end)
 
 
 def _scaled(values: Any, unit: str) -> tuple[Any, str]:
@@ -44,7 +31,7 @@ def impact_histogram_figure(response: Response) -> Figure:
     Both walls are stacked; the dashed line is the mean.
     """
     impacts = response.impacts
-    start, end = _last_third(response)
+    start, end = response.window
     inside = (impacts.time >= start) & (impacts.time < end)
     figure, axes = _figure(10.0, 3.9, 1, 3, sharey=True)
     columns = (
@@ -74,7 +61,7 @@ def impact_histogram_figure(response: Response) -> Figure:
 def impulse_phase_figure(response: Response) -> Figure:
     """Impulse of each impact over the base's phase, last third of the run, with the regime in the title."""
     impacts = response.impacts
-    start, end = _last_third(response)
+    start, end = response.window
     inside = (impacts.time >= start) & (impacts.time < end)
     impulse, unit = _scaled(np.abs(impacts.impulse[inside]), "N s")
     phase, sides = np.degrees(impacts.phase[inside]), impacts.side[inside]
@@ -91,7 +78,7 @@ def impulse_phase_figure(response: Response) -> Figure:
     axis.set_ylim(0.0, 1.2 * (impulse.max(initial=0.0) or 1.0))
     axis.set_xlabel("phase of the base (degrees)")
     axis.set_ylabel(f"impulse ({unit})")
-    label = _regime(response, start, end).label.replace(": ", ":\n", 1) if start < end else "no time recorded"
+    label = response.regime.label.replace(": ", ":\n", 1)
     axis.set_title(f"{response.base.frequency:.4g} Hz, {start:.4g} to {end:.4g} s: {label}", loc="left")
     axis.legend(loc="upper right", ncols=2, frameon=False)
     return figure
