@@ -380,3 +380,22 @@ def test_the_force_of_a_stop_is_the_one_on_the_beam(method):
     # the soft wall gives 1e-5 m, and the mass's own spring takes as much
     assert run["wall.contact_force"][-1] == pytest.approx(-1.0, rel=2e-3)
     assert abs(run["mass"][-1]) < 1e-4
+
+
+def test_a_ball_that_accumulates_while_another_rides_comes_to_rest():
+    # what presses the second ball to its wall is the first one's weight: seen only with the rider in place
+    structure = fi.Structure(
+        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
+        masses=[fi.PointMass("box", at="tip", mass=0.02290976)],
+        impactors=[
+            fi.Impactor("heavy", "tip", 4.33e-3, 45e-6, fi.Rigid(0.0), acceleration=-9.81, free_stiffness=2.0),
+            fi.Impactor("light", 0.1, 2.1e-3, (48e-6, 480e-6), fi.Rigid(0.3), free_stiffness=2.0),
+        ],
+    )
+    system = fi.reduce(fi.assemble(structure, elements=16), modes=4)
+    push = fi.PointForce("tip", fi.Sine(0.22, 7.0))
+    run = fi.integrate(system, push, EXACT, 1.0, fi.Recorder(("heavy.gap", "light.gap")))
+    assert {"heavy", "light"} <= set(run.riding.impactor)
+    assert run.energy.residual < 1e-10
+    # rounding of a displacement of centimetres
+    assert np.abs(run["heavy.gap"]).max() < 45e-6 + 1e-15

@@ -16,7 +16,7 @@ from femimpact.integrators.event_driven import EventDriven, Outputs, force_direc
 from femimpact.integrators.flight_space import FlightSpace, Riders, flight_space
 from femimpact.integrators.kernels import events
 from femimpact.integrators.kernels.balance import Balance, write_balance
-from femimpact.integrators.kernels.crossing import Flight, Space, read_coordinates
+from femimpact.integrators.kernels.crossing import Flight, Space, derivatives, read_coordinates
 from femimpact.integrators.kernels.events import Contact, Samples
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.system import System
@@ -28,6 +28,9 @@ CYCLES_AT_ONCE = 256
 
 SWITCHES_AT_ONCE = 200
 """Changes of riding at one instant beyond which the motion is called unresolved."""
+
+SWITCHES_IN_CYCLE = 20_000
+"""The same in one base cycle."""
 
 Progress = Callable[[float], None]
 
@@ -169,7 +172,7 @@ def run_event_driven(
 def _fly(run: EventRun, flight: Flight, riders: Riders, out: Samples, end: float) -> tuple[Flight, Riders]:
     """Through all events of one piece; the outputs' rows change with who rides."""
     knot = _next_knot(run.drive, flight.clock[0])
-    last, repeated = -1.0, 0
+    last, repeated, switches, counted = -1.0, 0, 0, -1
     while True:
         space = run.space(riders)[1]
         spare, mark = _copies(flight)
@@ -190,7 +193,9 @@ def _fly(run: EventRun, flight: Flight, riders: Riders, out: Samples, end: float
             continue
         repeated = repeated + 1 if flight.clock[0] <= last else 0
         last = flight.clock[0]
-        if status == events.STUCK or repeated > SWITCHES_AT_ONCE:
+        cycle = math.floor(last / (run.interval * run.method.samples_per_cycle))
+        switches, counted = (switches + 1, cycle) if cycle == counted else (0, cycle)
+        if status == events.STUCK or repeated > SWITCHES_AT_ONCE or switches > SWITCHES_IN_CYCLE:
             raise DivergenceError(_stuck_message(run, flight.clock[0]))
         flight, riders = _change(run, flight, riders, status)
 
@@ -208,6 +213,10 @@ def _change(run: EventRun, flight: Flight, riders: Riders, status: int) -> tuple
         run.contact.leaving[pair] = dict(riders)[pair]
         after = tuple(rider for rider in riders if rider[0] != pair)
         _close_ride(run, pair, float(flight.clock[0]))
+    elif riders and _comes_to_rest_too(run, flight, riders, pair, side):
+        after = tuple(sorted((*riders, (pair, side))))
+        velocity = _captured(run, after, position, velocity, flight.clock)
+        status = events.REST
     else:
         # an impact elsewhere passes through riders as an impact of its own: they are let go
         after = ()
@@ -225,6 +234,32 @@ def _change(run: EventRun, flight: Flight, riders: Riders, status: int) -> tuple
     if events.comes_to_rest(space, moved, run.contact, run.balance):
         return _change(run, moved, (), events.REST)
     return moved, ()
+
+
+def _comes_to_rest_too(run: EventRun, flight: Flight, riders: Riders, pair: int, side: int) -> bool:
+    """Whether a pair that hits its wall while others ride bounces no higher than the closure.
+
+    What presses it there is decided with the riders in place: without their forces it may seem to leave.
+    """
+    space, contact = run.space(riders)[1], run.contact
+    derivatives(pair, space, flight, _phase(space, flight.clock), contact.found)
+    press, e = side * float(contact.found[0]), float(contact.restitution[pair])
+    rebound = e * side * float(contact.rate[pair])
+    if press <= 1e-12 * contact.found[2] or rebound**2 > 2.0 * press * run.method.closure:
+        return False
+    lasting = 2.0 * rebound / (press * (1.0 - e)) if e < 1.0 else 2.0 * rebound / press
+    run.open_rides[pair] = (side, float(flight.clock[0]) + lasting, 0.0)
+    return True
+
+
+def _captured(
+    run: EventRun, riders: Riders, position: NDArray[Any], velocity: NDArray[Any], clock: NDArray[Any]
+) -> NDArray[Any]:
+    """Velocities after the impulses that make all these pairs ride at once; the energy that goes is booked."""
+    moved = _flight_from(run, riders, position, velocity, clock)
+    after = _coordinates(run, riders, moved)[1]
+    run.balance.sums[1] += 0.5 * float(run.balance.mass @ (velocity**2 - after**2))
+    return after
 
 
 def _coordinates(run: EventRun, riders: Riders, flight: Flight) -> tuple[NDArray[Any], NDArray[Any]]:
