@@ -260,7 +260,7 @@ class Stop:
         pair = self.gap if isinstance(self.gap, tuple) else (self.gap,)
         numbers = all(isinstance(gap, (int, float)) and not isinstance(gap, bool) and gap >= 0 for gap in pair)
         allowed = "must be one number >= 0 or two (to the + side, to the - side), one of which may be infinite"
-        fine = numbers and len(pair) <= 2 and min(pair) < math.inf
+        fine = numbers and 1 <= len(pair) <= 2 and min(pair) < math.inf
         require(fine, "gap", self.gap, "m", allowed)
         is_law = isinstance(self.contact, ContactLaw)
         require(is_law, "contact", self.contact, "", "must be a contact law (KelvinVoigt, ..., Rigid)")

@@ -403,7 +403,7 @@ def _with_contact(noun: Any, prefix: str, values: Mapping[str, Any], faults: lis
 def _method(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
     settings = {key: value for key, value in values.items() if key != "name"}
     name = values.get("name", "newmark")
-    if name not in METHODS:
+    if not isinstance(name, str) or name not in METHODS:
         allowed = f"must be one of {', '.join(repr(known) for known in METHODS)}"
         faults.append(Fault(f"{prefix}.name", name, "", allowed))
         return None

@@ -352,7 +352,11 @@ def _add_ride_impulses(run: EventRun, riders: Riders, start: Flight, duration: f
 
 def _close_ride(run: EventRun, pair: int, time: float) -> None:
     side, start, impulse = run.open_rides.pop(pair)
-    if time > start:
+    before = run.rides[-1] if run.rides else None
+    if before is not None and (before.pair, before.side) == (pair, side) and before.end >= start:
+        # let go by an impact elsewhere and at once at rest again: one riding state
+        run.rides[-1] = Ride(pair, side, before.start, time, before.impulse + impulse)
+    elif time > start:
         run.rides.append(Ride(pair, side, start, time, impulse))
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from femimpact.energy import EnergyLedger
 from femimpact.errors import in_range, quantity, require
-from femimpact.excitation import Excitation
+from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
 from femimpact.impacts import Impacts, Riding, impact_statistics
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven import EventDriven, check_events, outputs_of
@@ -53,6 +53,8 @@ def fly(
         If impacts do not resolve.
     """
     check_events(system)
+    known = isinstance(excitation, Sine | PointForce | RecordedBase)
+    require(known, "excitation", type(excitation).__name__, "", "must be a Sine, a PointForce or a RecordedBase")
     interval = grid_interval(method, excitation)
     fits = in_range(duration, quantity("s", at_least=interval))
     require(fits, "duration", duration, "s", f"must be a finite number >= one sample, {interval:g} s")
