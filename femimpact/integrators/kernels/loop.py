@@ -6,12 +6,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from femimpact.integrators.kernels.banded import free_step_banded, free_step_banded_single
 from femimpact.integrators.kernels.compiling import compiled, inlined
 from femimpact.integrators.kernels.flight import (
     blend_drive,
     free_step_ball,
-    free_step_banded,
-    free_step_banded_single,
     free_step_diagonal,
     free_step_single,
     observe,

@@ -7,8 +7,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from femimpact.integrators.kernels.banded import free_step_banded_single
 from femimpact.integrators.kernels.compiling import compiled, inlined
-from femimpact.integrators.kernels.flight import free_step_banded_single, free_step_single
+from femimpact.integrators.kernels.flight import free_step_single
 from femimpact.integrators.kernels.ledger import book_case
 from femimpact.integrators.kernels.touch import contact_step
 from femimpact.integrators.kernels.watch import save
