@@ -1,0 +1,138 @@
+"""The response curve of a sweep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.identification import DampingEstimate, fit_one_pole, half_power
+from femimpact.structure import Position
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["SWEEP_UNITS", "FrequencyResponse"]
+
+SWEEP_UNITS = {
+    "peak": "m",
+    "rms": "m",
+    "first_harmonic": "m",
+    "phase": "rad",
+    "impacts_per_cycle": "1",
+    "mean_approach_speed": "m/s",
+    "largest_approach_speed": "m/s",
+    "mean_impulse": "N s",
+    "peak_force": "N",
+    "cycle_mean_force": "N",
+    "energy_residual": "1",
+}
+"""Numeric columns of a sweep and their units."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Response curve over the base frequency, measured at the end of each dwell.
+
+    Parameters
+    ----------
+    frequency : ndarray (n,), Hz
+    peak, rms, first_harmonic : ndarray (n,), m
+        Of the observed place relative to the base; not a number where a case failed.
+    phase : ndarray (n,), rad
+        Of the first harmonic relative to the base's displacement.
+    steadiness : ndarray (n,) of str
+        "periodic", "statistical", "transient" or "failed".
+    impacts_per_cycle : ndarray (n,), 1
+    mean_approach_speed, largest_approach_speed : ndarray (n,), m/s
+    mean_impulse : ndarray (n,), N s
+    peak_force : ndarray (n,), N
+        Under the law named in `law`.
+    cycle_mean_force : ndarray (n,), N
+        Integral of the force over the measured time.
+    energy_residual : ndarray (n,), 1
+        Largest over the base cycles of the whole dwell; not a number without a ledger.
+    amplitude : float, m
+        Of the base.
+    cycles : int or None
+        Whole dwell at each frequency; None where it is a duration.
+    at : str or float
+        The observed place.
+    start : str
+        Frame in which everything was at rest, or "given".
+    law : str
+    warnings, notes : tuple of str
+    duration, window : float or None, s
+        Whole dwell at each frequency and the measured end of it; None where it is a number of cycles.
+    """
+
+    frequency: NDArray[Any]
+    peak: NDArray[Any]
+    rms: NDArray[Any]
+    first_harmonic: NDArray[Any]
+    phase: NDArray[Any]
+    steadiness: NDArray[Any]
+    impacts_per_cycle: NDArray[Any]
+    mean_approach_speed: NDArray[Any]
+    largest_approach_speed: NDArray[Any]
+    mean_impulse: NDArray[Any]
+    peak_force: NDArray[Any]
+    cycle_mean_force: NDArray[Any]
+    energy_residual: NDArray[Any]
+    amplitude: float
+    cycles: int | None
+    at: Position
+    start: str
+    law: str
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    duration: float | None = None
+    window: float | None = None
+
+    @cached_property
+    def damping(self) -> DampingEstimate:
+        """One-pole fit of the peak curve."""
+        return fit_one_pole(self.frequency, self.peak)
+
+    @cached_property
+    def damping_half_power(self) -> DampingEstimate:
+        """Half-power estimate of the peak curve."""
+        return half_power(self.frequency, self.peak)
+
+    @property
+    def peak_amplitude(self) -> float:
+        """Largest peak of the curve, m."""
+        return float(np.nanmax(self.peak))
+
+    @property
+    def peak_frequency(self) -> float:
+        """Frequency of the largest peak, Hz."""
+        return float(self.frequency[np.nanargmax(self.peak)])
+
+    @property
+    def _dwell(self) -> dict[str, float]:
+        given = {"cycles": self.cycles, "duration_s": self.duration, "window_s": self.window}
+        return {name: value for name, value in given.items() if value is not None}
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The curve as a labelled dataset over frequency."""
+        import xarray
+
+        data: dict[str, Any] = {
+            name: ("frequency", np.array(getattr(self, name)), {"units": unit, "long_name": name.replace("_", " ")})
+            for name, unit in SWEEP_UNITS.items()
+        }
+        data["steadiness"] = ("frequency", np.array(self.steadiness, dtype=str))
+        frequency = ("frequency", np.array(self.frequency), {"units": "Hz", "long_name": "base frequency"})
+        attributes = {
+            "base_amplitude_m": self.amplitude,
+            **self._dwell,
+            "at": str(self.at),
+            "start": self.start,
+            "contact_law": self.law,
+            "warnings": "; ".join(self.warnings),
+        }
+        return xarray.Dataset(data, coords={"frequency": frequency}, attrs=attributes)

@@ -1,0 +1,89 @@
+"""How long each frequency of a sweep is run, and which of its base cycles are measured."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femimpact.errors import in_range, quantity, require
+
+__all__ = ["LEAST_CYCLES", "Dwells", "dwells_of"]
+
+LEAST_CYCLES = 3
+"""Fewest base cycles of a dwell: the last third is measured."""
+
+ROUNDING = 1e-9
+"""Of a number of cycles: 4.1 Hz for 10 s are 41 of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Dwells:
+    """Whole base cycles run and measured at each frequency.
+
+    Parameters
+    ----------
+    frequency : ndarray (n,), Hz
+    cycles : ndarray (n,) of int
+        Run.
+    measured : ndarray (n,) of int
+        Of these at the end.
+    """
+
+    frequency: NDArray[Any]
+    cycles: NDArray[Any]
+    measured: NDArray[Any]
+
+
+def dwells_of(frequencies: ArrayLike, cycles: Any, duration: Any, window: Any) -> Dwells:
+    """Dwells from a number of cycles, or from a duration and the window at its end.
+
+    Of a duration the whole cycles from t = 0 are run, of a window those that lie within the last of it.
+
+    Parameters
+    ----------
+    frequencies : array_like (n,), Hz
+    cycles : int or None
+        The last third is measured.
+    duration, window : float or None, s
+        The window is the last third of the duration by default.
+
+    Returns
+    -------
+    Dwells
+
+    Raises
+    ------
+    InputError
+        If neither or both ways are taken, or less than one whole cycle would be measured.
+    """
+    try:
+        f = np.atleast_1d(np.array(frequencies, dtype=float))
+    except (TypeError, ValueError):
+        f = np.zeros(0)
+    fine = f.ndim == 1 and f.size > 0 and bool(np.all(np.isfinite(f) & (f > 0)))
+    require(fine, "frequencies", None, "Hz", "must be one or more numbers > 0")
+    one = (cycles is None) != (duration is None)
+    require(one, "cycles", cycles, "", "give either cycles (a whole number) or a duration (s)")
+    if duration is None:
+        require(window is None, "window", window, "s", "goes with a duration, not with cycles")
+        whole = isinstance(cycles, (int, np.integer)) and bool(cycles >= LEAST_CYCLES)
+        require(whole, "cycles", cycles, "", f"must be a whole number >= {LEAST_CYCLES}")
+        return Dwells(f, np.full(f.size, int(cycles)), np.full(f.size, int(cycles) // 3))
+    least = LEAST_CYCLES / float(f.min())
+    allowed = f"must be a finite number >= {LEAST_CYCLES} base cycles, {least:g} s"
+    require(in_range(duration, quantity("s", at_least=least - ROUNDING)), "duration", duration, "s", allowed)
+    last = duration / 3.0 if window is None else window
+    fits = in_range(last, quantity("s", above=0.0)) and last <= duration
+    require(fits, "window", window, "s", f"must be > 0 and at most the duration, {duration:g} s")
+    run = np.floor(duration * f + ROUNDING).astype(int)
+    measured = run - np.ceil((duration - last) * f - ROUNDING).astype(int)
+    short = measured < 1
+    if np.any(short):
+        slowest = float(f[short].min())
+        allowed = f"must hold a whole base cycle of every frequency; {math.ceil(2e3 / slowest) / 1e3:g} s always does"
+        require(False, "window", last, "s", allowed)
+    return Dwells(f, run, measured)

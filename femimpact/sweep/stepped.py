@@ -1,0 +1,148 @@
+"""A sweep by a step method: blocks of frequencies side by side."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.contact.formulas import RIGID
+from femimpact.energy import energy_residual
+from femimpact.errors import DivergenceError
+from femimpact.excitation import Sine
+from femimpact.impacts import impact_statistics
+from femimpact.integrators.block import Block, Progress, prepare, run_block
+from femimpact.integrators.integrate import divergence_message
+from femimpact.integrators.newmark import SteppingMethod
+from femimpact.integrators.stepping import check_sampling, check_step
+from femimpact.signals import SteadyMotion, steady_motion
+from femimpact.sweep.curve import SWEEP_UNITS
+from femimpact.sweep.dwells import Dwells
+from femimpact.system import State, System
+
+__all__ = ["IMPACT_NAMES", "stepped_columns"]
+
+WIDEST_BLOCK = 64
+"""Cases side by side beyond which a block no longer gains speed but leaves the cache."""
+
+IMPACT_NAMES = (
+    "impacts_per_cycle", "mean_approach_speed", "largest_approach_speed", "mean_impulse", "peak_force",
+    "cycle_mean_force",
+)  # fmt: skip
+
+
+def stepped_columns(
+    system: System, amplitude: float, dwells: Dwells, method: SteppingMethod, state: State,
+    observed: NDArray[Any], ledger: bool, workers: int, progress: Progress | None,
+) -> tuple[dict[str, NDArray[Any]], list[str]]:  # fmt: skip
+    """All frequencies by a step method, side by side in blocks: columns, and warnings."""
+    f = dwells.frequency
+    check_sampling(f, method, "frequencies")
+    warnings = list(check_step(system, method))
+    groups = _blocks(f, workers)
+    ends = np.ceil(dwells.cycles / (f * method.dt)).astype(int)
+    starts = np.ceil((dwells.cycles - dwells.measured) / (f * method.dt)).astype(int)
+    blocks = [
+        prepare(
+            system, [Sine(amplitude, float(f[i])) for i in members], method, steps=ends[members].tolist(),
+            window_start=starts[members].tolist(), initial=state, observed=observed, ledger=ledger,
+        )
+        for members in groups
+    ]  # fmt: skip
+    _run_all(blocks, workers, progress)
+    columns = _gather(blocks, groups, dwells, method, warnings)
+    if all(s == "failed" for s in columns["steadiness"]):
+        time = min(float(block.diverged.min()) for block in blocks)
+        raise DivergenceError(divergence_message(float(f[0]), time, method))
+    return columns, warnings
+
+
+def _blocks(f: NDArray[Any], workers: int) -> list[NDArray[Any]]:
+    """Cases of like length together; as many blocks as workers, none wider than the cache likes."""
+    count = max(min(workers, f.size // 2), math.ceil(f.size / WIDEST_BLOCK), 1)
+    return [members for members in np.array_split(np.argsort(f, kind="stable"), count) if members.size]
+
+
+def _run_all(blocks: Sequence[Block], workers: int, progress: Progress | None) -> None:
+    stop = threading.Event()
+    shares = [0.0] * len(blocks)
+    work = [block.steps * block.motion.q.shape[1] for block in blocks]
+    lock = threading.Lock()
+
+    def report(index: int, share: float) -> None:
+        with lock:
+            shares[index] = share
+            if progress is not None:
+                progress(sum(s * w for s, w in zip(shares, work, strict=True)) / sum(work))
+
+    def run(index: int) -> None:
+        run_block(blocks[index], lambda share: report(index, share), stop)
+
+    if len(blocks) == 1 or workers == 1:
+        for index in range(len(blocks)):
+            run(index)
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        futures = [pool.submit(run, index) for index in range(len(blocks))]
+        try:
+            for future in futures:
+                future.result()
+        finally:
+            # an interrupt or an error in one block must not leave the others running
+            stop.set()
+
+
+def _gather(
+    blocks: Sequence[Block],
+    groups: Sequence[NDArray[Any]],
+    dwells: Dwells,
+    method: SteppingMethod,
+    warnings: list[str],
+) -> dict[str, NDArray[Any]]:
+    """Columns over the frequencies in their given order."""
+    f = dwells.frequency
+    columns = {name: np.full(f.size, np.nan) for name in SWEEP_UNITS}
+    columns["steadiness"] = np.full(f.size, "failed", dtype="<U11")
+    for block, members in zip(blocks, groups, strict=True):
+        motion = _motion(block, dwells.cycles[members], dwells.measured[members])
+        totals = block.motion.totals[:, :, : members.size]
+        # an impulse has no peak
+        totals[4, block.pairs.kind == RIGID] = np.nan
+        residual = _residuals(block, dwells.cycles[members]) if block.ledger else np.full(members.size, np.nan)
+        for c, i in enumerate(members):
+            if np.isfinite(block.diverged[c]):
+                warnings.append(divergence_message(float(f[i]), float(block.diverged[c]), method))
+                continue
+            for name in ("peak", "rms", "first_harmonic", "phase", "steadiness"):
+                columns[name][i] = getattr(motion, name)[c]
+            columns["energy_residual"][i] = residual[c]
+            measured = float(np.diff(block.motion.window[:, c])[0]) * method.dt
+            statistics = impact_statistics(totals[:, :, c], measured, float(f[i]), "")
+            for name in IMPACT_NAMES:
+                columns[name][i] = getattr(statistics, name)
+    return columns
+
+
+def _motion(block: Block, cycles: NDArray[Any], measured: NDArray[Any]) -> SteadyMotion:
+    # slower cases of the block run on beyond their own dwell: leave those cycles out
+    statistics = block.cycle_statistics
+    own = np.arange(statistics.samples.shape[0])[:, None] < cycles
+    return steady_motion(replace(statistics, samples=np.where(own, statistics.samples, 0.0)), measured)
+
+
+def _residuals(block: Block, cycles: NDArray[Any]) -> NDArray[Any]:
+    energy = block.cycles.energy[:, :, : block.cases]
+    # slower cases run on beyond their own dwell: its last row stands for those after it
+    own = np.minimum(np.arange(energy.shape[0])[:, None, None], cycles)
+    kinetic, strain, ball, contact, work, structure_loss, contact_loss = np.moveaxis(
+        np.take_along_axis(energy, own, axis=0), 1, 0
+    )
+    with np.errstate(invalid="ignore", over="ignore"):
+        residual = energy_residual(kinetic + strain + ball + contact, work, structure_loss + contact_loss)
+        return np.asarray(np.max(np.abs(residual), axis=0))

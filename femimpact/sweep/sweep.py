@@ -1,0 +1,151 @@
+"""Stepped-sine sweeps: one base frequency a case, all side by side."""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import Any
+
+from numpy.typing import ArrayLike, NDArray
+
+from femimpact.damping import realised_damping_ratio
+from femimpact.errors import require, require_type
+from femimpact.integrators.block import Progress
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.newmark import SteppingMethod, require_method
+from femimpact.integrators.stepping import step_notes
+from femimpact.structure import Position
+from femimpact.sweep.curve import FrequencyResponse
+from femimpact.sweep.dwells import Dwells, dwells_of
+from femimpact.sweep.flown import flown_columns
+from femimpact.sweep.stepped import stepped_columns
+from femimpact.system import State, System
+
+__all__ = ["frequency_sweep"]
+
+TRANSIENT_LEFT = 0.03
+"""Share of the first mode's transient that may be left where measuring begins without a warning."""
+
+
+def frequency_sweep(
+    system: System,
+    amplitude: float,
+    frequencies: ArrayLike,
+    method: SteppingMethod | EventDriven,
+    cycles: int | None = None,
+    *,
+    duration: float | None = None,
+    window: float | None = None,
+    initial: State | None = None,
+    at: Position = "tip",
+    ledger: bool = True,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> FrequencyResponse:
+    """Stepped-sine sweep: each frequency a run of its own from the initial state.
+
+    Parameters
+    ----------
+    system : System
+        Reduced systems are fastest.
+    amplitude : float, m
+        Of the base displacement, the same at all frequencies.
+    frequencies : array_like (n,), Hz
+    method : Newmark, HHT, WBZ, GeneralizedAlpha, MoreauJean or EventDriven
+    cycles : int
+        Whole dwell in base cycles; the last third is measured. Or
+    duration : float, s
+        the whole dwell in time, of which
+    window : float, s
+        is measured at its end: the whole base cycles in it. The last third by default.
+    initial : State, optional
+        At rest in the frame of the base by default.
+    at : str or float
+        The observed place.
+    ledger : bool
+        Keep the energy residual of every case; costs about half as much again.
+    threads : int, optional
+        The number of cores by default; the results do not depend on it, to the last bit.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+
+    Returns
+    -------
+    FrequencyResponse
+        A frequency that diverged is a row of not-a-numbers, "failed", with a warning.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range or the step does not resolve the contact.
+    DivergenceError
+        If every frequency diverged.
+    """
+    state = initial or State()
+    given: tuple[tuple[Any, Any], ...] = ((system, System), (state, State))
+    for value, kind in given:
+        require_type(value, kind, kind.__name__.lower())
+    dwells = dwells_of(frequencies, cycles, duration, window)
+    positive = threads is None or (isinstance(threads, int) and not isinstance(threads, bool) and threads >= 1)
+    require(positive, "threads", threads, "", "must be a whole number >= 1")
+    observed, workers = system.point_row(at), threads or _cores()
+    if isinstance(method, EventDriven):
+        notes: tuple[str, ...] = ()
+        columns, warnings = flown_columns(system, amplitude, dwells, method, state, observed, ledger, workers, progress)
+    else:
+        require_method(method)
+        notes = step_notes(system, method)
+        columns, warnings = stepped_columns(
+            system, amplitude, dwells, method, state, observed, ledger, workers, progress
+        )
+    warnings += _steadiness_warnings(dwells.frequency, columns["steadiness"]) + _dwell_warnings(system, dwells)
+    return FrequencyResponse(
+        frequency=_read_only(dwells.frequency),
+        **{name: _read_only(column) for name, column in columns.items()},
+        amplitude=amplitude,
+        cycles=None if cycles is None else int(cycles),
+        at=at,
+        start=state.frame if state.is_at_rest else "given",
+        law=", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none",
+        warnings=tuple(warnings),
+        notes=notes,
+        duration=duration,
+        window=window,
+    )
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _steadiness_warnings(f: NDArray[Any], steadiness: NDArray[Any]) -> list[str]:
+    moving = f[steadiness == "transient"]
+    if moving.size == 0:
+        return []
+    return [
+        f"not steady at {moving.size} of {f.size} frequencies ({moving.min():.4g} to {moving.max():.4g} Hz): "
+        "the two halves of the measured time differ; take more cycles"
+    ]
+
+
+def _dwell_warnings(system: System, dwells: Dwells) -> list[str]:
+    """What is left of the structure's own transient where measuring begins, when that is much."""
+    if system.rayleigh is None:
+        return []
+    omega = 2.0 * math.pi * system.first_frequency
+    ratio = float(realised_damping_ratio(*system.rayleigh, omega))
+    begin = float(((dwells.cycles - dwells.measured) / dwells.frequency).min())
+    left = math.exp(-ratio * omega * begin)
+    if left <= TRANSIENT_LEFT:
+        return []
+    return [
+        f"dwell of {begin:.3g} s before measuring begins: {100 * left:.2g} % of the first mode's transient "
+        f"(damping ratio {ratio:.3g}) is left there: peaks and damping near {system.first_frequency:.4g} Hz want a "
+        "longer dwell"
+    ]
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    array.setflags(write=False)
+    return array
