@@ -9,8 +9,9 @@ import pytest
 import femimpact as fi
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven import space_of
+from femimpact.integrators.event_run import new_search
 from femimpact.integrators.flight_space import flight_space
-from femimpact.integrators.kernels import events
+from femimpact.integrators.kernels import search
 from femimpact.integrators.kernels.crossing import Flight
 
 EXACT = fi.EventDriven()
@@ -172,11 +173,11 @@ def test_a_rider_moves_like_the_glued_structure():
 def first_beyond(space, flight, horizon, points):
     """First time at which a fine scan of the closed form finds the pair beyond a wall, else infinity."""
     t = np.linspace(0.0, horizon, points)
-    terms = space.weight[0][:, None] * flight.entry[:, None] * np.exp(np.outer(space.exponent, t))
-    wave = space.sine[0] * np.exp(1j * (space.omega * t + flight.clock[3]))
-    y = flight.particle[:, None] + np.outer(flight.particle_rate, t) + 0.5 * np.outer(space.particle_given, t**2)
-    x = terms.real.sum(axis=0) + wave.real + space.constant[0] + space.particle_weight[0] @ y
-    out = np.flatnonzero((x > space.upper[0]) | (x < space.lower[0]))
+    terms = space.watch.weight[0][:, None] * flight.entry[:, None] * np.exp(np.outer(space.watch.exponent, t))
+    wave = space.watch.sine[0] * np.exp(1j * (space.watch.omega * t + flight.clock[3]))
+    y = flight.particle[:, None] + np.outer(flight.particle_rate, t) + 0.5 * np.outer(space.watch.particle_given, t**2)
+    x = terms.real.sum(axis=0) + wave.real + space.watch.constant[0] + space.watch.particle_weight[0] @ y
+    out = np.flatnonzero((x > space.watch.upper[0]) | (x < space.watch.lower[0]))
     return (t[out[0]] if out.size else math.inf), t[1]
 
 
@@ -203,37 +204,29 @@ def test_no_crossing_is_missed_in_thousands_of_random_flights(modes, states):
         expected, step = first_beyond(space, flight, horizon, points)
         if expected == 0.0:
             continue
-        contact = scratch(modes)
-        status = events.next_event(space, flight, horizon, contact)
-        time = flight.clock[0] if status == events.HIT else math.inf
-        met += status == events.HIT
+        scratch = new_search(1, 2 * modes)
+        status = search.next_event(space.watch, flight, horizon, scratch)
+        time = flight.clock[0] if status == search.HIT else math.inf
+        met += status == search.HIT
         # the scan sees a crossing one point late at most; the event may be a graze between two points
         assert time <= expected
         if math.isfinite(expected) and time < expected - step:
             again, _ = first_beyond(space, flight, 0.0, 2)
             # an earlier event is a real one: at its instant the pair is at its wall, to rounding
             assert again in (0.0, math.inf)
-            x = space.upper[0] if contact.at_wall[0] > 0 else space.lower[0]
+            x = space.watch.upper[0] if scratch.at_wall[0] > 0 else space.watch.lower[0]
             assert abs(value_now(space, flight) - x) < 1e-12 * (abs(x) + scale + 1)
     assert met > states / 4
 
 
 def value_now(space, flight):
-    wave = space.sine[0] * np.exp(1j * (space.omega * flight.clock[0] + flight.clock[3]))
+    wave = space.watch.sine[0] * np.exp(1j * (space.watch.omega * flight.clock[0] + flight.clock[3]))
     return float(
-        (space.weight[0] @ flight.entry).real
+        (space.watch.weight[0] @ flight.entry).real
         + wave.real
-        + space.constant[0]
-        + space.particle_weight[0] @ flight.particle
+        + space.watch.constant[0]
+        + space.watch.particle_weight[0] @ flight.particle
     )
-
-
-def scratch(entries):
-    return events.Contact(
-        restitution=np.ones(1), closure=np.array([1e-12]), leaving=np.zeros(1), at_wall=np.zeros(1), rate=np.zeros(1),
-        impulse=np.zeros(1), found=np.zeros(5), size=np.zeros(2 * entries), event=np.zeros(4), impacts=np.zeros((0, 7)),
-        totals=np.zeros((6, 1)), window=np.zeros(2), tally=np.zeros(3, dtype=np.int64),
-    )  # fmt: skip
 
 
 # ---- ledger ---------------------------------------------------------------------------------------

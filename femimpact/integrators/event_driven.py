@@ -13,7 +13,7 @@ from femimpact.contact import Rigid
 from femimpact.errors import check_fields, quantity, require
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.flight_space import FlightSpace
-from femimpact.integrators.kernels.crossing import Space
+from femimpact.integrators.kernels.crossing import Space, Watch
 from femimpact.response import Channel
 from femimpact.system import System
 
@@ -129,25 +129,29 @@ def space_of(system: System, drive: Drive, flight: FlightSpace, interval: float)
     if not broken:
         particle_sine = -flight.particle_drive * wave / drive.omega**2
     used = [np.flatnonzero(row) for row in flight.shape]
-    return Space(
+    watch = Watch(
         exponent=e,
         size=np.abs(e),
-        turn=np.exp(e * interval),
         omega=0.0 if broken else drive.omega,
         broken=broken,
         particle_given=flight.particle_given,
         particle_drive=flight.particle_drive if broken else np.zeros_like(flight.particle_drive),
-        particle_sine=particle_sine,
         rides=np.array([float(sides.get(j, 0)) for j in range(pairs)]),
         upper=upper,
         lower=lower,
         weight=_contiguous(rows["weight"]),
         weight_size=np.abs(_contiguous(rows["weight"])),
         particle_weight=np.ascontiguousarray(rows["particle_weight"]),
+        particle_rate_weight=np.zeros(rows["particle_weight"].shape),
         sine=_contiguous(rows["sine"]),
         constant=rows["constant"],
         follow=rows["follow"],
         follow_rate=rows["follow_rate"],
+    )
+    return Space(
+        watch=watch,
+        turn=np.exp(e * interval),
+        particle_sine=particle_sine,
         kick=_contiguous(flight.kick),
         particle_kick=np.ascontiguousarray(flight.particle_kick),
         mobility=np.ascontiguousarray(rates),

@@ -18,6 +18,7 @@ from femimpact.integrators.kernels import events
 from femimpact.integrators.kernels.balance import Balance, write_balance
 from femimpact.integrators.kernels.crossing import Flight, Space, derivatives, read_coordinates
 from femimpact.integrators.kernels.events import Contact, Samples
+from femimpact.integrators.kernels.search import Search
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.system import System
 
@@ -85,6 +86,18 @@ class EventRun:
         return self.spaces[riders]
 
 
+def new_search(scalars: int, entries: int) -> Search:
+    """Scratch space of a search for events."""
+    return Search(
+        leaving=np.zeros(scalars),
+        at_wall=np.zeros(scalars),
+        rate=np.zeros(scalars),
+        found=np.zeros(5),
+        size=np.zeros(entries),
+        event=np.zeros(4),
+    )
+
+
 def new_run(
     system: System, drive: Drive, method: EventDriven, outputs: Outputs, window: tuple[float, float],
     ledger: bool, keep: Keep, most_impacts: int,
@@ -112,15 +125,10 @@ def new_run(
         velocity=np.zeros(n + balls),
     )
     contact = Contact(
+        search=new_search(pairs, most),
         restitution=np.array([pair.parameters.restitution for pair in system.contacts]),
         closure=np.array([method.closure]),
-        leaving=np.zeros(pairs),
-        at_wall=np.zeros(pairs),
-        rate=np.zeros(pairs),
         impulse=np.zeros(pairs),
-        found=np.zeros(5),
-        size=np.zeros(most),
-        event=np.zeros(4),
         impacts=np.zeros((most_impacts if pairs else 0, 7 + n)),
         totals=np.zeros((6, pairs)),
         window=np.array(window),
@@ -202,15 +210,15 @@ def _fly(run: EventRun, flight: Flight, riders: Riders, out: Samples, end: float
 
 def _change(run: EventRun, flight: Flight, riders: Riders, status: int) -> tuple[Flight, Riders]:
     """Who rides after an event, and the same motion in that closed form."""
-    pair, side = int(run.contact.event[0]), int(run.contact.event[1])
+    pair, side = int(run.contact.search.event[0]), int(run.contact.search.event[1])
     position, velocity = _coordinates(run, riders, flight)
-    run.contact.leaving[:] = 0.0
+    run.contact.search.leaving[:] = 0.0
     if status == events.REST:
         # an accumulation of impacts ends a moment after the last one that is followed
-        run.open_rides[pair] = (side, float(run.contact.event[2]), 0.0)
+        run.open_rides[pair] = (side, float(run.contact.search.event[2]), 0.0)
         after: Riders = tuple(sorted((*riders, (pair, side))))
     elif status == events.RELEASE:
-        run.contact.leaving[pair] = dict(riders)[pair]
+        run.contact.search.leaving[pair] = dict(riders)[pair]
         after = tuple(rider for rider in riders if rider[0] != pair)
         _close_ride(run, pair, float(flight.clock[0]))
     elif riders and _comes_to_rest_too(run, flight, riders, pair, side):
@@ -226,7 +234,7 @@ def _change(run: EventRun, flight: Flight, riders: Riders, status: int) -> tuple
     space = run.space(())[1]
     events.look_at_all(space, moved, run.contact)
     for j, own in (*riders, (pair, side)):
-        run.contact.at_wall[j] = own
+        run.contact.search.at_wall[j] = own
     for j, _ in riders:
         _close_ride(run, j, float(flight.clock[0]))
     if not events.collide_all(space, moved, run.contact, run.balance):
@@ -242,10 +250,10 @@ def _comes_to_rest_too(run: EventRun, flight: Flight, riders: Riders, pair: int,
     What presses it there is decided with the riders in place: without their forces it may seem to leave.
     """
     space, contact = run.space(riders)[1], run.contact
-    derivatives(pair, space, flight, _phase(space, flight.clock), contact.found)
-    press, e = side * float(contact.found[0]), float(contact.restitution[pair])
-    rebound = e * side * float(contact.rate[pair])
-    if press <= 1e-12 * contact.found[2] or rebound**2 > 2.0 * press * run.method.closure:
+    derivatives(pair, space.watch, flight, _phase(space, flight.clock), contact.search.found)
+    press, e = side * float(contact.search.found[0]), float(contact.restitution[pair])
+    rebound = e * side * float(contact.search.rate[pair])
+    if press <= 1e-12 * contact.search.found[2] or rebound**2 > 2.0 * press * run.method.closure:
         return False
     lasting = 2.0 * rebound / (press * (1.0 - e)) if e < 1.0 else 2.0 * rebound / press
     run.open_rides[pair] = (side, float(flight.clock[0]) + lasting, 0.0)
@@ -270,7 +278,7 @@ def _coordinates(run: EventRun, riders: Riders, flight: Flight) -> tuple[NDArray
 
 
 def _phase(space: Space, clock: NDArray[Any]) -> complex:
-    theta = space.omega * clock[0] + clock[3]
+    theta = space.watch.omega * clock[0] + clock[3]
     return complex(math.cos(theta), math.sin(theta))
 
 
@@ -281,8 +289,8 @@ def _flight_from(
     closed, space = run.space(riders)
     turned = space.shape_sine * _phase(space, clock)
     p = position - space.shape_constant - turned.real
-    v = velocity - (1j * space.omega * turned).real
-    if space.broken:
+    v = velocity - (1j * space.watch.omega * turned).real
+    if space.watch.broken:
         p = p - space.shape_follow * clock[1] - space.shape_follow_rate * clock[2]
         v = v - space.shape_follow * clock[2]
     return Flight(
@@ -332,16 +340,16 @@ def _add_ride_impulses(run: EventRun, riders: Riders, start: Flight, duration: f
     if duration <= 0.0 or not riders:
         return
     space = run.space(riders)[1]
-    mu, wave = space.exponent, 1j * space.omega
+    mu, wave = space.watch.exponent, 1j * space.watch.omega
     for j, _ in riders:
         safe = np.where(mu == 0.0, 1.0, mu)
         grown = np.where(mu == 0.0, duration, np.expm1(mu * duration) / safe)
-        total = float(np.sum(space.weight[j] * start.entry * grown).real) + space.constant[j] * duration
-        if space.broken:
+        total = float(np.sum(space.watch.weight[j] * start.entry * grown).real) + space.watch.constant[j] * duration
+        if space.watch.broken:
             s = start.clock[1] * duration + 0.5 * start.clock[2] * duration**2
-            total += space.follow[j] * s + space.follow_rate[j] * start.clock[2] * duration
+            total += space.watch.follow[j] * s + space.watch.follow_rate[j] * start.clock[2] * duration
         else:
-            turned = space.sine[j] * _phase(space, start.clock)
+            turned = space.watch.sine[j] * _phase(space, start.clock)
             total += float((turned * np.expm1(wave * duration) / wave).real)
         side, began, impulse = run.open_rides[j]
         run.open_rides[j] = (side, began, impulse + total)
@@ -404,8 +412,8 @@ def _reader(run: EventRun, riders: Riders, out: Samples) -> Samples:
     """The piece's arrays with the output rows of who rides now."""
     closed, space = run.space(riders)
     position, rate = run.outputs.position, run.outputs.rate
-    weight = position @ space.shape + rate @ (space.shape * space.exponent)
-    sine = position @ space.shape_sine + 1j * space.omega * (rate @ space.shape_sine)
+    weight = position @ space.shape + rate @ (space.shape * space.watch.exponent)
+    sine = position @ space.shape_sine + 1j * space.watch.omega * (rate @ space.shape_sine)
     constant, follow = position @ space.shape_constant, position @ space.shape_follow
     follow_rate = position @ space.shape_follow_rate + rate @ space.shape_follow
     number = {pair: i for i, (pair, _) in enumerate(riders)}

@@ -54,11 +54,11 @@ def _first_moment(exponent: complex, growth: complex, duration: float) -> comple
 @compiled
 def book_flight(space: Space, flight: Flight, duration: float, amplitude: float, b: Balance) -> None:
     """Add work of the drive and loss of every mode over a flight that starts at the present state."""
-    phase = unit_phase(space.omega, flight.clock)
-    wave = complex(0.0, space.omega)
-    entries = space.exponent.size
+    phase = unit_phase(space.watch.omega, flight.clock)
+    wave = complex(0.0, space.watch.omega)
+    entries = space.watch.exponent.size
     for k in range(entries):
-        b.growth[k] = cmath.exp(space.exponent[k] * duration)
+        b.growth[k] = cmath.exp(space.watch.exponent[k] * duration)
     b.growth[entries] = cmath.exp(wave * duration)
     b.growth[entries + 1] = 1.0
     # s(t) = amplitude sin(theta) = Re(-i amplitude e^{i theta}), or s0 + slope t
@@ -76,24 +76,24 @@ def _book_coordinate(
     i: int, space: Space, flight: Flight, duration: float, phase: complex, s: complex, b: Balance
 ) -> float:
     """Work on one coordinate (its particles left out), its loss added to its mode."""
-    entries, wave = space.exponent.size, complex(0.0, space.omega)
+    entries, wave = space.watch.exponent.size, complex(0.0, space.watch.omega)
     first, count = space.first[i], space.first[i + 1] - space.first[i]
     # the members, then the steady sine, then the steady straight line
     for m in range(count):
         k = space.members[first + m]
-        b.strength[m] = space.shape[i, k] * flight.entry[k] * space.exponent[k]
+        b.strength[m] = space.shape[i, k] * flight.entry[k] * space.watch.exponent[k]
     b.strength[count] = wave * space.bound_sine[i] * phase
-    b.strength[count + 1] = space.shape_follow[i] * flight.clock[2] if space.broken else 0.0
-    terms = count + 2 if space.broken else count + 1
+    b.strength[count + 1] = space.shape_follow[i] * flight.clock[2] if space.watch.broken else 0.0
+    terms = count + 2 if space.watch.broken else count + 1
     work, loss = 0.0, 0.0
     for p in range(terms):
         k = space.members[first + p] if p < count else entries + p - count
-        e = space.exponent[k] if k < entries else (wave if k == entries else complex(0.0, 0.0))
+        e = space.watch.exponent[k] if k < entries else (wave if k == entries else complex(0.0, 0.0))
         strength, growth = b.strength[p], b.growth[k]
         if strength == 0.0:
             continue
         integral = _integral(e, growth, duration)
-        if space.broken:
+        if space.watch.broken:
             moment = _first_moment(e, growth, duration)
             work += b.load[i] * (strength * (flight.clock[1] * integral + flight.clock[2] * moment)).real
         else:
@@ -105,7 +105,7 @@ def _book_coordinate(
             continue
         for q in range(p, terms):
             other = space.members[first + q] if q < count else entries + q - count
-            f = space.exponent[other] if other < entries else (wave if other == entries else complex(0.0, 0.0))
+            f = space.watch.exponent[other] if other < entries else (wave if other == entries else complex(0.0, 0.0))
             both = strength * b.strength[q] * _integral(e + f, growth * b.growth[other], duration)
             conjugate = b.strength[q].conjugate() * _integral(
                 e + f.conjugate(), growth * b.growth[other].conjugate(), duration
@@ -119,10 +119,10 @@ def _book_coordinate(
 @inlined
 def _work_on_particle(m: int, space: Space, flight: Flight, duration: float, phase: complex, wave: complex) -> float:
     """Work of the drive and of the constant force on one particle of unit mass."""
-    given, drive = space.particle_given[m], space.particle_drive[m]
+    given, drive = space.watch.particle_given[m], space.watch.particle_drive[m]
     s, slope = flight.clock[1], flight.clock[2]
     rate = flight.particle_rate[m]
-    if space.broken:
+    if space.watch.broken:
         after = rate + duration * (given + drive * (s + 0.5 * duration * slope))
         gained: float = 0.5 * (after * after - rate * rate)
         return gained

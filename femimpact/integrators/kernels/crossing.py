@@ -24,6 +24,7 @@ __all__ = [
     "AT_WALL",
     "Flight",
     "Space",
+    "Watch",
     "clear_time",
     "derivatives",
     "move",
@@ -36,30 +37,37 @@ AT_WALL = 32.0 * 2.220446049250313e-16
 """A clearance below this share of the terms that make it is rounding: the pair is at its wall."""
 
 
-class Space(NamedTuple):
-    """A `FlightSpace` and its watched scalars (a pair's x, or a rider's force), ready for the kernels.
+class Watch(NamedTuple):
+    """Scalars that events depend on (a pair's x, or a contact force), and the motion that they are read from.
 
-    K entries, P particles, R pairs, d coordinates, O outputs.
+    K entries, P particles, R scalars.
     """
 
     exponent: NDArray[Any]  # (K,) complex
     size: NDArray[Any]  # (K,) |lambda|
-    turn: NDArray[Any]  # (K,) complex, e^{lambda dt} from one sample to the next
     omega: float  # of the sine
     broken: bool  # whether s(t) is a broken line
     particle_given: NDArray[Any]  # (P,)
     particle_drive: NDArray[Any]  # (P,), zero for a sine: that part is in the steady answer
-    particle_sine: NDArray[Any]  # (P,) complex
-    rides: NDArray[Any]  # (R,) side of a rider, 0 in flight
+    rides: NDArray[Any]  # (R,) side of a contact that lasts and whose force is watched, 0 in flight
     upper: NDArray[Any]  # (R,)
     lower: NDArray[Any]  # (R,)
     weight: NDArray[Any]  # (R, K) complex
     weight_size: NDArray[Any]  # (R, K)
     particle_weight: NDArray[Any]  # (R, P)
+    particle_rate_weight: NDArray[Any]  # (R, P)
     sine: NDArray[Any]  # (R,) complex
     constant: NDArray[Any]  # (R,)
     follow: NDArray[Any]  # (R,)
     follow_rate: NDArray[Any]  # (R,)
+
+
+class Space(NamedTuple):
+    """A `FlightSpace` ready for the kernels; K entries, P particles, R pairs, d coordinates."""
+
+    watch: Watch
+    turn: NDArray[Any]  # (K,) complex, e^{lambda dt} from one sample to the next
+    particle_sine: NDArray[Any]  # (P,) complex
     kick: NDArray[Any]  # (K, R) complex
     particle_kick: NDArray[Any]  # (P, R)
     mobility: NDArray[Any]  # (R, R) change of x_i' by a unit impulse on the structure at j
@@ -93,26 +101,26 @@ def unit_phase(omega: float, clock: NDArray[Any]) -> complex:
 
 
 @inlined
-def move_particles(space: Space, flight: Flight, duration: float) -> None:
+def move_particles(watch: Watch, flight: Flight, duration: float) -> None:
     """Advance the particles, and s(t) where it is a broken line."""
     s, slope = flight.clock[1], flight.clock[2]
     for i in range(flight.particle.size):
-        given = space.particle_given[i] + space.particle_drive[i] * s
-        twist = space.particle_drive[i] * slope
+        given = watch.particle_given[i] + watch.particle_drive[i] * s
+        twist = watch.particle_drive[i] * slope
         flight.particle[i] += duration * (flight.particle_rate[i] + duration * (0.5 * given + duration * twist / 6.0))
         flight.particle_rate[i] += duration * (given + 0.5 * duration * twist)
     flight.clock[1] += duration * slope
 
 
 @compiled
-def move(space: Space, flight: Flight, duration: float) -> None:
+def move(watch: Watch, flight: Flight, duration: float) -> None:
     """Advance the homogeneous part, the particles and the clock."""
-    for k in range(space.exponent.size):
-        e = space.exponent[k]
+    for k in range(watch.exponent.size):
+        e = watch.exponent[k]
         decay = math.exp(e.real * duration)
         angle = e.imag * duration
         flight.entry[k] *= complex(decay * math.cos(angle), decay * math.sin(angle))
-    move_particles(space, flight, duration)
+    move_particles(watch, flight, duration)
     flight.clock[0] += duration
 
 
@@ -130,64 +138,65 @@ def _first_meeting(clearance: float, speed: float, bend: float) -> float:
 
 @compiled
 def clear_time(
-    r: int, space: Space, flight: Flight, size: NDArray[Any], phase: complex, remaining: float, found: NDArray[Any]
+    r: int, watch: Watch, flight: Flight, size: NDArray[Any], phase: complex, remaining: float, found: NDArray[Any]
 ) -> float:
     """Time in which scalar r surely meets neither bound.
 
     `size` (K,) holds |H|; `found` gets value, rate, the rounding of both, and the time in which the
     farther bound is surely not met.
     """
-    clock, broken = flight.clock, space.broken
-    turned = space.sine[r] * phase
-    value = space.constant[r] + turned.real
-    rate = -space.omega * turned.imag
-    scale = abs(space.constant[r]) + abs(turned)
-    scale_rate = space.omega * abs(turned)
-    bend = space.omega * scale_rate
+    clock, broken = flight.clock, watch.broken
+    turned = watch.sine[r] * phase
+    value = watch.constant[r] + turned.real
+    rate = -watch.omega * turned.imag
+    scale = abs(watch.constant[r]) + abs(turned)
+    scale_rate = watch.omega * abs(turned)
+    bend = watch.omega * scale_rate
     pull, twist = 0.0, 0.0
     if broken:
-        value += space.follow[r] * clock[1] + space.follow_rate[r] * clock[2]
-        rate += space.follow[r] * clock[2]
+        value += watch.follow[r] * clock[1] + watch.follow_rate[r] * clock[2]
+        rate += watch.follow[r] * clock[2]
     for i in range(flight.particle.size):
-        p = space.particle_weight[r, i]
-        value += p * flight.particle[i]
-        rate += p * flight.particle_rate[i]
-        scale += abs(p * flight.particle[i])
-        scale_rate += abs(p * flight.particle_rate[i])
-        pull += p * (space.particle_given[i] + space.particle_drive[i] * clock[1])
-        twist += abs(p * space.particle_drive[i] * clock[2])
+        p, d = watch.particle_weight[r, i], watch.particle_rate_weight[r, i]
+        given = watch.particle_given[i] + watch.particle_drive[i] * clock[1]
+        value += p * flight.particle[i] + d * flight.particle_rate[i]
+        rate += p * flight.particle_rate[i] + d * given
+        scale += abs(p * flight.particle[i]) + abs(d * flight.particle_rate[i])
+        scale_rate += abs(p * flight.particle_rate[i]) + abs(d * given)
+        pull += p * given
+        twist += abs(p * watch.particle_drive[i] * clock[2])
     if broken:
         twist *= remaining
     fast = 0.0
-    for k in range(space.size.size):
-        fast += space.weight_size[r, k] * size[k]
+    for k in range(watch.size.size):
+        fast += watch.weight_size[r, k] * size[k]
     scale += fast
-    upper, lower = space.upper[r], space.lower[r]
+    upper, lower = watch.upper[r], watch.lower[r]
     up = math.inf if upper == math.inf else 0.0
     down = math.inf if lower == -math.inf else 0.0
-    for k in range(space.size.size + 1):
+    for k in range(watch.size.size + 1):
         over, under = upper - value - fast, value - lower - fast
         # a square root only where this split reaches beyond the best one so far
         if over > (rate + 0.5 * (bend + pull + twist) * up) * up and over > 0.0 and up < math.inf:
             up = max(up, _first_meeting(over, rate, bend + pull + twist))
         if under > (0.5 * (bend - pull + twist) * down - rate) * down and under > 0.0 and down < math.inf:
             down = max(down, _first_meeting(under, -rate, bend - pull + twist))
-        if k < space.size.size:
-            term = space.weight[r, k] * flight.entry[k]
-            own, e = space.weight_size[r, k] * size[k], space.exponent[k]
+        if k < watch.size.size:
+            term = watch.weight[r, k] * flight.entry[k]
+            own, e = watch.weight_size[r, k] * size[k], watch.exponent[k]
             value += term.real
             rate += term.real * e.real - term.imag * e.imag
-            fast = fast - own if k + 1 < space.size.size else 0.0
-            speed = own * space.size[k]
+            fast = fast - own if k + 1 < watch.size.size else 0.0
+            speed = own * watch.size[k]
             scale_rate += speed
-            bend += speed * space.size[k]
+            bend += speed * watch.size[k]
     found[0], found[1] = value, rate
     if upper < math.inf:
         scale += abs(upper)
     if lower > -math.inf:
         scale += abs(lower)
     # the sine is known no better than the time is
-    found[2] = AT_WALL * (scale + 0.1 * space.omega * abs(turned) * clock[0])
+    found[2] = AT_WALL * (scale + 0.1 * watch.omega * abs(turned) * clock[0])
     found[3] = AT_WALL * scale_rate
     # at the wall and leaving it with speed: the parabola returns later
     if up == 0.0 and rate < 0.0:
@@ -199,28 +208,28 @@ def clear_time(
 
 
 @compiled
-def derivatives(r: int, space: Space, flight: Flight, phase: complex, found: NDArray[Any]) -> None:
+def derivatives(r: int, watch: Watch, flight: Flight, phase: complex, found: NDArray[Any]) -> None:
     """Second and third derivative of scalar r, and bounds on the second to fourth: found[0:5]."""
-    turned = space.sine[r] * phase
-    omega, clock = space.omega, flight.clock
+    turned = watch.sine[r] * phase
+    omega, clock = watch.omega, flight.clock
     second, third = -(omega**2) * turned.real, omega**3 * turned.imag
     size2, size3, size4 = omega**2 * abs(turned), omega**3 * abs(turned), omega**4 * abs(turned)
     for i in range(flight.particle.size):
-        pull = space.particle_weight[r, i] * (space.particle_given[i] + space.particle_drive[i] * clock[1])
+        pull = watch.particle_weight[r, i] * (watch.particle_given[i] + watch.particle_drive[i] * clock[1])
         second += pull
-        third += space.particle_weight[r, i] * space.particle_drive[i] * clock[2]
+        third += watch.particle_weight[r, i] * watch.particle_drive[i] * clock[2]
         size2 += abs(pull)
-        size3 += abs(space.particle_weight[r, i] * space.particle_drive[i] * clock[2])
-    for k in range(space.size.size):
-        term = space.weight[r, k] * flight.entry[k]
-        e = space.exponent[k]
+        size3 += abs(watch.particle_weight[r, i] * watch.particle_drive[i] * clock[2])
+    for k in range(watch.size.size):
+        term = watch.weight[r, k] * flight.entry[k]
+        e = watch.exponent[k]
         square = e * e
         second += (term * square).real
         third += (term * square * e).real
-        own = abs(term) * space.size[k] ** 2
+        own = abs(term) * watch.size[k] ** 2
         size2 += own
-        size3 += own * space.size[k]
-        size4 += own * space.size[k] ** 2
+        size3 += own * watch.size[k]
+        size4 += own * watch.size[k] ** 2
     found[0], found[1], found[2], found[3], found[4] = second, third, size2, size3, size4
 
 
@@ -232,15 +241,15 @@ def read_coordinates(
     s, slope = flight.clock[1], flight.clock[2]
     for i in range(position.size):
         turned = space.shape_sine[i] * phase
-        x, v = space.shape_constant[i] + turned.real, -space.omega * turned.imag
-        if space.broken:
+        x, v = space.shape_constant[i] + turned.real, -space.watch.omega * turned.imag
+        if space.watch.broken:
             x += space.shape_follow[i] * s + space.shape_follow_rate[i] * slope
             v += space.shape_follow[i] * slope
         for m in range(space.first[i], space.first[i + 1]):
             k = space.members[m]
             term = space.shape[i, k] * flight.entry[k]
             x += term.real
-            v += term.real * space.exponent[k].real - term.imag * space.exponent[k].imag
+            v += term.real * space.watch.exponent[k].real - term.imag * space.watch.exponent[k].imag
         for m in range(flight.particle.size):
             x += space.particle_shape[i, m] * flight.particle[m]
             v += space.particle_shape[i, m] * flight.particle_rate[m]

@@ -12,22 +12,18 @@ from femimpact.integrators.kernels.compiling import compiled, inlined
 from femimpact.integrators.kernels.crossing import (
     Flight,
     Space,
-    clear_time,
     derivatives,
     move,
     move_particles,
     read_coordinates,
     unit_phase,
 )
+from femimpact.integrators.kernels.search import END, HIT, RELEASE, REST, STUCK, Search, look, next_event
 
 __all__ = [
     "END", "HIT", "RELEASE", "REST", "STUCK", "Contact", "Samples", "collide_all", "comes_to_rest", "look_at_all",
-    "next_event", "run_events",
+    "run_events",
 ]  # fmt: skip
-
-END, HIT, REST, RELEASE, STUCK = range(5)
-"""Why the loop stopped: its time is over, an impact while pairs ride, a pair comes to rest on its wall,
-a rider leaves, or more events than allowed."""
 
 COLLISIONS_AT_ONCE = 100_000
 """Most collisions that one instant may take among several pairs."""
@@ -36,15 +32,10 @@ COLLISIONS_AT_ONCE = 100_000
 class Contact(NamedTuple):
     """Pairs and their impacts; R pairs."""
 
+    search: Search
     restitution: NDArray[Any]  # (R,)
     closure: NDArray[Any]  # (1,) m
-    leaving: NDArray[Any]  # (R,) side of a wall just left, else 0
-    at_wall: NDArray[Any]  # (R,) side of the wall touched at this instant, else 0
-    rate: NDArray[Any]  # (R,) scratch
     impulse: NDArray[Any]  # (R,) scratch
-    found: NDArray[Any]  # (5,) scratch
-    size: NDArray[Any]  # (K,) scratch
-    event: NDArray[Any]  # (4,): pair, side, time at which it rests, impacts in this call
     impacts: NDArray[Any]  # (most, 7 + n): time, pair, side, approach, rebound, impulse, loss, energy to each mode
     totals: NDArray[Any]  # (6, R); see layout.TOTAL_COLUMNS
     window: NDArray[Any]  # (2,) s
@@ -71,93 +62,6 @@ class Samples(NamedTuple):
 
 
 @inlined
-def _creep_time(clearance: float, speed: float, bend: float, twist: float, bound: float) -> float:
-    """Time in which clearance >= speed s + bend s^2/2 + twist s^3/6 + bound s^4/24, or somewhat less.
-
-    Each term that leads to the wall stays below a quarter of one of lower order that leads away.
-    """
-    away_speed, away_bend, away_twist = max(-speed, 0.0), max(-bend, 0.0), max(-twist, 0.0)
-    if bound <= 0.0:
-        return math.inf if speed <= 0.0 and bend <= 0.0 and twist <= 0.0 else 0.0
-    time: float = max(
-        max((6.0 * clearance / bound) ** 0.25, (6.0 * away_speed / bound) ** (1.0 / 3.0)),
-        max(math.sqrt(3.0 * away_bend / bound), away_twist / bound),
-    )
-    if speed > 0.0:
-        time = min(time, 0.25 * clearance / speed)
-    if bend > 0.0:
-        time = min(time, max(math.sqrt(0.5 * clearance / bend), 0.5 * away_speed / bend))
-    if twist > 0.0:
-        by_speed, by_bend = math.sqrt(1.5 * away_speed / twist), 0.75 * away_bend / twist
-        time = min(time, max((1.5 * clearance / twist) ** (1.0 / 3.0), max(by_speed, by_bend)))
-    return time
-
-
-@inlined
-def _look(r: int, space: Space, flight: Flight, phase: complex, remaining: float, c: Contact) -> float:
-    """Safe time of one scalar; `at_wall` tells whether it is at a bound now."""
-    safe: float = clear_time(r, space, flight, c.size, phase, remaining, c.found)
-    value, rate, rounding, rate_rounding = c.found[0], c.found[1], c.found[2], c.found[3]
-    c.rate[r] = rate
-    c.at_wall[r] = 0.0
-    if space.upper[r] - value <= rounding:
-        c.at_wall[r] = 1.0
-    elif value - space.lower[r] <= rounding:
-        c.at_wall[r] = -1.0
-    over, under, farther = space.upper[r] - value, value - space.lower[r], c.found[4]
-    side = 1.0 if over < under else -1.0
-    clearance, toward = max(min(over, under), 0.0), side * rate
-    if c.at_wall[r] == 0.0:
-        c.leaving[r] = 0.0
-        if 2.0 * abs(rate) * safe > clearance or safe >= remaining:
-            return safe
-    elif toward > rate_rounding:
-        return 0.0
-    # it creeps along its wall, where the bound of a parabola says little
-    derivatives(r, space, flight, phase, c.found)
-    bend, twist = side * c.found[0], side * c.found[1]
-    if c.at_wall[r] != 0.0 and toward >= -rate_rounding:
-        toward = 0.0
-        # a rider that was let go has no acceleration left but rounding
-        noise = (1e-9 if c.leaving[r] == side else 1e-12) * c.found[2]
-        if bend > noise or (bend >= -noise and (twist > 0.0 or (twist == 0.0 and c.found[3] > 0.0))):
-            return -1.0
-        if c.found[3] == 0.0 and bend >= -noise:
-            # touching without a push, and nothing that could begin one
-            return remaining
-        bend = min(bend, 0.0)
-    creep = min(_creep_time(clearance, toward, bend, twist, c.found[4]), farther)
-    return creep if creep > safe else safe
-
-
-@compiled
-def next_event(space: Space, flight: Flight, until: float, c: Contact) -> int:
-    """Move to the first event or to `until`: END, HIT, REST or RELEASE, the pair and side in `event`."""
-    for _ in range(10_000_000):
-        phase = unit_phase(space.omega, flight.clock)
-        for k in range(space.size.size):
-            h = flight.entry[k]
-            c.size[k] = math.sqrt(h.real * h.real + h.imag * h.imag)
-        remaining = until - flight.clock[0]
-        safe = remaining
-        for r in range(space.upper.size):
-            own = _look(r, space, flight, phase, remaining, c)
-            if own > 0.0:
-                safe = min(safe, own)
-                continue
-            c.event[0], c.event[1] = r, c.at_wall[r]
-            if space.rides[r] != 0.0:
-                return RELEASE
-            return HIT if own == 0.0 else REST
-        if safe >= remaining:
-            move(space, flight, max(remaining, 0.0))
-            flight.clock[0] = until
-            return END
-        move(space, flight, safe)
-    return STUCK
-
-
-@inlined
 def _copy(source: Flight, target: Flight) -> None:
     for k in range(source.entry.size):
         target.entry[k] = source.entry[k]
@@ -172,9 +76,9 @@ def _write_outputs(i: int, space: Space, flight: Flight, phase: complex, out: Sa
     clock = flight.clock
     for o in range(out.constant.size):
         value = out.constant[o] + (out.sine[o] * phase).real
-        if space.broken:
+        if space.watch.broken:
             value += out.follow[o] * clock[1] + out.follow_rate[o] * clock[2]
-        for k in range(space.exponent.size):
+        for k in range(space.watch.exponent.size):
             value += out.weight[o, k].real * flight.entry[k].real - out.weight[o, k].imag * flight.entry[k].imag
         for p in range(flight.particle.size):
             value += out.particle[o, p] * flight.particle[p] + out.particle_rate[o, p] * flight.particle_rate[p]
@@ -194,22 +98,22 @@ def _sample(
 ) -> None:
     """Read the motion at every grid time up to `until`; `flight` ends at the last of them."""
     dt, turned, phase = out.interval[0], False, complex(1.0, 0.0)
-    turn = complex(math.cos(space.omega * dt), math.sin(space.omega * dt))
+    turn = complex(math.cos(space.watch.omega * dt), math.sin(space.watch.omega * dt))
     while True:
         number, i = out.done[0] + 1, int(out.done[1])
         time = number * dt
         if time > until or i >= out.values.shape[0]:
             break
         if turned:
-            for k in range(space.exponent.size):
+            for k in range(space.watch.exponent.size):
                 flight.entry[k] *= space.turn[k]
-            move_particles(space, flight, time - flight.clock[0])
+            move_particles(space.watch, flight, time - flight.clock[0])
             phase *= turn
             flight.clock[0] = time
         else:
-            move(space, flight, time - flight.clock[0])
+            move(space.watch, flight, time - flight.clock[0])
             flight.clock[0], turned = time, True
-            phase = unit_phase(space.omega, flight.clock)
+            phase = unit_phase(space.watch.omega, flight.clock)
         _write_outputs(i, space, flight, phase, out)
         if out.kept[i] >= 0 or out.shown[i] >= 0:
             _keep(space, flight, mark, phase, amplitude, out.kept[i], out.shown[i], out, b, ledger)
@@ -264,11 +168,11 @@ def _write_impact(
 @compiled
 def look_at_all(space: Space, flight: Flight, c: Contact) -> None:
     """Find which pairs are at a wall, and their rates."""
-    phase = unit_phase(space.omega, flight.clock)
-    for k in range(space.size.size):
-        c.size[k] = abs(flight.entry[k])
-    for r in range(space.upper.size):
-        _look(r, space, flight, phase, 1.0, c)
+    phase = unit_phase(space.watch.omega, flight.clock)
+    for k in range(space.watch.size.size):
+        c.search.size[k] = abs(flight.entry[k])
+    for r in range(space.watch.upper.size):
+        look(r, space.watch, flight, phase, 1.0, c.search)
 
 
 @compiled
@@ -278,29 +182,29 @@ def collide_all(space: Space, flight: Flight, c: Contact, b: Balance) -> bool:
     The rule for simultaneous impacts: one after another at the same instant, each with its own
     restitution. For e = 1 and equal masses in a row it is Newton's cradle.
     """
-    phase = unit_phase(space.omega, flight.clock)
+    phase = unit_phase(space.watch.omega, flight.clock)
     read_coordinates(space, flight, phase, b.position, b.velocity)
-    pairs, largest = space.upper.size, 0.0
+    pairs, largest = space.watch.upper.size, 0.0
     for r in range(pairs):
         c.impulse[r] = 0.0
-        if c.at_wall[r] != 0.0:
-            largest = max(largest, c.at_wall[r] * c.rate[r])
+        if c.search.at_wall[r] != 0.0:
+            largest = max(largest, c.search.at_wall[r] * c.search.rate[r])
     # what is left of the approach after so many collisions is rounding
     least = 1e-14 * largest
     for _ in range(COLLISIONS_AT_ONCE):
         fastest, hit = least, -1
         for r in range(pairs):
-            if c.at_wall[r] != 0.0 and c.at_wall[r] * c.rate[r] > fastest:
-                fastest, hit = c.at_wall[r] * c.rate[r], r
+            if c.search.at_wall[r] != 0.0 and c.search.at_wall[r] * c.search.rate[r] > fastest:
+                fastest, hit = c.search.at_wall[r] * c.search.rate[r], r
         if hit < 0:
             break
-        side = c.at_wall[hit]
+        side = c.search.at_wall[hit]
         impulse = (1.0 + c.restitution[hit]) * fastest / -space.mobility[hit, hit]
         _write_impact(hit, side, fastest, impulse, space, flight, c, b)
         c.impulse[hit] += side * impulse
-        c.leaving[hit] = 0.0
+        c.search.leaving[hit] = 0.0
         for r in range(pairs):
-            c.rate[r] += space.mobility[r, hit] * side * impulse
+            c.search.rate[r] += space.mobility[r, hit] * side * impulse
     else:
         return False
     _kick(space, flight, c)
@@ -312,7 +216,7 @@ def _kick(space: Space, flight: Flight, c: Contact) -> None:
     for r in range(c.impulse.size):
         if c.impulse[r] == 0.0:
             continue
-        for k in range(space.exponent.size):
+        for k in range(space.watch.exponent.size):
             flight.entry[k] += space.kick[k, r] * c.impulse[r]
         for i in range(flight.particle.size):
             flight.particle_rate[i] += space.particle_kick[i, r] * c.impulse[r]
@@ -335,15 +239,15 @@ def comes_to_rest(space: Space, flight: Flight, c: Contact, b: Balance) -> bool:
 
     Under a pressing acceleration a the bounces to come last 2 v/(a (1 - e)) and stay below v^2/(2 a).
     """
-    phase = unit_phase(space.omega, flight.clock)
+    phase = unit_phase(space.watch.omega, flight.clock)
     for r in range(c.impulse.size):
         if c.impulse[r] == 0.0:
             continue
-        side, e = c.at_wall[r], c.restitution[r]
-        rebound = -side * c.rate[r]
-        derivatives(r, space, flight, phase, c.found)
-        press, steepest = side * c.found[0], c.found[3]
-        if press <= 1e-12 * c.found[2] or rebound * rebound > 2.0 * press * c.closure[0]:
+        side, e = c.search.at_wall[r], c.restitution[r]
+        rebound = -side * c.search.rate[r]
+        derivatives(r, space.watch, flight, phase, c.search.found)
+        press, steepest = side * c.search.found[0], c.search.found[3]
+        if press <= 1e-12 * c.search.found[2] or rebound * rebound > 2.0 * press * c.closure[0]:
             continue
         lasting = 2.0 * max(rebound, 0.0) / (press * (1.0 - e)) if e < 1.0 else 2.0 * rebound / press
         # and the press must last until the bounces are over
@@ -356,7 +260,7 @@ def comes_to_rest(space: Space, flight: Flight, c: Contact, b: Balance) -> bool:
         _kick(space, flight, c)
         b.sums[1] += 0.5 * capture * rebound
         _mark_capture(r, capture, rebound, c)
-        c.event[0], c.event[1], c.event[2] = r, side, flight.clock[0] + lasting
+        c.search.event[0], c.search.event[1], c.search.event[2] = r, side, flight.clock[0] + lasting
         return True
     return False
 
@@ -369,20 +273,20 @@ def run_events(
     """Fly, sample and collide up to `until`, or to an event that changes who rides."""
     while True:
         _copy(flight, trial)
-        status = next_event(space, trial, until, c)
+        status = next_event(space.watch, trial, until, c.search)
         _sample(space, flight, mark, trial.clock[0], amplitude, out, b, ledger)
         _copy(trial, flight)
         if ledger:
             _book(space, mark, flight, amplitude, b)
         if status != HIT:
             if status == REST:
-                c.event[2] = flight.clock[0]
+                c.search.event[2] = flight.clock[0]
             return status
         if riding:
             return HIT
-        pair, side = int(c.event[0]), c.event[1]
+        pair, side = int(c.search.event[0]), c.search.event[1]
         look_at_all(space, flight, c)
-        c.at_wall[pair] = side
+        c.search.at_wall[pair] = side
         if not collide_all(space, flight, c, b):
             return STUCK
         c.tally[1] += 1

@@ -1,0 +1,115 @@
+"""The next event: the first watched scalar that meets its bound, whatever it stands for."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from numpy.typing import NDArray
+
+from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.crossing import Flight, Watch, clear_time, derivatives, move, unit_phase
+
+__all__ = ["END", "HIT", "RELEASE", "REST", "STUCK", "Search", "look", "next_event"]
+
+END, HIT, REST, RELEASE, STUCK = range(5)
+"""What was met: the time's end, a bound at speed, one at rest that presses on, the end of a contact, or nothing
+within any reasonable number of advances."""
+
+
+class Search(NamedTuple):
+    """What a search leaves behind, and its scratch space; R scalars, K entries."""
+
+    leaving: NDArray[Any]  # (R,) side of a wall just left, else 0
+    at_wall: NDArray[Any]  # (R,) side of the wall touched at this instant, else 0
+    rate: NDArray[Any]  # (R,)
+    found: NDArray[Any]  # (5,) scratch
+    size: NDArray[Any]  # (K,) scratch
+    event: NDArray[Any]  # (4,): scalar, side, time at which a capture rests
+
+
+@inlined
+def _creep_time(clearance: float, speed: float, bend: float, twist: float, bound: float) -> float:
+    """Time in which clearance >= speed s + bend s^2/2 + twist s^3/6 + bound s^4/24, or somewhat less.
+
+    Each term that leads to the wall stays below a quarter of one of lower order that leads away.
+    """
+    away_speed, away_bend, away_twist = max(-speed, 0.0), max(-bend, 0.0), max(-twist, 0.0)
+    if bound <= 0.0:
+        return math.inf if speed <= 0.0 and bend <= 0.0 and twist <= 0.0 else 0.0
+    time: float = max(
+        max((6.0 * clearance / bound) ** 0.25, (6.0 * away_speed / bound) ** (1.0 / 3.0)),
+        max(math.sqrt(3.0 * away_bend / bound), away_twist / bound),
+    )
+    if speed > 0.0:
+        time = min(time, 0.25 * clearance / speed)
+    if bend > 0.0:
+        time = min(time, max(math.sqrt(0.5 * clearance / bend), 0.5 * away_speed / bend))
+    if twist > 0.0:
+        by_speed, by_bend = math.sqrt(1.5 * away_speed / twist), 0.75 * away_bend / twist
+        time = min(time, max((1.5 * clearance / twist) ** (1.0 / 3.0), max(by_speed, by_bend)))
+    return time
+
+
+@inlined
+def look(r: int, watch: Watch, flight: Flight, phase: complex, remaining: float, c: Search) -> float:
+    """Safe time of one scalar; `at_wall` tells whether it is at a bound now."""
+    safe: float = clear_time(r, watch, flight, c.size, phase, remaining, c.found)
+    value, rate, rounding, rate_rounding = c.found[0], c.found[1], c.found[2], c.found[3]
+    c.rate[r] = rate
+    c.at_wall[r] = 0.0
+    if watch.upper[r] - value <= rounding:
+        c.at_wall[r] = 1.0
+    elif value - watch.lower[r] <= rounding:
+        c.at_wall[r] = -1.0
+    over, under, farther = watch.upper[r] - value, value - watch.lower[r], c.found[4]
+    side = 1.0 if over < under else -1.0
+    clearance, toward = max(min(over, under), 0.0), side * rate
+    if c.at_wall[r] == 0.0:
+        c.leaving[r] = 0.0
+        if 2.0 * abs(rate) * safe > clearance or safe >= remaining:
+            return safe
+    elif toward > rate_rounding:
+        return 0.0
+    # it creeps along its wall, where the bound of a parabola says little
+    derivatives(r, watch, flight, phase, c.found)
+    bend, twist = side * c.found[0], side * c.found[1]
+    if c.at_wall[r] != 0.0 and toward >= -rate_rounding:
+        toward = 0.0
+        # a rider that was let go has no acceleration left but rounding
+        noise = (1e-9 if c.leaving[r] == side else 1e-12) * c.found[2]
+        if bend > noise or (bend >= -noise and (twist > 0.0 or (twist == 0.0 and c.found[3] > 0.0))):
+            return -1.0
+        if c.found[3] == 0.0 and bend >= -noise:
+            # touching without a push, and nothing that could begin one
+            return remaining
+        bend = min(bend, 0.0)
+    creep = min(_creep_time(clearance, toward, bend, twist, c.found[4]), farther)
+    return creep if creep > safe else safe
+
+
+@compiled
+def next_event(watch: Watch, flight: Flight, until: float, c: Search) -> int:
+    """Move to the first event or to `until`: END, HIT, REST or RELEASE, the pair and side in `event`."""
+    for _ in range(10_000_000):
+        phase = unit_phase(watch.omega, flight.clock)
+        for k in range(watch.size.size):
+            h = flight.entry[k]
+            c.size[k] = math.sqrt(h.real * h.real + h.imag * h.imag)
+        remaining = until - flight.clock[0]
+        safe = remaining
+        for r in range(watch.upper.size):
+            own = look(r, watch, flight, phase, remaining, c)
+            if own > 0.0:
+                safe = min(safe, own)
+                continue
+            c.event[0], c.event[1] = r, c.at_wall[r]
+            if watch.rides[r] != 0.0:
+                return RELEASE
+            return HIT if own == 0.0 else REST
+        if safe >= remaining:
+            move(watch, flight, max(remaining, 0.0))
+            flight.clock[0] = until
+            return END
+        move(watch, flight, safe)
+    return STUCK
