@@ -1,10 +1,12 @@
 """One module a peer: how another tool, or a loop written by hand, solves the benchmark problem.
 
-Each has NAME, SPACE (what its coordinates are), missing() (why it cannot run here, or an empty string) and
-any of
+Each has NAME, SPACE (what its coordinates are), MODES (whose exact history its own is held against: 20 are all
+dofs of ten elements), missing() (why it cannot run here, or an empty string), SETTINGS of accuracy from coarse to
+fine, usual(task) (the setting that the tasks ask for) and
 
-- sweep(problem, task, frequencies) -> Sweep
-- tip(problem, frequency, duration, level) -> times (s) and tip (m); LEVELS are its settings from coarse to fine.
+- history(problem, task, frequency, duration, setting) -> times (s) and tip (m), from rest.
+
+A fast one also has sweep(problem, task) -> Sweep, all frequencies at the usual setting.
 """
 
 from __future__ import annotations

@@ -27,7 +27,8 @@ from peers import Sweep
 
 NAME = "C by hand, one case at a time"
 SPACE = "8 modes"
-LEVELS = (2e-4, 1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6)
+MODES = 8
+SETTINGS = (2e-4, 1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6)
 SOURCE = Path(__file__).parents[1] / "reference.c"
 LANES = 8
 COMMAND = ("cc", "-O3", "-march=native", "-shared", "-fPIC")
@@ -159,16 +160,22 @@ def prepared(problem, task, frequencies=None, kind="modal", elements=10, modes=0
     return Run(kind, system, problem.amplitude, chosen, task.dt, task.steps, task.first)
 
 
-def sweep(problem, task, frequencies=None) -> Sweep:
-    return prepared(problem, task, frequencies).go()
+def usual(task) -> float:
+    """Step that the task asks for, s."""
+    return task.dt
 
 
-def tip(problem, frequency, duration, level):
-    """The tip after every step of `level` seconds."""
-    steps = round(duration / level)
-    run = Run("modal", problem.modal(), problem.amplitude, [frequency], level, steps, every=1)
+def sweep(problem, task) -> Sweep:
+    """All frequencies, one after the other."""
+    return prepared(problem, task).go()
+
+
+def history(problem, task, frequency, duration, setting):
+    """The tip after every step of `setting` seconds."""
+    steps = round(duration / setting)
+    run = Run("modal", problem.modal(ball=task.ball), problem.amplitude, [frequency], setting, steps, every=1)
     run.go()
-    return level * np.arange(1, steps + 1), run.trace[:, 0].copy()
+    return setting * np.arange(1, steps + 1), run.trace[:, 0].copy()
 
 
 def cost(run, repeats=5):
