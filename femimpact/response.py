@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.energy import EnergyLedger
-from femimpact.errors import check_fields, quantity, require, suggestion
+from femimpact.errors import Fault, InputError, field_faults, in_range, quantity, require, suggestion
 from femimpact.excitation import Excitation
+from femimpact.history import HistoryPiece, Snapshots, history_dataset
 from femimpact.impacts import Impacts, ImpactStatistics, Riding
 from femimpact.regimes import Regime, classify
 from femimpact.signals import SteadyMotion
@@ -56,6 +57,13 @@ class Recorder:
         A run that would keep more is refused before it starts.
     residual_limit : float, 1
         Energy residual beyond which the response carries a warning.
+    sink : callable, optional
+        Called with one `HistoryPiece` after another while the run goes on, so that a history of
+        any length needs the memory of a piece. The response then holds no history of its own. An
+        exception in it ends the run. Statistics of base cycles stay, some 100 bytes a cycle. Only
+        step methods have it.
+    piece_samples : int
+        Most samples in a piece.
     """
 
     channels: tuple[Position, ...] | None = None
@@ -67,13 +75,32 @@ class Recorder:
     ledger: bool = True
     memory_limit: float = field(default=1e9, metadata=quantity("bytes", above=0.0))
     residual_limit: float = field(default=0.02, metadata=quantity("1", above=0.0))
+    sink: Callable[[HistoryPiece], None] | None = None
+    piece_samples: int = field(default=100_000, metadata=quantity("1", at_least=1, integer=True))
 
     def __post_init__(self) -> None:
-        if isinstance(self.channels, str):
+        if isinstance(self.channels, (str, int, float, np.number)):
             object.__setattr__(self, "channels", (self.channels,))
-        elif isinstance(self.channels, list):
+        elif isinstance(self.channels, (list, np.ndarray)):
             object.__setattr__(self, "channels", tuple(self.channels))
-        check_fields(self)
+        faults = field_faults(self)
+        if self.channels is not None and not (isinstance(self.channels, tuple) and all(map(_is_place, self.channels))):
+            allowed = "must be names of places or balls, or metres from the root"
+            faults.append(Fault("channels", self.channels, "", allowed))
+        if not isinstance(self.ledger, (bool, np.bool_)):
+            faults.append(Fault("ledger", self.ledger, "", "must be True or False"))
+        if self.sink is not None and not callable(self.sink):
+            faults.append(Fault("sink", type(self.sink).__name__, "", "must be callable, with one HistoryPiece"))
+        if faults:
+            raise InputError(faults)
+        for name in ("every", "snapshots", "impacts", "piece_samples"):
+            # 10.0 is a whole number, but no size of an array
+            object.__setattr__(self, name, int(getattr(self, name)))
+
+
+def _is_place(channel: object) -> bool:
+    """Whether a channel is a name or a finite number of metres."""
+    return isinstance(channel, str) or in_range(channel, quantity("m"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,31 +164,12 @@ def _resolve(system: System, balls: list[str], channel: Position) -> Channel:
     raise AssertionError("require raises")
 
 
-@dataclass(frozen=True, eq=False)
-class Snapshots:
-    """Whole deflections, relative to the base.
-
-    Parameters
-    ----------
-    time : ndarray (snapshots,), s
-    displacement, velocity : ndarray (snapshots, 2 nodes), m and 1; m/s and 1/s
-        (w1, w1', w2, w2', ...) at the nodes.
-    ball_displacement, ball_velocity : ndarray (snapshots, balls), m and m/s
-    contact_force : ndarray (snapshots, pairs), N
-        On the beam, balls first, then stops.
-    """
-
-    time: NDArray[Any]
-    displacement: NDArray[Any]
-    velocity: NDArray[Any]
-    ball_displacement: NDArray[Any]
-    ball_velocity: NDArray[Any]
-    contact_force: NDArray[Any]
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Response:
     """Histories of one run; arrays are read-only.
+
+    Of a run whose history went to `Recorder.sink`, all is the same but `time`, `channels` and
+    `snapshots`, which are empty, and `energy`.
 
     Parameters
     ----------
@@ -179,11 +187,15 @@ class Response:
     steady : SteadyMotion
         Of the tip over the last third of the run's whole base cycles, arrays of one entry.
     energy : EnergyLedger or None
+        Of a streamed run, the few samples that decide the residual of all: the first, those of the
+        largest imbalance and of the largest work, the last.
     snapshots : Snapshots or None
     base : Excitation
         Its motion of the base makes absolute results.
     system : System
     warnings, notes : tuple of str
+    streamed_to : float or None, s
+        Time of the last sample that went to the recorder's sink, if it has one.
     """
 
     time: NDArray[Any]
@@ -200,13 +212,17 @@ class Response:
     system: System
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    streamed_to: float | None = None
 
     def __repr__(self) -> str:
+        if self.streamed_to is not None:
+            return f"Response({', '.join(self.units)}; streamed to {self.streamed_to:g} s, {len(self.impacts)} impacts)"
         span = f"{self.time[0]:g} to {self.time[-1]:g} s" if self.time.size else "no samples"
         return f"Response({', '.join(self.channels)}; {span}, {self.time.size} samples, {len(self.impacts)} impacts)"
 
     def __getitem__(self, name: Position) -> NDArray[Any]:
         key = str(name)
+        require(self.streamed_to is None, "channel", key, "", "went to Recorder.sink: its pieces hold the history")
         require(key in self.channels, "channel", key, "", suggestion(key, self.channels))
         return self.channels[key]
 
@@ -214,7 +230,7 @@ class Response:
     def window(self) -> tuple[float, float]:
         """Start and end (s) of the last third of the run, over which statistics and regime are taken."""
         # a run whose only sample is its first has an empty window, which is still one
-        end = max(float(self.time[-1]), 1e-300)
+        end = max(float(self.time[-1]) if self.streamed_to is None else self.streamed_to, 1e-300)
         return 2.0 * end / 3.0, end
 
     @cached_property
@@ -232,27 +248,9 @@ class Response:
 
     def to_xarray(self) -> xarray.Dataset:
         """All channels, energies and the base's motion as a labelled dataset over time."""
-        import xarray
-
-        def variable(values: NDArray[Any], unit: str, name: str) -> tuple[Any, ...]:
-            return ("time", np.array(values), {"units": unit, "long_name": name})
-
-        data = {
-            name: variable(
-                values, self.units[name], f"{name}, relative to the base" if self.units[name] != "N" else name
-            )
-            for name, values in self.channels.items()
-        }
-        data["base"] = variable(self.base.displacement(self.time), "m", "base displacement")
-        if self.energy is not None:
-            for name in ("kinetic", "strain", "ball", "contact", "work", "structure_loss", "contact_loss"):
-                data[f"energy_{name}"] = variable(getattr(self.energy, name), "J", f"energy: {name.replace('_', ' ')}")
-        attributes = {
-            "base_amplitude_m": self.base.amplitude,
-            "base_frequency_Hz": self.base.frequency,
-            "warnings": "; ".join(self.warnings),
-        }
+        # of a streamed run the few samples of energy are no history
+        energy = self.energy if self.streamed_to is None else None
+        attributes: dict[str, Any] = {"warnings": "; ".join(self.warnings)}
         if self.energy is not None:
             attributes["energy_residual"] = self.energy.residual
-        time = ("time", np.array(self.time), {"units": "s", "long_name": "time"})
-        return xarray.Dataset(data, coords={"time": time}, attrs=attributes)
+        return history_dataset(self.time, self.channels, self.units, energy, self.base).assign_attrs(attributes)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from femimpact.energy import EnergyLedger
 from femimpact.errors import in_range, quantity, require
-from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
+from femimpact.excitation import Excitation
+from femimpact.history import Snapshots
 from femimpact.impacts import Impacts, Riding, impact_statistics
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven import EventDriven, check_events, outputs_of
@@ -18,7 +19,7 @@ from femimpact.integrators.event_run import EventRun, Keep, Progress, new_run, r
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.integrators.recording import check_memory
 from femimpact.reduction import truncation_notes
-from femimpact.response import Channel, Recorder, Response, Snapshots, on_beam, resolve_channels
+from femimpact.response import Channel, Recorder, Response, on_beam, resolve_channels
 from femimpact.signals import CycleStatistics, SteadyMotion, no_steady_motion, steady_motion
 from femimpact.system import State, System
 
@@ -53,8 +54,8 @@ def fly(
         If impacts do not resolve.
     """
     check_events(system)
-    known = isinstance(excitation, Sine | PointForce | RecordedBase)
-    require(known, "excitation", type(excitation).__name__, "", "must be a Sine, a PointForce or a RecordedBase")
+    whole = recorder.sink is None
+    require(whole, "record.sink", None, "", "must be None event-driven: only step methods hand over their history")
     interval = grid_interval(method, excitation)
     fits = in_range(duration, quantity("s", at_least=interval))
     require(fits, "duration", duration, "s", f"must be a finite number >= one sample, {interval:g} s")

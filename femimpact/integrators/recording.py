@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+from collections.abc import Iterable
+
 import numpy as np
 
 from femimpact.errors import require
@@ -11,14 +15,17 @@ from femimpact.integrators.newmark import SteppingMethod
 from femimpact.response import Channel, Recorder
 from femimpact.system import System
 
-__all__ = ["check_memory", "memory_needed", "record_of"]
+__all__ = ["check_memory", "memory_needed", "piece_ends", "record_of"]
 
 
 def memory_needed(
     system: System, recorder: Recorder, channels: int, steps: int, dt: float, frequency: float
 ) -> dict[str, int]:
-    """Bytes that a run will keep: channels, energies, snapshots, impacts and cycle statistics."""
-    samples, snapshots = _samples(recorder, steps, dt)
+    """Bytes that a run will keep: channels, energies, snapshots, impacts and cycle statistics.
+
+    With a sink these are channels, energies and snapshots of one piece.
+    """
+    samples, snapshots = _rows(recorder, steps, dt)
     width = 2 * (system.dofs + len(system.contacts)) + len(system.contacts)
     cycles, modes = int(steps * dt * frequency) + 2, _modes_kept(system, recorder)
     return {
@@ -52,18 +59,35 @@ def check_memory(
     shares = ", ".join(f"{name} {size / 1e6:.3g} MB" for name, size in parts.items() if size > 1e6)
     allowed = (
         f"must be >= {needed:.3g}, what this run keeps ({shares}): keep less (a larger stride every, fewer "
-        "snapshots, a shorter run), or raise it"
+        "snapshots, a shorter run), give the recorder a sink, or raise it"
     )
     require(needed <= recorder.memory_limit, key, recorder.memory_limit, "bytes", allowed)
     return needed
 
 
-def _samples(recorder: Recorder, steps: int, dt: float) -> tuple[int, int]:
-    first = min(round(recorder.start / dt), steps)
-    first_field = min(round(recorder.snapshots_start / dt), steps)
+def _rows(recorder: Recorder, steps: int, dt: float) -> tuple[int, int]:
+    """Rows for samples and snapshots: of the whole run, or of the largest piece of it."""
+    first, first_field = _first_steps(recorder, steps, dt)
     samples = (steps - first) // recorder.every + 1
     snapshots = (steps - first_field) // recorder.snapshots + 1 if recorder.snapshots else 0
-    return samples, snapshots
+    if recorder.sink is None:
+        return samples, snapshots
+    piece = recorder.piece_samples * recorder.every
+    return min(samples, recorder.piece_samples), min(snapshots, math.ceil(piece / max(recorder.snapshots, 1)))
+
+
+def _first_steps(recorder: Recorder, steps: int, dt: float) -> tuple[int, int]:
+    """Steps of the first sample and of the first snapshot."""
+    start, start_field = (round(min(t / dt, steps)) for t in (recorder.start, recorder.snapshots_start))
+    return start, start_field
+
+
+def piece_ends(recorder: Recorder, steps: int) -> Iterable[int]:
+    """Steps after which a run with a sink hands over a piece; a piece has as many, the state at t = 0 counted."""
+    if recorder.sink is None:
+        return [steps]
+    piece = recorder.piece_samples * recorder.every
+    return itertools.chain(range(piece - 1, steps, piece), [steps])
 
 
 def record_of(
@@ -77,12 +101,12 @@ def record_of(
     """Arrays for what is kept, refused before the run when they would not fit."""
     dt, modes = method.dt, _modes_kept(system, recorder)
     check_memory(system, recorder, len(channels), steps, dt, excitation.frequency)
-    samples, snapshots = _samples(recorder, steps, dt)
+    samples, snapshots = _rows(recorder, steps, dt)
     rows = [channel.row for channel in channels if channel.row is not None]
     number = iter(range(len(rows)))
     index = [channel.ball if channel.row is None else next(number) for channel in channels]
     balls = len(system.contacts)
-    start, start_field = (min(round(t / dt), steps) for t in (recorder.start, recorder.snapshots_start))
+    start, start_field = _first_steps(recorder, steps, dt)
     return layout.Record(
         kind=np.array([channel.kind for channel in channels], dtype=np.int64),
         source=np.array(index, dtype=np.int64),

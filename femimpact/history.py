@@ -1,0 +1,138 @@
+"""Histories: what was kept over time, whole or in the pieces in which a run hands it over."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.energy import EnergyLedger
+from femimpact.excitation import Excitation
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["HistoryPiece", "Snapshots", "deciding_rows", "history_dataset"]
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshots:
+    """Whole deflections, relative to the base.
+
+    Parameters
+    ----------
+    time : ndarray (snapshots,), s
+    displacement, velocity : ndarray (snapshots, 2 nodes), m and 1; m/s and 1/s
+        (w1, w1', w2, w2', ...) at the nodes.
+    ball_displacement, ball_velocity : ndarray (snapshots, balls), m and m/s
+    contact_force : ndarray (snapshots, pairs), N
+        On the beam, balls first, then stops.
+    """
+
+    time: NDArray[Any]
+    displacement: NDArray[Any]
+    velocity: NDArray[Any]
+    ball_displacement: NDArray[Any]
+    ball_velocity: NDArray[Any]
+    contact_force: NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class HistoryPiece:
+    """A stretch of a history, as a run hands it to `Recorder.sink`; arrays are read-only and nobody else's.
+
+    Parameters
+    ----------
+    time : ndarray (samples,), s
+        At most `Recorder.piece_samples`, next to those of the piece before; none where only
+        snapshots were due.
+    channels : mapping of str to ndarray (samples,)
+        As `Response.channels` has them.
+    units : mapping of str to str
+    energy : EnergyLedger or None
+        Of these samples; work and losses since t = 0.
+    snapshots : Snapshots or None
+        Those due between the same steps.
+    base : Excitation
+    """
+
+    time: NDArray[Any]
+    channels: Mapping[str, NDArray[Any]]
+    units: Mapping[str, str]
+    energy: EnergyLedger | None
+    snapshots: Snapshots | None
+    base: Excitation
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Channels, energies and the base's motion as a labelled dataset over time."""
+        return history_dataset(self.time, self.channels, self.units, self.energy, self.base)
+
+
+def history_dataset(
+    time: NDArray[Any],
+    channels: Mapping[str, NDArray[Any]],
+    units: Mapping[str, str],
+    energy: EnergyLedger | None,
+    base: Excitation,
+) -> xarray.Dataset:
+    """Channels, energies and the base's motion over time as a labelled dataset, units in the attributes."""
+    import xarray
+
+    def variable(values: NDArray[Any], unit: str, name: str) -> tuple[Any, ...]:
+        return ("time", np.array(values), {"units": unit, "long_name": name})
+
+    data = {
+        name: variable(values, units[name], f"{name}, relative to the base" if units[name] != "N" else name)
+        for name, values in channels.items()
+    }
+    data["base"] = variable(base.displacement(time), "m", "base displacement")
+    if energy is not None:
+        for name in ("kinetic", "strain", "ball", "contact", "work", "structure_loss", "contact_loss"):
+            data[f"energy_{name}"] = variable(getattr(energy, name), "J", f"energy: {name.replace('_', ' ')}")
+    attributes = {"base_amplitude_m": base.amplitude, "base_frequency_Hz": base.frequency}
+    coordinate = ("time", np.array(time), {"units": "s", "long_name": "time"})
+    return xarray.Dataset(data, coords={"time": coordinate}, attrs=attributes)
+
+
+def deciding_rows(before: EnergyLedger | None, piece: EnergyLedger) -> EnergyLedger:
+    """The few rows of a ledger in pieces that give its residual: first, largest imbalance, largest work, last.
+
+    Parameters
+    ----------
+    before : EnergyLedger or None
+        Those of all the pieces before.
+    piece : EnergyLedger
+        With one sample or more.
+
+    Returns
+    -------
+    EnergyLedger
+        At most 4 samples; its residual is the one of all samples so far, to the last bit.
+    """
+    first = piece if before is None else before
+    rows = _take(piece, _extremes(piece, first))
+    if before is None:
+        return rows
+    columns = [field.name for field in dataclasses.fields(EnergyLedger)]
+    joined = EnergyLedger(**{name: np.concatenate([getattr(before, name), getattr(rows, name)]) for name in columns})
+    return _take(joined, _extremes(joined, first))
+
+
+def _extremes(ledger: EnergyLedger, first: EnergyLedger) -> list[int]:
+    """Rows of the first and last sample, of the largest imbalance and of the largest work since the first of all."""
+    put_in = ledger.work - first.work[0]
+    lost, lost_at_first = (of.structure_loss + of.contact_loss for of in (ledger, first))
+    # unscaled: the scale of the residual is known only at the end, and rounding must not pick another row
+    missing = (ledger.stored - first.stored[0]) - put_in + (lost - lost_at_first[0])
+    return sorted({0, int(np.argmax(np.abs(missing))), int(np.argmax(np.abs(put_in))), ledger.time.size - 1})
+
+
+def _take(ledger: EnergyLedger, rows: list[int]) -> EnergyLedger:
+    columns = {field.name: getattr(ledger, field.name)[rows] for field in dataclasses.fields(EnergyLedger)}
+    for column in columns.values():
+        column.setflags(write=False)
+    return EnergyLedger(**columns)

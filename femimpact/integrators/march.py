@@ -1,0 +1,184 @@
+"""One stepped run: from a system and an excitation to its response."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from femimpact.contact.formulas import RIGID
+from femimpact.energy import EnergyLedger
+from femimpact.errors import DivergenceError, in_range, quantity, require
+from femimpact.excitation import Excitation
+from femimpact.history import HistoryPiece, deciding_rows
+from femimpact.impacts import impact_statistics
+from femimpact.integrators.block import Block, Progress, prepare, run_block
+from femimpact.integrators.kernels.keeping import keep
+from femimpact.integrators.newmark import SteppingMethod, require_method
+from femimpact.integrators.reading import history_of, impacts_of, open_contacts, riding_of
+from femimpact.integrators.recording import piece_ends, record_of
+from femimpact.integrators.stepping import check_sampling, check_step, step_notes
+from femimpact.reduction import truncation_notes
+from femimpact.response import Channel, Recorder, Response, resolve_channels
+from femimpact.signals import no_steady_motion, steady_motion
+from femimpact.system import State, System
+
+__all__ = ["divergence_message", "march"]
+
+
+def march(
+    system: System,
+    excitation: Excitation,
+    method: SteppingMethod,
+    duration: float,
+    recorder: Recorder,
+    initial: State,
+    progress: Progress | None = None,
+) -> Response:
+    """Stepped motion of structure and balls; see `integrate`.
+
+    Raises
+    ------
+    InputError
+        If the step does not resolve the contact, the run would keep too much, or an argument is
+        out of range.
+    DivergenceError
+        If the motion is not finite or grows without bound.
+    """
+    require_method(method)
+    fits = in_range(duration, quantity("s", at_least=method.dt))
+    require(fits, "duration", duration, "s", f"must be a finite number >= one step, {method.dt:g} s")
+    check_sampling(np.array([excitation.frequency]), method, "frequency")
+    warnings = check_step(system, method)
+    steps = round(duration / method.dt)
+    channels = resolve_channels(system, recorder.channels)
+    block = prepare(
+        system,
+        [excitation],
+        method,
+        steps=[steps],
+        window_start=[2 * steps // 3],
+        initial=initial,
+        observed=system.point_row(system.default_place),
+        ledger=recorder.ledger,
+        record=record_of(system, recorder, channels, steps, method, excitation),
+    )
+    _keep_first(block)
+    history = _History(block, system, excitation, channels, recorder)
+    _run(block, piece_ends(recorder, steps), history, method, progress)
+    return _response(history, method, warnings)
+
+
+def divergence_message(frequency: float, time: float, method: SteppingMethod) -> str:
+    """Words for a run that grew without bound, and the way out."""
+    return (
+        f"the motion at {frequency:g} Hz is not finite or grew without bound before t = {time:.4g} s with "
+        f"dt = {method.dt:.3g} s: take a smaller dt (recommended_step gives one), a contact law with damping, "
+        f"or raise divergence_limit ({method.divergence_limit:g})"
+    )
+
+
+def _keep_first(block: Block) -> None:
+    """Keep the state at t = 0 where it is asked for."""
+    if block.record.channels.shape[0] + block.record.fields.shape[0] > 0:
+        keep(0, block.operator, block.pairs, block.motion, block.record, block.ledger)
+
+
+@dataclass(eq=False)
+class _History:
+    """What a run keeps, and what has become of it: handed over, or all still there."""
+
+    block: Block
+    system: System
+    excitation: Excitation
+    channels: tuple[Channel, ...]
+    recorder: Recorder
+    samples: int = 0
+    snapshots: int = 0
+    deciding: EnergyLedger | None = None
+
+    def rest(self) -> HistoryPiece:
+        """What the record holds now."""
+        taken = (self.samples, self.snapshots)
+        return history_of(self.block, self.system, self.excitation, self.channels, taken)
+
+    def hand_over(self) -> None:
+        """Give the sink, if there is one, what has come together, and make room."""
+        tally = self.block.record.tally
+        if self.recorder.sink is None or tally[1] + tally[2] == 0:
+            return
+        piece = self.rest()
+        self.samples, self.snapshots = self.samples + int(tally[1]), self.snapshots + int(tally[2])
+        tally[1:3] = 0
+        if piece.energy is not None and piece.time.size:
+            self.deciding = deciding_rows(self.deciding, piece.energy)
+        self.recorder.sink(piece)
+
+
+def _run(
+    block: Block, ends: Iterable[int], history: _History, method: SteppingMethod, progress: Progress | None
+) -> None:
+    """Run a block to its end by way of the steps at which a piece of its history is complete."""
+    done = 0
+    for end in ends:
+        if end > done:
+            share = None if progress is None else _share_of(progress, done, end, block.steps)
+            run_block(replace(block, steps=end - done, ends=np.array([end - done])), share)
+        if np.isfinite(block.diverged[0]):
+            time = done * method.dt + float(block.diverged[0])
+            raise DivergenceError(divergence_message(history.excitation.frequency, time, method))
+        done = end
+        history.hand_over()
+
+
+def _share_of(progress: Progress, done: int, end: int, steps: int) -> Progress:
+    """Progress of a whole run, told by the share of the steps from `done` to `end`."""
+    return lambda share: progress((done + share * (end - done)) / steps)
+
+
+def _response(history: _History, method: SteppingMethod, warnings: tuple[str, ...]) -> Response:
+    block, system, recorder, excitation = history.block, history.system, history.recorder, history.excitation
+    every, first = (int(value) for value in block.record.stride[:2])
+    laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
+    window = float(block.steps - block.motion.window[0, 0]) * method.dt
+    totals = block.motion.totals[:, :, 0]
+    # an impulse has no peak
+    totals[4, block.pairs.kind == RIGID] = np.nan
+    impacts = impacts_of(block.record, system, excitation)
+    rest, streamed = history.rest(), recorder.sink is not None
+    energy = history.deciding if streamed else rest.energy
+    if impacts.dropped:
+        lost = f"{impacts.dropped} impacts beyond the first {recorder.impacts} are not in the table (Recorder.impacts)"
+        warnings = (*warnings, lost)
+    if energy is not None and energy.residual > recorder.residual_limit:
+        warnings = (*warnings, _residual_warning(energy.residual, recorder.residual_limit))
+    cycles = block.cycle_statistics
+    finished = int(np.count_nonzero(cycles.samples[:, 0]))
+    return Response(
+        time=rest.time,
+        channels={} if streamed else rest.channels,
+        units=rest.units,
+        impacts=impacts,
+        riding=riding_of(block, system),
+        statistics=impact_statistics(totals, window, excitation.frequency, laws),
+        statistics_of={
+            pair.name: impact_statistics(totals[:, j : j + 1], window, excitation.frequency, pair.law.name)
+            for j, pair in enumerate(system.contacts)
+        },
+        steady=steady_motion(cycles, np.array([max(finished // 3, 1)])) if finished else no_steady_motion(),
+        energy=energy,
+        snapshots=None if streamed else rest.snapshots,
+        base=excitation,
+        system=system,
+        warnings=warnings,
+        notes=(*step_notes(system, method), *truncation_notes(system), *open_contacts(block, system)),
+        streamed_to=(first + every * (history.samples - 1)) * method.dt if streamed else None,
+    )
+
+
+def _residual_warning(residual: float, limit: float) -> str:
+    return (
+        f"energy residual {residual:.2g} exceeds {limit:g}: the method or the contact law makes or loses energy that "
+        "the ledger cannot name; take a smaller dt, or raise Recorder.residual_limit"
+    )

@@ -1,0 +1,144 @@
+"""What a stepped run has kept, read from its arrays: histories, impacts, riding."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.contact.formulas import RIGID
+from femimpact.energy import EnergyLedger
+from femimpact.excitation import Excitation
+from femimpact.history import HistoryPiece, Snapshots
+from femimpact.impacts import Impacts, Riding
+from femimpact.integrators import layout
+from femimpact.integrators.block import Block
+from femimpact.response import Channel, on_beam
+from femimpact.system import System
+
+__all__ = ["history_of", "impacts_of", "open_contacts", "riding_of"]
+
+
+def history_of(
+    block: Block, system: System, excitation: Excitation, channels: tuple[Channel, ...], before: tuple[int, int]
+) -> HistoryPiece:
+    """All samples and snapshots that the record of a block holds now.
+
+    Parameters
+    ----------
+    block : Block
+    system : System
+    excitation : Excitation
+    channels : tuple of Channel
+    before : tuple of int
+        Samples and snapshots that were taken out of the record earlier.
+
+    Returns
+    -------
+    HistoryPiece
+        Copies: the record can be filled again.
+    """
+    record, dt = block.record, block.scheme.dt
+    samples, snapshots = int(record.tally[1]), int(record.tally[2])
+    every, first, stride, first_field = (int(value) for value in record.stride)
+    time = _own((first + every * (before[0] + np.arange(samples))) * dt)
+    shown = (first_field + stride * (before[1] + np.arange(snapshots))) * dt
+    return HistoryPiece(
+        time=time,
+        channels={
+            channel.name: _own(on_beam(system, channel) * record.channels[:samples, i])
+            for i, channel in enumerate(channels)
+        },
+        units={channel.name: channel.unit for channel in channels},
+        energy=_ledger(record.energy[:samples], time) if block.ledger else None,
+        snapshots=_snapshots(record, system, shown) if record.fields.shape[0] > 0 else None,
+        base=excitation,
+    )
+
+
+def _ledger(table: NDArray[Any], time: NDArray[Any]) -> EnergyLedger:
+    columns = {name: _own(table[:, i]) for i, name in enumerate(layout.ENERGY_COLUMNS)}
+    return EnergyLedger(time=time, structure_loss_of_mode=_own(table[:, len(layout.ENERGY_COLUMNS) :]), **columns)
+
+
+def _snapshots(record: layout.Record, system: System, time: NDArray[Any]) -> Snapshots:
+    fields, forces = record.fields[: time.size], record.forces[: time.size]
+    dofs, balls = system.dofs, slice(system.dofs, system.dofs + len(system.balls))
+    return Snapshots(
+        time=_own(time),
+        displacement=_own(_at_nodes(system, fields[:, 0, :dofs])),
+        velocity=_own(_at_nodes(system, fields[:, 1, :dofs])),
+        ball_displacement=_own(fields[:, 0, balls]),
+        ball_velocity=_own(fields[:, 1, balls]),
+        contact_force=_own(forces * [-1.0 if pair.is_stop else 1.0 for pair in system.contacts]),
+    )
+
+
+def _at_nodes(system: System, rows: NDArray[Any]) -> NDArray[Any]:
+    values = np.zeros((rows.shape[0], system.expansion.shape[0]))
+    for k, row in enumerate(rows):
+        # one by one: a product with many columns rounds as their number has it, and pieces must not show
+        values[k] = system.expansion @ row
+    return values
+
+
+def impacts_of(record: layout.Record, system: System, excitation: Excitation) -> Impacts:
+    """The table of impacts, as far as it was kept."""
+    count = min(int(record.tally[3]), record.impacts.shape[0])
+    columns = {name: _own(record.impacts[:count, i]) for i, name in enumerate(layout.IMPACT_COLUMNS)}
+    names = np.array([pair.name for pair in system.contacts] or [""])
+    columns["impactor"] = names[columns.pop("pair").astype(int)]
+    return Impacts(
+        **columns,
+        phase=_own(np.mod(2.0 * np.pi * excitation.frequency * columns["time"] + excitation.phase, 2.0 * np.pi)),
+        energy_to_modes=_own(record.impacts[:count, len(layout.IMPACT_COLUMNS) :]),
+        law={pair.name: pair.law.name for pair in system.contacts},
+        dropped=int(record.tally[3]) - count,
+    )
+
+
+def riding_of(block: Block, system: System) -> Riding:
+    """Rigid contacts that took an impulse in three or more steps in a row: a ball that moves with its wall.
+
+    Each begins with an impact, which has its own row in the table of impacts once the contact has ended;
+    the impulses of the two tables are the same.
+    """
+    record, touch, dt = block.record, block.motion.touch[:, :, 0], block.scheme.dt
+    count = min(int(record.tally[3]), record.impacts.shape[0])
+    rows = [(*row[:3], row[7], row[5], row[0] + row[7]) for row in record.impacts[:count]]
+    for j in np.flatnonzero(touch[layout.OPEN]):
+        time, side, duration, impulse = (
+            touch[row, j] for row in (layout.START, layout.SIDE, layout.DURATION, layout.IMPULSE)
+        )
+        rows.append((time, j, side, duration, impulse, np.nan))
+    rows = [row for row in rows if block.pairs.kind[int(row[1])] == RIGID and row[3] > 1.5 * dt]
+    if not rows:
+        return Riding.none()
+    start, pair, side, duration, impulse, end = (np.array(column) for column in zip(*rows, strict=True))
+    return Riding(
+        impactor=np.array([system.contacts[int(j)].name for j in pair]),
+        side=_own(side),
+        start=_own(start),
+        end=_own(end),
+        impulse=_own(side * impulse),
+        mean_force=_own(side * impulse / duration),
+    )
+
+
+def open_contacts(block: Block, system: System) -> tuple[str, ...]:
+    """Notes on balls that touch at the end: their contact is in the forces, not in the table of impacts."""
+    touch = block.motion.touch[:, :, 0]
+    return tuple(
+        f"{pair.name} is in contact at the end, under force for {touch[layout.DURATION, j]:.3g} s of it: that "
+        "contact counts in forces and energies but is no finished impact"
+        for j, pair in enumerate(system.contacts)
+        if touch[layout.OPEN, j] != 0.0
+    )
+
+
+def _own(array: NDArray[Any]) -> NDArray[Any]:
+    """A read-only copy, its rows together."""
+    copy = np.array(array, order="C")
+    copy.setflags(write=False)
+    return copy
