@@ -58,6 +58,20 @@ def test_pieces_hold_the_bits_of_the_whole_history(small, method):
     np.testing.assert_array_equal(response.impacts.time, whole.impacts.time)
 
 
+@pytest.mark.parametrize(
+    "base",
+    [fi.RecordedBase(np.sin(np.arange(100) / 3.0), 4e-3), fi.PointForce("tip", fi.Sine(0.05, 5.1, phase=0.3))],
+    ids=["recorded", "force"],
+)
+def test_pieces_hold_the_bits_whatever_drives(small, base):
+    pieces = []
+    record = fi.Recorder(("tip", "ball", "ball.gap", "tip.velocity"), sink=pieces.append, piece_samples=450)
+    fi.integrate(small, base, METHOD, 0.5, record, initial=START)
+    _assert_joined(
+        pieces, fi.integrate(small, base, METHOD, 0.5, dataclasses.replace(record, sink=None), initial=START)
+    )
+
+
 @pytest.mark.parametrize("case", ["physical", "rigid", "stop"])
 def test_pieces_hold_the_bits_in_physical_space_with_rigid_balls_and_with_stops(system, reference, case):
     method, channels = METHOD, None
@@ -198,6 +212,15 @@ def test_the_memory_limit_counts_one_piece(small):
     fi.integrate(small, BASE, METHOD, 5.0, dataclasses.replace(record, sink=lambda piece: None, piece_samples=1000))
     with pytest.raises(fi.InputError, match="memory_limit"):
         fi.integrate(small, BASE, METHOD, 5.0, dataclasses.replace(record, sink=lambda piece: None))
+
+
+def test_a_recorded_motion_counts_at_every_step(small):
+    base = fi.RecordedBase(np.sin(np.arange(100) / 3.0), 4e-3)
+    record = fi.Recorder(every=100, impacts=10, memory_limit=1e5, sink=lambda piece: None, piece_samples=10)
+    fi.integrate(small, BASE, METHOD, 2.0, record)
+    # 20,001 values of 8 bytes
+    with pytest.raises(fi.InputError, match="memory_limit"):
+        fi.integrate(small, base, METHOD, 2.0, record)
 
 
 def test_an_exception_in_the_sink_ends_the_run(small):

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from femimpact.errors import require
-from femimpact.excitation import Excitation
+from femimpact.excitation import Excitation, RecordedBase
 from femimpact.integrators import layout
 from femimpact.integrators.newmark import SteppingMethod
 from femimpact.response import Channel, Recorder
@@ -19,9 +19,9 @@ __all__ = ["check_memory", "memory_needed", "piece_ends", "record_of"]
 
 
 def memory_needed(
-    system: System, recorder: Recorder, channels: int, steps: int, dt: float, frequency: float
+    system: System, recorder: Recorder, channels: int, steps: int, dt: float, frequency: float, drive: int = 0
 ) -> dict[str, int]:
-    """Bytes that a run will keep: channels, energies, snapshots, impacts and cycle statistics.
+    """Bytes that a run will keep: channels, energies, snapshots, impacts, cycle statistics, values of the drive.
 
     With a sink these are channels, energies and snapshots of one piece.
     """
@@ -35,6 +35,7 @@ def memory_needed(
         "snapshots": 8 * snapshots * (width + 4 * system.nodes.size),
         "impacts": 8 * recorder.impacts * (len(layout.IMPACT_COLUMNS) + modes) * bool(system.contacts),
         "cycles": 8 * cycles * (len(layout.CYCLE_COLUMNS) + len(layout.ENERGY_COLUMNS)),
+        "drive": 8 * drive,
     }
 
 
@@ -45,7 +46,7 @@ def _modes_kept(system: System, recorder: Recorder) -> int:
 
 def check_memory(
     system: System, recorder: Recorder, channels: int, steps: int, dt: float, frequency: float,
-    key: str = "record.memory_limit",
+    key: str = "record.memory_limit", drive: int = 0,
 ) -> int:  # fmt: skip
     """Bytes that a run will keep; an error when they are more than the recorder allows.
 
@@ -54,7 +55,7 @@ def check_memory(
     InputError
         Naming what takes how much.
     """
-    parts = memory_needed(system, recorder, channels, steps, dt, frequency)
+    parts = memory_needed(system, recorder, channels, steps, dt, frequency, drive)
     needed = sum(parts.values())
     shares = ", ".join(f"{name} {size / 1e6:.3g} MB" for name, size in parts.items() if size > 1e6)
     allowed = (
@@ -100,7 +101,9 @@ def record_of(
 ) -> layout.Record:
     """Arrays for what is kept, refused before the run when they would not fit."""
     dt, modes = method.dt, _modes_kept(system, recorder)
-    check_memory(system, recorder, len(channels), steps, dt, excitation.frequency)
+    # a recorded motion is spread over all fine steps before the first
+    drive = steps * method.refine + 1 if isinstance(excitation, RecordedBase) else 0
+    check_memory(system, recorder, len(channels), steps, dt, excitation.frequency, drive=drive)
     samples, snapshots = _rows(recorder, steps, dt)
     rows = [channel.row for channel in channels if channel.row is not None]
     number = iter(range(len(rows)))
