@@ -22,7 +22,7 @@ from femimpact.errors import require
 from femimpact.integrators.driving import Drive
 from femimpact.system import System
 
-__all__ = ["FlightSpace", "Riders", "flight_space"]
+__all__ = ["Equations", "FlightSpace", "Riders", "entries_of", "equations_of", "flight_space", "undamped_modes"]
 
 CRITICAL = 1e-10
 """A discriminant below this share of c^2 is moved there: it changes the motion by less than 1e-10."""
@@ -91,7 +91,7 @@ class FlightSpace:
 
 
 @dataclass(frozen=True, eq=False)
-class _Equations:
+class Equations:
     """M, C, K, loads of p = (u, y), and the direction P_j in which a force on the structure at pair j acts."""
 
     M: NDArray[Any]
@@ -102,7 +102,7 @@ class _Equations:
     force: NDArray[Any]  # (d, pairs)
 
 
-def _equations(system: System, drive: Drive) -> _Equations:
+def equations_of(system: System, drive: Drive) -> Equations:
     """Matrices over all structure dofs and all balls; stops have no coordinate."""
     n, balls = system.dofs, len(system.balls)
     size = n + balls
@@ -121,7 +121,7 @@ def _equations(system: System, drive: Drive) -> _Equations:
         load[n + j] = -pair.mass * drive.share
         given[n + j] = pair.mass * pair.acceleration
         K += pair.free_stiffness * np.outer(force[:, j], force[:, j])
-    return _Equations(M, C, K, load, given, force)
+    return Equations(M, C, K, load, given, force)
 
 
 def flight_space(system: System, drive: Drive, riders: Riders = ()) -> FlightSpace:
@@ -142,11 +142,11 @@ def flight_space(system: System, drive: Drive, riders: Riders = ()) -> FlightSpa
     InputError
         If the drive is a resonance without damping, whose closed form is unbounded.
     """
-    whole = _equations(system, drive)
+    whole = equations_of(system, drive)
     basis, offset = _constrained(system, whole, riders)
     M, C, K = (basis.T @ matrix @ basis for matrix in (whole.M, whole.C, whole.K))
     given = basis.T @ (whole.given - whole.K @ offset)
-    omega_squared, vectors = _undamped_modes(K, M)
+    omega_squared, vectors = undamped_modes(K, M)
     shapes = basis @ vectors
     damping = vectors.T @ C @ vectors
     load, given = shapes.T @ whole.drive, vectors.T @ given
@@ -155,7 +155,7 @@ def flight_space(system: System, drive: Drive, riders: Riders = ()) -> FlightSpa
     braked = np.max(np.abs(damping), axis=0, initial=0.0) > 1e-15 * max(float(np.abs(damping).max(initial=0.0)), 1e-300)
     bound = stiff | braked
     omega_squared = np.where(stiff, omega_squared, 0.0)
-    exponent, modal, from_u, from_v = _entries(omega_squared[bound], damping[np.ix_(bound, bound)])
+    exponent, modal, from_u, from_v = entries_of(omega_squared[bound], damping[np.ix_(bound, bound)])
     elastic, loose = shapes[:, bound], shapes[:, ~bound]
     momentum_u, momentum_loose = elastic.T @ whole.M, loose.T @ whole.M
     beta = from_v @ load[bound]
@@ -193,7 +193,7 @@ def flight_space(system: System, drive: Drive, riders: Riders = ()) -> FlightSpa
     return FlightSpace(**found)
 
 
-def _constrained(system: System, whole: _Equations, riders: Riders) -> tuple[NDArray[Any], NDArray[Any]]:
+def _constrained(system: System, whole: Equations, riders: Riders) -> tuple[NDArray[Any], NDArray[Any]]:
     """Basis of the motions that riding leaves, and the offset that puts every rider on its wall."""
     size = whole.M.shape[0]
     if not riders:
@@ -222,7 +222,7 @@ def _constrained(system: System, whole: _Equations, riders: Riders) -> tuple[NDA
     return basis, offset
 
 
-def _undamped_modes(K: NDArray[Any], M: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def undamped_modes(K: NDArray[Any], M: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """All omega^2 and mass-normalised vectors; the slow modes to rounding, as they carry the energy."""
     off = np.abs(K - np.diag(np.diag(K))).sum() + np.abs(M - np.diag(np.diag(M))).sum()
     if off == 0.0:
@@ -234,18 +234,18 @@ def _undamped_modes(K: NDArray[Any], M: NDArray[Any]) -> tuple[NDArray[Any], NDA
     except np.linalg.LinAlgError:
         values, vectors = scipy.linalg.eigh(K, M)
         return np.where(values > RIGID * float(values[-1]), values, 0.0), vectors
-    # of the flexibility, whose largest eigenvalue is the slowest mode
-    flexible = scipy.linalg.solve_triangular(lower, M[bound], lower=True)
-    flexible = scipy.linalg.solve_triangular(lower, flexible.T, lower=True)
-    values, z = scipy.linalg.eigh(0.5 * (flexible + flexible.T))
+    # of the flexibility, whose largest eigenvalue is the slowest mode; solve_triangular would wake BLAS
+    # threads, which takes a thousand times as long as these few numbers
+    flexible = np.linalg.solve(lower, np.linalg.solve(lower, M[bound]).T)
+    values, z = np.linalg.eigh(0.5 * (flexible + flexible.T))
     omega_squared, vectors = np.zeros(K.shape[0]), np.zeros_like(K)
     omega_squared[~alone] = 1.0 / values
-    vectors[bound] = scipy.linalg.solve_triangular(lower, z, lower=True, trans="T") / np.sqrt(values)
+    vectors[bound] = np.linalg.solve(lower.T, z) / np.sqrt(values)
     vectors[np.ix_(alone, alone)] = np.diag(1.0 / np.sqrt(np.diag(M)[alone]))
     return omega_squared, vectors
 
 
-def _entries(
+def entries_of(
     omega_squared: NDArray[Any], damping: NDArray[Any]
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Exponents lambda, their shapes in modal coordinates, and H from modal displacement and velocity."""
@@ -353,7 +353,7 @@ def _solve_static(omega_squared: NDArray[Any], damping: NDArray[Any]) -> NDArray
         return np.diag(np.where(omega_squared > 0.0, 1.0 / omega_squared, 0.0))
 
 
-def _contact_forces(whole: _Equations, drive: Drive, found: dict[str, Any]) -> dict[str, NDArray[Any]]:
+def _contact_forces(whole: Equations, drive: Drive, found: dict[str, Any]) -> dict[str, NDArray[Any]]:
     """Contact force of every rider from what the equations of motion leave over."""
     riders = found["riders"]
     names = ("force_shape", "force_harmonic", "force_static", "force_follow", "force_follow_rate")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from femimpact.integrators.kernels.compiling import compiled, inlined
 from femimpact.integrators.kernels.crossing import Flight, Space, unit_phase
 
-__all__ = ["Balance", "book_flight", "write_balance"]
+__all__ = ["Balance", "book_flight", "integral_of", "write_balance"]
 
 
 class Balance(NamedTuple):
@@ -33,7 +33,7 @@ class Balance(NamedTuple):
 
 
 @inlined
-def _integral(exponent: complex, growth: complex, duration: float) -> complex:
+def integral_of(exponent: complex, growth: complex, duration: float) -> complex:
     """Integral of e^{mu s} over the duration, growth being e^{mu duration}; a series where mu is small."""
     z = exponent * duration
     if z.real * z.real + z.imag * z.imag < 1e-4:
@@ -92,13 +92,13 @@ def _book_coordinate(
         strength, growth = b.strength[p], b.growth[k]
         if strength == 0.0:
             continue
-        integral = _integral(e, growth, duration)
+        integral = integral_of(e, growth, duration)
         if space.watch.broken:
             moment = _first_moment(e, growth, duration)
             work += b.load[i] * (strength * (flight.clock[1] * integral + flight.clock[2] * moment)).real
         else:
-            with_wave = strength * s * _integral(e + wave, growth * b.growth[entries], duration)
-            against = strength * s.conjugate() * _integral(e - wave, growth * b.growth[entries].conjugate(), duration)
+            with_wave = strength * s * integral_of(e + wave, growth * b.growth[entries], duration)
+            against = strength * s.conjugate() * integral_of(e - wave, growth * b.growth[entries].conjugate(), duration)
             work += 0.5 * b.load[i] * (with_wave + against).real
         work += b.given[i] * (strength * integral).real
         if b.damping[i] == 0.0:
@@ -106,8 +106,8 @@ def _book_coordinate(
         for q in range(p, terms):
             other = space.members[first + q] if q < count else entries + q - count
             f = space.watch.exponent[other] if other < entries else (wave if other == entries else complex(0.0, 0.0))
-            both = strength * b.strength[q] * _integral(e + f, growth * b.growth[other], duration)
-            conjugate = b.strength[q].conjugate() * _integral(
+            both = strength * b.strength[q] * integral_of(e + f, growth * b.growth[other], duration)
+            conjugate = b.strength[q].conjugate() * integral_of(
                 e + f.conjugate(), growth * b.growth[other].conjugate(), duration
             )
             loss += (0.5 if q == p else 1.0) * (both + strength * conjugate).real

@@ -116,6 +116,8 @@ def move_particles(watch: Watch, flight: Flight, duration: float) -> None:
 def move(watch: Watch, flight: Flight, duration: float) -> None:
     """Advance the homogeneous part, the particles and the clock."""
     for k in range(watch.exponent.size):
+        if flight.entry[k] == 0.0:
+            continue
         e = watch.exponent[k]
         decay = math.exp(e.real * duration)
         angle = e.imag * duration
@@ -146,11 +148,12 @@ def clear_time(
     farther bound is surely not met.
     """
     clock, broken = flight.clock, watch.broken
-    turned = watch.sine[r] * phase
+    turned, wave = watch.sine[r] * phase, watch.sine[r]
+    size_of_sine = math.sqrt(wave.real * wave.real + wave.imag * wave.imag)
     value = watch.constant[r] + turned.real
     rate = -watch.omega * turned.imag
-    scale = abs(watch.constant[r]) + abs(turned)
-    scale_rate = watch.omega * abs(turned)
+    scale = abs(watch.constant[r]) + size_of_sine
+    scale_rate = watch.omega * size_of_sine
     bend = watch.omega * scale_rate
     pull, twist = 0.0, 0.0
     if broken:
@@ -196,7 +199,7 @@ def clear_time(
     if lower > -math.inf:
         scale += abs(lower)
     # the sine is known no better than the time is
-    found[2] = AT_WALL * (scale + 0.1 * watch.omega * abs(turned) * clock[0])
+    found[2] = AT_WALL * (scale + 0.1 * watch.omega * size_of_sine * clock[0])
     found[3] = AT_WALL * scale_rate
     # at the wall and leaving it with speed: the parabola returns later
     if up == 0.0 and rate < 0.0:
@@ -211,9 +214,10 @@ def clear_time(
 def derivatives(r: int, watch: Watch, flight: Flight, phase: complex, found: NDArray[Any]) -> None:
     """Second and third derivative of scalar r, and bounds on the second to fourth: found[0:5]."""
     turned = watch.sine[r] * phase
+    size_of_sine = math.sqrt(turned.real * turned.real + turned.imag * turned.imag)
     omega, clock = watch.omega, flight.clock
     second, third = -(omega**2) * turned.real, omega**3 * turned.imag
-    size2, size3, size4 = omega**2 * abs(turned), omega**3 * abs(turned), omega**4 * abs(turned)
+    size2, size3, size4 = omega**2 * size_of_sine, omega**3 * size_of_sine, omega**4 * size_of_sine
     for i in range(flight.particle.size):
         pull = watch.particle_weight[r, i] * (watch.particle_given[i] + watch.particle_drive[i] * clock[1])
         second += pull
@@ -226,7 +230,7 @@ def derivatives(r: int, watch: Watch, flight: Flight, phase: complex, found: NDA
         square = e * e
         second += (term * square).real
         third += (term * square * e).real
-        own = abs(term) * watch.size[k] ** 2
+        own = math.sqrt(term.real * term.real + term.imag * term.imag) * watch.size[k] ** 2
         size2 += own
         size3 += own * watch.size[k]
         size4 += own * watch.size[k] ** 2

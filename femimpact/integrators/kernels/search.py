@@ -17,6 +17,10 @@ END, HIT, REST, RELEASE, STUCK = range(5)
 within any reasonable number of advances."""
 
 
+DECAYED = 1e-40
+"""Share of the largest entry below which one has died out, and is left out from then on."""
+
+
 class Search(NamedTuple):
     """What a search leaves behind, and its scratch space; R scalars, K entries."""
 
@@ -93,12 +97,19 @@ def next_event(watch: Watch, flight: Flight, until: float, c: Search) -> int:
     """Move to the first event or to `until`: END, HIT, REST or RELEASE, the pair and side in `event`."""
     for _ in range(10_000_000):
         phase = unit_phase(watch.omega, flight.clock)
+        largest = 0.0
         for k in range(watch.size.size):
             h = flight.entry[k]
             c.size[k] = math.sqrt(h.real * h.real + h.imag * h.imag)
+            largest = max(largest, c.size[k])
+        for k in range(watch.size.size):
+            if c.size[k] < DECAYED * largest:
+                c.size[k], flight.entry[k] = 0.0, 0.0
         remaining = until - flight.clock[0]
         safe = remaining
         for r in range(watch.upper.size):
+            if watch.upper[r] == math.inf and watch.lower[r] == -math.inf:
+                continue
             own = look(r, watch, flight, phase, remaining, c)
             if own > 0.0:
                 safe = min(safe, own)

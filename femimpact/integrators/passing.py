@@ -1,0 +1,217 @@
+"""Flights through compliant contacts: from the initial states of many cases to what is read of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.integrators.compliant import Compliant, reading_of, waves_of
+from femimpact.integrators.driving import Drive
+from femimpact.integrators.event_driven import Outputs
+from femimpact.integrators.kernels.books import Books
+from femimpact.integrators.kernels.crossing import Flight
+from femimpact.integrators.kernels.forms import CONTACT, FREE, REBOUND, Waves
+from femimpact.integrators.kernels.passage import Journey, Reading, fly_cases
+from femimpact.integrators.kernels.search import Search
+from femimpact.integrators.layout import ENERGY_COLUMNS, IMPACT_COLUMNS, TOTAL_COLUMNS
+from femimpact.system import System
+
+__all__ = ["Passing", "energy_now", "new_passing", "new_search", "pass_on"]
+
+
+@dataclass(frozen=True, eq=False)
+class Passing:
+    """Arrays of some cases on their way; the kernel writes into them.
+
+    Parameters
+    ----------
+    found : Compliant
+    waves : Waves
+    reading : Reading
+    way : Journey
+    search : Search
+    limits : ndarray (4, 2 pairs)
+    trial, mark : Flight
+    stuck : ndarray (cases,), s
+        When changes of contact did not end, else infinite.
+    books : Books or None
+    """
+
+    found: Compliant
+    waves: Waves
+    reading: Reading
+    way: Journey
+    search: Search
+    limits: NDArray[Any]
+    trial: Flight
+    mark: Flight
+    stuck: NDArray[Any]
+    books: Books | None
+
+
+def new_search(scalars: int, entries: int) -> Search:
+    """Scratch space of a search for events."""
+    return Search(
+        leaving=np.zeros(scalars),
+        at_wall=np.zeros(scalars),
+        rate=np.zeros(scalars),
+        found=np.zeros(5),
+        size=np.zeros(entries),
+        event=np.zeros(4),
+    )
+
+
+def new_passing(
+    system: System, found: Compliant, drives: Sequence[Drive], outputs: Outputs, interval: NDArray[Any],
+    samples: int, window: NDArray[Any], position: NDArray[Any], velocity: NDArray[Any],
+) -> Passing:  # fmt: skip
+    """Cases at t = 0, without a ledger.
+
+    Parameters
+    ----------
+    system : System
+    found : Compliant
+    drives : sequence of Drive
+        One for each case.
+    outputs : Outputs
+    interval : ndarray (cases,), s
+        Between samples.
+    samples : int
+        Most that one call reads of a case.
+    window : ndarray (cases, 2), s
+        In which impacts are counted.
+    position, velocity : ndarray (cases, d)
+        Structure and balls relative to the base, m and m/s.
+
+    Returns
+    -------
+    Passing
+    """
+    waves = waves_of(system, found, drives)
+    forms, pairs, cases = found.forms, len(system.contacts), len(drives)
+    entries, particles = forms.exponent.shape[1], forms.particle_given.shape[1]
+    mode = _modes(system, found, position, velocity)
+    number = (np.where(np.abs(mode) == CONTACT, np.where(mode > 0, 1, 2), 0) * 3 ** np.arange(pairs)).sum(axis=1)
+    turned = waves.harmonic[np.arange(cases), number] * np.exp(1j * waves.phase)[:, None]
+    p = position - forms.static[number] - turned.real
+    v = velocity + waves.omega[:, None] * turned.imag
+    way = Journey(
+        entry=np.einsum("cki,ci->ck", forms.to_entry_u[number], p)
+        + np.einsum("cki,ci->ck", forms.to_entry_v[number], v),
+        particle=np.einsum("cpi,ci->cp", forms.to_particle[number], p),
+        particle_rate=np.einsum("cpi,ci->cp", forms.to_particle[number], v),
+        clock=np.stack([np.zeros(cases), np.zeros(cases), np.zeros(cases), waves.phase], axis=1),
+        mode=mode,
+        tally=np.zeros((cases, 3), dtype=np.int64),
+        window=np.array(window, dtype=float),
+        totals=np.zeros((cases, len(TOTAL_COLUMNS), pairs)),
+        touch=np.zeros((cases, 6, pairs)),
+        state=np.zeros((2, position.shape[1])),
+        turn=np.zeros((2, entries + 1), dtype=complex),
+    )
+    spare = [
+        Flight(np.zeros(entries, dtype=complex), np.zeros(particles), np.zeros(particles), np.zeros(4))
+        for _ in range(2)
+    ]
+    return Passing(
+        found=found,
+        waves=waves,
+        reading=reading_of(system, found, waves, outputs, interval, samples),
+        way=way,
+        search=new_search(2 * pairs, entries),
+        limits=np.zeros((4, 2 * pairs)),
+        trial=spare[0],
+        mark=spare[1],
+        stuck=np.full(cases, np.inf),
+        books=None,
+    )
+
+
+def _modes(system: System, found: Compliant, position: NDArray[Any], velocity: NDArray[Any]) -> NDArray[Any]:
+    """What each pair does at the start: FREE, or CONTACT or REBOUND at a wall, (cases, pairs)."""
+    x, rate = (-values @ found.equations.force for values in (position, velocity))
+    mode = np.full(x.shape, float(FREE))
+    for j, pair in enumerate(system.contacts):
+        for side, gap in zip((1.0, -1.0), pair.gaps, strict=True):
+            depth = side * x[:, j] - gap
+            force = pair.parameters.stiffness * depth + pair.parameters.damping * side * rate[:, j]
+            mode[:, j] = np.where(depth > 0.0, side * np.where(force > 0.0, CONTACT, REBOUND), mode[:, j])
+    return mode
+
+
+def new_books(
+    system: System, found: Compliant, drive: Drive, kept: NDArray[Any], shown: NDArray[Any], rows: int, cases: int,
+    most_impacts: int, snapshots: int,
+) -> Books:  # fmt: skip
+    """A ledger that has not begun; `rows` of energies a case, none where only snapshots and impacts are kept."""
+    n, balls, pairs = system.dofs, len(system.balls), len(system.contacts)
+    d, terms = n + balls, found.forms.exponent.shape[1] + 1
+    mass = np.concatenate([system.M.diagonal(), [pair.mass for pair in system.balls]])
+    numbers = np.zeros((5, d))
+    numbers[0], numbers[1, :n], numbers[2, :n] = mass, system.C.diagonal(), system.K.diagonal()
+    numbers[3], numbers[4] = found.equations.drive, found.equations.given
+    parameters = [pair.parameters for pair in system.contacts]
+    square = np.zeros((terms, terms), dtype=complex)
+    return Books(
+        numbers=numbers,
+        loose=(np.abs(found.forms.particle_shape).sum(axis=2) > 0.0).astype(float),
+        pair=np.array(
+            [
+                [p.stiffness for p in parameters],
+                [p.damping for p in parameters],
+                [pair.free_stiffness for pair in system.contacts],
+            ]
+        ).reshape(3, pairs),
+        direction=np.ascontiguousarray(found.equations.force.T),
+        gap=found.forms.gap,
+        sums=np.zeros((cases, 2)),
+        loss_of_mode=np.zeros((cases, n)),
+        kept=kept,
+        shown=shown,
+        energy=np.zeros((cases, rows, len(ENERGY_COLUMNS) + n)),
+        fields=np.zeros((snapshots, 2, d)),
+        impacts=np.zeros((most_impacts, len(IMPACT_COLUMNS) + n)),
+        tally=np.zeros(1, dtype=np.int64),
+        to_modes=np.zeros((pairs, n)),
+        before=np.zeros((2, d)),
+        after=np.zeros((2, d)),
+        strength=np.zeros((d + pairs, terms), dtype=complex),
+        growth=np.zeros(terms, dtype=complex),
+        plus=square,
+        minus=square.copy(),
+    )
+
+
+def energy_now(system: System, found: Compliant, position: NDArray[Any], velocity: NDArray[Any]) -> NDArray[Any]:
+    """Energies (J) of states at which nothing is booked yet, (cases, columns); see ENERGY_COLUMNS."""
+    n = system.dofs
+    mass = found.equations.M.diagonal()
+    kinetic = 0.5 * mass * velocity**2
+    table = np.zeros((position.shape[0], len(ENERGY_COLUMNS) + n))
+    table[:, 0], table[:, 2] = kinetic[:, :n].sum(axis=1), kinetic[:, n:].sum(axis=1)
+    table[:, 1] = 0.5 * (system.K.diagonal() * position[:, :n] ** 2).sum(axis=1)
+    x = -position @ found.equations.force
+    for j, pair in enumerate(system.contacts):
+        depth = np.maximum(x[:, j] - pair.gaps[0], 0.0) + np.maximum(-x[:, j] - pair.gaps[1], 0.0)
+        table[:, 3] += 0.5 * pair.free_stiffness * x[:, j] ** 2 + 0.5 * pair.parameters.stiffness * depth**2
+    return table
+
+
+def pass_on(run: Passing, begin: NDArray[Any], end: NDArray[Any], most: int) -> None:
+    """Take all cases to their sample `end`, reading those after `begin`.
+
+    Parameters
+    ----------
+    run : Passing
+    begin, end : ndarray (cases,) of int
+    most : int
+        Changes of contact beyond which a case is given up.
+    """
+    fly_cases(
+        np.arange(begin.size), begin, end, most, run.found.forms, run.waves, run.reading, run.way, run.search,
+        run.limits, run.trial, run.mark, run.stuck, run.books,
+    )  # fmt: skip
