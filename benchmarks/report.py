@@ -1,0 +1,143 @@
+"""The printed tables: everybody's times beside errors, the ratios to femimpact, and what the issue asked for."""
+
+from __future__ import annotations
+
+import math
+
+__all__ = ["at_error", "goals", "markdown", "tables", "task_table"]
+
+
+def number(value, digits=3) -> str:
+    """A number for a table; empty where there is none."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, str):
+        return value
+    if value is None or not math.isfinite(value):
+        return ""
+    if value == int(value) and abs(value) < 1e5:
+        return str(int(value))
+    size = abs(value)
+    if size >= 10**digits:
+        return f"{value:.0f}"
+    return f"{value:.{digits}g}" if size >= 1e-3 else f"{value:.1e}"
+
+
+def markdown(header, rows) -> str:
+    """A table in Markdown."""
+    lines = ["| " + " | ".join(header) + " |", "| " + " | ".join("---" for _ in header) + " |"]
+    return "\n".join(lines + ["| " + " | ".join(number(cell) for cell in row) + " |" for row in rows])
+
+
+def rival(rows, row):
+    """Femimpact's fastest method on the same task that is at least as exact; the fastest at all if none is."""
+    own = [r for r in rows if r.own and r.task == row.task and math.isfinite(r.cpu)]
+    exact = [r for r in own if r.error <= 1.05 * row.error]
+    return min(exact or own, key=lambda r: r.cpu, default=None)
+
+
+def task_table(rows, task) -> str:
+    """One task: CPU and wall time of the whole of it, error, femimpact's advantage, what has to be said."""
+    table = []
+    for row in (r for r in rows if r.task == task):
+        best = rival(rows, row)
+        ratio = "" if row.own or best is None or not math.isfinite(row.cpu) else row.cpu / best.cpu
+        statistics = ""
+        if "rms" in row.statistics:
+            s = row.statistics
+            marks = ["in" if s[f"{name} in band"] else "OUTSIDE" for name in ("rms", "peak")]
+            statistics = f"{1e3 * s['rms']:.3f} ({marks[0]}), {1e3 * s['peak']:.3f} ({marks[1]})"
+        elif task == "A":
+            statistics = row.statistics.get("error of", "")
+        note = row.note
+        if ratio and row.error < 0.95 * best.error:
+            note += "; more exact than femimpact's" if note else "more exact than femimpact's"
+        table.append([row.tool, row.space, row.cpu, row.wall, row.error, ratio, statistics, note])
+    last = "error of" if task == "A" else "mean rms, mean peak (mm)"
+    head = ["tool", "coordinates", "CPU (s)", "wall (s)", "error (1)", "femimpact is faster (times)", last, "note"]
+    return markdown(head, table)
+
+
+def at_error(points, own, limit, tools=()):
+    """Fastest point with an error of at most `limit` among femimpact's or among named tools."""
+    fitting = [p for p in points if p.own == own and p.error <= limit and (not tools or p.tool in tools)]
+    return min(fitting, key=lambda p: p.cpu, default=None)
+
+
+def tables(found) -> str:
+    """All but the tasks."""
+    parts = []
+    plain = {
+        "Kernel of the fixed step, 8 modes": ("step_cost", ["cases", "ledger", "ns"]),
+        "All dofs, eight cases side by side": ("physical", ["elements", "dofs", "ns", "ns in C", "ratio"]),
+        "All modes, task B": ("all_modes", ["elements", "modes", "method", "cpu", "rms", "peak"]),
+        "Cost of a step over the dofs, eight cases": ("over_dofs", ["elements", "dofs", "ns"]),
+        "Two threads over one, wall time (s)": ("threads", ["work", "method", "one", "two", "faster", "same bits"]),
+        "Start to finished task B, wall time (s)": ("start", ["method", "cold", "warm"]),
+    }
+    for title, (key, columns) in plain.items():
+        rows = found.get(key)
+        if not rows:
+            continue
+        parts.append(f"## {title}\n")
+        extra = [name for name in ("refused", "skipped") if any(name in row for row in rows)]
+        body = [[row.get(name, "") for name in [*columns, *extra]] for row in rows]
+        heads = [{"ns": "ns per step and case", "cpu": "CPU (s)"}.get(name, name) for name in [*columns, *extra]]
+        parts.append(markdown(heads, body) + "\n")
+        if key == "over_dofs":
+            parts.append(f"Cost goes with the dofs to the power {found['exponent']:.3f}.\n")
+    if "memory" in found:
+        memory = found["memory"]
+        parts.append(
+            f"Largest memory of a process: {memory['imports']:.0f} MB after the imports, "
+            f"{memory['task B']:.0f} MB after task B. `femimpact --help`: {found['help']:.2f} s.\n"
+        )
+    return "\n".join(parts)
+
+
+def goals(problem, rows, points, found) -> list[list]:
+    """What was asked for: text, limit, measured, whether met. Only what was measured is listed."""
+    out = []
+
+    def add(text, limit, value, at_least=False):
+        if value is not None and math.isfinite(value):
+            out.append([text, limit, value, value >= limit if at_least else value <= limit])
+
+    finished = [r for r in rows if r.own and math.isfinite(r.cpu)]
+    stated = next((r.error for r in finished if r.task == "B" and r.tool == "femimpact, Newmark"), math.nan)
+    task_b = [r for r in finished if r.task == "B" and r.error <= 1.05 * stated]
+    task_a = [r for r in finished if r.task == "A" and r.error <= 1e-6]
+    add("task B, at Newmark's error or better, CPU (s)", 0.03, min((r.cpu for r in task_b), default=None))
+    for name, limit in (("Exudyn", 2500), ("OpenSees", 30_000)):
+        theirs = next((r.cpu for r in rows if r.task == "B" and r.tool == name), None)
+        if theirs and task_b:
+            add(f"task B against {name} (times)", limit, theirs / min(r.cpu for r in task_b), at_least=True)
+    add("task A, peaks within 1e-6, CPU (s)", 0.01, min((r.cpu for r in task_a), default=None))
+    add(
+        "task A, smallest error of the peaks (1)", 1e-6, min((r.error for r in finished if r.task == "A"), default=None)
+    )
+    for row in found.get("step_cost", []):
+        limit = {21: 12.0, 64: 6.0}.get(row["cases"])
+        if limit and not row["ledger"]:
+            add(f"step of 8 modes, {row['cases']} cases (ns per case)", limit, row["ns"])
+    for count, limit in ((100, 2.0), (1000, 30.0)):
+        times = [row["cpu"] for row in found.get("all_modes", []) if row["elements"] == count and "cpu" in row]
+        add(f"task B with all modes of {count} elements, CPU (s)", limit, min(times, default=None))
+    for row in found.get("physical", []):
+        if "ratio" in row:
+            add(f"all dofs against C, {row['elements']} elements (times)", 2.0, row["ratio"])
+    own, lsoda = at_error(points, True, 1e-4), at_error(points, False, 1e-4, ("scipy LSODA with events",))
+    if own and lsoda:
+        add("tip within 1e-4: time over LSODA's (1)", 0.1, own.cpu / lsoda.cpu)
+    flown = at_error(points, True, 1e-4, ("femimpact, event-driven",))
+    if flown and lsoda:
+        add("tip within 1e-4, event-driven: time over LSODA's (1)", 1e-3, flown.cpu / lsoda.cpu)
+    for row in found.get("threads", []):
+        if "faster" in row:
+            add(f"two threads, {row['work']}, {row['method']} (times)", 1.8, row["faster"], at_least=True)
+    starts = [row for row in found.get("start", []) if "cold" in row]
+    for name, limit in (("cold", 4.0), ("warm", 1.0)):
+        add(f"start to finished task B, {name}, wall (s)", limit, min((row[name] for row in starts), default=None))
+    add("femimpact --help, wall (s)", 0.2, found.get("help"))
+    add("memory of the sweep (MB)", 250, found.get("memory", {}).get("task B"))
+    return out

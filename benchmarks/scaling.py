@@ -1,0 +1,161 @@
+"""How the cost of a step goes with cases, dofs, threads; memory."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from contestants import OWN
+from newmark_step import kernel
+from peers import hand_c
+from problem import load_problem
+from timing import Job, take_turns, timed
+
+import femimpact as fi
+
+__all__ = ["all_modes", "cost_over_dofs", "memory", "physical", "step_cost", "threads"]
+
+HERE = Path(__file__).parent
+
+
+def _method(problem):
+    return fi.Newmark(dt=problem.task("B").dt, allow_coarse_step=True)
+
+
+def step_cost(problem, repeats=5, steps=100_000):
+    """Rows: cases side by side, ns per step and case of the kernel on 8 modes, ledger off and on."""
+    system, method = problem.modal(), _method(problem)
+    return [
+        {"cases": cases, "ledger": ledger, "ns": float(kernel(system, method, cases, ledger, steps, repeats))}
+        for cases in (1, 8, 21, 64)
+        for ledger in (False, True)
+    ]
+
+
+def _eight_cases(problem, elements, steps):
+    """Femimpact's block of eight cases in physical dofs, ready to run."""
+    from femimpact.integrators.block import prepare, run_block
+
+    system, method = problem.full(elements), _method(problem)
+    bases = [fi.Sine(problem.amplitude, f) for f in problem.frequencies[: hand_c.LANES]]
+
+    def once():
+        block = prepare(
+            system, bases, method, steps=[steps] * len(bases), window_start=[0] * len(bases), initial=fi.State(),
+            observed=system.point_row("tip"), ledger=False,
+        )  # fmt: skip
+        start = time.process_time()
+        run_block(block)
+        return time.process_time() - start
+
+    return once
+
+
+def physical(problem, elements=(10, 100, 1000), repeats=5):
+    """Rows: all dofs with eight cases, femimpact and the C code in turns, ns per step and case."""
+    reason, rows = hand_c.missing(), []
+    if reason:
+        return [{"skipped": reason}]
+    dt = problem.task("B").dt
+    for count in elements:
+        steps = max(1000, 400_000 // count)
+        run = hand_c.Run("physical", problem.full(count), problem.amplitude, problem.frequencies[:8], dt, steps)
+        own, best = _eight_cases(problem, count, steps), [np.inf, np.inf]
+        own()
+        for _ in range(repeats):
+            best[0] = min(best[0], own())
+            best[1] = min(best[1], timed(run.go)[0])
+        mine, theirs = (1e9 * seconds / steps / hand_c.LANES for seconds in best)
+        rows.append({"elements": count, "dofs": 2 * count, "ns": mine, "ns in C": theirs, "ratio": mine / theirs})
+    return rows
+
+
+def cost_over_dofs(problem, elements=(10, 30, 100, 300, 1000, 3000, 10_000), cases=8, repeats=3):
+    """Rows: ns per step and case over the dofs, and the exponent fitted to them."""
+    rows = []
+    for count in elements:
+        steps = max(100, 400_000 // count)
+        ns = kernel(problem.full(count), _method(problem), cases, False, steps, repeats)
+        rows.append({"elements": count, "dofs": 2 * count, "ns": float(ns)})
+    dofs, cost = (np.array([row[name] for row in rows]) for name in ("dofs", "ns"))
+    return rows, float(np.polyfit(np.log(dofs), np.log(cost), 1)[0])
+
+
+def all_modes(problem, elements=(100, 1000), repeats=2, say=print):
+    """Rows: task B with every mode that the mesh has; Newmark at the task's step, and refined in touch."""
+    task, rows = problem.task("B"), []
+    for count in elements:
+        say(f"all modes of {count} elements")
+        setup, _, system = timed(lambda count=count: problem.modal(count, modes=2 * count))
+        for name, method in (("Newmark", _method(problem)), ("refined", OWN[2].make(1 / 1000))):
+            run = lambda system=system, method=method: fi.frequency_sweep(  # noqa: E731
+                system, problem.amplitude, problem.frequencies, method,
+                duration=task.duration, window=task.window, ledger=False, threads=1,
+            )  # fmt: skip
+            found = take_turns([Job(name, run, repeats if count < 1000 else 1)])[name]
+            row = {"elements": count, "modes": 2 * count, "method": name, "modes found in (s)": setup}
+            if isinstance(found, str):
+                rows.append({**row, "refused": found})
+                continue
+            rows.append({**row, "cpu": found.cpu, "rms": found.result.rms.mean(), "peak": found.result.peak.mean()})
+    return rows
+
+
+def threads(problem, repeats=5, cases=1000, duration=2.0):
+    """Rows: wall time with one and two threads, on task B and on a study of many cases."""
+    task, rows = problem.task("B"), []
+    many = np.linspace(4.0, 6.0, cases)
+    plan = {
+        "task B": (problem.frequencies, task.duration, task.window),
+        f"{cases} cases": (many, duration, duration / 2),
+    }
+    for name, (frequencies, length, window) in plan.items():
+        for tool in OWN[:3]:
+
+            def run(count, tool=tool, frequencies=frequencies, length=length, window=window):
+                return fi.frequency_sweep(
+                    tool.system(problem, task), problem.amplitude, frequencies, tool.make(tool.usual(task)),
+                    duration=length, window=window, ledger=False, threads=count,
+                ).rms  # fmt: skip
+
+            jobs = [Job(str(count), lambda count=count, run=run: run(count), repeats) for count in (1, 2)]
+            found = take_turns(jobs)
+            row = {"work": name, "method": tool.NAME}
+            if isinstance(found["1"], str):
+                rows.append({**row, "refused": found["1"]})
+                continue
+            one, two = found["1"], found["2"]
+            same = bool(np.array_equal(one.result, two.result))
+            rows.append({**row, "one": one.wall, "two": two.wall, "faster": one.wall / two.wall, "same bits": same})
+    return rows
+
+
+def memory():
+    """Largest memory (MB) of a child process: after the imports, and after task B."""
+    run = subprocess.run(
+        [sys.executable, str(HERE / "scaling.py"), "--memory"], capture_output=True, text=True, check=True, cwd=HERE
+    )
+    imported, finished = (float(part) for part in run.stdout.split())
+    return {"imports": imported, "task B": finished}
+
+
+def _memory_child():
+    import resource
+
+    def largest():
+        # kB on Linux, bytes on macOS
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
+
+    problem = load_problem()
+    before = largest()
+    OWN[1].sweep(problem, problem.task("B"))
+    print(before, largest())
+
+
+if __name__ == "__main__" and "--memory" in sys.argv:
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    _memory_child()
