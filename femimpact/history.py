@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ from femimpact.excitation import Excitation
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["HistoryPiece", "Snapshots", "deciding_rows", "history_dataset"]
+__all__ = ["HistoryPiece", "Snapshots", "Stream", "deciding_rows", "history_dataset"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,3 +136,48 @@ def _take(ledger: EnergyLedger, rows: list[int]) -> EnergyLedger:
     for column in columns.values():
         column.setflags(write=False)
     return EnergyLedger(**columns)
+
+
+@dataclass(eq=False)
+class Stream:
+    """The way of a history out of its run: piece by piece to a sink, or as a whole to the response.
+
+    Parameters
+    ----------
+    read : callable
+        What the run holds now, given how many samples and snapshots were taken from it before.
+    clear : callable
+        Empties the run of that.
+    sink : callable or None
+        As of `Recorder`.
+    """
+
+    read: Callable[[int, int], HistoryPiece]
+    clear: Callable[[], None]
+    sink: Callable[[HistoryPiece], None] | None
+    samples: int = 0
+    snapshots: int = 0
+    deciding: EnergyLedger | None = None
+    streamed_to: float | None = None
+
+    def hand_over(self) -> None:
+        """Give the sink, if there is one, what has come together in the run, and make room there."""
+        if self.sink is None:
+            return
+        found = self.read(self.samples, self.snapshots)
+        shown = 0 if found.snapshots is None else found.snapshots.time.size
+        self.samples, self.snapshots = self.samples + found.time.size, self.snapshots + shown
+        self.clear()
+        if found.time.size + shown == 0:
+            return
+        if found.time.size:
+            self.streamed_to = float(found.time[-1])
+            self.deciding = None if found.energy is None else deciding_rows(self.deciding, found.energy)
+        self.sink(found)
+
+    def left(self) -> HistoryPiece:
+        """What the response gets: all of it, or, behind a sink, units and the rows that decide the residual."""
+        found = self.read(self.samples, self.snapshots)
+        if self.sink is None:
+            return found
+        return dataclasses.replace(found, channels={}, energy=self.deciding, snapshots=None)

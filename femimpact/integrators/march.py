@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from femimpact.contact.formulas import RIGID
-from femimpact.energy import EnergyLedger
 from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation
-from femimpact.history import HistoryPiece, deciding_rows
+from femimpact.history import Stream
 from femimpact.impacts import impact_statistics
 from femimpact.integrators.block import Block, Progress, prepare, run_block
 from femimpact.integrators.kernels.keeping import keep
@@ -20,7 +20,7 @@ from femimpact.integrators.reading import history_of, impacts_of, open_contacts,
 from femimpact.integrators.recording import piece_ends, record_of
 from femimpact.integrators.stepping import check_sampling, check_step, step_notes
 from femimpact.reduction import truncation_notes
-from femimpact.response import Channel, Recorder, Response, resolve_channels
+from femimpact.response import Recorder, Response, resolve_channels
 from femimpact.signals import no_steady_motion, steady_motion
 from femimpact.system import State, System
 
@@ -65,9 +65,13 @@ def march(
         record=record_of(system, recorder, channels, steps, method, excitation),
     )
     _keep_first(block)
-    history = _History(block, system, excitation, channels, recorder)
-    _run(block, piece_ends(recorder, steps), history, method, progress)
-    return _response(history, method, warnings)
+    stream = Stream(
+        read=partial(history_of, block, system, excitation, channels),
+        clear=partial(block.record.tally[1:3].fill, 0),
+        sink=recorder.sink,
+    )
+    _run(block, piece_ends(recorder, steps), stream, excitation, method, progress)
+    return _response(block, system, excitation, method, recorder, stream, warnings)
 
 
 def divergence_message(frequency: float, time: float, method: SteppingMethod) -> str:
@@ -85,39 +89,13 @@ def _keep_first(block: Block) -> None:
         keep(0, block.operator, block.pairs, block.motion, block.record, block.ledger)
 
 
-@dataclass(eq=False)
-class _History:
-    """What a run keeps, and what has become of it: handed over, or all still there."""
-
-    block: Block
-    system: System
-    excitation: Excitation
-    channels: tuple[Channel, ...]
-    recorder: Recorder
-    samples: int = 0
-    snapshots: int = 0
-    deciding: EnergyLedger | None = None
-
-    def rest(self) -> HistoryPiece:
-        """What the record holds now."""
-        taken = (self.samples, self.snapshots)
-        return history_of(self.block, self.system, self.excitation, self.channels, taken)
-
-    def hand_over(self) -> None:
-        """Give the sink, if there is one, what has come together, and make room."""
-        tally = self.block.record.tally
-        if self.recorder.sink is None or tally[1] + tally[2] == 0:
-            return
-        piece = self.rest()
-        self.samples, self.snapshots = self.samples + int(tally[1]), self.snapshots + int(tally[2])
-        tally[1:3] = 0
-        if piece.energy is not None and piece.time.size:
-            self.deciding = deciding_rows(self.deciding, piece.energy)
-        self.recorder.sink(piece)
-
-
 def _run(
-    block: Block, ends: Iterable[int], history: _History, method: SteppingMethod, progress: Progress | None
+    block: Block,
+    ends: Iterable[int],
+    stream: Stream,
+    excitation: Excitation,
+    method: SteppingMethod,
+    progress: Progress | None,
 ) -> None:
     """Run a block to its end by way of the steps at which a piece of its history is complete."""
     done = 0
@@ -127,9 +105,9 @@ def _run(
             run_block(replace(block, steps=end - done, ends=np.array([end - done])), share)
         if np.isfinite(block.diverged[0]):
             time = done * method.dt + float(block.diverged[0])
-            raise DivergenceError(divergence_message(history.excitation.frequency, time, method))
+            raise DivergenceError(divergence_message(excitation.frequency, time, method))
         done = end
-        history.hand_over()
+        stream.hand_over()
 
 
 def _share_of(progress: Progress, done: int, end: int, steps: int) -> Progress:
@@ -137,28 +115,33 @@ def _share_of(progress: Progress, done: int, end: int, steps: int) -> Progress:
     return lambda share: progress((done + share * (end - done)) / steps)
 
 
-def _response(history: _History, method: SteppingMethod, warnings: tuple[str, ...]) -> Response:
-    block, system, recorder, excitation = history.block, history.system, history.recorder, history.excitation
-    every, first = (int(value) for value in block.record.stride[:2])
+def _response(
+    block: Block,
+    system: System,
+    excitation: Excitation,
+    method: SteppingMethod,
+    recorder: Recorder,
+    stream: Stream,
+    warnings: tuple[str, ...],
+) -> Response:
     laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
     window = float(block.steps - block.motion.window[0, 0]) * method.dt
     totals = block.motion.totals[:, :, 0]
     # an impulse has no peak
     totals[4, block.pairs.kind == RIGID] = np.nan
     impacts = impacts_of(block.record, system, excitation)
-    rest, streamed = history.rest(), recorder.sink is not None
-    energy = history.deciding if streamed else rest.energy
+    left = stream.left()
     if impacts.dropped:
         lost = f"{impacts.dropped} impacts beyond the first {recorder.impacts} are not in the table (Recorder.impacts)"
         warnings = (*warnings, lost)
-    if energy is not None and energy.residual > recorder.residual_limit:
-        warnings = (*warnings, _residual_warning(energy.residual, recorder.residual_limit))
+    if left.energy is not None and left.energy.residual > recorder.residual_limit:
+        warnings = (*warnings, _residual_warning(left.energy.residual, recorder.residual_limit))
     cycles = block.cycle_statistics
     finished = int(np.count_nonzero(cycles.samples[:, 0]))
     return Response(
-        time=rest.time,
-        channels={} if streamed else rest.channels,
-        units=rest.units,
+        time=left.time,
+        channels=left.channels,
+        units=left.units,
         impacts=impacts,
         riding=riding_of(block, system),
         statistics=impact_statistics(totals, window, excitation.frequency, laws),
@@ -167,13 +150,13 @@ def _response(history: _History, method: SteppingMethod, warnings: tuple[str, ..
             for j, pair in enumerate(system.contacts)
         },
         steady=steady_motion(cycles, np.array([max(finished // 3, 1)])) if finished else no_steady_motion(),
-        energy=energy,
-        snapshots=None if streamed else rest.snapshots,
+        energy=left.energy,
+        snapshots=left.snapshots,
         base=excitation,
         system=system,
         warnings=warnings,
         notes=(*step_notes(system, method), *truncation_notes(system), *open_contacts(block, system)),
-        streamed_to=(first + every * (history.samples - 1)) * method.dt if streamed else None,
+        streamed_to=stream.streamed_to,
     )
 
 

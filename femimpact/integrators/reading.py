@@ -21,7 +21,12 @@ __all__ = ["history_of", "impacts_of", "open_contacts", "riding_of"]
 
 
 def history_of(
-    block: Block, system: System, excitation: Excitation, channels: tuple[Channel, ...], before: tuple[int, int]
+    block: Block,
+    system: System,
+    excitation: Excitation,
+    channels: tuple[Channel, ...],
+    samples_before: int,
+    snapshots_before: int,
 ) -> HistoryPiece:
     """All samples and snapshots that the record of a block holds now.
 
@@ -31,8 +36,8 @@ def history_of(
     system : System
     excitation : Excitation
     channels : tuple of Channel
-    before : tuple of int
-        Samples and snapshots that were taken out of the record earlier.
+    samples_before, snapshots_before : int
+        What was taken out of the record earlier.
 
     Returns
     -------
@@ -42,8 +47,8 @@ def history_of(
     record, dt = block.record, block.scheme.dt
     samples, snapshots = int(record.tally[1]), int(record.tally[2])
     every, first, stride, first_field = (int(value) for value in record.stride)
-    time = _own((first + every * (before[0] + np.arange(samples))) * dt)
-    shown = (first_field + stride * (before[1] + np.arange(snapshots))) * dt
+    time = _own((first + every * (samples_before + np.arange(samples))) * dt)
+    shown = (first_field + stride * (snapshots_before + np.arange(snapshots))) * dt
     return HistoryPiece(
         time=time,
         channels={
