@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "IMPACT_UNITS", "RIDING_UNITS", "ImpactStatistics", "Impacts", "Riding", "impact_columns", "impact_statistics",
+    "statistics_of_cases",
 ]  # fmt: skip
 
 SHOWN = 5
@@ -254,15 +255,33 @@ def impact_statistics(totals: NDArray[Any], duration: float, frequency: float, l
     ImpactStatistics
         Over all balls given; means over no impact are 0.
     """
+    columns = statistics_of_cases(totals[:, :, None], np.array([duration]), np.array([frequency]))
     count = int(totals[0].sum())
-    each = 1.0 / max(count, 1)
-    return ImpactStatistics(
-        count=count,
-        impacts_per_cycle=count / (duration * frequency),
-        mean_approach_speed=float(totals[1].sum()) * each,
-        largest_approach_speed=float(totals[2].max(initial=0.0)),
-        mean_impulse=float(totals[3].sum()) * each,
-        peak_force=float(totals[4].max(initial=0.0)),
-        law=law,
-        cycle_mean_force=float(totals[5].sum()) / duration,
-    )
+    return ImpactStatistics(count=count, law=law, **{name: float(column[0]) for name, column in columns.items()})
+
+
+def statistics_of_cases(
+    totals: NDArray[Any], duration: NDArray[Any], frequency: NDArray[Any]
+) -> dict[str, NDArray[Any]]:
+    """The same of many cases: columns (cases,) by the names of `ImpactStatistics`.
+
+    Parameters
+    ----------
+    totals : ndarray (6, balls, cases)
+    duration : ndarray (cases,), s
+    frequency : ndarray (cases,), Hz
+
+    Returns
+    -------
+    dict of str to ndarray (cases,)
+    """
+    count = totals[0].sum(axis=0)
+    each = 1.0 / np.maximum(count, 1.0)
+    return {
+        "impacts_per_cycle": count / (duration * frequency),
+        "mean_approach_speed": totals[1].sum(axis=0) * each,
+        "largest_approach_speed": totals[2].max(axis=0, initial=0.0),
+        "mean_impulse": totals[3].sum(axis=0) * each,
+        "peak_force": totals[4].max(axis=0, initial=0.0),
+        "cycle_mean_force": totals[5].sum(axis=0) / duration,
+    }

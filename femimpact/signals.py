@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = ["CycleStatistics", "SteadyMotion", "no_steady_motion", "steady_motion"]
+
+
+PARTS = 8
+"""Of a window, by whose scatter its two halves are compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,23 +88,28 @@ def steady_motion(
     -------
     SteadyMotion
     """
-    cases = cycles.maximum.shape[1]
-    columns: dict[str, list[Any]] = {name: [] for name in ("peak", "rms", "first_harmonic", "phase", "steadiness")}
-    for c in range(cases):
-        finished = int(np.count_nonzero(cycles.samples[:, c]))
-        last = slice(max(finished - int(window[c]), 0), finished)
-        maximum, square, samples = (a[last, c] for a in (cycles.maximum, cycles.square, cycles.samples))
-        peaks = np.maximum(maximum, -cycles.minimum[last, c])
-        total = samples.sum()
-        in_phase, in_quadrature = (2.0 * a[last, c].sum() / total for a in (cycles.sine, cycles.cosine))
-        columns["peak"].append(peaks.max())
-        columns["rms"].append(np.sqrt(square.sum() / total))
-        columns["first_harmonic"].append(np.hypot(in_phase, in_quadrature))
-        columns["phase"].append(np.arctan2(in_quadrature, in_phase))
-        periodic = _repeats(maximum, periodic_tolerance, longest_period)
-        even = _halves_agree(square / samples, statistical_tolerance, standard_errors)
-        columns["steadiness"].append("periodic" if periodic else "statistical" if even else "transient")
-    return SteadyMotion(**{name: np.array(values) for name, values in columns.items()})
+    finished = np.count_nonzero(cycles.samples, axis=0)
+    length = np.minimum(finished, window)
+    # back from each case's end; rows beyond its window have no weight
+    back = np.arange(max(int(length.max(initial=0)), 1))[:, None]
+    rows, own = np.maximum(finished - 1 - back, 0), back < length
+    maximum, minimum, square, sine, cosine, samples = (
+        np.where(own, np.take_along_axis(getattr(cycles, field.name), rows, axis=0), 0.0)
+        for field in fields(CycleStatistics)
+    )
+    total = samples.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        in_phase, in_quadrature = 2.0 * sine.sum(axis=0) / total, 2.0 * cosine.sum(axis=0) / total
+        rms = np.sqrt(square.sum(axis=0) / total)
+        even = _halves_agree(square / samples, length, statistical_tolerance, standard_errors)
+    periodic = _repeats(maximum, own, periodic_tolerance, longest_period)
+    return SteadyMotion(
+        peak=np.where(length > 0, np.maximum(maximum, -minimum).max(axis=0), np.nan),
+        rms=rms,
+        first_harmonic=np.hypot(in_phase, in_quadrature),
+        phase=np.arctan2(in_quadrature, in_phase),
+        steadiness=np.where(periodic, "periodic", np.where(even, "statistical", "transient")),
+    )
 
 
 def no_steady_motion() -> SteadyMotion:
@@ -109,26 +118,32 @@ def no_steady_motion() -> SteadyMotion:
     return SteadyMotion(nothing, nothing, nothing, nothing, np.array(["transient"]))
 
 
-def _repeats(maximum: NDArray[Any], tolerance: float, longest_period: int) -> bool:
-    scale = float(np.max(np.abs(maximum)))
-    for period in range(1, min(longest_period, maximum.size // 2) + 1):
-        if float(np.max(np.abs(maximum[period:] - maximum[:-period]))) > tolerance * scale:
-            continue
+def _repeats(maximum: NDArray[Any], own: NDArray[Any], tolerance: float, longest_period: int) -> NDArray[Any]:
+    """Which cases repeat their maxima after a few cycles; rows lead back from the end."""
+    scale = tolerance * np.max(np.abs(maximum), axis=0)
+    found = np.zeros(maximum.shape[1], dtype=bool)
+    for period in range(1, min(longest_period, maximum.shape[0] // 2) + 1):
+        both = own[period:]
+        change = np.max(np.abs(maximum[period:] - maximum[:-period]), axis=0, where=both, initial=0.0)
         # a slow drift also repeats from cycle to cycle: the whole window must stay level
-        strobed = maximum[(maximum.size - 1) % period :: period]
-        if float(np.ptp(strobed)) <= tolerance * scale:
-            return True
-    return False
+        strobed, counts = maximum[::period], own[::period]
+        high = np.max(strobed, axis=0, where=counts, initial=-np.inf)
+        low = np.min(strobed, axis=0, where=counts, initial=np.inf)
+        found |= (own.sum(axis=0) >= 2 * period) & (change <= scale) & (high - low <= scale)
+    return found
 
 
-def _halves_agree(mean_square: NDArray[Any], tolerance: float, standard_errors: float) -> bool:
-    """Whether the two halves of the window are one population of cycles."""
-    if mean_square.size < 8:
-        return False
-    parts = np.array([part.mean() for part in np.array_split(mean_square, 8)])
-    first, second = parts[:4], parts[4:]
-    low, high = sorted(np.sqrt([first.mean(), second.mean()]))
-    if high - low <= tolerance * high:
-        return True
-    error = np.sqrt((first.var(ddof=1) + second.var(ddof=1)) / 4.0)
-    return bool(abs(first.mean() - second.mean()) <= standard_errors * error)
+def _halves_agree(
+    mean_square: NDArray[Any], length: NDArray[Any], tolerance: float, standard_errors: float
+) -> NDArray[Any]:
+    """In which cases the two halves of the window are one population of cycles; rows lead back from the end."""
+    place = length - 1 - np.arange(mean_square.shape[0])[:, None]
+    whole, longer = np.divmod(length, PARTS)
+    ahead = longer * (whole + 1)
+    part = np.where(place < ahead, place // (whole + 1), longer + (place - ahead) // np.maximum(whole, 1))
+    parts = np.array([mean_square.mean(axis=0, where=(part == i) & (place >= 0)) for i in range(PARTS)])
+    first, second = parts[: PARTS // 2], parts[PARTS // 2 :]
+    low, high = np.sort(np.sqrt([first.mean(axis=0), second.mean(axis=0)]), axis=0)
+    error = np.sqrt((first.var(axis=0, ddof=1) + second.var(axis=0, ddof=1)) / (PARTS // 2))
+    scattered = np.abs(first.mean(axis=0) - second.mean(axis=0)) <= standard_errors * error
+    return np.asarray((length >= PARTS) & ((high - low <= tolerance * high) | scattered))

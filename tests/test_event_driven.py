@@ -8,8 +8,7 @@ import pytest
 
 import femimpact as fi
 from femimpact.integrators.driving import drive_of
-from femimpact.integrators.event_driven import space_of
-from femimpact.integrators.event_run import new_search
+from femimpact.integrators.event_driven import new_search, space_of
 from femimpact.integrators.flight_space import flight_space
 from femimpact.integrators.kernels import search
 from femimpact.integrators.kernels.crossing import Flight

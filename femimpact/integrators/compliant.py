@@ -21,6 +21,7 @@ from femimpact.integrators.event_driven import Outputs
 from femimpact.integrators.flight_space import Equations, entries_of, equations_of, undamped_modes
 from femimpact.integrators.kernels.forms import Forms, Waves
 from femimpact.integrators.kernels.passage import Reading
+from femimpact.integrators.layout import CYCLE_COLUMNS
 from femimpact.system import System
 
 __all__ = ["Compliant", "compliant_forms", "is_compliant", "reading_of", "waves_of"]
@@ -217,8 +218,9 @@ def _check_resonance(K: NDArray[Any], M: NDArray[Any], C: NDArray[Any], omega: N
 
 
 def reading_of(
-    system: System, found: Compliant, waves: Waves, outputs: Outputs, interval: NDArray[Any], samples: int
-) -> Reading:
+    system: System, found: Compliant, waves: Waves, outputs: Outputs, interval: NDArray[Any], samples: int,
+    per_cycle: int, cycles: int,
+) -> Reading:  # fmt: skip
     """Rows of what is read at every sample, in every state of contact.
 
     Parameters
@@ -227,10 +229,16 @@ def reading_of(
     found : Compliant
     waves : Waves
     outputs : Outputs
-        A pair's force is read while it touches, and is 0 else.
+        Number 0 gets statistics, its rate is number 1; a pair's force is read while it touches, and is 0 else.
     interval : ndarray (cases,), s
     samples : int
-        Most that one call reads of a case.
+        Most that one call keeps of a case.
+    per_cycle, cycles : int
+        Samples of a base cycle, and cycles of which one call keeps statistics.
+
+    Returns
+    -------
+    Reading
     """
     forms, position, rate = found.forms, outputs.position, outputs.rate
     weight = position @ forms.shape + rate @ (forms.shape * forms.exponent[:, None, :])
@@ -253,4 +261,8 @@ def reading_of(
         constant=np.ascontiguousarray(constant),
         sine=np.ascontiguousarray(sine),
         values=np.zeros((waves.omega.size, samples, len(outputs.force))),
+        origin=np.zeros(waves.omega.size, dtype=np.int64),
+        last=np.zeros((waves.omega.size, 2)),
+        per_cycle=per_cycle,
+        cycles=np.zeros((waves.omega.size, cycles, len(CYCLE_COLUMNS))),
     )

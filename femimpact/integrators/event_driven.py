@@ -9,20 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.contact import Rigid
+from femimpact.contact import KelvinVoigt, Rigid
 from femimpact.errors import check_fields, quantity, require
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.flight_space import FlightSpace
 from femimpact.integrators.kernels.crossing import Space, Watch
+from femimpact.integrators.kernels.search import Search
 from femimpact.response import Channel
 from femimpact.system import System
 
-__all__ = ["EventDriven", "Outputs", "check_events", "force_directions", "outputs_of", "space_of"]
+__all__ = ["EventDriven", "Outputs", "check_events", "force_directions", "new_search", "outputs_of", "space_of"]
 
 
 @dataclass(frozen=True)
 class EventDriven:
-    """Exact flight between impacts, impacts as instants: no step, nothing to tune.
+    """Exact flight between impacts and through Kelvin-Voigt contacts: no step, nothing to tune.
 
     Between events every mode and every ball moves in closed form. The first crossing of a gap is
     approached by times in which a bound on the motion excludes one, so that none is missed, and
@@ -30,10 +31,14 @@ class EventDriven:
     (1 + e) v/(1/m + b^T M^-1 b). Impacts at the same instant are resolved one after another, the
     fastest first, until no pair at its wall approaches it.
 
+    A Kelvin-Voigt contact is flown through: while its force pushes, structure, ball and wall are one
+    linear system with a closed form of its own. It ends where its force k p + c p' would turn into a pull;
+    what the wall has stored by then is lost as it springs back behind the ball.
+
     Parameters
     ----------
     closure : float, m
-        A bounce that would rise no higher is the last: the pair is captured, its momentum handed
+        For rigid contacts. A bounce that would rise no higher is the last: the pair is captured, its momentum handed
         over, and rides on its wall until the contact force changes sign. What is left out is a
         displacement below the closure and the energy m_eff v^2/2 of that bounce, which is booked as
         loss; the accumulation's end, 2 v/(a (1 - e)) later, is the start in the table of riding.
@@ -58,13 +63,17 @@ def check_events(system: System) -> None:
     Raises
     ------
     InputError
-        If the system is not on its modes, or a contact is not rigid.
+        If the system is not on its modes, or its contacts are neither all rigid nor all Kelvin-Voigt.
     """
     allowed = "must be on its normal modes for EventDriven: use reduce(system, modes=n)"
     require(system.is_diagonal, "system", f"{system.dofs} coupled dofs", "", allowed)
+    laws = (Rigid, KelvinVoigt)
     for pair in system.contacts:
-        allowed = "must be Rigid(restitution) for EventDriven; compliant laws are for Newmark and its family"
-        require(isinstance(pair.law, Rigid), f"{pair.name}.contact", pair.law.name, "", allowed)
+        allowed = "must be Rigid or KelvinVoigt for EventDriven; other laws are for Newmark and its family"
+        require(isinstance(pair.law, laws), f"{pair.name}.contact", pair.law.name, "", allowed)
+        allowed = "must be of one kind with all other contacts for EventDriven; Newmark mixes them"
+        same = isinstance(pair.law, type(system.contacts[0].law))
+        require(same, f"{pair.name}.contact", pair.law.name, "", allowed)
         clear = sum(pair.gaps) > 0.0
         require(clear, f"{pair.name}.gap", sum(pair.gaps), "m", "must leave some clearance between both walls")
 
@@ -76,6 +85,18 @@ class Outputs:
     position: NDArray[Any]  # (O, d)
     rate: NDArray[Any]  # (O, d)
     force: tuple[int, ...]
+
+
+def new_search(scalars: int, entries: int) -> Search:
+    """Scratch space of a search for events."""
+    return Search(
+        leaving=np.zeros(scalars),
+        at_wall=np.zeros(scalars),
+        rate=np.zeros(scalars),
+        found=np.zeros(5),
+        size=np.zeros(entries),
+        event=np.zeros(4),
+    )
 
 
 def outputs_of(system: System, observed: NDArray[Any], channels: tuple[Channel, ...]) -> Outputs:

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from femimpact.errors import DivergenceError
 from femimpact.integrators.driving import Drive
-from femimpact.integrators.event_driven import EventDriven, Outputs, force_directions, space_of
+from femimpact.integrators.event_driven import EventDriven, Outputs, force_directions, new_search, space_of
 from femimpact.integrators.flight_space import FlightSpace, Riders, flight_space
 from femimpact.integrators.kernels import events
 from femimpact.integrators.kernels.balance import Balance, write_balance
 from femimpact.integrators.kernels.crossing import Flight, Space, derivatives, read_coordinates
 from femimpact.integrators.kernels.events import Contact, Samples
-from femimpact.integrators.kernels.search import Search
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.system import System
 
@@ -84,18 +83,6 @@ class EventRun:
             flight = flight_space(self.system, self.drive, riders)
             self.spaces[riders] = (flight, space_of(self.system, self.drive, flight, self.interval))
         return self.spaces[riders]
-
-
-def new_search(scalars: int, entries: int) -> Search:
-    """Scratch space of a search for events."""
-    return Search(
-        leaving=np.zeros(scalars),
-        at_wall=np.zeros(scalars),
-        rate=np.zeros(scalars),
-        found=np.zeros(5),
-        size=np.zeros(entries),
-        event=np.zeros(4),
-    )
 
 
 def new_run(

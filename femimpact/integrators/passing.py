@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from femimpact.integrators.compliant import Compliant, reading_of, waves_of
 from femimpact.integrators.driving import Drive
-from femimpact.integrators.event_driven import Outputs
+from femimpact.integrators.event_driven import Outputs, new_search
 from femimpact.integrators.kernels.books import Books
 from femimpact.integrators.kernels.crossing import Flight
 from femimpact.integrators.kernels.forms import CONTACT, FREE, REBOUND, Waves
@@ -20,7 +20,7 @@ from femimpact.integrators.kernels.search import Search
 from femimpact.integrators.layout import ENERGY_COLUMNS, IMPACT_COLUMNS, TOTAL_COLUMNS
 from femimpact.system import System
 
-__all__ = ["Passing", "energy_now", "new_passing", "new_search", "pass_on"]
+__all__ = ["Passing", "energy_now", "new_books", "new_passing", "pass_on"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,21 +53,9 @@ class Passing:
     books: Books | None
 
 
-def new_search(scalars: int, entries: int) -> Search:
-    """Scratch space of a search for events."""
-    return Search(
-        leaving=np.zeros(scalars),
-        at_wall=np.zeros(scalars),
-        rate=np.zeros(scalars),
-        found=np.zeros(5),
-        size=np.zeros(entries),
-        event=np.zeros(4),
-    )
-
-
 def new_passing(
-    system: System, found: Compliant, drives: Sequence[Drive], outputs: Outputs, interval: NDArray[Any],
-    samples: int, window: NDArray[Any], position: NDArray[Any], velocity: NDArray[Any],
+    system: System, found: Compliant, drives: Sequence[Drive], outputs: Outputs, per_cycle: int, samples: int,
+    cycles: int, window: NDArray[Any], position: NDArray[Any], velocity: NDArray[Any],
 ) -> Passing:  # fmt: skip
     """Cases at t = 0, without a ledger.
 
@@ -78,10 +66,11 @@ def new_passing(
     drives : sequence of Drive
         One for each case.
     outputs : Outputs
-    interval : ndarray (cases,), s
-        Between samples.
-    samples : int
-        Most that one call reads of a case.
+        The first is the observed place, the second its rate.
+    per_cycle : int
+        Samples of a base cycle.
+    samples, cycles : int
+        Most samples that one call keeps of a case, and cycles of which it keeps statistics.
     window : ndarray (cases, 2), s
         In which impacts are counted.
     position, velocity : ndarray (cases, d)
@@ -92,6 +81,9 @@ def new_passing(
     Passing
     """
     waves = waves_of(system, found, drives)
+    interval = 2.0 * np.pi / (waves.omega * per_cycle)
+    reading = reading_of(system, found, waves, outputs, interval, samples, per_cycle, cycles)
+    reading.last[:] = position @ outputs.position[:2].T + velocity @ outputs.rate[:2].T
     forms, pairs, cases = found.forms, len(system.contacts), len(drives)
     entries, particles = forms.exponent.shape[1], forms.particle_given.shape[1]
     mode = _modes(system, found, position, velocity)
@@ -120,7 +112,7 @@ def new_passing(
     return Passing(
         found=found,
         waves=waves,
-        reading=reading_of(system, found, waves, outputs, interval, samples),
+        reading=reading,
         way=way,
         search=new_search(2 * pairs, entries),
         limits=np.zeros((4, 2 * pairs)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -11,9 +12,11 @@ from numpy.typing import NDArray
 
 from femimpact.errors import DivergenceError
 from femimpact.excitation import Sine
-from femimpact.impacts import impact_statistics
+from femimpact.impacts import impact_statistics, statistics_of_cases
 from femimpact.integrators.block import Progress
-from femimpact.integrators.dwell import dwell
+from femimpact.integrators.compliant import compliant_forms, is_compliant
+from femimpact.integrators.driving import drive_of
+from femimpact.integrators.dwell import Passages, dwell, pass_dwells
 from femimpact.integrators.event_driven import EventDriven, check_events
 from femimpact.signals import steady_motion
 from femimpact.sweep.curve import SWEEP_UNITS
@@ -23,6 +26,12 @@ from femimpact.system import State, System
 
 __all__ = ["flown_columns"]
 
+WIDEST_GROUP = 64
+"""Cases of one compiled call: their samples stay in the cache, and progress is told between calls."""
+
+GROUPS = 4
+"""Groups per further thread: cases cost differently, and small groups even that out."""
+
 
 def flown_columns(
     system: System, amplitude: float, dwells: Dwells, method: EventDriven, state: State,
@@ -31,6 +40,8 @@ def flown_columns(
     """All frequencies event-driven: columns, and warnings."""
     f, warnings = dwells.frequency, list[str]()
     check_events(system)
+    if not system.contacts or is_compliant(system):
+        return _passed_columns(system, amplitude, dwells, method, state, observed, ledger, workers, progress)
     columns = {name: np.full(f.size, np.nan) for name in SWEEP_UNITS}
     columns["steadiness"] = np.full(f.size, "failed", dtype="<U11")
     lock, done = threading.Lock(), [0]
@@ -64,3 +75,71 @@ def flown_columns(
     if all(s == "failed" for s in columns["steadiness"]):
         raise DivergenceError(warnings[-1])
     return columns, warnings
+
+
+def _passed_columns(
+    system: System, amplitude: float, dwells: Dwells, method: EventDriven, state: State,
+    observed: NDArray[Any], ledger: bool, workers: int, progress: Progress | None,
+) -> tuple[dict[str, NDArray[Any]], list[str]]:  # fmt: skip
+    """All frequencies through compliant contacts, or without any, in groups that share one compiled call."""
+    f, warnings = dwells.frequency, list[str]()
+    bases = [Sine(amplitude, float(frequency)) for frequency in f]
+    drives = [drive_of(system, base) for base in bases]
+    found = compliant_forms(system, drives[0])
+    balls = len(system.balls)
+    # at rest in space means a speed of its own at every frequency
+    alike = state.frame == "base"
+    starts = [state.relative_to_base(system, base) for base in (bases[:1] if alike else bases)] * (
+        f.size if alike else 1
+    )
+    position = np.array([np.concatenate([u, y[:balls]]) for u, _, y, _ in starts])
+    velocity = np.array([np.concatenate([v, y_rate[:balls]]) for _, v, _, y_rate in starts])
+    columns = {name: np.full(f.size, np.nan) for name in SWEEP_UNITS}
+    columns["steadiness"] = np.full(f.size, "failed", dtype="<U11")
+    lock, done = threading.Lock(), [0]
+
+    def run(members: NDArray[Any]) -> None:
+        passed = pass_dwells(
+            system, found, [drives[i] for i in members], method, dwells.cycles[members], dwells.measured[members],
+            position[members], velocity[members], observed, ledger,
+        )  # fmt: skip
+        with lock:
+            _fill(columns, warnings, members, passed, dwells, system, method)
+            done[0] += members.size
+            if progress is not None:
+                progress(done[0] / f.size)
+
+    groups = np.array_split(
+        np.arange(f.size), max(math.ceil(f.size / WIDEST_GROUP), min(GROUPS * (workers - 1), f.size), 1)
+    )
+    if workers == 1 or len(groups) == 1:
+        for members in groups:
+            run(members)
+    else:
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(run, groups))
+    if all(s == "failed" for s in columns["steadiness"]):
+        raise DivergenceError(warnings[-1])
+    return columns, warnings
+
+
+def _fill(
+    columns: dict[str, NDArray[Any]], warnings: list[str], members: NDArray[Any], passed: Passages, dwells: Dwells,
+    system: System, method: EventDriven,
+) -> None:  # fmt: skip
+    """Columns of one group."""
+    motion = steady_motion(passed.cycles, dwells.measured[members])
+    statistics = statistics_of_cases(
+        passed.totals, dwells.measured[members] / dwells.frequency[members], dwells.frequency[members]
+    )
+    fine = np.isinf(passed.stuck)
+    for name in ("peak", "rms", "first_harmonic", "phase", "steadiness"):
+        columns[name][members[fine]] = getattr(motion, name)[fine]
+    for name in IMPACT_NAMES:
+        columns[name][members[fine]] = statistics[name][fine]
+    columns["energy_residual"][members[fine]] = passed.residual[fine]
+    for c in np.flatnonzero(~fine):
+        warnings.append(
+            f"at {dwells.frequency[members[c]]:g} Hz: contacts at t = {passed.stuck[c]:.6g} s do not resolve within "
+            f"{method.most_events} changes a cycle: raise most_events, or check gaps that leave no clearance"
+        )

@@ -16,7 +16,7 @@ from femimpact.contact.formulas import RIGID
 from femimpact.energy import energy_residual
 from femimpact.errors import DivergenceError
 from femimpact.excitation import Sine
-from femimpact.impacts import impact_statistics
+from femimpact.impacts import statistics_of_cases
 from femimpact.integrators.block import Block, Progress, prepare, run_block
 from femimpact.integrators.integrate import divergence_message
 from femimpact.integrators.newmark import SteppingMethod
@@ -114,18 +114,17 @@ def _gather(
         totals = block.motion.totals[:, :, : members.size]
         # an impulse has no peak
         totals[4, block.pairs.kind == RIGID] = np.nan
-        residual = _residuals(block, dwells.cycles[members]) if block.ledger else np.full(members.size, np.nan)
-        for c, i in enumerate(members):
-            if np.isfinite(block.diverged[c]):
-                warnings.append(divergence_message(float(f[i]), float(block.diverged[c]), method))
-                continue
-            for name in ("peak", "rms", "first_harmonic", "phase", "steadiness"):
-                columns[name][i] = getattr(motion, name)[c]
-            columns["energy_residual"][i] = residual[c]
-            measured = float(np.diff(block.motion.window[:, c])[0]) * method.dt
-            statistics = impact_statistics(totals[:, :, c], measured, float(f[i]), "")
-            for name in IMPACT_NAMES:
-                columns[name][i] = getattr(statistics, name)
+        measured = np.diff(block.motion.window[:, : members.size], axis=0)[0] * method.dt
+        statistics = statistics_of_cases(totals, measured, f[members])
+        fine = np.isinf(block.diverged[: members.size])
+        for c in np.flatnonzero(~fine):
+            warnings.append(divergence_message(float(f[members[c]]), float(block.diverged[c]), method))
+        for name in ("peak", "rms", "first_harmonic", "phase", "steadiness"):
+            columns[name][members[fine]] = getattr(motion, name)[fine]
+        for name in IMPACT_NAMES:
+            columns[name][members[fine]] = statistics[name][fine]
+        if block.ledger:
+            columns["energy_residual"][members[fine]] = _residuals(block, dwells.cycles[members])[fine]
     return columns
 
 

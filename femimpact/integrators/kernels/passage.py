@@ -49,7 +49,11 @@ class Reading(NamedTuple):
     particle_rate: NDArray[Any]  # (S, O, P)
     constant: NDArray[Any]  # (S, O)
     sine: NDArray[Any]  # (cases, S, O) complex
-    values: NDArray[Any]  # (cases, samples, O)
+    values: NDArray[Any]  # (cases, samples, O), or (cases, 0, O) where only cycles are wanted
+    origin: NDArray[Any]  # (cases,) sample with which the first cycle begins
+    last: NDArray[Any]  # (cases, 2) the observed place and its rate at the sample before
+    per_cycle: int  # samples
+    cycles: NDArray[Any]  # (cases, cycles, 6) of output 0, whose rate is output 1; see layout.CYCLE_COLUMNS
 
 
 class Journey(NamedTuple):
@@ -181,6 +185,34 @@ def _book_contact(
 
 
 @inlined
+def _add_to_cycle(c: int, sample: int, w: float, rate: float, phase: complex, reading: Reading) -> None:
+    """Statistics of the cycle that a sample belongs to."""
+    before, rate_before, h = reading.last[c, 0], reading.last[c, 1], reading.interval[c]
+    reading.last[c, 0], reading.last[c, 1] = w, rate
+    number = (sample - 1 - reading.origin[c]) // reading.per_cycle
+    if number < 0 or number >= reading.cycles.shape[1]:
+        return
+    row = reading.cycles[c, number]
+    if row[5] == 0.0:
+        row[0] = row[1] = w
+    high, low = max(w, before), min(w, before)
+    if rate_before * rate < 0.0:
+        # the crest of the cubic through both samples with their rates
+        mean = (w - before) / h
+        bend, twist = (3.0 * mean - 2.0 * rate_before - rate) / h, (rate_before + rate - 2.0 * mean) / (h * h)
+        root = math.sqrt(max(bend * bend - 3.0 * twist * rate_before, 0.0))
+        root = root - bend if rate_before > 0.0 else -root - bend
+        time = min(max(rate_before / root, 0.0), h) if root != 0.0 else 0.0
+        crest = before + time * (rate_before + time * (bend + time * twist))
+        high, low = max(high, crest), min(low, crest)
+    row[0], row[1] = max(row[0], high), min(row[1], low)
+    row[2] += w * w
+    row[3] += w * phase.imag
+    row[4] += w * phase.real
+    row[5] += 1.0
+
+
+@inlined
 def _read(
     c: int, number: int, first: int, until: float, watch: Watch, reading: Reading, flight: Flight, mark: Flight,
     way: Journey, forms: Forms, waves: Waves, books: Books | None,
@@ -191,7 +223,7 @@ def _read(
     while True:
         sample = way.tally[c, 0] + 1
         i, time = sample - first - 1, sample * dt
-        if time > until or i >= reading.values.shape[1]:
+        if time > until:
             break
         if started:
             for k in range(watch.exponent.size):
@@ -215,7 +247,11 @@ def _read(
             for p in range(flight.particle.size):
                 value += reading.particle[number, o, p] * flight.particle[p]
                 value += reading.particle_rate[number, o, p] * flight.particle_rate[p]
-            reading.values[c, i, o] = value
+            if o < 2:
+                way.state[o, 0] = value
+            if i < reading.values.shape[1]:
+                reading.values[c, i, o] = value
+        _add_to_cycle(c, sample, way.state[0, 0], way.state[1, 0], phase, reading)
         if books is not None:
             keep_books(c, number, i, forms, waves, watch, way.mode[c], flight, mark, way.touch[c], books)
         way.tally[c, 0] = sample
