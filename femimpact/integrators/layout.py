@@ -70,6 +70,8 @@ class Operator(NamedTuple):
     damping_band: NDArray[Any]
     stiffness_band: NDArray[Any]
     cholesky_band: NDArray[Any]  # (k + 1, n) lower bands of L, S = L L^T, diagonal inverted
+    narrow: NDArray[Any]  # (12 (n + 6),) up to four bands dof by dof, -C, -K, -alpha_m M; three dofs of zeros around
+    factor: NDArray[Any]  # (4 (n + 6),) 1/D and the entries of -L left of it, S = L D L^T; with more bands: none
     drive_load: NDArray[Any]  # (n,) of the drive
     rows: NDArray[Any]  # (rows, n) places read every step: the observed one first
     response_a: NDArray[Any]  # (pairs, n) what 1 N along b_j does in a step

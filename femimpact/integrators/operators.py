@@ -59,6 +59,7 @@ def operator_of(system: System, s: Scheme, observed: NDArray[Any], load: NDArray
     a, u, v = _responses(system, s, (factor, True))
     lower = factor.copy()
     lower[0] = 1.0 / lower[0]
+    narrow, unit = _tables(system, s, factor)
     return Operator(
         banded=not diagonal,
         load=load / scale,
@@ -69,6 +70,8 @@ def operator_of(system: System, s: Scheme, observed: NDArray[Any], load: NDArray
         damping_band=_widened(bands(C), lower.shape[0]),
         stiffness_band=_widened(bands(K), lower.shape[0]),
         cholesky_band=lower,
+        narrow=narrow,
+        factor=unit,
         drive_load=np.array(load),
         rows=table,
         response_a=a,
@@ -77,6 +80,21 @@ def operator_of(system: System, s: Scheme, observed: NDArray[Any], load: NDArray
         compliance_u=np.ascontiguousarray(table @ u.T),
         compliance_v=np.ascontiguousarray(table @ v.T),
     )
+
+
+def _tables(system: System, s: Scheme, factor: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Up to four bands dof by dof, as the banded step reads them once from the first to the last."""
+    most, n = factor.shape
+    if most > 4 or system.is_diagonal:
+        return np.zeros(0), np.zeros(0)
+    narrow, unit = np.zeros((n + 6, 12)), np.zeros((n + 6, 4))
+    for first, matrix in ((0, system.C), (4, system.K), (8, s.alpha_m * system.M)):
+        band = bands(matrix)
+        narrow[3:-3, first : first + band.shape[0]] = -band.T
+    unit[3:-3, 0] = 1.0 / factor[0] ** 2
+    for k in range(1, most):
+        unit[3 + k : -3, k] = -(factor[k] / factor[0])[: n - k]
+    return narrow.ravel(), unit.ravel()
 
 
 def _rows(system: System, observed: NDArray[Any]) -> NDArray[Any]:

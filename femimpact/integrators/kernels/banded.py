@@ -1,4 +1,4 @@
-"""One step without contact force in physical dofs: banded matrices, one case alone or many side by side."""
+"""One step without contact force in physical dofs: banded matrices, cases in packs of eight or one alone."""
 
 from __future__ import annotations
 
@@ -7,104 +7,113 @@ from typing import Any
 from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.compiling import compiled
-from femimpact.integrators.kernels.flight import add
+from femimpact.integrators.kernels.packs import WIDTH, entry, fill, fma, load, product, store
 from femimpact.integrators.layout import Motion, Operator, Scheme
 
 __all__ = ["free_step_banded", "free_step_banded_single"]
 
 
 @compiled
-def _scale(target: NDArray[Any], scale: float) -> None:
-    for c in range(target.size):
-        target[c] *= scale
-
-
-@compiled
 def free_step_banded(op: Operator, s: Scheme, m: Motion, acting: NDArray[Any]) -> None:
-    """The step in physical dofs: banded right-hand side, forward and back substitution."""
-    n, cases = m.q.shape
+    """The step of every case, eight at a time."""
+    zero = fill(0.0)
+    for c in range(0, acting.size, WIDTH):
+        if op.narrow.size > 0:
+            _step(op.narrow, op.factor, op.load, s, m.q, m.v, m.a, c, load(acting, 0, c, zero), zero)
+        else:
+            _step_wide(op, s, m, c, load(acting, 0, c, zero))
+
+
+@compiled
+def free_step_banded_single(op: Operator, s: Scheme, m: Motion, c: int, acting: float) -> None:
+    """The same step, operation by operation, of one case alone."""
+    if op.narrow.size > 0:
+        _step(op.narrow, op.factor, op.load, s, m.q, m.v, m.a, c, acting, 0.0)
+    else:
+        _step_wide(op, s, m, c, acting)
+
+
+@compiled
+def _step(
+    narrow: NDArray[Any], factor: NDArray[Any], drive: NDArray[Any], s: Scheme, q: NDArray[Any], v: NDArray[Any],
+    a: NDArray[Any], c: int, acting: Any, zero: Any,
+) -> None:  # fmt: skip
+    """Two sweeps: right-hand side with forward substitution, back substitution with the new state.
+
+    Column j of the matrices reaches the rows j - 3 to j + 3; r0 to r6 are the sums of those so far. In between,
+    q and v hold what is predicted, a half of the solution.
+    """
+    n = q.shape[0]
+    averaged = (s.alpha_f != 0.0) | (s.alpha_m != 0.0)
+    r0 = r1 = r2 = r3 = r4 = r5 = y1 = y2 = y3 = zero
+    for j in range(n + 3):
+        t, f, r6 = 12 * j, 4 * j, zero
+        if j < n:
+            rate, old = load(v, j, c, zero), load(a, j, c, zero)
+            way, gain = fma(s.dt, rate, product(s.predict_u, old)), product(s.predict_v, old)
+            u, rate = fma(1.0, way, load(q, j, c, zero)), fma(1.0, gain, rate)
+            store(q, j, c, u)
+            store(v, j, c, rate)
+            r3 = fma(entry(drive, j), acting, r3)
+            if averaged:
+                u, rate = fma(-s.alpha_f, way, u), fma(-s.alpha_f, gain, rate)
+                r0, r1 = fma(entry(narrow, t + 11), old, r0), fma(entry(narrow, t + 22), old, r1)
+                r2, r3 = fma(entry(narrow, t + 33), old, r2), fma(entry(narrow, t + 44), old, r3)
+                r4, r5 = fma(entry(narrow, t + 45), old, r4), fma(entry(narrow, t + 46), old, r5)
+                r6 = product(entry(narrow, t + 47), old)
+            r0 = fma(entry(narrow, t + 3), rate, fma(entry(narrow, t + 7), u, r0))
+            r1 = fma(entry(narrow, t + 14), rate, fma(entry(narrow, t + 18), u, r1))
+            r2 = fma(entry(narrow, t + 25), rate, fma(entry(narrow, t + 29), u, r2))
+            r3 = fma(entry(narrow, t + 36), rate, fma(entry(narrow, t + 40), u, r3))
+            r4 = fma(entry(narrow, t + 37), rate, fma(entry(narrow, t + 41), u, r4))
+            r5 = fma(entry(narrow, t + 38), rate, fma(entry(narrow, t + 42), u, r5))
+            r6 = fma(entry(narrow, t + 39), rate, fma(entry(narrow, t + 43), u, r6))
+        # row j - 3 is complete; of the rows before the first, all is zero
+        y = fma(entry(factor, f + 1), y1, fma(entry(factor, f + 2), y2, fma(entry(factor, f + 3), y3, r0)))
+        if j >= 3:
+            store(a, j - 3, c, product(entry(factor, f), y))
+        y1, y2, y3 = y, y1, y2
+        r0, r1, r2, r3, r4, r5 = r1, r2, r3, r4, r5, r6
+    y1 = y2 = y3 = zero
+    for i in range(n - 1, -1, -1):
+        # all is read before anything is written: an array a multiple of 4096 bytes further looks like the same place
+        f, half, u, rate = 4 * i, load(a, i, c, zero), load(q, i, c, zero), load(v, i, c, zero)
+        y = fma(entry(factor, f + 17), y1, fma(entry(factor, f + 22), y2, fma(entry(factor, f + 27), y3, half)))
+        store(q, i, c, fma(s.correct_u, y, u))
+        store(v, i, c, fma(s.correct_v, y, rate))
+        store(a, i, c, y)
+        y1, y2, y3 = y, y1, y2
+
+
+@compiled
+def _step_wide(op: Operator, s: Scheme, m: Motion, c: int, acting: Any) -> None:
+    """The same with any number of bands."""
+    n, bands, lower = m.q.shape[0], op.cholesky_band.shape[0], op.cholesky_band
     rhs, u_felt, v_felt = m.scratch[0], m.scratch[1], m.scratch[2]
-    felt = 1.0 - s.alpha_f
     for i in range(n):
-        load, q, v, a = op.load[i], m.q[i], m.v[i], m.a[i]
-        u_i, v_i, rhs_i = u_felt[i], v_felt[i], rhs[i]
-        for c in range(cases):
-            u_i[c] = q[c] + felt * (s.dt * v[c] + s.predict_u * a[c])
-            v_i[c] = v[c] + felt * s.predict_v * a[c]
-            rhs_i[c] = load * acting[c]
+        rate, old = load(m.v, i, c, acting), load(m.a, i, c, acting)
+        way, gain = fma(s.dt, rate, product(s.predict_u, old)), product(s.predict_v, old)
+        u, rate = fma(1.0, way, load(m.q, i, c, acting)), fma(1.0, gain, rate)
+        store(m.q, i, c, u)
+        store(m.v, i, c, rate)
+        store(u_felt, i, c, fma(-s.alpha_f, way, u))
+        store(v_felt, i, c, fma(-s.alpha_f, gain, rate))
     for i in range(n):
-        add(rhs[i], -op.damping_band[0, i], v_felt[i])
-        add(rhs[i], -op.stiffness_band[0, i], u_felt[i])
-        for k in range(1, min(op.stiffness_band.shape[0], n - i)):
-            add(rhs[i], -op.damping_band[k, i], v_felt[i + k])
-            add(rhs[i], -op.stiffness_band[k, i], u_felt[i + k])
-            add(rhs[i + k], -op.damping_band[k, i], v_felt[i])
-            add(rhs[i + k], -op.stiffness_band[k, i], u_felt[i])
-    if s.alpha_m != 0.0:
-        for i in range(n):
-            add(rhs[i], -s.alpha_m * op.mass_band[0, i], m.a[i])
-            for k in range(1, min(op.mass_band.shape[0], n - i)):
-                add(rhs[i], -s.alpha_m * op.mass_band[k, i], m.a[i + k])
-                add(rhs[i + k], -s.alpha_m * op.mass_band[k, i], m.a[i])
-    _solve_banded(op.cholesky_band, rhs)
-    for i in range(n):
-        q, v, a, rhs_i = m.q[i], m.v[i], m.a[i], rhs[i]
-        for c in range(cases):
-            q[c] += s.dt * v[c] + s.predict_u * a[c] + s.correct_u * rhs_i[c]
-        for c in range(cases):
-            v[c] += s.predict_v * a[c] + s.correct_v * rhs_i[c]
-            a[c] = rhs_i[c]
-
-
-@compiled
-def free_step_banded_single(
-    op: Operator, s: Scheme, q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], acting: float, scratch: NDArray[Any]
-) -> None:
-    """The same step of one case alone."""
-    n, bands, lower = q.size, op.cholesky_band.shape[0], op.cholesky_band
-    rhs, u_felt, v_felt = scratch[0, :, 0], scratch[1, :, 0], scratch[2, :, 0]
-    felt = 1.0 - s.alpha_f
-    for i in range(n):
-        u_felt[i] = q[i] + felt * (s.dt * v[i] + s.predict_u * a[i])
-        v_felt[i] = v[i] + felt * s.predict_v * a[i]
-        rhs[i] = op.load[i] * acting - op.damping_band[0, i] * v_felt[i] - op.stiffness_band[0, i] * u_felt[i]
-    for k in range(1, bands):
-        damping, stiffness = op.damping_band[k], op.stiffness_band[k]
-        for i in range(n - k):
-            rhs[i] -= damping[i] * v_felt[i + k] + stiffness[i] * u_felt[i + k]
-        for i in range(n - k):
-            rhs[i + k] -= damping[i] * v_felt[i] + stiffness[i] * u_felt[i]
-    if s.alpha_m != 0.0:
-        for i in range(n):
-            rhs[i] -= s.alpha_m * op.mass_band[0, i] * a[i]
-            for k in range(1, min(op.mass_band.shape[0], n - i)):
-                rhs[i] -= s.alpha_m * op.mass_band[k, i] * a[i + k]
-                rhs[i + k] -= s.alpha_m * op.mass_band[k, i] * a[i]
-    for i in range(n):
-        value = rhs[i]
-        for k in range(1, min(bands, i + 1)):
-            value -= lower[k, i - k] * rhs[i - k]
-        rhs[i] = value * lower[0, i]
+        value = product(op.load[i], acting)
+        for j in range(max(0, i - bands + 1), min(n, i + bands)):
+            k, first = abs(i - j), min(i, j)
+            value = fma(-op.stiffness_band[k, first], load(u_felt, j, c, acting), value)
+            value = fma(-op.damping_band[k, first], load(v_felt, j, c, acting), value)
+            if (s.alpha_m != 0.0) & (k < op.mass_band.shape[0]):
+                value = fma(-s.alpha_m * op.mass_band[k, first], load(m.a, j, c, acting), value)
+        for j in range(max(0, i - bands + 1), i):
+            value = fma(-lower[i - j, j], load(rhs, j, c, acting), value)
+        store(rhs, i, c, product(lower[0, i], value))
     for i in range(n - 1, -1, -1):
-        value = rhs[i]
-        for k in range(1, min(bands, n - i)):
-            value -= lower[k, i] * rhs[i + k]
-        rhs[i] = value * lower[0, i]
-    for i in range(n):
-        q[i] += s.dt * v[i] + s.predict_u * a[i] + s.correct_u * rhs[i]
-        v[i] += s.predict_v * a[i] + s.correct_v * rhs[i]
-        a[i] = rhs[i]
-
-
-@compiled
-def _solve_banded(lower: NDArray[Any], rhs: NDArray[Any]) -> None:
-    """Solve L L^T x = rhs in place; L by its lower bands with the reciprocal of its diagonal in row 0."""
-    bands, n = lower.shape
-    for i in range(n):
-        for k in range(1, min(bands, i + 1)):
-            add(rhs[i], -lower[k, i - k], rhs[i - k])
-        _scale(rhs[i], lower[0, i])
-    for i in range(n - 1, -1, -1):
-        for k in range(1, min(bands, n - i)):
-            add(rhs[i], -lower[k, i], rhs[i + k])
-        _scale(rhs[i], lower[0, i])
+        value = load(rhs, i, c, acting)
+        for j in range(i + 1, min(n, i + bands)):
+            value = fma(-lower[j - i, i], load(m.a, j, c, acting), value)
+        value = product(lower[0, i], value)
+        store(m.a, i, c, value)
+        store(m.q, i, c, fma(s.correct_u, value, load(m.q, i, c, acting)))
+        store(m.v, i, c, fma(s.correct_v, value, load(m.v, i, c, acting)))

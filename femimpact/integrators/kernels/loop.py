@@ -69,7 +69,7 @@ def _free_step(op: Operator, s: Scheme, m: Motion, acting: NDArray[Any]) -> None
     """Structure of every case, and what is read of it."""
     if op.banded:
         if m.w.shape[1] == 1:
-            free_step_banded_single(op, s, m.q[:, 0], m.v[:, 0], m.a[:, 0], acting[0], m.scratch)
+            free_step_banded_single(op, s, m, 0, acting[0])
         else:
             free_step_banded(op, s, m, acting)
         read_row(op.rows[0], m.q, m.v, m.w[0], m.w_rate[0])

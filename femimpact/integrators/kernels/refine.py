@@ -108,7 +108,7 @@ def _fine_flight(c: int, before: float, after: float, op: Operator, s: Scheme, p
     """One fine step of one case without contact force."""
     acting = (1.0 - s.alpha_f) * after + s.alpha_f * before
     if op.banded:
-        free_step_banded_single(op, s, m.q[:, c], m.v[:, c], m.a[:, c], acting, m.scratch)
+        free_step_banded_single(op, s, m, c, acting)
     else:
         free_step_single(
             op.load, op.inertia, op.damping, op.stiffness, op.rows[0], s, m.q[:, c], m.v[:, c], m.a[:, c], acting
