@@ -15,7 +15,7 @@ import femimpact as fi
 
 __all__ = ["OWN", "PEERS", "SEPARATE", "Own", "versions"]
 
-PEERS = ("hand_c", "scipy_loop", "scipy_lsoda", "exudyn_ode", "opensees", "mujoco_chain")
+PEERS = ("hand_c_eight", "hand_c", "hand_c_dofs", "scipy_loop", "scipy_lsoda", "exudyn_ode", "opensees", "mujoco_chain")
 """Modules of `peers`, fastest first."""
 
 SEPARATE = ("exudyn_ode", "opensees", "mujoco_chain")
@@ -97,8 +97,8 @@ STEPS = (2e-4, 1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6)
 OWN = (
     Own("femimpact, event-driven", "8 modes", 8, (64, 256), _flown, lambda task: 64),
     Own("femimpact, Newmark", "8 modes", 8, STEPS, _newmark, _given),
-    Own("femimpact, Newmark 1/1000 s, refined", "8 modes", 8, COARSE, _refined, lambda task: COARSE[1], "B"),
-    Own("femimpact, Newmark 1/500 s, refined", "8 modes", 8, (), _refined, lambda task: COARSE[0], "B"),
+    Own("femimpact, Newmark refined in touch", "8 modes", 8, COARSE, _refined, lambda task: COARSE[1], "B"),
+    Own("femimpact, Newmark refined, 1/500 s", "8 modes", 8, (), _refined, lambda task: COARSE[0], "B"),
     Own("femimpact, Newmark, all dofs", "20 dofs", 20, STEPS, _newmark, _given),
 )
 

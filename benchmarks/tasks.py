@@ -21,15 +21,16 @@ SLOW = 3
 
 @dataclass
 class Row:
-    """One tool on one task: times of the whole task (s), error (1), and what has to be said."""
+    """One tool on one task: times of the whole task (s), error of the tip (1), and what has to be said."""
 
     task: str
     tool: str
     space: str
     cpu: float = float("nan")
     wall: float = float("nan")
-    error: float = float("nan")
     note: str = ""
+    setting: float = float("nan")
+    tip: float = float("nan")
     repeats: int = 0
     own: bool = False
     statistics: dict = field(default_factory=dict)
@@ -100,37 +101,31 @@ def run_tasks(problem, chosen, repeats=5, say=print) -> tuple[list[Row], dict[st
 
 
 def _row(problem, task, tool, whole, own, found):
-    row = Row(task.name, tool.NAME, tool.SPACE, own=own)
+    row = Row(task.name, tool.NAME, tool.SPACE, own=own, setting=float(tool.usual(task)))
     if isinstance(found, str):
         row.note = f"refused: {found}"
         return row
     full = len(problem.frequencies) * task.duration
     scale = 1.0 if whole else full / PIECE[task.name]
     row.cpu, row.wall, row.repeats = scale * found.cpu, scale * found.wall, found.repeats
-    if task.ball:
-        _check_ball(problem, task, tool, whole, row, found)
-    elif whole:
-        row.error = peak_error(problem, found.result.peak)
-        row.statistics = {"error of": "21 peaks"}
-    else:
-        times, tips = found.result
-        exact = exact_free_tip(problem, problem.data["tip"]["frequency"], times)
-        row.error = float(np.max(np.abs(tips - exact)) / np.max(np.abs(exact)))
-        row.statistics = {"error of": "tip"}
-    if not whole:
-        row.note = f"{PIECE[task.name]:g} s at one frequency, times {scale:.0f}; best of {found.repeats}"
-    return row
-
-
-def _check_ball(problem, task, tool, whole, row, found):
-    """Error of the tip before chaos decides; statistics of a whole sweep against their bands."""
     tip = problem.data["tip"]
     history = found.result
     if whole:
-        history = tool.history(problem, task, tip["frequency"], tip["duration"], tool.usual(task))
+        length = tip["duration"] if task.ball else PIECE[task.name]
+        history = tool.history(problem, task, tip["frequency"], length, tool.usual(task))
+    if task.ball:
+        row.tip = history_error(problem, *history, tool.MODES)
+    else:
+        exact = exact_free_tip(problem, tip["frequency"], history[0])
+        row.tip = float(np.max(np.abs(history[1] - exact)) / np.max(np.abs(exact)))
+    if whole and task.ball:
         rms, peak, rms_fits, peak_fits = in_bands(problem, found.result)
         row.statistics = {"rms": rms, "peak": peak, "rms in band": rms_fits, "peak in band": peak_fits}
-    row.error = history_error(problem, *history, tool.MODES)
+    elif whole:
+        row.statistics = {"peaks": peak_error(problem, found.result.peak)}
+    if not whole:
+        row.note = f"{PIECE[task.name]:g} s at one frequency, times {scale:.0f}; best of {found.repeats}"
+    return row
 
 
 def run_points(problem, chosen, repeats=5, say=print) -> list[Point]:

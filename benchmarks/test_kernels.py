@@ -7,6 +7,7 @@ pytest-benchmark compare
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,7 @@ import femimpact as fi
 from femimpact.integrators.block import prepare, run_block
 
 PROBLEM = load_problem()
+pytestmark = pytest.mark.benchmark(timer=time.process_time)
 STEPS = 2000
 
 
