@@ -141,7 +141,8 @@ def _halves_agree(
     whole, longer = np.divmod(length, PARTS)
     ahead = longer * (whole + 1)
     part = np.where(place < ahead, place // (whole + 1), longer + (place - ahead) // np.maximum(whole, 1))
-    parts = np.array([mean_square.mean(axis=0, where=(part == i) & (place >= 0)) for i in range(PARTS)])
+    inside = [(part == i) & (place >= 0) for i in range(PARTS)]
+    parts = np.array([np.sum(mean_square, axis=0, where=own) / np.maximum(own.sum(axis=0), 1) for own in inside])
     first, second = parts[: PARTS // 2], parts[PARTS // 2 :]
     low, high = np.sort(np.sqrt([first.mean(axis=0), second.mean(axis=0)]), axis=0)
     error = np.sqrt((first.var(axis=0, ddof=1) + second.var(axis=0, ddof=1)) / (PARTS // 2))

@@ -18,10 +18,10 @@ from femimpact.integrators.kernels import events
 from femimpact.integrators.kernels.balance import Balance, write_balance
 from femimpact.integrators.kernels.crossing import Flight, Space, derivatives, read_coordinates
 from femimpact.integrators.kernels.events import Contact, Samples
-from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS
+from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.system import System
 
-__all__ = ["EventRun", "Keep", "Ride", "run_event_driven"]
+__all__ = ["EventRun", "Keep", "Ride", "kept_rows", "new_run", "piece_of", "run_event_driven"]
 
 CYCLES_AT_ONCE = 256
 """Base cycles between two looks at progress and interrupts."""
@@ -76,6 +76,14 @@ class EventRun:
     cycles: list[NDArray[Any]] = field(default_factory=list)
     rides: list[Ride] = field(default_factory=list)
     open_rides: dict[int, tuple[int, float, float]] = field(default_factory=dict)
+    touching: tuple[int, ...] = ()
+    piece_samples: int = 0
+
+    def clear(self) -> None:
+        """Forget the history that was handed over."""
+        self.samples.clear()
+        self.energy.clear()
+        self.fields.clear()
 
     def space(self, riders: Riders) -> tuple[FlightSpace, Space]:
         """Closed form and kernel arrays for these riders, made once."""
@@ -116,7 +124,7 @@ def new_run(
         restitution=np.array([pair.parameters.restitution for pair in system.contacts]),
         closure=np.array([method.closure]),
         impulse=np.zeros(pairs),
-        impacts=np.zeros((most_impacts if pairs else 0, 7 + n)),
+        impacts=np.zeros((most_impacts if pairs else 0, len(IMPACT_COLUMNS) + n)),
         totals=np.zeros((6, pairs)),
         window=np.array(window),
         tally=np.array([0, 0, 0], dtype=np.int64),
@@ -126,8 +134,9 @@ def new_run(
 
 
 def run_event_driven(
-    run: EventRun, position: NDArray[Any], velocity: NDArray[Any], samples: int, progress: Progress | None = None
-) -> None:
+    run: EventRun, position: NDArray[Any], velocity: NDArray[Any], samples: int, progress: Progress | None = None,
+    after_piece: Callable[[], None] | None = None,
+) -> None:  # fmt: skip
     """Fly from the given coordinates at t = 0 to the last sample.
 
     Parameters
@@ -138,6 +147,8 @@ def run_event_driven(
         Structure and balls relative to the base, m and m/s.
     samples : int
     progress : callable, optional
+    after_piece : callable, optional
+        Called when another piece of the history is complete.
 
     Raises
     ------
@@ -149,7 +160,7 @@ def run_event_driven(
     _set_drive(run.drive, clock, 0)
     flight = _flight_from(run, riders, position, velocity, clock)
     _keep_start(run, flight, position, velocity)
-    done, piece = 0, CYCLES_AT_ONCE * run.method.samples_per_cycle
+    done, piece = 0, piece_of(run)
     while done < samples:
         count = min(piece, samples - done)
         out = _samples(run, done, count)
@@ -158,6 +169,8 @@ def run_event_driven(
         flight, riders = _fly(run, flight, riders, out, (done + count) * run.interval)
         _gather(run, out, done)
         done += count
+        if after_piece is not None:
+            after_piece()
         if progress is not None:
             progress(done / samples)
     for pair, (side, start, impulse) in sorted(run.open_rides.items()):
@@ -365,16 +378,29 @@ def _stuck_message(run: EventRun, time: float) -> str:
 # ---- what is read ---------------------------------------------------------------------------------
 
 
-def _samples(run: EventRun, done: int, count: int) -> Samples:
-    """Arrays of one piece; which of its samples are kept and shown."""
+def piece_of(run: EventRun) -> int:
+    """Samples between two looks at progress: whole cycles, and no more than a sink wants at once if it can be."""
+    per_cycle = run.method.samples_per_cycle
+    fitting = max(run.piece_samples * max(run.keep.every, 1) // per_cycle, 1) if run.piece_samples else CYCLES_AT_ONCE
+    return min(CYCLES_AT_ONCE, fitting) * per_cycle
+
+
+def kept_rows(run: EventRun, done: int, count: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Row of the history and of the snapshots that each sample of a piece fills, -1 for none."""
     number = done + 1 + np.arange(count)
 
     def rows(every: int, first: int) -> NDArray[Any]:
         due = (number >= first) & ((number - first) % max(every, 1) == 0) & (every > 0)
         return np.where(due, np.cumsum(due) - 1, -1)
 
-    keep, n, d = run.keep, run.system.dofs, run.balance.mass.size
-    kept, shown = rows(keep.every, keep.first), rows(keep.snapshots, keep.first_snapshot)
+    keep = run.keep
+    return rows(keep.every, keep.first), rows(keep.snapshots, keep.first_snapshot)
+
+
+def _samples(run: EventRun, done: int, count: int) -> Samples:
+    """Arrays of one piece; which of its samples are kept and shown."""
+    n, d = run.system.dofs, run.balance.mass.size
+    kept, shown = kept_rows(run, done, count)
     outputs = len(run.outputs.force)
     nothing = np.zeros((outputs, 0))
     return Samples(

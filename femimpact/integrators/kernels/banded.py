@@ -6,34 +6,53 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import compiled
-from femimpact.integrators.kernels.packs import WIDTH, entry, fill, fma, load, product, store
+from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.packs import WIDTH, apart, entry, fill, fma, load, product, store
 from femimpact.integrators.layout import Motion, Operator, Scheme
 
 __all__ = ["free_step_banded", "free_step_banded_single"]
 
 
-@compiled
+@inlined
 def free_step_banded(op: Operator, s: Scheme, m: Motion, acting: NDArray[Any]) -> None:
     """The step of every case, eight at a time."""
-    zero = fill(0.0)
-    for c in range(0, acting.size, WIDTH):
-        if op.narrow.size > 0:
-            _step(op.narrow, op.factor, op.load, s, m.q, m.v, m.a, c, load(acting, 0, c, zero), zero)
-        else:
-            _step_wide(op, s, m, c, load(acting, 0, c, zero))
+    if op.narrow.size > 0:
+        _packs(op.narrow, op.factor, op.load, s, m.q, m.v, m.a, acting)
+    else:
+        for c in range(0, acting.size, WIDTH):
+            _step_wide(op, s, m, c, load(acting, 0, c, fill(0.0)))
 
 
-@compiled
+@inlined
 def free_step_banded_single(op: Operator, s: Scheme, m: Motion, c: int, acting: float) -> None:
     """The same step, operation by operation, of one case alone."""
     if op.narrow.size > 0:
-        _step(op.narrow, op.factor, op.load, s, m.q, m.v, m.a, c, acting, 0.0)
+        _alone(op.narrow, op.factor, op.load, s, m.q, m.v, m.a, c, acting)
     else:
         _step_wide(op, s, m, c, acting)
 
 
 @compiled
+def _packs(
+    narrow: NDArray[Any], factor: NDArray[Any], drive: NDArray[Any], s: Scheme, q: NDArray[Any], v: NDArray[Any],
+    a: NDArray[Any], acting: NDArray[Any],
+) -> None:  # fmt: skip
+    apart()
+    zero = fill(0.0)
+    for c in range(0, acting.size, WIDTH):
+        _step(narrow, factor, drive, s, q, v, a, c, load(acting, 0, c, zero), zero)
+
+
+@compiled
+def _alone(
+    narrow: NDArray[Any], factor: NDArray[Any], drive: NDArray[Any], s: Scheme, q: NDArray[Any], v: NDArray[Any],
+    a: NDArray[Any], c: int, acting: float,
+) -> None:  # fmt: skip
+    apart()
+    _step(narrow, factor, drive, s, q, v, a, c, acting, 0.0)
+
+
+@inlined
 def _step(
     narrow: NDArray[Any], factor: NDArray[Any], drive: NDArray[Any], s: Scheme, q: NDArray[Any], v: NDArray[Any],
     a: NDArray[Any], c: int, acting: Any, zero: Any,
@@ -88,6 +107,7 @@ def _step(
 @compiled
 def _step_wide(op: Operator, s: Scheme, m: Motion, c: int, acting: Any) -> None:
     """The same with any number of bands."""
+    apart()
     n, bands, lower = m.q.shape[0], op.cholesky_band.shape[0], op.cholesky_band
     rhs, u_felt, v_felt = m.scratch[0], m.scratch[1], m.scratch[2]
     for i in range(n):

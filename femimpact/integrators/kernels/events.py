@@ -36,7 +36,7 @@ class Contact(NamedTuple):
     restitution: NDArray[Any]  # (R,)
     closure: NDArray[Any]  # (1,) m
     impulse: NDArray[Any]  # (R,) scratch
-    impacts: NDArray[Any]  # (most, 7 + n): time, pair, side, approach, rebound, impulse, loss, energy to each mode
+    impacts: NDArray[Any]  # (most, 9 + n); see layout.IMPACT_COLUMNS, then the energy given to each mode
     totals: NDArray[Any]  # (6, R); see layout.TOTAL_COLUMNS
     window: NDArray[Any]  # (2,) s
     tally: NDArray[Any]  # (3,): impacts met, flights, most events in a call
@@ -156,11 +156,13 @@ def _write_impact(
     row = c.tally[0]
     if row < c.impacts.shape[0]:
         out = c.impacts[row]
-        out[0], out[1], out[2], out[3], out[4], out[5], out[6] = time, r, side, approach, rebound, impulse, loss
+        # an impulse has no largest force and no duration
+        out[0], out[1], out[2], out[3], out[4] = time, r, side, approach, rebound
+        out[5], out[6], out[7], out[8] = impulse, math.nan, 0.0, loss
     for i in range(n):
         push = b.force[i, r] * side * impulse
         if row < c.impacts.shape[0]:
-            c.impacts[row, 7 + i] = push * (b.velocity[i] + 0.5 * push / b.mass[i])
+            c.impacts[row, 9 + i] = push * (b.velocity[i] + 0.5 * push / b.mass[i])
         b.velocity[i] += push / b.mass[i]
     c.tally[0] = row + 1
 
@@ -229,7 +231,7 @@ def _mark_capture(r: int, capture: float, rebound: float, c: Contact) -> None:
         if c.impacts[row, 1] == r:
             c.impacts[row, 4] = 0.0
             c.impacts[row, 5] -= capture
-            c.impacts[row, 6] += 0.5 * capture * rebound
+            c.impacts[row, 8] += 0.5 * capture * rebound
             return
 
 
