@@ -15,7 +15,7 @@ import scipy.linalg
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-__all__ = ["exact_free_tip", "exact_peaks", "exact_tip", "history_error", "in_bands", "peak_error"]
+__all__ = ["cycle_error", "exact_free_tip", "exact_peaks", "exact_tip", "history_error", "in_bands", "peak_error"]
 
 GRID = 1e-5
 """Seconds between two looks for a change of phase; the contact lasts 155 of them."""
@@ -173,6 +173,23 @@ def history_error(problem, times, tips, modes=0):
     smooth = CubicSpline(at, exact)
     inside = times <= at[-1] + 0.5 * GRID
     return float(np.max(np.abs(tips[inside] - smooth(times[inside]))) / np.max(np.abs(exact)))
+
+
+def cycle_error(problem, sweep_of):
+    """Largest relative error of the peaks of the last whole cycle before chaos decides, of a sweep itself.
+
+    `sweep_of` takes frequencies (Hz), duration and window (s) and gives the peaks.
+    """
+    worst = 0.0
+    for frequency in problem.frequencies[[0, 12, 20]]:
+        cycles = int(problem.data["tip"]["duration"] * frequency)
+        end, start = cycles / frequency, (cycles - 1) / frequency
+        times, tips = exact_tip(problem, problem.data["modes"], frequency, end + GRID)
+        # the largest may stand at an end of the cycle, between two instants of the grid
+        exact = np.abs(CubicSpline(times, tips)(np.linspace(start, end, 100_001)))
+        peak = float(sweep_of([frequency], end, 1.0 / frequency)[0])
+        worst = max(worst, abs(peak / np.max(exact) - 1.0))
+    return worst
 
 
 def in_bands(problem, sweep):

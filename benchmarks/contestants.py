@@ -68,6 +68,13 @@ class Own:
         )  # fmt: skip
         return Sweep(curve.peak, curve.rms)
 
+    def peaks(self, problem, task, frequencies, duration, window):
+        """Of a short sweep, through the same interface."""
+        return fi.frequency_sweep(
+            self.system(problem, task), problem.amplitude, frequencies, self.make(self.usual(task)),
+            duration=duration, window=window, ledger=False, threads=1,
+        ).peak  # fmt: skip
+
     def history(self, problem, task, frequency, duration, setting):
         """The tip through the public interface."""
         sine = fi.Sine(problem.amplitude, frequency)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
-from accuracy import exact_free_tip, history_error, in_bands, peak_error
+from accuracy import cycle_error, exact_free_tip, history_error, in_bands, peak_error
 from contestants import OWN, SEPARATE, peer
 from problem import load_problem
 from timing import Child, Job, Measured, take_turns
@@ -123,6 +124,10 @@ def _row(problem, task, tool, whole, own, found):
         row.statistics = {"rms": rms, "peak": peak, "rms in band": rms_fits, "peak in band": peak_fits}
     elif whole:
         row.statistics = {"peaks": peak_error(problem, found.result.peak)}
+    if own and task.ball:
+        worst = cycle_error(problem, functools.partial(tool.peaks, problem, task))
+        row.statistics["cycle"] = worst
+        row.note = f"peaks of the sweep's own cycle before {tip['duration']:g} s: error {worst:.1e}"
     if not whole:
         row.note = f"{PIECE[task.name]:g} s at one frequency, times {scale:.0f}; best of {found.repeats}"
     return row
