@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -242,7 +243,7 @@ class System:
         """Number of degrees of freedom of the structure."""
         return int(self.base_load.size)
 
-    @property
+    @cached_property
     def is_diagonal(self) -> bool:
         """Whether M, C and K are diagonal, as in modal coordinates."""
         return all(_is_diagonal(matrix) for matrix in (self.M, self.C, self.K))

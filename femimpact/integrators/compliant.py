@@ -10,6 +10,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,10 @@ class Compliant:
     matrices: tuple[tuple[NDArray[Any], NDArray[Any]], ...]
 
 
+_KNOWN: WeakKeyDictionary[System, dict[tuple[bytes, float], Compliant]] = WeakKeyDictionary()
+"""Closed forms already found: they take longer than a second of flight."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Form:
     """Closed form of one state; see Forms."""
@@ -89,6 +94,14 @@ def compliant_forms(system: System, drive: Drive) -> Compliant:
     InputError
         If there are more pairs than states can be prepared for.
     """
+    known = _KNOWN.setdefault(system, {})
+    key = drive.load.tobytes(), drive.share
+    if key not in known:
+        known[key] = _prepare(system, drive)
+    return known[key]
+
+
+def _prepare(system: System, drive: Drive) -> Compliant:
     pairs = system.contacts
     allowed = f"must be at most {MOST_PAIRS} Kelvin-Voigt contacts for EventDriven; Newmark takes any number"
     require(len(pairs) <= MOST_PAIRS, "system", f"{len(pairs)} contacts", "", allowed)
