@@ -97,10 +97,10 @@ def steady_motion(
         np.where(own, np.take_along_axis(getattr(cycles, field.name), rows, axis=0), 0.0)
         for field in fields(CycleStatistics)
     )
-    total = samples.sum(axis=0)
+    total = _total(samples)
     with np.errstate(invalid="ignore", divide="ignore"):
-        in_phase, in_quadrature = 2.0 * sine.sum(axis=0) / total, 2.0 * cosine.sum(axis=0) / total
-        rms = np.sqrt(square.sum(axis=0) / total)
+        in_phase, in_quadrature = 2.0 * _total(sine) / total, 2.0 * _total(cosine) / total
+        rms = np.sqrt(_total(square) / total)
         even = _halves_agree(square / samples, length, statistical_tolerance, standard_errors)
     periodic = _repeats(maximum, own, periodic_tolerance, longest_period)
     return SteadyMotion(
@@ -116,6 +116,11 @@ def no_steady_motion() -> SteadyMotion:
     """What a run shorter than one base cycle has: no amplitude, and a transient."""
     nothing = np.full(1, np.nan)
     return SteadyMotion(nothing, nothing, nothing, nothing, np.array(["transient"]))
+
+
+def _total(values: NDArray[Any]) -> NDArray[Any]:
+    """Sum over rows one after the other: the same bits whatever cases stand beside."""
+    return np.asarray(np.cumsum(values, axis=0)[-1])
 
 
 def _repeats(maximum: NDArray[Any], own: NDArray[Any], tolerance: float, longest_period: int) -> NDArray[Any]:
@@ -142,7 +147,7 @@ def _halves_agree(
     ahead = longer * (whole + 1)
     part = np.where(place < ahead, place // (whole + 1), longer + (place - ahead) // np.maximum(whole, 1))
     inside = [(part == i) & (place >= 0) for i in range(PARTS)]
-    parts = np.array([np.sum(mean_square, axis=0, where=own) / np.maximum(own.sum(axis=0), 1) for own in inside])
+    parts = np.array([_total(np.where(own, mean_square, 0.0)) / np.maximum(own.sum(axis=0), 1) for own in inside])
     first, second = parts[: PARTS // 2], parts[PARTS // 2 :]
     low, high = np.sort(np.sqrt([first.mean(axis=0), second.mean(axis=0)]), axis=0)
     error = np.sqrt((first.var(axis=0, ddof=1) + second.var(axis=0, ddof=1)) / (PARTS // 2))

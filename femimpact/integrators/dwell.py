@@ -178,6 +178,7 @@ def _residuals(energy: NDArray[Any], start: NDArray[Any], cycles: NDArray[Any]) 
     # a case that ends before others: its last row stands for those after it
     own = np.minimum(np.arange(table.shape[1]), cycles[:, None])
     table = np.take_along_axis(table, own[:, :, None], axis=1)
-    kinetic, strain, ball, contact, work, lost, in_contact = np.moveaxis(table, (1, 2), (1, 0))
-    stored = (kinetic + strain + ball + contact).T
-    return np.asarray(np.max(np.abs(energy_residual(stored, work.T, (lost + in_contact).T)), axis=0))
+    kinetic, strain, ball, contact, work, lost, in_contact = table.T
+    return np.asarray(
+        np.max(np.abs(energy_residual(kinetic + strain + ball + contact, work, lost + in_contact)), axis=0)
+    )

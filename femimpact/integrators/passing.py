@@ -83,7 +83,8 @@ def new_passing(
     waves = waves_of(system, found, drives)
     interval = 2.0 * np.pi / (waves.omega * per_cycle)
     reading = reading_of(system, found, waves, outputs, interval, samples, per_cycle, cycles)
-    reading.last[:] = position @ outputs.position[:2].T + velocity @ outputs.rate[:2].T
+    # sums case by case: a matrix product may round differently with the number of rows
+    reading.last[:] = (position[:, None] * outputs.position[:2] + velocity[:, None] * outputs.rate[:2]).sum(axis=2)
     forms, pairs, cases = found.forms, len(system.contacts), len(drives)
     entries, particles = forms.exponent.shape[1], forms.particle_given.shape[1]
     mode = _modes(system, found, position, velocity)
@@ -92,10 +93,9 @@ def new_passing(
     p = position - forms.static[number] - turned.real
     v = velocity + waves.omega[:, None] * turned.imag
     way = Journey(
-        entry=np.einsum("cki,ci->ck", forms.to_entry_u[number], p)
-        + np.einsum("cki,ci->ck", forms.to_entry_v[number], v),
-        particle=np.einsum("cpi,ci->cp", forms.to_particle[number], p),
-        particle_rate=np.einsum("cpi,ci->cp", forms.to_particle[number], v),
+        entry=(forms.to_entry_u[number] * p[:, None] + forms.to_entry_v[number] * v[:, None]).sum(axis=2),
+        particle=(forms.to_particle[number] * p[:, None]).sum(axis=2),
+        particle_rate=(forms.to_particle[number] * v[:, None]).sum(axis=2),
         clock=np.stack([np.zeros(cases), np.zeros(cases), np.zeros(cases), waves.phase], axis=1),
         mode=mode,
         tally=np.zeros((cases, 3), dtype=np.int64),
@@ -125,7 +125,7 @@ def new_passing(
 
 def _modes(system: System, found: Compliant, position: NDArray[Any], velocity: NDArray[Any]) -> NDArray[Any]:
     """What each pair does at the start: FREE, or CONTACT or REBOUND at a wall, (cases, pairs)."""
-    x, rate = (-values @ found.equations.force for values in (position, velocity))
+    x, rate = (-(values[:, None] * found.equations.force.T).sum(axis=2) for values in (position, velocity))
     mode = np.full(x.shape, float(FREE))
     for j, pair in enumerate(system.contacts):
         for side, gap in zip((1.0, -1.0), pair.gaps, strict=True):

@@ -1,0 +1,249 @@
+"""Event-driven flight through Kelvin-Voigt contacts: exact against other programs, closed in energy."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import femimpact as fi
+
+AMPLITUDE, EXACT = 0.2037e-3, fi.EventDriven()
+
+
+def beam(modes=8, contact=None, **ball):
+    """The reference beam with a ball of its own contact."""
+    numbers = {"at": "tip", "mass": 3.43e-3, "gap": 4e-3} | ball
+    structure = fi.Structure(
+        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
+        masses=[fi.PointMass("box", at="tip", mass=0.02290976)],
+        impactors=[
+            fi.Impactor("ball", contact=contact or fi.KelvinVoigt(restitution=0.6, contact_time=2e-3), **numbers)
+        ],
+        damping=fi.Rayleigh(ratio=0.0029, modes=(1, 2)),
+    )
+    return fi.reduce(fi.assemble(structure, elements=20), modes)
+
+
+def by_runge_kutta(system, base, times):
+    """Tip by scipy's DOP853, each state of contact with its own equations, switched at located events."""
+    n, pair = system.dofs, system.contacts[0]
+    M, C, K, b = system.M.diagonal(), system.C.diagonal(), system.K.diagonal(), pair.direction
+    k, c, (plus, minus) = pair.parameters.stiffness, pair.parameters.damping, pair.gaps
+
+    def gap(z):
+        return z[n] - b @ z[:n], z[2 * n + 1] - b @ z[n + 1 : 2 * n + 1]
+
+    def push(z, side):
+        x, rate = gap(z)
+        return k * (x - (plus if side > 0 else -minus)) + c * rate if side else 0.0
+
+    def rates(t, z, side):
+        force, acting = push(z, side), float(base.acceleration(t))
+        a = (-system.base_load * acting - C * z[n + 1 : 2 * n + 1] - K * z[:n] + b * force) / M
+        return np.concatenate([z[n + 1 :], a, [pair.acceleration - acting - force / pair.mass]])
+
+    def ends(t, z, side):
+        return push(z, side)
+
+    def touches(t, z, side):
+        x = gap(z)[0]
+        return min(plus - x, x + minus)
+
+    ends.terminal = touches.terminal = True
+    touches.direction = -1
+    t, z, side, tips = 0.0, np.zeros(2 * n + 2), 0, []
+    while t < times[-1]:
+        event = ends if side else touches
+        event.direction = -side if side else -1
+        left = times[times > t]
+        found = solve_ivp(
+            rates, (t, times[-1]), z, "DOP853", t_eval=left, events=event, args=(side,), rtol=1e-12, atol=1e-15,
+            max_step=1e-3 if side == 0 else 2e-5,
+        )  # fmt: skip
+        tips.extend(b @ found.y[:n] if found.y.size else [])
+        if found.status == 0:
+            break
+        t, z = float(found.t_events[0][0]), found.y_events[0][0]
+        side = 0 if side else (1 if gap(z)[0] > 0 else -1)
+    return np.array(tips)
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [
+        fi.KelvinVoigt(restitution=0.6, contact_time=2e-3),
+        # no dashpot: the contact begins and ends at the gap itself
+        fi.KelvinVoigt(stiffness=5e3, damping=0.0),
+    ],
+)
+def test_it_is_the_motion_that_runge_kutta_finds(contact):
+    system, base = beam(4, contact), fi.Sine(AMPLITUDE, 5.2)
+    run = fi.integrate(system, base, EXACT, 0.8, fi.Recorder(channels=("tip",)))
+    tip = by_runge_kutta(system, base, run.time[1:])
+    assert len(run.impacts) >= 2
+    # 1e-12 of the other's steps, tenfold at each of some three impacts
+    np.testing.assert_allclose(run["tip"][1:], tip, atol=1e-8 * np.max(np.abs(tip)))
+
+
+@pytest.mark.parametrize("modes", [1, 4, 8])
+def test_the_ledger_closes_over_thousands_of_contacts(modes):
+    system = beam(modes)
+    run = fi.integrate(system, fi.Sine(AMPLITUDE, 5.0), EXACT, 400.0, fi.Recorder(every=64))
+    assert len(run.impacts) > 1000
+    # rounding of a few 1e-16 in each of some 1e4 flights
+    assert run.energy.residual < 1e-10
+    np.testing.assert_allclose(run.energy.structure_loss_of_mode.sum(axis=1), run.energy.structure_loss, rtol=1e-12)
+    # what is in the table, and a contact that may be open at the end
+    assert run.impacts.energy_loss.sum() == pytest.approx(run.energy.contact_loss[-1], rel=1e-2)
+
+
+def test_stops_balls_springs_and_gravity_together_close_too():
+    structure = fi.Structure(
+        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
+        impactors=[
+            fi.Impactor(
+                "sprung", at=0.15, mass=2e-3, gap=(1e-4, 2e-4), free_stiffness=3.0, acceleration=-9.81,
+                contact=fi.KelvinVoigt(stiffness=3e3, restitution=0.5),
+            )
+        ],
+        stops=[fi.Stop("stop", at="tip", gap=2e-4, contact=fi.KelvinVoigt(stiffness=2e4, restitution=0.7))],
+        damping=fi.Rayleigh(ratio=0.01, modes=(1, 2)),
+    )  # fmt: skip
+    system = fi.reduce(fi.assemble(structure, elements=10), 5)
+    run = fi.integrate(system, fi.Sine(2e-4, 14.0), EXACT, 30.0, fi.Recorder(every=8))
+    assert {"sprung", "stop"} <= set(run.impacts.impactor)
+    assert run.energy.residual < 1e-10
+    # a small step comes to the same motion while chaos has not had its time
+    short = fi.integrate(system, fi.Sine(2e-4, 14.0), EXACT, 0.1, fi.Recorder(channels=("tip",)))
+    steps = fi.integrate(system, fi.Sine(2e-4, 14.0), fi.Newmark(2e-7), 0.1, fi.Recorder(channels=("tip",), every=50))
+    inside = short.time < 0.099
+    other = np.interp(short.time[inside], steps.time, steps["tip"])
+    np.testing.assert_allclose(short["tip"][inside], other, atol=2e-3 * np.max(np.abs(other)))
+
+
+def test_the_table_of_impacts_holds_what_the_contact_does():
+    system = beam(1)
+    run = fi.integrate(system, fi.Sine(AMPLITUDE, 5.0), EXACT, 20.0)
+    i, pair = run.impacts, system.contacts[0]
+    # with one mode the pair is a single mass on its wall: restitution and contact time are those of the law,
+    # but for the accelerations of beam and base, some 1 m/s^2 over 2 ms against speeds of 0.05 m/s and more
+    fast = i.approach_speed > 0.05
+    assert fast.sum() > 20
+    np.testing.assert_allclose(i.rebound_speed[fast] / i.approach_speed[fast], 0.6, atol=0.03)
+    np.testing.assert_allclose(i.duration[fast], pair.parameters.contact_time, rtol=0.05)
+    # the impulse is what the ball's momentum changes by, and no force was larger than the largest
+    assert np.all(i.impulse <= i.peak_force * i.duration * (1 + 1e-12))
+    loss = 0.5 * pair.effective_mass * (i.approach_speed**2 - i.rebound_speed**2)
+    np.testing.assert_allclose(i.energy_loss[fast], loss[fast], rtol=0.1)
+    # what the ball and the wall lose, the mode and the dashpot have
+    assert i.energy_to_modes.shape == (len(i), 1)
+
+
+def test_impulse_and_peak_are_those_of_a_fine_history():
+    system = beam(4)
+    fine = fi.EventDriven(samples_per_cycle=100_000)
+    run = fi.integrate(
+        system, fi.Sine(AMPLITUDE, 5.2), fine, 0.8, fi.Recorder(channels=("contact_force",), ledger=False)
+    )
+    force, dt = run["contact_force"], float(run.time[1])
+    first = (run.time > run.impacts.time[0] - dt) & (run.time < run.impacts.time[0] + 4e-3)
+    push = run.impacts.side[0] * force[first]
+    # 1000 samples in a contact: the sum to 1e-3, the largest of them to 1e-5
+    assert run.impacts.impulse[0] == pytest.approx(push.sum() * dt, rel=1e-3)
+    assert run.impacts.peak_force[0] == pytest.approx(push.max(), rel=1e-5)
+    assert run.impacts.peak_force[0] >= push.max()
+    assert run.impacts.duration[0] == pytest.approx(np.count_nonzero(push) * dt, abs=2 * dt)
+
+
+def test_a_sweep_is_its_runs_one_by_one():
+    system, frequencies = beam(), np.array([4.6, 5.0, 5.3])
+    both = [fi.frequency_sweep(system, AMPLITUDE, frequencies, EXACT, cycles=24, threads=n) for n in (1, 2)]
+    for name in ("peak", "rms", "phase", "impacts_per_cycle", "peak_force", "energy_residual"):
+        assert np.array_equal(getattr(both[0], name), getattr(both[1], name)), name
+    assert np.all(both[0].energy_residual < 1e-11)
+    without = fi.frequency_sweep(system, AMPLITUDE, frequencies, EXACT, cycles=24, ledger=False)
+    for i, frequency in enumerate(frequencies):
+        run = fi.integrate(system, fi.Sine(AMPLITUDE, frequency), EXACT, 24 / frequency, fi.Recorder(every=64))
+        # the same flights, cut in other places: rounding grows tenfold with each of some ten impacts
+        assert both[0].peak[i] == pytest.approx(run.steady.peak[0], rel=1e-3)
+        assert both[0].impacts_per_cycle[i] == pytest.approx(run.statistics.impacts_per_cycle, rel=0.02)
+        assert without.rms[i] == pytest.approx(both[0].rms[i], rel=1e-3)
+
+
+def test_peaks_of_the_beam_alone_are_exact_between_samples():
+    system = fi.without_impactors(beam())
+    frequency = np.linspace(4.9, 5.7, 9)
+    curve = fi.frequency_sweep(system, AMPLITUDE, frequency, EXACT, duration=90.0, window=10.0, ledger=False)
+    # the closed form on a grid so fine that its largest value is the peak to (pi/20,000)^2/2
+    for f, peak in zip(frequency, curve.peak, strict=True):
+        begin = np.ceil(80.0 * f) / f
+        end = np.floor(90.0 * f + 1e-9) / f
+        time = np.linspace(begin, end, int(20_000 * (end - begin) * f) + 1)
+        w = np.zeros(time.size)
+        row, omega = system.point_row("tip"), 2 * np.pi * f
+        for m, c, k, load, r in zip(
+            system.M.diagonal(), system.C.diagonal(), system.K.diagonal(), system.base_load, row, strict=True
+        ):
+            steady = load * omega**2 * AMPLITUDE / (k - omega**2 * m + 1j * omega * c)
+            roots = np.roots([m, c, k])
+            # at rest at t = 0
+            weights = np.linalg.solve([[1, 1], roots], [-steady.imag, -(1j * omega * steady).imag])
+            w += r * (np.imag(steady * np.exp(1j * omega * time)))
+            w += r * np.real(weights[0] * np.exp(roots[0] * time) + weights[1] * np.exp(roots[1] * time))
+        assert peak == pytest.approx(np.abs(w).max(), rel=1e-6)
+
+
+def test_at_rest_in_space_and_given_starts_are_those_of_the_step_methods():
+    system = beam(4)
+    for start in (fi.State(frame="space"), fi.State(ball_displacement=[1e-3], ball_velocity=[0.3])):
+        runs = [
+            fi.integrate(system, fi.Sine(AMPLITUDE, 5.2), method, 0.05, fi.Recorder(channels=("tip", "ball")), start)
+            for method in (EXACT, fi.Newmark(1e-6))
+        ]
+        for name in ("tip", "ball"):
+            inside = runs[0].time < 0.049
+            other = np.interp(runs[0].time[inside], runs[1].time, runs[1][name])
+            # the step method's own error in an impact, of order 1 in dt = T_c/2000
+            np.testing.assert_allclose(runs[0][name][inside], other, atol=1e-3 * np.max(np.abs(other)))
+
+
+def test_a_ball_comes_to_rest_on_its_wall_and_stays():
+    # gravity presses it; at rest the force carries its weight
+    system = beam(2, fi.KelvinVoigt(stiffness=5e3, restitution=0.4), acceleration=9.81, gap=1e-3)
+    run = fi.integrate(system, fi.Sine(1e-6, 2.0), EXACT, 10.0)
+    # the beam still swings below it
+    assert np.mean(run["contact_force"][run.time > 2.0]) == pytest.approx(3.43e-3 * 9.81, rel=0.02)
+    assert any("is in contact at the end" in note for note in run.notes)
+    assert run.energy.residual < 1e-10
+
+
+def test_pieces_of_a_history_are_the_history():
+    system, base = beam(3), fi.Sine(AMPLITUDE, 5.0)
+    whole = fi.integrate(system, base, EXACT, 8.0, fi.Recorder(every=2, snapshots=16))
+    pieces = []
+    record = fi.Recorder(every=2, snapshots=16, sink=pieces.append, piece_samples=300)
+    streamed = fi.integrate(system, base, EXACT, 8.0, record)
+    assert len(pieces) > 3
+    assert streamed.time.size == 0
+    np.testing.assert_array_equal(np.concatenate([piece.time for piece in pieces]), whole.time)
+    # cut in other places, a flight is computed anew from its start: rounding, grown by impacts
+    early = whole.time < 0.9
+    tip = np.concatenate([piece.channels["tip"] for piece in pieces])
+    np.testing.assert_allclose(tip[early], whole["tip"][early], atol=1e-9 * np.abs(whole["tip"]).max())
+    assert sum(piece.snapshots.time.size for piece in pieces) == whole.snapshots.time.size
+    assert streamed.energy.residual < 1e-11
+
+
+def test_what_cannot_be_flown_through_is_refused_by_name():
+    system = beam(2)
+    recorded = fi.RecordedBase(np.zeros(100), 1e-2)
+    with pytest.raises(fi.InputError, match="must be a sine for EventDriven with Kelvin-Voigt"):
+        fi.integrate(system, recorded, EXACT, 0.5)
+    pair = system.contacts[0]
+    many = dataclasses.replace(system, contacts=(pair,) * 5)
+    with pytest.raises(fi.InputError, match="at most 4 Kelvin-Voigt contacts"):
+        fi.integrate(many, fi.Sine(AMPLITUDE, 5.0), EXACT, 0.5)
+    hertz = beam(2, fi.HuntCrossley(stiffness=1e6, restitution=0.6))
+    with pytest.raises(fi.InputError, match=r"ball.contact = 'hunt-crossley': must be Rigid or KelvinVoigt"):
+        fi.integrate(hertz, fi.Sine(AMPLITUDE, 5.0), EXACT, 0.5)
