@@ -6,11 +6,13 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.compiling import inlined
 from femimpact.integrators.kernels.packs import WIDTH, apart, entry, fill, fma, load, product, store
 from femimpact.integrators.layout import Motion, Operator, Scheme
 
 __all__ = ["free_step_banded", "free_step_banded_single"]
+
+# `inlined` spares what a call from Python would need; what calls `apart` is a function of its own all the same
 
 
 @inlined
@@ -32,7 +34,7 @@ def free_step_banded_single(op: Operator, s: Scheme, m: Motion, c: int, acting: 
         _step_wide(op, s, m, c, acting)
 
 
-@compiled
+@inlined
 def _packs(
     narrow: NDArray[Any], factor: NDArray[Any], drive: NDArray[Any], s: Scheme, q: NDArray[Any], v: NDArray[Any],
     a: NDArray[Any], acting: NDArray[Any],
@@ -43,7 +45,7 @@ def _packs(
         _step(narrow, factor, drive, s, q, v, a, c, load(acting, 0, c, zero), zero)
 
 
-@compiled
+@inlined
 def _alone(
     narrow: NDArray[Any], factor: NDArray[Any], drive: NDArray[Any], s: Scheme, q: NDArray[Any], v: NDArray[Any],
     a: NDArray[Any], c: int, acting: float,
@@ -104,7 +106,7 @@ def _step(
         y1, y2, y3 = y, y1, y2
 
 
-@compiled
+@inlined
 def _step_wide(op: Operator, s: Scheme, m: Motion, c: int, acting: Any) -> None:
     """The same with any number of bands."""
     apart()
