@@ -17,6 +17,7 @@ from femimpact.integrators.arrays import cycles_of, empty_record, limits_of, mot
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.kernels import loop
 from femimpact.integrators.kernels.ledger import write_energy
+from femimpact.integrators.kernels.packs import WIDTH
 from femimpact.integrators.newmark import SteppingMethod, scheme_of
 from femimpact.integrators.operators import operator_of
 from femimpact.signals import CycleStatistics
@@ -57,8 +58,8 @@ class Block:
 
 
 def _lanes(cases: int) -> int:
-    """Width of the case axis: one alone, else a multiple of 8 and at least 16, which fills SIMD registers."""
-    return 1 if cases == 1 else max(16, 8 * math.ceil(cases / 8))
+    """Width of the case axis: one alone, else whole packs."""
+    return 1 if cases == 1 else WIDTH * math.ceil(cases / WIDTH)
 
 
 def prepare(

@@ -7,6 +7,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.packs import WIDTH, entry, fill, fma, load, product, store
 from femimpact.integrators.layout import (
     BASE,
     BASE_BEFORE,
@@ -53,46 +54,48 @@ def blend_drive(alpha: float, base: NDArray[Any], before: NDArray[Any], acting: 
 
 @inlined
 def free_step_diagonal(
-    load: NDArray[Any], inertia: NDArray[Any], damping: NDArray[Any], stiffness: NDArray[Any], row: NDArray[Any],
+    load_of: NDArray[Any], inertia: NDArray[Any], damping: NDArray[Any], stiffness: NDArray[Any], row: NDArray[Any],
     s: Scheme, q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], w: NDArray[Any], w_rate: NDArray[Any],
     acting: NDArray[Any],
 ) -> None:  # fmt: skip
     """One step of every mode without contact force, and the first place that is read every step."""
-    n, cases = q.shape
-    dt, pu, pv, cu, cv = s.dt, s.predict_u, s.predict_v, s.correct_u, s.correct_v
-    for c in range(cases):
-        w[c] = 0.0
-        w_rate[c] = 0.0
-    for i in range(n):
-        g, j, d, k, r = load[i], inertia[i], damping[i], stiffness[i], row[i]
-        qi, vi, ai = q[i], v[i], a[i]
-        for c in range(cases):
-            u, rate, old = qi[c], vi[c], ai[c]
-            acceleration = g * acting[c] - (k * u + d * rate + j * old)
-            u_new = u + dt * rate + pu * old + cu * acceleration
-            v_new = rate + pv * old + cv * acceleration
-            ai[c] = acceleration
-            qi[c] = u_new
-            vi[c] = v_new
-            w[c] += r * u_new
-            w_rate[c] += r * v_new
+    zero = fill(0.0)
+    for c in range(0, acting.size, WIDTH):
+        total, total_rate = _step_modes(
+            load_of, inertia, damping, stiffness, row, s, q, v, a, c, load(acting, 0, c, zero), zero
+        )
+        store(w, 0, c, total)
+        store(w_rate, 0, c, total_rate)
 
 
 @inlined
 def free_step_single(
-    load: NDArray[Any], inertia: NDArray[Any], damping: NDArray[Any], stiffness: NDArray[Any], row: NDArray[Any],
-    s: Scheme, q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], acting: float,
+    load_of: NDArray[Any], inertia: NDArray[Any], damping: NDArray[Any], stiffness: NDArray[Any], row: NDArray[Any],
+    s: Scheme, q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], c: int, acting: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """The same step, operation by operation, of one case alone: sums stay in registers."""
-    total, total_rate = 0.0, 0.0
-    for i in range(q.size):
-        u, rate, old = q[i], v[i], a[i]
-        acceleration = load[i] * acting - (stiffness[i] * u + damping[i] * rate + inertia[i] * old)
-        u_new = u + s.dt * rate + s.predict_u * old + s.correct_u * acceleration
-        v_new = rate + s.predict_v * old + s.correct_v * acceleration
-        q[i], v[i], a[i] = u_new, v_new, acceleration
-        total += row[i] * u_new
-        total_rate += row[i] * v_new
+    """The same step, operation by operation, of one case alone."""
+    return _step_modes(load_of, inertia, damping, stiffness, row, s, q, v, a, c, acting, 0.0)
+
+
+@inlined
+def _step_modes(
+    load_of: NDArray[Any], inertia: NDArray[Any], damping: NDArray[Any], stiffness: NDArray[Any], row: NDArray[Any],
+    s: Scheme, q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], c: int, acting: Any, zero: Any,
+) -> tuple[Any, Any]:  # fmt: skip
+    """The step of one case, or of a pack of them: the sums that are read stay in registers."""
+    total, total_rate = zero, zero
+    for i in range(q.shape[0]):
+        u, rate, old = load(q, i, c, zero), load(v, i, c, zero), load(a, i, c, zero)
+        acceleration = fma(
+            -entry(stiffness, i), u,
+            fma(-entry(damping, i), rate, fma(-entry(inertia, i), old, product(entry(load_of, i), acting))),
+        )  # fmt: skip
+        u_new = fma(s.correct_u, acceleration, fma(s.predict_u, old, fma(s.dt, rate, u)))
+        v_new = fma(s.correct_v, acceleration, fma(s.predict_v, old, rate))
+        store(a, i, c, acceleration)
+        store(q, i, c, u_new)
+        store(v, i, c, v_new)
+        total, total_rate = fma(entry(row, i), u_new, total), fma(entry(row, i), v_new, total_rate)
     return total, total_rate
 
 

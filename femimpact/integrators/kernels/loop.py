@@ -75,7 +75,7 @@ def _free_step(op: Operator, s: Scheme, m: Motion, acting: NDArray[Any]) -> None
         read_row(op.rows[0], m.q, m.v, m.w[0], m.w_rate[0])
     elif m.w.shape[1] == 1:
         m.w[0, 0], m.w_rate[0, 0] = free_step_single(
-            op.load, op.inertia, op.damping, op.stiffness, op.rows[0], s, m.q[:, 0], m.v[:, 0], m.a[:, 0], acting[0]
+            op.load, op.inertia, op.damping, op.stiffness, op.rows[0], s, m.q, m.v, m.a, 0, acting[0]
         )
     else:
         free_step_diagonal(

@@ -110,9 +110,7 @@ def _fine_flight(c: int, before: float, after: float, op: Operator, s: Scheme, p
     if op.banded:
         free_step_banded_single(op, s, m, c, acting)
     else:
-        free_step_single(
-            op.load, op.inertia, op.damping, op.stiffness, op.rows[0], s, m.q[:, c], m.v[:, c], m.a[:, c], acting
-        )
+        free_step_single(op.load, op.inertia, op.damping, op.stiffness, op.rows[0], s, m.q, m.v, m.a, c, acting)
     _read_rows(c, op.rows, m.q, m.v, m.w, m.w_rate)
     scale, inertia = 1.0 / (1.0 - s.alpha_m), s.alpha_m / (1.0 - s.alpha_m)
     for j in range(pairs.row.size):
