@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import numbers
 from collections.abc import Iterable, Mapping
 from typing import Any
-
-import numpy as np
 
 __all__ = [
     "DivergenceError",
@@ -96,7 +95,7 @@ def in_range(value: object, metadata: Mapping[str, Any]) -> bool:
     """Whether a value is what a field's metadata allows: a number within its range, or one of its names."""
     if "choices" in metadata:
         return isinstance(value, str) and value in metadata["choices"]
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
         return False
     number, bounds = float(value), metadata["bounds"]
     if not math.isfinite(number) or (metadata["integer"] and not number.is_integer()):

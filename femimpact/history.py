@@ -48,8 +48,8 @@ class HistoryPiece:
     Parameters
     ----------
     time : ndarray (samples,), s
-        At most `Recorder.piece_samples`, next to those of the piece before; none where only
-        snapshots were due.
+        At most `Recorder.piece_samples`, or one base cycle of an event-driven run, next to those of
+        the piece before; none where only snapshots were due.
     channels : mapping of str to ndarray (samples,)
         As `Response.channels` has them.
     units : mapping of str to str

@@ -41,7 +41,7 @@ def test_restitution_near_0_8_comes_closest_to_the_paper_from_rest_on_the_base()
     scan = scans["base"]
     # statistics of chaotic runs: the neighbours are further off by more than the grid's 0.1 Hz and 25 %
     assert scan.restitution[scan.best(*target)] == 0.78
-    assert scan.misfit(*target)[1] < 2.0 < scan.misfit(*target)[[0, 2]].min()
+    assert scan.misfit(*target)[1] < 2.5 < scan.misfit(*target)[[0, 2]].min()
 
 
 def test_printed_equations_create_energy_and_a_contact_law_does_not():
