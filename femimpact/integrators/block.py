@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,7 @@ from femimpact.integrators.kernels.ledger import write_energy
 from femimpact.integrators.kernels.packs import WIDTH
 from femimpact.integrators.newmark import SteppingMethod, scheme_of
 from femimpact.integrators.operators import operator_of
+from femimpact.integrators.threads import Progress
 from femimpact.signals import CycleStatistics
 from femimpact.system import State, System
 
@@ -27,8 +28,6 @@ __all__ = ["Block", "prepare", "run_block"]
 
 STEPS_BETWEEN_CHECKS = 4_000_000
 """Mode-steps between two looks at progress, interrupts and divergence: some 10 ms of work."""
-
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ from femimpact.integrators.kernels.balance import Balance, write_balance
 from femimpact.integrators.kernels.crossing import Flight, Space, derivatives, read_coordinates
 from femimpact.integrators.kernels.events import Contact, Samples
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
+from femimpact.integrators.threads import Progress
 from femimpact.system import System
 
 __all__ = ["EventRun", "Keep", "Ride", "kept_rows", "new_run", "piece_of", "run_event_driven"]
@@ -31,8 +32,6 @@ SWITCHES_AT_ONCE = 200
 
 SWITCHES_IN_CYCLE = 20_000
 """The same in one base cycle."""
-
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)

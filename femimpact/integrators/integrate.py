@@ -7,13 +7,12 @@ from typing import Any, cast, overload
 
 from femimpact.errors import require, require_type
 from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
-from femimpact.integrators.block import Progress
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.fly import fly
 from femimpact.integrators.march import divergence_message, march
 from femimpact.integrators.newmark import SteppingMethod
 from femimpact.integrators.recording import check_memory, memory_needed
-from femimpact.integrators.threads import run_each, workers_of
+from femimpact.integrators.threads import Progress, run_each, workers_of
 from femimpact.response import Recorder, Response
 from femimpact.system import State, System
 

@@ -13,12 +13,13 @@ from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation
 from femimpact.history import Stream
 from femimpact.impacts import impact_statistics
-from femimpact.integrators.block import Block, Progress, prepare, run_block
+from femimpact.integrators.block import Block, prepare, run_block
 from femimpact.integrators.kernels.keeping import keep
 from femimpact.integrators.newmark import SteppingMethod, require_method
 from femimpact.integrators.reading import history_of, impacts_of, open_contacts, riding_of
 from femimpact.integrators.recording import piece_ends, record_of
 from femimpact.integrators.stepping import check_sampling, check_step, step_notes
+from femimpact.integrators.threads import Progress
 from femimpact.reduction import truncation_notes
 from femimpact.response import Recorder, Response, resolve_channels
 from femimpact.signals import no_steady_motion, steady_motion

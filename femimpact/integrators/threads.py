@@ -10,11 +10,12 @@ from typing import TypeVar
 
 from femimpact.errors import in_range, quantity, require
 
-__all__ = ["cores", "run_each", "workers_of"]
+__all__ = ["Progress", "cores", "run_each", "workers_of"]
 
 Case = TypeVar("Case")
 Result = TypeVar("Result")
 Progress = Callable[[float], None]
+"""Called with the share done, 0 to 1."""
 
 
 class _Stopped(Exception):  # noqa: N818 - no error: nobody waits for this run any more

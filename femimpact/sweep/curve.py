@@ -15,7 +15,7 @@ from femimpact.structure import Position
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["SWEEP_UNITS", "FrequencyResponse"]
+__all__ = ["IMPACT_NAMES", "SWEEP_UNITS", "FrequencyResponse"]
 
 SWEEP_UNITS = {
     "peak": "m",
@@ -31,6 +31,12 @@ SWEEP_UNITS = {
     "energy_residual": "1",
 }
 """Numeric columns of a sweep and their units."""
+
+IMPACT_NAMES = (
+    "impacts_per_cycle", "mean_approach_speed", "largest_approach_speed", "mean_impulse", "peak_force",
+    "cycle_mean_force",
+)  # fmt: skip
+"""Those of them that are statistics of impacts."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import threading
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -13,15 +12,14 @@ from numpy.typing import NDArray
 from femimpact.errors import DivergenceError
 from femimpact.excitation import Sine
 from femimpact.impacts import impact_statistics, statistics_of_cases
-from femimpact.integrators.block import Progress
 from femimpact.integrators.compliant import compliant_forms, is_compliant
 from femimpact.integrators.driving import drive_of
-from femimpact.integrators.dwell import Passages, dwell, pass_dwells
 from femimpact.integrators.event_driven import EventDriven, check_events
+from femimpact.integrators.passages import Passages, pass_dwells
+from femimpact.integrators.threads import Progress, run_each
 from femimpact.signals import steady_motion
-from femimpact.sweep.curve import SWEEP_UNITS
+from femimpact.sweep.curve import IMPACT_NAMES, SWEEP_UNITS
 from femimpact.sweep.dwells import Dwells
-from femimpact.sweep.stepped import IMPACT_NAMES
 from femimpact.system import State, System
 
 __all__ = ["flown_columns"]
@@ -29,8 +27,8 @@ __all__ = ["flown_columns"]
 WIDEST_GROUP = 64
 """Cases of one compiled call: their samples stay in the cache, and progress is told between calls."""
 
-GROUPS = 4
-"""Groups per further thread: cases cost differently, and small groups even that out."""
+GROUPS = 3
+"""Groups per thread."""
 
 
 def flown_columns(
@@ -42,11 +40,12 @@ def flown_columns(
     check_events(system)
     if not system.contacts or is_compliant(system):
         return _passed_columns(system, amplitude, dwells, method, state, observed, ledger, workers, progress)
-    columns = {name: np.full(f.size, np.nan) for name in SWEEP_UNITS}
-    columns["steadiness"] = np.full(f.size, "failed", dtype="<U11")
-    lock, done = threading.Lock(), [0]
+    from femimpact.integrators.dwell import dwell
 
-    def run(i: int) -> None:
+    columns = _empty(f.size)
+    lock = threading.Lock()
+
+    def run(i: int, _: Progress | None) -> None:
         cycles, measured = int(dwells.cycles[i]), int(dwells.measured[i])
         try:
             found = dwell(system, Sine(amplitude, float(f[i])), method, cycles, measured, state, observed, ledger)
@@ -61,20 +60,18 @@ def flown_columns(
         for name in IMPACT_NAMES:
             columns[name][i] = getattr(statistics, name)
         columns["energy_residual"][i] = found.residual
-        with lock:
-            done[0] += 1
-            if progress is not None:
-                progress(done[0] / f.size)
 
-    if workers == 1 or f.size == 1:
-        for i in range(f.size):
-            run(i)
-    else:
-        with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(run, range(f.size)))
+    run_each(run, range(f.size), workers, progress)
     if all(s == "failed" for s in columns["steadiness"]):
         raise DivergenceError(warnings[-1])
     return columns, warnings
+
+
+def _empty(cases: int) -> dict[str, NDArray[Any]]:
+    """Columns of a sweep in which every case has failed so far."""
+    columns: dict[str, NDArray[Any]] = {name: np.full(cases, np.nan) for name in SWEEP_UNITS}
+    columns["steadiness"] = np.full(cases, "failed", dtype="<U11")
+    return columns
 
 
 def _passed_columns(
@@ -94,30 +91,20 @@ def _passed_columns(
     )
     position = np.array([np.concatenate([u, y[:balls]]) for u, _, y, _ in starts])
     velocity = np.array([np.concatenate([v, y_rate[:balls]]) for _, v, _, y_rate in starts])
-    columns = {name: np.full(f.size, np.nan) for name in SWEEP_UNITS}
-    columns["steadiness"] = np.full(f.size, "failed", dtype="<U11")
-    lock, done = threading.Lock(), [0]
+    columns, lock = _empty(f.size), threading.Lock()
 
-    def run(members: NDArray[Any]) -> None:
+    def run(members: NDArray[Any], _: Progress | None) -> None:
         passed = pass_dwells(
             system, found, [drives[i] for i in members], method, dwells.cycles[members], dwells.measured[members],
             position[members], velocity[members], observed, ledger,
         )  # fmt: skip
         with lock:
-            _fill(columns, warnings, members, passed, dwells, system, method)
-            done[0] += members.size
-            if progress is not None:
-                progress(done[0] / f.size)
+            _fill(columns, warnings, members, passed, dwells, method)
 
-    groups = np.array_split(
-        np.arange(f.size), max(math.ceil(f.size / WIDEST_GROUP), min(GROUPS * (workers - 1), f.size), 1)
-    )
-    if workers == 1 or len(groups) == 1:
-        for members in groups:
-            run(members)
-    else:
-        with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(run, groups))
+    # cases cost differently: where there is more than one thread, small groups even that out
+    least = 1 if workers == 1 else min(GROUPS * workers, f.size)
+    groups = np.array_split(np.arange(f.size), max(math.ceil(f.size / WIDEST_GROUP), least))
+    run_each(run, groups, workers, progress)
     if all(s == "failed" for s in columns["steadiness"]):
         raise DivergenceError(warnings[-1])
     return columns, warnings
@@ -125,7 +112,7 @@ def _passed_columns(
 
 def _fill(
     columns: dict[str, NDArray[Any]], warnings: list[str], members: NDArray[Any], passed: Passages, dwells: Dwells,
-    system: System, method: EventDriven,
+    method: EventDriven,
 ) -> None:  # fmt: skip
     """Columns of one group."""
     motion = steady_motion(passed.cycles, dwells.measured[members])

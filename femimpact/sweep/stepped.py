@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -17,24 +15,20 @@ from femimpact.energy import energy_residual
 from femimpact.errors import DivergenceError
 from femimpact.excitation import Sine
 from femimpact.impacts import statistics_of_cases
-from femimpact.integrators.block import Block, Progress, prepare, run_block
+from femimpact.integrators.block import Block, prepare, run_block
 from femimpact.integrators.integrate import divergence_message
 from femimpact.integrators.newmark import SteppingMethod
 from femimpact.integrators.stepping import check_sampling, check_step
+from femimpact.integrators.threads import Progress, run_each
 from femimpact.signals import SteadyMotion, steady_motion
-from femimpact.sweep.curve import SWEEP_UNITS
+from femimpact.sweep.curve import IMPACT_NAMES, SWEEP_UNITS
 from femimpact.sweep.dwells import Dwells
 from femimpact.system import State, System
 
-__all__ = ["IMPACT_NAMES", "stepped_columns"]
+__all__ = ["stepped_columns"]
 
 WIDEST_BLOCK = 64
 """Cases side by side beyond which a block no longer gains speed but leaves the cache."""
-
-IMPACT_NAMES = (
-    "impacts_per_cycle", "mean_approach_speed", "largest_approach_speed", "mean_impulse", "peak_force",
-    "cycle_mean_force",
-)  # fmt: skip
 
 
 def stepped_columns(
@@ -55,7 +49,7 @@ def stepped_columns(
         )
         for members in groups
     ]  # fmt: skip
-    _run_all(blocks, workers, progress)
+    run_each(run_block, blocks, workers, progress)
     columns = _gather(blocks, groups, dwells, method, warnings)
     if all(s == "failed" for s in columns["steadiness"]):
         time = min(float(block.diverged.min()) for block in blocks)
@@ -67,35 +61,6 @@ def _blocks(f: NDArray[Any], workers: int) -> list[NDArray[Any]]:
     """Cases of like length together; as many blocks as workers, none wider than the cache likes."""
     count = max(min(workers, f.size // 2), math.ceil(f.size / WIDEST_BLOCK), 1)
     return [members for members in np.array_split(np.argsort(f, kind="stable"), count) if members.size]
-
-
-def _run_all(blocks: Sequence[Block], workers: int, progress: Progress | None) -> None:
-    stop = threading.Event()
-    shares = [0.0] * len(blocks)
-    work = [block.steps * block.motion.q.shape[1] for block in blocks]
-    lock = threading.Lock()
-
-    def report(index: int, share: float) -> None:
-        with lock:
-            shares[index] = share
-            if progress is not None:
-                progress(sum(s * w for s, w in zip(shares, work, strict=True)) / sum(work))
-
-    def run(index: int) -> None:
-        run_block(blocks[index], lambda share: report(index, share), stop)
-
-    if len(blocks) == 1 or workers == 1:
-        for index in range(len(blocks)):
-            run(index)
-        return
-    with ThreadPoolExecutor(workers) as pool:
-        futures = [pool.submit(run, index) for index in range(len(blocks))]
-        try:
-            for future in futures:
-                future.result()
-        finally:
-            # an interrupt or an error in one block must not leave the others running
-            stop.set()
 
 
 def _gather(

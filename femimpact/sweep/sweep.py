@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import math
-import os
 from typing import Any
 
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.damping import realised_damping_ratio
-from femimpact.errors import require, require_type
-from femimpact.integrators.block import Progress
+from femimpact.errors import require_type
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.newmark import SteppingMethod, require_method
 from femimpact.integrators.stepping import step_notes
+from femimpact.integrators.threads import Progress, workers_of
 from femimpact.structure import Position
 from femimpact.sweep.curve import FrequencyResponse
 from femimpact.sweep.dwells import Dwells, dwells_of
-from femimpact.sweep.flown import flown_columns
-from femimpact.sweep.stepped import stepped_columns
 from femimpact.system import State, System
 
 __all__ = ["frequency_sweep"]
@@ -86,13 +83,16 @@ def frequency_sweep(
     for value, kind in given:
         require_type(value, kind, kind.__name__.lower())
     dwells = dwells_of(frequencies, cycles, duration, window)
-    positive = threads is None or (isinstance(threads, int) and not isinstance(threads, bool) and threads >= 1)
-    require(positive, "threads", threads, "", "must be a whole number >= 1")
-    observed, workers = system.point_row(at), threads or _cores()
+    workers, observed = workers_of(threads), system.point_row(at)
+    # each kind of method brings compiled code along that the other does not need
     if isinstance(method, EventDriven):
+        from femimpact.sweep.flown import flown_columns
+
         notes: tuple[str, ...] = ()
         columns, warnings = flown_columns(system, amplitude, dwells, method, state, observed, ledger, workers, progress)
     else:
+        from femimpact.sweep.stepped import stepped_columns
+
         require_method(method)
         notes = step_notes(system, method)
         columns, warnings = stepped_columns(
@@ -112,11 +112,6 @@ def frequency_sweep(
         duration=duration,
         window=window,
     )
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _steadiness_warnings(f: NDArray[Any], steadiness: NDArray[Any]) -> list[str]:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.compiling import called, compiled, inlined
 from femimpact.integrators.kernels.crossing import Flight, Space, unit_phase
 
 __all__ = ["Balance", "book_flight", "integral_of", "write_balance"]
@@ -51,7 +51,7 @@ def _first_moment(exponent: complex, growth: complex, duration: float) -> comple
     return (duration * growth - (growth - 1.0) / exponent) / exponent
 
 
-@compiled
+@called
 def book_flight(space: Space, flight: Flight, duration: float, amplitude: float, b: Balance) -> None:
     """Add work of the drive and loss of every mode over a flight that starts at the present state."""
     phase = unit_phase(space.watch.omega, flight.clock)

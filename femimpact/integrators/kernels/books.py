@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.balance import integral_of
-from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.compiling import called, inlined
 from femimpact.integrators.kernels.crossing import Flight, Watch, unit_phase
 from femimpact.integrators.kernels.forms import FREE, REBOUND, Forms, Waves, read_state
 
@@ -92,7 +92,7 @@ def _penetration(j: int, state: NDArray[Any], side: float, b: Books) -> float:
     return depth
 
 
-@compiled
+@called
 def book_flight(
     c: int, number: int, forms: Forms, waves: Waves, watch: Watch, mode: NDArray[Any], mark: Flight, flight: Flight,
     touch: NDArray[Any], b: Books,

@@ -10,10 +10,10 @@ from numba import njit
 
 from femimpact.contact import formulas
 
-__all__ = ["compiled", "inlined"]
+__all__ = ["called", "compiled", "inlined"]
 
 # _nrt=False: nothing here allocates, and counting references to array slices would cost ten times the arithmetic
-OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -38,10 +38,16 @@ def _compile(function: Function, **options: Any) -> Function:
 
 
 def compiled(function: Function) -> Function:
-    """Compile a function of arrays and numbers."""
-    return _compile(function)
+    """Compile a function of arrays and numbers that Python calls, and keep it on disk."""
+    return _compile(function, cache=True, forceinline=False, no_cpython_wrapper=False, no_cfunc_wrapper=True)
+
+
+def called(function: Function) -> Function:
+    """Compile a function that only compiled ones call: it needs no entry from Python and no place on disk."""
+    # said outright: what is left out here is taken over from the caller that is compiled first
+    return _compile(function, forceinline=False, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 def inlined(function: Function) -> Function:
-    """Compile a function that is called from one place: a call would copy every array's descriptor."""
+    """The same, compiled into those that call it: a call would copy every array's descriptor."""
     return _compile(function, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.compiling import called, compiled, inlined
 
 __all__ = [
     "AT_WALL",
@@ -112,7 +112,7 @@ def move_particles(watch: Watch, flight: Flight, duration: float) -> None:
     flight.clock[1] += duration * slope
 
 
-@compiled
+@called
 def move(watch: Watch, flight: Flight, duration: float) -> None:
     """Advance the homogeneous part, the particles and the clock."""
     for k in range(watch.exponent.size):
@@ -138,7 +138,7 @@ def _first_meeting(clearance: float, speed: float, bend: float) -> float:
     return 2.0 * clearance / (speed + root) if speed + root > 0.0 else math.inf
 
 
-@compiled
+@called
 def clear_time(
     r: int, watch: Watch, flight: Flight, size: NDArray[Any], phase: complex, remaining: float, found: NDArray[Any]
 ) -> float:

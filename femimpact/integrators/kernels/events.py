@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.balance import Balance, book_flight, write_balance
-from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.compiling import called, compiled, inlined
 from femimpact.integrators.kernels.crossing import (
     Flight,
     Space,
@@ -92,7 +92,7 @@ def _book(space: Space, mark: Flight, flight: Flight, amplitude: float, b: Balan
     _copy(flight, mark)
 
 
-@compiled
+@called
 def _sample(
     space: Space, flight: Flight, mark: Flight, until: float, amplitude: float, out: Samples, b: Balance, ledger: bool
 ) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.compiling import called, inlined
 from femimpact.integrators.kernels.packs import WIDTH, entry, fill, fma, load, product, store
 from femimpact.integrators.layout import (
     BASE,
@@ -99,7 +99,7 @@ def _step_modes(
     return total, total_rate
 
 
-@compiled
+@called
 def read_row(row: NDArray[Any], q: NDArray[Any], v: NDArray[Any], w: NDArray[Any], w_rate: NDArray[Any]) -> None:
     """Displacement and velocity of one place: a row over the dofs."""
     for c in range(w.size):
@@ -111,14 +111,14 @@ def read_row(row: NDArray[Any], q: NDArray[Any], v: NDArray[Any], w: NDArray[Any
             add(w_rate, row[i], v[i])
 
 
-@compiled
+@called
 def add(target: NDArray[Any], scale: float, values: NDArray[Any]) -> None:
     """Add a multiple of a row over the cases."""
     for c in range(target.size):
         target[c] += scale * values[c]
 
 
-@compiled
+@called
 def add_product(target: NDArray[Any], scale: float, f: NDArray[Any], g: NDArray[Any]) -> None:
     """Add a multiple of the product of two rows over the cases."""
     for c in range(target.size):

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import compiled
+from femimpact.integrators.kernels.compiling import called
 from femimpact.integrators.kernels.crossing import Flight, unit_phase
 
 __all__ = ["CONTACT", "FREE", "REBOUND", "Forms", "Waves", "enter_state", "read_state"]
@@ -50,7 +50,7 @@ class Waves(NamedTuple):
     harmonic: NDArray[Any]  # (cases, S, d) complex
 
 
-@compiled
+@called
 def read_state(
     number: int, forms: Forms, harmonic: NDArray[Any], omega: float, flight: Flight, state: NDArray[Any]
 ) -> None:
@@ -70,7 +70,7 @@ def read_state(
         state[0, i], state[1, i] = x, v
 
 
-@compiled
+@called
 def enter_state(
     number: int, forms: Forms, harmonic: NDArray[Any], omega: float, state: NDArray[Any], flight: Flight
 ) -> None:

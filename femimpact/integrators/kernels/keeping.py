@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import compiled
+from femimpact.integrators.kernels.compiling import called, compiled
 from femimpact.integrators.kernels.ledger import write_energy
 from femimpact.integrators.layout import (
     COSINE,
@@ -33,7 +33,7 @@ LOSS_COLUMNS = len(ENERGY_COLUMNS)
 """Where the losses of the modes begin in a row of energies."""
 
 
-@compiled
+@called
 def close_cycles(
     step: int, ledger: bool, op: Operator, pairs: Pairs, m: Motion, cycles: Cycles, energy: NDArray[Any]
 ) -> None:
@@ -61,7 +61,7 @@ def close_cycles(
         m.drive[SINE, c], m.drive[COSINE, c] = math.sin(angle), math.cos(angle)
 
 
-@compiled
+@called
 def _write_sample(op: Operator, pairs: Pairs, m: Motion, record: Record, ledger: bool) -> None:
     k = record.tally[1]
     for i in range(record.kind.size):
@@ -86,7 +86,7 @@ def _write_sample(op: Operator, pairs: Pairs, m: Motion, record: Record, ledger:
     record.tally[1] = k + 1
 
 
-@compiled
+@called
 def _write_snapshot(m: Motion, record: Record) -> None:
     k, n = record.tally[2], m.q.shape[0]
     for i in range(n):
@@ -109,7 +109,7 @@ def keep(step: int, op: Operator, pairs: Pairs, m: Motion, record: Record, ledge
         _write_snapshot(m, record)
 
 
-@compiled
+@called
 def least(values: NDArray[Any]) -> int:
     """Smallest of some numbers."""
     smallest: int = values[0]
@@ -118,7 +118,7 @@ def least(values: NDArray[Any]) -> int:
     return smallest
 
 
-@compiled
+@called
 def any_due(step: int, record: Record) -> bool:
     """Whether a sample or a snapshot falls on this step."""
     every, first, stride, first_field = record.stride

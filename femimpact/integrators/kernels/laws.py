@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from femimpact.contact import formulas
-from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.compiling import called, inlined
 from femimpact.integrators.kernels.custom import call_law
 
 __all__ = [
@@ -45,7 +45,7 @@ SHORT = 0.02
 """Way over depth below which a mean of forces is taken by quadrature: differences of potentials would cancel."""
 
 
-@compiled
+@called
 def normal_force(
     kind: int, depth: float, rate: float, stiffness: float, damping: float, exponent: float, approach: float,
     address: int,
@@ -63,7 +63,7 @@ def normal_force(
     return 0.0
 
 
-@compiled
+@called
 def elastic_potential(
     kind: int, depth: float, stiffness: float, exponent: float, approach: float, address: int
 ) -> float:
@@ -84,7 +84,7 @@ def elastic_potential(
     return 0.0
 
 
-@compiled
+@called
 def mean_forces(
     kind: int, before: float, after: float, travel: float, dt: float, stiffness: float, damping: float,
     exponent: float, approach: float, address: int,
@@ -126,7 +126,7 @@ def mean_forces(
     return elastic, max(whole, 0.0)
 
 
-@compiled
+@called
 def elastic_mean(
     kind: int, x_before: float, x: float, dt: float, plus: float, minus: float, stiffness: float, exponent: float,
     approach: float, address: int,

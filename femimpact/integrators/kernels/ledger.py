@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.compiling import called, compiled, inlined
 from femimpact.integrators.kernels.flight import add, add_product
 from femimpact.integrators.kernels.laws import (
     SWITCHING_SPRING,
@@ -76,7 +76,7 @@ def book_loss_single(
     return total
 
 
-@compiled
+@called
 def book_loss_banded(op: Operator, s: Scheme, m: Motion) -> None:
     """The same in physical dofs: dt vbar^T C vbar with vbar the mean of both velocities."""
     n, cases = m.q.shape
@@ -119,7 +119,7 @@ def book_work_on_ball(
         y_before[c] = y[c]
 
 
-@compiled
+@called
 def book_case(c: int, base: float, before: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion) -> None:
     """All of the above for one case and one of its fine steps."""
     n, load, loss = m.q.shape[0], 0.0, 0.0
@@ -156,7 +156,7 @@ def keep_own_books(ledger: NDArray[Any]) -> None:
             ledger[WORK, c], ledger[STRUCTURE_LOSS, c] = ledger[OWN_WORK, c], ledger[OWN_LOSS, c]
 
 
-@compiled
+@called
 def _quadratic(band: NDArray[Any], values: NDArray[Any], c: int) -> float:
     """x^T A x of a symmetric matrix kept by its lower bands."""
     total = 0.0

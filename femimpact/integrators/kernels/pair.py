@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.compiling import called, inlined
 from femimpact.integrators.kernels.laws import (
     KELVIN_VOIGT,
     RIGID,
@@ -20,7 +20,7 @@ MOST_ITERATIONS = 200
 ROUNDING = 2.3e-16
 
 
-@compiled
+@called
 def _law_at(
     force: float, mean: bool, kind: int, gate: float, x_free: float, rate_free: float, x_before: float,
     give_u: float, give_v: float, dt: float, plus: float, minus: float, stiffness: float, damping: float,
@@ -45,7 +45,7 @@ def _law_at(
     return total
 
 
-@compiled
+@called
 def _solve(
     mean: bool, kind: int, gate: float, x_free: float, rate_free: float, x_before: float,
     give_u: float, give_v: float, dt: float, plus: float, minus: float, stiffness: float, damping: float,

@@ -26,7 +26,7 @@ from femimpact.integrators.kernels.books import (
     open_books,
     write_impact,
 )
-from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.compiling import called, compiled, inlined
 from femimpact.integrators.kernels.crossing import Flight, Watch, move, move_particles, unit_phase
 from femimpact.integrators.kernels.forms import CONTACT, FREE, REBOUND, Forms, Waves, enter_state, read_state
 from femimpact.integrators.kernels.search import END, STUCK, Search, next_event
@@ -287,7 +287,7 @@ def _change(
             write_impact(j, own, -own * rate, way.touch[c], books)
 
 
-@compiled
+@called
 def _fly(
     c: int, first: int, until: float, most: int, forms: Forms, waves: Waves, reading: Reading, way: Journey,
     search: Search, limits: NDArray[Any], trial: Flight, mark: Flight, books: Books | None,

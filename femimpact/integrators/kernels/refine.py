@@ -8,7 +8,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.banded import free_step_banded_single
-from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.compiling import called, inlined
 from femimpact.integrators.kernels.flight import free_step_single
 from femimpact.integrators.kernels.ledger import book_case
 from femimpact.integrators.kernels.touch import contact_step
@@ -126,7 +126,7 @@ def _fine_flight(c: int, before: float, after: float, op: Operator, s: Scheme, p
         m.ball[RATE, j, c] = m.ball[Y_RATE, j, c] - m.w_rate[r, c]
 
 
-@compiled
+@called
 def _read_rows(
     c: int, rows: NDArray[Any], q: NDArray[Any], v: NDArray[Any], w: NDArray[Any], w_rate: NDArray[Any]
 ) -> None:
@@ -138,7 +138,7 @@ def _read_rows(
         w[r, c], w_rate[r, c] = total, total_rate
 
 
-@compiled
+@called
 def redo_step(
     c: int, parts: int, dt: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion, record: Record, ledger: bool,
     work: NDArray[Any],

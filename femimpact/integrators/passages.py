@@ -1,0 +1,110 @@
+"""Many frequencies of a sweep side by side, through compliant contacts: only statistics are kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.energy import energy_residual
+from femimpact.integrators.compliant import Compliant
+from femimpact.integrators.driving import Drive
+from femimpact.integrators.event_driven import EventDriven, Outputs
+from femimpact.integrators.layout import ENERGY_COLUMNS
+from femimpact.integrators.passing import energy_now, new_books, new_passing, pass_on
+from femimpact.signals import CycleStatistics
+from femimpact.system import System
+
+__all__ = ["Passages", "pass_dwells"]
+
+
+@dataclass(frozen=True, eq=False)
+class Passages:
+    """What many frequencies left behind, flown through compliant contacts or without any.
+
+    Parameters
+    ----------
+    cycles : CycleStatistics
+        Of the observed place, arrays (measured cycles, cases).
+    totals : ndarray (6, pairs, cases)
+        Sums over the measured cycles; see `layout.TOTAL_COLUMNS`.
+    residual : ndarray (cases,), 1
+        Largest at the ends of cycles; not a number without a ledger.
+    stuck : ndarray (cases,), s
+        When changes of contact did not end; infinite where they did.
+    """
+
+    cycles: CycleStatistics
+    totals: NDArray[Any]
+    residual: NDArray[Any]
+    stuck: NDArray[Any]
+
+
+def pass_dwells(
+    system: System, found: Compliant, drives: Sequence[Drive], method: EventDriven, cycles: NDArray[Any],
+    measured: NDArray[Any], position: NDArray[Any], velocity: NDArray[Any], observed: NDArray[Any], ledger: bool,
+) -> Passages:  # fmt: skip
+    """Fly many cases through whole cycles and keep the statistics of the last ones.
+
+    Parameters
+    ----------
+    system : System
+        Checked before; see `check_events`.
+    found : Compliant
+    drives : sequence of Drive
+        One for each case.
+    method : EventDriven
+    cycles, measured : ndarray (cases,) of int
+        Of the base: the whole dwell, and how many at its end are measured.
+    position, velocity : ndarray (cases, d)
+        Structure and balls at t = 0 relative to the base, m and m/s.
+    observed : ndarray (dofs,)
+    ledger : bool
+
+    Returns
+    -------
+    Passages
+    """
+    per_cycle, d = method.samples_per_cycle, position.shape[1]
+    rows, rates = np.zeros((2, d)), np.zeros((2, d))
+    rows[0, : system.dofs] = rates[1, : system.dofs] = observed
+    period = np.array([2.0 * np.pi / drive.omega for drive in drives])
+    end = cycles * per_cycle
+    # one sample more: the first measured cycle begins with it
+    begin = np.zeros_like(end) if ledger else np.maximum((cycles - measured) * per_cycle - 1, 0)
+    window = np.stack([(cycles - measured) * period, np.full(period.size, np.inf)], axis=1)
+    run = new_passing(
+        system, found, drives, Outputs(rows, rates, (-1, -1)), per_cycle, 0, int(measured.max()), window, position,
+        velocity,
+    )  # fmt: skip
+    run.reading.origin[:] = end - measured * per_cycle
+    if ledger:
+        number = np.arange(1, int(end.max()) + 1)
+        kept = np.where(number % per_cycle == 0, number // per_cycle - 1, -1)
+        run = replace(
+            run,
+            books=new_books(
+                system, found, drives[0], kept, np.full(number.size, -1), int(cycles.max()), len(drives), 0, 0
+            ),
+        )
+    pass_on(run, begin, end, method.most_events * int(cycles.max()))
+    residual = np.full(period.size, np.nan)
+    if run.books is not None:
+        residual = _residuals(run.books.energy, energy_now(system, found, position, velocity), cycles)
+    statistics = CycleStatistics(*np.moveaxis(run.reading.cycles, (2, 1), (0, 1)))
+    return Passages(statistics, np.moveaxis(run.way.totals, 0, 2), residual, run.stuck)
+
+
+def _residuals(energy: NDArray[Any], start: NDArray[Any], cycles: NDArray[Any]) -> NDArray[Any]:
+    """Largest energy residual of every case at the ends of its cycles."""
+    table = np.concatenate([start[:, None], energy], axis=1)[:, :, : len(ENERGY_COLUMNS)]
+    # a case that ends before others: its last row stands for those after it
+    own = np.minimum(np.arange(table.shape[1]), cycles[:, None])
+    table = np.take_along_axis(table, own[:, :, None], axis=1)
+    kinetic, strain, ball, contact, work, lost, in_contact = table.T
+    return np.asarray(
+        np.max(np.abs(energy_residual(kinetic + strain + ball + contact, work, lost + in_contact)), axis=0)
+    )
