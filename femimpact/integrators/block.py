@@ -131,8 +131,11 @@ def prepare(
         diverged=np.full(lanes, np.inf),
     )
     if ledger:
+        # a row of its own: strided, it would have the same code compiled once more
+        energy = np.zeros(len(layout.ENERGY_COLUMNS))
         for c in range(lanes):
-            write_energy(c, operator, pairs, motion, cycles.energy[0, :, c])
+            write_energy(c, operator, pairs, motion, energy)
+            cycles.energy[0, :, c] = energy
     return block
 
 
@@ -158,7 +161,7 @@ def run_block(block: Block, progress: Progress | None = None, stop: threading.Ev
         steps = min(piece, int(block.ends[block.ends > done].min()) - done)
         loop.advance(
             steps, block.operator, block.scheme, block.fine, block.pairs, block.motion, block.cycles, block.record,
-            block.ledger, work, energy,
+            block.ledger, work, energy, True if block.operator.banded else None,
         )  # fmt: skip
         done += steps
         with np.errstate(invalid="ignore"):

@@ -7,35 +7,60 @@ from typing import Any
 from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.compiling import called, inlined
-from femimpact.integrators.kernels.packs import WIDTH, entry, fill, fma, load, product, store
+from femimpact.integrators.kernels.packs import (
+    WIDTH,
+    entry,
+    fill,
+    fma,
+    how_many_beyond,
+    larger,
+    load,
+    product,
+    smaller,
+    store,
+    times,
+)
 from femimpact.integrators.layout import (
+    ACCELERATION,
     BASE,
     BASE_BEFORE,
     COSINE,
+    GAP_MINUS,
+    GAP_PLUS,
     SCALE,
+    SHARE,
     SINE,
     TURN_COSINE,
     TURN_SINE,
+    X_BEFORE,
+    Y_ACCELERATION,
+    Y_RATE,
     Scheme,
+    X,
+    Y,
 )
-
-# A loop over cases goes into SIMD lanes only while the compiler can check its few arrays against overlap:
-# three written and two read are too many already, so some loops below are split in two.
 
 
 @inlined
 def turn_drive(drive: NDArray[Any]) -> None:
     """The drive at the next step, by rotating the phase: no trigonometric call per step."""
-    sine, cosine, turn_sine, turn_cosine = drive[SINE], drive[COSINE], drive[TURN_SINE], drive[TURN_COSINE]
-    base, before, scale = drive[BASE], drive[BASE_BEFORE], drive[SCALE]
-    for c in range(sine.size):
-        turned = sine[c] * turn_cosine[c] + cosine[c] * turn_sine[c]
-        cosine[c] = cosine[c] * turn_cosine[c] - sine[c] * turn_sine[c]
-        sine[c] = turned
-    for c in range(sine.size):
-        before[c] = base[c]
-    for c in range(sine.size):
-        base[c] = scale[c] * sine[c]
+    if drive.shape[1] == 1:
+        _turn(drive, 0, 0.0)
+        return
+    for c in range(0, drive.shape[1], WIDTH):
+        _turn(drive, c, fill(0.0))
+
+
+@inlined
+def _turn(drive: NDArray[Any], c: int, zero: Any) -> None:
+    sine, cosine = load(drive, SINE, c, zero), load(drive, COSINE, c, zero)
+    turn_sine, turn_cosine = load(drive, TURN_SINE, c, zero), load(drive, TURN_COSINE, c, zero)
+    scale, base = load(drive, SCALE, c, zero), load(drive, BASE, c, zero)
+    turned = fma(1.0, times(sine, turn_cosine), times(cosine, turn_sine))
+    store(drive, COSINE, c, fma(-1.0, times(sine, turn_sine), times(cosine, turn_cosine)))
+    store(drive, SINE, c, turned)
+    store(drive, BASE_BEFORE, c, base)
+    store(drive, BASE, c, times(scale, turned))
 
 
 @inlined
@@ -127,30 +152,62 @@ def add_product(target: NDArray[Any], scale: float, f: NDArray[Any], g: NDArray[
 
 @inlined
 def free_step_ball(
-    s: Scheme, y: NDArray[Any], y_rate: NDArray[Any], y_acceleration: NDArray[Any], given: NDArray[Any],
-    share: float, acting: NDArray[Any],
-) -> None:  # fmt: skip
-    """One step of a ball in free flight; a stop has no share in the drive and stays where it is."""
+    j: int, s: Scheme, ball: NDArray[Any], constants: NDArray[Any], acting: NDArray[Any], w: NDArray[Any],
+    busy: NDArray[Any],
+) -> int:  # fmt: skip
+    """One step of a ball in free flight, and in how many cases its contact must be looked at.
+
+    `ball` and `constants` hold its rows, `w` is the place of its pair. A stop has no share in the drive
+    and stays where it is.
+    """
+    if acting.size == 1:
+        return _step_ball(s, ball, constants, j, 0, acting[0], w[0], busy[0])
+    zero, looking = fill(0.0), 0
+    for c in range(0, acting.size, WIDTH):
+        looking += _step_ball(
+            s, ball, constants, j, c, load(acting, 0, c, zero), load(w, 0, c, zero), load(busy, 0, c, zero)
+        )
+    return looking
+
+
+@inlined
+def _step_ball(
+    s: Scheme, ball: NDArray[Any], constants: NDArray[Any], j: int, c: int, acting: Any, w: Any, busy: Any
+) -> int:
+    # row r of pair j lies behind r times all pairs
+    pairs = ball.shape[1]
     scale, inertia = 1.0 / (1.0 - s.alpha_m), s.alpha_m / (1.0 - s.alpha_m)
-    for c in range(y.size):
-        y[c] += s.dt * y_rate[c] + s.predict_u * y_acceleration[c]
-        y_rate[c] += s.predict_v * y_acceleration[c]
-    for c in range(y.size):
-        y_acceleration[c] = scale * (given[c] - share * acting[c]) - inertia * y_acceleration[c]
-    for c in range(y.size):
-        y[c] += s.correct_u * y_acceleration[c]
-        y_rate[c] += s.correct_v * y_acceleration[c]
+    share = constants[SHARE, j, 0]
+    y, rate = load(ball, Y * pairs + j, c, acting), load(ball, Y_RATE * pairs + j, c, acting)
+    old = load(ball, Y_ACCELERATION * pairs + j, c, acting)
+    given = fma(-share, acting, load(constants, ACCELERATION * pairs + j, c, acting))
+    new = fma(-inertia, old, product(scale, given))
+    y = fma(s.correct_u, new, fma(s.predict_u, old, fma(s.dt, rate, y)))
+    store(ball, Y * pairs + j, c, y)
+    store(ball, Y_RATE * pairs + j, c, fma(s.correct_v, new, fma(s.predict_v, old, rate)))
+    store(ball, Y_ACCELERATION * pairs + j, c, new)
+    x = fma(-1.0, w, y)
+    store(ball, X_BEFORE * pairs + j, c, load(ball, X * pairs + j, c, acting))
+    store(ball, X * pairs + j, c, x)
+    plus, minus = load(constants, GAP_PLUS * pairs + j, c, acting), load(constants, GAP_MINUS * pairs + j, c, acting)
+    looking: int = how_many_beyond(x, plus, minus, busy)
+    return looking
 
 
 @inlined
 def observe(w: NDArray[Any], drive: NDArray[Any], sums: NDArray[Any]) -> None:
     """Add the observed place's displacement to the sums of the running cycle."""
-    largest, least, square = sums[0], sums[1], sums[2]
-    for c in range(w.size):
-        largest[c] = w[c] if w[c] > largest[c] else largest[c]
-        least[c] = w[c] if w[c] < least[c] else least[c]
-        square[c] += w[c] * w[c]
-    sine, cosine, in_phase, in_quadrature = drive[SINE], drive[COSINE], sums[3], sums[4]
-    for c in range(w.size):
-        in_phase[c] += w[c] * sine[c]
-        in_quadrature[c] += w[c] * cosine[c]
+    if w.size == 1:
+        _observe(0, w[0], drive, sums)
+        return
+    for c in range(0, w.size, WIDTH):
+        _observe(c, load(w, 0, c, fill(0.0)), drive, sums)
+
+
+@inlined
+def _observe(c: int, w: Any, drive: NDArray[Any], sums: NDArray[Any]) -> None:
+    store(sums, 0, c, larger(w, load(sums, 0, c, w)))
+    store(sums, 1, c, smaller(w, load(sums, 1, c, w)))
+    store(sums, 2, c, fma(1.0, times(w, w), load(sums, 2, c, w)))
+    store(sums, 3, c, fma(1.0, times(w, load(drive, SINE, c, w)), load(sums, 3, c, w)))
+    store(sums, 4, c, fma(1.0, times(w, load(drive, COSINE, c, w)), load(sums, 4, c, w)))

@@ -29,7 +29,7 @@ from femimpact.integrators.kernels.ledger import (
 )
 from femimpact.integrators.kernels.refine import in_reach, is_near, redo_step, save_state
 from femimpact.integrators.kernels.touch import contact_step
-from femimpact.integrators.kernels.watch import keep_rate, look, look_ahead, look_around
+from femimpact.integrators.kernels.watch import keep_rate, look_ahead, look_around
 from femimpact.integrators.layout import (
     ACCELERATION,
     ACTING,
@@ -49,7 +49,6 @@ from femimpact.integrators.layout import (
     STRUCTURE_LOSS,
     WORK,
     X_BEFORE,
-    Y_ACCELERATION,
     Y_BEFORE,
     Y_RATE,
     Cycles,
@@ -65,9 +64,9 @@ from femimpact.integrators.layout import (
 
 
 @inlined
-def _free_step(op: Operator, s: Scheme, m: Motion, acting: NDArray[Any]) -> None:
+def _free_step(op: Operator, s: Scheme, m: Motion, acting: NDArray[Any], physical: bool | None) -> None:
     """Structure of every case, and what is read of it."""
-    if op.banded:
+    if physical is not None:
         if m.w.shape[1] == 1:
             free_step_banded_single(op, s, m, 0, acting[0])
         else:
@@ -86,10 +85,10 @@ def _free_step(op: Operator, s: Scheme, m: Motion, acting: NDArray[Any]) -> None
 
 
 @inlined
-def _book(op: Operator, s: Scheme, pairs: Pairs, m: Motion) -> None:
+def _book(op: Operator, s: Scheme, pairs: Pairs, m: Motion, physical: bool | None) -> None:
     """Work and losses of the step of every case."""
     base, before = m.drive[BASE], m.drive[BASE_BEFORE]
-    if op.banded:
+    if physical is not None:
         book_loss_banded(op, s, m)
     elif m.loss_of_mode.size > 0:
         m.ledger[LOAD, 0] = book_loss_single(
@@ -109,7 +108,8 @@ def _book(op: Operator, s: Scheme, pairs: Pairs, m: Motion) -> None:
 
 @inlined
 def _redo(
-    s: Scheme, fine: Fine, pairs: Pairs, m: Motion, record: Record, ledger: bool, work: NDArray[Any]
+    s: Scheme, fine: Fine, pairs: Pairs, m: Motion, record: Record, ledger: bool, work: NDArray[Any],
+    physical: bool | None,
 ) -> int:  # fmt: skip
     """Cases in which a contact lasts or could have begun take the step in fine ones; returns how many."""
     refined = 0
@@ -117,7 +117,7 @@ def _redo(
         return refined
     for c in range(m.q.shape[1]):
         if is_near(c, m):
-            redo_step(c, fine.parts, s.dt, fine.operator, fine.scheme, pairs, m, record, ledger, work)
+            redo_step(c, fine.parts, s.dt, fine.operator, fine.scheme, pairs, m, record, ledger, work, physical)
             refined += 1
     return refined
 
@@ -173,12 +173,13 @@ def _touch(
 @compiled
 def advance(
     steps: int, op: Operator, s: Scheme, fine: Fine | None, pairs: Pairs, m: Motion,
-    cycles: Cycles, record: Record, ledger: bool, work: NDArray[Any], energy: NDArray[Any],
+    cycles: Cycles, record: Record, ledger: bool, work: NDArray[Any], energy: NDArray[Any], physical: bool | None,
 ) -> None:  # fmt: skip
     """Take that many steps with every case; all results are written into the arrays given.
 
     Without `fine`, for a method that neither divides steps nor looks ahead, all that concerns it is
-    left out when compiled. `work` (6, pairs) and `energy` (columns,) are scratch space.
+    left out when compiled; so is what concerns banded matrices unless the dofs are
+    `physical`. `work` (6, pairs) and `energy` (columns,) are scratch space.
     """
     next_wrap = least(cycles.next_wrap)
     keeping = record.channels.shape[0] + record.fields.shape[0] > 0
@@ -188,7 +189,7 @@ def advance(
     if fine is not None:
         parts = fine.parts
     sampled = m.table.shape[0] > 0
-    if ledger and not op.banded:
+    if ledger and physical is None:
         for i in range(op.drive_load.size):
             m.scratch[0, i, 0] = 0.25 * s.dt * op.damping_band[0, i]
     for _ in range(steps):
@@ -199,25 +200,18 @@ def advance(
             blend_drive(s.alpha_f, base, m.drive[BASE_BEFORE], acting)
         if fine is not None:
             _look_ahead(s, fine, pairs, m)
-        _free_step(op, s, m, acting)
+        _free_step(op, s, m, acting, physical)
         looking, refined = 0, 0
         for j in range(pairs.row.size):
-            free_step_ball(
-                s, m.ball[Y, j], m.ball[Y_RATE, j], m.ball[Y_ACCELERATION, j], constants[ACCELERATION, j],
-                constants[SHARE, j, 0], acting,
-            )  # fmt: skip
-            looking += look(
-                m.ball[X, j], m.ball[X_BEFORE, j], m.ball[Y, j], m.w[pairs.row[j]], constants[GAP_PLUS, j],
-                constants[GAP_MINUS, j], m.touch[BUSY, j],
-            )  # fmt: skip
+            looking += free_step_ball(j, s, m.ball, constants, acting, m.w[pairs.row[j]], m.touch[BUSY, j])
             if fine is not None:
                 looking += _look_around(j, s, fine, pairs, m)
         if looking > 0:
             if fine is not None:
-                refined = _redo(s, fine, pairs, m, record, ledger, work)
+                refined = _redo(s, fine, pairs, m, record, ledger, work, physical)
             _touch(looking, op, s, fine, pairs, m, record, work)
         if ledger and (refined == 0 or base.size > 1):
-            _book(op, s, pairs, m)
+            _book(op, s, pairs, m, physical)
         if refined > 0:
             keep_own_books(m.ledger)
         observe(m.w[0], m.drive, cycles.sums)

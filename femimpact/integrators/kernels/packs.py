@@ -13,7 +13,20 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic, models, register_model
 
-__all__ = ["WIDTH", "apart", "entry", "fill", "fma", "load", "product", "store"]
+__all__ = [
+    "WIDTH",
+    "apart",
+    "entry",
+    "fill",
+    "fma",
+    "how_many_beyond",
+    "larger",
+    "load",
+    "product",
+    "smaller",
+    "store",
+    "times",
+]
 
 WIDTH = 8
 """Cases in a pack."""
@@ -132,3 +145,48 @@ def product(typing: Any, number: Any, value: Any) -> Any:
         return builder.fmul(_spread(builder, values[0]) if value == PACK else values[0], values[1])
 
     return value(types.float64, value), generate
+
+
+@_generated
+def times(typing: Any, a: Any, b: Any) -> Any:
+    """Product of two values."""
+    return a(a, a), lambda context, builder, signature, values: builder.fmul(*values)
+
+
+def _chosen(relation: str) -> Callable[..., Any]:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return builder.select(builder.fcmp_ordered(relation, *values), *values)
+
+    return generate
+
+
+@_generated
+def larger(typing: Any, a: Any, b: Any) -> Any:
+    """The larger of two values; the second where one is not a number."""
+    return a(a, a), _chosen(">")
+
+
+@_generated
+def smaller(typing: Any, a: Any, b: Any) -> Any:
+    """The smaller of two values; the second where one is not a number."""
+    return a(a, a), _chosen("<")
+
+
+@_generated
+def how_many_beyond(typing: Any, x: Any, plus: Any, minus: Any, busy: Any) -> Any:
+    """In how many lanes x > plus, x < -minus or busy > 0."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        x_, plus_, minus_, busy_ = values
+        zero = ir.Constant(x_.type, None if x == PACK else 0.0)
+        beyond = builder.or_(
+            builder.or_(
+                builder.fcmp_ordered(">", x_, plus_), builder.fcmp_ordered("<", x_, builder.fsub(zero, minus_))
+            ),
+            builder.fcmp_ordered(">", busy_, zero),
+        )
+        if x != PACK:
+            return builder.zext(beyond, ir.IntType(64))
+        return builder.zext(builder.ctpop(builder.bitcast(beyond, ir.IntType(WIDTH))), ir.IntType(64))
+
+    return types.intp(x, x, x, x), generate

@@ -104,10 +104,12 @@ def _drive_within(c: int, step: int, part: int, parts: int, m: Motion) -> float:
 
 
 @inlined
-def _fine_flight(c: int, before: float, after: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion) -> None:
+def _fine_flight(
+    c: int, before: float, after: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion, physical: bool | None
+) -> None:
     """One fine step of one case without contact force."""
     acting = (1.0 - s.alpha_f) * after + s.alpha_f * before
-    if op.banded:
+    if physical is not None:
         free_step_banded_single(op, s, m, c, acting)
     else:
         free_step_single(op.load, op.inertia, op.damping, op.stiffness, op.rows[0], s, m.q, m.v, m.a, c, acting)
@@ -141,7 +143,7 @@ def _read_rows(
 @called
 def redo_step(
     c: int, parts: int, dt: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion, record: Record, ledger: bool,
-    work: NDArray[Any],
+    work: NDArray[Any], physical: bool | None,
 ) -> None:  # fmt: skip
     """Take one case through its step of dt again, in `parts` fine ones; its books are its own."""
     step = record.tally[0]
@@ -149,7 +151,7 @@ def redo_step(
     after = _drive_within(c, step, 0, parts, m)
     for part in range(parts):
         before, after = after, _drive_within(c, step, part + 1, parts, m)
-        _fine_flight(c, before, after, op, s, pairs, m)
+        _fine_flight(c, before, after, op, s, pairs, m, physical)
         if in_reach(c, pairs, m) > 0:
             contact_step(c, step * dt + (part + 1) * s.dt, op, s, pairs, m, record, work)
         if ledger:

@@ -8,22 +8,7 @@ from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.compiling import inlined
 
-__all__ = ["keep_rate", "look", "look_ahead", "look_around", "save"]
-
-
-@inlined
-def look(
-    x: NDArray[Any], x_before: NDArray[Any], y: NDArray[Any], w: NDArray[Any], gap_plus: NDArray[Any],
-    gap_minus: NDArray[Any], busy: NDArray[Any],
-) -> int:  # fmt: skip
-    """Relative displacement of a ball, and in how many cases its contact must be looked at."""
-    for c in range(x.size):
-        x_before[c] = x[c]
-        x[c] = y[c] - w[c]
-    looking = 0
-    for c in range(x.size):
-        looking += (x[c] > gap_plus[c]) | (x[c] < -gap_minus[c]) | (busy[c] > 0.0)
-    return looking
+__all__ = ["keep_rate", "look_ahead", "look_around", "save"]
 
 
 @inlined
