@@ -27,7 +27,8 @@ from femimpact.integrators.kernels.ledger import (
     book_work_on_ball,
     keep_own_books,
 )
-from femimpact.integrators.kernels.refine import in_reach, is_near, redo_step, save_state
+from femimpact.integrators.kernels.packs import WIDTH
+from femimpact.integrators.kernels.refine import in_reach, is_near, none_in_reach, redo_step, save_state
 from femimpact.integrators.kernels.touch import contact_step
 from femimpact.integrators.kernels.watch import keep_rate, look_ahead, look_around
 from femimpact.integrators.layout import (
@@ -157,7 +158,13 @@ def _touch(
     No more than `looking` pairs are.
     """
     time = (record.tally[0] + 1) * s.dt
-    for c in range(m.q.shape[1]):
+    cases, skipped = m.q.shape[1], 0
+    for c in range(cases):
+        # packs without contact are passed over whole
+        if c % WIDTH == 0 and cases > 1 and none_in_reach(c, pairs, m):
+            skipped = c + WIDTH
+        if c < skipped:
+            continue
         reached = in_reach(c, pairs, m)
         if reached == 0:
             continue

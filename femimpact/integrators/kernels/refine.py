@@ -11,6 +11,7 @@ from femimpact.integrators.kernels.banded import free_step_banded_single
 from femimpact.integrators.kernels.compiling import called, inlined
 from femimpact.integrators.kernels.flight import free_step_single
 from femimpact.integrators.kernels.ledger import book_case
+from femimpact.integrators.kernels.packs import fill, how_many_beyond, load
 from femimpact.integrators.kernels.touch import contact_step
 from femimpact.integrators.kernels.watch import save
 from femimpact.integrators.layout import (
@@ -44,7 +45,7 @@ from femimpact.integrators.layout import (
     Y,
 )
 
-__all__ = ["in_reach", "is_near", "redo_step", "save_state"]
+__all__ = ["in_reach", "is_near", "none_in_reach", "redo_step", "save_state"]
 
 
 @inlined
@@ -87,6 +88,20 @@ def in_reach(c: int, pairs: Pairs, m: Motion) -> int:
         outside = (x > pairs.constants[GAP_PLUS, j, c]) | (x < -pairs.constants[GAP_MINUS, j, c])
         reached += outside | (m.touch[BUSY, j, c] > 0.0)
     return reached
+
+
+@inlined
+def none_in_reach(c: int, pairs: Pairs, m: Motion) -> bool:
+    """Whether no pair of a pack of cases must be looked at."""
+    zero, reached, count = fill(0.0), 0, pairs.row.size
+    for j in range(count):
+        reached += how_many_beyond(
+            load(m.ball, X * count + j, c, zero),
+            load(pairs.constants, GAP_PLUS * count + j, c, zero),
+            load(pairs.constants, GAP_MINUS * count + j, c, zero),
+            load(m.touch, BUSY * count + j, c, zero),
+        )
+    return reached == 0
 
 
 @inlined
