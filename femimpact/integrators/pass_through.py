@@ -58,7 +58,8 @@ def pass_through(
             cycles=np.zeros((1, count // per_cycle, passing.reading.cycles.shape[2])),
         )
         own = books._replace(kept=kept, shown=shown, energy=energy, fields=fields)
-        pass_on(replace(passing, reading=reading, books=own), np.array([done]), np.array([done + count]), most * piece)
+        one, flown = np.array([0]), replace(passing, reading=reading, books=own)
+        pass_on(flown, one, np.array([done]), np.array([done + count]), most * piece)
         _check(passing, run)
         run.cycles.append(reading.cycles[0])
         # the rate of the observed place is for the statistics only

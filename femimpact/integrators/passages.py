@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,10 +16,17 @@ from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven import EventDriven, Outputs
 from femimpact.integrators.layout import ENERGY_COLUMNS
 from femimpact.integrators.passing import energy_now, new_books, new_passing, pass_on
+from femimpact.integrators.threads import Progress, run_each
 from femimpact.signals import CycleStatistics
 from femimpact.system import System
 
 __all__ = ["Passages", "pass_dwells"]
+
+LARGEST_GROUP = 64
+"""Cases between two looks at progress and interrupts."""
+
+GROUPS = 8
+"""Groups per thread."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +54,7 @@ class Passages:
 def pass_dwells(
     system: System, found: Compliant, drives: Sequence[Drive], method: EventDriven, cycles: NDArray[Any],
     measured: NDArray[Any], position: NDArray[Any], velocity: NDArray[Any], observed: NDArray[Any], ledger: bool,
+    workers: int, progress: Progress | None,
 ) -> Passages:  # fmt: skip
     """Fly many cases through whole cycles and keep the statistics of the last ones.
 
@@ -63,6 +72,9 @@ def pass_dwells(
         Structure and balls at t = 0 relative to the base, m and m/s.
     observed : ndarray (dofs,)
     ledger : bool
+    workers : int
+        Threads at most.
+    progress : callable, optional
 
     Returns
     -------
@@ -90,7 +102,14 @@ def pass_dwells(
                 system, found, drives[0], kept, np.full(number.size, -1), int(cycles.max()), len(drives), 0, 0
             ),
         )
-    pass_on(run, begin, end, method.most_events * int(cycles.max()))
+    most = method.most_events * int(cycles.max())
+
+    def fly(members: NDArray[Any], _: Progress | None) -> None:
+        pass_on(run, members, begin, end, most)
+
+    # cases cost differently: small groups even that out
+    groups = max(math.ceil(period.size / LARGEST_GROUP), 1 if workers == 1 else min(GROUPS * workers, period.size))
+    run_each(fly, np.array_split(np.arange(period.size), groups), workers, progress)
     residual = np.full(period.size, np.nan)
     if run.books is not None:
         residual = _residuals(run.books.energy, energy_now(system, found, position, velocity), cycles)

@@ -16,7 +16,6 @@ from femimpact.integrators.kernels.books import Books
 from femimpact.integrators.kernels.crossing import Flight
 from femimpact.integrators.kernels.forms import CONTACT, FREE, REBOUND, Waves
 from femimpact.integrators.kernels.passage import Journey, Reading, fly_cases
-from femimpact.integrators.kernels.search import Search
 from femimpact.integrators.layout import ENERGY_COLUMNS, IMPACT_COLUMNS, TOTAL_COLUMNS
 from femimpact.system import System
 
@@ -33,9 +32,6 @@ class Passing:
     waves : Waves
     reading : Reading
     way : Journey
-    search : Search
-    limits : ndarray (4, 2 pairs)
-    trial, mark : Flight
     stuck : ndarray (cases,), s
         When changes of contact did not end, else infinite.
     books : Books or None
@@ -45,10 +41,6 @@ class Passing:
     waves: Waves
     reading: Reading
     way: Journey
-    search: Search
-    limits: NDArray[Any]
-    trial: Flight
-    mark: Flight
     stuck: NDArray[Any]
     books: Books | None
 
@@ -86,7 +78,7 @@ def new_passing(
     # sums case by case: a matrix product may round differently with the number of rows
     reading.last[:] = (position[:, None] * outputs.position[:2] + velocity[:, None] * outputs.rate[:2]).sum(axis=2)
     forms, pairs, cases = found.forms, len(system.contacts), len(drives)
-    entries, particles = forms.exponent.shape[1], forms.particle_given.shape[1]
+    entries = forms.exponent.shape[1]
     mode = _modes(system, found, position, velocity)
     number = (np.where(np.abs(mode) == CONTACT, np.where(mode > 0, 1, 2), 0) * 3 ** np.arange(pairs)).sum(axis=1)
     turned = waves.harmonic[np.arange(cases), number] * np.exp(1j * waves.phase)[:, None]
@@ -105,19 +97,11 @@ def new_passing(
         state=np.zeros((2, position.shape[1])),
         turn=np.zeros((2, entries + 1), dtype=complex),
     )
-    spare = [
-        Flight(np.zeros(entries, dtype=complex), np.zeros(particles), np.zeros(particles), np.zeros(4))
-        for _ in range(2)
-    ]
     return Passing(
         found=found,
         waves=waves,
         reading=reading,
         way=way,
-        search=new_search(2 * pairs, entries),
-        limits=np.zeros((4, 2 * pairs)),
-        trial=spare[0],
-        mark=spare[1],
         stuck=np.full(cases, np.inf),
         books=None,
     )
@@ -168,7 +152,7 @@ def new_books(
         fields=np.zeros((snapshots, 2, d)),
         impacts=np.zeros((most_impacts, len(IMPACT_COLUMNS) + n)),
         tally=np.zeros(1, dtype=np.int64),
-        to_modes=np.zeros((pairs, n)),
+        to_modes=np.zeros((cases, pairs, n)),
         before=np.zeros((2, d)),
         after=np.zeros((2, d)),
         strength=np.zeros((d + pairs, terms), dtype=complex),
@@ -193,17 +177,30 @@ def energy_now(system: System, found: Compliant, position: NDArray[Any], velocit
     return table
 
 
-def pass_on(run: Passing, begin: NDArray[Any], end: NDArray[Any], most: int) -> None:
-    """Take all cases to their sample `end`, reading those after `begin`.
+def pass_on(run: Passing, cases: NDArray[Any], begin: NDArray[Any], end: NDArray[Any], most: int) -> None:
+    """Take some cases to their sample `end`, reading those after `begin`; others may be on their way meanwhile.
 
     Parameters
     ----------
     run : Passing
-    begin, end : ndarray (cases,) of int
+    cases : ndarray (k,) of int
+    begin, end : ndarray (all cases,) of int
     most : int
         Changes of contact beyond which a case is given up.
     """
+    entries, particles = run.way.entry.shape[1], run.way.particle.shape[1]
+    scalars = 2 * run.way.mode.shape[1]
+    trial, mark = (
+        Flight(np.zeros(entries, dtype=complex), np.zeros(particles), np.zeros(particles), np.zeros(4))
+        for _ in range(2)
+    )
+    # what is written on the way belongs to this call alone
+    way = run.way._replace(state=np.zeros_like(run.way.state), turn=np.zeros_like(run.way.turn))
+    books = run.books
+    if books is not None:
+        own = ("before", "after", "strength", "growth", "plus", "minus")
+        books = books._replace(**{name: np.zeros_like(getattr(books, name)) for name in own})
     fly_cases(
-        np.arange(begin.size), begin, end, most, run.found.forms, run.waves, run.reading, run.way, run.search,
-        run.limits, run.trial, run.mark, run.stuck, run.books,
+        cases, begin, end, most, run.found.forms, run.waves, run.reading, way, new_search(scalars, entries),
+        np.zeros((4, scalars)), trial, mark, run.stuck, books,
     )  # fmt: skip

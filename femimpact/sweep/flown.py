@@ -24,11 +24,8 @@ from femimpact.system import State, System
 
 __all__ = ["flown_columns"]
 
-WIDEST_GROUP = 64
-"""Cases of one compiled call: their samples stay in the cache, and progress is told between calls."""
-
-GROUPS = 3
-"""Groups per thread."""
+AT_ONCE = 1024
+"""Cases whose statistics are in memory at once."""
 
 
 def flown_columns(
@@ -91,23 +88,23 @@ def _passed_columns(
     )
     position = np.array([np.concatenate([u, y[:balls]]) for u, _, y, _ in starts])
     velocity = np.array([np.concatenate([v, y_rate[:balls]]) for _, v, _, y_rate in starts])
-    columns, lock = _empty(f.size), threading.Lock()
-
-    def run(members: NDArray[Any], _: Progress | None) -> None:
+    columns = _empty(f.size)
+    # the ledger of a case takes some kilobytes a second: many cases go one part after the other
+    parts = np.array_split(np.arange(f.size), math.ceil(f.size / AT_ONCE))
+    for number, members in enumerate(parts):
+        share = None if progress is None else _share(progress, number, len(parts))
         passed = pass_dwells(
             system, found, [drives[i] for i in members], method, dwells.cycles[members], dwells.measured[members],
-            position[members], velocity[members], observed, ledger,
+            position[members], velocity[members], observed, ledger, workers, share,
         )  # fmt: skip
-        with lock:
-            _fill(columns, warnings, members, passed, dwells, method)
-
-    # cases cost differently: where there is more than one thread, small groups even that out
-    least = 1 if workers == 1 else min(GROUPS * workers, f.size)
-    groups = np.array_split(np.arange(f.size), max(math.ceil(f.size / WIDEST_GROUP), least))
-    run_each(run, groups, workers, progress)
+        _fill(columns, warnings, members, passed, dwells, method)
     if all(s == "failed" for s in columns["steadiness"]):
         raise DivergenceError(warnings[-1])
     return columns, warnings
+
+
+def _share(progress: Progress, number: int, parts: int) -> Progress:
+    return lambda done: progress((number + done) / parts)
 
 
 def _fill(

@@ -43,7 +43,7 @@ class Books(NamedTuple):
     fields: NDArray[Any]  # (snapshots, 2, d)
     impacts: NDArray[Any]  # (most, 9 + n); see layout.IMPACT_COLUMNS, then the energy given to each mode
     tally: NDArray[Any]  # (1,) impacts met
-    to_modes: NDArray[Any]  # (R, n) energy that the open contacts have passed on
+    to_modes: NDArray[Any]  # (cases, R, n) energy that the open contacts have passed on
     before: NDArray[Any]  # (2, d) scratch
     after: NDArray[Any]  # (2, d) scratch
     strength: NDArray[Any]  # (d + R, T) complex scratch
@@ -158,30 +158,30 @@ def _book_pair(
             force[k] = watch.weight[pairs + j, k] * mark.entry[k]
         force[last] = watch.sine[pairs + j] * phase
         wall = watch.constant[pairs + j] - side * b.pair[0, j] * b.gap[0 if side > 0.0 else 1, j]
-        for i in range(b.to_modes.shape[1]):
+        for i in range(b.to_modes.shape[2]):
             work = _product(force, b.strength[i], b.plus, b.minus) + wall * (b.after[0, i] - b.before[0, i])
-            b.to_modes[j, i] += b.direction[j, i] * work
+            b.to_modes[c, j, i] += b.direction[j, i] * work
     b.sums[c, 1] += loss
     touch[LOSS, j] += loss
 
 
 @inlined
-def open_books(j: int, b: Books) -> None:
+def open_books(c: int, j: int, b: Books) -> None:
     """A contact begins."""
-    for i in range(b.to_modes.shape[1]):
-        b.to_modes[j, i] = 0.0
+    for i in range(b.to_modes.shape[2]):
+        b.to_modes[c, j, i] = 0.0
 
 
 @inlined
-def write_impact(j: int, side: float, rebound: float, touch: NDArray[Any], b: Books) -> None:
+def write_impact(c: int, j: int, side: float, rebound: float, touch: NDArray[Any], b: Books) -> None:
     """Add a finished impact to the table."""
     row = b.tally[0]
     if row < b.impacts.shape[0]:
         out = b.impacts[row]
         out[0], out[1], out[2], out[3], out[4] = touch[START, j], j, side, touch[APPROACH, j], rebound
         out[5], out[6], out[7], out[8] = touch[IMPULSE, j], touch[PEAK, j], touch[DURATION, j], touch[LOSS, j]
-        for i in range(b.to_modes.shape[1]):
-            out[9 + i] = b.to_modes[j, i]
+        for i in range(b.to_modes.shape[2]):
+            out[9 + i] = b.to_modes[c, j, i]
     b.tally[0] = row + 1
 
 

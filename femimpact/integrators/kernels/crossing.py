@@ -140,12 +140,19 @@ def _first_meeting(clearance: float, speed: float, bend: float) -> float:
 
 @called
 def clear_time(
-    r: int, watch: Watch, flight: Flight, size: NDArray[Any], phase: complex, remaining: float, found: NDArray[Any]
+    r: int,
+    watch: Watch,
+    flight: Flight,
+    active: int,
+    size: NDArray[Any],
+    phase: complex,
+    remaining: float,
+    found: NDArray[Any],
 ) -> float:
     """Time in which scalar r surely meets neither bound.
 
-    `size` (K,) holds |H|; `found` gets value, rate, the rounding of both, and the time in which the
-    farther bound is surely not met.
+    `size` (K,) holds |H|, and nothing but zeros from `active` on; `found` gets value, rate, the rounding of
+    both, and the time in which the farther bound is surely not met.
     """
     clock, broken = flight.clock, watch.broken
     turned, wave = watch.sine[r] * phase, watch.sine[r]
@@ -171,25 +178,25 @@ def clear_time(
     if broken:
         twist *= remaining
     fast = 0.0
-    for k in range(watch.size.size):
+    for k in range(active):
         fast += watch.weight_size[r, k] * size[k]
     scale += fast
     upper, lower = watch.upper[r], watch.lower[r]
     up = math.inf if upper == math.inf else 0.0
     down = math.inf if lower == -math.inf else 0.0
-    for k in range(watch.size.size + 1):
+    for k in range(active + 1):
         over, under = upper - value - fast, value - lower - fast
         # a square root only where this split reaches beyond the best one so far
         if over > (rate + 0.5 * (bend + pull + twist) * up) * up and over > 0.0 and up < math.inf:
             up = max(up, _first_meeting(over, rate, bend + pull + twist))
         if under > (0.5 * (bend - pull + twist) * down - rate) * down and under > 0.0 and down < math.inf:
             down = max(down, _first_meeting(under, -rate, bend - pull + twist))
-        if k < watch.size.size:
+        if k < active:
             term = watch.weight[r, k] * flight.entry[k]
             own, e = watch.weight_size[r, k] * size[k], watch.exponent[k]
             value += term.real
             rate += term.real * e.real - term.imag * e.imag
-            fast = fast - own if k + 1 < watch.size.size else 0.0
+            fast = fast - own if k + 1 < active else 0.0
             speed = own * watch.size[k]
             scale_rate += speed
             bend += speed * watch.size[k]

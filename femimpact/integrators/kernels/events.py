@@ -174,7 +174,7 @@ def look_at_all(space: Space, flight: Flight, c: Contact) -> None:
     for k in range(space.watch.size.size):
         c.search.size[k] = abs(flight.entry[k])
     for r in range(space.watch.upper.size):
-        look(r, space.watch, flight, phase, 1.0, c.search)
+        look(r, space.watch, flight, space.watch.size.size, phase, 1.0, c.search)
 
 
 @compiled

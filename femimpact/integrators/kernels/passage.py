@@ -218,7 +218,7 @@ def _read(
     way: Journey, forms: Forms, waves: Waves, books: Books | None,
 ) -> None:  # fmt: skip
     """Read the motion at every grid time up to `until`; `flight` ends at the last of them."""
-    dt, started, phase = reading.interval[c], False, complex(1.0, 0.0)
+    dt, started, phase, active = reading.interval[c], False, complex(1.0, 0.0), 0
     turn = complex(math.cos(watch.omega * dt), math.sin(watch.omega * dt))
     while True:
         sample = way.tally[c, 0] + 1
@@ -226,7 +226,7 @@ def _read(
         if time > until:
             break
         if started:
-            for k in range(watch.exponent.size):
+            for k in range(active):
                 flight.entry[k] *= way.turn[0, k]
             move_particles(watch, flight, time - flight.clock[0])
             phase *= turn
@@ -237,11 +237,12 @@ def _read(
                 complex(math.cos(watch.omega * time + flight.clock[3]), math.sin(watch.omega * time + flight.clock[3])),
             )
             for k in range(watch.exponent.size):
-                way.turn[0, k] = cmath.exp(watch.exponent[k] * dt)
+                if flight.entry[k] != 0.0:
+                    active, way.turn[0, k] = k + 1, cmath.exp(watch.exponent[k] * dt)
         flight.clock[0] = time
         for o in range(reading.constant.shape[1]):
             value = reading.constant[number, o] + (reading.sine[c, number, o] * phase).real
-            for k in range(watch.exponent.size):
+            for k in range(active):
                 w, h = reading.weight[number, o, k], flight.entry[k]
                 value += w.real * h.real - w.imag * h.imag
             for p in range(flight.particle.size):
@@ -272,7 +273,7 @@ def _change(
             way.touch[c, field, j] = 0.0
         way.touch[c, START, j], way.touch[c, APPROACH, j] = time, side * rate
         if books is not None:
-            open_books(j, books)
+            open_books(c, j, books)
     elif r >= pairs:
         way.mode[c, j] = own * (REBOUND if abs(before) == CONTACT else CONTACT)
     else:
@@ -284,7 +285,7 @@ def _change(
             way.totals[c, 2, j] = max(way.totals[c, 2, j], way.touch[c, APPROACH, j])
             way.totals[c, 3, j] += way.touch[c, IMPULSE, j]
         if books is not None:
-            write_impact(j, own, -own * rate, way.touch[c], books)
+            write_impact(c, j, own, -own * rate, way.touch[c], books)
 
 
 @called

@@ -17,7 +17,7 @@ END, HIT, REST, RELEASE, STUCK = range(5)
 within any reasonable number of advances."""
 
 
-DECAYED = 1e-40
+DECAYED = 1e-24
 """Share of the largest entry below which one has died out, and is left out from then on."""
 
 
@@ -56,9 +56,9 @@ def _creep_time(clearance: float, speed: float, bend: float, twist: float, bound
 
 
 @inlined
-def look(r: int, watch: Watch, flight: Flight, phase: complex, remaining: float, c: Search) -> float:
+def look(r: int, watch: Watch, flight: Flight, active: int, phase: complex, remaining: float, c: Search) -> float:
     """Safe time of one scalar; `at_wall` tells whether it is at a bound now."""
-    safe: float = clear_time(r, watch, flight, c.size, phase, remaining, c.found)
+    safe: float = clear_time(r, watch, flight, active, c.size, phase, remaining, c.found)
     value, rate, rounding, rate_rounding = c.found[0], c.found[1], c.found[2], c.found[3]
     c.rate[r] = rate
     c.at_wall[r] = 0.0
@@ -102,15 +102,18 @@ def next_event(watch: Watch, flight: Flight, until: float, c: Search) -> int:
             h = flight.entry[k]
             c.size[k] = math.sqrt(h.real * h.real + h.imag * h.imag)
             largest = max(largest, c.size[k])
+        active = 0
         for k in range(watch.size.size):
             if c.size[k] < DECAYED * largest:
                 c.size[k], flight.entry[k] = 0.0, 0.0
+            elif c.size[k] > 0.0:
+                active = k + 1
         remaining = until - flight.clock[0]
         safe = remaining
         for r in range(watch.upper.size):
             if watch.upper[r] == math.inf and watch.lower[r] == -math.inf:
                 continue
-            own = look(r, watch, flight, phase, remaining, c)
+            own = look(r, watch, flight, active, phase, remaining, c)
             if own > 0.0:
                 safe = min(safe, own)
                 continue
