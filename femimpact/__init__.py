@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from femimpact.energy import EnergyLedger
     from femimpact.errors import DivergenceError, FemimpactError, InputError
     from femimpact.excitation import PointForce, RecordedBase, Sine
+    from femimpact.history import HistoryPiece
     from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
     from femimpact.impacts import Impacts, ImpactStatistics
     from femimpact.integrators.collision import achieved_restitution
@@ -83,6 +84,7 @@ _ROOMS = {
     "energy": ("EnergyLedger",),
     "errors": ("DivergenceError", "FemimpactError", "InputError"),
     "excitation": ("PointForce", "RecordedBase", "Sine"),
+    "history": ("HistoryPiece",),
     "identification": ("DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power"),
     "impacts": ("ImpactStatistics", "Impacts"),
     "integrators.collision": ("achieved_restitution",),

@@ -123,7 +123,11 @@ class RecordedBase:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        samples = np.array(self.samples, dtype=float)
+        try:
+            samples = np.array(self.samples, dtype=float)
+        except (TypeError, ValueError):
+            require(False, "samples", self.samples, "m/s^2", "must be 2 or more finite numbers")
+            raise AssertionError("require raises") from None
         fine = samples.ndim == 1 and samples.size >= 2 and bool(np.all(np.isfinite(samples)))
         require(fine, "samples", f"array of shape {samples.shape}", "m/s^2", "must be 2 or more finite numbers")
         samples.setflags(write=False)

@@ -251,7 +251,8 @@ class System:
     def position_of(self, at: Position) -> float:
         """Metres from the root of a named place or of a number, checked to lie on the beam."""
         if isinstance(at, str):
-            require(at in self.points, "at", at, "", suggestion(at, self.points))
+            if at not in self.points:
+                require(False, "at", at, "", suggestion(at, self.points))
             return float(self.points[at])
         require(self.nodes.size > 0, "at", at, "m", f"must be a name, {', '.join(self.points)}: there is no beam")
         length = float(self.nodes[-1])
@@ -281,7 +282,16 @@ class System:
         """Row (dofs,) that reads the deflection at one named or numbered place."""
         if at in self.directions:
             return self.directions[str(at)]
-        return np.asarray(self.deflection_rows([self.position_of(at)])[0])
+        if at not in self._known_rows:
+            row = np.asarray(self.deflection_rows([self.position_of(at)])[0])
+            row.setflags(write=False)
+            self._known_rows[at] = row
+        return self._known_rows[at]
+
+    @cached_property
+    def _known_rows(self) -> dict[Position, NDArray[Any]]:
+        """Rows read before: every run asks for the same ones."""
+        return {}
 
 
 def _contacts_of_matrices(

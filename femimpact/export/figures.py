@@ -10,6 +10,7 @@ import numpy as np
 
 from femimpact.calibration import RestitutionScan
 from femimpact.convergence import MeshConvergence, StepConvergence
+from femimpact.errors import require
 from femimpact.export.files import atomic_path
 from femimpact.modes import Modes
 from femimpact.response import Response
@@ -140,8 +141,14 @@ def response_figure(
     return figure
 
 
+def _require_history(response: Response) -> None:
+    allowed = "must hold a history; that of a run with Recorder.sink is in the pieces"
+    require(response.time.size > 0, "response.time", "no samples", "", allowed)
+
+
 def contact_force_figure(response: Response, cycles: int = 8) -> Figure:
     """Contact force over time (the paper's Fig. 8): the last cycles, and the peak of every impact of the run."""
+    _require_history(response)
     figure, axes = _figure(8.0, 5.6, 2, 1)
     period = 1.0 / response.base.frequency
     cycles = min(cycles, max(round((response.time[-1] - response.time[0]) / period), 1))
@@ -179,6 +186,7 @@ def phase_portrait_figure(response: Response, ball: str | None = None, cycles: i
 
     Needs the channels of the ball, its velocity, and the tip with its velocity where the ball is.
     """
+    _require_history(response)
     pair = next(p for p in response.system.balls if ball in (None, p.name))
     place = next(name for name, x in response.system.points.items() if x == pair.position)
     last = response.time >= response.time[-1] - cycles / response.base.frequency

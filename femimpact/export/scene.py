@@ -10,7 +10,8 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from femimpact.response import Response, Snapshots
+from femimpact.history import Snapshots
+from femimpact.response import Response
 from femimpact.structure import Structure
 from femimpact.system import System, hermite_rows
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from femimpact.export.figures import BLUE, GREY, ORANGE, STYLE
 from femimpact.export.scene import BALL, BEAM, BOX, Scene, ball_radius
-from femimpact.response import Response, Snapshots
+from femimpact.history import Snapshots
+from femimpact.response import Response
 from femimpact.structure import Structure
 from femimpact.system import hermite_rows
 
