@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -39,21 +38,27 @@ def stepped_columns(
     f = dwells.frequency
     check_sampling(f, method, "frequencies")
     warnings = list(check_step(system, method))
-    groups = _blocks(f, workers)
     ends = np.ceil(dwells.cycles / (f * method.dt)).astype(int)
     starts = np.ceil((dwells.cycles - dwells.measured) / (f * method.dt)).astype(int)
-    blocks = [
-        prepare(
+    columns: dict[str, NDArray[Any]] = {name: np.full(f.size, np.nan) for name in SWEEP_UNITS}
+    columns["steadiness"] = np.full(f.size, "failed", dtype="<U11")
+    diverged = np.full(f.size, np.inf)
+
+    def run(members: NDArray[Any], share: Progress | None) -> None:
+        # laid out when its turn comes: of many blocks only those at work are in memory
+        block = prepare(
             system, [Sine(amplitude, float(f[i])) for i in members], method, steps=ends[members].tolist(),
             window_start=starts[members].tolist(), initial=state, observed=observed, ledger=ledger,
-        )
-        for members in groups
-    ]  # fmt: skip
-    run_each(run_block, blocks, workers, progress)
-    columns = _gather(blocks, groups, dwells, method, warnings)
+        )  # fmt: skip
+        run_block(block, share)
+        diverged[members] = block.diverged[: members.size]
+        _fill(columns, block, members, dwells, method)
+
+    run_each(run, _blocks(f, workers), workers, progress)
+    for i in np.flatnonzero(np.isfinite(diverged)):
+        warnings.append(divergence_message(float(f[i]), float(diverged[i]), method))
     if all(s == "failed" for s in columns["steadiness"]):
-        time = min(float(block.diverged.min()) for block in blocks)
-        raise DivergenceError(divergence_message(float(f[0]), time, method))
+        raise DivergenceError(divergence_message(float(f[0]), float(diverged.min()), method))
     return columns, warnings
 
 
@@ -63,34 +68,23 @@ def _blocks(f: NDArray[Any], workers: int) -> list[NDArray[Any]]:
     return [members for members in np.array_split(np.argsort(f, kind="stable"), count) if members.size]
 
 
-def _gather(
-    blocks: Sequence[Block],
-    groups: Sequence[NDArray[Any]],
-    dwells: Dwells,
-    method: SteppingMethod,
-    warnings: list[str],
-) -> dict[str, NDArray[Any]]:
-    """Columns over the frequencies in their given order."""
-    f = dwells.frequency
-    columns = {name: np.full(f.size, np.nan) for name in SWEEP_UNITS}
-    columns["steadiness"] = np.full(f.size, "failed", dtype="<U11")
-    for block, members in zip(blocks, groups, strict=True):
-        motion = _motion(block, dwells.cycles[members], dwells.measured[members])
-        totals = block.motion.totals[:, :, : members.size]
-        # an impulse has no peak
-        totals[4, block.pairs.kind == RIGID] = np.nan
-        measured = np.diff(block.motion.window[:, : members.size], axis=0)[0] * method.dt
-        statistics = statistics_of_cases(totals, measured, f[members])
-        fine = np.isinf(block.diverged[: members.size])
-        for c in np.flatnonzero(~fine):
-            warnings.append(divergence_message(float(f[members[c]]), float(block.diverged[c]), method))
-        for name in ("peak", "rms", "first_harmonic", "phase", "steadiness"):
-            columns[name][members[fine]] = getattr(motion, name)[fine]
-        for name in IMPACT_NAMES:
-            columns[name][members[fine]] = statistics[name][fine]
-        if block.ledger:
-            columns["energy_residual"][members[fine]] = _residuals(block, dwells.cycles[members])[fine]
-    return columns
+def _fill(
+    columns: dict[str, NDArray[Any]], block: Block, members: NDArray[Any], dwells: Dwells, method: SteppingMethod
+) -> None:
+    """Columns of the frequencies of one block, but for those that diverged."""
+    motion = _motion(block, dwells.cycles[members], dwells.measured[members])
+    totals = block.motion.totals[:, :, : members.size]
+    # an impulse has no peak
+    totals[4, block.pairs.kind == RIGID] = np.nan
+    measured = np.diff(block.motion.window[:, : members.size], axis=0)[0] * method.dt
+    statistics = statistics_of_cases(totals, measured, dwells.frequency[members])
+    fine = np.isinf(block.diverged[: members.size])
+    for name in ("peak", "rms", "first_harmonic", "phase", "steadiness"):
+        columns[name][members[fine]] = getattr(motion, name)[fine]
+    for name in IMPACT_NAMES:
+        columns[name][members[fine]] = statistics[name][fine]
+    if block.ledger:
+        columns["energy_residual"][members[fine]] = _residuals(block, dwells.cycles[members])[fine]
 
 
 def _motion(block: Block, cycles: NDArray[Any], measured: NDArray[Any]) -> SteadyMotion:
