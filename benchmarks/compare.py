@@ -36,8 +36,11 @@ def measure(problem, peers, quick, say):
     found["physical"] = scaling.physical(problem, (10, 100) if quick else (10, 100, 1000), repeats)
     say("cost over dofs")
     sizes = (10, 100, 1000) if quick else (10, 30, 100, 300, 1000, 3000, 10_000)
-    found["over_dofs"], found["exponent"] = scaling.cost_over_dofs(problem, sizes, repeats=min(3, repeats))
+    found["over_dofs"], found["exponent"], found["memory exponent"] = scaling.cost_over_dofs(
+        problem, sizes, repeats=min(3, repeats)
+    )
     found["all_modes"] = scaling.all_modes(problem, (100,) if quick else (100, 1000), 2, say)
+    found["flight"] = scaling.flight_alone(problem, repeats)
     say("threads, memory, start")
     found["threads"] = scaling.threads(problem, repeats, 100 if quick else 1000)
     found["memory"], found["help"] = scaling.memory(), startup.help_time(repeats)

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from timing import Job, take_turns, timed
 
 import femimpact as fi
 
-__all__ = ["all_modes", "cost_over_dofs", "memory", "physical", "step_cost", "threads"]
+__all__ = ["all_modes", "cost_over_dofs", "flight_alone", "memory", "physical", "step_cost", "threads"]
 
 HERE = Path(__file__).parent
 
@@ -75,15 +76,45 @@ def physical(problem, elements=(10, 100, 1000), repeats=5):
 
 
 def cost_over_dofs(problem, elements=(10, 30, 100, 300, 1000, 3000, 10_000), cases=8, repeats=3):
-    """Rows: ns per step and case over the dofs, and the exponent fitted to them."""
+    """Rows: ns per step and case and largest memory over the dofs, and the exponents fitted to them."""
     rows = []
     for count in elements:
         # long enough that the first touch of the arrays does not count
         steps = max(1000, 2_000_000 // count)
         ns = kernel(problem.full(count), _method(problem), cases, False, steps, repeats)
-        rows.append({"elements": count, "dofs": 2 * count, "ns": float(ns)})
-    dofs, cost = (np.array([row[name] for row in rows]) for name in ("dofs", "ns"))
-    return rows, float(np.polyfit(np.log(dofs), np.log(cost), 1)[0])
+        rows.append({"elements": count, "dofs": 2 * count, "ns": float(ns), "MB": _largest_arrays(problem, count)})
+    # small meshes weigh less than the interpreter's own objects
+    large = [row for row in rows if row["elements"] >= 100]
+    cost, size = (
+        float(np.polyfit(np.log([row["dofs"] for row in some]), np.log([row[name] for row in some]), 1)[0])
+        for name, some in (("ns", rows), ("MB", large))
+    )
+    return rows, cost, size
+
+
+def _largest_arrays(problem, elements):
+    """Largest memory (MB) that assembling the mesh, laying out eight cases and running them holds at once."""
+    tracemalloc.start()
+    _eight_cases(problem, elements, 10)()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak / 1e6
+
+
+def flight_alone(problem, repeats=5, further=100):
+    """CPU time (ms) of a further 0.8 s in a long event-driven run: what is left without laying out and reading."""
+    system, base = problem.modal(), fi.Sine(problem.amplitude, 5.2)
+    record = fi.Recorder(channels=("tip",), ledger=False, impacts=0)
+    times = {}
+    for duration in (0.8, 0.8 * (1 + further)):
+        best = np.inf
+        for _ in range(repeats):
+            start = time.process_time()
+            fi.integrate(system, base, fi.EventDriven(), duration, record)
+            best = min(best, time.process_time() - start)
+        times[duration] = best
+    short, long = times.values()
+    return 1e3 * (long - short) / further
 
 
 def all_modes(problem, elements=(100, 1000), repeats=2, say=print):
