@@ -171,6 +171,17 @@ def test_a_sweep_is_its_runs_one_by_one():
         assert without.rms[i] == pytest.approx(both[0].rms[i], rel=1e-3)
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("contact", [None, fi.Rigid(0.6)])
+def test_a_sweep_tells_its_progress_to_the_end(contact, threads):
+    shares = []
+    fi.frequency_sweep(
+        beam(2, contact), AMPLITUDE, np.linspace(4.0, 6.0, 5), EXACT, cycles=12, threads=threads, progress=shares.append
+    )
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
 def test_peaks_of_the_beam_alone_are_exact_between_samples():
     system = fi.without_impactors(beam())
     frequency = np.linspace(4.9, 5.7, 9)

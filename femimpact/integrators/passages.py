@@ -104,8 +104,10 @@ def pass_dwells(
         )
     most = method.most_events * int(cycles.max())
 
-    def fly(members: NDArray[Any], _: Progress | None) -> None:
+    def fly(members: NDArray[Any], share: Progress | None) -> None:
         pass_on(run, members, begin, end, most)
+        if share is not None:
+            share(1.0)
 
     # cases cost differently: small groups even that out
     groups = max(math.ceil(period.size / LARGEST_GROUP), 1 if workers == 1 else min(GROUPS * workers, period.size))

@@ -42,7 +42,7 @@ def flown_columns(
     columns = _empty(f.size)
     lock = threading.Lock()
 
-    def run(i: int, _: Progress | None) -> None:
+    def run(i: int, share: Progress | None) -> None:
         cycles, measured = int(dwells.cycles[i]), int(dwells.measured[i])
         try:
             found = dwell(system, Sine(amplitude, float(f[i])), method, cycles, measured, state, observed, ledger)
@@ -57,6 +57,8 @@ def flown_columns(
         for name in IMPACT_NAMES:
             columns[name][i] = getattr(statistics, name)
         columns["energy_residual"][i] = found.residual
+        if share is not None:
+            share(1.0)
 
     run_each(run, range(f.size), workers, progress)
     if all(s == "failed" for s in columns["steadiness"]):
