@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,8 +14,10 @@ from femimpact.contact import Rigid
 from femimpact.errors import require
 from femimpact.export import figures, impact_figures, tables
 from femimpact.impacts import RIDING_UNITS, impact_columns
+from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import check_memory, integrate
 from femimpact.integrators.methods import Method, check_method, check_resolution, time_grid
+from femimpact.integrators.stepping import shortest_contact
 from femimpact.modes import Modes, solve_modes
 from femimpact.response import Recorder, Response
 from femimpact.results import FILES, RIDING_FILE, StudyResults, load, prepare_directory
@@ -37,6 +40,9 @@ __all__ = [
 
 MODES_LISTED = 4
 FIGURE_CYCLES = 40
+
+SAMPLES_PER_CONTACT = 20
+"""Instants at which a figure shows the force of one contact, at least."""
 
 Report = Callable[[str, float], None]
 """Called with what is being done and the share of it that is done."""
@@ -123,7 +129,18 @@ def run_end(study: Study) -> Response:
     record = history_record(study, small, method)
     start = max(study.base.duration - FIGURE_CYCLES / study.base.frequency, 0.0)
     record = replace(record, every=1, start=start, snapshots=0, ledger=False)
+    if isinstance(method, EventDriven):
+        method = _read_within_contacts(method, small, study.base.frequency)
     return integrate(small, study.sine, method, study.base.duration, record, study.initial)
+
+
+def _read_within_contacts(method: EventDriven, system: System, frequency: float) -> EventDriven:
+    """The same flights, read often enough to show the course of a compliant contact's force."""
+    samples, contact_time = method.samples_per_cycle, shortest_contact(system)
+    # doubled, the grid keeps its instants to the last bit, and with them the pieces in which a run is flown
+    while math.isfinite(contact_time) and samples * frequency * contact_time < SAMPLES_PER_CONTACT:
+        samples *= 2
+    return replace(method, samples_per_cycle=samples)
 
 
 def run_sweep(study: Study, report: Report = _silent, initial: State | None = None) -> SweepPair:

@@ -258,3 +258,12 @@ def test_what_cannot_be_flown_through_is_refused_by_name():
     hertz = beam(2, fi.HuntCrossley(stiffness=1e6, restitution=0.6))
     with pytest.raises(fi.InputError, match=r"ball.contact = 'hunt-crossley': must be Rigid or KelvinVoigt"):
         fi.integrate(hertz, fi.Sine(AMPLITUDE, 5.0), EXACT, 0.5)
+
+
+def test_a_grid_twice_as_fine_reads_the_same_flight_to_the_last_bit():
+    # over more cycles than a run is flown in one piece
+    system, base, keep = beam(1), fi.Sine(AMPLITUDE, 5.0), fi.Recorder(channels=("tip",), ledger=False)
+    coarse = fi.integrate(system, base, EXACT, 60.0, keep)
+    fine = fi.integrate(system, base, dataclasses.replace(EXACT, samples_per_cycle=128), 60.0, keep)
+    assert len(coarse.impacts) > 100
+    np.testing.assert_array_equal(coarse.impacts.time, fine.impacts.time)
