@@ -30,6 +30,10 @@ WIDEST_BLOCK = 64
 """Cases side by side beyond which a block no longer gains speed but leaves the cache."""
 
 
+ALIKE = 1.05
+"""Longest over shortest run up to which cases count as equally long."""
+
+
 def stepped_columns(
     system: System, amplitude: float, dwells: Dwells, method: SteppingMethod, state: State,
     observed: NDArray[Any], ledger: bool, workers: int, progress: Progress | None,
@@ -54,7 +58,7 @@ def stepped_columns(
         diverged[members] = block.diverged[: members.size]
         _fill(columns, block, members, dwells, method)
 
-    run_each(run, _blocks(f, workers), workers, progress)
+    run_each(run, _blocks(ends, workers), workers, progress)
     for i in np.flatnonzero(np.isfinite(diverged)):
         warnings.append(divergence_message(float(f[i]), float(diverged[i]), method))
     if all(s == "failed" for s in columns["steadiness"]):
@@ -62,10 +66,13 @@ def stepped_columns(
     return columns, warnings
 
 
-def _blocks(f: NDArray[Any], workers: int) -> list[NDArray[Any]]:
+def _blocks(ends: NDArray[Any], workers: int) -> list[NDArray[Any]]:
     """Cases of like length together; as many blocks as workers, none wider than the cache likes."""
-    count = max(min(workers, f.size // 2), math.ceil(f.size / WIDEST_BLOCK), 1)
-    return [members for members in np.array_split(np.argsort(f, kind="stable"), count) if members.size]
+    count = max(min(workers, ends.size // 2), math.ceil(ends.size / WIDEST_BLOCK), 1)
+    if ends.max() <= ALIKE * ends.min():
+        # neighbours in frequency have much or little contact: dealt out, every block gets its share
+        return [np.arange(first, ends.size, count) for first in range(count)]
+    return [members for members in np.array_split(np.argsort(-ends, kind="stable"), count) if members.size]
 
 
 def _fill(
