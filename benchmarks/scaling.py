@@ -137,20 +137,21 @@ def all_modes(problem, elements=(100, 1000), repeats=2, say=print):
     return rows
 
 
-def threads(problem, repeats=5, cases=1000, duration=2.0):
+def threads(problem, repeats=5, cases=1000):
     """Rows: wall time with one and two threads, on task B and on a study of many cases."""
     task, rows = problem.task("B"), []
     many = np.linspace(4.0, 6.0, cases)
     plan = {
         "task B": (problem.frequencies, task.duration, task.window),
-        f"{cases} cases": (many, duration, duration / 2),
+        f"{cases} cases": (many, task.duration, task.window),
     }
     for name, (frequencies, length, window) in plan.items():
         for tool in OWN[:3]:
+            system = tool.system(problem, task)
 
-            def run(count, tool=tool, frequencies=frequencies, length=length, window=window):
+            def run(count, tool=tool, system=system, frequencies=frequencies, length=length, window=window):
                 return fi.frequency_sweep(
-                    tool.system(problem, task), problem.amplitude, frequencies, tool.make(tool.usual(task)),
+                    system, problem.amplitude, frequencies, tool.make(tool.usual(task)),
                     duration=length, window=window, ledger=False, threads=count,
                 ).rms  # fmt: skip
 

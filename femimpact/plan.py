@@ -61,7 +61,7 @@ def plan_lines(study: Study) -> list[str]:
             f"effective mass {1e3 * pair.effective_mass:.4g} g, total clearance {1e3 * sum(pair.gaps):.4g} mm"
         )
     if isinstance(method, EventDriven):
-        lines.append(f"method: event-driven, exact between impacts, read every {grid:.4g} s")
+        lines.append(f"method: event-driven, exact between impacts and through compliant ones, read every {grid:.4g} s")
     else:
         origin = "given" if "dt" in study.method else "recommended"
         refined = f", divided by {method.refine} in contact" if method.refine > 1 else ""

@@ -110,7 +110,7 @@ def test_a_sweep_that_has_not_settled_says_so(empty):
     # at zeta = 0.0029, 12 cycles see exp(-0.0029 * 2 pi * 12) = 0.8 of the transient
     curve = fi.frequency_sweep(empty, AMPLITUDE, [5.1, 5.2, 5.3], fi.Newmark(5e-4), cycles=12)
     assert "transient" in curve.steadiness
-    assert any("take more cycles" in warning for warning in curve.warnings)
+    assert any("take a longer dwell" in warning for warning in curve.warnings)
 
 
 def test_results_come_in_the_order_of_the_frequencies_given(empty):

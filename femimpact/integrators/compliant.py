@@ -27,9 +27,6 @@ from femimpact.system import System
 
 __all__ = ["Compliant", "compliant_forms", "is_compliant", "reading_of", "waves_of"]
 
-MOST_PAIRS = 4
-"""Contacts whose 3^n states are prepared."""
-
 
 def is_compliant(system: System) -> bool:
     """Whether there are contacts and all of them are Kelvin-Voigt."""
@@ -88,11 +85,6 @@ def compliant_forms(system: System, drive: Drive) -> Compliant:
     Returns
     -------
     Compliant
-
-    Raises
-    ------
-    InputError
-        If there are more pairs than states can be prepared for.
     """
     known = _KNOWN.setdefault(system, {})
     key = drive.load.tobytes(), drive.share
@@ -103,8 +95,6 @@ def compliant_forms(system: System, drive: Drive) -> Compliant:
 
 def _prepare(system: System, drive: Drive) -> Compliant:
     pairs = system.contacts
-    allowed = f"must be at most {MOST_PAIRS} Kelvin-Voigt contacts for EventDriven; Newmark takes any number"
-    require(len(pairs) <= MOST_PAIRS, "system", f"{len(pairs)} contacts", "", allowed)
     whole = equations_of(system, drive)
     # the first pair has the lowest digit of a state's number
     states = tuple(s[::-1] for s in itertools.product((0, 1, -1), repeat=len(pairs)))

@@ -20,6 +20,9 @@ from femimpact.system import System
 
 __all__ = ["EventDriven", "Outputs", "check_events", "force_directions", "new_search", "outputs_of", "space_of"]
 
+MOST_COMPLIANT = 4
+"""Kelvin-Voigt contacts whose 3^n states are prepared."""
+
 
 @dataclass(frozen=True)
 class EventDriven:
@@ -63,10 +66,14 @@ def check_events(system: System) -> None:
     Raises
     ------
     InputError
-        If the system is not on its modes, or its contacts are neither all rigid nor all Kelvin-Voigt.
+        If the system is not on its modes, or its contacts are neither all rigid nor all Kelvin-Voigt, or
+        too many of the latter.
     """
     allowed = "must be on its normal modes for EventDriven: use reduce(system, modes=n)"
     require(system.is_diagonal, "system", f"{system.dofs} coupled dofs", "", allowed)
+    compliant = sum(isinstance(pair.law, KelvinVoigt) for pair in system.contacts)
+    allowed = f"must be at most {MOST_COMPLIANT} Kelvin-Voigt contacts for EventDriven; Newmark takes any number"
+    require(compliant <= MOST_COMPLIANT, "system", f"{compliant} contacts", "", allowed)
     laws = (Rigid, KelvinVoigt)
     for pair in system.contacts:
         allowed = "must be Rigid or KelvinVoigt for EventDriven; other laws are for Newmark and its family"

@@ -54,7 +54,8 @@ def fly(
     Raises
     ------
     InputError
-        If the system is not on its modes, a contact is not rigid, or an argument is out of range.
+        If the system is not on its modes, its contacts are neither all rigid nor all Kelvin-Voigt, or an
+        argument is out of range.
     DivergenceError
         If impacts do not resolve.
     """

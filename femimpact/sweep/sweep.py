@@ -120,7 +120,7 @@ def _steadiness_warnings(f: NDArray[Any], steadiness: NDArray[Any]) -> list[str]
         return []
     return [
         f"not steady at {moving.size} of {f.size} frequencies ({moving.min():.4g} to {moving.max():.4g} Hz): "
-        "the two halves of the measured time differ; take more cycles"
+        "the two halves of the measured time differ; take a longer dwell"
     ]
 
 
