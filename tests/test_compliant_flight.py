@@ -267,3 +267,20 @@ def test_a_grid_twice_as_fine_reads_the_same_flight_to_the_last_bit():
     fine = fi.integrate(system, base, dataclasses.replace(EXACT, samples_per_cycle=128), 60.0, keep)
     assert len(coarse.impacts) > 100
     np.testing.assert_array_equal(coarse.impacts.time, fine.impacts.time)
+
+
+def test_a_stop_on_one_side_has_no_other_wall():
+    structure = fi.Structure(
+        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
+        stops=[fi.Stop("stop", at="tip", gap=(1e-4, np.inf), contact=fi.KelvinVoigt(stiffness=1e4, restitution=0.6))],
+        damping=fi.Rayleigh(ratio=0.01, modes=(1, 2)),
+    )
+    system = fi.reduce(fi.assemble(structure, elements=8), 4)
+    run = fi.integrate(system, fi.Sine(2e-4, 14.0), EXACT, 5.0, fi.Recorder(channels=("tip", "stop.contact_force")))
+    assert len(run.impacts) > 10
+    assert set(run.impacts.side) == {1.0}
+    # a force on the beam that pushes it back, or none
+    assert np.max(run["stop.contact_force"]) == 0.0
+    assert np.min(run["stop.contact_force"]) < -0.05
+    assert run["tip"].min() < -1e-3
+    assert run.energy.residual < 1e-10

@@ -7,6 +7,7 @@ load: with the direction P of a force on the structure the motion stays linear.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,7 +24,7 @@ from femimpact.integrators.flight_space import Equations, entries_of, equations_
 from femimpact.integrators.kernels.forms import Forms, Waves
 from femimpact.integrators.kernels.passage import Reading
 from femimpact.integrators.layout import CYCLE_COLUMNS
-from femimpact.system import System
+from femimpact.system import ContactPair, System
 
 __all__ = ["Compliant", "compliant_forms", "is_compliant", "reading_of", "waves_of"]
 
@@ -106,12 +107,18 @@ def _prepare(system: System, drive: Drive) -> Compliant:
         directions = whole.force[:, touching]
         K = whole.K + (directions * kv[touching, 0]) @ directions.T
         C = whole.C + (directions * kv[touching, 1]) @ directions.T
-        walls = np.array([s * p.gaps[0 if s > 0 else 1] for s, p in zip(sides, pairs, strict=True) if s])
+        walls = np.array([s * _gap(p, s) for s, p in zip(sides, pairs, strict=True) if s])
         key = touching.tobytes()
         known[key] = known[key] if key in known else _homogeneous(whole, K, C)
         forms.append(_with_static(known[key], whole.given - directions @ (kv[touching, 0] * walls)))
         matrices.append((K, C))
     return Compliant(whole, states, _stacked(system, whole, forms, kv), tuple(matrices))
+
+
+def _gap(pair: ContactPair, side: int) -> float:
+    """Gap to a wall (m); any number will do for one that is not there: its state is never entered."""
+    gap = pair.gaps[0 if side > 0 else 1]
+    return gap if math.isfinite(gap) else 0.0
 
 
 def _homogeneous(whole: Equations, K: NDArray[Any], C: NDArray[Any]) -> tuple[_Form, NDArray[Any], NDArray[Any]]:
@@ -253,7 +260,7 @@ def reading_of(
     for o, j in enumerate(outputs.force):
         for s, sides in enumerate(found.states):
             if j >= 0 and sides[j] != 0:
-                wall = sides[j] * forms.stiffness[j] * forms.gap[0 if sides[j] > 0 else 1, j]
+                wall = sides[j] * forms.stiffness[j] * _gap(system.contacts[j], sides[j])
                 weight[s, o], sine[:, s, o] = forms.weight[s, pairs + j], waves.sine[:, s, pairs + j]
                 constant[s, o] = forms.constant[s, pairs + j] - wall
     return Reading(
