@@ -282,5 +282,6 @@ def test_a_stop_on_one_side_has_no_other_wall():
     # a force on the beam that pushes it back, or none
     assert np.max(run["stop.contact_force"]) == 0.0
     assert np.min(run["stop.contact_force"]) < -0.05
-    assert run["tip"].min() < -1e-3
+    # on the open side the tip goes several times as far as a wall at the same distance would let it
+    assert -run["tip"].min() > 2.0 * run["tip"].max()
     assert run.energy.residual < 1e-10
