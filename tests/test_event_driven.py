@@ -11,9 +11,11 @@ from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven import new_search, space_of
 from femimpact.integrators.flight_space import flight_space
 from femimpact.integrators.kernels import search
+from femimpact.integrators.kernels.compiling import entry
 from femimpact.integrators.kernels.crossing import Flight
 
 EXACT = fi.EventDriven()
+next_event = entry(search.next_event)
 
 
 def beam_with_ball(modes=4, restitution=0.7, *, at="tip", gap=4e-3, acceleration=0.0, damping=0.0029):
@@ -204,7 +206,7 @@ def test_no_crossing_is_missed_in_thousands_of_random_flights(modes, states):
         if expected == 0.0:
             continue
         scratch = new_search(1, 2 * modes)
-        status = search.next_event(space.watch, flight, horizon, scratch)
+        status = next_event(space.watch, flight, horizon, scratch)
         time = flight.clock[0] if status == search.HIT else math.inf
         met += status == search.HIT
         # the scan sees a crossing one point late at most; the event may be a graze between two points

@@ -16,7 +16,7 @@ from femimpact.integrators import layout
 from femimpact.integrators.arrays import cycles_of, empty_record, limits_of, motion_of, pairs_of
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.kernels import loop
-from femimpact.integrators.kernels.ledger import write_energy
+from femimpact.integrators.kernels.entries import write_energy
 from femimpact.integrators.kernels.packs import WIDTH
 from femimpact.integrators.newmark import SteppingMethod, scheme_of
 from femimpact.integrators.operators import operator_of

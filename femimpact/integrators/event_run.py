@@ -14,9 +14,9 @@ from femimpact.errors import DivergenceError
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven import EventDriven, Outputs, force_directions, new_search, space_of
 from femimpact.integrators.flight_space import FlightSpace, Riders, flight_space
-from femimpact.integrators.kernels import events
-from femimpact.integrators.kernels.balance import Balance, write_balance
-from femimpact.integrators.kernels.crossing import Flight, Space, derivatives, read_coordinates
+from femimpact.integrators.kernels import entries, events
+from femimpact.integrators.kernels.balance import Balance
+from femimpact.integrators.kernels.crossing import Flight, Space
 from femimpact.integrators.kernels.events import Contact, Samples
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.integrators.threads import Progress
@@ -231,14 +231,14 @@ def _change(run: EventRun, flight: Flight, riders: Riders, status: int) -> tuple
     if status != events.HIT:
         return moved, after
     space = run.space(())[1]
-    events.look_at_all(space, moved, run.contact)
+    entries.look_at_all(space, moved, run.contact)
     for j, own in (*riders, (pair, side)):
         run.contact.search.at_wall[j] = own
     for j, _ in riders:
         _close_ride(run, j, float(flight.clock[0]))
-    if not events.collide_all(space, moved, run.contact, run.balance):
+    if not entries.collide_all(space, moved, run.contact, run.balance):
         raise DivergenceError(_stuck_message(run, flight.clock[0]))
-    if events.comes_to_rest(space, moved, run.contact, run.balance):
+    if entries.comes_to_rest(space, moved, run.contact, run.balance):
         return _change(run, moved, (), events.REST)
     return moved, ()
 
@@ -249,7 +249,7 @@ def _comes_to_rest_too(run: EventRun, flight: Flight, riders: Riders, pair: int,
     What presses it there is decided with the riders in place: without their forces it may seem to leave.
     """
     space, contact = run.space(riders)[1], run.contact
-    derivatives(pair, space.watch, flight, _phase(space, flight.clock), contact.search.found)
+    entries.derivatives(pair, space.watch, flight, _phase(space, flight.clock), contact.search.found)
     press, e = side * float(contact.search.found[0]), float(contact.restitution[pair])
     rebound = e * side * float(contact.search.rate[pair])
     if press <= 1e-12 * contact.search.found[2] or rebound**2 > 2.0 * press * run.method.closure:
@@ -272,7 +272,7 @@ def _captured(
 def _coordinates(run: EventRun, riders: Riders, flight: Flight) -> tuple[NDArray[Any], NDArray[Any]]:
     space = run.space(riders)[1]
     position, velocity = np.zeros_like(run.balance.position), np.zeros_like(run.balance.velocity)
-    read_coordinates(space, flight, _phase(space, flight.clock), position, velocity)
+    entries.read_coordinates(space, flight, _phase(space, flight.clock), position, velocity)
     return position, velocity
 
 
@@ -454,7 +454,7 @@ def _keep_start(run: EventRun, flight: Flight, position: NDArray[Any], velocity:
         if run.ledger:
             run.balance.position[:], run.balance.velocity[:] = position, velocity
             energy = np.zeros((1, len(ENERGY_COLUMNS) + run.system.dofs))
-            write_balance(run.balance, energy[0])
+            entries.write_balance(run.balance, energy[0])
             run.energy.append(energy)
     if run.keep.snapshots and run.keep.first_snapshot == 0:
         run.fields.append(np.array([[position, velocity]]))

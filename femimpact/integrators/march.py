@@ -14,7 +14,7 @@ from femimpact.excitation import Excitation
 from femimpact.history import Stream
 from femimpact.impacts import impact_statistics
 from femimpact.integrators.block import Block, prepare, run_block
-from femimpact.integrators.kernels.keeping import keep
+from femimpact.integrators.kernels.entries import keep
 from femimpact.integrators.newmark import SteppingMethod, require_method
 from femimpact.integrators.reading import history_of, impacts_of, open_contacts, riding_of
 from femimpact.integrators.recording import piece_ends, record_of

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import called, compiled, inlined
+from femimpact.integrators.kernels.compiling import called, inlined
 from femimpact.integrators.kernels.crossing import Flight, Space, unit_phase
 
 __all__ = ["Balance", "book_flight", "integral_of", "write_balance"]
@@ -138,7 +138,7 @@ def _work_on_particle(m: int, space: Space, flight: Flight, duration: float, pha
     return work
 
 
-@compiled
+@called
 def write_balance(b: Balance, out: NDArray[Any]) -> None:
     """Energies in the order of ENERGY_COLUMNS from the coordinates last read."""
     n = int(b.structure[0])

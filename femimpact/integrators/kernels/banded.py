@@ -6,13 +6,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import inlined
-from femimpact.integrators.kernels.packs import WIDTH, apart, entry, fill, fma, load, product, store
+from femimpact.integrators.kernels.compiling import apart, inlined
+from femimpact.integrators.kernels.packs import WIDTH, entry, fill, fma, load, product, store
 from femimpact.integrators.layout import Motion, Operator, Scheme
 
 __all__ = ["free_step_banded", "free_step_banded_single"]
-
-# `inlined` spares what a call from Python would need; what calls `apart` is a function of its own all the same
 
 
 @inlined
@@ -34,23 +32,21 @@ def free_step_banded_single(op: Operator, s: Scheme, m: Motion, c: int, acting: 
         _step_wide(op, s, m, c, acting)
 
 
-@inlined
+@apart
 def _packs(
     narrow: NDArray[Any], factor: NDArray[Any], drive: NDArray[Any], s: Scheme, q: NDArray[Any], v: NDArray[Any],
     a: NDArray[Any], acting: NDArray[Any],
 ) -> None:  # fmt: skip
-    apart()
     zero = fill(0.0)
     for c in range(0, acting.size, WIDTH):
         _step(narrow, factor, drive, s, q, v, a, c, load(acting, 0, c, zero), zero)
 
 
-@inlined
+@apart
 def _alone(
     narrow: NDArray[Any], factor: NDArray[Any], drive: NDArray[Any], s: Scheme, q: NDArray[Any], v: NDArray[Any],
     a: NDArray[Any], c: int, acting: float,
 ) -> None:  # fmt: skip
-    apart()
     _step(narrow, factor, drive, s, q, v, a, c, acting, 0.0)
 
 
@@ -106,10 +102,9 @@ def _step(
         y1, y2, y3 = y, y1, y2
 
 
-@inlined
+@apart
 def _step_wide(op: Operator, s: Scheme, m: Motion, c: int, acting: Any) -> None:
     """The same with any number of bands."""
-    apart()
     n, bands, lower = m.q.shape[0], op.cholesky_band.shape[0], op.cholesky_band
     rhs, u_felt, v_felt = m.scratch[0], m.scratch[1], m.scratch[2]
     for i in range(n):

@@ -6,16 +6,65 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import numpy as np
 from numba import njit
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 
 from femimpact.contact import formulas
 
-__all__ = ["called", "compiled", "inlined"]
+__all__ = ["ZERO", "apart", "called", "compiled", "entry", "inlined"]
 
 # _nrt=False: nothing here allocates, and counting references to array slices would cost ten times the arithmetic
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
+ZERO = np.int64(0)
+"""To numba a written 0 is of a type of its own: what is called with it, and with an index, is compiled twice."""
+
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+class _Part(JITCodeLibrary):  # type: ignore[misc]
+    """Code of an inner function: what it is linked into optimises it and makes machine code of it, once.
+
+    numba does both for every function with all that it calls: a function five calls deep six times over.
+    """
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+    @property
+    def codegen(self) -> _Part:
+        return self
+
+    def set_env(self, name: str, environment: object) -> None:
+        """Nothing: there is no machine code that could be told where its environment lies."""
+
+
+class _Apart(_Part):
+    """Code of an inner function that stays one."""
+
+    def add_ir_module(self, module: Any) -> None:
+        for function in module.functions:
+            if function.blocks:
+                function.attributes.add("noinline")
+        super().add_ir_module(module)
+
+
+class _PartCompiler(Compiler):  # type: ignore[misc]
+    """numba's compiler, with the code of what it compiles left to the caller."""
+
+    KIND = _Part
+
+    def __init__(self, typing: Any, target: Any, library: Any, *others: Any) -> None:
+        super().__init__(typing, target, library or self.KIND(target.codegen(), "part"), *others)
+
+
+class _ApartCompiler(_PartCompiler):
+    KIND = _Apart
 
 
 def _stamp() -> tuple[tuple[float, int], ...]:
@@ -28,8 +77,9 @@ def _stamp() -> tuple[tuple[float, int], ...]:
 STAMP = _stamp()
 
 
-def _compile(function: Function, **options: Any) -> Function:
-    dispatcher = njit(**OPTIONS, **options)(function)
+def compiled(function: Function) -> Function:
+    """Compile a function of arrays and numbers that only Python calls, and keep it on disk."""
+    dispatcher = njit(**OPTIONS, cache=True, no_cfunc_wrapper=True)(function)
     # numba looks at the function's own file only; here one function inlines others of other files
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if file is not None:
@@ -37,17 +87,27 @@ def _compile(function: Function, **options: Any) -> Function:
     return cast(Function, dispatcher)
 
 
-def compiled(function: Function) -> Function:
-    """Compile a function of arrays and numbers that Python calls, and keep it on disk."""
-    return _compile(function, cache=True, forceinline=False, no_cpython_wrapper=False, no_cfunc_wrapper=True)
+def entry(function: Function) -> Function:
+    """Let Python too call a function that compiled ones call."""
+    return compiled(cast(Any, function).py_func)
+
+
+def _inner(function: Function, compiler: type[_PartCompiler], forceinline: bool) -> Function:
+    options = {"forceinline": forceinline, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    # said outright, inlining too: what is left out here is taken over from the caller that is compiled first
+    return cast(Function, njit(**OPTIONS, **options, pipeline_class=compiler)(function))
 
 
 def called(function: Function) -> Function:
     """Compile a function that only compiled ones call: it needs no entry from Python and no place on disk."""
-    # said outright: what is left out here is taken over from the caller that is compiled first
-    return _compile(function, forceinline=False, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    return _inner(function, _PartCompiler, False)
 
 
 def inlined(function: Function) -> Function:
     """The same, compiled into those that call it: a call would copy every array's descriptor."""
-    return _compile(function, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    return _inner(function, _PartCompiler, True)
+
+
+def apart(function: Function) -> Function:
+    """The same, kept out of those that call it: beside its variables a loop would lack registers for its own."""
+    return _inner(function, _ApartCompiler, False)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import called, compiled, inlined
+from femimpact.integrators.kernels.compiling import called, inlined
 
 __all__ = [
     "AT_WALL",
@@ -217,7 +217,7 @@ def clear_time(
     return min(up, down)
 
 
-@compiled
+@called
 def derivatives(r: int, watch: Watch, flight: Flight, phase: complex, found: NDArray[Any]) -> None:
     """Second and third derivative of scalar r, and bounds on the second to fourth: found[0:5]."""
     turned = watch.sine[r] * phase
@@ -244,7 +244,7 @@ def derivatives(r: int, watch: Watch, flight: Flight, phase: complex, found: NDA
     found[0], found[1], found[2], found[3], found[4] = second, third, size2, size3, size4
 
 
-@compiled
+@called
 def read_coordinates(
     space: Space, flight: Flight, phase: complex, position: NDArray[Any], velocity: NDArray[Any]
 ) -> None:

@@ -167,7 +167,7 @@ def _write_impact(
     c.tally[0] = row + 1
 
 
-@compiled
+@called
 def look_at_all(space: Space, flight: Flight, c: Contact) -> None:
     """Find which pairs are at a wall, and their rates."""
     phase = unit_phase(space.watch.omega, flight.clock)
@@ -177,7 +177,7 @@ def look_at_all(space: Space, flight: Flight, c: Contact) -> None:
         look(r, space.watch, flight, space.watch.size.size, phase, 1.0, c.search)
 
 
-@compiled
+@called
 def collide_all(space: Space, flight: Flight, c: Contact, b: Balance) -> bool:
     """Collide every pair at its wall that approaches it, the fastest first, until none does; see `look_at_all`.
 
@@ -235,7 +235,7 @@ def _mark_capture(r: int, capture: float, rebound: float, c: Contact) -> None:
             return
 
 
-@compiled
+@called
 def comes_to_rest(space: Space, flight: Flight, c: Contact, b: Balance) -> bool:
     """Whether a pair that just collided bounces no higher than the closure: then it is captured.
 

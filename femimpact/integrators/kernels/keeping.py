@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import called, compiled
+from femimpact.integrators.kernels.compiling import ZERO, apart, called
 from femimpact.integrators.kernels.ledger import write_energy
 from femimpact.integrators.layout import (
     COSINE,
@@ -33,7 +33,7 @@ LOSS_COLUMNS = len(ENERGY_COLUMNS)
 """Where the losses of the modes begin in a row of energies."""
 
 
-@called
+@apart
 def close_cycles(
     step: int, ledger: bool, op: Operator, pairs: Pairs, m: Motion, cycles: Cycles, energy: NDArray[Any]
 ) -> None:
@@ -80,7 +80,7 @@ def _write_sample(op: Operator, pairs: Pairs, m: Motion, record: Record, ledger:
             value = m.ball[FORCE, index, 0]
         record.channels[k, i] = value
     if ledger:
-        write_energy(0, op, pairs, m, record.energy[k])
+        write_energy(ZERO, op, pairs, m, record.energy[k])
         for i in range(m.loss_of_mode.size):
             record.energy[k, LOSS_COLUMNS + i] = m.loss_of_mode[i]
     record.tally[1] = k + 1
@@ -99,7 +99,7 @@ def _write_snapshot(m: Motion, record: Record) -> None:
     record.tally[2] = k + 1
 
 
-@compiled
+@apart
 def keep(step: int, op: Operator, pairs: Pairs, m: Motion, record: Record, ledger: bool) -> None:
     """Write the sample and the snapshot that are due at this step."""
     every, first, stride, first_field = record.stride

@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import called, compiled, inlined
+from femimpact.integrators.kernels.compiling import called, inlined
 from femimpact.integrators.kernels.flight import add, add_product
 from femimpact.integrators.kernels.laws import (
     SWITCHING_SPRING,
@@ -168,7 +168,7 @@ def _quadratic(band: NDArray[Any], values: NDArray[Any], c: int) -> float:
     return total
 
 
-@compiled
+@called
 def write_energy(c: int, op: Operator, pairs: Pairs, m: Motion, out: NDArray[Any]) -> None:
     """Energies of one case at the present step, in the order of ENERGY_COLUMNS."""
     constants = pairs.constants

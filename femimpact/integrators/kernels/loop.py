@@ -7,7 +7,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.banded import free_step_banded, free_step_banded_single
-from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.compiling import ZERO, compiled, inlined
 from femimpact.integrators.kernels.flight import (
     blend_drive,
     free_step_ball,
@@ -208,7 +208,7 @@ def advance(
         if fine is not None:
             _look_ahead(s, fine, pairs, m)
         _free_step(op, s, m, acting, physical)
-        looking, refined = 0, 0
+        looking, refined = ZERO, 0
         for j in range(pairs.row.size):
             looking += free_step_ball(j, s, m.ball, constants, acting, m.w[pairs.row[j]], m.touch[BUSY, j])
             if fine is not None:

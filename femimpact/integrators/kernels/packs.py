@@ -15,7 +15,6 @@ from numba.extending import intrinsic, models, register_model
 
 __all__ = [
     "WIDTH",
-    "apart",
     "entry",
     "fill",
     "fma",
@@ -68,19 +67,6 @@ def _address(context: Any, builder: Any, kind: Any, values: Any) -> Any:
 
 def _is_contiguous(array: Any) -> bool:
     return isinstance(array, types.Array) and array.layout == "C" and array.dtype == types.float64
-
-
-@_generated
-def apart(typing: Any) -> Any:
-    """Keep the function that calls this apart from its callers: among their variables it would lack registers."""
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        # a function takes over from its first caller that it be inlined
-        builder.function.attributes.discard("alwaysinline")
-        builder.function.attributes.add("noinline")
-        return context.get_dummy_value()
-
-    return types.void(), generate
 
 
 @_generated

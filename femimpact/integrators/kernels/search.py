@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.compiling import ZERO, called, inlined
 from femimpact.integrators.kernels.crossing import Flight, Watch, clear_time, derivatives, move, unit_phase
 
 __all__ = ["END", "HIT", "RELEASE", "REST", "STUCK", "Search", "look", "next_event"]
@@ -92,7 +92,7 @@ def look(r: int, watch: Watch, flight: Flight, active: int, phase: complex, rema
     return creep if creep > safe else safe
 
 
-@compiled
+@called
 def next_event(watch: Watch, flight: Flight, until: float, c: Search) -> int:
     """Move to the first event or to `until`: END, HIT, REST or RELEASE, the pair and side in `event`."""
     for _ in range(10_000_000):
@@ -102,7 +102,7 @@ def next_event(watch: Watch, flight: Flight, until: float, c: Search) -> int:
             h = flight.entry[k]
             c.size[k] = math.sqrt(h.real * h.real + h.imag * h.imag)
             largest = max(largest, c.size[k])
-        active = 0
+        active = ZERO
         for k in range(watch.size.size):
             if c.size[k] < DECAYED * largest:
                 c.size[k], flight.entry[k] = 0.0, 0.0
