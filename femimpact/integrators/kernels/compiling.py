@@ -18,13 +18,13 @@ __all__ = ["ZERO", "apart", "called", "compiled", "entry", "inlined"]
 # _nrt=False: nothing here allocates, and counting references to array slices would cost ten times the arithmetic
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
-ZERO = np.int64(0)
+ZERO = cast(int, np.int64(0))
 """To numba a written 0 is of a type of its own: what is called with it, and with an index, is compiled twice."""
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-class _Part(JITCodeLibrary):  # type: ignore[misc]
+class _Part(JITCodeLibrary):
     """Code of an inner function: what it is linked into optimises it and makes machine code of it, once.
 
     numba does both for every function with all that it calls: a function five calls deep six times over.
@@ -51,16 +51,17 @@ class _Apart(_Part):
         for function in module.functions:
             if function.blocks:
                 function.attributes.add("noinline")
-        super().add_ir_module(module)
+        super().add_ir_module(module)  # type: ignore[no-untyped-call]
 
 
-class _PartCompiler(Compiler):  # type: ignore[misc]
+class _PartCompiler(Compiler):
     """numba's compiler, with the code of what it compiles left to the caller."""
 
     KIND = _Part
 
     def __init__(self, typing: Any, target: Any, library: Any, *others: Any) -> None:
-        super().__init__(typing, target, library or self.KIND(target.codegen(), "part"), *others)
+        part = library or self.KIND(target.codegen(), "part")  # type: ignore[no-untyped-call]
+        super().__init__(typing, target, part, *others)  # type: ignore[no-untyped-call]
 
 
 class _ApartCompiler(_PartCompiler):
@@ -79,7 +80,8 @@ STAMP = _stamp()
 
 def compiled(function: Function) -> Function:
     """Compile a function of arrays and numbers that only Python calls, and keep it on disk."""
-    dispatcher = njit(**OPTIONS, cache=True, no_cfunc_wrapper=True)(function)
+    options: dict[str, Any] = OPTIONS | {"cache": True, "no_cfunc_wrapper": True}
+    dispatcher = njit(**options)(function)
     # numba looks at the function's own file only; here one function inlines others of other files
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if file is not None:
@@ -89,12 +91,12 @@ def compiled(function: Function) -> Function:
 
 def entry(function: Function) -> Function:
     """Let Python too call a function that compiled ones call."""
-    return compiled(cast(Any, function).py_func)
+    return cast(Function, compiled(cast(Any, function).py_func))
 
 
 def _inner(function: Function, compiler: type[_PartCompiler], forceinline: bool) -> Function:
-    options = {"forceinline": forceinline, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    # said outright, inlining too: what is left out here is taken over from the caller that is compiled first
+    # inlining said outright: what is left out here is taken over from the caller that is compiled first
+    options: dict[str, Any] = {"forceinline": forceinline, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     return cast(Function, njit(**OPTIONS, **options, pipeline_class=compiler)(function))
 
 
