@@ -12,7 +12,8 @@ from femimpact.energy import energy_residual
 from femimpact.excitation import Excitation
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven import EventDriven, Outputs
-from femimpact.integrators.event_run import Keep, new_run, run_event_driven
+from femimpact.integrators.event_run import run_event_driven
+from femimpact.integrators.event_state import Keep, new_run
 from femimpact.integrators.fly import cycle_statistics
 from femimpact.signals import CycleStatistics
 from femimpact.system import State, System

@@ -18,7 +18,8 @@ from femimpact.impacts import Impacts, Riding, impact_statistics
 from femimpact.integrators.compliant import is_compliant
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven import EventDriven, check_events, force_directions, outputs_of
-from femimpact.integrators.event_run import EventRun, Keep, new_run, run_event_driven
+from femimpact.integrators.event_run import run_event_driven
+from femimpact.integrators.event_state import EventRun, Keep, new_run
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.integrators.pass_through import pass_through
 from femimpact.integrators.recording import check_memory

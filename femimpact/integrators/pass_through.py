@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from femimpact.errors import DivergenceError, require
 from femimpact.integrators.compliant import compliant_forms
 from femimpact.integrators.event_driven import Outputs
-from femimpact.integrators.event_run import EventRun, kept_rows, piece_of
+from femimpact.integrators.event_state import EventRun, kept_rows, piece_of
 from femimpact.integrators.kernels.forms import FREE
 from femimpact.integrators.passing import Passing, energy_now, new_books, new_passing, pass_on
 from femimpact.integrators.threads import Progress
