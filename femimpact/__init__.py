@@ -52,7 +52,8 @@ if TYPE_CHECKING:
     from femimpact.results import StudyResults, load
     from femimpact.run import run_study
     from femimpact.structure import Beam, Impactor, PointMass, Segment, Stop, Structure, Support, glue_impactors
-    from femimpact.study import Study, load_study
+    from femimpact.study import Study
+    from femimpact.study_file import load_study
     from femimpact.sweep import FrequencyResponse, frequency_sweep
     from femimpact.system import ContactPair, State, System, without_impactors
     from femimpact.truncation import ModeConvergence, mode_convergence
@@ -99,7 +100,8 @@ _ROOMS = {
     "structure": ("Beam", "Impactor", "PointMass", "Segment", "Stop", "Structure", "Support", "glue_impactors"),
     "results": ("StudyResults", "load"),
     "run": ("run_study",),
-    "study": ("Study", "load_study"),
+    "study": ("Study",),
+    "study_file": ("load_study",),
     "sweep": ("FrequencyResponse", "frequency_sweep"),
     "system": ("ContactPair", "State", "System", "without_impactors"),
     "truncation": ("ModeConvergence", "mode_convergence"),

@@ -119,7 +119,7 @@ def init(file: Path, *, force: Force = False) -> None:
 def check(study: Path) -> None:
     """Validate a study and print what would run: dofs, step, contact time, steps, memory, time."""
     from femimpact.plan import plan_lines
-    from femimpact.study import load_study
+    from femimpact.study_file import load_study
 
     for line in plan_lines(load_study(study)):
         print(line)
@@ -156,7 +156,7 @@ def run(study: Path, *, output: Output = None, force: Force = False, quiet: Quie
 def converge(study: Path, *, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
     """Convergence of the frequencies over the mesh and of the response over the step."""
     from femimpact.plan import write_convergence
-    from femimpact.study import load_study
+    from femimpact.study_file import load_study
 
     plan = load_study(study)
     with _progress(quiet) as report:
@@ -184,7 +184,7 @@ def contact(
 ) -> None:  # fmt: skip
     """One collision of every impactor over the approach speed (m/s): restitution, force and steps."""
     from femimpact.contact_table import UNITS, write_contact_table
-    from femimpact.study import load_study
+    from femimpact.study_file import load_study
 
     directory = output or _directory(study, "contact")
     columns = write_contact_table(load_study(study), directory, force, speed_min, speed_max)
@@ -241,7 +241,7 @@ def _run(
     base_changes: dict[str, Any] | None = None,
 ) -> None:  # fmt: skip
     from femimpact.run import run_study
-    from femimpact.study import load_study
+    from femimpact.study_file import load_study
 
     study = load_study(path)
     if base_changes:

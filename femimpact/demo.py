@@ -18,7 +18,8 @@ from femimpact.integrators.integrate import integrate
 from femimpact.response import Recorder
 from femimpact.results import StudyResults, load, prepare_directory
 from femimpact.run import Report, run_modes, run_simulation, run_sweep, write_results
-from femimpact.study import Study, build, load_study, method_for
+from femimpact.study import Study, build, method_for
+from femimpact.study_file import load_study
 from femimpact.summary import SweepPair, summary_of
 from femimpact.sweep import frequency_sweep
 from femimpact.system import State, without_impactors

@@ -10,7 +10,8 @@ import pytest
 
 import femimpact as fi
 from femimpact.demo import paper_study, paper_study_text
-from femimpact.study import TABLES, build, load_study
+from femimpact.study import build
+from femimpact.study_file import TABLES, load_study
 
 TEXT = paper_study_text()
 
