@@ -91,7 +91,7 @@ def compiled(function: Function) -> Function:
 
 def entry(function: Function) -> Function:
     """Let Python too call a function that compiled ones call."""
-    return cast(Function, compiled(cast(Any, function).py_func))
+    return cast(Function, compiled(getattr(function, "py_func", function)))
 
 
 def _inner(function: Function, compiler: type[_PartCompiler], forceinline: bool) -> Function:
