@@ -15,7 +15,7 @@ from skfem.element import DiscreteField
 from skfem.helpers import dd, ddot
 
 from femimpact.damping import Rayleigh, rayleigh_coefficients
-from femimpact.errors import Fault, InputError, require, suggestion
+from femimpact.errors import Fault, InputError, require, require_type, suggestion
 from femimpact.hermite import shape_functions
 from femimpact.mesh import SAME_PLACE, Mesh, uniform_mesh
 from femimpact.modes import solve_modes, solve_stiffness
@@ -85,6 +85,7 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     Sections: Hermite cubic interpolation, K = int EI w'' v'', M = int rho A w v + lumped terms
     m N N^T + J N' N'^T; rotary inertia of the beam and shear are left out, as in the paper.
     """
+    require_type(structure, Structure, "structure")
     one = (elements is None) != (mesh is None)
     require(one, "mesh", None, "", "give either elements (a whole number) or a mesh")
     if mesh is None:

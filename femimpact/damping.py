@@ -27,9 +27,9 @@ class Rayleigh:
         The two frequencies that get them; give either modes or frequencies.
     """
 
-    ratio: float | tuple[float, float] = field(metadata=quantity("1", at_least=0.0, below=1.0))
-    modes: tuple[int, int] | None = field(default=None, metadata=quantity("1", at_least=1, integer=True))
-    frequencies: tuple[float, float] | None = field(default=None, metadata=quantity("Hz", above=0.0))
+    ratio: float | tuple[float, float] = field(metadata=quantity("1", at_least=0.0, below=1.0, several=True))
+    modes: tuple[int, int] | None = field(default=None, metadata=quantity("1", at_least=1, integer=True, several=True))
+    frequencies: tuple[float, float] | None = field(default=None, metadata=quantity("Hz", above=0.0, several=True))
 
     def __post_init__(self) -> None:
         for name in ("ratio", "modes", "frequencies"):

@@ -18,6 +18,7 @@ __all__ = [
     "choice",
     "field_faults",
     "in_range",
+    "make_whole",
     "quantity",
     "require",
     "require_name",
@@ -45,7 +46,11 @@ class Fault:
 
     def __str__(self) -> str:
         unit = "" if self.unit in ("", "1") else f" {self.unit}"
-        shown = f" = {self.value!r}{unit}" if self.value is not None else ""
+        # a number of numpy's own would show its type
+        value = (
+            self.value.item() if isinstance(self.value, numbers.Number) and hasattr(self.value, "item") else self.value
+        )
+        shown = f" = {value!r}{unit}" if value is not None else ""
         return f"{self.key}{shown}: {self.allowed}"
 
     def under(self, prefix: str) -> Fault:
@@ -69,10 +74,12 @@ def quantity(
     at_most: float | None = None,
     below: float | None = None,
     integer: bool = False,
+    several: bool = False,
 ) -> dict[str, Any]:
-    """Metadata of a dataclass field that holds a number: its unit and its allowed range."""
+    """Metadata of a dataclass field that holds a number, or several where it may: its unit and its allowed range."""
     bounds = {"above": above, "at_least": at_least, "at_most": at_most, "below": below}
-    return {"unit": unit, "bounds": {k: v for k, v in bounds.items() if v is not None}, "integer": integer}
+    given = {k: v for k, v in bounds.items() if v is not None}
+    return {"unit": unit, "bounds": given, "integer": integer, "several": several}
 
 
 def choice(*names: str) -> dict[str, Any]:
@@ -95,9 +102,14 @@ def in_range(value: object, metadata: Mapping[str, Any]) -> bool:
     """Whether a value is what a field's metadata allows: a number within its range, or one of its names."""
     if "choices" in metadata:
         return isinstance(value, str) and value in metadata["choices"]
+    if metadata["several"] and isinstance(value, (tuple, list)):
+        return len(value) > 0 and all(in_range(entry, {**metadata, "several": False}) for entry in value)
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         return False
-    number, bounds = float(value), metadata["bounds"]
+    try:
+        number, bounds = float(value), metadata["bounds"]
+    except OverflowError:
+        return False
     if not math.isfinite(number) or (metadata["integer"] and not number.is_integer()):
         return False
     return bool(
@@ -113,18 +125,27 @@ def field_faults(instance: Any) -> list[Fault]:
         value = getattr(instance, field.name)
         if "unit" not in field.metadata or (value is None and field.default is None):
             continue
-        entries = value if isinstance(value, tuple) else (value,)
-        if not entries or not all(in_range(entry, field.metadata) for entry in entries):
+        if not in_range(value, field.metadata):
             allowed = allowed_range(field.metadata)
             faults.append(Fault(field.name, value, field.metadata["unit"], allowed))
     return faults
 
 
+def make_whole(instance: Any) -> None:
+    """Turn whole numbers of a sound dataclass into int: 10.0 is one, but no size of an array."""
+    for field in dataclasses.fields(instance):
+        value = getattr(instance, field.name)
+        if field.metadata.get("integer") and value is not None:
+            whole = tuple(map(int, value)) if isinstance(value, tuple) else int(value)
+            object.__setattr__(instance, field.name, whole)
+
+
 def check_fields(instance: Any) -> None:
-    """Raise `InputError` naming every field outside its declared range."""
+    """Raise `InputError` naming every field outside its declared range; whole numbers become int."""
     faults = field_faults(instance)
     if faults:
         raise InputError(faults)
+    make_whole(instance)
 
 
 def require(condition: bool, key: str, value: object, unit: str, allowed: str) -> None:

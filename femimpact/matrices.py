@@ -11,10 +11,28 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import require
 
-__all__ = ["checked_matrix", "checked_row", "definite_factor"]
+__all__ = ["checked_matrix", "checked_row", "definite_factor", "real_array"]
 
 RANK_TOLERANCE = 1e-13
 """Eigenvalues below this share of the largest are taken as zero: rigid motions."""
+
+
+def real_array(key: str, value: Any, unit: str, allowed: str) -> NDArray[Any]:
+    """An array of float, of any shape.
+
+    Raises
+    ------
+    InputError
+        If the value holds anything but finite real numbers: text, truth values, nothing, rows of several lengths.
+    """
+    try:
+        given = np.asarray(value)
+    except ValueError:
+        given = np.array(None)
+    fine = given.dtype.kind in "iuf" and bool(np.all(np.isfinite(given)))
+    shown = f"array of {given.dtype}" if given.ndim and given.dtype.kind in "iufcbU" else value
+    require(fine, key, shown, unit, allowed)
+    return np.array(given, dtype=float)
 
 
 def checked_matrix(name: str, value: Any) -> Any:
@@ -25,7 +43,7 @@ def checked_matrix(name: str, value: Any) -> Any:
     InputError
         Naming the matrix and what is wrong with it.
     """
-    given: Any = value if sparse.issparse(value) else np.atleast_2d(np.array(value, dtype=float))
+    given: Any = value if sparse.issparse(value) else np.atleast_2d(real_array(name, value, "", "must hold numbers"))
     matrix = sparse.csr_array(given)
     square = matrix.shape[0] == matrix.shape[1] and matrix.shape[0] > 0
     require(square, name, matrix.shape, "", "must be a square matrix")
@@ -39,9 +57,9 @@ def checked_matrix(name: str, value: Any) -> Any:
 
 def checked_row(key: str, value: ArrayLike, dofs: int) -> NDArray[Any]:
     """A read-only row (dofs,) of finite numbers."""
-    row = np.atleast_1d(np.array(value, dtype=float))
-    fits = row.shape == (dofs,) and bool(np.all(np.isfinite(row)))
-    require(fits, key, f"array of shape {row.shape}", "", f"must hold {dofs} finite numbers")
+    allowed = f"must hold {dofs} finite numbers"
+    row = np.atleast_1d(real_array(key, value, "", allowed))
+    require(row.shape == (dofs,), key, f"array of shape {row.shape}", "", allowed)
     row.setflags(write=False)
     return row
 

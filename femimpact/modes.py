@@ -13,7 +13,7 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from femimpact.damping import realised_damping_ratio
-from femimpact.errors import require
+from femimpact.errors import require, require_type
 from femimpact.system import System
 
 __all__ = ["Modes", "solve_modes", "solve_stiffness"]
@@ -71,6 +71,7 @@ def solve_modes(system: System, count: int) -> Modes:
     factor G, K = G^T G, whose condition number is the root of K's, and the frequency is read
     from the Rayleigh quotient |G phi|^2.
     """
+    require_type(system, System, "system")
     whole = isinstance(count, (int, np.integer)) and not isinstance(count, bool)
     within = whole and 1 <= count <= system.dofs
     require(within, "count", count, "modes", f"must be a whole number from 1 to {system.dofs} (the dofs)")

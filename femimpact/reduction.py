@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from femimpact.contact import Rigid
 from femimpact.damping import realised_damping_ratio
-from femimpact.errors import require
+from femimpact.errors import require, require_type
 from femimpact.modes import solve_modes, solve_stiffness
 from femimpact.system import ContactPair, System
 
@@ -62,6 +62,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     psi^T K psi w = omega^2 psi^T M psi w, so that the system stays diagonal, and b^T K^-1 b is exact at
     every contact. Their frequencies are no natural frequencies: they say how far the correction is static.
     """
+    require_type(system, System, "system")
     kept = solve_modes(system, modes)
     phi, omega, ratio = kept.vectors, 2.0 * math.pi * kept.natural_frequency, kept.damping_ratio
     if static_correction and system.contacts:

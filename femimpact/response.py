@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.energy import EnergyLedger
-from femimpact.errors import Fault, InputError, field_faults, in_range, quantity, require, suggestion
+from femimpact.errors import Fault, InputError, field_faults, in_range, make_whole, quantity, require, suggestion
 from femimpact.excitation import Excitation
 from femimpact.history import HistoryPiece, Snapshots, history_dataset
 from femimpact.impacts import Impacts, ImpactStatistics, Riding
@@ -44,11 +44,11 @@ class Recorder:
     every : int, steps
         Stride of channels and energies.
     start : float, s
-        Nothing is kept before.
+        First time kept, to the nearest sample.
     snapshots : int, steps
         Stride of whole deflections; 0 keeps none.
     snapshots_start : float, s
-        No snapshot before.
+        First time of a snapshot, to the nearest sample.
     impacts : int
         Most impacts kept in the table; later ones are counted only.
     ledger : bool
@@ -60,10 +60,10 @@ class Recorder:
     sink : callable, optional
         Called with one `HistoryPiece` after another while the run goes on, so that a history of
         any length needs the memory of a piece. The response then holds no history of its own. An
-        exception in it ends the run. Statistics of base cycles stay, some 100 bytes a cycle. Only
-        step methods have it.
+        exception in it ends the run. Statistics of base cycles stay, some 100 bytes a cycle.
     piece_samples : int
-        Most samples in a piece.
+        Most samples in a piece; an event-driven run hands over whole base cycles, the first with the state
+        at the start.
     """
 
     channels: tuple[Position, ...] | None = None
@@ -93,9 +93,7 @@ class Recorder:
             faults.append(Fault("sink", type(self.sink).__name__, "", "must be callable, with one HistoryPiece"))
         if faults:
             raise InputError(faults)
-        for name in ("every", "snapshots", "impacts", "piece_samples"):
-            # 10.0 is a whole number, but no size of an array
-            object.__setattr__(self, name, int(getattr(self, name)))
+        make_whole(self)
 
 
 def _is_place(channel: object) -> bool:

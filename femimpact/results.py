@@ -124,7 +124,8 @@ def prepare_directory(directory: str | Path, force: bool = False) -> Iterator[Pa
     """
     target = Path(directory)
     free = not target.exists() or (target.is_dir() and not any(target.iterdir()))
-    usable = free or (force and target.is_dir())
+    require(free or target.is_dir(), "output", str(target), "", "must be a directory: this is a file")
+    usable = free or force
     require(usable, "output", str(target), "", "exists already: choose another directory with -o, or --force")
     parent = target.resolve().parent
     parent.mkdir(parents=True, exist_ok=True)

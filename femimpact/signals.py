@@ -104,7 +104,7 @@ def steady_motion(
         even = _halves_agree(square / samples, length, statistical_tolerance, standard_errors)
     periodic = _repeats(maximum, own, periodic_tolerance, longest_period)
     return SteadyMotion(
-        peak=np.where(length > 0, np.maximum(maximum, -minimum).max(axis=0), np.nan),
+        peak=np.where(length > 0, np.abs(np.maximum(maximum, -minimum).max(axis=0)), np.nan),
         rms=rms,
         first_harmonic=np.hypot(in_phase, in_quadrature),
         phase=np.arctan2(in_quadrature, in_phase),

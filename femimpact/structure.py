@@ -213,7 +213,7 @@ class Impactor:
     name: str
     at: Position
     mass: float = field(metadata=quantity("kg", above=0.0))
-    gap: float | tuple[float, float] = field(metadata=quantity("m", at_least=0.0))
+    gap: float | tuple[float, float] = field(metadata=quantity("m", at_least=0.0, several=True))
     contact: ContactLaw
     free_stiffness: float = field(default=0.0, metadata=quantity("N/m", at_least=0.0))
     acceleration: float = field(default=0.0, metadata=quantity("m/s^2"))
@@ -352,5 +352,6 @@ class Structure:
 
 def glue_impactors(structure: Structure) -> Structure:
     """The same structure with every ball glued to the beam as a point mass (Table 1's second case)."""
+    require_type(structure, Structure, "structure")
     glued = tuple(PointMass(ball.name, ball.at, ball.mass) for ball in structure.impactors)
     return replace(structure, masses=(*structure.masses, *glued), impactors=())

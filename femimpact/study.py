@@ -75,7 +75,7 @@ class SweepPlan:
     start: float = field(metadata=quantity("Hz", above=0.0))
     stop: float = field(metadata=quantity("Hz", above=0.0))
     points: int = field(metadata=quantity("1", at_least=4, at_most=100_000, integer=True))
-    cycles: int = field(metadata=quantity("1", at_least=24, integer=True))
+    cycles: int = field(metadata=quantity("1", at_least=24, at_most=10_000_000, integer=True))
     refine: int = field(default=0, metadata=quantity("1", at_least=0, at_most=100_000, integer=True))
 
     def __post_init__(self) -> None:

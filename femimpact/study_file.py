@@ -158,8 +158,7 @@ def _model_of(noun: Any, without: tuple[str, ...] = (), optional: tuple[str, ...
 
 
 def _check_quantity(value: Any, metadata: Mapping[str, Any]) -> Any:
-    entries = value if isinstance(value, list) else [value]
-    if not entries or not all(in_range(entry, metadata) for entry in entries):
+    if not in_range(value, metadata):
         raise PydanticCustomError("quantity", "{allowed}", {"allowed": allowed_range(metadata)})
     return value
 

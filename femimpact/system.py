@@ -18,10 +18,10 @@ import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.contact import ContactLaw, ContactParameters, resolve
-from femimpact.errors import check_fields, choice, require, suggestion
+from femimpact.errors import check_fields, choice, in_range, quantity, require, require_type, suggestion
 from femimpact.excitation import Excitation
 from femimpact.hermite import shape_functions
-from femimpact.matrices import checked_matrix, checked_row, definite_factor
+from femimpact.matrices import checked_matrix, checked_row, definite_factor, real_array
 from femimpact.structure import Impactor, Position, Stop
 
 __all__ = ["ContactPair", "State", "System", "contact_pair", "without_impactors"]
@@ -201,6 +201,12 @@ class System:
         InputError
             For shapes that do not fit, matrices that are not symmetric or not definite, unknown names.
         """
+        require_type(points, Mapping, "points")
+        given: tuple[tuple[str, Any, Any], ...] = (("impactors", impactors, Impactor), ("stops", stops, Stop))
+        for key, items, kind in given:
+            require(isinstance(items, (list, tuple)), key, type(items).__name__, "", "must be a list")
+            for item in items:
+                require_type(item, kind, key)
         matrices = {name: checked_matrix(name, value) for name, value in (("M", M), ("C", C), ("K", K))}
         dofs = matrices["M"].shape[0]
         for name, matrix in matrices.items():
@@ -280,6 +286,8 @@ class System:
 
     def point_row(self, at: Position) -> NDArray[Any]:
         """Row (dofs,) that reads the deflection at one named or numbered place."""
+        place = isinstance(at, str) or in_range(at, quantity("m"))
+        require(place, "at", at, "", "must be the name of a place, or metres from the root")
         if at in self.directions:
             return self.directions[str(at)]
         if at not in self._known_rows:
@@ -405,12 +413,13 @@ class State:
 
 
 def _vector(values: Any, size: int, key: str, unit: str) -> NDArray[Any]:
-    array = np.zeros(size) if values is None else np.atleast_1d(np.array(values, dtype=float))
-    fits = array.shape == (size,) and bool(np.all(np.isfinite(array)))
-    require(fits, key, f"array of shape {array.shape}", unit, f"must hold {size} finite numbers")
+    allowed = f"must hold {size} finite numbers"
+    array = np.zeros(size) if values is None else np.atleast_1d(real_array(key, values, unit, allowed))
+    require(array.shape == (size,), key, f"array of shape {array.shape}", unit, allowed)
     return array
 
 
 def without_impactors(system: System) -> System:
     """The same system with its cavities empty: no ball, no contact but that of stops."""
+    require_type(system, System, "system")
     return replace(system, contacts=tuple(pair for pair in system.contacts if pair.is_stop))

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from femimpact.errors import require
+
 __all__ = ["atomic_path", "atomic_write"]
 
 
@@ -25,7 +27,10 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     Path
         Where to write; it has the suffix of `path`.
     """
+    require(isinstance(path, (str, Path)), "path", type(path).__name__, "", "must be the name of a file")
     target = Path(path)
+    require(target.parent.is_dir(), "path", str(path), "", "must be in an existing directory")
+    require(not target.is_dir(), "path", str(path), "", "must be a file: this is a directory")
     handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
     os.close(handle)
     temporary = Path(name)

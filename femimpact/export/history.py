@@ -62,6 +62,9 @@ def _append(file: Any, piece: HistoryPiece) -> None:
             variable = file.create_variable(str(name), ("time",), values.dtype, chunks=(CHUNK,))
             variable.attrs.update(values.attrs)
     before = file.dimensions["time"].size
+    same = set(file.variables) == {str(name) for name in data.variables}
+    later = before == 0 or piece.time.size == 0 or piece.time[0] > file.variables["time"][before - 1]
+    require(same and later, "record.sink", None, "", "must get the pieces of one run, one after the other")
     file.resize_dimension("time", before + piece.time.size)
     for name, values in data.variables.items():
         file.variables[str(name)][before:] = values.values

@@ -112,7 +112,8 @@ def prepare(
     longest = max(steps)
     kept = record or empty_record(system.dofs)
     pairs = pairs_of(system, operator, drives[0], lanes)
-    modal = ledger and lanes == 1 and not operator.banded
+    # only a history tells losses mode by mode; in a sweep a case alone is summed as beside others
+    modal = ledger and record is not None and lanes == 1 and not operator.banded
     motion = motion_of(system, operator, pairs, padded, drives, method, initial, window, longest, modal, kept)
     cycles = cycles_of(padded, method.dt, longest, ledger)
     block = Block(

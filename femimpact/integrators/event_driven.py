@@ -49,11 +49,12 @@ class EventDriven:
         Grid on which channels, statistics and ledger are read; events do not depend on it. A cycle's
         peak is that of the parabola through its largest sample and the two beside it.
     most_events : int
-        Impacts and changes of riding in one base cycle beyond which the run is given up.
+        Impacts and changes of riding or contact for each base cycle, on average over what is flown at once,
+        beyond which a run is given up.
     """
 
     closure: float = field(default=1e-12, metadata=quantity("m", above=0.0))
-    samples_per_cycle: int = field(default=64, metadata=quantity("1", at_least=8, integer=True))
+    samples_per_cycle: int = field(default=64, metadata=quantity("1", at_least=8, at_most=1_000_000, integer=True))
     most_events: int = field(default=1_000_000, metadata=quantity("1", at_least=10, integer=True))
 
     def __post_init__(self) -> None:
@@ -74,6 +75,9 @@ def check_events(system: System) -> None:
     compliant = sum(isinstance(pair.law, KelvinVoigt) for pair in system.contacts)
     allowed = f"must be at most {MOST_COMPLIANT} Kelvin-Voigt contacts for EventDriven; Newmark takes any number"
     require(compliant <= MOST_COMPLIANT, "system", f"{compliant} contacts", "", allowed)
+    softest = float(system.K.diagonal().min(initial=np.inf))
+    allowed = "must be > 0 for EventDriven through Kelvin-Voigt contacts; rigid ones and Newmark need none"
+    require(compliant == 0 or softest > 0.0, "stiffness of the softest coordinate", softest, "N/m", allowed)
     laws = (Rigid, KelvinVoigt)
     for pair in system.contacts:
         allowed = "must be Rigid or KelvinVoigt for EventDriven; other laws are for Newmark and its family"

@@ -45,7 +45,7 @@ def pass_through(
     if run.keep.snapshots and run.keep.first_snapshot == 0:
         run.fields.append(np.array([[position, velocity]]))
     per_cycle = run.method.samples_per_cycle
-    done, piece, most = 0, piece_of(run), run.method.most_events
+    done, piece, most = 0, piece_of(run), float(run.method.most_events)
     while done < samples:
         count = min(piece, samples - done)
         kept, shown = kept_rows(run, done, count)
@@ -59,7 +59,8 @@ def pass_through(
         )
         own = books._replace(kept=kept, shown=shown, energy=energy, fields=fields)
         one, flown = np.array([0]), replace(passing, reading=reading, books=own)
-        pass_on(flown, one, np.array([done]), np.array([done + count]), most * piece)
+        changes = np.array([most * max(count // per_cycle, 1)])
+        pass_on(flown, one, np.array([done]), np.array([done + count]), changes)
         _check(passing, run)
         run.cycles.append(reading.cycles[0])
         # the rate of the observed place is for the statistics only

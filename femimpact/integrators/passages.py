@@ -102,7 +102,7 @@ def pass_dwells(
                 system, found, drives[0], kept, np.full(number.size, -1), int(cycles.max()), len(drives), 0, 0
             ),
         )
-    most = method.most_events * int(cycles.max())
+    most = float(method.most_events) * cycles
 
     def fly(members: NDArray[Any], share: Progress | None) -> None:
         pass_on(run, members, begin, end, most)

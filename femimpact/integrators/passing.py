@@ -177,7 +177,7 @@ def energy_now(system: System, found: Compliant, position: NDArray[Any], velocit
     return table
 
 
-def pass_on(run: Passing, cases: NDArray[Any], begin: NDArray[Any], end: NDArray[Any], most: int) -> None:
+def pass_on(run: Passing, cases: NDArray[Any], begin: NDArray[Any], end: NDArray[Any], most: NDArray[Any]) -> None:
     """Take some cases to their sample `end`, reading those after `begin`; others may be on their way meanwhile.
 
     Parameters
@@ -185,7 +185,7 @@ def pass_on(run: Passing, cases: NDArray[Any], begin: NDArray[Any], end: NDArray
     run : Passing
     cases : ndarray (k,) of int
     begin, end : ndarray (all cases,) of int
-    most : int
+    most : ndarray (all cases,)
         Changes of contact beyond which a case is given up.
     """
     entries, particles = run.way.entry.shape[1], run.way.particle.shape[1]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import in_range, quantity, require
+from femimpact.matrices import real_array
 
 __all__ = ["LEAST_CYCLES", "Dwells", "dwells_of"]
 
@@ -60,12 +61,10 @@ def dwells_of(frequencies: ArrayLike, cycles: Any, duration: Any, window: Any) -
     InputError
         If neither or both ways are taken, or less than one whole cycle would be measured.
     """
-    try:
-        f = np.atleast_1d(np.array(frequencies, dtype=float))
-    except (TypeError, ValueError):
-        f = np.zeros(0)
-    fine = f.ndim == 1 and f.size > 0 and bool(np.all(np.isfinite(f) & (f > 0)))
-    require(fine, "frequencies", None, "Hz", "must be one or more numbers > 0")
+    allowed = "must be one or more numbers > 0"
+    f = np.atleast_1d(real_array("frequencies", frequencies, "Hz", allowed))
+    fine = f.ndim == 1 and f.size > 0 and bool(np.all(f > 0))
+    require(fine, "frequencies", None, "Hz", allowed)
     one = (cycles is None) != (duration is None)
     require(one, "cycles", cycles, "", "give either cycles (a whole number) or a duration (s)")
     if duration is None:

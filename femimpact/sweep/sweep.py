@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.damping import realised_damping_ratio
-from femimpact.errors import require_type
+from femimpact.errors import require, require_type
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.newmark import SteppingMethod, require_method
 from femimpact.integrators.stepping import step_notes
@@ -78,10 +79,13 @@ def frequency_sweep(
     DivergenceError
         If every frequency diverged.
     """
-    state = initial or State()
+    state = State() if initial is None else initial
     given: tuple[tuple[Any, Any], ...] = ((system, System), (state, State))
     for value, kind in given:
         require_type(value, kind, kind.__name__.lower())
+    usable = progress is None or callable(progress)
+    require(usable, "progress", type(progress).__name__, "", "must be callable, with the share done")
+    require(isinstance(ledger, (bool, np.bool_)), "ledger", ledger, "", "must be True or False")
     dwells = dwells_of(frequencies, cycles, duration, window)
     workers, observed = workers_of(threads), system.point_row(at)
     # each kind of method brings compiled code along that the other does not need

@@ -290,7 +290,7 @@ def _change(
 
 @called
 def _fly(
-    c: int, first: int, until: float, most: int, forms: Forms, waves: Waves, reading: Reading, way: Journey,
+    c: int, first: int, until: float, most: float, forms: Forms, waves: Waves, reading: Reading, way: Journey,
     search: Search, limits: NDArray[Any], trial: Flight, mark: Flight, books: Books | None,
 ) -> int:  # fmt: skip
     """Take one case to a time: END, or STUCK where changes of contact do not end."""
@@ -336,23 +336,23 @@ def _fly(
 
 @compiled
 def fly_cases(
-    cases: NDArray[Any], begin: NDArray[Any], end: NDArray[Any], most: int, forms: Forms, waves: Waves,
+    cases: NDArray[Any], begin: NDArray[Any], end: NDArray[Any], most: NDArray[Any], forms: Forms, waves: Waves,
     reading: Reading, way: Journey, search: Search, limits: NDArray[Any], trial: Flight, mark: Flight,
     stuck: NDArray[Any], books: Books | None,
 ) -> None:  # fmt: skip
     """Take some cases from where they are to their end, reading every sample after `begin`.
 
-    `limits` (4, 2R), `trial` and `mark` are scratch space; `stuck` (cases,) gets the time (s) at which
-    the changes of contact of a case did not end.
+    `most` (cases,) are the changes of contact allowed; `stuck` (cases,) gets the time (s) at which those
+    of a case did not end. `limits` (4, 2R), `trial` and `mark` are scratch space.
     """
     for i in range(cases.size):
         c = cases[i]
         if way.tally[c, 0] < begin[c]:
             way.tally[c, 0] = begin[c]
             time = begin[c] * reading.interval[c]
-            if _fly(c, end[c], time, most, forms, waves, reading, way, search, limits, trial, mark, books) != END:
+            if _fly(c, end[c], time, most[c], forms, waves, reading, way, search, limits, trial, mark, books) != END:
                 stuck[c] = way.clock[c, 0]
                 continue
         time = end[c] * reading.interval[c]
-        if _fly(c, begin[c], time, most, forms, waves, reading, way, search, limits, trial, mark, books) != END:
+        if _fly(c, begin[c], time, most[c], forms, waves, reading, way, search, limits, trial, mark, books) != END:
             stuck[c] = way.clock[c, 0]
