@@ -285,3 +285,22 @@ def test_a_stop_on_one_side_has_no_other_wall():
     # on the open side the tip goes several times as far as a wall at the same distance would let it
     assert -run["tip"].min() > 2.0 * run["tip"].max()
     assert run.energy.residual < 1e-10
+
+
+def test_most_events_are_those_of_each_case_whatever_is_flown_beside_it():
+    # a hot beam: more than 10 changes of contact a cycle at 5.2 Hz, hardly any at 40 Hz
+    system, method = beam(1), dataclasses.replace(EXACT, most_events=10)
+    curve = fi.frequency_sweep(system, 4e-3, [5.2, 40.0], method, duration=6.0)
+    assert list(curve.steadiness == "failed") == [True, False]
+    with pytest.raises(fi.DivergenceError, match="do not resolve within 10 changes a cycle"):
+        fi.frequency_sweep(system, 4e-3, [5.2], method, duration=6.0)
+    with pytest.raises(fi.DivergenceError, match="do not resolve within 10 changes a cycle"):
+        fi.integrate(system, fi.Sine(4e-3, 5.2), method, 6.0)
+
+
+def test_a_motion_without_stiffness_is_refused_for_contacts_that_are_flown_through():
+    # structure and ball together would have no place to come back to: the closed form of the contact has none
+    ball = fi.Impactor("ball", at="p", mass=0.1, gap=1e-3, contact=fi.KelvinVoigt(stiffness=1e4, damping=2.0))
+    free = fi.System.from_matrices([[1.0]], [[0.1]], [[0.0]], points={"p": [1.0]}, impactors=[ball])
+    with pytest.raises(fi.InputError, match=r"softest coordinate = 0\.0 N/m: must be > 0 for EventDriven"):
+        fi.integrate(free, fi.Sine(1e-4, 5.0), EXACT, 0.6)

@@ -306,6 +306,21 @@ def test_the_file_has_no_place_for_snapshots(small, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("second", [("tip",), ("tip", "tip.velocity")])
+def test_a_writer_takes_the_pieces_of_one_run_only(small, tmp_path, second):
+    method, base = fi.Newmark(1e-4), fi.Sine(1e-4, 5.0)
+    with history_writer(tmp_path / "history.nc") as sink:
+        fi.integrate(small, base, method, 0.05, fi.Recorder("tip", sink=sink))
+        with pytest.raises(fi.InputError, match="pieces of one run"):
+            fi.integrate(small, base, method, 0.05, fi.Recorder(second, sink=sink))
+
+
+@pytest.mark.parametrize("place", ["missing/history.nc", "."])
+def test_a_writer_says_where_it_cannot_write(tmp_path, place):
+    with pytest.raises(fi.InputError, match=r"path = .*must be"), history_writer(tmp_path / place):
+        pass
+
+
 # ---- several runs ---------------------------------------------------------------------------------
 
 SEVERAL = [fi.Sine(0.2037e-3, f) for f in (4.8, 5.0, 5.2, 5.4, 5.6)]

@@ -56,6 +56,9 @@ def test_study_means_the_same_as_the_script(reference):
         ("length = 0.23026615 ", "", ["beam.length: is missing; must be a finite number > 0 m"]),
         ("elements = 40 ", "elements = 0 ", ["mesh.elements = 0: must be a whole number >= 1"]),
         ("elements = 40 ", "elements = 1.5 ", ["mesh.elements = 1.5: must be a whole number"]),
+        ("length = 0.23026615 ", "length = [0.2] ", ["beam.length = [0.2] m: must be a finite number > 0 m"]),
+        ("mass = 0.02290976 ", "mass = [1, 2] ", ["mass.box.mass = [1, 2] kg: must be a finite number >= 0 kg"]),
+        ("modes = 8 ", "modes = [8] ", ["reduction.modes = [8]: must be a whole number >= 1"]),
         ("elements = 40 ", "elements = 40\nfile = 'a.msh' ", ["mesh.elements = 40: give either"]),
         ("mass = 0.02290976 ", "mass = -1 ", ["mass.box.mass = -1 kg: must be a finite number >= 0 kg"]),
         ('at = "tip"  ', 'at = "tipp"  ', ["mass.box.at = 'tipp': must be one of root, tip, mid"]),
@@ -150,3 +153,11 @@ def test_mesh_file_of_the_repository_gives_the_same_frequencies(request, tmp_pat
     built = fi.solve_modes(fi.assemble(structure, elements=full.nodes.size - 1), 4).natural_frequency
     # the same element length on both: only rounding of the positions in the file differs
     np.testing.assert_allclose(by_file, built, rtol=1e-6)
+
+
+def test_a_whole_number_may_be_written_as_one_with_a_point(tmp_path):
+    study = load_study(
+        write(tmp_path, TEXT.replace("modes = 8 ", "modes = 8.0 ").replace("cycles = 600 ", "cycles = 600.0 "))
+    )
+    assert (study.reduction.modes, study.sweep.cycles) == (8, 600)
+    assert all(isinstance(number, int) for number in (study.reduction.modes, study.sweep.cycles))

@@ -46,6 +46,10 @@ def test_a_case_gets_the_same_bits_whatever_runs_beside_it(small):
     assert np.all(alone.impacts_per_cycle > 0)
     for name, column in columns(alone).items():
         np.testing.assert_array_equal(column, columns(beside)[name][[2, 0]], err_msg=name)
+    # one case is not laid out in packs
+    single = fi.frequency_sweep(small, AMPLITUDE, [5.1], method, cycles=12, initial=start, threads=1)
+    for name, column in columns(single).items():
+        np.testing.assert_array_equal(column, columns(beside)[name][[2]], err_msg=name)
 
 
 @pytest.mark.parametrize("frequencies", [[5.9, 5.9], [3.0, 5.9]])

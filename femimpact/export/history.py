@@ -38,7 +38,8 @@ def history_writer(path: str | Path) -> Iterator[Callable[[HistoryPiece], None]]
     Raises
     ------
     InputError
-        From the sink, for a piece with snapshots, which have no place in the file.
+        If no file can be there; from the sink, for a piece with snapshots, which have no place in the
+        file, or for one that does not follow the piece before.
     """
     import h5netcdf
 
