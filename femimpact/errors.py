@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import numbers
 from collections.abc import Iterable, Mapping
@@ -118,12 +119,19 @@ def in_range(value: object, metadata: Mapping[str, Any]) -> bool:
     )
 
 
+@functools.cache
+def _declared(kind: Any, integer: bool = False) -> tuple[dataclasses.Field[Any], ...]:
+    """Fields of a dataclass with a range of their own, or the whole numbers among them; looked up often."""
+    declared = (field for field in dataclasses.fields(kind) if "unit" in field.metadata)
+    return tuple(field for field in declared if field.metadata.get("integer") or not integer)
+
+
 def field_faults(instance: Any) -> list[Fault]:
     """Every field of a dataclass that is outside its declared range."""
     faults = []
-    for field in dataclasses.fields(instance):
+    for field in _declared(instance.__class__):
         value = getattr(instance, field.name)
-        if "unit" not in field.metadata or (value is None and field.default is None):
+        if value is None and field.default is None:
             continue
         if not in_range(value, field.metadata):
             allowed = allowed_range(field.metadata)
@@ -133,9 +141,9 @@ def field_faults(instance: Any) -> list[Fault]:
 
 def make_whole(instance: Any) -> None:
     """Turn whole numbers of a sound dataclass into int: 10.0 is one, but no size of an array."""
-    for field in dataclasses.fields(instance):
+    for field in _declared(instance.__class__, integer=True):
         value = getattr(instance, field.name)
-        if field.metadata.get("integer") and value is not None:
+        if value is not None:
             whole = tuple(map(int, value)) if isinstance(value, tuple) else int(value)
             object.__setattr__(instance, field.name, whole)
 

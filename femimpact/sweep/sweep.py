@@ -61,7 +61,8 @@ def frequency_sweep(
     at : str or float
         The observed place.
     ledger : bool
-        Keep the energy residual of every case; costs about half as much again.
+        Keep the energy residual of every case; costs about half as much again, for an event-driven sweep
+        three times as much: that one then reads its transient too, and rounds otherwise.
     threads : int, optional
         The number of cores by default; the results do not depend on it, to the last bit.
     progress : callable, optional
