@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,6 +21,9 @@ from femimpact.integrators.layout import ENERGY_COLUMNS, IMPACT_COLUMNS, TOTAL_C
 from femimpact.system import System
 
 __all__ = ["Passing", "energy_now", "new_books", "new_passing", "pass_on"]
+
+LINE = 64
+"""Bytes of a cache line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,19 +192,39 @@ def pass_on(run: Passing, cases: NDArray[Any], begin: NDArray[Any], end: NDArray
     most : ndarray (all cases,)
         Changes of contact beyond which a case is given up.
     """
-    entries, particles = run.way.entry.shape[1], run.way.particle.shape[1]
-    scalars = 2 * run.way.mode.shape[1]
-    trial, mark = (
-        Flight(np.zeros(entries, dtype=complex), np.zeros(particles), np.zeros(particles), np.zeros(4))
-        for _ in range(2)
-    )
+    entries, particles, pairs = run.way.entry.shape[1], run.way.particle.shape[1], run.way.mode.shape[1]
+    nothing = Flight(np.zeros(entries, dtype=complex), np.zeros(particles), np.zeros(particles), np.zeros(4))
+    search, limits, books = new_search(2 * pairs, entries), np.zeros((4, 2 * pairs)), run.books
+    written = ("before", "after", "strength", "growth", "plus", "minus") if books is not None else ()
     # what is written on the way belongs to this call alone
-    way = run.way._replace(state=np.zeros_like(run.way.state), turn=np.zeros_like(run.way.turn))
-    books = run.books
-    if books is not None:
-        own = ("before", "after", "strength", "growth", "plus", "minus")
-        books = books._replace(**{name: np.zeros_like(getattr(books, name)) for name in own})
-    fly_cases(
-        cases, begin, end, most, run.found.forms, run.waves, run.reading, way, new_search(scalars, entries),
-        np.zeros((4, scalars)), trial, mark, run.stuck, books,
+    flight, trial, mark, search, (limits, state, turn), own = _together(
+        nothing, nothing, nothing, search, (limits, run.way.state, run.way.turn),
+        [getattr(books, name) for name in written],
     )  # fmt: skip
+    if books is not None:
+        books = books._replace(**dict(zip(written, own, strict=True)))
+    fly_cases(
+        cases, begin, end, most, run.found.forms, run.waves, run.reading, run.way._replace(state=state, turn=turn),
+        search, limits, flight, trial, mark, run.stuck, books,
+    )  # fmt: skip
+
+
+def _together(*groups: Any) -> list[Any]:
+    """Copies of tuples of arrays, all in one piece of memory, each array on cache lines of its own.
+
+    Threads that write to one line wait for each other, and arrays whole pages apart look like one another to
+    the processor.
+    """
+    sizes = [-(-array.nbytes // LINE) * LINE for group in groups for array in group]
+    memory = np.zeros(sum(sizes) + 4 * LINE, dtype=np.uint8)
+    first = 2 * LINE + (-memory.ctypes.data) % LINE
+    places = itertools.accumulate(sizes, initial=first)
+    copies = []
+    for group in groups:
+        own = []
+        for array in group:
+            place = next(places)
+            own.append(memory[place : place + array.nbytes].view(array.dtype).reshape(array.shape))
+            own[-1][...] = array
+        copies.append(type(group)._make(own) if hasattr(group, "_make") else own)
+    return copies

@@ -291,10 +291,9 @@ def _change(
 @called
 def _fly(
     c: int, first: int, until: float, most: float, forms: Forms, waves: Waves, reading: Reading, way: Journey,
-    search: Search, limits: NDArray[Any], trial: Flight, mark: Flight, books: Books | None,
+    search: Search, limits: NDArray[Any], flight: Flight, trial: Flight, mark: Flight, books: Books | None,
 ) -> int:  # fmt: skip
     """Take one case to a time: END, or STUCK where changes of contact do not end."""
-    flight = Flight(way.entry[c], way.particle[c], way.particle_rate[c], way.clock[c])
     mode = way.mode[c]
     pairs, at_once, changes = mode.size, 0, 0
     number = _state_number(mode)
@@ -337,22 +336,30 @@ def _fly(
 @compiled
 def fly_cases(
     cases: NDArray[Any], begin: NDArray[Any], end: NDArray[Any], most: NDArray[Any], forms: Forms, waves: Waves,
-    reading: Reading, way: Journey, search: Search, limits: NDArray[Any], trial: Flight, mark: Flight,
-    stuck: NDArray[Any], books: Books | None,
+    reading: Reading, way: Journey, search: Search, limits: NDArray[Any], flight: Flight, trial: Flight,
+    mark: Flight, stuck: NDArray[Any], books: Books | None,
 ) -> None:  # fmt: skip
     """Take some cases from where they are to their end, reading every sample after `begin`.
 
     `most` (cases,) are the changes of contact allowed; `stuck` (cases,) gets the time (s) at which those
-    of a case did not end. `limits` (4, 2R), `trial` and `mark` are scratch space.
+    of a case did not end. `limits` (4, 2R), `flight`, `trial` and `mark` are scratch space.
     """
     for i in range(cases.size):
         c = cases[i]
+        home = Flight(way.entry[c], way.particle[c], way.particle_rate[c], way.clock[c])
+        _copy(home, flight)
+        status = END
         if way.tally[c, 0] < begin[c]:
             way.tally[c, 0] = begin[c]
             time = begin[c] * reading.interval[c]
-            if _fly(c, end[c], time, most[c], forms, waves, reading, way, search, limits, trial, mark, books) != END:
-                stuck[c] = way.clock[c, 0]
-                continue
-        time = end[c] * reading.interval[c]
-        if _fly(c, begin[c], time, most[c], forms, waves, reading, way, search, limits, trial, mark, books) != END:
-            stuck[c] = way.clock[c, 0]
+            status = _fly(
+                c, end[c], time, most[c], forms, waves, reading, way, search, limits, flight, trial, mark, books
+            )
+        if status == END:
+            time = end[c] * reading.interval[c]
+            status = _fly(
+                c, begin[c], time, most[c], forms, waves, reading, way, search, limits, flight, trial, mark, books
+            )
+        _copy(flight, home)
+        if status != END:
+            stuck[c] = flight.clock[0]
