@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
+from llvmlite.binding import Linkage
 from numba import njit
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
@@ -54,17 +55,35 @@ class _Apart(_Part):
         super().add_ir_module(module)  # type: ignore[no-untyped-call]
 
 
-class _PartCompiler(Compiler):
-    """numba's compiler, with the code of what it compiles left to the caller."""
+class _Whole(JITCodeLibrary):
+    """Code of a function with all that it calls: what nobody else can call may lose arguments that it does not use."""
 
-    KIND = _Part
+    def __init__(self, codegen: Any, name: str) -> None:
+        super().__init__(codegen, name)  # type: ignore[no-untyped-call]
+        self.enable_object_caching()  # type: ignore[no-untyped-call]
+
+    def _optimize_final_module(self) -> None:
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == Linkage.linkonce_odr:
+                function.linkage = Linkage.internal
+        super()._optimize_final_module()  # type: ignore[no-untyped-call]
+
+
+class _WholeCompiler(Compiler):
+    """numba's compiler, with code of another kind."""
+
+    KIND: Any = _Whole
 
     def __init__(self, typing: Any, target: Any, library: Any, *others: Any) -> None:
-        part = library or self.KIND(target.codegen(), "part")  # type: ignore[no-untyped-call]
-        super().__init__(typing, target, part, *others)  # type: ignore[no-untyped-call]
+        own = library or self.KIND(target.codegen(), "femimpact")
+        super().__init__(typing, target, own, *others)  # type: ignore[no-untyped-call]
 
 
-class _ApartCompiler(_PartCompiler):
+class _PartCompiler(_WholeCompiler):
+    KIND = _Part
+
+
+class _ApartCompiler(_WholeCompiler):
     KIND = _Apart
 
 
@@ -80,7 +99,7 @@ STAMP = _stamp()
 
 def compiled(function: Function) -> Function:
     """Compile a function of arrays and numbers that only Python calls, and keep it on disk."""
-    options: dict[str, Any] = OPTIONS | {"cache": True, "no_cfunc_wrapper": True}
+    options: dict[str, Any] = OPTIONS | {"cache": True, "no_cfunc_wrapper": True, "pipeline_class": _WholeCompiler}
     dispatcher = njit(**options)(function)
     # numba looks at the function's own file only; here one function inlines others of other files
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
@@ -94,7 +113,7 @@ def entry(function: Function) -> Function:
     return cast(Function, compiled(getattr(function, "py_func", function)))
 
 
-def _inner(function: Function, compiler: type[_PartCompiler], forceinline: bool) -> Function:
+def _inner(function: Function, compiler: type[_WholeCompiler], forceinline: bool) -> Function:
     # inlining said outright: what is left out here is taken over from the caller that is compiled first
     options: dict[str, Any] = {"forceinline": forceinline, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     return cast(Function, njit(**OPTIONS, **options, pipeline_class=compiler)(function))
