@@ -70,3 +70,13 @@ def test_event_driven_sweep(benchmark, ball):
     except fi.InputError as error:
         pytest.skip(f"refused: {error}")
     benchmark.pedantic(sweep, rounds=10)
+
+
+@pytest.mark.parametrize("ledger", [False, True])
+def test_history_of_every_step(benchmark, ledger):
+    record, duration = fi.Recorder(channels=("tip",), ledger=ledger), 0.5
+    benchmark.extra_info["case_steps"] = round(duration / 1e-5)
+    system, sine = PROBLEM.modal(), fi.Sine(PROBLEM.amplitude, 5.2)
+    benchmark.pedantic(
+        lambda: fi.integrate(system, sine, fi.Newmark(dt=1e-5), duration, record), rounds=10, warmup_rounds=1
+    )
