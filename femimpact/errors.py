@@ -47,10 +47,10 @@ class Fault:
 
     def __str__(self) -> str:
         unit = "" if self.unit in ("", "1") else f" {self.unit}"
-        # a number of numpy's own would show its type
-        value = (
-            self.value.item() if isinstance(self.value, numbers.Number) and hasattr(self.value, "item") else self.value
-        )
+        value = self.value
+        if isinstance(value, numbers.Number) and hasattr(value, "item"):
+            # a number of numpy's own would show its type
+            value = value.item()
         shown = f" = {value!r}{unit}" if value is not None else ""
         return f"{self.key}{shown}: {self.allowed}"
 

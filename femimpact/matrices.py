@@ -17,6 +17,9 @@ RANK_TOLERANCE = 1e-13
 """Eigenvalues below this share of the largest are taken as zero: rigid motions."""
 
 
+FINITE = "must hold finite numbers"
+
+
 def real_array(key: str, value: Any, unit: str, allowed: str) -> NDArray[Any]:
     """An array of float, of any shape.
 
@@ -43,11 +46,11 @@ def checked_matrix(name: str, value: Any) -> Any:
     InputError
         Naming the matrix and what is wrong with it.
     """
-    given: Any = value if sparse.issparse(value) else np.atleast_2d(real_array(name, value, "", "must hold numbers"))
+    given: Any = value if sparse.issparse(value) else np.atleast_2d(real_array(name, value, "", FINITE))
     matrix = sparse.csr_array(given)
     square = matrix.shape[0] == matrix.shape[1] and matrix.shape[0] > 0
     require(square, name, matrix.shape, "", "must be a square matrix")
-    require(bool(np.all(np.isfinite(matrix.data))), name, None, "", "must hold finite numbers")
+    require(bool(np.all(np.isfinite(matrix.data))), name, None, "", FINITE)
     skew = float(abs(matrix - matrix.T).max())
     require(
         skew <= 1e-9 * float(abs(matrix).max()), name, skew, "", "must be symmetric; this is the largest difference"

@@ -136,7 +136,10 @@ def test_numpy_scalars_and_arrays_are_numbers_too(small):
         (lambda s, m, r: fi.assemble(None, elements=3), "structure: must be a Structure|structure = 'NoneType'"),
         (lambda s, m, r: fi.reduce(r, 3), "system = 'Structure': must be a System"),
         (lambda s, m, r: fi.recommended_step(r), "system = 'Structure': must be a System"),
-        (lambda s, m, r: fi.System.from_matrices("a", 0.0, 1.0, points={"p": [1.0]}), "M = 'a': must hold numbers"),
+        (
+            lambda s, m, r: fi.System.from_matrices("a", 0.0, 1.0, points={"p": [1.0]}),
+            "M = 'a': must hold finite numbers",
+        ),
         (lambda s, m, r: fi.System.from_matrices(1.0, 0.0, 1.0, points="p"), "points = 'str': must be a Mapping"),
         (lambda s, m, r: fi.System.from_matrices(1.0, 0.0, 1.0, points={"p": "x"}), "points.p = 'x': must hold 1"),
         (lambda s, m, r: fi.System.from_matrices(1.0, 0.0, 1.0, points={"p": 1.0}, stops=[1]), "stops = 'int'"),

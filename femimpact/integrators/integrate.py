@@ -12,7 +12,7 @@ from femimpact.integrators.fly import fly
 from femimpact.integrators.march import divergence_message, march
 from femimpact.integrators.newmark import SteppingMethod
 from femimpact.integrators.recording import check_memory, memory_needed
-from femimpact.integrators.threads import Progress, run_each, workers_of
+from femimpact.integrators.threads import Progress, check_progress, run_each, workers_of
 from femimpact.response import Recorder, Response
 from femimpact.system import State, System
 
@@ -100,8 +100,7 @@ def integrate(
     given: tuple[tuple[Any, Any], ...] = ((system, System), (recorder, Recorder), (start, State))
     for value, kind in given:
         require_type(value, kind, kind.__name__.lower())
-    usable = progress is None or callable(progress)
-    require(usable, "progress", type(progress).__name__, "", "must be callable, with the share done")
+    check_progress(progress)
     workers = workers_of(threads)
     several = isinstance(excitation, Sequence) and not isinstance(excitation, (str, bytes))
     drives: tuple[Any, ...] = tuple(cast(Sequence[Any], excitation)) if several else (excitation,)

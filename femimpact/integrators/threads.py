@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from femimpact.errors import in_range, quantity, require
 
-__all__ = ["Progress", "cores", "run_each", "workers_of"]
+__all__ = ["Progress", "check_progress", "cores", "run_each", "workers_of"]
 
 Case = TypeVar("Case")
 Result = TypeVar("Result")
@@ -25,6 +25,12 @@ class _Stopped(Exception):  # noqa: N818 - no error: nobody waits for this run a
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def check_progress(progress: object) -> None:
+    """Refuse what cannot be called with the share done."""
+    usable = progress is None or callable(progress)
+    require(usable, "progress", type(progress).__name__, "", "must be callable, with the share done")
 
 
 def workers_of(threads: int | None) -> int:

@@ -13,7 +13,7 @@ from femimpact.errors import require, require_type
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.newmark import SteppingMethod, require_method
 from femimpact.integrators.stepping import step_notes
-from femimpact.integrators.threads import Progress, workers_of
+from femimpact.integrators.threads import Progress, check_progress, workers_of
 from femimpact.structure import Position
 from femimpact.sweep.curve import FrequencyResponse
 from femimpact.sweep.dwells import Dwells, dwells_of
@@ -61,8 +61,8 @@ def frequency_sweep(
     at : str or float
         The observed place.
     ledger : bool
-        Keep the energy residual of every case; costs about half as much again, for an event-driven sweep
-        three times as much: that one then reads its transient too, and rounds otherwise.
+        Keep the energy residual of every case; costs about half as much again. An event-driven sweep takes nearly
+        three times as long: it then reads its transient too, and rounds otherwise.
     threads : int, optional
         The number of cores by default; the results do not depend on it, to the last bit.
     progress : callable, optional
@@ -84,8 +84,7 @@ def frequency_sweep(
     given: tuple[tuple[Any, Any], ...] = ((system, System), (state, State))
     for value, kind in given:
         require_type(value, kind, kind.__name__.lower())
-    usable = progress is None or callable(progress)
-    require(usable, "progress", type(progress).__name__, "", "must be callable, with the share done")
+    check_progress(progress)
     require(isinstance(ledger, (bool, np.bool_)), "ledger", ledger, "", "must be True or False")
     dwells = dwells_of(frequencies, cycles, duration, window)
     workers, observed = workers_of(threads), system.point_row(at)
