@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from femimpact.contact.formulas import KELVIN_VOIGT
 from femimpact.errors import require
+from femimpact.integrators.complex_modes import ComplexModes, complex_modes
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven import Outputs
-from femimpact.integrators.flight_space import Equations, entries_of, equations_of, undamped_modes
+from femimpact.integrators.flight_space import Equations, equations_of, undamped_modes
 from femimpact.integrators.kernels.forms import Forms, Waves
 from femimpact.integrators.kernels.passage import Reading
 from femimpact.integrators.layout import CYCLE_COLUMNS
@@ -63,7 +64,7 @@ _KNOWN: WeakKeyDictionary[System, dict[tuple[bytes, float], Compliant]] = WeakKe
 class _Form:
     """Closed form of one state; see Forms."""
 
-    exponent: NDArray[Any]
+    modes: ComplexModes
     shape: NDArray[Any]
     particle_shape: NDArray[Any]
     particle_given: NDArray[Any]
@@ -131,48 +132,49 @@ def _homogeneous(whole: Equations, K: NDArray[Any], C: NDArray[Any]) -> tuple[_F
     bound = stiff | braked
     omega_squared = np.where(stiff, omega_squared, 0.0)
     elastic, loose = shapes[:, bound], shapes[:, ~bound]
-    exponent, modal, from_u, from_v = entries_of(omega_squared[bound], damping[np.ix_(bound, bound)])
+    modes = complex_modes(omega_squared[bound], damping[np.ix_(bound, bound)])
     momentum = elastic.T @ whole.M
     with np.errstate(divide="ignore"):
         compliance = (elastic * np.where(stiff[bound], 1.0 / omega_squared[bound], 0.0)) @ elastic.T
     empty = np.zeros(0)
     form = _Form(
-        exponent, elastic @ modal, loose, empty, empty, from_u @ momentum, from_v @ momentum, loose.T @ whole.M
-    )
+        modes, elastic @ modes.shape, loose, empty, empty, modes.from_u @ momentum, modes.from_v @ momentum,
+        loose.T @ whole.M,
+    )  # fmt: skip
     return form, compliance, loose
 
 
 def _with_static(found: tuple[_Form, NDArray[Any], NDArray[Any]], given: NDArray[Any]) -> _Form:
     form, compliance, loose = found
     return _Form(
-        form.exponent, form.shape, form.particle_shape, loose.T @ given, compliance @ given, form.to_entry_u,
+        form.modes, form.shape, form.particle_shape, loose.T @ given, compliance @ given, form.to_entry_u,
         form.to_entry_v, form.to_particle,
     )  # fmt: skip
 
 
 def _stacked(system: System, whole: Equations, forms: Sequence[_Form], kv: NDArray[Any]) -> Forms:
     """All states in arrays of one size; entries and particles that a state lacks have no weight."""
-    entries = max(form.exponent.size for form in forms)
+    entries = max(form.modes.exponent.size for form in forms)
     particles = max(form.particle_given.size for form in forms)
 
     def padded(name: str, axis: int, size: int) -> NDArray[Any]:
-        columns = []
-        for form in forms:
-            values = getattr(form, name)
-            width = [(0, size - values.shape[i] if i == axis else 0) for i in range(values.ndim)]
-            columns.append(np.pad(values, width))
-        return np.ascontiguousarray(np.array(columns))
+        return _padded([getattr(form, name) for form in forms], {axis: size})
 
-    exponent, shape = padded("exponent", 0, entries), padded("shape", 1, entries)
-    particle_shape = padded("particle_shape", 1, particles)
+    modes = [form.modes for form in forms]
+    exponent = _padded([m.exponent for m in modes], {0: entries})
+    coupling = _padded([m.coupling for m in modes], {0: entries, 1: entries})
+    shape, particle_shape = padded("shape", 1, entries), padded("particle_shape", 1, particles)
+    shape_rate = shape @ (coupling + exponent[:, None, :] * np.eye(entries))
     static = np.array([form.static for form in forms])
     rows = -whole.force.T
     x, x_particle, x_static = rows @ shape, rows @ particle_shape, static @ rows.T
     k, c = kv[:, 0], kv[:, 1]
-    weight = np.concatenate([x, (k[:, None] + c[:, None] * exponent[:, None, :]) * x], axis=1)
+    weight = np.concatenate([x, k[:, None] * x + c[:, None] * (rows @ shape_rate)], axis=1)
     return Forms(
         exponent=exponent,
-        size=np.abs(exponent),
+        coupling=coupling,
+        blocks=_padded([m.blocks for m in modes], {0: max(len(m.blocks) for m in modes)}),
+        size=_padded([m.size for m in modes], {0: entries}),
         particle_given=padded("particle_given", 0, particles),
         weight=np.ascontiguousarray(weight),
         weight_size=np.abs(weight),
@@ -180,6 +182,7 @@ def _stacked(system: System, whole: Equations, forms: Sequence[_Form], kv: NDArr
         particle_rate_weight=np.concatenate([0.0 * x_particle, c[:, None] * x_particle], axis=1),
         constant=np.concatenate([x_static, k * x_static], axis=1),
         shape=shape,
+        shape_rate=np.ascontiguousarray(shape_rate),
         particle_shape=particle_shape,
         static=static,
         to_entry_u=padded("to_entry_u", 0, entries),
@@ -188,6 +191,15 @@ def _stacked(system: System, whole: Equations, forms: Sequence[_Form], kv: NDArr
         gap=np.array([pair.gaps for pair in system.contacts]).reshape(-1, 2).T.copy(),
         stiffness=np.ascontiguousarray(k),
     )
+
+
+def _padded(arrays: Sequence[NDArray[Any]], sizes: dict[int, int]) -> NDArray[Any]:
+    """All arrays in one, each filled up with zeros to these sizes of its axes."""
+    columns = []
+    for array in arrays:
+        width = [(0, sizes.get(i, length) - length) for i, length in enumerate(array.shape)]
+        columns.append(np.pad(array, width))
+    return np.ascontiguousarray(np.array(columns))
 
 
 def waves_of(system: System, found: Compliant, drives: Sequence[Drive]) -> Waves:
@@ -251,7 +263,7 @@ def reading_of(
     Reading
     """
     forms, position, rate = found.forms, outputs.position, outputs.rate
-    weight = position @ forms.shape + rate @ (forms.shape * forms.exponent[:, None, :])
+    weight = position @ forms.shape + rate @ forms.shape_rate
     particle, particle_rate = position @ forms.particle_shape, rate @ forms.particle_shape
     constant = forms.static @ position.T
     wave = 1j * waves.omega[:, None, None]

@@ -13,12 +13,12 @@ from femimpact.contact import KelvinVoigt, Rigid
 from femimpact.errors import check_fields, quantity, require
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.flight_space import FlightSpace
-from femimpact.integrators.kernels.crossing import Space, Watch
+from femimpact.integrators.kernels.crossing import Flight, Space, Watch
 from femimpact.integrators.kernels.search import Search
 from femimpact.response import Channel
 from femimpact.system import System
 
-__all__ = ["EventDriven", "Outputs", "check_events", "force_directions", "new_search", "outputs_of", "space_of"]
+__all__ = ["EventDriven", "Outputs", "check_events", "force_directions", "new_flight", "new_search", "outputs_of", "space_of"]
 
 MOST_COMPLIANT = 4
 """Kelvin-Voigt contacts whose 3^n states are prepared."""
@@ -98,7 +98,7 @@ class Outputs:
     force: tuple[int, ...]
 
 
-def new_search(scalars: int, entries: int) -> Search:
+def new_search(scalars: int, entries: int, particles: int) -> Search:
     """Scratch space of a search for events."""
     return Search(
         leaving=np.zeros(scalars),
@@ -106,8 +106,16 @@ def new_search(scalars: int, entries: int) -> Search:
         rate=np.zeros(scalars),
         found=np.zeros(5),
         size=np.zeros(entries),
+        power=np.zeros((3, entries), dtype=complex),
         event=np.zeros(4),
+        spare=new_flight(entries, particles),
     )
+
+
+def new_flight(entries: int, particles: int) -> Flight:
+    """A motion that is zero."""
+    entry, term = np.zeros((2, entries), dtype=complex)
+    return Flight(entry, np.zeros(particles), np.zeros(particles), np.zeros(4), term)
 
 
 def outputs_of(system: System, observed: NDArray[Any], channels: tuple[Channel, ...]) -> Outputs:
@@ -137,7 +145,7 @@ def space_of(system: System, drive: Drive, flight: FlightSpace, interval: float)
     force = force_directions(system)
     wave = _wave(drive)
     broken = drive.samples is not None
-    e = flight.exponent
+    shape_rate = flight.shape @ flight.modes.rate
     rows = {
         "weight": -force.T @ flight.shape,
         "particle_weight": -force.T @ flight.particle_shape,
@@ -156,14 +164,16 @@ def space_of(system: System, drive: Drive, flight: FlightSpace, interval: float)
         rows["follow"][j] = side * flight.force_follow[i]
         rows["follow_rate"][j] = side * flight.force_follow_rate[i]
         upper[j], lower[j] = math.inf, 0.0
-    rates = -force.T @ np.real((flight.shape * e) @ flight.kick + flight.particle_shape @ flight.particle_kick)
+    rates = -force.T @ np.real(shape_rate @ flight.kick + flight.particle_shape @ flight.particle_kick)
     particle_sine = np.zeros(flight.particle_given.size, dtype=complex)
     if not broken:
         particle_sine = -flight.particle_drive * wave / drive.omega**2
-    used = [np.flatnonzero(row) for row in flight.shape]
+    used = [np.flatnonzero((row != 0.0) | (rate != 0.0)) for row, rate in zip(flight.shape, shape_rate, strict=True)]
     watch = Watch(
-        exponent=e,
-        size=np.abs(e),
+        exponent=flight.modes.exponent,
+        coupling=flight.modes.coupling,
+        blocks=flight.modes.blocks,
+        size=flight.modes.size,
         omega=0.0 if broken else drive.omega,
         broken=broken,
         particle_given=flight.particle_given,
@@ -182,7 +192,7 @@ def space_of(system: System, drive: Drive, flight: FlightSpace, interval: float)
     )
     return Space(
         watch=watch,
-        turn=np.exp(e * interval),
+        turn=np.exp(flight.modes.exponent * interval),
         particle_sine=particle_sine,
         kick=_contiguous(flight.kick),
         particle_kick=np.ascontiguousarray(flight.particle_kick),
@@ -190,6 +200,7 @@ def space_of(system: System, drive: Drive, flight: FlightSpace, interval: float)
         jump_value=flight.jump_value,
         jump_slope=flight.jump_slope,
         shape=_contiguous(flight.shape),
+        shape_rate=_contiguous(shape_rate),
         particle_shape=np.ascontiguousarray(flight.particle_shape),
         shape_sine=_contiguous(flight.harmonic * wave),
         bound_sine=_contiguous(flight.harmonic * wave - flight.particle_shape @ particle_sine),

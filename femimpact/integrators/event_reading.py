@@ -44,7 +44,7 @@ def read_with(run: EventRun, riders: Riders, out: Samples) -> Samples:
     """The piece's arrays with the output rows of who rides now."""
     closed, space = run.space(riders)
     position, rate = run.outputs.position, run.outputs.rate
-    weight = position @ space.shape + rate @ (space.shape * space.watch.exponent)
+    weight = position @ space.shape + rate @ space.shape_rate
     sine = position @ space.shape_sine + 1j * space.watch.omega * (rate @ space.shape_sine)
     constant, follow = position @ space.shape_constant, position @ space.shape_follow
     follow_rate = position @ space.shape_follow_rate + rate @ space.shape_follow

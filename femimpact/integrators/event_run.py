@@ -78,16 +78,14 @@ def _fly(run: EventRun, flight: Flight, riders: Riders, out: Samples, end: float
     last, repeated, switches, counted = -1.0, 0, 0, -1
     while True:
         space = run.space(riders)[1]
-        spare, mark = _copies(flight)
+        trial, mark, before, spare = (Flight(*(np.array(a) for a in flight)) for _ in range(4))
         reader = read_with(run, riders, out)
-        began = flight.clock[0]
-        before = [np.array(values) for values in (flight.entry, flight.particle, flight.particle_rate, flight.clock)]
         until = min(end, knot)
         status = events.run_events(
-            space, flight, spare, mark, until, run.drive.amplitude, bool(riders), run.ledger, run.contact, reader,
-            run.balance,
+            space, flight, trial, mark, until, run.drive.amplitude, bool(riders), run.ledger, run.contact, reader,
+            run.balance._replace(spare=spare),
         )  # fmt: skip
-        _add_ride_impulses(run, riders, Flight(*before), flight.clock[0] - began)
+        _add_ride_impulses(run, riders, before, flight.clock[0] - before.clock[0])
         if status == events.END:
             if until >= end:
                 return flight, riders
@@ -145,7 +143,10 @@ def _comes_to_rest_too(run: EventRun, flight: Flight, riders: Riders, pair: int,
     What presses it there is decided with the riders in place: without their forces it may seem to leave.
     """
     space, contact = run.space(riders)[1], run.contact
-    entries.derivatives(pair, space.watch, flight, _phase(space, flight.clock), contact.search.found)
+    search = contact.search
+    entries.measure(space.watch, flight, search.size, search.power[0])
+    phase = _phase(space, flight.clock)
+    entries.derivatives(pair, space.watch, flight, phase, search.size, search.power, search.found)
     press, e = side * float(contact.search.found[0]), float(contact.restitution[pair])
     rebound = e * side * float(contact.search.rate[pair])
     if press <= 1e-12 * contact.search.found[2] or rebound**2 > 2.0 * press * run.method.closure:
@@ -193,11 +194,8 @@ def _flight_from(
         np.ascontiguousarray(closed.to_particle @ p),
         np.ascontiguousarray(closed.to_particle @ v),
         np.array(clock),
+        np.zeros(closed.modes.exponent.size, dtype=complex),
     )
-
-
-def _copies(flight: Flight) -> tuple[Flight, Flight]:
-    return Flight(*(np.array(a) for a in flight)), Flight(*(np.array(a) for a in flight))
 
 
 # ---- a broken-line drive --------------------------------------------------------------------------
@@ -234,12 +232,11 @@ def _add_ride_impulses(run: EventRun, riders: Riders, start: Flight, duration: f
     """Add the integral of every rider's contact force over a flight to its open ride."""
     if duration <= 0.0 or not riders:
         return
-    space = run.space(riders)[1]
-    mu, wave = space.watch.exponent, 1j * space.watch.omega
+    closed, space = run.space(riders)
+    wave = 1j * space.watch.omega
+    summed = closed.modes.integral(start.entry, duration)
     for j, _ in riders:
-        safe = np.where(mu == 0.0, 1.0, mu)
-        grown = np.where(mu == 0.0, duration, np.expm1(mu * duration) / safe)
-        total = float(np.sum(space.watch.weight[j] * start.entry * grown).real) + space.watch.constant[j] * duration
+        total = float(np.sum(space.watch.weight[j] * summed).real) + space.watch.constant[j] * duration
         if space.watch.broken:
             s = start.clock[1] * duration + 0.5 * start.clock[2] * duration**2
             total += space.watch.follow[j] * s + space.watch.follow_rate[j] * start.clock[2] * duration

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.driving import Drive
-from femimpact.integrators.event_driven import EventDriven, Outputs, force_directions, new_search, space_of
+from femimpact.integrators.event_driven import EventDriven, Outputs, force_directions, new_flight, new_search, space_of
 from femimpact.integrators.flight_space import FlightSpace, Riders, flight_space
 from femimpact.integrators.kernels.balance import Balance
 from femimpact.integrators.kernels.crossing import Space
@@ -107,9 +107,10 @@ def new_run(
         strength=np.zeros(most, dtype=complex),
         position=np.zeros(n + balls),
         velocity=np.zeros(n + balls),
+        spare=new_flight(0, 0),
     )
     contact = Contact(
-        search=new_search(pairs, most),
+        search=new_search(pairs, most, 0),
         restitution=np.array([pair.parameters.restitution for pair in system.contacts]),
         closure=np.array([method.closure]),
         impulse=np.zeros(pairs),

@@ -4,9 +4,9 @@ While nothing changes its contact, structure and balls obey p = (u, y),
 
     M p'' + C p' + K p = B s(t) + G,   subject to  y_j - b_j u = side_j gap_j  for every riding pair j.
 
-Its solution is p(t) = Re(E e^{lambda t} H) + (particles) + Re(p^ e^{i theta(t)}) + p0: decaying exponentials of
-the homogeneous equations, bodies that nothing pulls back (free balls) on parabolas, and the steady answer
-to s(t). An event changes H and the particles' velocities; the steady answer never.
+Its solution is p(t) = Re(E e^{Lambda t} H) + (particles) + Re(p^ e^{i theta(t)}) + p0: decaying exponentials of
+the homogeneous equations (see `complex_modes`), bodies that nothing pulls back (free balls) on parabolas, and the
+steady answer to s(t). An event changes H and the particles' velocities; the steady answer never.
 """
 
 from __future__ import annotations
@@ -19,13 +19,11 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from femimpact.errors import require
+from femimpact.integrators.complex_modes import ComplexModes, complex_modes
 from femimpact.integrators.driving import Drive
 from femimpact.system import System
 
-__all__ = ["Equations", "FlightSpace", "Riders", "entries_of", "equations_of", "flight_space", "undamped_modes"]
-
-CRITICAL = 1e-10
-"""A discriminant below this share of c^2 is moved there: it changes the motion by less than 1e-10."""
+__all__ = ["Equations", "FlightSpace", "Riders", "equations_of", "flight_space", "undamped_modes"]
 
 RIGID = 1e-14
 """Eigenvalues below this share of the largest are rigid motions, where the stiffness is singular."""
@@ -41,8 +39,8 @@ class FlightSpace:
     Parameters
     ----------
     riders : Riders
-    exponent : ndarray (K,), 1/s
-        lambda, sorted by size; Im >= 0, Re <= 0.
+    modes : ComplexModes
+        Lambda, of K entries.
     shape : ndarray (d, K)
         E.
     particle_shape : ndarray (d, P)
@@ -67,7 +65,7 @@ class FlightSpace:
     """
 
     riders: Riders
-    exponent: NDArray[Any]
+    modes: ComplexModes
     shape: NDArray[Any]
     particle_shape: NDArray[Any]
     particle_given: NDArray[Any]
@@ -155,39 +153,38 @@ def flight_space(system: System, drive: Drive, riders: Riders = ()) -> FlightSpa
     braked = np.max(np.abs(damping), axis=0, initial=0.0) > 1e-15 * max(float(np.abs(damping).max(initial=0.0)), 1e-300)
     bound = stiff | braked
     omega_squared = np.where(stiff, omega_squared, 0.0)
-    exponent, modal, from_u, from_v = entries_of(omega_squared[bound], damping[np.ix_(bound, bound)])
+    modes = complex_modes(omega_squared[bound], damping[np.ix_(bound, bound)])
     elastic, loose = shapes[:, bound], shapes[:, ~bound]
     momentum_u, momentum_loose = elastic.T @ whole.M, loose.T @ whole.M
-    beta = from_v @ load[bound]
+    beta = modes.from_v @ load[bound]
     harmonic = _steady(drive, elastic, omega_squared[bound], damping[np.ix_(bound, bound)], load[bound])
     harmonic = harmonic - loose @ load[~bound] / max(drive.omega, 1e-300) ** 2
     compliance = elastic @ _solve_static(omega_squared[bound], damping[np.ix_(bound, bound)])
     static = offset + compliance @ given[bound]
     follow = compliance @ load[bound]
     if drive.samples is not None or np.any(given[bound] * ~stiff[bound]):
-        kept = bool(np.all(np.abs(exponent) > 0.0))
+        kept = bool(np.all(np.abs(modes.exponent) > 0.0))
         require(kept, "system", None, "", "must have stiffness in every braked motion for this excitation")
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = np.where(np.abs(exponent) > 0.0, 1.0 / exponent, 0.0)
-    follow_rate = -np.real(elastic @ modal @ (beta * inverse**2))
+    jump_value = modes.inverse_rate @ beta
+    jump_slope = modes.inverse_rate @ jump_value
     found: dict[str, Any] = {
         "riders": riders,
-        "exponent": exponent,
-        "shape": elastic @ modal,
+        "modes": modes,
+        "shape": elastic @ modes.shape,
         "particle_shape": loose,
         "particle_given": given[~bound],
         "particle_drive": load[~bound],
         "harmonic": harmonic,
         "static": static,
         "follow": follow,
-        "follow_rate": follow_rate,
-        "to_entry_u": from_u @ momentum_u,
-        "to_entry_v": from_v @ momentum_u,
+        "follow_rate": -np.real(elastic @ modes.shape @ jump_slope),
+        "to_entry_u": modes.from_u @ momentum_u,
+        "to_entry_v": modes.from_v @ momentum_u,
         "to_particle": momentum_loose,
-        "kick": from_v @ elastic.T @ whole.force,
+        "kick": modes.from_v @ elastic.T @ whole.force,
         "particle_kick": loose.T @ whole.force,
-        "jump_value": beta * inverse,
-        "jump_slope": beta * inverse**2,
+        "jump_value": jump_value,
+        "jump_slope": jump_slope,
     }
     found.update(_contact_forces(whole, drive, found))
     return FlightSpace(**found)
@@ -245,94 +242,6 @@ def undamped_modes(K: NDArray[Any], M: NDArray[Any]) -> tuple[NDArray[Any], NDAr
     return omega_squared, vectors
 
 
-def entries_of(
-    omega_squared: NDArray[Any], damping: NDArray[Any]
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Exponents lambda, their shapes in modal coordinates, and H from modal displacement and velocity."""
-    n = omega_squared.size
-    scale = np.sqrt(np.outer(np.diag(damping), np.diag(damping))) if n else damping
-    off = np.abs(damping - np.diag(np.diag(damping)))
-    if n and np.any(off > 1e-12 * (scale + 1e-300)) and float(off.max()) > 1e-13 * float(np.abs(damping).max()):
-        exponent, modal, from_u, from_v = _coupled_entries(omega_squared, damping)
-    else:
-        exponent, modal, from_u, from_v = _decoupled_entries(omega_squared, np.diag(damping))
-    order = np.argsort(np.abs(exponent), kind="stable")
-    return exponent[order], modal[:, order], from_u[order], from_v[order]
-
-
-def _decoupled_entries(omega_squared: NDArray[Any], c: NDArray[Any]) -> tuple[NDArray[Any], ...]:
-    """Each mode alone: lambda = -c/2 +- sqrt(c^2/4 - omega^2)."""
-    n = omega_squared.size
-    exponents: list[complex] = []
-    first: list[complex] = []
-    second: list[complex] = []
-    owner: list[int] = []
-    for i in range(n):
-        discriminant = 0.25 * c[i] ** 2 - omega_squared[i]
-        least = CRITICAL * c[i] ** 2
-        if abs(discriminant) < least:
-            discriminant = least if discriminant > 0.0 else -least
-        root = np.sqrt(abs(discriminant))
-        if discriminant < 0.0:
-            sigma = -0.5 * c[i]
-            exponents.append(complex(sigma, root))
-            first.append(complex(1.0, sigma / root))
-            second.append(complex(0.0, -1.0 / root))
-            owner.append(i)
-            continue
-        # the slow one from the product of both: no difference of near numbers
-        fast = -0.5 * c[i] - root
-        slow = omega_squared[i] / fast
-        for own, other, sign in ((slow, fast, 1.0), (fast, slow, -1.0)):
-            exponents.append(complex(own, 0.0))
-            first.append(complex(-sign * other / (slow - fast), 0.0))
-            second.append(complex(sign / (slow - fast), 0.0))
-            owner.append(i)
-    columns = np.zeros((n, len(owner)), dtype=complex)
-    from_u, from_v = np.zeros((len(owner), n), dtype=complex), np.zeros((len(owner), n), dtype=complex)
-    for k, i in enumerate(owner):
-        columns[i, k], from_u[k, i], from_v[k, i] = 1.0, first[k], second[k]
-    return np.array(exponents, dtype=complex), columns, from_u, from_v
-
-
-def _coupled_entries(omega_squared: NDArray[Any], damping: NDArray[Any]) -> tuple[NDArray[Any], ...]:
-    """Complex modes, (lambda^2 + lambda D + Omega^2) x = 0, one of every conjugate pair."""
-    n = omega_squared.size
-    # velocities in units of omega: a balanced state matrix
-    unit = np.sqrt(np.maximum(omega_squared, 1e-12 * max(float(omega_squared.max()), 1.0)))
-    below = [-np.diag(omega_squared / unit), -damping * unit / unit[:, None]]
-    values, right = scipy.linalg.eig(np.block([[np.zeros((n, n)), np.diag(unit)], below]))
-    pairs = [_refined(value, x, omega_squared, damping) for value, x in zip(values, right[:n].T, strict=True)]
-    kept = [(value, x) for value, x in pairs if value.imag >= 0.0]
-    exponent, vectors = np.array([value for value, _ in kept]), np.array([x for _, x in kept]).T
-    # the left vector of a symmetric problem: x^T (v + (lambda + D) u) / x^T (2 lambda + D) x
-    norm = np.einsum("ik,ik->k", vectors, (2.0 * exponent) * vectors + damping @ vectors)
-    from_v = (vectors / norm).T
-    from_u = ((exponent * vectors + damping @ vectors) / norm).T
-    weight = np.where(exponent.imag > 0.0, 2.0, 1.0)
-    return np.minimum(exponent.real, 0.0) + 1j * exponent.imag, vectors * weight, from_u, from_v
-
-
-def _refined(
-    value: complex, x: NDArray[Any], omega_squared: NDArray[Any], damping: NDArray[Any]
-) -> tuple[complex, NDArray[Any]]:
-    """An eigenpair after two Newton steps: the slow decays keep their digits beside fast modes."""
-    if value.imag < 0.0:
-        return value, x
-    n, real = x.size, value.imag == 0.0
-    pivot = int(np.argmax(np.abs(x)))
-    x = x / x[pivot]
-    for _ in range(2):
-        matrix = np.diag(value**2 + omega_squared).astype(complex) + value * damping
-        border = np.zeros((n + 1, n + 1), dtype=complex)
-        border[:n, :n], border[:n, n], border[n, pivot] = matrix, 2.0 * value * x + damping @ x, 1.0
-        # rows scaled to one another: the fast modes must not drown the slow one
-        scale = np.append(1.0 / np.max(np.abs(border[:n]), axis=1), 1.0)
-        step = np.linalg.solve(border * scale[:, None], np.append(-(matrix @ x), 0.0) * scale)
-        x, value = x + step[:n], value + step[n]
-    return (complex(value.real, 0.0), x.real.astype(complex)) if real else (complex(value), x)
-
-
 def _steady(
     drive: Drive, elastic: NDArray[Any], omega_squared: NDArray[Any], damping: NDArray[Any], load: NDArray[Any]
 ) -> NDArray[Any]:
@@ -358,14 +267,14 @@ def _contact_forces(whole: Equations, drive: Drive, found: dict[str, Any]) -> di
     riders = found["riders"]
     names = ("force_shape", "force_harmonic", "force_static", "force_follow", "force_follow_rate")
     if not riders:
-        size = found["exponent"].size
+        size = found["modes"].exponent.size
         return dict(zip(names, (np.zeros((0, size), dtype=complex), *(np.zeros(0) for _ in range(4))), strict=True))
     directions = whole.force[:, [j for j, _ in riders]]
     inverse = np.linalg.solve(whole.M, directions)
     # F = (P^T M^-1 P)^-1 P^T M^-1 (M p'' + C p' + K p - B s - G)
     project = np.linalg.solve(directions.T @ inverse, inverse.T)
-    e, omega = found["exponent"], drive.omega
-    shape = (whole.M @ found["shape"]) * e**2 + (whole.C @ found["shape"]) * e + whole.K @ found["shape"]
+    rate, omega = found["modes"].rate, drive.omega
+    shape = whole.M @ found["shape"] @ rate @ rate + whole.C @ found["shape"] @ rate + whole.K @ found["shape"]
     p = found["harmonic"]
     harmonic = -(omega**2) * (whole.M @ p) + 1j * omega * (whole.C @ p) + whole.K @ p - whole.drive
     particle = whole.M @ found["particle_shape"]

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from femimpact.integrators.compliant import Compliant, reading_of, waves_of
 from femimpact.integrators.driving import Drive
-from femimpact.integrators.event_driven import Outputs, new_search
+from femimpact.integrators.event_driven import Outputs, new_flight, new_search
 from femimpact.integrators.kernels.books import Books
-from femimpact.integrators.kernels.crossing import Flight
 from femimpact.integrators.kernels.forms import CONTACT, FREE, REBOUND, Waves
 from femimpact.integrators.kernels.passage import Journey, Reading, fly_cases
 from femimpact.integrators.layout import ENERGY_COLUMNS, IMPACT_COLUMNS, TOTAL_COLUMNS
@@ -163,7 +162,18 @@ def new_books(
         growth=np.zeros(terms, dtype=complex),
         plus=square,
         minus=square.copy(),
+        together=_products(found),
+        spare=new_flight(terms - 1, found.forms.particle_given.shape[1]),
     )
+
+
+def _products(found: Compliant) -> NDArray[Any]:
+    """Which products of two terms occur in the ledger of each state: of any where contacts act, else of one mode."""
+    used = np.abs(found.forms.shape_rate) > 0.0
+    # the drive's term is in every sum
+    used = np.concatenate([used, np.ones((*used.shape[:2], 1), dtype=bool)], axis=2)
+    touching = np.array([any(sides) for sides in found.states])
+    return np.asarray(np.any(used[:, :, :, None] & used[:, :, None], axis=1) | touching[:, None, None])
 
 
 def energy_now(system: System, found: Compliant, position: NDArray[Any], velocity: NDArray[Any]) -> NDArray[Any]:
@@ -193,16 +203,17 @@ def pass_on(run: Passing, cases: NDArray[Any], begin: NDArray[Any], end: NDArray
         Changes of contact beyond which a case is given up.
     """
     entries, particles, pairs = run.way.entry.shape[1], run.way.particle.shape[1], run.way.mode.shape[1]
-    nothing = Flight(np.zeros(entries, dtype=complex), np.zeros(particles), np.zeros(particles), np.zeros(4))
-    search, limits, books = new_search(2 * pairs, entries), np.zeros((4, 2 * pairs)), run.books
+    nothing, spare = new_flight(entries, particles), new_flight(entries, particles)
+    search, limits, books = new_search(2 * pairs, entries, particles), np.zeros((4, 2 * pairs)), run.books
     written = ("before", "after", "strength", "growth", "plus", "minus") if books is not None else ()
     # what is written on the way belongs to this call alone
-    flight, trial, mark, search, (limits, state, turn), own = _together(
-        nothing, nothing, nothing, search, (limits, run.way.state, run.way.turn),
+    flight, trial, mark, spare, search, (limits, state, turn), own = _together(
+        nothing, nothing, nothing, spare, search, (limits, run.way.state, run.way.turn),
         [getattr(books, name) for name in written],
     )  # fmt: skip
+    search = search._replace(spare=spare)
     if books is not None:
-        books = books._replace(**dict(zip(written, own, strict=True)))
+        books = books._replace(**dict(zip(written, own, strict=True)), spare=new_flight(entries, particles))
     fly_cases(
         cases, begin, end, most, run.found.forms, run.waves, run.reading, run.way._replace(state=state, turn=turn),
         search, limits, flight, trial, mark, run.stuck, books,
@@ -215,7 +226,7 @@ def _together(*groups: Any) -> list[Any]:
     Threads that write to one line wait for each other, and arrays whole pages apart look like one another to
     the processor.
     """
-    sizes = [-(-array.nbytes // LINE) * LINE for group in groups for array in group]
+    sizes = [-(-array.nbytes // LINE) * LINE for group in groups for array in group if isinstance(array, np.ndarray)]
     memory = np.zeros(sum(sizes) + 4 * LINE, dtype=np.uint8)
     first = 2 * LINE + (-memory.ctypes.data) % LINE
     places = itertools.accumulate(sizes, initial=first)
@@ -223,6 +234,9 @@ def _together(*groups: Any) -> list[Any]:
     for group in groups:
         own = []
         for array in group:
+            if not isinstance(array, np.ndarray):
+                own.append(array)
+                continue
             place = next(places)
             own.append(memory[place : place + array.nbytes].view(array.dtype).reshape(array.shape))
             own[-1][...] = array

@@ -9,8 +9,18 @@ from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.balance import integral_of
 from femimpact.integrators.kernels.compiling import called, inlined
-from femimpact.integrators.kernels.crossing import Flight, Watch, unit_phase
-from femimpact.integrators.kernels.forms import FREE, REBOUND, Forms, Waves, read_state
+from femimpact.integrators.kernels.crossing import (
+    NODES,
+    WEIGHTS,
+    Flight,
+    Watch,
+    copy_flight,
+    has_blocks,
+    move,
+    panels_of,
+    unit_phase,
+)
+from femimpact.integrators.kernels.forms import CONTACT, FREE, REBOUND, Forms, Waves, read_state
 
 __all__ = [
     "APPROACH", "DURATION", "IMPULSE", "LOSS", "PEAK", "START", "Books", "book_flight", "integral", "keep_books",
@@ -50,6 +60,8 @@ class Books(NamedTuple):
     growth: NDArray[Any]  # (T,) complex scratch
     plus: NDArray[Any]  # (T, T) complex scratch
     minus: NDArray[Any]  # (T, T) complex scratch
+    together: NDArray[Any]  # (S, T, T) whether the product of two terms occurs in any sum
+    spare: Flight  # scratch
 
 
 @inlined
@@ -63,13 +75,19 @@ def _product(a: NDArray[Any], b: NDArray[Any], plus: NDArray[Any], minus: NDArra
     """Integral of the product of two motions given by the strengths of their terms."""
     total = 0.0
     for k in range(a.size):
+        if a[k] == 0.0:
+            continue
         for m in range(b.size):
+            if b[m] == 0.0:
+                continue
             total += (a[k] * (b[m] * plus[k, m] + b[m].conjugate() * minus[k, m])).real
     return 0.5 * total
 
 
 @inlined
-def _integrate_terms(exponent: NDArray[Any], omega: float, duration: float, b: Books) -> None:
+def _integrate_terms(
+    exponent: NDArray[Any], together: NDArray[Any], omega: float, duration: float, b: Books
+) -> None:
     """Integrals of e^{mu_k s} e^{mu_m s} and of e^{mu_k s} conj(e^{mu_m s}) over the duration."""
     terms, wave = exponent.size + 1, complex(0.0, omega)
     for k in range(terms):
@@ -77,10 +95,13 @@ def _integrate_terms(exponent: NDArray[Any], omega: float, duration: float, b: B
         b.growth[k] = cmath.exp(e * duration)
     for k in range(terms):
         e = exponent[k] if k + 1 < terms else wave
-        for m in range(terms):
+        for m in range(k, terms):
+            if not together[k, m]:
+                continue
             f = exponent[m] if m + 1 < terms else wave
             b.plus[k, m] = integral_of(e + f, b.growth[k] * b.growth[m], duration)
             b.minus[k, m] = integral_of(e + f.conjugate(), b.growth[k] * b.growth[m].conjugate(), duration)
+            b.plus[m, k], b.minus[m, k] = b.plus[k, m], b.minus[k, m].conjugate()
 
 
 @inlined
@@ -102,11 +123,16 @@ def book_flight(
     harmonic, omega = waves.harmonic[c, number], watch.omega
     read_state(number, forms, harmonic, omega, mark, b.before)
     read_state(number, forms, harmonic, omega, flight, b.after)
-    _integrate_terms(watch.exponent, omega, duration, b)
+    if has_blocks(watch):
+        _sum_over_nodes(c, number, forms, waves, watch, mode, mark, duration, touch, b)
+        read_state(number, forms, harmonic, omega, flight, b.after)
+        copy_flight(flight, mark)
+        return
+    _integrate_terms(watch.exponent, b.together[number], omega, duration, b)
     phase = unit_phase(omega, mark.clock)
     for i in range(d):
         for k in range(last):
-            b.strength[i, k] = forms.shape[number, i, k] * watch.exponent[k] * mark.entry[k]
+            b.strength[i, k] = forms.shape_rate[number, i, k] * mark.entry[k]
         b.strength[i, last] = complex(0.0, omega) * harmonic[i] * phase
     # s(t) = amplitude sin(theta) = Re(-i amplitude e^{i theta})
     s = complex(0.0, -waves.amplitude[c]) * phase
@@ -118,51 +144,94 @@ def book_flight(
         drive = 0.0
         for k in range(last + 1):
             strength = b.strength[i, k]
+            if strength == 0.0:
+                continue
             drive += (strength * (s * b.plus[k, last] + s.conjugate() * b.minus[k, last])).real
         work += 0.5 * b.numbers[LOAD, i] * drive + b.numbers[GIVEN, i] * (b.after[0, i] - b.before[0, i])
         if b.numbers[DAMPING, i] > 0.0:
             b.loss_of_mode[c, i] += b.numbers[DAMPING, i] * _product(b.strength[i], b.strength[i], b.plus, b.minus)
     b.sums[c, 0] += work
     for j in range(mode.size):
-        if mode[j] != FREE:
-            _book_pair(c, j, watch, mode[j], mark, phase, duration, touch, b)
-    for k in range(last):
-        mark.entry[k] = flight.entry[k]
-    for p in range(flight.particle.size):
-        mark.particle[p], mark.particle_rate[p] = flight.particle[p], flight.particle_rate[p]
-    for k in range(4):
-        mark.clock[k] = flight.clock[k]
+        if abs(mode[j]) == REBOUND:
+            _add_rebound(c, j, mode[j], touch, b)
+        elif mode[j] != FREE:
+            _add_contact(c, j, watch, mode[j], mark, phase, touch, b)
+    copy_flight(flight, mark)
 
 
 @inlined
-def _book_pair(
-    c: int, j: int, watch: Watch, mode: float, mark: Flight, phase: complex, duration: float, touch: NDArray[Any],
-    b: Books,
-) -> None:  # fmt: skip
-    """Loss of one contact, or of its wall springing back behind the ball; work of its force on every mode."""
-    d, last, pairs = b.numbers.shape[1], watch.exponent.size, b.gap.shape[1]
+def _add_rebound(c: int, j: int, mode: float, touch: NDArray[Any], b: Books) -> None:
+    """Loss of a wall that springs back behind the ball."""
     side = 1.0 if mode > 0.0 else -1.0
-    if abs(mode) == REBOUND:
-        was, left = _penetration(j, b.before, side, b), _penetration(j, b.after, side, b)
-        loss = 0.5 * b.pair[0, j] * (was * was - left * left)
-    else:
-        rate, force = b.strength[d + j], b.strength[d]
-        for k in range(last + 1):
-            rate[k] = complex(0.0, 0.0)
-            for i in range(d):
-                rate[k] -= b.direction[j, i] * b.strength[i, k]
-        loss = b.pair[1, j] * _product(rate, rate, b.plus, b.minus)
-        # the loss is booked: its row may now hold the force
-        force = rate
-        for k in range(last):
-            force[k] = watch.weight[pairs + j, k] * mark.entry[k]
-        force[last] = watch.sine[pairs + j] * phase
-        wall = watch.constant[pairs + j] - side * b.pair[0, j] * b.gap[0 if side > 0.0 else 1, j]
-        for i in range(b.to_modes.shape[2]):
-            work = _product(force, b.strength[i], b.plus, b.minus) + wall * (b.after[0, i] - b.before[0, i])
-            b.to_modes[c, j, i] += b.direction[j, i] * work
+    was, left = _penetration(j, b.before, side, b), _penetration(j, b.after, side, b)
+    loss = 0.5 * b.pair[0, j] * (was * was - left * left)
     b.sums[c, 1] += loss
     touch[LOSS, j] += loss
+
+
+@inlined
+def _add_contact(
+    c: int, j: int, watch: Watch, mode: float, mark: Flight, phase: complex, touch: NDArray[Any], b: Books
+) -> None:
+    """Loss of one contact, and work of its force on every mode."""
+    d, last, pairs = b.numbers.shape[1], watch.exponent.size, b.gap.shape[1]
+    side = 1.0 if mode > 0.0 else -1.0
+    rate = b.strength[d + j]
+    for k in range(last + 1):
+        rate[k] = complex(0.0, 0.0)
+        for i in range(d):
+            rate[k] -= b.direction[j, i] * b.strength[i, k]
+    loss = b.pair[1, j] * _product(rate, rate, b.plus, b.minus)
+    # the loss is summed: its row may now hold the force
+    force = rate
+    for k in range(last):
+        force[k] = watch.weight[pairs + j, k] * mark.entry[k]
+    force[last] = watch.sine[pairs + j] * phase
+    wall = watch.constant[pairs + j] - side * b.pair[0, j] * b.gap[0 if side > 0.0 else 1, j]
+    for i in range(b.to_modes.shape[2]):
+        work = _product(force, b.strength[i], b.plus, b.minus) + wall * (b.after[0, i] - b.before[0, i])
+        b.to_modes[c, j, i] += b.direction[j, i] * work
+    b.sums[c, 1] += loss
+    touch[LOSS, j] += loss
+
+
+@called
+def _sum_over_nodes(
+    c: int, number: int, forms: Forms, waves: Waves, watch: Watch, mode: NDArray[Any], mark: Flight, duration: float,
+    touch: NDArray[Any], b: Books,
+) -> None:  # fmt: skip
+    """Work and losses where entries do not stand alone: by Gauss points, exact to rounding; uses `after` up."""
+    for j in range(mode.size):
+        if abs(mode[j]) == REBOUND:
+            _add_rebound(c, j, mode[j], touch, b)
+    copy_flight(mark, b.spare)
+    panels = panels_of(watch, mark, duration)
+    half, start, pairs = 0.5 * duration / panels, mark.clock[0], b.gap.shape[1]
+    for panel in range(panels):
+        for node in range(len(NODES)):
+            time, share = start + half * (2 * panel + 1 + NODES[node]), half * WEIGHTS[node]
+            move(watch, b.spare, time - b.spare.clock[0])
+            read_state(number, forms, waves.harmonic[c, number], watch.omega, b.spare, b.after)
+            s = waves.amplitude[c] * unit_phase(watch.omega, b.spare.clock).imag
+            for i in range(b.numbers.shape[1]):
+                v = b.after[1, i]
+                b.sums[c, 0] += share * (b.numbers[LOAD, i] * s + b.numbers[GIVEN, i]) * v
+                if b.numbers[DAMPING, i] > 0.0:
+                    b.loss_of_mode[c, i] += share * b.numbers[DAMPING, i] * v * v
+            for j in range(pairs):
+                if abs(mode[j]) != CONTACT:
+                    continue
+                side, x, rate = 1.0 if mode[j] > 0.0 else -1.0, 0.0, 0.0
+                for i in range(b.numbers.shape[1]):
+                    x -= b.direction[j, i] * b.after[0, i]
+                    rate -= b.direction[j, i] * b.after[1, i]
+                loss = share * b.pair[1, j] * rate * rate
+                b.sums[c, 1] += loss
+                touch[LOSS, j] += loss
+                depth = x - side * b.gap[0 if side > 0.0 else 1, j]
+                force = b.pair[0, j] * depth + b.pair[1, j] * rate
+                for i in range(b.to_modes.shape[2]):
+                    b.to_modes[c, j, i] += share * b.direction[j, i] * force * b.after[1, i]
 
 
 @inlined

@@ -4,7 +4,8 @@ A scalar x(t + s) = sum_k r_k e^{lambda_k s} + parabola + sine is bounded over t
 
     x(t + s) <= [x + x' s + S s^2/2 of the slow terms] + sum over the fast terms of |r_k|,
 
-since |e^z - 1 - z| <= |z|^2/2 and |e^z| <= 1 for Re z <= 0. Whatever split into slow and fast is taken,
+since |e^z - 1 - z| <= |z|^2/2 and |e^z| <= 1 for Re z <= 0. Of a block of eigenvalues that lie together the same
+holds with norms, since no motion of it grows: |r_k| is then |w_k| |h| with the whole block's h. Whatever split into slow and fast is taken,
 the time at which the right-hand side meets the wall comes before any crossing: the motion is advanced by
 the longest of these times, again and again. Close to a wall that it approaches with speed, the bound is the
 tangent with a quadratic remainder, so that the distance left is squared by every advance, as in Newton's
@@ -13,6 +14,7 @@ method, and never overshot.
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import Any, NamedTuple
 
@@ -22,16 +24,36 @@ from femimpact.integrators.kernels.compiling import called, inlined
 
 __all__ = [
     "AT_WALL",
+    "NODES",
+    "WEIGHTS",
     "Flight",
     "Space",
     "Watch",
     "clear_time",
+    "copy_flight",
     "derivatives",
+    "has_blocks",
+    "measure",
     "move",
     "move_particles",
+    "multiply",
+    "panels_of",
     "read_coordinates",
     "unit_phase",
 ]
+
+TAYLOR, MOST_STEPS = 18, 100_000
+"""Terms of the exponential series of a block, whose steps have a norm below 1; and most of these steps."""
+
+NODES = (
+    -0.9739065285171717, -0.8650633666889845, -0.6794095682990244, -0.4333953941292472, -0.14887433898163122,
+    0.14887433898163122, 0.4333953941292472, 0.6794095682990244, 0.8650633666889845, 0.9739065285171717,
+)  # fmt: skip
+WEIGHTS = (
+    0.06667134430868814, 0.1494513491505806, 0.21908636251598204, 0.26926671930999635, 0.29552422471475287,
+    0.29552422471475287, 0.26926671930999635, 0.21908636251598204, 0.1494513491505806, 0.06667134430868814,
+)  # fmt: skip
+"""Gauss-Legendre points on -1 to 1: where entries do not stand alone, products of motions are summed over them."""
 
 AT_WALL = 32.0 * 2.220446049250313e-16
 """A clearance below this share of the terms that make it is rounding: the pair is at its wall."""
@@ -44,7 +66,9 @@ class Watch(NamedTuple):
     """
 
     exponent: NDArray[Any]  # (K,) complex
-    size: NDArray[Any]  # (K,) |lambda|
+    coupling: NDArray[Any]  # (K, K) complex, above the diagonal of the blocks
+    blocks: NDArray[Any]  # (B, 2) first entry and number of entries of each block; none where its number is 0
+    size: NDArray[Any]  # (K,) |lambda|, or the norm of the block
     omega: float  # of the sine
     broken: bool  # whether s(t) is a broken line
     particle_given: NDArray[Any]  # (P,)
@@ -74,6 +98,7 @@ class Space(NamedTuple):
     jump_value: NDArray[Any]  # (K,) complex
     jump_slope: NDArray[Any]  # (K,) complex
     shape: NDArray[Any]  # (d, K) complex
+    shape_rate: NDArray[Any]  # (d, K) complex
     particle_shape: NDArray[Any]  # (d, P)
     shape_sine: NDArray[Any]  # (d,) complex
     bound_sine: NDArray[Any]  # (d,) complex, without the particles' share
@@ -85,12 +110,13 @@ class Space(NamedTuple):
 
 
 class Flight(NamedTuple):
-    """Where the motion is: homogeneous part, particles, time."""
+    """Where the motion is: homogeneous part, particles, time; and scratch space."""
 
     entry: NDArray[Any]  # (K,) complex
     particle: NDArray[Any]  # (P,)
     particle_rate: NDArray[Any]  # (P,)
     clock: NDArray[Any]  # (4,): time, s, its slope (both zero for a sine), phase of the sine at t = 0
+    term: NDArray[Any]  # (K,) complex scratch
 
 
 @inlined
@@ -112,9 +138,66 @@ def move_particles(watch: Watch, flight: Flight, duration: float) -> None:
     flight.clock[1] += duration * slope
 
 
+@inlined
+def multiply(watch: Watch, entry: NDArray[Any], out: NDArray[Any]) -> None:
+    """Lambda times a vector of entries."""
+    for k in range(watch.exponent.size):
+        out[k] = watch.exponent[k] * entry[k]
+    for b in range(watch.blocks.shape[0]):
+        first = watch.blocks[b, 0]
+        last = first + watch.blocks[b, 1]
+        for k in range(first, last):
+            for m in range(k + 1, last):
+                out[k] += watch.coupling[k, m] * entry[m]
+
+
+@inlined
+def measure(watch: Watch, flight: Flight, size: NDArray[Any], rate: NDArray[Any]) -> None:
+    """|H| of every entry, the norm within a block, and H'."""
+    multiply(watch, flight.entry, rate)
+    for k in range(watch.exponent.size):
+        h = flight.entry[k]
+        size[k] = math.sqrt(h.real * h.real + h.imag * h.imag)
+    for b in range(watch.blocks.shape[0]):
+        first = watch.blocks[b, 0]
+        last, square = first + watch.blocks[b, 1], 0.0
+        for k in range(first, last):
+            square += size[k] * size[k]
+        for k in range(first, last):
+            size[k] = math.sqrt(square)
+
+
+@called
+def _move_block(watch: Watch, first: int, last: int, flight: Flight, duration: float) -> None:
+    """e^{Lambda t} of one block into `term`: e^{mean t}, and Taylor's series of what is left, small in every step."""
+    mean = complex(0.0, 0.0)
+    for k in range(first, last):
+        mean += watch.exponent[k] / (last - first)
+    # all of it has died out long before so many steps
+    steps = min(int(duration * (watch.size[first] + abs(mean))), MOST_STEPS) + 1
+    step = duration / steps
+    turn, entry, term = cmath.exp(mean * step), flight.entry, flight.term
+    for _ in range(steps):
+        for k in range(first, last):
+            entry[k] *= turn
+            term[k] = entry[k]
+        for order in range(1, TAYLOR + 1):
+            for k in range(first, last):
+                total = (watch.exponent[k] - mean) * term[k]
+                for m in range(k + 1, last):
+                    total += watch.coupling[k, m] * term[m]
+                term[k] = total * (step / order)
+                entry[k] += term[k]
+    for k in range(first, last):
+        term[k] = entry[k]
+
+
 @called
 def move(watch: Watch, flight: Flight, duration: float) -> None:
     """Advance the homogeneous part, the particles and the clock."""
+    for b in range(watch.blocks.shape[0]):
+        first = watch.blocks[b, 0]
+        _move_block(watch, first, first + watch.blocks[b, 1], flight, duration)
     for k in range(watch.exponent.size):
         if flight.entry[k] == 0.0:
             continue
@@ -122,8 +205,43 @@ def move(watch: Watch, flight: Flight, duration: float) -> None:
         decay = math.exp(e.real * duration)
         angle = e.imag * duration
         flight.entry[k] *= complex(decay * math.cos(angle), decay * math.sin(angle))
+    # what an entry of a block was multiplied by here means nothing
+    for b in range(watch.blocks.shape[0]):
+        first = watch.blocks[b, 0]
+        for k in range(first, first + watch.blocks[b, 1]):
+            flight.entry[k] = flight.term[k]
     move_particles(watch, flight, duration)
     flight.clock[0] += duration
+
+
+@inlined
+def has_blocks(watch: Watch) -> bool:
+    """Whether some entries do not stand alone."""
+    return watch.blocks.shape[0] > 0 and watch.blocks[0, 1] > 0
+
+
+@inlined
+def copy_flight(source: Flight, target: Flight) -> None:
+    """Set one motion to another."""
+    for k in range(source.entry.size):
+        target.entry[k] = source.entry[k]
+    for i in range(source.particle.size):
+        target.particle[i], target.particle_rate[i] = source.particle[i], source.particle_rate[i]
+    for i in range(4):
+        target.clock[i] = source.clock[i]
+
+
+@inlined
+def panels_of(watch: Watch, flight: Flight, duration: float) -> int:
+    """Parts of a time in each of which ten Gauss points integrate products of two motions to rounding.
+
+    Their error is below 1e-14 where twice the largest |lambda| times the part is below 6.
+    """
+    fastest = watch.omega
+    for k in range(watch.exponent.size):
+        if flight.entry[k] != 0.0:
+            fastest = max(fastest, watch.size[k])
+    return int(fastest * duration / 3.0) + 1
 
 
 @inlined
@@ -145,14 +263,15 @@ def clear_time(
     flight: Flight,
     active: int,
     size: NDArray[Any],
+    rate_of: NDArray[Any],
     phase: complex,
     remaining: float,
     found: NDArray[Any],
 ) -> float:
     """Time in which scalar r surely meets neither bound.
 
-    `size` (K,) holds |H|, and nothing but zeros from `active` on; `found` gets value, rate, the rounding of
-    both, and the time in which the farther bound is surely not met.
+    `size` (K,) holds |H|, and nothing but zeros from `active` on, `rate_of` (K,) holds H'; `found` gets value, rate,
+    the rounding of both, and the time in which the farther bound is surely not met.
     """
     clock, broken = flight.clock, watch.broken
     turned, wave = watch.sine[r] * phase, watch.sine[r]
@@ -192,10 +311,10 @@ def clear_time(
         if under > (0.5 * (bend - pull + twist) * down - rate) * down and under > 0.0 and down < math.inf:
             down = max(down, _first_meeting(under, -rate, bend - pull + twist))
         if k < active:
-            term = watch.weight[r, k] * flight.entry[k]
-            own, e = watch.weight_size[r, k] * size[k], watch.exponent[k]
-            value += term.real
-            rate += term.real * e.real - term.imag * e.imag
+            weight, h, h_rate = watch.weight[r, k], flight.entry[k], rate_of[k]
+            own = watch.weight_size[r, k] * size[k]
+            value += weight.real * h.real - weight.imag * h.imag
+            rate += weight.real * h_rate.real - weight.imag * h_rate.imag
             fast = fast - own if k + 1 < active else 0.0
             speed = own * watch.size[k]
             scale_rate += speed
@@ -218,8 +337,13 @@ def clear_time(
 
 
 @called
-def derivatives(r: int, watch: Watch, flight: Flight, phase: complex, found: NDArray[Any]) -> None:
-    """Second and third derivative of scalar r, and bounds on the second to fourth: found[0:5]."""
+def derivatives(
+    r: int, watch: Watch, flight: Flight, phase: complex, size: NDArray[Any], power: NDArray[Any], found: NDArray[Any]
+) -> None:
+    """Second and third derivative of scalar r, and bounds on the second to fourth: found[0:5].
+
+    `size` and the first row of `power` (3, K) are as `measure` leaves them; the other rows are scratch space.
+    """
     turned = watch.sine[r] * phase
     size_of_sine = math.sqrt(turned.real * turned.real + turned.imag * turned.imag)
     omega, clock = watch.omega, flight.clock
@@ -231,13 +355,12 @@ def derivatives(r: int, watch: Watch, flight: Flight, phase: complex, found: NDA
         third += watch.particle_weight[r, i] * watch.particle_drive[i] * clock[2]
         size2 += abs(pull)
         size3 += abs(watch.particle_weight[r, i] * watch.particle_drive[i] * clock[2])
+    multiply(watch, power[0], power[1])
+    multiply(watch, power[1], power[2])
     for k in range(watch.size.size):
-        term = watch.weight[r, k] * flight.entry[k]
-        e = watch.exponent[k]
-        square = e * e
-        second += (term * square).real
-        third += (term * square * e).real
-        own = math.sqrt(term.real * term.real + term.imag * term.imag) * watch.size[k] ** 2
+        second += (watch.weight[r, k] * power[1, k]).real
+        third += (watch.weight[r, k] * power[2, k]).real
+        own = watch.weight_size[r, k] * size[k] * watch.size[k] ** 2
         size2 += own
         size3 += own * watch.size[k]
         size4 += own * watch.size[k] ** 2
@@ -258,9 +381,8 @@ def read_coordinates(
             v += space.shape_follow[i] * slope
         for m in range(space.first[i], space.first[i + 1]):
             k = space.members[m]
-            term = space.shape[i, k] * flight.entry[k]
-            x += term.real
-            v += term.real * space.watch.exponent[k].real - term.imag * space.watch.exponent[k].imag
+            x += (space.shape[i, k] * flight.entry[k]).real
+            v += (space.shape_rate[i, k] * flight.entry[k]).real
         for m in range(flight.particle.size):
             x += space.particle_shape[i, m] * flight.particle[m]
             v += space.particle_shape[i, m] * flight.particle_rate[m]

@@ -11,6 +11,7 @@ __all__ = [
     "derivatives",
     "keep",
     "look_at_all",
+    "measure",
     "read_coordinates",
     "write_balance",
     "write_energy",
@@ -21,6 +22,7 @@ comes_to_rest = entry(events.comes_to_rest)
 derivatives = entry(crossing.derivatives)
 keep = entry(keeping.keep)
 look_at_all = entry(events.look_at_all)
+measure = entry(crossing.measure)
 read_coordinates = entry(crossing.read_coordinates)
 write_balance = entry(balance.write_balance)
 write_energy = entry(ledger.write_energy)

@@ -12,7 +12,10 @@ from femimpact.integrators.kernels.compiling import called, compiled, inlined
 from femimpact.integrators.kernels.crossing import (
     Flight,
     Space,
+    copy_flight,
     derivatives,
+    has_blocks,
+    measure,
     move,
     move_particles,
     read_coordinates,
@@ -62,16 +65,6 @@ class Samples(NamedTuple):
 
 
 @inlined
-def _copy(source: Flight, target: Flight) -> None:
-    for k in range(source.entry.size):
-        target.entry[k] = source.entry[k]
-    for i in range(source.particle.size):
-        target.particle[i], target.particle_rate[i] = source.particle[i], source.particle_rate[i]
-    for i in range(4):
-        target.clock[i] = source.clock[i]
-
-
-@inlined
 def _write_outputs(i: int, space: Space, flight: Flight, phase: complex, out: Samples) -> None:
     clock = flight.clock
     for o in range(out.constant.size):
@@ -89,7 +82,7 @@ def _write_outputs(i: int, space: Space, flight: Flight, phase: complex, out: Sa
 def _book(space: Space, mark: Flight, flight: Flight, amplitude: float, b: Balance) -> None:
     """Book work and losses since the mark, and set the mark here."""
     book_flight(space, mark, flight.clock[0] - mark.clock[0], amplitude, b)
-    _copy(flight, mark)
+    copy_flight(flight, mark)
 
 
 @called
@@ -104,7 +97,8 @@ def _sample(
         time = number * dt
         if time > until or i >= out.values.shape[0]:
             break
-        if turned:
+        # the turn from one sample to the next is a number for an entry that stands alone only
+        if turned and not has_blocks(space.watch):
             for k in range(space.watch.exponent.size):
                 flight.entry[k] *= space.turn[k]
             move_particles(space.watch, flight, time - flight.clock[0])
@@ -127,9 +121,10 @@ def _keep(
     b: Balance, ledger: bool,
 ) -> None:  # fmt: skip
     """Energies and the whole motion at one sample."""
-    read_coordinates(space, flight, phase, b.position, b.velocity)
     if row >= 0 and ledger:
         _book(space, mark, flight, amplitude, b)
+    read_coordinates(space, flight, phase, b.position, b.velocity)
+    if row >= 0 and ledger:
         write_balance(b, out.energy[row])
         for m in range(b.loss_of_mode.size):
             out.energy[row, 7 + m] = b.loss_of_mode[m]
@@ -171,8 +166,7 @@ def _write_impact(
 def look_at_all(space: Space, flight: Flight, c: Contact) -> None:
     """Find which pairs are at a wall, and their rates."""
     phase = unit_phase(space.watch.omega, flight.clock)
-    for k in range(space.watch.size.size):
-        c.search.size[k] = abs(flight.entry[k])
+    measure(space.watch, flight, c.search.size, c.search.power[0])
     for r in range(space.watch.upper.size):
         look(r, space.watch, flight, space.watch.size.size, phase, 1.0, c.search)
 
@@ -242,12 +236,13 @@ def comes_to_rest(space: Space, flight: Flight, c: Contact, b: Balance) -> bool:
     Under a pressing acceleration a the bounces to come last 2 v/(a (1 - e)) and stay below v^2/(2 a).
     """
     phase = unit_phase(space.watch.omega, flight.clock)
+    measure(space.watch, flight, c.search.size, c.search.power[0])
     for r in range(c.impulse.size):
         if c.impulse[r] == 0.0:
             continue
         side, e = c.search.at_wall[r], c.restitution[r]
         rebound = -side * c.search.rate[r]
-        derivatives(r, space.watch, flight, phase, c.search.found)
+        derivatives(r, space.watch, flight, phase, c.search.size, c.search.power, c.search.found)
         press, steepest = side * c.search.found[0], c.search.found[3]
         if press <= 1e-12 * c.search.found[2] or rebound * rebound > 2.0 * press * c.closure[0]:
             continue
@@ -274,10 +269,10 @@ def run_events(
 ) -> int:  # fmt: skip
     """Fly, sample and collide up to `until`, or to an event that changes who rides."""
     while True:
-        _copy(flight, trial)
+        copy_flight(flight, trial)
         status = next_event(space.watch, trial, until, c.search)
         _sample(space, flight, mark, trial.clock[0], amplitude, out, b, ledger)
-        _copy(trial, flight)
+        copy_flight(trial, flight)
         if ledger:
             _book(space, mark, flight, amplitude, b)
         if status != HIT:
@@ -293,7 +288,7 @@ def run_events(
             return STUCK
         c.tally[1] += 1
         resting = comes_to_rest(space, flight, c, b)
-        _copy(flight, mark)
+        copy_flight(flight, mark)
         if resting:
             return REST
         if c.tally[1] >= c.tally[2]:

@@ -23,7 +23,9 @@ class Forms(NamedTuple):
     """
 
     exponent: NDArray[Any]  # (S, K) complex
-    size: NDArray[Any]  # (S, K) |lambda|
+    coupling: NDArray[Any]  # (S, K, K) complex; see Watch
+    blocks: NDArray[Any]  # (S, B, 2)
+    size: NDArray[Any]  # (S, K)
     particle_given: NDArray[Any]  # (S, P)
     weight: NDArray[Any]  # (S, 2R, K) complex
     weight_size: NDArray[Any]  # (S, 2R, K)
@@ -31,6 +33,7 @@ class Forms(NamedTuple):
     particle_rate_weight: NDArray[Any]  # (S, 2R, P)
     constant: NDArray[Any]  # (S, 2R)
     shape: NDArray[Any]  # (S, d, K) complex
+    shape_rate: NDArray[Any]  # (S, d, K) complex
     particle_shape: NDArray[Any]  # (S, d, P)
     static: NDArray[Any]  # (S, d)
     to_entry_u: NDArray[Any]  # (S, K, d) complex
@@ -56,14 +59,13 @@ def read_state(
 ) -> None:
     """Displacements and velocities of all coordinates (2, d) at the present time."""
     phase = unit_phase(omega, flight.clock)
-    exponent, shape, particles = forms.exponent[number], forms.shape[number], forms.particle_shape[number]
+    shape, shape_rate, particles = forms.shape[number], forms.shape_rate[number], forms.particle_shape[number]
     for i in range(state.shape[1]):
         turned = harmonic[i] * phase
         x, v = forms.static[number, i] + turned.real, -omega * turned.imag
-        for k in range(exponent.size):
-            term = shape[i, k] * flight.entry[k]
-            x += term.real
-            v += term.real * exponent[k].real - term.imag * exponent[k].imag
+        for k in range(flight.entry.size):
+            x += (shape[i, k] * flight.entry[k]).real
+            v += (shape_rate[i, k] * flight.entry[k]).real
         for p in range(flight.particle.size):
             x += particles[i, p] * flight.particle[p]
             v += particles[i, p] * flight.particle_rate[p]

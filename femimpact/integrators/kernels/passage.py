@@ -27,7 +27,19 @@ from femimpact.integrators.kernels.books import (
     write_impact,
 )
 from femimpact.integrators.kernels.compiling import called, compiled, inlined
-from femimpact.integrators.kernels.crossing import Flight, Watch, move, move_particles, unit_phase
+from femimpact.integrators.kernels.crossing import (
+    NODES,
+    WEIGHTS,
+    Flight,
+    Watch,
+    copy_flight,
+    has_blocks,
+    move,
+    move_particles,
+    multiply,
+    panels_of,
+    unit_phase,
+)
 from femimpact.integrators.kernels.forms import CONTACT, FREE, REBOUND, Forms, Waves, enter_state, read_state
 from femimpact.integrators.kernels.search import END, STUCK, Search, next_event
 
@@ -76,8 +88,8 @@ class Journey(NamedTuple):
 def _watch(c: int, number: int, forms: Forms, waves: Waves, limits: NDArray[Any]) -> Watch:
     """Watched scalars of one case in one state."""
     return Watch(
-        forms.exponent[number], forms.size[number], waves.omega[c], False, forms.particle_given[number],
-        limits[3], limits[2], limits[0], limits[1], forms.weight[number], forms.weight_size[number],
+        forms.exponent[number], forms.coupling[number], forms.blocks[number], forms.size[number],
+        waves.omega[c], False, forms.particle_given[number], limits[3], limits[2], limits[0], limits[1], forms.weight[number], forms.weight_size[number],
         forms.particle_weight[number], forms.particle_rate_weight[number], waves.sine[c, number],
         forms.constant[number], limits[3], limits[3],
     )  # fmt: skip
@@ -115,16 +127,6 @@ def _set_limits(mode: NDArray[Any], forms: Forms, limits: NDArray[Any]) -> None:
 
 
 @inlined
-def _copy(source: Flight, target: Flight) -> None:
-    for k in range(source.entry.size):
-        target.entry[k] = source.entry[k]
-    for i in range(source.particle.size):
-        target.particle[i], target.particle_rate[i] = source.particle[i], source.particle_rate[i]
-    for i in range(4):
-        target.clock[i] = source.clock[i]
-
-
-@inlined
 def _book_contact(
     c: int,
     j: int,
@@ -134,9 +136,13 @@ def _book_contact(
     flight: Flight,
     duration: float,
     way: Journey,
+    search: Search,
     wanted: bool,
 ) -> None:
     """Add impulse and largest force of one flight in contact with a wall; `wall` is the force at the gap."""
+    if has_blocks(watch):
+        _sum_contact_over_nodes(c, j, watch, side, wall, flight, duration, way, search)
+        return
     r = way.mode.shape[1] + j
     wave = complex(0.0, watch.omega)
     turned = watch.sine[r] * unit_phase(watch.omega, flight.clock)
@@ -184,6 +190,50 @@ def _book_contact(
         way.totals[c, 4, j] = max(way.totals[c, 4, j], largest)
 
 
+@called
+def _sum_contact_over_nodes(
+    c: int, j: int, watch: Watch, side: float, wall: float, flight: Flight, duration: float, way: Journey,
+    search: Search,
+) -> None:  # fmt: skip
+    """The same where entries do not stand alone: by Gauss points, and Newton's method from the largest of them."""
+    r, spare, rate = way.mode.shape[1] + j, search.spare, search.power
+    copy_flight(flight, spare)
+    panels = panels_of(watch, flight, duration)
+    half, start, impulse, largest, best = 0.5 * duration / panels, flight.clock[0], 0.0, 0.0, 0.0
+    offset = side * watch.constant[r] - wall
+    for panel in range(panels):
+        for node in range(len(NODES)):
+            time = start + half * (2 * panel + 1 + NODES[node])
+            move(watch, spare, time - spare.clock[0])
+            force = offset + side * (watch.sine[r] * unit_phase(watch.omega, spare.clock)).real
+            for k in range(watch.exponent.size):
+                force += side * (watch.weight[r, k] * spare.entry[k]).real
+            impulse += half * WEIGHTS[node] * force
+            if force > largest:
+                largest, best = force, time - start
+    for _ in range(3):
+        copy_flight(flight, spare)
+        move(watch, spare, best)
+        multiply(watch, spare.entry, rate[1])
+        multiply(watch, rate[1], rate[2])
+        turned = side * watch.sine[r] * unit_phase(watch.omega, spare.clock)
+        force, slope, bend = offset + turned.real, -watch.omega * turned.imag, -(watch.omega**2) * turned.real
+        for k in range(watch.exponent.size):
+            force += side * (watch.weight[r, k] * spare.entry[k]).real
+            slope += side * (watch.weight[r, k] * rate[1, k]).real
+            bend += side * (watch.weight[r, k] * rate[2, k]).real
+        largest = max(largest, force)
+        if bend >= 0.0:
+            break
+        best = min(max(best - slope / bend, 0.0), duration)
+    way.touch[c, IMPULSE, j] += impulse
+    way.touch[c, DURATION, j] += duration
+    way.touch[c, PEAK, j] = max(way.touch[c, PEAK, j], largest)
+    if way.window[c, 0] <= start < way.window[c, 1]:
+        way.totals[c, 4, j] = max(way.totals[c, 4, j], largest)
+        way.totals[c, 5, j] += impulse
+
+
 @inlined
 def _add_to_cycle(c: int, sample: int, w: float, rate: float, phase: complex, reading: Reading) -> None:
     """Statistics of the cycle that a sample belongs to."""
@@ -219,23 +269,22 @@ def _read(
 ) -> None:  # fmt: skip
     """Read the motion at every grid time up to `until`; `flight` ends at the last of them."""
     dt, started, phase, active = reading.interval[c], False, complex(1.0, 0.0), 0
+    alone = not has_blocks(watch)
     turn = complex(math.cos(watch.omega * dt), math.sin(watch.omega * dt))
     while True:
         sample = way.tally[c, 0] + 1
         i, time = sample - first - 1, sample * dt
         if time > until:
             break
-        if started:
+        if started and alone:
             for k in range(active):
                 flight.entry[k] *= way.turn[0, k]
             move_particles(watch, flight, time - flight.clock[0])
             phase *= turn
         else:
             move(watch, flight, time - flight.clock[0])
-            started, phase = (
-                True,
-                complex(math.cos(watch.omega * time + flight.clock[3]), math.sin(watch.omega * time + flight.clock[3])),
-            )
+            theta = watch.omega * time + flight.clock[3]
+            started, phase = True, complex(math.cos(theta), math.sin(theta))
             for k in range(watch.exponent.size):
                 if flight.entry[k] != 0.0:
                     active, way.turn[0, k] = k + 1, cmath.exp(watch.exponent[k] * dt)
@@ -299,10 +348,10 @@ def _fly(
     number = _state_number(mode)
     _set_limits(mode, forms, limits)
     if books is not None:
-        _copy(flight, mark)
+        copy_flight(flight, mark)
     while True:
         watch = _watch(c, number, forms, waves, limits)
-        _copy(flight, trial)
+        copy_flight(flight, trial)
         status = next_event(watch, trial, until, search)
         duration = trial.clock[0] - flight.clock[0]
         if duration > 0.0:
@@ -311,9 +360,9 @@ def _fly(
                 if abs(mode[j]) == CONTACT:
                     side = 1.0 if mode[j] > 0.0 else -1.0
                     wall = forms.stiffness[j] * forms.gap[0 if side > 0.0 else 1, j]
-                    _book_contact(c, j, watch, side, wall, flight, duration, way, books is not None)
+                    _book_contact(c, j, watch, side, wall, flight, duration, way, search, books is not None)
         _read(c, number, first, trial.clock[0], watch, reading, flight, mark, way, forms, waves, books)
-        _copy(trial, flight)
+        copy_flight(trial, flight)
         if books is not None:
             book_flight(c, number, forms, waves, watch, mode, mark, flight, way.touch[c], books)
         if status == END:
@@ -329,7 +378,7 @@ def _fly(
             enter_state(after, forms, waves.harmonic[c, after], waves.omega[c], way.state, flight)
             number = after
             if books is not None:
-                _copy(flight, mark)
+                copy_flight(flight, mark)
         _set_limits(mode, forms, limits)
 
 
@@ -346,8 +395,8 @@ def fly_cases(
     """
     for i in range(cases.size):
         c = cases[i]
-        home = Flight(way.entry[c], way.particle[c], way.particle_rate[c], way.clock[c])
-        _copy(home, flight)
+        home = Flight(way.entry[c], way.particle[c], way.particle_rate[c], way.clock[c], flight.term)
+        copy_flight(home, flight)
         status = END
         if way.tally[c, 0] < begin[c]:
             way.tally[c, 0] = begin[c]
@@ -360,6 +409,6 @@ def fly_cases(
             status = _fly(
                 c, begin[c], time, most[c], forms, waves, reading, way, search, limits, flight, trial, mark, books
             )
-        _copy(flight, home)
+        copy_flight(flight, home)
         if status != END:
             stuck[c] = flight.clock[0]

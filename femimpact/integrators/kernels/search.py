@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.compiling import ZERO, called, inlined
-from femimpact.integrators.kernels.crossing import Flight, Watch, clear_time, derivatives, move, unit_phase
+from femimpact.integrators.kernels.crossing import Flight, Watch, clear_time, derivatives, measure, move, unit_phase
 
 __all__ = ["END", "HIT", "RELEASE", "REST", "STUCK", "Search", "look", "next_event"]
 
@@ -28,8 +28,10 @@ class Search(NamedTuple):
     at_wall: NDArray[Any]  # (R,) side of the wall touched at this instant, else 0
     rate: NDArray[Any]  # (R,)
     found: NDArray[Any]  # (5,) scratch
-    size: NDArray[Any]  # (K,) scratch
+    size: NDArray[Any]  # (K,) |H|; see `measure`
+    power: NDArray[Any]  # (3, K) complex: H', and scratch
     event: NDArray[Any]  # (4,): scalar, side, time at which a capture rests
+    spare: Flight  # scratch
 
 
 @inlined
@@ -58,7 +60,7 @@ def _creep_time(clearance: float, speed: float, bend: float, twist: float, bound
 @inlined
 def look(r: int, watch: Watch, flight: Flight, active: int, phase: complex, remaining: float, c: Search) -> float:
     """Safe time of one scalar; `at_wall` tells whether it is at a bound now."""
-    safe: float = clear_time(r, watch, flight, active, c.size, phase, remaining, c.found)
+    safe: float = clear_time(r, watch, flight, active, c.size, c.power[0], phase, remaining, c.found)
     value, rate, rounding, rate_rounding = c.found[0], c.found[1], c.found[2], c.found[3]
     c.rate[r] = rate
     c.at_wall[r] = 0.0
@@ -76,7 +78,7 @@ def look(r: int, watch: Watch, flight: Flight, active: int, phase: complex, rema
     elif toward > rate_rounding:
         return 0.0
     # it creeps along its wall, where the bound of a parabola says little
-    derivatives(r, watch, flight, phase, c.found)
+    derivatives(r, watch, flight, phase, c.size, c.power, c.found)
     bend, twist = side * c.found[0], side * c.found[1]
     if c.at_wall[r] != 0.0 and toward >= -rate_rounding:
         toward = 0.0
@@ -97,15 +99,14 @@ def next_event(watch: Watch, flight: Flight, until: float, c: Search) -> int:
     """Move to the first event or to `until`: END, HIT, REST or RELEASE, the pair and side in `event`."""
     for _ in range(10_000_000):
         phase = unit_phase(watch.omega, flight.clock)
+        measure(watch, flight, c.size, c.power[0])
         largest = 0.0
         for k in range(watch.size.size):
-            h = flight.entry[k]
-            c.size[k] = math.sqrt(h.real * h.real + h.imag * h.imag)
             largest = max(largest, c.size[k])
         active = ZERO
         for k in range(watch.size.size):
             if c.size[k] < DECAYED * largest:
-                c.size[k], flight.entry[k] = 0.0, 0.0
+                c.size[k], flight.entry[k], c.power[0, k] = 0.0, 0.0, 0.0
             elif c.size[k] > 0.0:
                 active = k + 1
         remaining = until - flight.clock[0]
