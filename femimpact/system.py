@@ -27,6 +27,10 @@ from femimpact.structure import Impactor, Position, Stop
 __all__ = ["ContactPair", "State", "System", "contact_pair", "without_impactors"]
 
 
+ALIKE = 1e-6
+"""Relative difference of omega^2 below which two modes count as one first mode."""
+
+
 @dataclass(frozen=True)
 class ContactPair:
     """One ball between its two walls, or the beam between two stops, seen through one direction vector.
@@ -308,6 +312,8 @@ def _contacts_of_matrices(
     """First natural frequency (Hz) of a system given by matrices, and its contact pairs."""
     omega_squared, vectors = scipy.linalg.eigh(dense["K"], dense["M"])
     elastic = rank == system.dofs
+    # equal parts share the lowest frequency: what their modes have at a place together does not hang on their choice
+    lowest = vectors[:, omega_squared <= omega_squared[0] * (1.0 + ALIKE)]
     names = [item.name for item in items]
     distinct = len({*names, *system.points}) == len(names) + len(system.points)
     require(distinct, "name", names, "", "must be distinct, and not the name of a point")
@@ -315,7 +321,7 @@ def _contacts_of_matrices(
     for item in items:
         require(item.at in system.points, f"{item.name}.at", item.at, "", suggestion(str(item.at), system.points))
         row = system.directions[str(item.at)]
-        first = float(row @ vectors[:, 0])
+        first = float(np.linalg.norm(row @ lowest))
         if not elastic or first == 0.0:
             # no first mode to speak of: the mass that is felt at once
             first = math.sqrt(float(row @ np.linalg.solve(dense["M"], row)))

@@ -165,7 +165,7 @@ def test_a_rider_moves_like_the_glued_structure():
     K, M = system.K.toarray(), np.eye(3) + 3.43e-3 * np.outer(row, row)
     omega = np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K)).real)
     # light damping shifts frequencies by zeta^2
-    np.testing.assert_allclose(np.sort(np.abs(closed.exponent)), np.sort(omega), rtol=1e-4)
+    np.testing.assert_allclose(np.sort(np.abs(closed.modes.exponent)), np.sort(omega), rtol=1e-4)
 
 
 # ---- no event is missed ---------------------------------------------------------------------------
@@ -200,12 +200,12 @@ def test_no_crossing_is_missed_in_thousands_of_random_flights(modes, states):
         ball = np.array([rng.uniform(-1, 1) * scale, 10.0 ** rng.uniform(-4, 0) * rng.choice([-1, 1])])
         flight = Flight(
             entry, ball[:1] / closed.particle_shape[-1, :1], ball[1:] / closed.particle_shape[-1, :1],
-            np.array([0.0, 0.0, 0.0, drive.phase]),
+            np.array([0.0, 0.0, 0.0, drive.phase]), np.zeros(modes, dtype=complex),
         )  # fmt: skip
         expected, step = first_beyond(space, flight, horizon, points)
         if expected == 0.0:
             continue
-        scratch = new_search(1, 2 * modes)
+        scratch = new_search(1, modes, 1)
         status = next_event(space.watch, flight, horizon, scratch)
         time = flight.clock[0] if status == search.HIT else math.inf
         met += status == search.HIT
