@@ -17,6 +17,22 @@ RESOLVED = 4.0
 """A half-power width counts as resolved when it holds this many frequency steps."""
 
 
+SYSTEMATIC = 2.5
+"""Standard errors beyond which neighbouring misfits are alike: the curve is then not one pole plus noise."""
+
+ENOUGH_POINTS = 8
+"""Fewer do not tell a second pole from noise."""
+
+CONFIDENCE = 0.995
+"""With which a curve is called more than one pole and noise."""
+
+NEGLIGIBLE_MISFIT = 1e-5
+"""Share of the peak below which a misfit, of far modes or of rounding, does not matter."""
+
+UNDETERMINED = math.log(10.0)
+"""Half-width of the logarithm's interval beyond which the points say nothing about the ratio."""
+
+
 @dataclass(frozen=True)
 class DampingEstimate:
     """Damping ratio of one resonance, how it was found and how sure it is.
@@ -28,7 +44,8 @@ class DampingEstimate:
     frequency : float, Hz
         Natural frequency (fit) or frequency of the peak (half-power).
     interval : pair of float, 1
-        95 % confidence interval of the fit's ratio; for half-power, what the grid leaves open.
+        95 % confidence interval of the fit's ratio, not a number where the misfit is no noise; for half-power,
+        what the grid leaves open.
     method : str
     warnings : tuple of str
     """
@@ -41,7 +58,9 @@ class DampingEstimate:
 
     def __str__(self) -> str:
         low, high = self.interval
-        text = f"{self.ratio:.5f} ({low:.5f} to {high:.5f}) at {self.frequency:.4f} Hz by {self.method}"
+        interval = f"{low:.4g} to {high:.4g}" if math.isfinite(low + high) else "no interval"
+        ratio = f"{self.ratio:.4g} ({interval})" if math.isfinite(self.ratio) else "no damping ratio"
+        text = f"{ratio} at {self.frequency:.4f} Hz by {self.method}"
         return text + "".join(f"\n  warning: {warning}" for warning in self.warnings)
 
 
@@ -151,7 +170,8 @@ def fit_one_pole(
     Returns
     -------
     DampingEstimate
-        With the 95 % interval of the linearised fit.
+        With the 95 % interval of the linearised fit. There is none where the misfit is systematic, and no ratio
+        where the points do not determine it.
     """
     from scipy.optimize import least_squares
     from scipy.special import stdtrit
@@ -175,24 +195,81 @@ def fit_one_pole(
     scale = [1.0, 1e-2 * f[top], 1.0]
     trials: list[Any] = [least_squares(misfit_of, p, x_scale=scale, xtol=1e-14, ftol=1e-14) for p in starts]
     best = min(trials, key=lambda trial: float(trial.cost))
-    freedom = max(f_fit.size - 3, 1)
-    variance = 2.0 * best.cost / freedom
-    covariance = variance * np.linalg.pinv(best.jac.T @ best.jac)
-    spread = float(stdtrit(freedom, 0.975) * math.sqrt(max(covariance[2, 2], 0.0)))
-    ratio = math.exp(best.x[2])
-    spread = min(spread, 50.0)
-    warnings = list(_resolution_warnings(f, int(np.argmin(np.abs(f - best.x[1]))), 2.0 * ratio * best.x[1]))
+    ratio, frequency_found = math.exp(best.x[2]), float(best.x[1])
+    spread = _spread_of_logarithm(best.jac, 2.0 * best.cost, stdtrit)
+    if not f[0] <= frequency_found <= f[-1]:
+        message = f"no resonance within {f[0]:g} to {f[-1]:g} Hz: the best fit has its pole at {frequency_found:.4g} Hz"
+        return DampingEstimate(math.nan, frequency_found, (math.nan, math.nan), "one-pole least squares", (message,))
+    if spread > UNDETERMINED:
+        message = (
+            f"{f_fit.size} points with steps of {step:.3g} Hz do not determine a damping ratio: "
+            f"refine the grid around {f[top]:.4g} Hz"
+        )
+        return DampingEstimate(math.nan, frequency_found, (math.nan, math.nan), "one-pole least squares", (message,))
+    warnings = list(_resolution_warnings(f, int(np.argmin(np.abs(f - frequency_found))), 2.0 * ratio * frequency_found))
+    interval = (ratio * math.exp(-spread), ratio * math.exp(spread))
     misfit = math.sqrt(2.0 * best.cost / f_fit.size)
+    if misfit > NEGLIGIBLE_MISFIT:
+        reason = _no_interval(f_fit, x_fit, best, misfit > misfit_limit, resolved=not warnings)
+        if reason:
+            interval = (math.nan, math.nan)
+            warnings.append(f"no interval: the misfit of {100 * misfit:.2g} % of the peak {reason}")
     if misfit > misfit_limit:
         warnings.append(
             f"the curve is not that of one pole: root-mean-square misfit {100 * misfit:.0f} % of the peak "
             f"(limit {100 * misfit_limit:.0f} %); read the ratio as an equivalent one"
         )
-    if not f[0] <= best.x[1] <= f[-1]:
-        message = f"no resonance within {f[0]:g} to {f[-1]:g} Hz: the best fit has its pole at {best.x[1]:.4g} Hz"
-        return DampingEstimate(math.nan, float(best.x[1]), (math.nan, math.nan), "one-pole least squares", (message,))
-    interval = (ratio * math.exp(-spread), ratio * math.exp(spread))
-    return DampingEstimate(ratio, float(best.x[1]), interval, "one-pole least squares", tuple(warnings))
+    return DampingEstimate(ratio, frequency_found, interval, "one-pole least squares", tuple(warnings))
+
+
+def _spread_of_logarithm(jacobian: NDArray[Any], squares: float, quantile: Any) -> float:
+    """Half-width of the 95 % interval of log(ratio), the third parameter; infinite where nothing depends on it."""
+    points = jacobian.shape[0]
+    freedom = max(points - 3, 1)
+    size = np.linalg.norm(jacobian, axis=0)
+    if float(size[2]) < 1e-6 * math.sqrt(points):
+        return math.inf
+    scaled = jacobian / np.where(size > 0.0, size, 1.0)
+    inverse = np.linalg.pinv(scaled.T @ scaled)
+    variance = squares / freedom * max(float(inverse[2, 2]), 0.0) / float(size[2]) ** 2
+    return float(quantile(freedom, 0.975)) * math.sqrt(variance)
+
+
+def _is_systematic(misfit: NDArray[Any]) -> bool:
+    """Whether neighbouring misfits are alike: their correlation beyond what independent ones would have."""
+    size = float(misfit @ misfit)
+    alike = float(misfit[1:] @ misfit[:-1]) / size if size > 0.0 else 0.0
+    return alike > min(SYSTEMATIC / math.sqrt(misfit.size), 0.8)
+
+
+def _no_interval(f: NDArray[Any], x: NDArray[Any], pole: Any, large: bool, resolved: bool) -> str:
+    """Why the misfit is not to be taken for noise, or nothing."""
+    if f.size < ENOUGH_POINTS or not resolved:
+        return f"may be noise or a second pole: {f.size} points of this grid do not tell"
+    if large or _is_systematic(pole.fun) or _has_background(f, x, pole):
+        return "is no noise but systematic, as of a second pole or of a bent peak"
+    return ""
+
+
+def _has_background(f: NDArray[Any], x: NDArray[Any], pole: Any) -> bool:
+    """Whether a complex constant beside the pole explains much more than noise would let it (F test)."""
+    from scipy.optimize import least_squares
+    from scipy.special import fdtri
+
+    def misfit_of(p: NDArray[Any]) -> NDArray[Any]:
+        own = math.exp(p[0]) * f**2 / (p[1] ** 2 - f**2 + 2j * math.exp(p[2]) * p[1] * f)
+        return np.asarray(np.abs(own + p[3] + 1j * p[4]) - x)
+
+    scale = [1.0, 1e-2 * float(f[np.argmax(x)]), 1.0, 1.0, 1.0]
+    start = np.append(pole.x, [0.0, 0.0])
+    # a share of either sign: at no background the derivative by its modulus' normal part is zero
+    trials = [
+        least_squares(misfit_of, start + np.array([0.0, 0.0, 0.0, a, b]), x_scale=scale)
+        for a in (-0.1, 0.1)
+        for b in (-0.1, 0.1)
+    ]
+    cost, freedom = min(float(trial.cost) for trial in trials), f.size - 5
+    return (float(pole.cost) - cost) * freedom > 2.0 * cost * float(fdtri(2, freedom, CONFIDENCE))
 
 
 def amplitude_ratio_damping(reference: DampingEstimate, reference_peak: float, peak: float) -> DampingEstimate:

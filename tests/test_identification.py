@@ -138,3 +138,30 @@ def test_the_drop_of_the_peak_scales_the_reference_damping():
     assert (estimate.frequency, estimate.warnings) == (5.3, ("coarse",))
     with pytest.raises(fi.InputError, match=r"peak = 0\.0 m: must be > 0"):
         fi.amplitude_ratio_damping(reference, 1e-3, 0.0)
+
+
+@pytest.mark.parametrize("distance", [0.5, 1.0, 2.0, 4.0, 8.0, 16.0])
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("ratio", [0.003, 0.006])
+@pytest.mark.parametrize(("half_width", "points"), [(0.5, 201), (0.05, 9), (0.15, 30)])
+def test_over_two_close_poles_an_interval_holds_the_truth_or_is_not_given(distance, share, ratio, half_width, points):
+    # off the poles by a share of a step, as measured grids are
+    f = np.linspace(5.0 - half_width, 5.0 + half_width, points) + 3e-3
+    near = 5.0 * (1.0 + distance * 0.003)
+    first, second = f**2 / (25.0 - f**2 + 0.03j * f), share * f**2 / (near**2 - f**2 + 2j * ratio * near * f)
+    estimate = fi.fit_one_pole(f, np.abs(first + second))
+    # of the pole with the larger peak
+    truth = 0.003 if share / ratio <= 1.0 / 0.003 else ratio
+    low, high = estimate.interval
+    assert np.isnan(low) or low <= truth <= high
+    if np.isnan(low) and np.isfinite(estimate.ratio):
+        assert any("no interval" in warning for warning in estimate.warnings)
+        assert "no interval" in str(estimate)
+
+
+@pytest.mark.parametrize("amplitude", [[1.0, 2.0, 5.0, 1.0], [1.0, 1.1, 9.0, 1.2], [1.0, 3.0, 3.0, 1.0]])
+def test_four_points_of_no_resonance_have_no_damping_ratio(amplitude):
+    estimate = fi.fit_one_pole([4.0, 4.7, 5.3, 6.0], amplitude)
+    assert np.isnan(estimate.ratio)
+    assert any("4 points" in warning and "do not determine" in warning for warning in estimate.warnings)
+    assert "no damping ratio" in str(estimate)

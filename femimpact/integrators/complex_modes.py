@@ -13,11 +13,14 @@ eigenvalue problems.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
+
+from femimpact.errors import DivergenceError
 
 __all__ = ["ComplexModes", "complex_modes"]
 
@@ -32,6 +35,10 @@ WELL_APART = 30.0
 
 ROUNDING = 1e-14
 """Couplings within a block below this share of its size are rounding."""
+
+
+COMPLETE = 1e-6
+"""Error of a motion at its start beyond which modes are called incomplete; rounding is far below."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +129,8 @@ def complex_modes(omega_squared: Real, damping: Real) -> ComplexModes:
     found: list[tuple[NDArray[np.intp], _Pair]] = []
     for members in _components(damping):
         own, among = omega_squared[members], damping[np.ix_(members, members)]
-        pairs = _single(float(own[0]), float(among[0, 0])) if members.size == 1 else []
-        found += [(members, pair) for pair in pairs or _pairs(own, among)]
+        alone = _single(float(own[0]), float(among[0, 0])) if members.size == 1 else []
+        found += [(members, pair) for pair in alone or _pairs(own, among)]
     found.sort(key=lambda item: float(np.abs(np.diag(item[1].S)).mean()))
     size = sum(pair.S.shape[0] for _, pair in found)
     exponent, coupling = np.zeros(size, dtype=complex), np.zeros((size, size), dtype=complex)
@@ -131,15 +138,31 @@ def complex_modes(omega_squared: Real, damping: Real) -> ComplexModes:
     blocks, first = list[tuple[int, int]](), 0
     for members, pair in found:
         count = pair.S.shape[0]
-        own = slice(first, first + count)
-        exponent[own] = np.minimum(np.diag(pair.S).real, 0.0) + 1j * np.diag(pair.S).imag
-        coupling[own, own] = np.triu(pair.S, 1)
-        shape[members, own] = pair.weight * pair.X
-        from_u[own, members], from_v[own, members] = pair.from_u, pair.from_v
-        if np.any(coupling[own, own]):
+        entries = slice(first, first + count)
+        exponent[entries] = np.minimum(np.diag(pair.S).real, 0.0) + 1j * np.diag(pair.S).imag
+        coupling[entries, entries] = np.triu(pair.S, 1)
+        shape[members, entries] = pair.weight * pair.X
+        from_u[entries, members], from_v[entries, members] = pair.from_u, pair.from_v
+        if np.any(coupling[entries, entries]):
             blocks.append((first, count))
         first += count
-    return ComplexModes(exponent, coupling, np.array(blocks, dtype=np.int64).reshape(-1, 2), shape, from_u, from_v)
+    modes = ComplexModes(exponent, coupling, np.array(blocks, dtype=np.int64).reshape(-1, 2), shape, from_u, from_v)
+    _check_complete(modes)
+    return modes
+
+
+def _check_complete(modes: ComplexModes) -> None:
+    """Refuse a closed form that does not give back the displacements and velocities it is made of."""
+    unit = np.eye(modes.shape.shape[0])
+    error = max(
+        float(np.abs((modes.shape @ modes.from_u).real - unit).max(initial=0.0)),
+        float(np.abs((modes.shape @ modes.rate @ modes.from_v).real - unit).max(initial=0.0)),
+    )
+    if not error < COMPLETE:
+        raise DivergenceError(
+            f"the closed form of the damped structure misses its start by {error:.2g} (bound {COMPLETE:g}): its "
+            "complex modes do not separate; Newmark needs none"
+        )
 
 
 def _components(damping: Real) -> list[NDArray[np.intp]]:
@@ -201,11 +224,11 @@ def _pairs(omega_squared: Real, damping: Real) -> list[_Pair]:
 def _invariant(state: Real, values: Complex, members: NDArray[np.intp]) -> tuple[Complex, Complex]:
     """Orthonormal basis of the invariant subspace of some eigenvalues (its upper half), and the triangular S."""
 
-    def chosen(value: complex) -> bool:
+    def chosen(value: Any) -> bool:
         return bool(int(np.argmin(np.abs(values - value))) in members)
 
-    triangular, vectors, found = scipy.linalg.schur(state.astype(complex), output="complex", sort=chosen)
-    m = int(found)
+    schur: Any = scipy.linalg.schur
+    triangular, vectors, m = schur(state.astype(complex), output="complex", sort=chosen)
     return vectors[: state.shape[0] // 2, :m], triangular[:m, :m]
 
 
@@ -258,6 +281,6 @@ def _normalised(X: Complex, S: Complex, damping: Real, weight: float) -> _Pair:
         if np.linalg.cond(vectors) <= WELL_APART:
             X, S, diagonal = X @ vectors, np.diag(own), True
     G = X.T @ damping @ X + X.T @ X @ S + S.T @ X.T @ X
-    from_v = np.linalg.solve(G, X.T)
-    from_u = np.linalg.solve(G, X.T @ damping + S.T @ X.T)
-    return _Pair(X, S, from_u, from_v, weight)
+    both = np.linalg.solve(G, np.hstack([X.T @ damping + S.T @ X.T, X.T])).astype(complex)
+    n = X.shape[0]
+    return _Pair(X, S, both[:, :n], both[:, n:], weight)

@@ -18,7 +18,16 @@ from femimpact.integrators.kernels.search import Search
 from femimpact.response import Channel
 from femimpact.system import System
 
-__all__ = ["EventDriven", "Outputs", "check_events", "force_directions", "new_flight", "new_search", "outputs_of", "space_of"]
+__all__ = [
+    "EventDriven",
+    "Outputs",
+    "check_events",
+    "force_directions",
+    "new_flight",
+    "new_search",
+    "outputs_of",
+    "space_of",
+]
 
 MOST_COMPLIANT = 4
 """Kelvin-Voigt contacts whose 3^n states are prepared."""

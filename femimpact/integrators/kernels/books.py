@@ -85,9 +85,7 @@ def _product(a: NDArray[Any], b: NDArray[Any], plus: NDArray[Any], minus: NDArra
 
 
 @inlined
-def _integrate_terms(
-    exponent: NDArray[Any], together: NDArray[Any], omega: float, duration: float, b: Books
-) -> None:
+def _integrate_terms(exponent: NDArray[Any], together: NDArray[Any], omega: float, duration: float, b: Books) -> None:
     """Integrals of e^{mu_k s} e^{mu_m s} and of e^{mu_k s} conj(e^{mu_m s}) over the duration."""
     terms, wave = exponent.size + 1, complex(0.0, omega)
     for k in range(terms):

@@ -5,7 +5,8 @@ A scalar x(t + s) = sum_k r_k e^{lambda_k s} + parabola + sine is bounded over t
     x(t + s) <= [x + x' s + S s^2/2 of the slow terms] + sum over the fast terms of |r_k|,
 
 since |e^z - 1 - z| <= |z|^2/2 and |e^z| <= 1 for Re z <= 0. Of a block of eigenvalues that lie together the same
-holds with norms, since no motion of it grows: |r_k| is then |w_k| |h| with the whole block's h. Whatever split into slow and fast is taken,
+holds with norms, since no motion of it grows: |r_k| is then |w_k| |h| with the whole block's h. Whatever split into
+slow and fast is taken,
 the time at which the right-hand side meets the wall comes before any crossing: the motion is advanced by
 the longest of these times, again and again. Close to a wall that it approaches with speed, the bound is the
 tangent with a quadratic remainder, so that the distance left is squared by every advance, as in Newton's
@@ -217,7 +218,7 @@ def move(watch: Watch, flight: Flight, duration: float) -> None:
 @inlined
 def has_blocks(watch: Watch) -> bool:
     """Whether some entries do not stand alone."""
-    return watch.blocks.shape[0] > 0 and watch.blocks[0, 1] > 0
+    return bool(watch.blocks.shape[0] > 0 and watch.blocks[0, 1] > 0)
 
 
 @inlined

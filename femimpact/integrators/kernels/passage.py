@@ -88,10 +88,10 @@ class Journey(NamedTuple):
 def _watch(c: int, number: int, forms: Forms, waves: Waves, limits: NDArray[Any]) -> Watch:
     """Watched scalars of one case in one state."""
     return Watch(
-        forms.exponent[number], forms.coupling[number], forms.blocks[number], forms.size[number],
-        waves.omega[c], False, forms.particle_given[number], limits[3], limits[2], limits[0], limits[1], forms.weight[number], forms.weight_size[number],
-        forms.particle_weight[number], forms.particle_rate_weight[number], waves.sine[c, number],
-        forms.constant[number], limits[3], limits[3],
+        forms.exponent[number], forms.coupling[number], forms.blocks[number], forms.size[number], waves.omega[c], False,
+        forms.particle_given[number], limits[3], limits[2], limits[0], limits[1], forms.weight[number],
+        forms.weight_size[number], forms.particle_weight[number], forms.particle_rate_weight[number],
+        waves.sine[c, number], forms.constant[number], limits[3], limits[3],
     )  # fmt: skip
 
 
