@@ -1,6 +1,7 @@
 """Event-driven flight through Kelvin-Voigt contacts: exact against other programs, closed in energy."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -304,3 +305,46 @@ def test_a_motion_without_stiffness_is_refused_for_contacts_that_are_flown_throu
     free = fi.System.from_matrices([[1.0]], [[0.1]], [[0.0]], points={"p": [1.0]}, impactors=[ball])
     with pytest.raises(fi.InputError, match=r"softest coordinate = 0\.0 N/m: must be > 0 for EventDriven"):
         fi.integrate(free, fi.Sine(1e-4, 5.0), EXACT, 0.6)
+
+
+# ---- a beam that rests on its stop: the breathing crack -------------------------------------------
+
+
+def resting_on_a_stop(modes, gap, restitution=0.6, contact_time=1e-3):
+    structure = fi.Structure(
+        beam=fi.Beam.uniform(length=0.3, width=0.020, thickness=2e-3, young_modulus=70e9, density=2700),
+        stops=[
+            fi.Stop(
+                "stop", at="tip", gap=gap, contact=fi.KelvinVoigt(restitution=restitution, contact_time=contact_time)
+            )
+        ],
+        damping=fi.Rayleigh(ratio=0.01, modes=(1, 2)),
+    )
+    return fi.reduce(fi.assemble(structure, elements=12), modes)
+
+
+@pytest.mark.parametrize("modes", [1, 2, 4, 8])
+@pytest.mark.parametrize("gap", [(0.0, math.inf), (math.inf, 0.0), (0.0, 1e-4)])
+def test_a_beam_at_rest_on_its_stop_moves_off(modes, gap):
+    rng = np.random.default_rng(modes)
+    for phase in (0.0, 0.5 * math.pi, math.pi, float(rng.uniform(0.0, 6.0))):
+        for restitution in (0.3, 0.6, 0.9):
+            system = resting_on_a_stop(modes, gap, restitution, float(rng.choice([1e-3, 3e-3])))
+            base = fi.Sine(amplitude=1e-4, frequency=float(rng.uniform(2.0, 60.0)), phase=phase)
+            run = fi.integrate(system, base, EXACT, 20.0 / base.frequency, fi.Recorder(channels=("tip",)))
+            assert run.energy.residual < 1e-10
+            assert np.abs(run["tip"]).max() > 0.0
+
+
+@pytest.mark.parametrize("stiffness", [3.0, 50.0])
+def test_an_undamped_breathing_oscillator_has_the_bilinear_period(stiffness):
+    """Half a period of the oscillator alone and half of it with the stop's spring: T = pi/w1 + pi/w2."""
+    system = fi.System.from_matrices(
+        [[1.0]], [[0.0]], [[1.0]], points={"a": [1.0]},
+        stops=[fi.Stop("stop", at="a", gap=(0.0, math.inf), contact=fi.KelvinVoigt(stiffness=stiffness, damping=0.0))],
+    )  # fmt: skip
+    start = fi.State(velocity=[-1.0])
+    run = fi.integrate(system, fi.Sine(1e-15, 0.02), EXACT, 400.0, fi.Recorder(channels=("a",)), initial=start)
+    period = math.pi * (1.0 + 1.0 / math.sqrt(1.0 + stiffness))
+    # impacts begin once a period; the base moves 1e-15 m
+    np.testing.assert_allclose(np.diff(run.impacts.time), period, rtol=1e-12)

@@ -41,7 +41,7 @@ from femimpact.integrators.kernels.crossing import (
     unit_phase,
 )
 from femimpact.integrators.kernels.forms import CONTACT, FREE, REBOUND, Forms, Waves, enter_state, read_state
-from femimpact.integrators.kernels.search import END, STUCK, Search, next_event
+from femimpact.integrators.kernels.search import END, REST, STUCK, Search, next_event
 
 __all__ = ["Journey", "Reading", "fly_cases"]
 
@@ -346,6 +346,7 @@ def _fly(
     mode = way.mode[c]
     pairs, at_once, changes = mode.size, 0, 0
     number = _state_number(mode)
+    search.leaving[:] = 0.0
     _set_limits(mode, forms, limits)
     if books is not None:
         copy_flight(flight, mark)
@@ -373,6 +374,9 @@ def _fly(
         r = int(search.event[0])
         read_state(number, forms, waves.harmonic[c, number], waves.omega[c], flight, way.state)
         _change(c, r, search.event[1], search.rate[r], flight.clock[0], forms, way, books)
+        if status == REST and abs(mode[r % pairs]) == CONTACT:
+            # what began at rest does not end by the rounding of its rate
+            search.leaving[pairs + r % pairs] = -search.event[1]
         after = _state_number(mode)
         if after != number:
             enter_state(after, forms, waves.harmonic[c, after], waves.omega[c], way.state, flight)

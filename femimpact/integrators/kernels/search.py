@@ -21,10 +21,14 @@ DECAYED = 1e-24
 """Share of the largest entry below which one has died out, and is left out from then on."""
 
 
+SETTLED = 1e5
+"""Times its rounding that a rate must have, to end what began at rest at this instant: its own start had none."""
+
+
 class Search(NamedTuple):
     """What a search leaves behind, and its scratch space; R scalars, K entries."""
 
-    leaving: NDArray[Any]  # (R,) side of a wall just left, else 0
+    leaving: NDArray[Any]  # (R,) side of a bound just left, or at which another bound was met at rest; else 0
     at_wall: NDArray[Any]  # (R,) side of the wall touched at this instant, else 0
     rate: NDArray[Any]  # (R,)
     found: NDArray[Any]  # (5,) scratch
@@ -75,7 +79,7 @@ def look(r: int, watch: Watch, flight: Flight, active: int, phase: complex, rema
         c.leaving[r] = 0.0
         if 2.0 * abs(rate) * safe > clearance or safe >= remaining:
             return safe
-    elif toward > rate_rounding:
+    elif toward > (SETTLED if c.leaving[r] == side else 1.0) * rate_rounding:
         return 0.0
     # it creeps along its wall, where the bound of a parabola says little
     derivatives(r, watch, flight, phase, c.size, c.power, c.found)
