@@ -21,7 +21,7 @@ from femimpact.errors import require
 from femimpact.integrators.complex_modes import ComplexModes, complex_modes
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven import Outputs
-from femimpact.integrators.flight_space import Equations, equations_of, undamped_modes
+from femimpact.integrators.flight_space import Equations, equations_of, undamped_modes, wall_offset
 from femimpact.integrators.kernels.forms import Forms, Waves
 from femimpact.integrators.kernels.passage import Reading
 from femimpact.integrators.layout import CYCLE_COLUMNS
@@ -108,10 +108,10 @@ def _prepare(system: System, drive: Drive) -> Compliant:
         directions = whole.force[:, touching]
         K = whole.K + (directions * kv[touching, 0]) @ directions.T
         C = whole.C + (directions * kv[touching, 1]) @ directions.T
-        walls = np.array([s * _gap(p, s) for s, p in zip(sides, pairs, strict=True) if s])
+        walled = [j for j, side in enumerate(sides) if side and math.isfinite(pairs[j].gaps[0 if side > 0 else 1])]
         key = touching.tobytes()
         known[key] = known[key] if key in known else _homogeneous(whole, K, C)
-        forms.append(_with_static(known[key], whole.given - directions @ (kv[touching, 0] * walls)))
+        forms.append(_with_static(known[key], whole, wall_offset(system, whole, tuple((j, sides[j]) for j in walled))))
         matrices.append((K, C))
     return Compliant(whole, states, _stacked(system, whole, forms, kv), tuple(matrices))
 
@@ -144,10 +144,14 @@ def _homogeneous(whole: Equations, K: NDArray[Any], C: NDArray[Any]) -> tuple[_F
     return form, compliance, loose
 
 
-def _with_static(found: tuple[_Form, NDArray[Any], NDArray[Any]], given: NDArray[Any]) -> _Form:
+def _with_static(
+    found: tuple[_Form, NDArray[Any], NDArray[Any]], whole: Equations, offset: NDArray[Any]
+) -> _Form:
+    """With its static position: seen from where the walls are just met, no contact spring is strained by the gap."""
     form, compliance, loose = found
+    given = whole.given - whole.K @ offset
     return _Form(
-        form.modes, form.shape, form.particle_shape, loose.T @ given, compliance @ given, form.to_entry_u,
+        form.modes, form.shape, form.particle_shape, loose.T @ given, offset + compliance @ given, form.to_entry_u,
         form.to_entry_v, form.to_particle,
     )  # fmt: skip
 

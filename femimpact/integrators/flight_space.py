@@ -23,7 +23,7 @@ from femimpact.integrators.complex_modes import ComplexModes, complex_modes
 from femimpact.integrators.driving import Drive
 from femimpact.system import System
 
-__all__ = ["Equations", "FlightSpace", "Riders", "equations_of", "flight_space", "undamped_modes"]
+__all__ = ["Equations", "FlightSpace", "Riders", "equations_of", "flight_space", "undamped_modes", "wall_offset"]
 
 RIGID = 1e-14
 """Eigenvalues below this share of the largest are rigid motions, where the stiffness is singular."""
@@ -195,19 +195,9 @@ def _constrained(system: System, whole: Equations, riders: Riders) -> tuple[NDAr
     size = whole.M.shape[0]
     if not riders:
         return np.eye(size), np.zeros(size)
-    rows = np.array([-whole.force[:, j] for j, _ in riders])
-    walls = np.array([side * system.contacts[j].gaps[0 if side > 0 else 1] for j, side in riders])
-    offset, n = np.zeros(size), system.dofs
+    offset, n = wall_offset(system, whole, riders), system.dofs
     stops = [i for i, (j, _) in enumerate(riders) if system.contacts[j].is_stop]
-    if stops:
-        # the static shape of the push: its force has nothing to do in the motions that are left
-        push = whole.force[:n, [riders[i][0] for i in stops]]
-        shape = np.linalg.lstsq(whole.K[:n, :n], push, rcond=None)[0]
-        shape = shape if np.allclose(whole.K[:n, :n] @ shape, push) else push
-        offset[:n] = shape @ np.linalg.solve(rows[stops, :n] @ shape, walls[stops])
-    for (j, _), wall in zip(riders, walls, strict=True):
-        if not system.contacts[j].is_stop:
-            offset[n + j] = wall + whole.force[:n, j] @ offset[:n]
+    rows = np.array([-whole.force[:, j] for j, _ in riders])
     left = np.eye(n) if not stops else scipy.linalg.null_space(rows[stops, :n])
     flying = [i for i in range(n, size) if i - n not in dict(riders)]
     basis = np.zeros((size, left.shape[1] + len(flying)))
@@ -217,6 +207,25 @@ def _constrained(system: System, whole: Equations, riders: Riders) -> tuple[NDAr
         if not system.contacts[j].is_stop:
             basis[n + j, : left.shape[1]] = whole.force[:n, j] @ left
     return basis, offset
+
+
+def wall_offset(system: System, whole: Equations, touching: Riders) -> NDArray[Any]:
+    """Coordinates (d,) in which every one of these pairs is just at its wall, m."""
+    n = system.dofs
+    offset = np.zeros(whole.M.shape[0])
+    walls = {j: side * system.contacts[j].gaps[0 if side > 0 else 1] for j, side in touching}
+    stops = [j for j, _ in touching if system.contacts[j].is_stop]
+    if stops:
+        # the static shape of the push: its force has nothing to do in the motions that are left
+        push = whole.force[:n, stops]
+        shape = np.linalg.lstsq(whole.K[:n, :n], push, rcond=None)[0]
+        shape = shape if np.allclose(whole.K[:n, :n] @ shape, push) else push
+        # where several stops cannot be met at once, the nearest
+        offset[:n] = shape @ np.linalg.lstsq(-push.T @ shape, np.array([walls[j] for j in stops]), rcond=None)[0]
+    for j, wall in walls.items():
+        if not system.contacts[j].is_stop:
+            offset[n + j] = wall + whole.force[:n, j] @ offset[:n]
+    return offset
 
 
 def undamped_modes(K: NDArray[Any], M: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -236,10 +245,28 @@ def undamped_modes(K: NDArray[Any], M: NDArray[Any]) -> tuple[NDArray[Any], NDAr
     flexible = np.linalg.solve(lower, np.linalg.solve(lower, M[bound]).T)
     values, z = np.linalg.eigh(0.5 * (flexible + flexible.T))
     omega_squared, vectors = np.zeros(K.shape[0]), np.zeros_like(K)
-    omega_squared[~alone] = 1.0 / values
-    vectors[bound] = np.linalg.solve(lower.T, z) / np.sqrt(values)
+    omega_squared[~alone], vectors[bound] = _fast_corrected(
+        1.0 / values, np.linalg.solve(lower.T, z) / np.sqrt(values), K[bound], M[bound]
+    )
     vectors[np.ix_(alone, alone)] = np.diag(1.0 / np.sqrt(np.diag(M)[alone]))
     return omega_squared, vectors
+
+
+def _fast_corrected(
+    omega_squared: NDArray[Any], vectors: NDArray[Any], K: NDArray[Any], M: NDArray[Any]
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Modes of a flexibility, fast ones first: those have lost the square of their frequency ratio in digits.
+
+    They are made orthogonal to the slower ones, which keep theirs, and take omega^2 from the stiffness.
+    """
+    vectors = vectors.copy()
+    for i in range(omega_squared.size - 1, -1, -1):
+        slower = vectors[:, i + 1 :]
+        vectors[:, i] -= slower @ (slower.T @ (M @ vectors[:, i]))
+        vectors[:, i] /= np.sqrt(vectors[:, i] @ M @ vectors[:, i])
+    fast = omega_squared > 1e-4 * omega_squared.max(initial=0.0)
+    exact = np.einsum("ij,ij->j", vectors, K @ vectors)
+    return np.where(fast, exact, omega_squared), vectors
 
 
 def _steady(
