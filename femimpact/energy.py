@@ -8,7 +8,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["EnergyLedger", "energy_residual"]
+__all__ = ["BALANCED", "CLOSED", "EnergyLedger", "energy_residual", "largest_input", "residual_warnings", "unbalanced"]
+
+CLOSED = 1e-9
+"""Residual that rounding leaves of a ledger in closed form, unless contacts are so stiff that it leaves more."""
+
+BALANCED = 1e-2
+"""Residual beyond which a run is not to be believed without a reason."""
+
+
+def largest_input(stored: NDArray[Any], work: NDArray[Any]) -> NDArray[Any]:
+    """Initial energy plus the largest work put in, J: what residuals are shares of.
+
+    Parameters
+    ----------
+    stored, work : ndarray (samples, ...), J
+
+    Returns
+    -------
+    ndarray (...), J
+    """
+    return np.asarray(stored[0] + np.max(np.abs(work - work[0]), axis=0))
 
 
 def energy_residual(stored: NDArray[Any], work: NDArray[Any], dissipated: NDArray[Any]) -> NDArray[Any]:
@@ -27,8 +47,42 @@ def energy_residual(stored: NDArray[Any], work: NDArray[Any], dissipated: NDArra
     """
     put_in = work - work[0]
     missing = (stored - stored[0]) - put_in + (dissipated - dissipated[0])
-    scale = stored[0] + np.max(np.abs(put_in), axis=0)
+    scale = largest_input(stored, work)
     return np.asarray(missing / np.where(scale > 0.0, scale, 1.0))
+
+
+def unbalanced(residual: float) -> str:
+    """Words for a run in closed form whose ledger does not close at all."""
+    return (
+        f"energy residual {residual:.2g} of the energy put in (limit {BALANCED:g}) where a closed form leaves rounding "
+        "only: the equations are too badly scaled for it; Newmark takes this system"
+    )
+
+
+def residual_warnings(frequency: NDArray[Any], residual: NDArray[Any], bound: NDArray[Any]) -> list[str]:
+    """One warning for all runs of a sweep whose ledger is off by more than a bound.
+
+    Parameters
+    ----------
+    frequency : ndarray (cases,), Hz
+    residual : ndarray (cases,), 1
+        Not a number without a ledger.
+    bound : ndarray (cases,), 1
+
+    Returns
+    -------
+    list of str
+    """
+    off = np.flatnonzero(residual > bound)
+    if not off.size:
+        return []
+    worst = off[np.argmax(residual[off])]
+    return [
+        f"energy residual above its bound at {off.size} of {frequency.size} frequencies ({frequency[off].min():.4g} to "
+        f"{frequency[off].max():.4g} Hz), at most {residual[worst]:.2g} of the energy put in (bound "
+        f"{bound[worst]:.2g}) at {frequency[worst]:.4g} Hz: the method or the contact law makes or loses energy that "
+        "the ledger does not name"
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +127,11 @@ class EnergyLedger:
     def residual_history(self) -> NDArray[Any]:
         """Signed residual over time; see `energy_residual`."""
         return energy_residual(self.stored, self.work, self.structure_loss + self.contact_loss)
+
+    @property
+    def largest_input(self) -> float:
+        """Initial energy plus the largest work put in, J."""
+        return float(largest_input(self.stored, self.work))
 
     @property
     def residual(self) -> float:

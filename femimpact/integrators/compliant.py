@@ -144,9 +144,7 @@ def _homogeneous(whole: Equations, K: NDArray[Any], C: NDArray[Any]) -> tuple[_F
     return form, compliance, loose
 
 
-def _with_static(
-    found: tuple[_Form, NDArray[Any], NDArray[Any]], whole: Equations, offset: NDArray[Any]
-) -> _Form:
+def _with_static(found: tuple[_Form, NDArray[Any], NDArray[Any]], whole: Equations, offset: NDArray[Any]) -> _Form:
     """With its static position: seen from where the walls are just met, no contact spring is strained by the gap."""
     form, compliance, loose = found
     given = whole.given - whole.K @ offset

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.integrators.event_state import EventRun, kept_rows
+from femimpact.integrators.event_state import EventRun, kept_rows, require_finite
 from femimpact.integrators.flight_space import Riders
 from femimpact.integrators.kernels import entries
 from femimpact.integrators.kernels.events import Samples
@@ -82,6 +82,7 @@ def keep_start(run: EventRun, position: NDArray[Any], velocity: NDArray[Any]) ->
 
 def gather(run: EventRun, out: Samples, done: int) -> None:
     """Statistics of the piece's whole cycles, and the samples that are kept."""
+    require_finite(out.values, (done + out.values.shape[0]) * run.interval)
     per_cycle = run.method.samples_per_cycle
     whole = out.values.shape[0] // per_cycle
     w = out.values[: whole * per_cycle, 0].reshape(whole, per_cycle)

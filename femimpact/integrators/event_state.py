@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.errors import DivergenceError
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven import EventDriven, Outputs, force_directions, new_flight, new_search, space_of
 from femimpact.integrators.flight_space import FlightSpace, Riders, flight_space
@@ -18,7 +19,7 @@ from femimpact.integrators.kernels.events import Contact
 from femimpact.integrators.layout import IMPACT_COLUMNS
 from femimpact.system import System
 
-__all__ = ["EventRun", "Keep", "Ride", "kept_rows", "new_run", "piece_of"]
+__all__ = ["EventRun", "Keep", "Ride", "kept_rows", "new_run", "piece_of", "require_finite"]
 
 CYCLES_AT_ONCE = 256
 """Base cycles between two looks at progress and interrupts."""
@@ -47,7 +48,7 @@ class Ride:
 
 @dataclass(eq=False)
 class EventRun:
-    """Working state and results of one run; arrays grow by pieces."""
+    """Working state and results of one run; arrays grow by pieces. `rounding` (J) bounds that of the ledger."""
 
     system: System
     drive: Drive
@@ -66,6 +67,7 @@ class EventRun:
     rides: list[Ride] = field(default_factory=list)
     open_rides: dict[int, tuple[int, float, float]] = field(default_factory=dict)
     touching: tuple[int, ...] = ()
+    rounding: float = 0.0
     piece_samples: int = 0
 
     def clear(self) -> None:
@@ -128,6 +130,21 @@ def piece_of(run: EventRun) -> int:
     per_cycle = run.method.samples_per_cycle
     fitting = max(run.piece_samples * max(run.keep.every, 1) // per_cycle, 1) if run.piece_samples else CYCLES_AT_ONCE
     return min(CYCLES_AT_ONCE, fitting) * per_cycle
+
+
+def require_finite(values: NDArray[Any], time: float) -> None:
+    """Stop a run whose readings are no numbers.
+
+    Raises
+    ------
+    DivergenceError
+        Naming the time (s) until which they were read.
+    """
+    if not np.all(np.isfinite(values)):
+        raise DivergenceError(
+            f"the motion is not finite before t = {time:.4g} s: its closed form has lost all digits; Newmark takes "
+            "this system"
+        )
 
 
 def kept_rows(run: EventRun, done: int, count: int) -> tuple[NDArray[Any], NDArray[Any]]:

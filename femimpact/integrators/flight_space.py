@@ -244,6 +244,9 @@ def undamped_modes(K: NDArray[Any], M: NDArray[Any]) -> tuple[NDArray[Any], NDAr
     # threads, which takes a thousand times as long as these few numbers
     flexible = np.linalg.solve(lower, np.linalg.solve(lower, M[bound]).T)
     values, z = np.linalg.eigh(0.5 * (flexible + flexible.T))
+    if values[0] <= 0.0:
+        spread = "must not spread over so many decades: the fastest motions are lost in rounding; keep fewer modes"
+        require(False, "stiffness", float(np.diag(K)[~alone].max()), "N/m", spread)
     omega_squared, vectors = np.zeros(K.shape[0]), np.zeros_like(K)
     omega_squared[~alone], vectors[bound] = _fast_corrected(
         1.0 / values, np.linalg.solve(lower.T, z) / np.sqrt(values), K[bound], M[bound]

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
-from femimpact.energy import EnergyLedger
-from femimpact.errors import in_range, quantity, require
+from femimpact.energy import BALANCED, CLOSED, EnergyLedger, unbalanced
+from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation
 from femimpact.history import HistoryPiece, Snapshots, Stream
 from femimpact.impacts import Impacts, Riding, impact_statistics
@@ -30,10 +30,6 @@ from femimpact.signals import CycleStatistics, SteadyMotion, no_steady_motion, s
 from femimpact.system import State, System
 
 __all__ = ["cycle_statistics", "fly", "grid_interval"]
-
-
-CLOSED = 1e-9
-"""Energy residual above which a run carries a warning: rounding is far below."""
 
 
 def grid_interval(method: EventDriven, excitation: Excitation) -> float:
@@ -130,11 +126,15 @@ def _response(
     impacts = _impacts(run, system, excitation)
     energy = left.energy
     warnings = []
-    if energy is not None and energy.residual > CLOSED:
-        warnings.append(
-            f"energy residual {energy.residual:.2g} of the energy put in, above {CLOSED:g}: an event-driven run "
-            "closes to rounding unless its modes span too many decades; keep fewer"
-        )
+    if energy is not None:
+        bound = max(CLOSED, run.rounding / energy.largest_input) if energy.largest_input > 0.0 else CLOSED
+        if not energy.residual <= BALANCED:
+            raise DivergenceError(unbalanced(energy.residual))
+        if energy.residual > bound:
+            warnings.append(
+                f"energy residual {energy.residual:.2g} of the energy put in, above {bound:.2g}: an event-driven run "
+                "closes to rounding unless its modes span too many decades; keep fewer"
+            )
     if impacts.dropped:
         warnings.append(
             f"{impacts.dropped} impacts beyond the first {len(impacts)} are not in the table (Recorder.impacts)"

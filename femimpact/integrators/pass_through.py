@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from femimpact.errors import DivergenceError, require
 from femimpact.integrators.compliant import compliant_forms
 from femimpact.integrators.event_driven import Outputs
-from femimpact.integrators.event_state import EventRun, kept_rows, piece_of
+from femimpact.integrators.event_state import EventRun, kept_rows, piece_of, require_finite
 from femimpact.integrators.kernels.forms import FREE
 from femimpact.integrators.passing import Passing, energy_now, new_books, new_passing, pass_on
 from femimpact.integrators.threads import Progress
@@ -62,6 +62,7 @@ def pass_through(
         changes = np.array([most * max(count // per_cycle, 1)])
         pass_on(flown, one, np.array([done]), np.array([done + count]), changes)
         _check(passing, run)
+        require_finite(reading.values, (done + count) * run.interval)
         run.cycles.append(reading.cycles[0])
         # the rate of the observed place is for the statistics only
         run.samples.append(np.delete(reading.values[0][kept >= 0], 1, axis=1))
@@ -70,6 +71,7 @@ def pass_through(
         done += count
         run.contact.totals[:] = passing.way.totals[0]
         run.contact.tally[0] = books.tally[0]
+        run.rounding = float(books.sums[0, 2])
         run.touching = tuple(int(j) for j in np.flatnonzero(passing.way.mode[0] != FREE))
         after_piece()
         if progress is not None:

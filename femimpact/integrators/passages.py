@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.energy import energy_residual
+from femimpact.energy import CLOSED, energy_residual, largest_input
 from femimpact.integrators.compliant import Compliant
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven import EventDriven, Outputs
+from femimpact.integrators.kernels.books import Books
 from femimpact.integrators.layout import ENERGY_COLUMNS
 from femimpact.integrators.passing import energy_now, new_books, new_passing, pass_on
 from femimpact.integrators.threads import Progress, run_each
@@ -40,7 +41,9 @@ class Passages:
     totals : ndarray (6, pairs, cases)
         Sums over the measured cycles; see `layout.TOTAL_COLUMNS`.
     residual : ndarray (cases,), 1
-        Largest at the ends of cycles; not a number without a ledger.
+        Largest at the start and the ends of measured cycles; not a number without a ledger.
+    bound : ndarray (cases,), 1
+        What rounding may make of it.
     stuck : ndarray (cases,), s
         When changes of contact did not end; infinite where they did.
     """
@@ -48,6 +51,7 @@ class Passages:
     cycles: CycleStatistics
     totals: NDArray[Any]
     residual: NDArray[Any]
+    bound: NDArray[Any]
     stuck: NDArray[Any]
 
 
@@ -85,8 +89,8 @@ def pass_dwells(
     rows[0, : system.dofs] = rates[1, : system.dofs] = observed
     period = np.array([2.0 * np.pi / drive.omega for drive in drives])
     end = cycles * per_cycle
-    # one sample more: the first measured cycle begins with it
-    begin = np.zeros_like(end) if ledger else np.maximum((cycles - measured) * per_cycle - 1, 0)
+    # one sample more: the first measured cycle begins with it, that at the start too
+    begin = (cycles - measured) * per_cycle - 1
     window = np.stack([(cycles - measured) * period, np.full(period.size, np.inf)], axis=1)
     run = new_passing(
         system, found, drives, Outputs(rows, rates, (-1, -1)), per_cycle, 0, int(measured.max()), window, position,
@@ -94,14 +98,11 @@ def pass_dwells(
     )  # fmt: skip
     run.reading.origin[:] = end - measured * per_cycle
     if ledger:
-        number = np.arange(1, int(end.max()) + 1)
-        kept = np.where(number % per_cycle == 0, number // per_cycle - 1, -1)
-        run = replace(
-            run,
-            books=new_books(
-                system, found, drives[0], kept, np.full(number.size, -1), int(cycles.max()), len(drives), 0, 0
-            ),
-        )
+        # the ledger of the transient is summed, and read where measuring begins
+        number, most_rows = np.arange(int(measured.max()) * per_cycle + 1), int(measured.max()) + 1
+        kept = np.where(number % per_cycle == 0, number // per_cycle, -1)
+        none = np.full(number.size, -1)
+        run = replace(run, books=new_books(system, found, drives[0], kept, none, most_rows, len(drives), 0, 0))
     most = float(method.most_events) * cycles
 
     def fly(members: NDArray[Any], share: Progress | None) -> None:
@@ -112,20 +113,24 @@ def pass_dwells(
     # cases cost differently: small groups even that out
     groups = max(math.ceil(period.size / LARGEST_GROUP), 1 if workers == 1 else min(GROUPS * workers, period.size))
     run_each(fly, np.array_split(np.arange(period.size), groups), workers, progress)
-    residual = np.full(period.size, np.nan)
+    residual, bound = np.full((2, period.size), np.nan)
     if run.books is not None:
-        residual = _residuals(run.books.energy, energy_now(system, found, position, velocity), cycles)
+        start = energy_now(system, found, position, velocity)
+        run.books.energy[begin < 0, 0] = start[begin < 0]
+        residual, bound = _residuals(run.books, start, measured)
     statistics = CycleStatistics(*np.moveaxis(run.reading.cycles, (2, 1), (0, 1)))
-    return Passages(statistics, np.moveaxis(run.way.totals, 0, 2), residual, run.stuck)
+    return Passages(statistics, np.moveaxis(run.way.totals, 0, 2), residual, bound, run.stuck)
 
 
-def _residuals(energy: NDArray[Any], start: NDArray[Any], cycles: NDArray[Any]) -> NDArray[Any]:
-    """Largest energy residual of every case at the ends of its cycles."""
-    table = np.concatenate([start[:, None], energy], axis=1)[:, :, : len(ENERGY_COLUMNS)]
-    # a case that ends before others: its last row stands for those after it
-    own = np.minimum(np.arange(table.shape[1]), cycles[:, None])
+def _residuals(books: Books, start: NDArray[Any], measured: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Largest energy residual of every case, and its bound."""
+    table = np.concatenate([start[:, None], books.energy], axis=1)[:, :, : len(ENERGY_COLUMNS)]
+    # a case with fewer cycles than others: its last row stands for those after it
+    own = np.minimum(np.arange(table.shape[1]), measured[:, None] + 1)
     table = np.take_along_axis(table, own[:, :, None], axis=1)
     kinetic, strain, ball, contact, work, lost, in_contact = table.T
-    return np.asarray(
-        np.max(np.abs(energy_residual(kinetic + strain + ball + contact, work, lost + in_contact)), axis=0)
-    )
+    stored = kinetic + strain + ball + contact
+    residual = np.max(np.abs(energy_residual(stored, work, lost + in_contact)), axis=0)
+    put_in = largest_input(stored, work)
+    rounding = books.sums[:, 2] / np.where(put_in > 0.0, put_in, 1.0)
+    return np.asarray(residual), np.maximum(CLOSED, rounding)

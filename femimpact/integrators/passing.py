@@ -147,7 +147,7 @@ def new_books(
         ).reshape(3, pairs),
         direction=np.ascontiguousarray(found.equations.force.T),
         gap=found.forms.gap,
-        sums=np.zeros((cases, 2)),
+        sums=np.zeros((cases, 3)),
         loss_of_mode=np.zeros((cases, n)),
         kept=kept,
         shown=shown,

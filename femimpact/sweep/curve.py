@@ -60,7 +60,8 @@ class FrequencyResponse:
     cycle_mean_force : ndarray (n,), N
         Integral of the force over the measured time.
     energy_residual : ndarray (n,), 1
-        Largest over the base cycles of the whole dwell; not a number without a ledger.
+        Largest at the ends of base cycles, event-driven through compliant contacts or without any of the measured ones;
+        not a number without a ledger.
     amplitude : float, m
         Of the base.
     cycles : int or None

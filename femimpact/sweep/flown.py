@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.energy import BALANCED, CLOSED, residual_warnings, unbalanced
 from femimpact.errors import DivergenceError
 from femimpact.excitation import Sine
 from femimpact.impacts import impact_statistics, statistics_of_cases
@@ -51,6 +52,11 @@ def flown_columns(
                 warnings.append(f"at {f[i]:g} Hz: {error}")
             return
         motion = steady_motion(found.cycles, np.array([measured]))
+        fault = _fault(float(motion.rms[0]), found.residual, ledger)
+        if fault:
+            with lock:
+                warnings.append(f"at {f[i]:g} Hz: {fault}")
+            return
         for name in ("peak", "rms", "first_harmonic", "phase", "steadiness"):
             columns[name][i] = getattr(motion, name)[0]
         statistics = impact_statistics(found.totals, found.measured, float(f[i]), "")
@@ -61,9 +67,17 @@ def flown_columns(
             share(1.0)
 
     run_each(run, range(f.size), workers, progress)
+    warnings += residual_warnings(f, columns["energy_residual"], np.full(f.size, CLOSED))
     if all(s == "failed" for s in columns["steadiness"]):
         raise DivergenceError(warnings[-1])
     return columns, warnings
+
+
+def _fault(rms: float, residual: float, ledger: bool) -> str:
+    """What is wrong with a run beyond rounding, or nothing."""
+    if not math.isfinite(rms) or (ledger and not math.isfinite(residual)):
+        return "the motion is not finite: its closed form has lost all digits; Newmark takes this system"
+    return unbalanced(residual) if ledger and residual > BALANCED else ""
 
 
 def _empty(cases: int) -> dict[str, NDArray[Any]]:
@@ -90,7 +104,7 @@ def _passed_columns(
     )
     position = np.array([np.concatenate([u, y[:balls]]) for u, _, y, _ in starts])
     velocity = np.array([np.concatenate([v, y_rate[:balls]]) for _, v, _, y_rate in starts])
-    columns = _empty(f.size)
+    columns, bound = _empty(f.size), np.full(f.size, CLOSED)
     # the ledger of a case takes some kilobytes a second: many cases go one part after the other
     parts = np.array_split(np.arange(f.size), math.ceil(f.size / AT_ONCE))
     for number, members in enumerate(parts):
@@ -99,7 +113,9 @@ def _passed_columns(
             system, found, [drives[i] for i in members], method, dwells.cycles[members], dwells.measured[members],
             position[members], velocity[members], observed, ledger, workers, share,
         )  # fmt: skip
+        bound[members] = passed.bound
         _fill(columns, warnings, members, passed, dwells, method)
+    warnings += residual_warnings(f, columns["energy_residual"], bound)
     if all(s == "failed" for s in columns["steadiness"]):
         raise DivergenceError(warnings[-1])
     return columns, warnings
@@ -118,13 +134,20 @@ def _fill(
     statistics = statistics_of_cases(
         passed.totals, dwells.measured[members] / dwells.frequency[members], dwells.frequency[members]
     )
-    fine = np.isinf(passed.stuck)
+    faults = [
+        _fault(*pair, ledger=bool(np.isfinite(passed.bound[0])))
+        for pair in zip(motion.rms, passed.residual, strict=True)
+    ]
+    resolved = np.isinf(passed.stuck)
+    fine = resolved & np.array([not fault for fault in faults])
     for name in ("peak", "rms", "first_harmonic", "phase", "steadiness"):
         columns[name][members[fine]] = getattr(motion, name)[fine]
     for name in IMPACT_NAMES:
         columns[name][members[fine]] = statistics[name][fine]
     columns["energy_residual"][members[fine]] = passed.residual[fine]
-    for c in np.flatnonzero(~fine):
+    for c in np.flatnonzero(resolved & ~fine):
+        warnings.append(f"at {dwells.frequency[members[c]]:g} Hz: {faults[c]}")
+    for c in np.flatnonzero(~resolved):
         warnings.append(
             f"at {dwells.frequency[members[c]]:g} Hz: contacts at t = {passed.stuck[c]:.6g} s do not resolve within "
             f"{method.most_events} changes a cycle: raise most_events, or check gaps that leave no clearance"

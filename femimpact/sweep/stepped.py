@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
-from femimpact.energy import energy_residual
+from femimpact.energy import BALANCED, energy_residual, residual_warnings
 from femimpact.errors import DivergenceError
 from femimpact.excitation import Sine
 from femimpact.impacts import statistics_of_cases
@@ -61,6 +61,7 @@ def stepped_columns(
     run_each(run, _blocks(ends, workers), workers, progress)
     for i in np.flatnonzero(np.isfinite(diverged)):
         warnings.append(divergence_message(float(f[i]), float(diverged[i]), method))
+    warnings += residual_warnings(f, columns["energy_residual"], np.full(f.size, BALANCED))
     if all(s == "failed" for s in columns["steadiness"]):
         raise DivergenceError(divergence_message(float(f[0]), float(diverged.min()), method))
     return columns, warnings

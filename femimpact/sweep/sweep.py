@@ -61,8 +61,7 @@ def frequency_sweep(
     at : str or float
         The observed place.
     ledger : bool
-        Keep the energy residual of every case; costs about half as much again. An event-driven sweep takes nearly
-        three times as long: it then reads its transient too, and rounds otherwise.
+        Keep the energy residual of every case; costs about half as much again, event-driven up to as much again.
     threads : int, optional
         The number of cores by default; the results do not depend on it, to the last bit.
     progress : callable, optional

@@ -27,6 +27,9 @@ __all__ = [
     "open_books", "write_impact",
 ]  # fmt: skip
 
+PLACES = 16.0 * 2.220446049250313e-16
+"""Rounding of a displacement as a share of the terms that make it."""
+
 START, APPROACH, IMPULSE, PEAK, DURATION, LOSS = range(6)
 """Rows of `Journey.touch`: what an open contact adds up to."""
 
@@ -45,7 +48,7 @@ class Books(NamedTuple):
     pair: NDArray[Any]  # (3, R) stiffness and damping of its walls, free stiffness
     direction: NDArray[Any]  # (R, d) of a force on the structure
     gap: NDArray[Any]  # (2, R)
-    sums: NDArray[Any]  # (cases, 2) work, contact loss
+    sums: NDArray[Any]  # (cases, 3) work, contact loss, what rounding may have made of both; J
     loss_of_mode: NDArray[Any]  # (cases, n)
     kept: NDArray[Any]  # (samples,) number of the energy row that a sample fills, -1 for none
     shown: NDArray[Any]  # (samples,) number of the snapshot, -1 for none
@@ -124,6 +127,9 @@ def book_flight(
     if has_blocks(watch):
         _sum_over_nodes(c, number, forms, waves, watch, mode, mark, duration, touch, b)
         read_state(number, forms, harmonic, omega, flight, b.after)
+        for j in range(mode.size):
+            if mode[j] != FREE:
+                _add_rounding(c, j, touch, b)
         copy_flight(flight, mark)
         return
     _integrate_terms(watch.exponent, b.together[number], omega, duration, b)
@@ -150,11 +156,26 @@ def book_flight(
             b.loss_of_mode[c, i] += b.numbers[DAMPING, i] * _product(b.strength[i], b.strength[i], b.plus, b.minus)
     b.sums[c, 0] += work
     for j in range(mode.size):
+        if mode[j] != FREE:
+            _add_rounding(c, j, touch, b)
         if abs(mode[j]) == REBOUND:
             _add_rebound(c, j, mode[j], touch, b)
         elif mode[j] != FREE:
             _add_contact(c, j, watch, mode[j], mark, phase, touch, b)
     copy_flight(flight, mark)
+
+
+@inlined
+def _add_rounding(c: int, j: int, touch: NDArray[Any], b: Books) -> None:
+    """Add a bound on what rounding makes of a contact's energy, from the state last read.
+
+    x = y - w is known to some units in the last place of y, w and the gap, and so the contact's energy to its
+    largest force times that.
+    """
+    size = 0.0
+    for i in range(b.after.shape[1]):
+        size += abs(b.direction[j, i] * b.after[0, i])
+    b.sums[c, 2] += PLACES * size * touch[PEAK, j]
 
 
 @inlined
