@@ -8,26 +8,45 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.contact import ContactLaw, ContactParameters, resolve
-from femimpact.errors import check_fields, choice, in_range, quantity, require, require_type, suggestion
-from femimpact.excitation import Excitation
-from femimpact.hermite import shape_functions
-from femimpact.matrices import checked_matrix, checked_row, definite_factor, real_array
+from femimpact.contact import ContactLaw, ContactParameters, require_law, resolve
+from femimpact.errors import (
+    Fault,
+    InputError,
+    check_fields,
+    checked,
+    choice,
+    column,
+    in_range,
+    items,
+    optional,
+    quantity,
+    real_array,
+    require,
+    require_type,
+    suggestion,
+    text,
+)
+from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
+from femimpact.hermite import DERIVATIVE, shape_functions
+from femimpact.matrices import check_semidefinite, checked_matrix, checked_row, definite_factor, same_product
 from femimpact.structure import Impactor, Position, Stop
 
-__all__ = ["ContactPair", "State", "System", "contact_pair", "without_impactors"]
+__all__ = ["ContactPair", "State", "System", "SystemOrigin", "contact_pair", "hermite_rows", "without_impactors"]
+
+OFF_BEAM = 1e-6
+"""Share of the length by which a position in single precision may lie off the beam."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ContactPair:
     """One ball between its two walls, or the beam between two stops, seen through one direction vector.
 
@@ -44,27 +63,38 @@ class ContactPair:
     gaps : pair of float, m
         On the + and on the - side.
     law : ContactLaw
-    parameters : ContactParameters
-        The law's numbers for this pair's effective mass.
-    effective_mass : float, kg
-        1/(1/m + phi1^2) with the first mass-normalised mode at the pair.
+    first_mode : float, kg^-0.5
+        phi1, the first mass-normalised mode at the pair.
     flexibility : float, m/N
         b^T K^-1 b of the whole structure, to see what a reduction leaves out; not a number unknown.
     free_stiffness : float, N/m
     acceleration : float, m/s^2
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
-    name: str
-    direction: NDArray[Any]
-    position: float
-    mass: float
-    gaps: tuple[float, float]
+    name: str = field(metadata=text())
+    direction: NDArray[Any] = field(metadata=column("1", "dofs", finite=True))
+    position: float = field(metadata=quantity("m", finite=False))
+    mass: float = field(metadata=quantity("kg", above=0.0, finite=False))
+    gaps: tuple[float, float] = field(metadata=quantity("m", at_least=0.0, several=True, finite=False))
     law: ContactLaw
-    parameters: ContactParameters
-    effective_mass: float
-    flexibility: float = math.nan
-    free_stiffness: float = 0.0
-    acceleration: float = 0.0
+    first_mode: float = field(metadata=quantity("kg^-0.5"))
+    flexibility: float = field(default=math.nan, metadata=quantity("m/N", at_least=0.0, finite=False))
+    free_stiffness: float = field(default=0.0, metadata=quantity("N/m", at_least=0.0))
+    acceleration: float = field(default=0.0, metadata=quantity("m/s^2"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        require(not math.isnan(self.mass), "mass", self.mass, "kg", "must be a number > 0 kg, infinite for a stop")
+        two = isinstance(self.gaps, tuple) and len(self.gaps) == 2 and not any(map(math.isnan, self.gaps))
+        require(two, "gaps", self.gaps, "m", "must be two numbers >= 0 (to the + side, to the - side)")
+        require_law(self.law)
+        # the numbers of a law that has none for this mass are missed here, not in the middle of a run
+        require_type(self.parameters, ContactParameters, "law")
 
     @property
     def is_stop(self) -> bool:
@@ -75,6 +105,27 @@ class ContactPair:
     def mobility(self) -> float:
         """1/m of the ball (1/kg), 0 for a stop."""
         return 0.0 if self.is_stop else 1.0 / self.mass
+
+    @property
+    def effective_mass(self) -> float:
+        """1/(1/m + phi1^2), kg."""
+        inverse = self.first_mode**2 + self.mobility
+        # a stop where the first mode has a node: any finite number; the law's own time scale is then unknown
+        return 1.0 / inverse if inverse > 0.0 else 1.0
+
+    @cached_property
+    def parameters(self) -> ContactParameters:
+        """The law's numbers for this pair's effective mass."""
+        return resolve(self.law, self.effective_mass)
+
+    def shares_place(self, other: ContactPair) -> bool:
+        """Whether what the structure says of both pairs is the same: the very direction, the place and its mode."""
+        alike = ((getattr(pair, name) for name in ("position", "first_mode", "flexibility")) for pair in (self, other))
+        return (
+            self.direction is other.direction
+            and self.is_stop == other.is_stop
+            and all(one == two or (math.isnan(one) and math.isnan(two)) for one, two in zip(*alike, strict=True))
+        )
 
 
 def contact_pair(
@@ -97,18 +148,14 @@ def contact_pair(
     ContactPair
     """
     ball = item if isinstance(item, Impactor) else None
-    inverse = first_mode**2 + (1.0 / ball.mass if ball else 0.0)
-    # a stop where the first mode has a node: any finite number; the law's own time scale is then unknown
-    effective_mass = 1.0 / inverse if inverse > 0.0 else 1.0
     return ContactPair(
         name=item.name,
         direction=_frozen(row if ball else -row),
         position=position,
         mass=ball.mass if ball else math.inf,
-        gaps=(float(item.gaps[0]), float(item.gaps[1])),
+        gaps=item.gaps,
         law=item.contact,
-        parameters=resolve(item.contact, effective_mass),
-        effective_mass=effective_mass,
+        first_mode=first_mode,
         flexibility=flexibility,
         free_stiffness=ball.free_stiffness if ball else 0.0,
         acceleration=ball.acceleration if ball else 0.0,
@@ -119,6 +166,20 @@ def _frozen(values: Any) -> NDArray[Any]:
     array = np.array(values, dtype=float)
     array.setflags(write=False)
     return array
+
+
+TOGETHER = (
+    "M", "C", "K", "stiffness_factor", "base_load", "rigid_translation", "nodes", "expansion", "points", "total_mass",
+    "first_frequency", "rayleigh", "directions",
+)  # fmt: skip
+"""Fields of a system that are computed from one another."""
+
+
+class SystemOrigin(NamedTuple):
+    """What a system was when its fields were computed from one another."""
+
+    fields: tuple[Any, ...]
+    contacts: tuple[ContactPair, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,22 +211,55 @@ class System:
         alpha (1/s) and beta (s) where C = alpha M + beta K.
     directions : mapping of str to ndarray (dofs,)
         Rows that read the displacement of named places which lie on no beam.
+    computed_together : SystemOrigin, optional
+        What the fields were when they were computed from one another. It is made with the system and goes with
+        its copies, so that a copy with another M, K or point is refused: what follows from them would be stale.
+        None takes the fields as they are, after the checks that are cheap.
+
+    Raises
+    ------
+    InputError
+        If fields do not fit one another, or one was replaced from which others follow. Other contacts at the
+        same places, none, and another damping matrix (with its `rayleigh`, or None) may be replaced.
     """
 
     M: Any
     C: Any
     K: Any
     stiffness_factor: Any
-    base_load: NDArray[Any]
-    rigid_translation: NDArray[Any]
-    nodes: NDArray[Any]
+    base_load: NDArray[Any] = field(metadata=column("kg", "dofs", finite=True))
+    rigid_translation: NDArray[Any] = field(metadata=column("1", "dofs", finite=True))
+    nodes: NDArray[Any] = field(metadata=column("m", "nodes", finite=True))
     expansion: Any
     points: Mapping[str, float]
-    total_mass: float
-    first_frequency: float
-    contacts: tuple[ContactPair, ...] = ()
-    rayleigh: tuple[float, float] | None = None
+    total_mass: float = field(metadata=quantity("kg", at_least=0.0))
+    first_frequency: float = field(metadata=quantity("Hz", at_least=0.0, finite=False))
+    contacts: tuple[ContactPair, ...] = field(default=(), metadata=items(ContactPair))
+    rayleigh: tuple[float, float] | None = field(
+        default=None, metadata=optional(quantity("1/s and s", at_least=0.0, several=True))
+    )
     directions: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    computed_together: SystemOrigin | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        origin = self.computed_together
+        if origin is None:
+            _check_shapes(self)
+            _check_factor(self)
+            _check_damping(self)
+        else:
+            require_type(origin, SystemOrigin, "computed_together")
+            if _check_unchanged(self, origin):
+                _check_damping(self)
+            _check_contacts(self, origin)
+        names = [pair.name for pair in self.contacts]
+        require(len(set(names)) == len(names), "contacts", names, "", "must have distinct names")
+        stops = [pair.is_stop for pair in self.contacts]
+        require(stops == sorted(stops), "contacts", names, "", "must be balls first, then stops")
+        kept = tuple(getattr(self, name) for name in TOGETHER)
+        pairs = self.contacts if origin is None else origin.contacts
+        object.__setattr__(self, "computed_together", SystemOrigin(kept, pairs))
 
     @classmethod
     def from_matrices(
@@ -202,6 +296,8 @@ class System:
             For shapes that do not fit, matrices that are not symmetric or not definite, unknown names.
         """
         require_type(points, Mapping, "points")
+        for name in points:
+            require_type(name, str, "points")
         given: tuple[tuple[str, Any, Any], ...] = (("impactors", impactors, Impactor), ("stops", stops, Stop))
         for key, items, kind in given:
             require(isinstance(items, (list, tuple)), key, type(items).__name__, "", "must be a list")
@@ -232,7 +328,7 @@ class System:
             directions=rows,
         )
         first, contacts = _contacts_of_matrices(bare, dense, rank, (*impactors, *stops))
-        return replace(bare, first_frequency=first, contacts=contacts)
+        return replace(bare, first_frequency=first, contacts=contacts, computed_together=None)
 
     @property
     def balls(self) -> tuple[ContactPair, ...]:
@@ -260,11 +356,11 @@ class System:
             if at not in self.points:
                 require(False, "at", at, "", suggestion(at, self.points))
             return float(self.points[at])
+        self._require_beam(at)
+        return float(_on_beam(self.nodes, checked("at", at, quantity("m")), "at"))
+
+    def _require_beam(self, at: object) -> None:
         require(self.nodes.size > 0, "at", at, "m", f"must be a name, {', '.join(self.points)}: there is no beam")
-        length = float(self.nodes[-1])
-        inside = -1e-9 * length <= at <= length * (1 + 1e-9)
-        require(inside, "at", at, "m", f"must be within the beam, 0 to {length:g} m")
-        return float(np.clip(at, 0.0, length))
 
     def deflection_rows(self, positions: ArrayLike, derivative: int = 0) -> NDArray[Any]:
         """Rows that read the deflection (or its derivative by x) at positions off the dofs.
@@ -280,7 +376,13 @@ class System:
         Returns
         -------
         ndarray (k, dofs)
+
+        Raises
+        ------
+        InputError
+            If there is no beam, a position lies off it, or a cubic has no such derivative.
         """
+        self._require_beam(positions)
         rows: Any = hermite_rows(self.nodes, positions, derivative) @ self.expansion
         return np.asarray(rows if isinstance(rows, np.ndarray) else rows.toarray())
 
@@ -300,6 +402,94 @@ class System:
     def _known_rows(self) -> dict[Position, NDArray[Any]]:
         """Rows read before: every run asks for the same ones."""
         return {}
+
+
+def _check_shapes(system: System) -> None:
+    """Refuse fields of a system that are no matrices, rows and places of as many dofs as its base load has."""
+    n, nodes = system.dofs, system.nodes
+    require(n > 0, "base_load", "empty", "kg", "must have one dof or more")
+    shapes = {"M": (n, n), "C": (n, n), "K": (n, n), "stiffness_factor": (None, n), "expansion": (2 * nodes.size, n)}
+    for name, wanted in shapes.items():
+        matrix = getattr(system, name)
+        given = getattr(matrix, "shape", ())
+        dense = name == "expansion" and isinstance(matrix, np.ndarray)
+        fits = (sparse.issparse(matrix) or dense) and len(given) == 2
+        fits = fits and all(size is None or size == own for size, own in zip(wanted, given, strict=True))
+        allowed = f"must be a sparse matrix with {n} columns, one for each dof"
+        require(fits, name, given or type(matrix).__name__, "", allowed)
+        entries = matrix if dense else matrix.data
+        sound = entries.dtype.kind == "f" and bool(np.all(np.isfinite(entries)))
+        require(sound, name, None, "", "must hold finite numbers")
+    increasing = nodes.size == 0 or (nodes.size > 1 and bool(np.all(np.diff(nodes) > 0)))
+    require(increasing, "nodes", None, "m", "must be two or more increasing positions, or none")
+    pair = system.rayleigh is None or (isinstance(system.rayleigh, tuple) and len(system.rayleigh) == 2)
+    require(pair, "rayleigh", system.rayleigh, "", "must be two numbers, alpha (1/s) and beta (s), or None")
+    for key in ("points", "directions"):
+        require_type(getattr(system, key), Mapping, key)
+    for name, at in system.points.items():
+        require_type(name, str, "points")
+        checked(f"points.{name}", at, quantity("m", finite=False))
+    for name, row in system.directions.items():
+        require(name in system.points, "directions", name, "", suggestion(str(name), system.points))
+        checked_row(f"directions.{name}", row, n)
+    for pair_ in system.contacts:
+        fits = pair_.direction.shape == (n,)
+        require(fits, f"{pair_.name}.direction", pair_.direction.shape, "", f"must have {n} entries, one for each dof")
+
+
+def _check_factor(system: System) -> None:
+    """Refuse a stiffness and a factor of it that are not of one structure."""
+    fits = same_product(system.K, lambda x: system.stiffness_factor.T @ (system.stiffness_factor @ x))
+    require(fits, "stiffness_factor", None, "", "must be G with K = G^T G")
+
+
+def _check_damping(system: System) -> None:
+    """Refuse a damping matrix that is not what its coefficients say, or that feeds energy in."""
+    shape = getattr(system.C, "shape", None)
+    fits = sparse.issparse(system.C) and shape == system.M.shape
+    require(fits, "C", shape or type(system.C).__name__, "", f"must be a sparse matrix of shape {system.M.shape}")
+    if system.rayleigh is None:
+        check_semidefinite("C", checked_matrix("C", system.C))
+        return
+    pair = isinstance(system.rayleigh, tuple) and len(system.rayleigh) == 2
+    require(pair, "rayleigh", system.rayleigh, "", "must be two numbers, alpha (1/s) and beta (s), or None")
+    alpha, beta = system.rayleigh
+    fits = same_product(system.C, lambda x: alpha * (system.M @ x) + beta * (system.K @ x))
+    allowed = "must be alpha and beta of C = alpha M + beta K: replace both, or give rayleigh=None for another damping"
+    require(fits, "rayleigh", system.rayleigh, "", allowed)
+
+
+def _check_unchanged(system: System, origin: SystemOrigin) -> bool:
+    """Refuse fields that others follow from; whether the damping, from which none does, is another one."""
+    changed = [
+        name
+        for name, kept in zip(TOGETHER, origin.fields, strict=True)
+        if getattr(system, name) is not kept and not _same_number(getattr(system, name), kept)
+    ]
+    stale = [name for name in changed if name not in ("C", "rayleigh")]
+    if stale:
+        allowed = (
+            "cannot be replaced: the fields of a System are computed from one another (stiffness factor, modes, base "
+            "load, masses, contacts); change the Structure and assemble it again, or use "
+            "System.from_matrices(M, C, K, points=...)"
+        )
+        raise InputError([Fault(name, None, "", allowed) for name in stale])
+    return bool(changed)
+
+
+def _same_number(value: Any, kept: Any) -> bool:
+    return isinstance(kept, float | tuple) and isinstance(value, float | tuple) and value == kept
+
+
+def _check_contacts(system: System, origin: SystemOrigin) -> None:
+    """Refuse contacts at places that the system was not made with."""
+    for pair in system.contacts:
+        known = any(pair is other or pair.shares_place(other) for other in origin.contacts)
+        allowed = (
+            "must be at a place that the system has a contact at, with that one's direction, position, first_mode and "
+            "flexibility: add contacts to the Structure and assemble it again, or use System.from_matrices"
+        )
+        require(known, f"contacts.{pair.name}", None, "", allowed)
 
 
 def _contacts_of_matrices(
@@ -330,6 +520,17 @@ def _is_diagonal(matrix: Any) -> bool:
     return bool(np.all((entries.coords[0] == entries.coords[1]) | (entries.data == 0.0)))
 
 
+def _on_beam(nodes: NDArray[Any], positions: ArrayLike, key: str) -> NDArray[Any]:
+    """Positions (m) on the beam, those off it by rounding only moved to its end."""
+    root, tip = float(nodes[0]), float(nodes[-1])
+    allowed = f"must be within the beam, {root:g} to {tip:g} m"
+    x = real_array(key, positions, "m", allowed)
+    slack = OFF_BEAM * (tip - root)
+    beyond = x[(x < root - slack) | (x > tip + slack)]
+    require(beyond.size == 0, key, float(beyond[0]) if beyond.size else None, "m", allowed)
+    return np.asarray(np.clip(x, root, tip))
+
+
 def hermite_rows(nodes: NDArray[Any], positions: ArrayLike, derivative: int = 0) -> Any:
     """Sparse rows from nodal (w, w') pairs to the deflection, or a derivative of it, at positions.
 
@@ -342,8 +543,15 @@ def hermite_rows(nodes: NDArray[Any], positions: ArrayLike, derivative: int = 0)
     Returns
     -------
     csr_array (k, 2 n)
+
+    Raises
+    ------
+    InputError
+        If a position lies off the nodes, or a cubic has no such derivative.
     """
-    x = np.atleast_1d(np.asarray(positions, dtype=float))
+    x = np.atleast_1d(_on_beam(nodes, positions, "positions"))
+    require(x.ndim == 1, "positions", f"array of shape {x.shape}", "m", "must be one place or a row of them")
+    derivative = checked("derivative", derivative, DERIVATIVE)
     element = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, nodes.size - 2)
     length = nodes[element + 1] - nodes[element]
     values = shape_functions((x - nodes[element]) / length, derivative) / length**derivative
@@ -367,13 +575,20 @@ class State:
         Whether the values are relative to the moving base or absolute.
     """
 
-    displacement: Any = None
-    velocity: Any = None
-    ball_displacement: Any = None
-    ball_velocity: Any = None
+    displacement: Any = field(default=None, metadata=column("m", "dofs", finite=True))
+    velocity: Any = field(default=None, metadata=column("m/s", "dofs", finite=True))
+    ball_displacement: Any = field(default=None, metadata=column("m", "balls", finite=True))
+    ball_velocity: Any = field(default=None, metadata=column("m/s", "balls", finite=True))
     frame: str = field(default="base", metadata=choice("base", "space"))
 
     def __post_init__(self) -> None:
+        for item in fields(self)[:-1]:
+            value = getattr(self, item.name)
+            if value is not None:
+                # one number for one dof; a copy, for what is frozen does not follow the caller's array
+                array = np.atleast_1d(real_array(item.name, value, item.metadata["unit"], item.metadata["allowed"]))
+                array.setflags(write=False)
+                object.__setattr__(self, item.name, array)
         check_fields(self)
 
     @classmethod
