@@ -34,6 +34,7 @@ __all__ = [
     "require",
     "require_name",
     "require_type",
+    "rising_numbers",
     "suggestion",
     "text",
     "truth",
@@ -226,7 +227,7 @@ def _number(value: Any, bounds: Mapping[str, float], integer: bool, finite: bool
     inside = all(_COMPARISONS[name](number, bound) for name, bound in bounds.items())
     if not inside or (integer and (not number.is_integer() or abs(number) > MOST)):
         raise _Refused
-    return int(value) if integer else number
+    return int(number) if integer else number
 
 
 def _numbers(value: Any, take: Callable[[Any], float]) -> float | tuple[float, ...]:
@@ -381,7 +382,9 @@ def _uneven(instance: Any, values: Mapping[str, Any]) -> list[Fault]:
     """Arrays that are not as long along a named axis as the first one that has it."""
     faults, sizes = [], dict[str | int, tuple[int, str]]()
     for field in _declared(instance.__class__):
-        for axis, size in zip(field.metadata.get("axes", ()), getattr(values.get(field.name), "shape", ()), strict=False):
+        for axis, size in zip(
+            field.metadata.get("axes", ()), getattr(values.get(field.name), "shape", ()), strict=False
+        ):
             length, first = sizes.setdefault(axis, (size, field.name))
             if isinstance(axis, str) and size != length:
                 allowed = f"must have {length} {axis}, as {first} has"
@@ -404,6 +407,22 @@ def check_fields(instance: Any, *more: Fault) -> None:
         raise InputError([*faults, *more])
     for name, value in values.items():
         object.__setattr__(instance, name, value)
+
+
+def rising_numbers(key: str, values: Any, most: int) -> NDArray[Any]:
+    """Three or more increasing whole numbers from 1, as a study of convergence goes through them.
+
+    Raises
+    ------
+    InputError
+        If they are not, or the last is beyond `most`.
+    """
+    allowed = f"must be three or more increasing numbers, whole and 1 to {most}"
+    given = real_array(key, values, "", allowed)
+    rising = given.ndim == 1 and given.size >= 3 and bool((given[1:] > given[:-1]).all())
+    whole = rising and bool((given % 1 == 0).all()) and given[0] >= 1 and given[-1] <= most
+    require(whole, key, values, "", allowed)
+    return given.astype(int)
 
 
 def require(condition: bool, key: str, value: object, unit: str, allowed: str) -> None:

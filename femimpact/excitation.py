@@ -132,7 +132,9 @@ class RecordedBase:
         object.__setattr__(self, "samples", samples)
         with np.errstate(over="ignore", invalid="ignore"):
             bounded = bool(np.isfinite(self.amplitude))
-        require(bounded, "samples", f"array of shape {samples.shape}", "m/s^2", "must move the base by a finite distance")
+        require(
+            bounded, "samples", f"array of shape {samples.shape}", "m/s^2", "must move the base by a finite distance"
+        )
 
     @cached_property
     def _knots(self) -> tuple[NDArray[Any], NDArray[Any]]:

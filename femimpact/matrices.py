@@ -32,11 +32,12 @@ def checked_matrix(name: str, value: Any) -> Any:
     InputError
         Naming the matrix and what is wrong with it.
     """
+    matrix: Any = value
     if sparse.issparse(value):
-        require(value.dtype.kind in "iuf", name, f"matrix of {value.dtype}", "", FINITE)
-        matrix = sparse.csr_array(value, dtype=float, copy=True)
+        require(matrix.dtype.kind in "iuf", name, f"matrix of {matrix.dtype}", "", FINITE)
+        matrix = sparse.csr_array(matrix).astype(float)
     else:
-        given = np.atleast_2d(real_array(name, value, "", FINITE))
+        given: Any = np.atleast_2d(real_array(name, value, "", FINITE))
         require(given.ndim == 2, name, given.shape, "", "must be a square matrix")
         matrix = sparse.csr_array(given)
     square = matrix.shape[0] == matrix.shape[1] and matrix.shape[0] > 0

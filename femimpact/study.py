@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from femimpact.assembly import assemble
-from femimpact.errors import check_fields, choice, quantity, require
+from femimpact.errors import check_fields, choice, quantity, require, truth
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import METHODS, Method
@@ -98,9 +98,9 @@ class Output:
     frame_cycles: float = field(default=3.0, metadata=quantity("1", above=0.0))
     exaggeration: float | None = field(default=None, metadata=quantity("1", above=0.0))
     memory_limit: float = field(default=1e9, metadata=quantity("bytes", above=0.0))
-    figures: bool = True
-    paraview: bool = True
-    movie: bool = True
+    figures: bool = field(default=True, metadata=truth())
+    paraview: bool = field(default=True, metadata=truth())
+    movie: bool = field(default=True, metadata=truth())
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -35,7 +35,7 @@ from femimpact.errors import (
     suggestion,
     text,
 )
-from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
+from femimpact.excitation import Excitation
 from femimpact.hermite import DERIVATIVE, shape_functions
 from femimpact.matrices import check_semidefinite, checked_matrix, checked_row, definite_factor, same_product
 from femimpact.structure import Impactor, Position, Stop
@@ -299,9 +299,9 @@ class System:
         for name in points:
             require_type(name, str, "points")
         given: tuple[tuple[str, Any, Any], ...] = (("impactors", impactors, Impactor), ("stops", stops, Stop))
-        for key, items, kind in given:
-            require(isinstance(items, (list, tuple)), key, type(items).__name__, "", "must be a list")
-            for item in items:
+        for key, bodies, kind in given:
+            require(isinstance(bodies, (list, tuple)), key, type(bodies).__name__, "", "must be a list")
+            for item in bodies:
                 require_type(item, kind, key)
         matrices = {name: checked_matrix(name, value) for name, value in (("M", M), ("C", C), ("K", K))}
         dofs = matrices["M"].shape[0]

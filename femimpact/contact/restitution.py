@@ -18,7 +18,7 @@ __all__ = [
 
 def linear_angle(damping_ratio: float) -> float:
     """acos(z)/sqrt(1 - z^2), continued beyond z = 1 as acosh(z)/sqrt(z^2 - 1)."""
-    z = checked("damping_ratio", damping_ratio, quantity("1", at_least=0.0))
+    z: float = checked("damping_ratio", damping_ratio, quantity("1", at_least=0.0))
     if abs(z - 1.0) < 1e-6:
         return 1.0 - (z - 1.0) / 3.0
     if z < 1.0:
@@ -46,7 +46,7 @@ def restitution_of_damping_ratio(damping_ratio: float) -> float:
     From m x'' + c x' + k x = 0, x(0) = 0, left at the first zero of k x + c x'
     (derived here; the same condition as Schwager and Poeschel, 2007).
     """
-    z = checked("damping_ratio", damping_ratio, quantity("1", at_least=0.0))
+    z: float = checked("damping_ratio", damping_ratio, quantity("1", at_least=0.0))
     return math.exp(-2.0 * z * linear_angle(z))
 
 
@@ -108,7 +108,7 @@ def loss_factor_for_restitution(restitution: float) -> float:
 
     The root of d (1 + e) = ln[(1 + d)/(1 - e d)], 0 < d < 1/e.
     """
-    e = checked("restitution", restitution, quantity("1", above=0.0, at_most=1.0))
+    e: float = checked("restitution", restitution, quantity("1", above=0.0, at_most=1.0))
     if e >= 1.0:
         return 0.0
     from scipy.optimize import brentq
