@@ -449,4 +449,5 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 def require_name(name: str, known: Iterable[str], key: str) -> None:
     """Raise `InputError` unless the name is one of the known ones."""
     names = list(known)
+    require_type(name, str, key)
     require(name in names, key, name, "", suggestion(name, names))

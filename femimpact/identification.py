@@ -66,8 +66,19 @@ def one_pole_amplitude(frequency: ArrayLike, scale: float, natural_frequency: fl
     Returns
     -------
     ndarray, m
+
+    Raises
+    ------
+    InputError
+        If a number is not finite, or natural frequency or ratio are not > 0.
     """
     f = real_array("frequency", frequency, "Hz", "must be finite numbers")
+    scale = checked("scale", scale, quantity("m"))
+    natural_frequency = checked("natural_frequency", natural_frequency, quantity("Hz", above=0.0))
+    return _one_pole(f, scale, natural_frequency, checked("ratio", ratio, quantity("1", above=0.0)))
+
+
+def _one_pole(f: NDArray[Any], scale: float, natural_frequency: float, ratio: float) -> NDArray[Any]:
     return np.asarray(scale * f**2 / np.hypot(natural_frequency**2 - f**2, 2.0 * ratio * natural_frequency * f))
 
 
@@ -173,7 +184,7 @@ def fit_one_pole(
     f_fit, x_fit = f[chosen], x[chosen] / x[top]
 
     def misfit_of(p: NDArray[Any]) -> NDArray[Any]:
-        return np.asarray(one_pole_amplitude(f_fit, math.exp(p[0]), p[1], math.exp(p[2])) - x_fit)
+        return np.asarray(_one_pole(f_fit, math.exp(p[0]), p[1], math.exp(p[2])) - x_fit)
 
     # the residual has several valleys when the grid is coarse: start from narrow and wide peaks
     step = float(np.mean(np.diff(f)))

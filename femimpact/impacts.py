@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import check_fields, column, quantity, require, require_type, text
+from femimpact.errors import check_fields, column, quantity, require_type, text
 
 if TYPE_CHECKING:
     import xarray
@@ -91,8 +91,6 @@ class Impacts:
         require_type(self.law, Mapping, "law")
         for name in self.law:
             require_type(self.law[name], str, f"law.{name}")
-        unnamed = sorted(set(self.impactor.tolist()) - set(self.law))
-        require(not unnamed, "law", unnamed, "", "must name the contact law of every impactor")
 
     def __len__(self) -> int:
         return int(self.time.size)

@@ -99,7 +99,7 @@ class Recorder:
     def __post_init__(self) -> None:
         if isinstance(self.channels, (str, int, float, np.number)):
             object.__setattr__(self, "channels", (self.channels,))
-        elif isinstance(self.channels, (list, np.ndarray)):
+        elif isinstance(self.channels, list) or (isinstance(self.channels, np.ndarray) and self.channels.ndim == 1):
             object.__setattr__(self, "channels", tuple(self.channels))
         faults = []
         if self.channels is not None and not (isinstance(self.channels, tuple) and all(map(_is_place, self.channels))):
