@@ -278,7 +278,8 @@ def _array(value: Any, axes: tuple[str | int, ...], of: str, finite: bool) -> ND
     if array.dtype.kind not in usable or not fits:
         raise _Refused
     if of != "text":
-        array = np.asarray(array, dtype=kind)
+        # of the same type it stays the very same array, also after unpickling, where asarray would make a new one
+        array = array if array.dtype == kind else array.astype(kind)
         if finite and not np.all(np.isfinite(array)):
             raise _Refused
     return array

@@ -120,11 +120,14 @@ class ContactPair:
 
     def shares_place(self, other: ContactPair) -> bool:
         """Whether what the structure says of both pairs is the same: the very direction, the place and its mode."""
-        alike = ((getattr(pair, name) for name in ("position", "first_mode", "flexibility")) for pair in (self, other))
         return (
             self.direction is other.direction
             and self.is_stop == other.is_stop
-            and all(one == two or (math.isnan(one) and math.isnan(two)) for one, two in zip(*alike, strict=True))
+            and all(
+                getattr(self, name) == getattr(other, name)
+                or (math.isnan(getattr(self, name)) and math.isnan(getattr(other, name)))
+                for name in ("position", "first_mode", "flexibility")
+            )
         )
 
 

@@ -1,17 +1,16 @@
-"""One good value of every public noun, and every public verb with good arguments: what the tables of inputs go through."""
+"""One good value of every public noun, and every public verb with good arguments: what tables of inputs go through."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
-import scipy.sparse as sparse
 
 import femimpact as fi
-from femimpact.contact import Collision, parameters, resolve
+from femimpact.contact import resolve
 from femimpact.contact import restitution as closed_forms
 from femimpact.convergence import MeshConvergence, StepConvergence
 from femimpact.damping import rayleigh_coefficients, realised_damping_ratio
@@ -22,9 +21,9 @@ from femimpact.impacts import Riding
 from femimpact.integrators.collision import AchievedRestitution
 from femimpact.modes import solve_stiffness
 from femimpact.regimes import Regime, RegimeCriteria, classify, impacts_per_cycle, significant
-from femimpact.signals import CycleStatistics, SteadyMotion, steady_motion
+from femimpact.signals import CycleStatistics, steady_motion
 from femimpact.study import BaseMotion, MeshChoice, Output, Reduction, SweepPlan
-from femimpact.system import SystemOrigin, hermite_rows
+from femimpact.system import hermite_rows
 
 LAW = fi.KelvinVoigt(restitution=0.6, contact_time=5e-3)
 STRUCTURE = fi.Structure(
@@ -284,8 +283,3 @@ VERBS = {
 
 OTHERS = {"ALUMINIUM", "STEEL", "DivergenceError", "FemimpactError", "InputError", "StudyResults", "__version__"}
 """Public names that take nothing from a user: constants, errors, and what only `load` makes."""
-
-__all__ = [
-    "BASE", "LAW", "NOUNS", "OTHERS", "STRUCTURE", "VERBS", "Collision", "SteadyMotion", "SystemOrigin", "is_dataclass",
-    "oscillators", "parameters", "response", "small", "sparse", "system",
-]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Every argument of every public name meets every kind of wrong value: an `InputError`, or the result of the right one."""
+"""Every argument of every public name meets wrong values of every kind: an `InputError`, or the right result."""
 
 from __future__ import annotations
 
@@ -37,6 +37,10 @@ WRONG = {
     "dictionary": {},
     "function": lambda *_: None,
 }
+
+
+REFUSED_ANYWAY = ("load", "load_study", "run_study", "mode_convergence")
+"""What takes seconds when all is right, and is stopped by another argument."""
 
 
 def plain(value: object) -> object:

@@ -64,7 +64,9 @@ def test_a_spring_at_the_tip_goes_through_the_matrices(reference):
     with pytest.raises(fi.InputError, match="K: cannot be replaced"):
         replace(full, K=full.K + spring)
     points = {"tip": row}
-    stiffer = fi.System.from_matrices(full.M, full.C, full.K + spring, points=points, base_load=full.base_load)
+    K = full.K + spring
+    C = full.rayleigh[0] * full.M + full.rayleigh[1] * K
+    stiffer = fi.System.from_matrices(full.M, C, K, points=points, base_load=full.base_load)
     # one mode of a tip mass: f sqrt(1 + k/k_tip), with the static stiffness of the tip, a few per mille above
     tip = 1.0 / float(row @ np.linalg.solve(full.K.toarray(), row))
     one_mode = 5.30 * math.sqrt(1.0 + 200.0 / tip)
@@ -84,7 +86,7 @@ def test_another_damping_is_taken_where_it_is_one(made):
     general = fi.solve_modes(replace(whole, C=stronger, rayleigh=None), 1)
     assert general.damping_ratio[0] == pytest.approx(modes.damping_ratio[0], rel=1e-9)
     if whole.rayleigh is not None:
-        with pytest.raises(fi.InputError, match="rayleigh = .*replace both"):
+        with pytest.raises(fi.InputError, match=r"rayleigh = .*replace both"):
             replace(whole, C=stronger)
     with pytest.raises(fi.InputError, match="C: must be positive semidefinite"):
         replace(whole, C=-stronger, rayleigh=None)
