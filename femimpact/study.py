@@ -138,7 +138,7 @@ class Study:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        require_name(str(self.method.get("name")), METHODS, "method.name")
+        require_name(self.method.get("name", "newmark"), METHODS, "method.name")
 
     @property
     def sine(self) -> Sine:
