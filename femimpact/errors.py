@@ -8,7 +8,7 @@ import math
 import numbers
 import operator
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -358,39 +358,49 @@ def checked(key: str, value: object, metadata: Mapping[str, Any]) -> Any:
         raise InputError([Fault(key, value, metadata["unit"], metadata["allowed"])]) from None
 
 
+class _Declared(NamedTuple):
+    """What a field says of itself, laid out for nouns that are made in every run."""
+
+    name: str
+    take: Callable[[Any], Any]
+    may_be_none: bool
+    unit: str
+    allowed: str
+    axes: tuple[str | int, ...]
+
+
 @functools.cache
-def _declared(kind: Any) -> tuple[dataclasses.Field[Any], ...]:
+def _declared(kind: Any) -> tuple[_Declared, ...]:
     """Fields of a dataclass with a range of their own; looked up often."""
-    return tuple(field for field in dataclasses.fields(kind) if "unit" in field.metadata)
+    return tuple(
+        _Declared(field.name, m["take"], field.default is None, m["unit"], m["allowed"], m.get("axes", ()))
+        for field in dataclasses.fields(kind)
+        if "unit" in (m := field.metadata)
+    )
 
 
 def _taken(instance: Any) -> tuple[dict[str, Any], list[Fault]]:
     """Sound fields of a dataclass, each in its one type, and the faults of the others."""
     values: dict[str, Any] = {}
     faults: list[Fault] = []
-    for field in _declared(instance.__class__):
-        value = getattr(instance, field.name)
-        if value is None and field.default is None:
+    sizes: dict[str | int, tuple[int, str]] = {}
+    for name, take, may_be_none, unit, allowed, axes in _declared(instance.__class__):
+        value = getattr(instance, name)
+        if value is None and may_be_none:
             continue
         try:
-            values[field.name] = field.metadata["take"](value)
+            values[name] = taken = take(value)
         except _Refused:
-            faults.append(Fault(field.name, value, field.metadata["unit"], field.metadata["allowed"]))
-    return values, faults + _uneven(instance, values)
-
-
-def _uneven(instance: Any, values: Mapping[str, Any]) -> list[Fault]:
-    """Arrays that are not as long along a named axis as the first one that has it."""
-    faults, sizes = [], dict[str | int, tuple[int, str]]()
-    for field in _declared(instance.__class__):
-        for axis, size in zip(
-            field.metadata.get("axes", ()), getattr(values.get(field.name), "shape", ()), strict=False
-        ):
-            length, first = sizes.setdefault(axis, (size, field.name))
-            if isinstance(axis, str) and size != length:
-                allowed = f"must have {length} {axis}, as {first} has"
-                faults.append(Fault(field.name, _Shown(f"{size} {axis}"), "", allowed))
-    return faults
+            faults.append(Fault(name, value, unit, allowed))
+            continue
+        if not axes or taken is None:
+            continue
+        # arrays are as long along a named axis as the first one that has it
+        for axis, size in zip(axes, taken.shape, strict=True):
+            length, first = sizes.setdefault(axis, (size, name))
+            if size != length and isinstance(axis, str):
+                faults.append(Fault(name, _Shown(f"{size} {axis}"), "", f"must have {length} {axis}, as {first} has"))
+    return values, faults
 
 
 def field_faults(instance: Any) -> list[Fault]:

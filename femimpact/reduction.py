@@ -72,7 +72,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
         ratio = np.append(ratio, _damping_ratio(system, extra, extra_omega))
     if system.rayleigh is None:
         _check_decoupled(phi.T @ (system.C @ phi))
-    contacts = tuple(replace(pair, direction=_row(pair.direction @ phi)) for pair in system.contacts)
+    contacts = tuple(pair.along(_row(pair.direction @ phi)) for pair in system.contacts)
     return replace(
         system,
         M=sparse.eye_array(omega.size, format="csr"),

@@ -100,8 +100,6 @@ class ContactPair:
         two = isinstance(self.gaps, tuple) and len(self.gaps) == 2 and not any(map(math.isnan, self.gaps))
         require(two, "gaps", self.gaps, "m", "must be two numbers >= 0 (to the + side, to the - side)")
         require_law(self.law)
-        # the numbers of a law that has none for this mass are missed here, not in the middle of a run
-        require_type(self.parameters, ContactParameters, "law")
 
     @property
     def is_stop(self) -> bool:
@@ -124,6 +122,13 @@ class ContactPair:
     def parameters(self) -> ContactParameters:
         """The law's numbers for this pair's effective mass."""
         return resolve(self.law, self.effective_mass)
+
+    def along(self, direction: NDArray[Any]) -> ContactPair:
+        """The same pair in other coordinates of the structure, (dofs,); law and effective mass stay."""
+        moved = replace(self, direction=direction)
+        # a law of one's own takes a while to integrate
+        moved.__dict__["parameters"] = self.parameters
+        return moved
 
     def shares_place(self, other: ContactPair) -> bool:
         """Whether what the structure says of both pairs is the same: the very direction, the place and its mode."""
@@ -158,7 +163,7 @@ def contact_pair(
     ContactPair
     """
     ball = item if isinstance(item, Impactor) else None
-    return ContactPair(
+    pair = ContactPair(
         name=item.name,
         direction=_frozen(row if ball else -row),
         position=position,
@@ -170,6 +175,9 @@ def contact_pair(
         free_stiffness=ball.free_stiffness if ball else 0.0,
         acceleration=ball.acceleration if ball else 0.0,
     )
+    # a law that has no numbers for this mass is refused here, not in the middle of a run
+    require_type(pair.parameters, ContactParameters, "parameters")
+    return pair
 
 
 def _frozen(values: Any) -> NDArray[Any]:
