@@ -88,7 +88,9 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     require_type(structure, Structure, "structure")
     one = (elements is None) != (mesh is None)
     require(one, "mesh", None, "", "give either elements (a whole number) or a mesh")
-    if mesh is None:
+    if mesh is not None:
+        require_type(mesh, Mesh, "mesh")
+    else:
         mesh = uniform_mesh(structure, elements)  # type: ignore[arg-type]
     _check_length(structure.beam, mesh)
     K, M = _beam_matrices(structure.beam, mesh)
@@ -125,12 +127,16 @@ def _with_damping_and_contacts(system: System, structure: Structure, mesh: Mesh)
         f"must be at most {system.dofs}, the dofs of this mesh: use more elements",
     )
     modes = solve_modes(system, count)
+    alpha, beta = 0.0, 0.0
     if structure.damping is not None:
-        omega = 2.0 * math.pi * modes.natural_frequency
-        alpha, beta = _rayleigh(structure.damping, omega)
-        damping_matrix = sparse.csr_array(alpha * system.M + beta * system.K)
-        system = replace(system, C=damping_matrix, rayleigh=(alpha, beta))
-    system = replace(system, first_frequency=float(modes.natural_frequency[0]))
+        alpha, beta = _rayleigh(structure.damping, 2.0 * math.pi * modes.natural_frequency)
+    system = replace(
+        system,
+        C=sparse.csr_array(alpha * system.M + beta * system.K) if structure.damping else system.C,
+        rayleigh=(alpha, beta),
+        first_frequency=float(modes.natural_frequency[0]),
+        computed_together=None,
+    )
     items: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
     places = [_position(item.at, mesh, f"{_kind(item)}.{item.name}.at") for item in items]
     rows = system.deflection_rows(places) if items else np.zeros((0, system.dofs))
@@ -139,7 +145,7 @@ def _with_damping_and_contacts(system: System, structure: Structure, mesh: Mesh)
         contact_pair(item, row, place, float(row @ modes.vectors[:, 0]), flexible)
         for item, row, place, flexible in zip(items, rows, places, flexibility, strict=True)
     )
-    return replace(system, contacts=contacts)
+    return replace(system, contacts=contacts, computed_together=None)
 
 
 def _kind(item: Impactor | Stop) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.assembly import assemble
 from femimpact.contact import KelvinVoigt, Rigid
-from femimpact.errors import Fault, InputError
+from femimpact.errors import (
+    Fault,
+    InputError,
+    check_fields,
+    checked,
+    column,
+    items,
+    quantity,
+    real_array,
+    require,
+    require_type,
+)
 from femimpact.identification import amplitude_ratio_damping
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.newmark import Newmark
 from femimpact.integrators.stepping import recommended_step
+from femimpact.integrators.threads import check_progress
 from femimpact.reduction import reduce
 from femimpact.structure import Structure
 from femimpact.sweep import FrequencyResponse, frequency_sweep
@@ -43,14 +55,19 @@ class RestitutionScan:
     curves : tuple of FrequencyResponse
     """
 
-    restitution: NDArray[Any]
-    peak_frequency: NDArray[Any]
-    peak_amplitude: NDArray[Any]
-    amplitude_ratio: NDArray[Any]
-    damping_fit: NDArray[Any]
-    damping_half_power: NDArray[Any]
-    damping_amplitude_ratio: NDArray[Any]
-    curves: tuple[FrequencyResponse, ...]
+    restitution: NDArray[Any] = field(metadata=column("1", "restitutions"))
+    peak_frequency: NDArray[Any] = field(metadata=column("Hz", "restitutions"))
+    peak_amplitude: NDArray[Any] = field(metadata=column("m", "restitutions"))
+    amplitude_ratio: NDArray[Any] = field(metadata=column("1", "restitutions"))
+    damping_fit: NDArray[Any] = field(metadata=column("1", "restitutions"))
+    damping_half_power: NDArray[Any] = field(metadata=column("1", "restitutions"))
+    damping_amplitude_ratio: NDArray[Any] = field(metadata=column("1", "restitutions"))
+    curves: tuple[FrequencyResponse, ...] = field(metadata=items(FrequencyResponse))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        each = len(self.curves) == self.restitution.size
+        require(each, "curves", len(self.curves), "", f"must be {self.restitution.size}, one for each restitution")
 
     def misfit(self, peak_frequency: float, amplitude_ratio: float, frequency_scale: float = 0.1) -> NDArray[Any]:
         """Distance of each restitution from a published resonance.
@@ -69,6 +86,14 @@ class RestitutionScan:
         ndarray (n,), 1
             Below about 1: met within the step of the sweep and 25 % of the ratio.
         """
+        peak_frequency, amplitude_ratio, frequency_scale = (
+            checked(key, value, quantity(unit, above=0.0))
+            for key, value, unit in (
+                ("peak_frequency", peak_frequency, "Hz"),
+                ("amplitude_ratio", amplitude_ratio, "1"),
+                ("frequency_scale", frequency_scale, "Hz"),
+            )
+        )
         by_frequency = (self.peak_frequency - peak_frequency) / frequency_scale
         by_ratio = np.log(self.amplitude_ratio / amplitude_ratio) / np.log(1.25)
         return np.asarray(np.hypot(by_frequency, by_ratio))
@@ -86,6 +111,7 @@ def with_restitution(structure: Structure, restitution: float) -> Structure:
     InputError
         If a contact is neither `Rigid` nor a `KelvinVoigt` that was given a restitution.
     """
+    require_type(structure, Structure, "structure")
     impactors = []
     for ball in structure.impactors:
         law = ball.contact
@@ -131,7 +157,12 @@ def scan_restitution(
     -------
     RestitutionScan
     """
-    values = np.atleast_1d(np.asarray(restitutions, dtype=float))
+    require_type(structure, Structure, "structure")
+    require_type(empty, FrequencyResponse, "empty")
+    check_progress(progress)
+    values = np.atleast_1d(real_array("restitutions", restitutions, "1", "must be one or more finite numbers"))
+    row = values.ndim == 1 and values.size > 0
+    require(row, "restitutions", f"array of shape {values.shape}", "1", "must be one or more finite numbers")
     curves = []
     for i, restitution in enumerate(values):
         system = reduce(assemble(with_restitution(structure, float(restitution)), elements=elements), modes)

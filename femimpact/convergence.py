@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.assembly import assemble
-from femimpact.errors import require
+from femimpact.errors import check_fields, checked, column, quantity, require_type, rising_numbers, text
 from femimpact.excitation import Sine
 from femimpact.integrators.integrate import integrate
 from femimpact.integrators.newmark import Newmark
+from femimpact.mesh import MOST_ELEMENTS
 from femimpact.modes import solve_modes
 from femimpact.response import Recorder
 from femimpact.structure import Structure
@@ -49,13 +50,16 @@ class MeshConvergence:
     notes : tuple of str
     """
 
-    elements: NDArray[Any]
-    natural_frequency: NDArray[Any]
-    error: NDArray[Any]
-    order: NDArray[Any]
-    reference: NDArray[Any]
-    floor: NDArray[Any]
-    notes: tuple[str, ...]
+    elements: NDArray[Any] = field(metadata=column("1", "meshes", of="whole number"))
+    natural_frequency: NDArray[Any] = field(metadata=column("Hz", "meshes", "modes"))
+    error: NDArray[Any] = field(metadata=column("1", "meshes", "modes"))
+    order: NDArray[Any] = field(metadata=column("1", "modes"))
+    reference: NDArray[Any] = field(metadata=column("Hz", "modes"))
+    floor: NDArray[Any] = field(metadata=column("1", "modes"))
+    notes: tuple[str, ...] = field(metadata=text(several=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 def converge_elements(structure: Structure, elements: Sequence[int], modes: int = 4) -> MeshConvergence:
@@ -72,10 +76,15 @@ def converge_elements(structure: Structure, elements: Sequence[int], modes: int 
     Returns
     -------
     MeshConvergence
+
+    Raises
+    ------
+    InputError
+        If an argument is of the wrong kind or out of range.
     """
-    counts = np.array(elements, dtype=int)
-    rising = counts.size >= 3 and bool(np.all(np.diff(counts) > 0))
-    require(rising, "elements", list(elements), "", "must be three or more increasing numbers")
+    require_type(structure, Structure, "structure")
+    modes = checked("modes", modes, quantity("1", at_least=1, integer=True))
+    counts = rising_numbers("elements", elements, MOST_ELEMENTS)
     bare = replace(structure, impactors=())
     systems = [assemble(bare, elements=int(n)) for n in counts]
     modes = min(modes, min(system.dofs for system in systems))
@@ -140,14 +149,17 @@ class StepConvergence:
     notes : tuple of str
     """
 
-    dt: NDArray[Any]
-    linear_error: NDArray[Any]
-    linear_order: float
-    first_impact_error: NDArray[Any]
-    first_impact_order: float
-    energy_residual: NDArray[Any]
-    impacts: int
-    notes: tuple[str, ...]
+    dt: NDArray[Any] = field(metadata=column("s", "steps", finite=True))
+    linear_error: NDArray[Any] = field(metadata=column("1", "steps"))
+    linear_order: float = field(metadata=quantity("1", finite=False))
+    first_impact_error: NDArray[Any] = field(metadata=column("1", "steps"))
+    first_impact_order: float = field(metadata=quantity("1", finite=False))
+    energy_residual: NDArray[Any] = field(metadata=column("1", "steps"))
+    impacts: int = field(metadata=quantity("1", at_least=0, integer=True))
+    notes: tuple[str, ...] = field(metadata=text(several=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 def converge_step(system: System, excitation: Sine, method: Newmark, halvings: int = 5) -> StepConvergence:
@@ -166,7 +178,18 @@ def converge_step(system: System, excitation: Sine, method: Newmark, halvings: i
     -------
     StepConvergence
         The average-acceleration method has order 2.
+
+    Raises
+    ------
+    InputError
+        If an argument is of the wrong kind or out of range.
     """
+    given: tuple[tuple[str, Any, Any], ...] = (
+        ("system", system, System), ("excitation", excitation, Sine), ("method", method, Newmark)
+    )  # fmt: skip
+    for key, value, kind in given:
+        require_type(value, kind, key)
+    halvings = checked("halvings", halvings, quantity("1", at_least=1, at_most=20, integer=True))
     dt = method.dt / 2.0 ** np.arange(halvings + 1)
     finest = replace(method, dt=float(dt[-1] / 4.0))
     bare = without_impactors(system)

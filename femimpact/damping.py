@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import check_fields, quantity, require
+from femimpact.errors import check_fields, checked, quantity, real_array, require
 
 __all__ = ["Rayleigh", "rayleigh_coefficients", "realised_damping_ratio"]
 
@@ -25,6 +25,11 @@ class Rayleigh:
         The two modes (counted from 1) that get the target ratios.
     frequencies : pair of float, Hz, optional
         The two frequencies that get them; give either modes or frequencies.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or neither or both of modes and frequencies are given.
     """
 
     ratio: float | tuple[float, float] = field(metadata=quantity("1", at_least=0.0, below=1.0, several=True))
@@ -32,9 +37,6 @@ class Rayleigh:
     frequencies: tuple[float, float] | None = field(default=None, metadata=quantity("Hz", above=0.0, several=True))
 
     def __post_init__(self) -> None:
-        for name in ("ratio", "modes", "frequencies"):
-            if isinstance(getattr(self, name), list):
-                object.__setattr__(self, name, tuple(getattr(self, name)))
         check_fields(self)
         if isinstance(self.ratio, tuple):
             require(len(self.ratio) == 2, "ratio", self.ratio, "1", "must be one number or two")
@@ -67,9 +69,12 @@ def rayleigh_coefficients(omega: tuple[float, float], ratio: tuple[float, float]
     Raises
     ------
     InputError
-        If the targets need a negative coefficient, which would feed energy in elsewhere.
+        If the targets need a negative coefficient, which would feed energy in elsewhere, or the two
+        frequencies are one.
     """
-    (w1, w2), (z1, z2) = omega, ratio
+    w1, w2 = _two("omega", omega, quantity("rad/s", above=0.0, several=True))
+    z1, z2 = _two("damping.ratio", ratio, quantity("1", several=True))
+    require(w1 != w2, "omega", omega, "rad/s", "must be two different values")
     alpha = 2.0 * w1 * w2 * (z1 * w2 - z2 * w1) / (w2**2 - w1**2)
     beta = 2.0 * (z2 * w2 - z1 * w1) / (w2**2 - w1**2)
     require(
@@ -83,7 +88,17 @@ def rayleigh_coefficients(omega: tuple[float, float], ratio: tuple[float, float]
     return alpha, beta
 
 
+def _two(key: str, values: Any, metadata: dict[str, Any]) -> tuple[float, float]:
+    pair = checked(key, values, metadata)
+    require(isinstance(pair, tuple) and len(pair) == 2, key, values, metadata["unit"], "must be two numbers")
+    return pair[0], pair[1]
+
+
 def realised_damping_ratio(alpha: float, beta: float, omega: ArrayLike) -> NDArray[Any]:
     """Damping ratio alpha/(2 omega) + beta omega/2 that Rayleigh damping gives at omega (rad/s)."""
-    w = np.asarray(omega, dtype=float)
-    return 0.5 * (alpha / w + beta * w)
+    a = checked("alpha", alpha, quantity("1/s", at_least=0.0))
+    b = checked("beta", beta, quantity("s", at_least=0.0))
+    allowed = "must be finite numbers > 0"
+    w = real_array("omega", omega, "rad/s", allowed)
+    require(bool(np.all(w > 0.0)), "omega", omega, "rad/s", allowed)
+    return np.asarray(0.5 * (a / w + b * w))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from femimpact.errors import check_fields, column
 
 __all__ = ["BALANCED", "CLOSED", "EnergyLedger", "energy_residual", "largest_input", "residual_warnings", "unbalanced"]
 
@@ -108,15 +110,18 @@ class EnergyLedger:
         The same as `structure_loss`, mode by mode; no columns for physical dofs.
     """
 
-    time: NDArray[Any]
-    kinetic: NDArray[Any]
-    strain: NDArray[Any]
-    ball: NDArray[Any]
-    contact: NDArray[Any]
-    work: NDArray[Any]
-    structure_loss: NDArray[Any]
-    contact_loss: NDArray[Any]
-    structure_loss_of_mode: NDArray[Any]
+    time: NDArray[Any] = field(metadata=column("s", "samples"))
+    kinetic: NDArray[Any] = field(metadata=column("J", "samples"))
+    strain: NDArray[Any] = field(metadata=column("J", "samples"))
+    ball: NDArray[Any] = field(metadata=column("J", "samples"))
+    contact: NDArray[Any] = field(metadata=column("J", "samples"))
+    work: NDArray[Any] = field(metadata=column("J", "samples"))
+    structure_loss: NDArray[Any] = field(metadata=column("J", "samples"))
+    contact_loss: NDArray[Any] = field(metadata=column("J", "samples"))
+    structure_loss_of_mode: NDArray[Any] = field(metadata=column("J", "samples", "modes"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     @property
     def stored(self) -> NDArray[Any]:

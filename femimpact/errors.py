@@ -1,4 +1,4 @@
-"""What can go wrong, and how it is worded: the only home of input-error texts."""
+"""What can go wrong, and how it is worded: the only home of input-error texts, and of what counts as a sound value."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ import dataclasses
 import functools
 import math
 import numbers
-from collections.abc import Iterable, Mapping
-from typing import Any
+import operator
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = [
     "DivergenceError",
@@ -16,16 +20,31 @@ __all__ = [
     "InputError",
     "allowed_range",
     "check_fields",
+    "checked",
     "choice",
+    "column",
     "field_faults",
     "in_range",
-    "make_whole",
+    "instance",
+    "items",
+    "optional",
+    "place",
     "quantity",
+    "real_array",
     "require",
     "require_name",
     "require_type",
+    "rising_numbers",
     "suggestion",
+    "text",
+    "truth",
 ]
+
+LONGEST_SHOWN = 200
+"""Characters of a value that a line shows."""
+
+MOST = 10**15
+"""A whole number beyond this is taken for a mistake: it neither counts anything nor fits into a float."""
 
 
 class FemimpactError(Exception):
@@ -34,6 +53,30 @@ class FemimpactError(Exception):
 
 class DivergenceError(FemimpactError):
     """A run whose motion is not finite, or grew past every physical bound."""
+
+
+class _Shown(str):
+    """Words in place of a value that does not travel between processes."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+def _shown(value: object) -> str:
+    """A value in one short line."""
+    if isinstance(value, numbers.Number) and hasattr(value, "item"):
+        # a number of numpy's own would show its type
+        value = value.item()
+    if hasattr(value, "dtype") and getattr(value, "shape", ()) != ():
+        return f"array of {value.dtype} of shape {value.shape}"  # type: ignore[attr-defined]
+    try:
+        words = " ".join(repr(value).split())
+    except ValueError:
+        # Python shows no whole number of more than some thousand digits
+        words = f"a {type(value).__name__} too long to show"
+    return words if len(words) <= LONGEST_SHOWN else f"{words[: LONGEST_SHOWN - 3]}..."
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,12 +90,13 @@ class Fault:
 
     def __str__(self) -> str:
         unit = "" if self.unit in ("", "1") else f" {self.unit}"
-        value = self.value
-        if isinstance(value, numbers.Number) and hasattr(value, "item"):
-            # a number of numpy's own would show its type
-            value = value.item()
-        shown = f" = {value!r}{unit}" if value is not None else ""
+        shown = f" = {_shown(self.value)}{unit}" if self.value is not None else ""
         return f"{self.key}{shown}: {self.allowed}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        plain = self.value is None or isinstance(self.value, (str, bool, int, float))
+        value = self.value if plain else _Shown(_shown(self.value))
+        return Fault, (self.key, value, self.unit, self.allowed)
 
     def under(self, prefix: str) -> Fault:
         """The same fault with its key below a table's path."""
@@ -66,6 +110,14 @@ class InputError(FemimpactError, ValueError):
         self.faults = tuple(faults)
         super().__init__("\n".join(str(fault) for fault in self.faults))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # an exception is made again from its text by default, which is not what makes this one
+        return type(self), (self.faults,)
+
+
+class _Refused(Exception):  # noqa: N818 - never seen outside this module
+    """A value is not what a field's metadata allows."""
+
 
 def quantity(
     unit: str,
@@ -76,84 +128,312 @@ def quantity(
     below: float | None = None,
     integer: bool = False,
     several: bool = False,
+    finite: bool = True,
 ) -> dict[str, Any]:
-    """Metadata of a dataclass field that holds a number, or several where it may: its unit and its allowed range."""
+    """Metadata of a dataclass field that holds a number, or several where it may: its unit and its allowed range.
+
+    Where it need not be finite, infinity is held to the bounds, and what is not a number means unknown.
+    """
     bounds = {"above": above, "at_least": at_least, "at_most": at_most, "below": below}
     given = {k: v for k, v in bounds.items() if v is not None}
-    return {"unit": unit, "bounds": given, "integer": integer, "several": several}
+    words = {"above": "> ", "at_least": ">= ", "at_most": "<= ", "below": "< "}
+    kind = "a whole number" if integer else "a finite number" if finite else "a number"
+    shown = " and ".join(f"{words[name]}{bound:g}" for name, bound in given.items())
+    of = "" if unit in ("", "1") else f" {unit}"
+    take = functools.partial(_number, bounds=given, integer=integer, finite=finite)
+    return {
+        "unit": unit,
+        "allowed": f"must be {kind}{' ' + shown + of if shown else ', in' + of if of else ''}",
+        "take": functools.partial(_numbers, take=take) if several else take,
+    }
 
 
 def choice(*names: str) -> dict[str, Any]:
     """Metadata of a dataclass field that holds one of a few names."""
-    return {"unit": "", "choices": names}
+    allowed = f"must be {' or '.join(repr(name) for name in names)}"
+    return {"unit": "", "allowed": allowed, "take": functools.partial(_instance, kinds=(str,), among=names)}
+
+
+def truth() -> dict[str, Any]:
+    """Metadata of a dataclass field that is True or False: no number and no word counts as either."""
+    return {"unit": "", "allowed": "must be True or False", "take": _truth}
+
+
+def text(*, several: bool = False) -> dict[str, Any]:
+    """Metadata of a dataclass field that holds a text, or a tuple of them."""
+    if several:
+        return items(str) | {"allowed": "must be texts"}
+    return {"unit": "", "allowed": "must be a text", "take": functools.partial(_instance, kinds=(str,))}
+
+
+def place() -> dict[str, Any]:
+    """Metadata of a dataclass field that holds a name of a place, or metres from the root."""
+    allowed = 'must be "root", "tip", "mid", a point of the mesh, or metres from the root >= 0'
+    return {"unit": "", "allowed": allowed, "take": _place}
+
+
+def instance(*kinds: Any) -> dict[str, Any]:
+    """Metadata of a dataclass field that holds a value of one of some kinds."""
+    names = " or ".join(kind.__name__ for kind in kinds)
+    return {"unit": "", "allowed": f"must be a {names}", "take": functools.partial(_instance, kinds=kinds)}
+
+
+def items(*kinds: Any) -> dict[str, Any]:
+    """Metadata of a dataclass field that holds a tuple of values of some kinds; a list becomes one."""
+    names = " or ".join(kind.__name__ for kind in kinds)
+    return {"unit": "", "allowed": f"must be a tuple of {names}", "take": functools.partial(_items, kinds=kinds)}
+
+
+def column(unit: str, *axes: str | int, of: str = "number", finite: bool = False) -> dict[str, Any]:
+    """Metadata of a dataclass field that holds an array: its unit, and the name or the length of every axis.
+
+    Arrays with an axis of the same name are equally long there. `of` is "number", "whole number" or "text".
+    """
+    shape = f"({', '.join(map(str, axes))}{',' if len(axes) == 1 else ''})"
+    return {
+        "unit": unit,
+        "allowed": f"must be an array {shape} of {'finite ' if finite else ''}{of}s",
+        "take": functools.partial(_array, axes=axes, of=of, finite=finite),
+        "axes": axes,
+    }
+
+
+def optional(metadata: Mapping[str, Any]) -> dict[str, Any]:
+    """The same metadata for a field that may also be None."""
+    take = metadata["take"]
+    return {
+        **metadata,
+        "allowed": f"{metadata['allowed']}, or None",
+        "take": lambda value: None if value is None else take(value),
+    }
+
+
+_COMPARISONS = {"above": operator.gt, "at_least": operator.ge, "at_most": operator.le, "below": operator.lt}
+
+
+def _number(value: Any, bounds: Mapping[str, float], integer: bool, finite: bool) -> float | int:
+    """A Python number of exactly one type: numpy's, and whole numbers for floats, would compile kernels again."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise _Refused
+    try:
+        number = float(value)
+    except OverflowError:
+        raise _Refused from None
+    if not math.isfinite(number):
+        if finite or integer:
+            raise _Refused
+        if math.isnan(number):
+            return number
+    inside = all(_COMPARISONS[name](number, bound) for name, bound in bounds.items())
+    if not inside or (integer and (not number.is_integer() or abs(number) > MOST)):
+        raise _Refused
+    return int(number) if integer else number
+
+
+def _numbers(value: Any, take: Callable[[Any], float]) -> float | tuple[float, ...]:
+    if hasattr(value, "tolist") and getattr(value, "ndim", 0) == 1:
+        value = tuple(value)
+    if not isinstance(value, (tuple, list)):
+        return take(value)
+    if not value:
+        raise _Refused
+    return tuple(take(entry) for entry in value)
+
+
+def _truth(value: Any) -> bool:
+    # numpy's own truth value is one, without numpy being loaded for it
+    of_numpy = getattr(getattr(value, "dtype", None), "kind", "") == "b" and value.shape == ()
+    if not isinstance(value, bool) and not of_numpy:
+        raise _Refused
+    return bool(value)
+
+
+def _place(value: Any) -> str | float:
+    return value if isinstance(value, str) else float(_number(value, {"at_least": 0.0}, False, True))
+
+
+def _instance(value: Any, kinds: tuple[Any, ...], among: tuple[str, ...] | None = None) -> Any:
+    if not isinstance(value, kinds) or (among is not None and value not in among):
+        raise _Refused
+    # numpy's own text is one, but of another type
+    return str(value) if isinstance(value, str) and type(value) is not str else value
+
+
+def _items(value: Any, kinds: tuple[Any, ...]) -> tuple[Any, ...]:
+    if not isinstance(value, (tuple, list)):
+        raise _Refused
+    return tuple(_instance(entry, kinds) for entry in value)
+
+
+_KINDS = {"number": ("f", "iuf", float), "whole number": ("iu", "iu", int), "text": ("U", "U", str)}
+"""Of an array: its dtypes that stay, those that are turned, and what into."""
+
+
+def _array(value: Any, axes: tuple[str | int, ...], of: str, finite: bool) -> NDArray[Any]:
+    import numpy as np
+
+    _, usable, kind = _KINDS[of]
+    array = _unmasked(value)
+    fits = array.ndim == len(axes) and all(isinstance(n, str) or n == m for n, m in zip(axes, array.shape, strict=True))
+    if array.dtype.kind not in usable or not fits:
+        raise _Refused
+    if of != "text":
+        # of the same type it stays the very same array, also after unpickling, where asarray would make a new one
+        array = array if array.dtype == kind else array.astype(kind)
+        if finite and not np.all(np.isfinite(array)):
+            raise _Refused
+    return array
+
+
+def _unmasked(value: Any) -> NDArray[Any]:
+    """A value as an array, whatever it holds; numpy would take what is masked for sound numbers."""
+    import numpy as np
+
+    if type(value) is np.ndarray:
+        return value
+    if _is_masked(value):
+        raise _Refused
+    try:
+        return np.asarray(value)
+    except (ValueError, TypeError, OverflowError):
+        raise _Refused from None
+
+
+def _is_masked(value: Any) -> bool:
+    import numpy as np
+
+    if isinstance(value, (list, tuple)):
+        return any(_is_masked(entry) for entry in value if isinstance(entry, (list, tuple, np.ma.MaskedArray)))
+    return bool(np.ma.is_masked(value))
+
+
+def real_array(key: str, value: Any, unit: str, allowed: str, *, finite: bool = True) -> NDArray[Any]:
+    """A new array of float, of any shape.
+
+    Raises
+    ------
+    InputError
+        If the value holds anything but real numbers, finite ones unless told otherwise: text, truth values,
+        nothing, masked entries, rows of several lengths.
+    """
+    import numpy as np
+
+    if _is_masked(value):
+        require(False, key, "masked entries", unit, f"{allowed}; fill or drop what is masked")
+    try:
+        given = _unmasked(value)
+    except _Refused:
+        given = np.array(None)
+    fine = given.dtype.kind in "iuf" and (not finite or bool(np.all(np.isfinite(given))))
+    shown = f"array of {given.dtype}" if given.ndim and given.dtype.kind in "iufcbU" else value
+    require(fine, key, shown, unit, allowed)
+    return np.array(given, dtype=float)
 
 
 def allowed_range(metadata: Mapping[str, Any]) -> str:
     """Words for the range that a field's metadata allows."""
-    if "choices" in metadata:
-        return f"must be {' or '.join(repr(name) for name in metadata['choices'])}"
-    kind = "a whole number" if metadata["integer"] else "a finite number"
-    words = {"above": "> ", "at_least": ">= ", "at_most": "<= ", "below": "< "}
-    bounds = " and ".join(f"{words[name]}{bound:g}" for name, bound in metadata["bounds"].items())
-    unit = "" if metadata["unit"] in ("", "1") else f" {metadata['unit']}"
-    return f"must be {kind}{' ' + bounds + unit if bounds else ', in' + unit if unit else ''}"
+    return str(metadata["allowed"])
 
 
 def in_range(value: object, metadata: Mapping[str, Any]) -> bool:
-    """Whether a value is what a field's metadata allows: a number within its range, or one of its names."""
-    if "choices" in metadata:
-        return isinstance(value, str) and value in metadata["choices"]
-    if metadata["several"] and isinstance(value, (tuple, list)):
-        return len(value) > 0 and all(in_range(entry, {**metadata, "several": False}) for entry in value)
-    if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        return False
+    """Whether a value is what a field's metadata allows: a number within its range, one of its names, ..."""
     try:
-        number, bounds = float(value), metadata["bounds"]
-    except OverflowError:
+        metadata["take"](value)
+    except _Refused:
         return False
-    if not math.isfinite(number) or (metadata["integer"] and not number.is_integer()):
-        return False
-    return bool(
-        bounds.get("above", -math.inf) < number < bounds.get("below", math.inf)
-        and bounds.get("at_least", -math.inf) <= number <= bounds.get("at_most", math.inf)
-    )
+    return True
+
+
+def checked(key: str, value: object, metadata: Mapping[str, Any]) -> Any:
+    """The value in the one type that its metadata allows, as float(5) for 5.
+
+    Raises
+    ------
+    InputError
+        Naming the key, the value and what is allowed.
+    """
+    try:
+        return metadata["take"](value)
+    except _Refused:
+        raise InputError([Fault(key, value, metadata["unit"], metadata["allowed"])]) from None
+
+
+class _Declared(NamedTuple):
+    """What a field says of itself, laid out for nouns that are made in every run."""
+
+    name: str
+    take: Callable[[Any], Any]
+    may_be_none: bool
+    unit: str
+    allowed: str
+    axes: tuple[str | int, ...]
 
 
 @functools.cache
-def _declared(kind: Any, integer: bool = False) -> tuple[dataclasses.Field[Any], ...]:
-    """Fields of a dataclass with a range of their own, or the whole numbers among them; looked up often."""
-    declared = (field for field in dataclasses.fields(kind) if "unit" in field.metadata)
-    return tuple(field for field in declared if field.metadata.get("integer") or not integer)
+def _declared(kind: Any) -> tuple[_Declared, ...]:
+    """Fields of a dataclass with a range of their own; looked up often."""
+    return tuple(
+        _Declared(field.name, m["take"], field.default is None, m["unit"], m["allowed"], m.get("axes", ()))
+        for field in dataclasses.fields(kind)
+        if "unit" in (m := field.metadata)
+    )
+
+
+def _taken(instance: Any) -> tuple[dict[str, Any], list[Fault]]:
+    """Sound fields of a dataclass, each in its one type, and the faults of the others."""
+    values: dict[str, Any] = {}
+    faults: list[Fault] = []
+    sizes: dict[str | int, tuple[int, str]] = {}
+    for name, take, may_be_none, unit, allowed, axes in _declared(instance.__class__):
+        value = getattr(instance, name)
+        if value is None and may_be_none:
+            continue
+        try:
+            values[name] = taken = take(value)
+        except _Refused:
+            faults.append(Fault(name, value, unit, allowed))
+            continue
+        if not axes or taken is None:
+            continue
+        # arrays are as long along a named axis as the first one that has it
+        for axis, size in zip(axes, taken.shape, strict=True):
+            length, first = sizes.setdefault(axis, (size, name))
+            if size != length and isinstance(axis, str):
+                faults.append(Fault(name, _Shown(f"{size} {axis}"), "", f"must have {length} {axis}, as {first} has"))
+    return values, faults
 
 
 def field_faults(instance: Any) -> list[Fault]:
     """Every field of a dataclass that is outside its declared range."""
-    faults = []
-    for field in _declared(instance.__class__):
-        value = getattr(instance, field.name)
-        if value is None and field.default is None:
-            continue
-        if not in_range(value, field.metadata):
-            allowed = allowed_range(field.metadata)
-            faults.append(Fault(field.name, value, field.metadata["unit"], allowed))
-    return faults
+    return _taken(instance)[1]
 
 
-def make_whole(instance: Any) -> None:
-    """Turn whole numbers of a sound dataclass into int: 10.0 is one, but no size of an array."""
-    for field in _declared(instance.__class__, integer=True):
-        value = getattr(instance, field.name)
-        if value is not None:
-            whole = tuple(map(int, value)) if isinstance(value, tuple) else int(value)
-            object.__setattr__(instance, field.name, whole)
+def check_fields(instance: Any, *more: Fault) -> None:
+    """Raise `InputError` naming every field outside its declared range, and more faults where there are any.
+
+    What is sound is turned into its one type: numbers into float or int, lists of numbers into tuples.
+    """
+    values, faults = _taken(instance)
+    if faults or more:
+        raise InputError([*faults, *more])
+    for name, value in values.items():
+        object.__setattr__(instance, name, value)
 
 
-def check_fields(instance: Any) -> None:
-    """Raise `InputError` naming every field outside its declared range; whole numbers become int."""
-    faults = field_faults(instance)
-    if faults:
-        raise InputError(faults)
-    make_whole(instance)
+def rising_numbers(key: str, values: Any, most: int) -> NDArray[Any]:
+    """Three or more increasing whole numbers from 1, as a study of convergence goes through them.
+
+    Raises
+    ------
+    InputError
+        If they are not, or the last is beyond `most`.
+    """
+    allowed = f"must be three or more increasing numbers, whole and 1 to {most}"
+    given = real_array(key, values, "", allowed)
+    rising = given.ndim == 1 and given.size >= 3 and bool((given[1:] > given[:-1]).all())
+    whole = rising and bool((given % 1 == 0).all()) and given[0] >= 1 and given[-1] <= most
+    require(whole, key, values, "", allowed)
+    return given.astype(int)
 
 
 def require(condition: bool, key: str, value: object, unit: str, allowed: str) -> None:
@@ -180,4 +460,5 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 def require_name(name: str, known: Iterable[str], key: str) -> None:
     """Raise `InputError` unless the name is one of the known ones."""
     names = list(known)
+    require_type(name, str, key)
     require(name in names, key, name, "", suggestion(name, names))

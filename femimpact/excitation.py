@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import check_fields, quantity, require, require_type
+from femimpact.errors import check_fields, place, quantity, real_array, require, require_type
 
 __all__ = ["Excitation", "PointForce", "RecordedBase", "Sine"]
 
@@ -45,12 +45,12 @@ class Sine:
 
     def displacement(self, time: ArrayLike) -> NDArray[Any]:
         """Base displacement ub (m) at times in s."""
-        return np.asarray(self.amplitude * np.sin(self.omega * np.asarray(time) + self.phase))
+        return np.asarray(self.amplitude * np.sin(self.omega * _times(time) + self.phase))
 
     def velocity(self, time: ArrayLike) -> NDArray[Any]:
         """Base velocity (m/s) at times in s."""
         scale = self.amplitude * self.omega
-        return np.asarray(scale * np.cos(self.omega * np.asarray(time) + self.phase))
+        return np.asarray(scale * np.cos(self.omega * _times(time) + self.phase))
 
     def acceleration(self, time: ArrayLike) -> NDArray[Any]:
         """Base acceleration (m/s^2) at times in s."""
@@ -69,10 +69,11 @@ class PointForce:
         Its amplitude is a force, N.
     """
 
-    at: str | float
+    at: str | float = field(metadata=place())
     history: Sine
 
     def __post_init__(self) -> None:
+        check_fields(self)
         require_type(self.history, Sine, "history")
 
     @property
@@ -96,7 +97,7 @@ class PointForce:
 
     def displacement(self, time: ArrayLike) -> NDArray[Any]:
         """Base displacement: zero, m."""
-        return np.zeros_like(np.asarray(time, dtype=float))
+        return np.zeros_like(_times(time))
 
     velocity = displacement
     acceleration = displacement
@@ -123,15 +124,17 @@ class RecordedBase:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        try:
-            samples = np.array(self.samples, dtype=float)
-            shown = f"array of shape {samples.shape}"
-        except (TypeError, ValueError):
-            samples, shown = np.zeros(0), type(self.samples).__name__
-        fine = samples.ndim == 1 and samples.size >= 2 and bool(np.all(np.isfinite(samples)))
-        require(fine, "samples", shown, "m/s^2", "must be 2 or more finite numbers")
+        allowed = "must be 2 or more finite numbers"
+        samples = real_array("samples", self.samples, "m/s^2", allowed)
+        several = samples.ndim == 1 and samples.size >= 2
+        require(several, "samples", f"array of shape {samples.shape}", "m/s^2", allowed)
         samples.setflags(write=False)
         object.__setattr__(self, "samples", samples)
+        with np.errstate(over="ignore", invalid="ignore"):
+            bounded = bool(np.isfinite(self.amplitude))
+        require(
+            bounded, "samples", f"array of shape {samples.shape}", "m/s^2", "must move the base by a finite distance"
+        )
 
     @cached_property
     def _knots(self) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -143,7 +146,7 @@ class RecordedBase:
 
     def _locate(self, time: ArrayLike) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Sample before each time, time since then (s), acceleration there, and its slope."""
-        t = np.asarray(time, dtype=float)
+        t = _times(time)
         index = np.clip(np.floor(t / self.interval).astype(int), 0, self.samples.size - 1)
         padded = np.append(self.samples, self.samples[-1])
         beyond = index >= self.samples.size - 1
@@ -181,6 +184,10 @@ class RecordedBase:
         """Base acceleration (m/s^2) at times in s."""
         _, s, a, slope = self._locate(time)
         return np.asarray(a + s * slope)
+
+
+def _times(time: ArrayLike) -> NDArray[Any]:
+    return real_array("time", time, "s", "must be finite numbers")
 
 
 Excitation = Sine | PointForce | RecordedBase

@@ -7,7 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["shape_functions"]
+from femimpact.errors import checked, quantity, real_array
+
+__all__ = ["DERIVATIVE", "shape_functions"]
+
+DERIVATIVE = quantity("1", at_least=0, at_most=3, integer=True)
+"""Orders of derivative that a cubic has."""
 
 
 def shape_functions(s: ArrayLike, derivative: int = 0) -> NDArray[Any]:
@@ -28,7 +33,8 @@ def shape_functions(s: ArrayLike, derivative: int = 0) -> NDArray[Any]:
         Values; multiply rows 1 and 3 by the element length for dofs (w, dw/dx),
         and divide all by its `derivative`-th power for derivatives by x.
     """
-    s = np.asarray(s, dtype=float)
+    s = real_array("s", s, "1", "must be finite numbers")
+    derivative = checked("derivative", derivative, DERIVATIVE)
     zero = 0.0 * s
     rows = (
         (1 - 3 * s**2 + 2 * s**3, s - 2 * s**2 + s**3, 3 * s**2 - 2 * s**3, s**3 - s**2),

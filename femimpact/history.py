@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.energy import EnergyLedger
-from femimpact.excitation import Excitation
+from femimpact.errors import check_fields, checked, column, instance, optional, require, require_type
+from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["HistoryPiece", "Snapshots", "Stream", "deciding_rows", "history_dataset"]
+__all__ = ["HistoryPiece", "Snapshots", "Stream", "check_histories", "deciding_rows", "history_dataset"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +34,15 @@ class Snapshots:
         On the beam, balls first, then stops.
     """
 
-    time: NDArray[Any]
-    displacement: NDArray[Any]
-    velocity: NDArray[Any]
-    ball_displacement: NDArray[Any]
-    ball_velocity: NDArray[Any]
-    contact_force: NDArray[Any]
+    time: NDArray[Any] = field(metadata=column("s", "snapshots", finite=True))
+    displacement: NDArray[Any] = field(metadata=column("m", "snapshots", "nodal values"))
+    velocity: NDArray[Any] = field(metadata=column("m/s", "snapshots", "nodal values"))
+    ball_displacement: NDArray[Any] = field(metadata=column("m", "snapshots", "balls"))
+    ball_velocity: NDArray[Any] = field(metadata=column("m/s", "snapshots", "balls"))
+    contact_force: NDArray[Any] = field(metadata=column("N", "snapshots", "pairs"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,16 +64,43 @@ class HistoryPiece:
     base : Excitation
     """
 
-    time: NDArray[Any]
+    time: NDArray[Any] = field(metadata=column("s", "samples", finite=True))
     channels: Mapping[str, NDArray[Any]]
     units: Mapping[str, str]
-    energy: EnergyLedger | None
-    snapshots: Snapshots | None
-    base: Excitation
+    energy: EnergyLedger | None = field(metadata=optional(instance(EnergyLedger)))
+    snapshots: Snapshots | None = field(metadata=optional(instance(Snapshots)))
+    base: Excitation = field(metadata=instance(Sine, PointForce, RecordedBase))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        check_histories(self)
 
     def to_xarray(self) -> xarray.Dataset:
         """Channels, energies and the base's motion as a labelled dataset over time."""
         return history_dataset(self.time, self.channels, self.units, self.energy, self.base)
+
+
+def check_histories(kept: Any) -> None:
+    """Refuse channels of a history that are not as long as its time, or whose unit is not named.
+
+    A history that went to a sink has units only, and a ledger of few samples.
+    """
+    for key in ("channels", "units"):
+        require_type(getattr(kept, key), Mapping, key)
+    for name, values in kept.channels.items():
+        series = checked(f"channels.{name}", values, column(str(kept.units.get(name, "")), "samples"))
+        fits = series.shape == kept.time.shape
+        require(
+            fits, f"channels.{name}", f"{series.size} samples", "", f"must have {kept.time.size} samples, as time has"
+        )
+        require(name in kept.units, "units", sorted(kept.units), "", f"must name the unit of {name!r}")
+    for name, unit in kept.units.items():
+        require_type(unit, str, f"units.{name}")
+    if kept.channels:
+        same = set(kept.units) == set(kept.channels)
+        require(same, "units", sorted(kept.units), "", f"must be of the channels, {sorted(kept.channels)}")
+        same = kept.energy is None or np.array_equal(kept.energy.time, kept.time)
+        require(same, "energy", None, "", "must be at the times of the channels")
 
 
 def history_dataset(
@@ -117,7 +148,7 @@ def deciding_rows(before: EnergyLedger | None, piece: EnergyLedger) -> EnergyLed
     rows = _take(piece, _extremes(piece, first))
     if before is None:
         return rows
-    columns = [field.name for field in dataclasses.fields(EnergyLedger)]
+    columns = [item.name for item in dataclasses.fields(EnergyLedger)]
     joined = EnergyLedger(**{name: np.concatenate([getattr(before, name), getattr(rows, name)]) for name in columns})
     return _take(joined, _extremes(joined, first))
 
@@ -132,9 +163,9 @@ def _extremes(ledger: EnergyLedger, first: EnergyLedger) -> list[int]:
 
 
 def _take(ledger: EnergyLedger, rows: list[int]) -> EnergyLedger:
-    columns = {field.name: getattr(ledger, field.name)[rows] for field in dataclasses.fields(EnergyLedger)}
-    for column in columns.values():
-        column.setflags(write=False)
+    columns = {item.name: getattr(ledger, item.name)[rows] for item in dataclasses.fields(EnergyLedger)}
+    for values in columns.values():
+        values.setflags(write=False)
     return EnergyLedger(**columns)
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import require
+from femimpact.errors import check_fields, checked, quantity, real_array, require, require_type, text
 
 __all__ = ["DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power", "one_pole_amplitude"]
 
@@ -50,11 +50,16 @@ class DampingEstimate:
     warnings : tuple of str
     """
 
-    ratio: float
-    frequency: float
-    interval: tuple[float, float]
-    method: str
-    warnings: tuple[str, ...] = ()
+    ratio: float = field(metadata=quantity("1", at_least=0.0, finite=False))
+    frequency: float = field(metadata=quantity("Hz", above=0.0))
+    interval: tuple[float, float] = field(metadata=quantity("1", finite=False, several=True))
+    method: str = field(metadata=text())
+    warnings: tuple[str, ...] = field(default=(), metadata=text(several=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        two = isinstance(self.interval, tuple) and len(self.interval) == 2 and not self.interval[0] > self.interval[1]
+        require(two, "interval", self.interval, "1", "must be two numbers, the lower one first")
 
     def __str__(self) -> str:
         low, high = self.interval
@@ -80,13 +85,26 @@ def one_pole_amplitude(frequency: ArrayLike, scale: float, natural_frequency: fl
     Returns
     -------
     ndarray, m
+
+    Raises
+    ------
+    InputError
+        If a number is not finite, or natural frequency or ratio are not > 0.
     """
-    f = np.asarray(frequency, dtype=float)
+    f = real_array("frequency", frequency, "Hz", "must be finite numbers")
+    scale = checked("scale", scale, quantity("m"))
+    natural_frequency = checked("natural_frequency", natural_frequency, quantity("Hz", above=0.0))
+    return _one_pole(f, scale, natural_frequency, checked("ratio", ratio, quantity("1", above=0.0)))
+
+
+def _one_pole(f: NDArray[Any], scale: float, natural_frequency: float, ratio: float) -> NDArray[Any]:
     return np.asarray(scale * f**2 / np.hypot(natural_frequency**2 - f**2, 2.0 * ratio * natural_frequency * f))
 
 
 def _checked(frequency: ArrayLike, amplitude: ArrayLike, least: int) -> tuple[NDArray[Any], NDArray[Any]]:
-    f, x = np.asarray(frequency, dtype=float), np.asarray(amplitude, dtype=float)
+    # a case that failed is not a number and left out; a masked one says nothing of why it is masked
+    f = real_array("frequency", frequency, "Hz", "must be a row of numbers", finite=False)
+    x = real_array("amplitude", amplitude, "m", "must be a row of numbers", finite=False)
     same = f.ndim == 1 and f.shape == x.shape
     require(same, "amplitude", x.shape, "", f"must be as long as frequency, shape {f.shape}")
     usable = np.isfinite(f) & np.isfinite(x)
@@ -94,6 +112,7 @@ def _checked(frequency: ArrayLike, amplitude: ArrayLike, least: int) -> tuple[ND
     order = np.argsort(f)
     f, x = f[order], x[order]
     require(f.size >= least, "frequency", f.size, "points", f"must hold at least {least} finite points")
+    require(bool(np.all(f > 0)), "frequency", float(f.min()), "Hz", "must be > 0")
     require(bool(np.all(np.diff(f) > 0)), "frequency", None, "Hz", "must not repeat")
     require(bool(np.all(x >= 0) and np.any(x > 0)), "amplitude", None, "m", "must be >= 0 and not all zero")
     return f, x
@@ -176,6 +195,8 @@ def fit_one_pole(
     from scipy.optimize import least_squares
     from scipy.special import stdtrit
 
+    share = checked("share", share, quantity("1", at_least=0.0, at_most=1.0))
+    misfit_limit = checked("misfit_limit", misfit_limit, quantity("1", at_least=0.0))
     f, x = _checked(frequency, amplitude, 4)
     top = int(np.argmax(x))
     chosen = x >= share * x[top]
@@ -183,7 +204,7 @@ def fit_one_pole(
     f_fit, x_fit = f[chosen], x[chosen] / x[top]
 
     def misfit_of(p: NDArray[Any]) -> NDArray[Any]:
-        return np.asarray(one_pole_amplitude(f_fit, math.exp(p[0]), p[1], math.exp(p[2])) - x_fit)
+        return np.asarray(_one_pole(f_fit, math.exp(p[0]), p[1], math.exp(p[2])) - x_fit)
 
     # the residual has several valleys when the grid is coarse: start from narrow and wide peaks
     step = float(np.mean(np.diff(f)))
@@ -287,7 +308,9 @@ def amplitude_ratio_damping(reference: DampingEstimate, reference_peak: float, p
     DampingEstimate
         At the reference's frequency; the interval scales with the reference's.
     """
-    require(peak > 0.0, "peak", peak, "m", "must be > 0")
+    require_type(reference, DampingEstimate, "reference")
+    reference_peak = checked("reference_peak", reference_peak, quantity("m", above=0.0))
+    peak = checked("peak", peak, quantity("m", above=0.0))
     drop = reference_peak / peak
     low, high = reference.interval
     return DampingEstimate(

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from femimpact.errors import check_fields, column, quantity, require_type, text
 
 if TYPE_CHECKING:
     import xarray
@@ -70,19 +72,25 @@ class Impacts:
         Impacts that met a full table and were counted only.
     """
 
-    time: NDArray[Any]
-    phase: NDArray[Any]
-    impactor: NDArray[Any]
-    side: NDArray[Any]
-    approach_speed: NDArray[Any]
-    rebound_speed: NDArray[Any]
-    impulse: NDArray[Any]
-    peak_force: NDArray[Any]
-    duration: NDArray[Any]
-    energy_loss: NDArray[Any]
-    energy_to_modes: NDArray[Any]
+    time: NDArray[Any] = field(metadata=column("s", "impacts"))
+    phase: NDArray[Any] = field(metadata=column("rad", "impacts"))
+    impactor: NDArray[Any] = field(metadata=column("", "impacts", of="text"))
+    side: NDArray[Any] = field(metadata=column("1", "impacts"))
+    approach_speed: NDArray[Any] = field(metadata=column("m/s", "impacts"))
+    rebound_speed: NDArray[Any] = field(metadata=column("m/s", "impacts"))
+    impulse: NDArray[Any] = field(metadata=column("N s", "impacts"))
+    peak_force: NDArray[Any] = field(metadata=column("N", "impacts"))
+    duration: NDArray[Any] = field(metadata=column("s", "impacts"))
+    energy_loss: NDArray[Any] = field(metadata=column("J", "impacts"))
+    energy_to_modes: NDArray[Any] = field(metadata=column("J", "impacts", "modes"))
     law: Mapping[str, str]
-    dropped: int = 0
+    dropped: int = field(default=0, metadata=quantity("1", at_least=0, integer=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        require_type(self.law, Mapping, "law")
+        for name in self.law:
+            require_type(self.law[name], str, f"law.{name}")
 
     def __len__(self) -> int:
         return int(self.time.size)
@@ -190,12 +198,15 @@ class Riding:
     mean_force : ndarray (n,), N
     """
 
-    impactor: NDArray[Any]
-    side: NDArray[Any]
-    start: NDArray[Any]
-    end: NDArray[Any]
-    impulse: NDArray[Any]
-    mean_force: NDArray[Any]
+    impactor: NDArray[Any] = field(metadata=column("", "states", of="text"))
+    side: NDArray[Any] = field(metadata=column("1", "states"))
+    start: NDArray[Any] = field(metadata=column("s", "states"))
+    end: NDArray[Any] = field(metadata=column("s", "states"))
+    impulse: NDArray[Any] = field(metadata=column("N s", "states"))
+    mean_force: NDArray[Any] = field(metadata=column("N", "states"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     def __len__(self) -> int:
         return int(self.start.size)
@@ -226,14 +237,17 @@ class ImpactStatistics:
         Integral of the normal force over the window's length, a ball that rides on its wall included.
     """
 
-    count: int
-    impacts_per_cycle: float
-    mean_approach_speed: float
-    largest_approach_speed: float
-    mean_impulse: float
-    peak_force: float
-    law: str
-    cycle_mean_force: float
+    count: int = field(metadata=quantity("1", at_least=0, integer=True))
+    impacts_per_cycle: float = field(metadata=quantity("1", finite=False))
+    mean_approach_speed: float = field(metadata=quantity("m/s", finite=False))
+    largest_approach_speed: float = field(metadata=quantity("m/s", finite=False))
+    mean_impulse: float = field(metadata=quantity("N s", finite=False))
+    peak_force: float = field(metadata=quantity("N", finite=False))
+    law: str = field(metadata=text())
+    cycle_mean_force: float = field(metadata=quantity("N", finite=False))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 def impact_statistics(totals: NDArray[Any], duration: float, frequency: float, law: str) -> ImpactStatistics:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,33 +10,18 @@ import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import require
+from femimpact.errors import real_array, require
 
-__all__ = ["checked_matrix", "checked_row", "definite_factor", "real_array"]
+__all__ = ["check_semidefinite", "checked_matrix", "checked_row", "definite_factor", "same_product"]
 
 RANK_TOLERANCE = 1e-13
 """Eigenvalues below this share of the largest are taken as zero: rigid motions."""
 
 
+ROUNDING = 1e-8
+"""Share of a row's sum by which two products of one matrix may differ."""
+
 FINITE = "must hold finite numbers"
-
-
-def real_array(key: str, value: Any, unit: str, allowed: str) -> NDArray[Any]:
-    """An array of float, of any shape.
-
-    Raises
-    ------
-    InputError
-        If the value holds anything but finite real numbers: text, truth values, nothing, rows of several lengths.
-    """
-    try:
-        given = np.asarray(value)
-    except ValueError:
-        given = np.array(None)
-    fine = given.dtype.kind in "iuf" and bool(np.all(np.isfinite(given)))
-    shown = f"array of {given.dtype}" if given.ndim and given.dtype.kind in "iufcbU" else value
-    require(fine, key, shown, unit, allowed)
-    return np.array(given, dtype=float)
 
 
 def checked_matrix(name: str, value: Any) -> Any:
@@ -46,8 +32,14 @@ def checked_matrix(name: str, value: Any) -> Any:
     InputError
         Naming the matrix and what is wrong with it.
     """
-    given: Any = value if sparse.issparse(value) else np.atleast_2d(real_array(name, value, "", FINITE))
-    matrix = sparse.csr_array(given)
+    matrix: Any = value
+    if sparse.issparse(value):
+        require(matrix.dtype.kind in "iuf", name, f"matrix of {matrix.dtype}", "", FINITE)
+        matrix = sparse.csr_array(matrix).astype(float)
+    else:
+        given: Any = np.atleast_2d(real_array(name, value, "", FINITE))
+        require(given.ndim == 2, name, given.shape, "", "must be a square matrix")
+        matrix = sparse.csr_array(given)
     square = matrix.shape[0] == matrix.shape[1] and matrix.shape[0] > 0
     require(square, name, matrix.shape, "", "must be a square matrix")
     require(bool(np.all(np.isfinite(matrix.data))), name, None, "", FINITE)
@@ -83,3 +75,27 @@ def definite_factor(name: str, matrix: NDArray[Any], strictly: bool = False) -> 
     require(bool(fine), name, float(values[0]), "", f"{allowed}; this is its lowest eigenvalue")
     values = np.where(values > RANK_TOLERANCE * largest, values, 0.0)
     return np.sqrt(values)[:, None] * vectors.T, int(np.count_nonzero(values))
+
+
+def check_semidefinite(name: str, matrix: Any) -> None:
+    """Raise `InputError` unless a symmetric sparse matrix is positive semidefinite, to 1e-9 of its largest entry."""
+    if matrix.nnz == 0 or float(abs(matrix).max()) == 0.0:
+        return
+    shifted = matrix.toarray()
+    shifted[np.diag_indices_from(shifted)] += 1e-9 * np.max(np.abs(shifted))
+    try:
+        scipy.linalg.cholesky(shifted, overwrite_a=True)
+    except scipy.linalg.LinAlgError:
+        require(False, name, None, "", "must be positive semidefinite")
+
+
+def same_product(matrix: Any, product: Callable[[NDArray[Any]], NDArray[Any]]) -> bool:
+    """Whether a sparse matrix (dofs, dofs) and another product do the same to one vector, to rounding.
+
+    A fixed vector without pattern finds any difference but those made for it, at the cost of a product.
+    """
+    x = 1.0 + np.modf(np.sqrt(2.0) * np.arange(1, matrix.shape[0] + 1))[0]
+    difference = np.abs(matrix @ x - product(x))
+    # each row by its own size; rows of a dense factor carry the rounding of the largest one
+    size = abs(matrix) @ x
+    return bool(np.all(difference <= ROUNDING * (size + 1e-4 * size.max(initial=0.0))))

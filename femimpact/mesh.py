@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import Fault, InputError, require
+from femimpact.errors import Fault, InputError, checked, quantity, real_array, require, require_type
 from femimpact.structure import Structure
 
 __all__ = ["Mesh", "read_mesh", "uniform_mesh"]
@@ -21,7 +21,11 @@ SAME_PLACE = 1e-9
 """Two positions closer than this share of the beam's length are one place."""
 
 
-@dataclass(frozen=True)
+MOST_ELEMENTS = 100_000
+"""Of a mesh made here; more is taken for a mistake."""
+
+
+@dataclass(frozen=True, eq=False)
 class Mesh:
     """Line elements between sorted nodes.
 
@@ -33,6 +37,12 @@ class Mesh:
         Named places, m from the root; "root", "tip" and "mid" are always there.
     regions : mapping of str to ndarray
         Element numbers of each named region.
+
+    Raises
+    ------
+    InputError
+        If the nodes do not increase, a place is not on the beam, "root", "tip" or "mid" is given another
+        place, or a region names an element that is none.
     """
 
     nodes: NDArray[Any]
@@ -40,14 +50,46 @@ class Mesh:
     regions: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        nodes = np.array(self.nodes, dtype=float)
+        allowed = "must be two or more increasing positions"
+        nodes = real_array("mesh.nodes", self.nodes, "m", allowed)
         increasing = nodes.ndim == 1 and nodes.size >= 2 and bool(np.all(np.diff(nodes) > 0))
-        require(increasing, "mesh.nodes", None, "m", "must be two or more increasing positions")
+        require(increasing, "mesh.nodes", None, "m", allowed)
+        at_root = abs(nodes[0]) <= SAME_PLACE * (nodes[-1] - nodes[0])
+        require(bool(at_root), "mesh.nodes", float(nodes[0]), "m", "must begin with the root, at 0 m")
         nodes.setflags(write=False)
-        root, tip = float(nodes[0]), float(nodes[-1])
-        standard = {"root": root, "tip": tip, "mid": 0.5 * (root + tip)}
         object.__setattr__(self, "nodes", nodes)
-        object.__setattr__(self, "points", {**standard, **self.points})
+        object.__setattr__(self, "points", self._checked_points())
+        object.__setattr__(self, "regions", self._checked_regions())
+
+    def _checked_points(self) -> dict[str, float]:
+        """Places by name: the three that every mesh has, and those given."""
+        require_type(self.points, Mapping, "mesh.points")
+        root, tip = float(self.nodes[0]), float(self.nodes[-1])
+        places = {"root": root, "tip": tip, "mid": 0.5 * (root + tip)}
+        slack = SAME_PLACE * (tip - root)
+        for name, given in self.points.items():
+            require_type(name, str, "mesh.points")
+            on_beam = quantity("m", at_least=root - slack, at_most=tip + slack)
+            at = min(max(checked(f"mesh.points.{name}", given, on_beam), root), tip)
+            # a name that every mesh has means its place: another one would move what is attached there
+            meant = abs(at - places.get(name, at)) <= slack
+            allowed = f"must lie at {places.get(name, at):.9g} m, where {name!r} is on every beam: take another name"
+            require(meant, f"mesh.points.{name}", given, "m", allowed)
+            places.setdefault(name, at)
+        return places
+
+    def _checked_regions(self) -> dict[str, NDArray[Any]]:
+        """Elements by name of their region."""
+        require_type(self.regions, Mapping, "mesh.regions")
+        regions = {}
+        for name, given in self.regions.items():
+            require_type(name, str, "mesh.regions")
+            key, allowed = f"mesh.regions.{name}", f"must be numbers of elements, 0 to {self.elements - 1}, each once"
+            members = real_array(key, given, "", allowed)
+            whole = members.ndim == 1 and bool(np.all((members % 1 == 0) & (members >= 0) & (members < self.elements)))
+            require(whole and np.unique(members).size == members.size, key, None, "", allowed)
+            regions[name] = members.astype(int)
+        return regions
 
     @property
     def elements(self) -> int:
@@ -87,8 +129,8 @@ def uniform_mesh(structure: Structure, elements: int) -> Mesh:
     InputError
         If there are fewer elements than stretches, or a place is named that no mesh gives.
     """
-    whole = isinstance(elements, (int, np.integer)) and not isinstance(elements, bool) and elements >= 1
-    require(whole, "mesh.elements", elements, "", "must be a whole number >= 1")
+    require_type(structure, Structure, "structure")
+    elements = checked("mesh.elements", elements, quantity("1", at_least=1, at_most=MOST_ELEMENTS, integer=True))
     beam = structure.beam
     named = Mesh(np.array([0.0, beam.length])).points
     allowed = f"must be one of {', '.join(named)}, or metres from the root"
@@ -102,7 +144,7 @@ def uniform_mesh(structure: Structure, elements: int) -> Mesh:
     stretches = np.diff(breaks)
     wanted = f"must be >= {stretches.size}: one for each stretch between joints and attachments"
     require(elements >= stretches.size, "mesh.elements", elements, "", wanted)
-    counts = _share(stretches, int(elements))
+    counts = _share(stretches, elements)
     pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(breaks, breaks[1:], counts, strict=False)]
     nodes = np.concatenate([*pieces, breaks[-1:]])
     middles = 0.5 * (nodes[1:] + nodes[:-1])
@@ -140,6 +182,7 @@ def read_mesh(path: str | Path) -> Mesh:
     """
     import meshio
 
+    require(isinstance(path, (str, Path)), "mesh.file", path, "", "must be the path of a mesh file")
     path = Path(path)
     require(path.is_file(), "mesh.file", str(path), "", "must be an existing mesh file")
     try:
@@ -160,6 +203,8 @@ def _from_meshio(raw: Any, label: str) -> Mesh:
     segments = np.concatenate(lines)
     used = np.unique(segments)
     points = np.asarray(raw.points, dtype=float)[used]
+    located = bool(np.all(np.isfinite(points)))
+    require(located, "mesh.file", label, "", "must hold finite coordinates in x, y and z")
     points = np.hstack([points, np.zeros((len(points), 3 - points.shape[1]))])
     extent = np.ptp(points, axis=0)
     along_x = extent[0] > 0 and max(extent[1], extent[2]) <= SAME_PLACE * extent[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from femimpact.damping import realised_damping_ratio
-from femimpact.errors import require, require_type
+from femimpact.errors import check_fields, column, in_range, quantity, real_array, require, require_type
 from femimpact.system import System
 
 __all__ = ["Modes", "solve_modes", "solve_stiffness"]
@@ -33,17 +33,29 @@ class Modes:
         Realised by the system's damping matrix: phi^T C phi/(2 omega).
     participation_factor : ndarray (count,), kg^0.5
         phi^T M r for base motion, held dofs included.
-    effective_mass : ndarray (count,), kg
-        Square of the participation factor; they sum to the moving mass.
     vectors : ndarray (dofs, count)
         phi, with phi^T M phi = 1.
+
+    Raises
+    ------
+    InputError
+        If the arrays are not of equally many modes.
     """
 
-    natural_frequency: NDArray[Any]
-    damping_ratio: NDArray[Any]
-    participation_factor: NDArray[Any]
-    effective_mass: NDArray[Any]
-    vectors: NDArray[Any]
+    natural_frequency: NDArray[Any] = field(metadata=column("Hz", "modes", finite=True))
+    damping_ratio: NDArray[Any] = field(metadata=column("1", "modes", finite=True))
+    participation_factor: NDArray[Any] = field(metadata=column("kg^0.5", "modes", finite=True))
+    vectors: NDArray[Any] = field(metadata=column("kg^-0.5", "dofs", "modes", finite=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @property
+    def effective_mass(self) -> NDArray[Any]:
+        """Square of the participation factor, (count,) in kg; all of them sum to the moving mass."""
+        mass = self.participation_factor**2
+        mass.setflags(write=False)
+        return mass
 
 
 def solve_modes(system: System, count: int) -> Modes:
@@ -72,13 +84,13 @@ def solve_modes(system: System, count: int) -> Modes:
     from the Rayleigh quotient |G phi|^2.
     """
     require_type(system, System, "system")
-    whole = isinstance(count, (int, np.integer)) and not isinstance(count, bool)
-    within = whole and 1 <= count <= system.dofs
+    within = in_range(count, quantity("modes", at_least=1, at_most=system.dofs, integer=True))
     require(within, "count", count, "modes", f"must be a whole number from 1 to {system.dofs} (the dofs)")
+    count = int(count)
     if system.dofs <= DENSE_LIMIT or count > system.dofs // 4:
-        vectors = _dense_modes(system, int(count))
+        vectors = _dense_modes(system, count)
     else:
-        vectors = _shift_invert_modes(system, int(count))
+        vectors = _shift_invert_modes(system, count)
     vectors = _normalised(system, vectors)
     omega = np.linalg.norm(system.stiffness_factor @ vectors, axis=0)
     order = np.argsort(omega)
@@ -90,7 +102,7 @@ def solve_modes(system: System, count: int) -> Modes:
         # a rigid motion has no ratio to a critical damping
         ratio = np.divide(damping, 2 * omega, out=np.zeros_like(omega), where=omega > 0)
     participation = vectors.T @ system.base_load
-    arrays = (omega / (2 * math.pi), ratio, participation, participation**2, vectors)
+    arrays = (omega / (2 * math.pi), ratio, participation, vectors)
     for array in arrays:
         array.setflags(write=False)
     return Modes(*arrays)
@@ -119,7 +131,12 @@ def solve_stiffness(system: System, loads: NDArray[Any]) -> NDArray[Any]:
     -------
     ndarray (dofs, k), m
     """
-    return _stiffness_solver(system)(np.asarray(loads))
+    require_type(system, System, "system")
+    allowed = f"must hold finite numbers, {system.dofs} for each load"
+    forces = real_array("loads", loads, "N", allowed)
+    fits = forces.ndim in (1, 2) and forces.shape[0] == system.dofs
+    require(fits, "loads", f"array of shape {forces.shape}", "N", allowed)
+    return _stiffness_solver(system)(forces)
 
 
 def _stiffness_solver(system: System) -> Callable[[NDArray[Any]], NDArray[Any]]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from femimpact.contact import Rigid
 from femimpact.damping import realised_damping_ratio
-from femimpact.errors import require, require_type
+from femimpact.errors import checked, require, require_type, truth
 from femimpact.modes import solve_modes, solve_stiffness
 from femimpact.system import ContactPair, System
 
@@ -63,6 +63,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     every contact. Their frequencies are no natural frequencies: they say how far the correction is static.
     """
     require_type(system, System, "system")
+    static_correction = checked("static_correction", static_correction, truth())
     kept = solve_modes(system, modes)
     phi, omega, ratio = kept.vectors, 2.0 * math.pi * kept.natural_frequency, kept.damping_ratio
     if static_correction and system.contacts:
@@ -71,7 +72,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
         ratio = np.append(ratio, _damping_ratio(system, extra, extra_omega))
     if system.rayleigh is None:
         _check_decoupled(phi.T @ (system.C @ phi))
-    contacts = tuple(replace(pair, direction=_row(pair.direction @ phi)) for pair in system.contacts)
+    contacts = tuple(pair.along(_row(pair.direction @ phi)) for pair in system.contacts)
     return replace(
         system,
         M=sparse.eye_array(omega.size, format="csr"),
@@ -83,6 +84,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
         expansion=np.asarray(system.expansion @ phi),
         contacts=contacts,
         directions={name: _row(row @ phi) for name, row in system.directions.items()},
+        computed_together=None,
     )
 
 
@@ -137,6 +139,7 @@ def truncation_notes(system: System) -> tuple[str, ...]:
     Attachment vectors of a static correction count as coordinates: they make the flexibility exact, and
     their frequency is up to where they are static.
     """
+    require_type(system, System, "system")
     # a System by matrices may be diagonal without being truncated; `reduce` leaves a dense expansion
     if not (system.contacts and system.is_diagonal and isinstance(system.expansion, np.ndarray)):
         return ()

@@ -9,10 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import check_fields, quantity, require
+from femimpact.errors import check_fields, checked, choice, quantity, require, require_type, text
 from femimpact.impacts import Impacts, Riding
 
 __all__ = ["Regime", "RegimeCriteria", "classify", "impacts_per_cycle", "significant"]
+
+
+MOST_CYCLES = 1e8
+"""Of a window; more is taken for a mistake."""
 
 
 @dataclass(frozen=True)
@@ -68,11 +72,14 @@ class Regime:
         What was asked of the motion, with the numbers.
     """
 
-    kind: str
-    impacts: int
-    cycles: int
-    label: str
-    criterion: str
+    kind: str = field(metadata=choice("no impacts", "periodic", "riding", "chatter", "chaotic", "undecided"))
+    impacts: int = field(metadata=quantity("1", at_least=0, integer=True))
+    cycles: int = field(metadata=quantity("1", at_least=0, integer=True))
+    label: str = field(metadata=text())
+    criterion: str = field(metadata=text())
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,12 +112,14 @@ class _Window:
 
 def significant(impacts: Impacts, share: float = 0.1) -> NDArray[Any]:
     """Mask (n,) of the impacts whose impulse is at least a share (1) of the largest; 0 keeps all."""
-    return _at_least(impacts.impulse, share)
+    _require_table(impacts, Impacts, "impacts")
+    return _at_least(impacts.impulse, checked("share", share, quantity("1", at_least=0.0, at_most=1.0)))
 
 
 def impacts_per_cycle(impacts: Impacts, frequency: float, start: float, end: float) -> float:
     """Impacts of any size per base cycle (frequency in Hz) that touch in start <= time < end (s)."""
-    _check_window(frequency, start, end)
+    _require_table(impacts, Impacts, "impacts")
+    frequency, start, end = _checked_window(frequency, start, end)
     count = np.count_nonzero((impacts.time >= start) & (impacts.time < end))
     return float(count / ((end - start) * frequency))
 
@@ -152,8 +161,11 @@ def classify(
     InputError
         If the window is empty, or the frequency is not positive.
     """
-    _check_window(frequency, start, end)
-    rules = criteria or RegimeCriteria()
+    _require_table(impacts, Impacts, "impacts")
+    _require_table(riding, Riding, "riding")
+    frequency, start, end = _checked_window(frequency, start, end)
+    rules = RegimeCriteria() if criteria is None else criteria
+    require_type(rules, RegimeCriteria, "criteria")
     window = _window(impacts, frequency, start, end)
     count, period = _smallest_period(window, rules)
     repeated = f"{count}:{period} periodic" if period else ""
@@ -200,9 +212,21 @@ def _chatter_words(rules: RegimeCriteria) -> str:
     return f"runs of at least {rules.chatter_impacts} impacts on one wall, each slower and sooner than the one before,"
 
 
-def _check_window(frequency: float, start: float, end: float) -> None:
-    require(frequency > 0.0, "frequency", frequency, "Hz", "must be above 0")
-    require(end > start, "end", end, "s", f"must be after the start, {start:g} s")
+def _require_table(table: object, kind: type, key: str) -> None:
+    """Refuse what has no column of times; any table that has those of a kind will do."""
+    first = "time" if kind is Impacts else "start"
+    require(
+        isinstance(getattr(table, first, None), np.ndarray), key, type(table).__name__, "", f"must be {kind.__name__}"
+    )
+
+
+def _checked_window(frequency: object, start: object, end: object) -> tuple[float, float, float]:
+    f = checked("frequency", frequency, quantity("Hz", above=0.0))
+    first, last = (checked(key, value, quantity("s")) for key, value in (("start", start), ("end", end)))
+    require(last > first, "end", last, "s", f"must be after the start, {first:g} s")
+    few = (last - first) * f <= MOST_CYCLES
+    require(few, "end", last, "s", f"must leave a window of at most {MOST_CYCLES:g} base cycles")
+    return f, first, last
 
 
 def _window(impacts: Impacts, frequency: float, start: float, end: float) -> _Window:

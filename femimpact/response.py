@@ -11,9 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.energy import EnergyLedger
-from femimpact.errors import Fault, InputError, field_faults, in_range, make_whole, quantity, require, suggestion
-from femimpact.excitation import Excitation
-from femimpact.history import HistoryPiece, Snapshots, history_dataset
+from femimpact.errors import (
+    Fault,
+    check_fields,
+    column,
+    in_range,
+    instance,
+    optional,
+    quantity,
+    require,
+    require_type,
+    suggestion,
+    text,
+    truth,
+)
+from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
+from femimpact.history import HistoryPiece, Snapshots, check_histories, history_dataset
 from femimpact.impacts import Impacts, ImpactStatistics, Riding
 from femimpact.regimes import Regime, classify
 from femimpact.signals import SteadyMotion
@@ -64,6 +77,11 @@ class Recorder:
     piece_samples : int
         Most samples in a piece; an event-driven run hands over whole base cycles, the first with the state
         at the start.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range or of the wrong kind.
     """
 
     channels: tuple[Position, ...] | None = None
@@ -72,28 +90,27 @@ class Recorder:
     snapshots: int = field(default=0, metadata=quantity("steps", at_least=0, integer=True))
     snapshots_start: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
     impacts: int = field(default=100_000, metadata=quantity("1", at_least=0, integer=True))
-    ledger: bool = True
+    ledger: bool = field(default=True, metadata=truth())
     memory_limit: float = field(default=1e9, metadata=quantity("bytes", above=0.0))
-    residual_limit: float = field(default=0.02, metadata=quantity("1", above=0.0))
+    residual_limit: float = field(default=0.01, metadata=quantity("1", above=0.0))
     sink: Callable[[HistoryPiece], None] | None = None
     piece_samples: int = field(default=100_000, metadata=quantity("1", at_least=1, integer=True))
 
     def __post_init__(self) -> None:
         if isinstance(self.channels, (str, int, float, np.number)):
             object.__setattr__(self, "channels", (self.channels,))
-        elif isinstance(self.channels, (list, np.ndarray)):
+        elif isinstance(self.channels, list) or (isinstance(self.channels, np.ndarray) and self.channels.ndim == 1):
             object.__setattr__(self, "channels", tuple(self.channels))
-        faults = field_faults(self)
+        faults = []
         if self.channels is not None and not (isinstance(self.channels, tuple) and all(map(_is_place, self.channels))):
             allowed = "must be names of places or balls, or metres from the root"
             faults.append(Fault("channels", self.channels, "", allowed))
-        if not isinstance(self.ledger, (bool, np.bool_)):
-            faults.append(Fault("ledger", self.ledger, "", "must be True or False"))
         if self.sink is not None and not callable(self.sink):
             faults.append(Fault("sink", type(self.sink).__name__, "", "must be callable, with one HistoryPiece"))
-        if faults:
-            raise InputError(faults)
-        make_whole(self)
+        check_fields(self, *faults)
+        if self.channels is not None:
+            places = tuple(str(at) if isinstance(at, str) else float(at) for at in self.channels)
+            object.__setattr__(self, "channels", places)
 
 
 def _is_place(channel: object) -> bool:
@@ -105,10 +122,15 @@ def _is_place(channel: object) -> bool:
 class Channel:
     """One recorded column: what it is, and which row or ball it reads."""
 
-    name: str
-    kind: int
-    ball: int
-    row: NDArray[Any] | None
+    name: str = field(metadata=text())
+    kind: int = field(metadata=quantity("1", at_least=0, at_most=len(KINDS) - 1, integer=True))
+    ball: int = field(metadata=quantity("1", at_least=-1, integer=True))
+    row: NDArray[Any] | None = field(metadata=optional(column("1", "dofs", finite=True)))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        one = (self.row is None) == (self.ball >= 0)
+        require(one, "ball", self.ball, "", "must be the number of a pair without a row, or -1 with one")
 
     @property
     def unit(self) -> str:
@@ -194,23 +216,42 @@ class Response:
     warnings, notes : tuple of str
     streamed_to : float or None, s
         Time of the last sample that went to the recorder's sink, if it has one.
+
+    Raises
+    ------
+    InputError
+        If a field is of the wrong kind, or its samples, pairs or dofs are not those of the others.
     """
 
-    time: NDArray[Any]
+    time: NDArray[Any] = field(metadata=column("s", "samples", finite=True))
     channels: Mapping[str, NDArray[Any]]
     units: Mapping[str, str]
-    impacts: Impacts
-    riding: Riding
-    statistics: ImpactStatistics
+    impacts: Impacts = field(metadata=instance(Impacts))
+    riding: Riding = field(metadata=instance(Riding))
+    statistics: ImpactStatistics = field(metadata=instance(ImpactStatistics))
     statistics_of: Mapping[str, ImpactStatistics]
-    steady: SteadyMotion
-    energy: EnergyLedger | None
-    snapshots: Snapshots | None
-    base: Excitation
-    system: System
-    warnings: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    streamed_to: float | None = None
+    steady: SteadyMotion = field(metadata=instance(SteadyMotion))
+    energy: EnergyLedger | None = field(metadata=optional(instance(EnergyLedger)))
+    snapshots: Snapshots | None = field(metadata=optional(instance(Snapshots)))
+    base: Excitation = field(metadata=instance(Sine, PointForce, RecordedBase))
+    system: System = field(metadata=instance(System))
+    warnings: tuple[str, ...] = field(default=(), metadata=text(several=True))
+    notes: tuple[str, ...] = field(default=(), metadata=text(several=True))
+    streamed_to: float | None = field(default=None, metadata=quantity("s", at_least=0.0))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        check_histories(self)
+        contacts = tuple(pair.name for pair in self.system.contacts)
+        require_type(self.statistics_of, Mapping, "statistics_of")
+        same = tuple(self.statistics_of) == contacts
+        require(same, "statistics_of", list(self.statistics_of), "", f"must be of the contacts, {list(contacts)}")
+        for name, of_pair in self.statistics_of.items():
+            require_type(of_pair, ImpactStatistics, f"statistics_of.{name}")
+        # the regime and the histories of balls name them
+        for key, table in (("impacts", self.impacts), ("riding", self.riding)):
+            unknown = sorted(set(table.impactor.tolist()) - set(contacts))
+            require(not unknown, key, unknown, "", f"must be of the contacts, {list(contacts)}")
 
     def __repr__(self) -> str:
         if self.streamed_to is not None:

@@ -87,6 +87,7 @@ def load(directory: str | Path) -> StudyResults:
     """
     import xarray
 
+    require(isinstance(directory, (str, Path)), "directory", directory, "", "must be the path of a directory")
     folder = Path(directory)
     found = (folder / FILES["summary"]).is_file()
     require(found, "directory", str(folder), "", f"must hold results of a study ({FILES['summary']} is missing)")

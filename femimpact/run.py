@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from femimpact.contact import Rigid
-from femimpact.errors import require
+from femimpact.errors import checked, require, require_name, require_type, truth
 from femimpact.export import figures, impact_figures, tables
 from femimpact.impacts import RIDING_UNITS, impact_columns
 from femimpact.integrators.event_driven import EventDriven
@@ -37,6 +37,9 @@ __all__ = [
     "run_sweep",
     "write_results",
 ]
+
+PARTS = ("modes", "simulate", "sweep")
+"""What `run_study` does, each part by its name."""
 
 MODES_LISTED = 4
 FIGURE_CYCLES = 40
@@ -82,7 +85,7 @@ def history_record(study: Study, small: System, method: Method) -> Recorder:
     )
 
 
-def preflight(study: Study, parts: tuple[str, ...] = ("modes", "simulate", "sweep")) -> tuple[System, System, Method]:
+def preflight(study: Study, parts: tuple[str, ...] = PARTS) -> tuple[System, System, Method]:
     """Find all that can be wrong with a run before its first long step.
 
     Returns
@@ -189,7 +192,7 @@ def run_study(
     study: Study,
     directory: str | Path,
     *,
-    parts: tuple[str, ...] = ("modes", "simulate", "sweep"),
+    parts: tuple[str, ...] = PARTS,
     force: bool = False,
     report: Report = _silent,
 ) -> StudyResults:
@@ -210,6 +213,12 @@ def run_study(
     StudyResults
         As read back from the directory.
     """
+    require_type(study, Study, "study")
+    require(isinstance(directory, (str, Path)), "directory", directory, "", "must be the path of a directory")
+    require(isinstance(parts, (tuple, list)), "parts", parts, "", f"must be some of {', '.join(PARTS)}")
+    for part in parts:
+        require_name(part, PARTS, "parts")
+    force = checked("force", force, truth())
     preflight(study, parts)
     with prepare_directory(directory, force) as folder:
         modes = run_modes(study) if "modes" in parts else None

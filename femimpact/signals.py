@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from femimpact.errors import check_fields, checked, column, quantity, real_array, require, require_type
 
 __all__ = ["CycleStatistics", "SteadyMotion", "no_steady_motion", "steady_motion"]
 
@@ -29,12 +31,15 @@ class CycleStatistics:
     samples : ndarray (cycles, cases), 1
     """
 
-    maximum: NDArray[Any]
-    minimum: NDArray[Any]
-    square: NDArray[Any]
-    sine: NDArray[Any]
-    cosine: NDArray[Any]
-    samples: NDArray[Any]
+    maximum: NDArray[Any] = field(metadata=column("m", "cycles", "cases"))
+    minimum: NDArray[Any] = field(metadata=column("m", "cycles", "cases"))
+    square: NDArray[Any] = field(metadata=column("m^2", "cycles", "cases"))
+    sine: NDArray[Any] = field(metadata=column("m", "cycles", "cases"))
+    cosine: NDArray[Any] = field(metadata=column("m", "cycles", "cases"))
+    samples: NDArray[Any] = field(metadata=column("1", "cycles", "cases"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +59,14 @@ class SteadyMotion:
         "periodic", "statistical" or "transient".
     """
 
-    peak: NDArray[Any]
-    rms: NDArray[Any]
-    first_harmonic: NDArray[Any]
-    phase: NDArray[Any]
-    steadiness: NDArray[Any]
+    peak: NDArray[Any] = field(metadata=column("m", "cases"))
+    rms: NDArray[Any] = field(metadata=column("m", "cases"))
+    first_harmonic: NDArray[Any] = field(metadata=column("m", "cases"))
+    phase: NDArray[Any] = field(metadata=column("rad", "cases"))
+    steadiness: NDArray[Any] = field(metadata=column("", "cases", of="text"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 def steady_motion(
@@ -87,15 +95,35 @@ def steady_motion(
     Returns
     -------
     SteadyMotion
+
+    Raises
+    ------
+    InputError
+        If an argument is of the wrong kind or out of range.
     """
+    require_type(cycles, CycleStatistics, "cycles")
+    cases = cycles.samples.shape[1]
+    allowed = f"must be whole numbers >= 1, one for each of {cases} cases"
+    measured = real_array("window", window, "cycles", allowed)
+    whole = measured.shape == (cases,) and bool(np.all((measured >= 1) & (measured % 1 == 0)))
+    require(whole, "window", window, "cycles", allowed)
+    periodic_tolerance, statistical_tolerance, standard_errors = (
+        checked(key, value, quantity("1", at_least=0.0))
+        for key, value in (
+            ("periodic_tolerance", periodic_tolerance),
+            ("statistical_tolerance", statistical_tolerance),
+            ("standard_errors", standard_errors),
+        )
+    )
+    longest_period = checked("longest_period", longest_period, quantity("cycles", at_least=1, integer=True))
     finished = np.count_nonzero(cycles.samples, axis=0)
-    length = np.minimum(finished, window)
+    length = np.minimum(finished, measured.astype(int))
     # back from each case's end; rows beyond its window have no weight
     back = np.arange(max(int(length.max(initial=0)), 1))[:, None]
     rows, own = np.maximum(finished - 1 - back, 0), back < length
     maximum, minimum, square, sine, cosine, samples = (
-        np.where(own, np.take_along_axis(getattr(cycles, field.name), rows, axis=0), 0.0)
-        for field in fields(CycleStatistics)
+        np.where(own, np.take_along_axis(getattr(cycles, item.name), rows, axis=0), 0.0)
+        for item in fields(CycleStatistics)
     )
     total = _total(samples)
     with np.errstate(invalid="ignore", divide="ignore"):

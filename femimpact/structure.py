@@ -7,11 +7,9 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
-from femimpact.contact import ContactLaw
+from femimpact.contact import ContactLaw, require_law
 from femimpact.damping import Rayleigh
-from femimpact.errors import Fault, InputError, check_fields, choice, field_faults, quantity, require, require_type
+from femimpact.errors import Fault, InputError, check_fields, choice, place, quantity, require, require_type, text
 
 __all__ = [
     "Beam",
@@ -31,6 +29,8 @@ Position = str | float
 RESERVED = ("root", "tip", "mid", "time", "base", "gap", "contact_force", "frequency", "grid")
 """Names that mean something else in channels and result files."""
 
+GAP_OF_STOP = "must be one number >= 0 or two (to the + side, to the - side), one of which may be infinite"
+
 SUPPORTS = {"clamped": ("w", "slope"), "pinned": ("w",), "guided": ("slope",)}
 
 
@@ -38,15 +38,8 @@ def _as_tuple(instance: Any, *names: str) -> None:
     """Turn list-valued fields of a frozen dataclass into tuples."""
     for name in names:
         value = getattr(instance, name)
-        if isinstance(value, (list, np.ndarray)):
+        if isinstance(value, list):
             object.__setattr__(instance, name, tuple(value))
-
-
-def _check_position(instance: Any) -> None:
-    at = instance.at
-    ok = isinstance(at, str) or (isinstance(at, (int, float)) and math.isfinite(at) and at >= 0)
-    allowed = 'must be "root", "tip", "mid", a point of the mesh, or metres from the root >= 0'
-    require(ok and not isinstance(at, bool), "at", at, "", allowed)
 
 
 @dataclass(frozen=True)
@@ -75,16 +68,21 @@ class Segment:
     thickness: float | None = field(default=None, metadata=quantity("m", above=0.0))
     area: float | None = field(default=None, metadata=quantity("m^2", above=0.0))
     second_moment: float | None = field(default=None, metadata=quantity("m^4", above=0.0))
-    name: str = "beam"
+    name: str = field(default="beam", metadata=text())
 
     def __post_init__(self) -> None:
-        faults = field_faults(self)
+        faults = []
         given = {n for n in ("width", "thickness", "area", "second_moment") if getattr(self, n) is not None}
         if given not in ({"width", "thickness"}, {"area", "second_moment"}):
             allowed = "give width and thickness (m), or area (m^2) and second_moment (m^4)"
             faults.append(Fault("section", " and ".join(sorted(given)) or "nothing", "", allowed))
-        if faults:
-            raise InputError(faults)
+        check_fields(self, *faults)
+        try:
+            sized = all(0.0 < value < math.inf for value in (self.bending_stiffness, self.mass_per_length))
+        except (OverflowError, ZeroDivisionError):
+            sized = False
+        shown = " and ".join(sorted(given))
+        require(sized, "section", shown, "", "must give E I and rho A that are neither zero nor infinite to rounding")
 
     @property
     def rectangle(self) -> tuple[float, float]:
@@ -166,14 +164,13 @@ class PointMass:
         About the body's own centre, which lies on the beam's axis.
     """
 
-    name: str
-    at: Position
+    name: str = field(metadata=text())
+    at: Position = field(metadata=place())
     mass: float = field(metadata=quantity("kg", at_least=0.0))
     rotary_inertia: float = field(default=0.0, metadata=quantity("kg m^2", at_least=0.0))
 
     def __post_init__(self) -> None:
         check_fields(self)
-        _check_position(self)
 
 
 @dataclass(frozen=True)
@@ -181,11 +178,10 @@ class Support:
     """What holds the beam to the moving base: "clamped", "pinned" (no deflection), "guided" (no slope)."""
 
     kind: str = field(metadata=choice(*SUPPORTS))
-    at: Position
+    at: Position = field(metadata=place())
 
     def __post_init__(self) -> None:
         check_fields(self)
-        _check_position(self)
 
 
 @dataclass(frozen=True)
@@ -210,8 +206,8 @@ class Impactor:
         Constant acceleration along the ball's path (gravity for a vertical motion).
     """
 
-    name: str
-    at: Position
+    name: str = field(metadata=text())
+    at: Position = field(metadata=place())
     mass: float = field(metadata=quantity("kg", above=0.0))
     gap: float | tuple[float, float] = field(metadata=quantity("m", at_least=0.0, several=True))
     contact: ContactLaw
@@ -219,13 +215,10 @@ class Impactor:
     acceleration: float = field(default=0.0, metadata=quantity("m/s^2"))
 
     def __post_init__(self) -> None:
-        _as_tuple(self, "gap")
         check_fields(self)
-        _check_position(self)
         pair = not isinstance(self.gap, tuple) or len(self.gap) == 2
         require(pair, "gap", self.gap, "m", "must be one number or two (d1 on the + side, d2 on the - side)")
-        is_law = isinstance(self.contact, ContactLaw)
-        require(is_law, "contact", self.contact, "", "must be a contact law (KelvinVoigt, ..., Rigid)")
+        require_law(self.contact, "contact")
 
     @property
     def gaps(self) -> tuple[float, float]:
@@ -249,21 +242,19 @@ class Stop:
     contact : a contact law
     """
 
-    name: str
-    at: Position
-    gap: float | tuple[float, float]
+    name: str = field(metadata=text())
+    at: Position = field(metadata=place())
+    gap: float | tuple[float, float] = field(
+        metadata=quantity("m", at_least=0.0, several=True, finite=False) | {"allowed": GAP_OF_STOP}
+    )
     contact: ContactLaw
 
     def __post_init__(self) -> None:
-        _as_tuple(self, "gap")
-        _check_position(self)
-        pair = self.gap if isinstance(self.gap, tuple) else (self.gap,)
-        numbers = all(isinstance(gap, (int, float)) and not isinstance(gap, bool) and gap >= 0 for gap in pair)
-        allowed = "must be one number >= 0 or two (to the + side, to the - side), one of which may be infinite"
-        fine = numbers and 1 <= len(pair) <= 2 and min(pair) < math.inf
-        require(fine, "gap", self.gap, "m", allowed)
-        is_law = isinstance(self.contact, ContactLaw)
-        require(is_law, "contact", self.contact, "", "must be a contact law (KelvinVoigt, ..., Rigid)")
+        check_fields(self)
+        # not a number is no gap, and none at all is no stop
+        fine = len(self.gaps) == 2 and min(self.gaps) < math.inf and not any(map(math.isnan, self.gaps))
+        require(fine, "gap", self.gap, "m", GAP_OF_STOP)
+        require_law(self.contact, "contact")
 
     @property
     def gaps(self) -> tuple[float, float]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from femimpact.assembly import assemble
-from femimpact.errors import check_fields, choice, quantity, require
+from femimpact.errors import check_fields, choice, instance, optional, quantity, require, require_name, text, truth
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import METHODS, Method
@@ -36,7 +36,7 @@ class MeshChoice:
     """`[mesh]`: a number of elements, or a mesh file beside the study."""
 
     elements: int | None = field(default=None, metadata=quantity("1", at_least=1, at_most=100_000, integer=True))
-    file: str | None = None
+    file: str | None = field(default=None, metadata=text())
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -98,9 +98,9 @@ class Output:
     frame_cycles: float = field(default=3.0, metadata=quantity("1", above=0.0))
     exaggeration: float | None = field(default=None, metadata=quantity("1", above=0.0))
     memory_limit: float = field(default=1e9, metadata=quantity("bytes", above=0.0))
-    figures: bool = True
-    paraview: bool = True
-    movie: bool = True
+    figures: bool = field(default=True, metadata=truth())
+    paraview: bool = field(default=True, metadata=truth())
+    movie: bool = field(default=True, metadata=truth())
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -126,15 +126,19 @@ class Study:
         The file as read, kept with the results.
     """
 
-    structure: Structure
-    mesh: MeshChoice
-    base: BaseMotion
-    reduction: Reduction | None
-    method: Mapping[str, Any]
-    sweep: SweepPlan | None
-    output: Output
-    path: Path
-    text: str
+    structure: Structure = field(metadata=instance(Structure))
+    mesh: MeshChoice = field(metadata=instance(MeshChoice))
+    base: BaseMotion = field(metadata=instance(BaseMotion))
+    reduction: Reduction | None = field(metadata=optional(instance(Reduction)))
+    method: Mapping[str, Any] = field(metadata=instance(Mapping))
+    sweep: SweepPlan | None = field(metadata=optional(instance(SweepPlan)))
+    output: Output = field(metadata=instance(Output))
+    path: Path = field(metadata=instance(Path))
+    text: str = field(metadata=text())
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        require_name(self.method.get("name", "newmark"), METHODS, "method.name")
 
     @property
     def sine(self) -> Sine:

@@ -53,6 +53,7 @@ def load_study(path: str | Path) -> Study:
     InputError
         With every fault of the file: key path, value, unit and allowed range.
     """
+    require(isinstance(path, (str, Path)), "study", path, "", "must be the path of a study file")
     path = Path(path)
     require(path.is_file(), "study", str(path), "", "must be an existing TOML file ('femimpact init FILE' writes one)")
     try:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,21 +17,47 @@ import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.contact import ContactLaw, ContactParameters, resolve
-from femimpact.errors import check_fields, choice, in_range, quantity, require, require_type, suggestion
+from femimpact.consistency import (
+    TOGETHER,
+    SystemOrigin,
+    check_contacts,
+    check_damping,
+    check_factor,
+    check_shapes,
+    check_unchanged,
+)
+from femimpact.contact import ContactLaw, ContactParameters, require_law, resolve
+from femimpact.errors import (
+    check_fields,
+    checked,
+    choice,
+    column,
+    in_range,
+    items,
+    optional,
+    quantity,
+    real_array,
+    require,
+    require_type,
+    suggestion,
+    text,
+)
 from femimpact.excitation import Excitation
-from femimpact.hermite import shape_functions
-from femimpact.matrices import checked_matrix, checked_row, definite_factor, real_array
+from femimpact.hermite import DERIVATIVE, shape_functions
+from femimpact.matrices import checked_matrix, checked_row, definite_factor
 from femimpact.structure import Impactor, Position, Stop
 
-__all__ = ["ContactPair", "State", "System", "contact_pair", "without_impactors"]
+__all__ = ["ContactPair", "State", "System", "SystemOrigin", "contact_pair", "hermite_rows", "without_impactors"]
+
+OFF_BEAM = 1e-6
+"""Share of the length by which a position in single precision may lie off the beam."""
 
 
 ALIKE = 1e-6
 """Relative difference of omega^2 below which two modes count as one first mode."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ContactPair:
     """One ball between its two walls, or the beam between two stops, seen through one direction vector.
 
@@ -48,27 +74,36 @@ class ContactPair:
     gaps : pair of float, m
         On the + and on the - side.
     law : ContactLaw
-    parameters : ContactParameters
-        The law's numbers for this pair's effective mass.
-    effective_mass : float, kg
-        1/(1/m + phi1^2) with the first mass-normalised mode at the pair.
+    first_mode : float, kg^-0.5
+        phi1, the first mass-normalised mode at the pair.
     flexibility : float, m/N
         b^T K^-1 b of the whole structure, to see what a reduction leaves out; not a number unknown.
     free_stiffness : float, N/m
     acceleration : float, m/s^2
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
-    name: str
-    direction: NDArray[Any]
-    position: float
-    mass: float
-    gaps: tuple[float, float]
+    name: str = field(metadata=text())
+    direction: NDArray[Any] = field(metadata=column("1", "dofs", finite=True))
+    position: float = field(metadata=quantity("m", finite=False))
+    mass: float = field(metadata=quantity("kg", above=0.0, finite=False))
+    gaps: tuple[float, float] = field(metadata=quantity("m", at_least=0.0, several=True, finite=False))
     law: ContactLaw
-    parameters: ContactParameters
-    effective_mass: float
-    flexibility: float = math.nan
-    free_stiffness: float = 0.0
-    acceleration: float = 0.0
+    first_mode: float = field(metadata=quantity("kg^-0.5"))
+    flexibility: float = field(default=math.nan, metadata=quantity("m/N", at_least=0.0, finite=False))
+    free_stiffness: float = field(default=0.0, metadata=quantity("N/m", at_least=0.0))
+    acceleration: float = field(default=0.0, metadata=quantity("m/s^2"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        require(not math.isnan(self.mass), "mass", self.mass, "kg", "must be a number > 0 kg, infinite for a stop")
+        two = isinstance(self.gaps, tuple) and len(self.gaps) == 2 and not any(map(math.isnan, self.gaps))
+        require(two, "gaps", self.gaps, "m", "must be two numbers >= 0 (to the + side, to the - side)")
+        require_law(self.law)
 
     @property
     def is_stop(self) -> bool:
@@ -79,6 +114,37 @@ class ContactPair:
     def mobility(self) -> float:
         """1/m of the ball (1/kg), 0 for a stop."""
         return 0.0 if self.is_stop else 1.0 / self.mass
+
+    @property
+    def effective_mass(self) -> float:
+        """1/(1/m + phi1^2), kg."""
+        inverse = self.first_mode**2 + self.mobility
+        # a stop where the first mode has a node: any finite number; the law's own time scale is then unknown
+        return 1.0 / inverse if inverse > 0.0 else 1.0
+
+    @cached_property
+    def parameters(self) -> ContactParameters:
+        """The law's numbers for this pair's effective mass."""
+        return resolve(self.law, self.effective_mass)
+
+    def along(self, direction: NDArray[Any]) -> ContactPair:
+        """The same pair in other coordinates of the structure, (dofs,); law and effective mass stay."""
+        moved = replace(self, direction=direction)
+        # a law of one's own takes a while to integrate
+        moved.__dict__["parameters"] = self.parameters
+        return moved
+
+    def shares_place(self, other: ContactPair) -> bool:
+        """Whether what the structure says of both pairs is the same: the very direction, the place and its mode."""
+        return (
+            self.direction is other.direction
+            and self.is_stop == other.is_stop
+            and all(
+                getattr(self, name) == getattr(other, name)
+                or (math.isnan(getattr(self, name)) and math.isnan(getattr(other, name)))
+                for name in ("position", "first_mode", "flexibility")
+            )
+        )
 
 
 def contact_pair(
@@ -101,22 +167,21 @@ def contact_pair(
     ContactPair
     """
     ball = item if isinstance(item, Impactor) else None
-    inverse = first_mode**2 + (1.0 / ball.mass if ball else 0.0)
-    # a stop where the first mode has a node: any finite number; the law's own time scale is then unknown
-    effective_mass = 1.0 / inverse if inverse > 0.0 else 1.0
-    return ContactPair(
+    pair = ContactPair(
         name=item.name,
         direction=_frozen(row if ball else -row),
         position=position,
         mass=ball.mass if ball else math.inf,
-        gaps=(float(item.gaps[0]), float(item.gaps[1])),
+        gaps=item.gaps,
         law=item.contact,
-        parameters=resolve(item.contact, effective_mass),
-        effective_mass=effective_mass,
+        first_mode=first_mode,
         flexibility=flexibility,
         free_stiffness=ball.free_stiffness if ball else 0.0,
         acceleration=ball.acceleration if ball else 0.0,
     )
+    # a law that has no numbers for this mass is refused here, not in the middle of a run
+    require_type(pair.parameters, ContactParameters, "parameters")
+    return pair
 
 
 def _frozen(values: Any) -> NDArray[Any]:
@@ -154,22 +219,55 @@ class System:
         alpha (1/s) and beta (s) where C = alpha M + beta K.
     directions : mapping of str to ndarray (dofs,)
         Rows that read the displacement of named places which lie on no beam.
+    computed_together : SystemOrigin, optional
+        What the fields were when they were computed from one another. It is made with the system and goes with
+        its copies, so that a copy with another M, K or point is refused: what follows from them would be stale.
+        None takes the fields as they are, after the checks that are cheap.
+
+    Raises
+    ------
+    InputError
+        If fields do not fit one another, or one was replaced from which others follow. Other contacts at the
+        same places, none, and another damping matrix (with its `rayleigh`, or None) may be replaced.
     """
 
     M: Any
     C: Any
     K: Any
     stiffness_factor: Any
-    base_load: NDArray[Any]
-    rigid_translation: NDArray[Any]
-    nodes: NDArray[Any]
+    base_load: NDArray[Any] = field(metadata=column("kg", "dofs", finite=True))
+    rigid_translation: NDArray[Any] = field(metadata=column("1", "dofs", finite=True))
+    nodes: NDArray[Any] = field(metadata=column("m", "nodes", finite=True))
     expansion: Any
     points: Mapping[str, float]
-    total_mass: float
-    first_frequency: float
-    contacts: tuple[ContactPair, ...] = ()
-    rayleigh: tuple[float, float] | None = None
+    total_mass: float = field(metadata=quantity("kg", at_least=0.0))
+    first_frequency: float = field(metadata=quantity("Hz", at_least=0.0, finite=False))
+    contacts: tuple[ContactPair, ...] = field(default=(), metadata=items(ContactPair))
+    rayleigh: tuple[float, float] | None = field(
+        default=None, metadata=optional(quantity("1/s and s", at_least=0.0, several=True))
+    )
     directions: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    computed_together: SystemOrigin | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        origin = self.computed_together
+        if origin is None:
+            check_shapes(self)
+            check_factor(self)
+            check_damping(self)
+        else:
+            require_type(origin, SystemOrigin, "computed_together")
+            if check_unchanged(self, origin):
+                check_damping(self)
+            check_contacts(self, origin)
+        names = [pair.name for pair in self.contacts]
+        require(len(set(names)) == len(names), "contacts", names, "", "must have distinct names")
+        stops = [pair.is_stop for pair in self.contacts]
+        require(stops == sorted(stops), "contacts", names, "", "must be balls first, then stops")
+        kept = tuple(getattr(self, name) for name in TOGETHER)
+        pairs = self.contacts if origin is None else origin.contacts
+        object.__setattr__(self, "computed_together", SystemOrigin(kept, pairs))
 
     @classmethod
     def from_matrices(
@@ -206,10 +304,12 @@ class System:
             For shapes that do not fit, matrices that are not symmetric or not definite, unknown names.
         """
         require_type(points, Mapping, "points")
+        for name in points:
+            require_type(name, str, "points")
         given: tuple[tuple[str, Any, Any], ...] = (("impactors", impactors, Impactor), ("stops", stops, Stop))
-        for key, items, kind in given:
-            require(isinstance(items, (list, tuple)), key, type(items).__name__, "", "must be a list")
-            for item in items:
+        for key, bodies, kind in given:
+            require(isinstance(bodies, (list, tuple)), key, type(bodies).__name__, "", "must be a list")
+            for item in bodies:
                 require_type(item, kind, key)
         matrices = {name: checked_matrix(name, value) for name, value in (("M", M), ("C", C), ("K", K))}
         dofs = matrices["M"].shape[0]
@@ -236,7 +336,7 @@ class System:
             directions=rows,
         )
         first, contacts = _contacts_of_matrices(bare, dense, rank, (*impactors, *stops))
-        return replace(bare, first_frequency=first, contacts=contacts)
+        return replace(bare, first_frequency=first, contacts=contacts, computed_together=None)
 
     @property
     def balls(self) -> tuple[ContactPair, ...]:
@@ -264,11 +364,11 @@ class System:
             if at not in self.points:
                 require(False, "at", at, "", suggestion(at, self.points))
             return float(self.points[at])
+        self._require_beam(at)
+        return float(_on_beam(self.nodes, checked("at", at, quantity("m")), "at"))
+
+    def _require_beam(self, at: object) -> None:
         require(self.nodes.size > 0, "at", at, "m", f"must be a name, {', '.join(self.points)}: there is no beam")
-        length = float(self.nodes[-1])
-        inside = -1e-9 * length <= at <= length * (1 + 1e-9)
-        require(inside, "at", at, "m", f"must be within the beam, 0 to {length:g} m")
-        return float(np.clip(at, 0.0, length))
 
     def deflection_rows(self, positions: ArrayLike, derivative: int = 0) -> NDArray[Any]:
         """Rows that read the deflection (or its derivative by x) at positions off the dofs.
@@ -284,7 +384,13 @@ class System:
         Returns
         -------
         ndarray (k, dofs)
+
+        Raises
+        ------
+        InputError
+            If there is no beam, a position lies off it, or a cubic has no such derivative.
         """
+        self._require_beam(positions)
         rows: Any = hermite_rows(self.nodes, positions, derivative) @ self.expansion
         return np.asarray(rows if isinstance(rows, np.ndarray) else rows.toarray())
 
@@ -336,6 +442,17 @@ def _is_diagonal(matrix: Any) -> bool:
     return bool(np.all((entries.coords[0] == entries.coords[1]) | (entries.data == 0.0)))
 
 
+def _on_beam(nodes: NDArray[Any], positions: ArrayLike, key: str) -> NDArray[Any]:
+    """Positions (m) on the beam, those off it by rounding only moved to its end."""
+    root, tip = float(nodes[0]), float(nodes[-1])
+    allowed = f"must be within the beam, {root:g} to {tip:g} m"
+    x = real_array(key, positions, "m", allowed)
+    slack = OFF_BEAM * (tip - root)
+    beyond = x[(x < root - slack) | (x > tip + slack)]
+    require(beyond.size == 0, key, float(beyond[0]) if beyond.size else None, "m", allowed)
+    return np.asarray(np.clip(x, root, tip))
+
+
 def hermite_rows(nodes: NDArray[Any], positions: ArrayLike, derivative: int = 0) -> Any:
     """Sparse rows from nodal (w, w') pairs to the deflection, or a derivative of it, at positions.
 
@@ -348,8 +465,15 @@ def hermite_rows(nodes: NDArray[Any], positions: ArrayLike, derivative: int = 0)
     Returns
     -------
     csr_array (k, 2 n)
+
+    Raises
+    ------
+    InputError
+        If a position lies off the nodes, or a cubic has no such derivative.
     """
-    x = np.atleast_1d(np.asarray(positions, dtype=float))
+    x = np.atleast_1d(_on_beam(nodes, positions, "positions"))
+    require(x.ndim == 1, "positions", f"array of shape {x.shape}", "m", "must be one place or a row of them")
+    derivative = checked("derivative", derivative, DERIVATIVE)
     element = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, nodes.size - 2)
     length = nodes[element + 1] - nodes[element]
     values = shape_functions((x - nodes[element]) / length, derivative) / length**derivative
@@ -373,13 +497,20 @@ class State:
         Whether the values are relative to the moving base or absolute.
     """
 
-    displacement: Any = None
-    velocity: Any = None
-    ball_displacement: Any = None
-    ball_velocity: Any = None
+    displacement: Any = field(default=None, metadata=column("m", "dofs", finite=True))
+    velocity: Any = field(default=None, metadata=column("m/s", "dofs", finite=True))
+    ball_displacement: Any = field(default=None, metadata=column("m", "balls", finite=True))
+    ball_velocity: Any = field(default=None, metadata=column("m/s", "balls", finite=True))
     frame: str = field(default="base", metadata=choice("base", "space"))
 
     def __post_init__(self) -> None:
+        for item in fields(self)[:-1]:
+            value = getattr(self, item.name)
+            if value is not None:
+                # one number for one dof; a copy, for what is frozen does not follow the caller's array
+                array = np.atleast_1d(real_array(item.name, value, item.metadata["unit"], item.metadata["allowed"]))
+                array.setflags(write=False)
+                object.__setattr__(self, item.name, array)
         check_fields(self)
 
     @classmethod

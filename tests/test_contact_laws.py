@@ -215,9 +215,9 @@ def test_a_rigid_contact_has_no_force_and_stores_nothing():
         (lambda: fi.SwitchingSpring(-1.0, 1e4), "free_stiffness = -1.0 N/m: must be a finite number >= 0 N/m"),
         (lambda: fi.Material(0.0, 0.3), "young_modulus = 0.0 Pa: must be a finite number > 0 Pa"),
         (lambda: fi.Material(1e9, 0.6), "poisson_ratio = 0.6: must be a finite number > -1 and <= 0.5"),
-        (lambda: fi.hertz_stiffness(0.0, fi.STEEL, fi.STEEL), "radius = 0.0 m: must be > 0"),
-        (lambda: fi.collide(fi.Hertz(1e9), 0.0, 1.0), "effective_mass = 0.0 kg: must be > 0"),
-        (lambda: fi.collide(fi.Hertz(1e9), 1.0, -1.0), "approach_speed = -1.0 m/s: must be > 0"),
+        (lambda: fi.hertz_stiffness(0.0, fi.STEEL, fi.STEEL), "radius = 0.0 m: must be a finite number > 0 m"),
+        (lambda: fi.collide(fi.Hertz(1e9), 0.0, 1.0), "effective_mass = 0.0 kg: must be a finite number > 0 kg"),
+        (lambda: fi.collide(fi.Hertz(1e9), 1.0, -1.0), "approach_speed = -1.0 m/s: must be a finite number > 0 m/s"),
         (lambda: fi.collide(fi.CustomLaw(lambda *_: 0.0), 1.0, 1.0), "force: must let the ball go"),
     ],
 )

@@ -136,7 +136,7 @@ def test_the_drop_of_the_peak_scales_the_reference_damping():
     assert estimate.ratio == pytest.approx(5 * 0.0029, rel=1e-14)
     assert estimate.interval == pytest.approx((5 * 0.0028, 5 * 0.0031), rel=1e-14)
     assert (estimate.frequency, estimate.warnings) == (5.3, ("coarse",))
-    with pytest.raises(fi.InputError, match=r"peak = 0\.0 m: must be > 0"):
+    with pytest.raises(fi.InputError, match=r"peak = 0\.0 m: must be a finite number > 0"):
         fi.amplitude_ratio_damping(reference, 1e-3, 0.0)
 
 

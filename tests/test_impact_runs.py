@@ -243,7 +243,7 @@ def test_a_start_outside_the_cavity_is_refused(small):
     ],
 )
 def test_a_start_of_the_wrong_size_is_refused(small, field, value):
-    with pytest.raises(fi.InputError, match=rf"initial\.{field}"):
+    with pytest.raises(fi.InputError, match=field):
         fi.integrate(small, BASE, fi.Newmark(1e-4), 0.1, initial=fi.State(**{field: value}))
 
 

@@ -181,3 +181,58 @@ def test_an_unreadable_file_is_refused_in_one_line(tmp_path, capfd, name, conten
     assert str(caught.value).startswith("mesh.file = ")
     assert "\n" not in str(caught.value)
     assert capfd.readouterr().out == ""
+
+
+def beam_file(monkeypatch, coordinates, tags):
+    """A row of lines between points, some of them tagged, as meshio hands it over for the file of this path."""
+    lines = [[i, i + 1] for i in range(len(coordinates) - 1)]
+    sets = {name: [np.array([i]), None] for i, name in enumerate(tags)}
+    cells = [("vertex", [[node - 1] for node in tags.values()]), ("line", lines)] if tags else [("line", lines)]
+    raw = meshio.Mesh(np.array(coordinates), cells, cell_sets=sets)
+    monkeypatch.setattr(meshio, "read", lambda path: raw)
+    return DATA / "stepped.msh"
+
+
+STRAIGHT = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.2, 0.0, 0.0), (0.4, 0.0, 0.0)]
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("node", [0, 1, 3])
+def test_a_coordinate_that_is_not_a_number_is_refused(monkeypatch, axis, node):
+    broken = [list(point) for point in STRAIGHT]
+    broken[node][axis] = float("nan")
+    with pytest.raises(fi.InputError, match="must hold finite coordinates in x, y and z"):
+        fi.read_mesh(beam_file(monkeypatch, broken, {}))
+
+
+@pytest.mark.parametrize(("name", "node", "place"), [("root", 2, 0.0), ("tip", 1, 0.4), ("mid", 2, 0.2)])
+def test_a_tag_with_the_name_of_a_place_that_lies_elsewhere_is_refused(monkeypatch, name, node, place):
+    with pytest.raises(fi.InputError) as refused:
+        fi.read_mesh(beam_file(monkeypatch, STRAIGHT, {name: node}))
+    line = (
+        rf"mesh.points.{name} = {STRAIGHT[node - 1][0]!r} m: must lie at {place:g} m, where '{name}' is on every beam"
+    )
+    assert str(refused.value) == f"{line}: take another name"
+    # at its own place the name says nothing new
+    own = 1 + [x for x, _, _ in STRAIGHT].index(place)
+    mesh = fi.read_mesh(beam_file(monkeypatch, STRAIGHT, {name: own, "sensor": node}))
+    assert mesh.points == {"root": 0.0, "tip": 0.4, "mid": 0.2, "sensor": STRAIGHT[node - 1][0]}
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"nodes": [0.1, 0.2]}, "mesh.nodes = 0.1 m: must begin with the root, at 0 m"),
+        ({"nodes": np.ma.array([0.0, 0.1, 0.2], mask=[0, 1, 0])}, "mesh.nodes = 'masked entries' m"),
+        ({"points": {"sensor": 0.3}}, "mesh.points.sensor = 0.3 m: must be a finite number >= "),
+        ({"points": {"sensor": float("nan")}}, "mesh.points.sensor = nan m: must be a finite number >= "),
+        ({"points": {3: 0.1}}, "mesh.points = 'int': must be a str"),
+        ({"regions": {"thick": [0, 2]}}, "mesh.regions.thick: must be numbers of elements, 0 to 1, each once"),
+        ({"regions": {"thick": [0, 0]}}, "mesh.regions.thick: must be numbers of elements, 0 to 1, each once"),
+        ({"regions": {"thick": [0.5]}}, "mesh.regions.thick: must be numbers of elements, 0 to 1, each once"),
+    ],
+)
+def test_places_and_regions_that_no_beam_has_are_refused(given, words):
+    with pytest.raises(fi.InputError) as refused:
+        fi.Mesh(**{"nodes": [0.0, 0.1, 0.2], **given})
+    assert str(refused.value).startswith(words)

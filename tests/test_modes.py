@@ -311,3 +311,19 @@ def test_contacts_keep_their_effective_mass_in_every_reduction(reference):
     for used in (system, fi.reduce(system, modes=1), fi.reduce(system, modes=12)):
         # the same number is handed on; rounding of one product
         assert used.contacts[0].effective_mass == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize("x", [-0.01, 0.24, np.nan, [0.1, 0.24], np.ma.array([0.1, 0.2], mask=[0, 1])])
+@pytest.mark.parametrize("derivative", [0, 1, 2, 3])
+def test_a_mode_shape_is_not_extrapolated_beyond_the_beam(system, x, derivative):
+    # the cubic of the last element goes on, but the beam does not
+    with pytest.raises(fi.InputError, match=r"positions.* m: must be within the beam, 0 to 0\.230266 m"):
+        system.deflection_rows(x, derivative)
+
+
+def test_a_place_off_the_beam_by_rounding_is_its_end(system):
+    length = float(system.nodes[-1])
+    # 6e-8 is the rounding of single precision
+    for off, end in ((-6e-8 * length, 0.0), (length * (1.0 + 6e-8), length)):
+        np.testing.assert_array_equal(system.deflection_rows([off]), system.deflection_rows([end]))
+        assert system.position_of(off) == end

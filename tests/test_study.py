@@ -77,7 +77,7 @@ def test_study_means_the_same_as_the_script(reference):
         ('name = "newmark"', "dt = 0", ["method.dt = 0 s: must be a finite number > 0 s"]),
         ("stop = 6.0 ", "stop = 3.0 ", ["sweep.stop = 3.0 Hz: must be > start, 4 Hz"]),
         ("cycles = 600 ", "cycles = 2 ", ["sweep.cycles = 2: must be a whole number >= 24"]),
-        ("movie = true", "movie = 1", ["output.movie = 1: must be a valid boolean"]),
+        ("movie = true", "movie = 1", ["output.movie = 1: must be True or False"]),
         ("[sweep]", "[sweeep]", ["sweeep: unknown; did you mean 'sweep'?"]),
         ("[mesh]", "[[mesh]]", ["mesh", "must be a table, [mesh]"]),
         ("[[mass]]", "[mass]", ["mass: must be a list of tables, [[mass]]"]),

@@ -17,6 +17,7 @@ from femimpact.contact.laws import (
     Rigid,
     SwitchingSpring,
     hertz_stiffness,
+    require_law,
 )
 from femimpact.contact.parameters import ContactParameters, resolve
 
@@ -41,5 +42,6 @@ __all__ = [
     "contact_force",
     "contact_potential",
     "hertz_stiffness",
+    "require_law",
     "resolve",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -24,10 +24,11 @@ from femimpact.contact.laws import (
     Rigid,
     SwitchingSpring,
     loss_factor,
+    require_law,
     spring_and_dashpot,
 )
 from femimpact.contact.restitution import contact_time_of, restitution_of_damping_ratio, restitution_of_loss_factor
-from femimpact.errors import require
+from femimpact.errors import check_fields, checked, quantity, require
 
 __all__ = ["Collision", "collide", "contact_force", "contact_potential", "power_contact_time"]
 
@@ -52,11 +53,14 @@ class Collision:
         (1 - e^2) m v^2/2.
     """
 
-    restitution: float
-    contact_time: float
-    peak_force: float
-    largest_penetration: float
-    energy_loss: float
+    restitution: float = field(metadata=quantity("1", at_least=0.0, finite=False))
+    contact_time: float = field(metadata=quantity("s", at_least=0.0, finite=False))
+    peak_force: float = field(metadata=quantity("N", at_least=0.0, finite=False))
+    largest_penetration: float = field(metadata=quantity("m", at_least=0.0, finite=False))
+    energy_loss: float = field(metadata=quantity("J", finite=False))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 def contact_force(law: ContactLaw, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
@@ -75,21 +79,54 @@ def contact_force(law: ContactLaw, depth: float, rate: float, approach_speed: fl
     Returns
     -------
     float, N
+
+    Raises
+    ------
+    InputError
+        If the law is none, a number is out of range, or a custom law's force is not finite.
     """
+    require_law(law)
+    depth, rate = checked("depth", depth, quantity("m")), checked("rate", rate, quantity("m/s"))
+    approach_speed, effective_mass = _speed(approach_speed), _mass(effective_mass)
+    return _force(law, depth, rate, approach_speed, effective_mass)
+
+
+def _speed(value: object) -> float:
+    return float(checked("approach_speed", value, quantity("m/s", above=0.0)))
+
+
+def _mass(value: object) -> float:
+    return float(checked("effective_mass", value, quantity("kg", above=0.0)))
+
+
+def _force(law: ContactLaw, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
+    """`contact_force` of values that were checked before."""
     if isinstance(law, KelvinVoigt):
         return kelvin_voigt_force(depth, rate, *spring_and_dashpot(law, effective_mass)) if depth > 0.0 else 0.0
     if isinstance(law, PowerLaw):
         return power_force(depth, rate, law.stiffness, law.exponent, loss_factor(law), approach_speed)
     if isinstance(law, CustomLaw):
-        return max(float(law.force(depth, rate, approach_speed)), 0.0) if depth > 0.0 else 0.0
+        return max(_own_force(law, depth, rate, approach_speed), 0.0) if depth > 0.0 else 0.0
     return math.nan if isinstance(law, Rigid) else law.stiffness * max(depth, 0.0)
+
+
+def _own_force(law: CustomLaw, depth: float, rate: float, approach_speed: float) -> float:
+    return float(checked("force", law.force(depth, rate, approach_speed), quantity("N")))
 
 
 def contact_potential(law: ContactLaw, depth: float, effective_mass: float, approach_speed: float = 0.25) -> float:
     """Energy (J) that a law has stored at a penetration (m): the part that it gives back.
 
     A Rigid contact stores none; of a custom law it is the integral of force(p, 0, v0).
+
+    Raises
+    ------
+    InputError
+        If the law is none, or a number is out of range.
     """
+    require_law(law)
+    depth = checked("depth", depth, quantity("m"))
+    approach_speed, effective_mass = _speed(approach_speed), _mass(effective_mass)
     if isinstance(law, KelvinVoigt):
         return spring_potential(max(depth, 0.0), spring_and_dashpot(law, effective_mass)[0])
     if isinstance(law, PowerLaw):
@@ -99,7 +136,7 @@ def contact_potential(law: ContactLaw, depth: float, effective_mass: float, appr
     if isinstance(law, CustomLaw) and depth > 0.0:
         from scipy.integrate import quad
 
-        return float(quad(lambda p: law.force(p, 0.0, approach_speed), 0.0, depth)[0])
+        return float(quad(lambda p: _own_force(law, p, 0.0, approach_speed), 0.0, depth)[0])
     return 0.0
 
 
@@ -122,9 +159,8 @@ def collide(law: ContactLaw, effective_mass: float, approach_speed: float) -> Co
     InputError
         If a number is not > 0, or a custom law never lets go.
     """
-    require(effective_mass > 0.0, "effective_mass", effective_mass, "kg", "must be > 0")
-    require(approach_speed > 0.0, "approach_speed", approach_speed, "m/s", "must be > 0")
-    m, v = effective_mass, approach_speed
+    require_law(law)
+    m, v = _mass(effective_mass), _speed(approach_speed)
     if isinstance(law, Rigid):
         return _collision(law.restitution, 0.0, math.nan, 0.0, m, v)
     if isinstance(law, SwitchingSpring):
@@ -134,7 +170,7 @@ def collide(law: ContactLaw, effective_mass: float, approach_speed: float) -> Co
         return _linear_collision(*spring_and_dashpot(law, m), m, v)
     if isinstance(law, PowerLaw):
         return _power_collision(law, m, v)
-    return _numerical_collision(lambda p, rate: contact_force(law, p, rate, v, m), m, v)
+    return _numerical_collision(lambda p, rate: _force(law, p, rate, v, m), m, v)
 
 
 def _collision(e: float, time: float, peak: float, depth: float, mass: float, speed: float) -> Collision:

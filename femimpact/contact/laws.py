@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from femimpact.contact.restitution import damping_ratio_for_restitution, linear_angle, loss_factor_for_restitution
-from femimpact.errors import Fault, InputError, check_fields, choice, quantity, require
+from femimpact.errors import Fault, InputError, check_fields, checked, choice, quantity, require, require_type, text
 
 __all__ = [
     "ALUMINIUM",
@@ -27,6 +27,7 @@ __all__ = [
     "SwitchingSpring",
     "hertz_stiffness",
     "loss_factor",
+    "require_law",
     "spring_and_dashpot",
 ]
 
@@ -227,7 +228,7 @@ class CustomLaw:
     """
 
     force: Callable[[float, float, float], float]
-    name: str = "custom"
+    name: str = field(default="custom", metadata=text())
     reference_speed: float = field(default=0.25, metadata=quantity("m/s", above=0.0))
 
     def __post_init__(self) -> None:
@@ -236,6 +237,11 @@ class CustomLaw:
 
 
 ContactLaw = KelvinVoigt | SwitchingSpring | PowerLaw | CustomLaw | Rigid
+
+
+def require_law(law: object, key: str = "law") -> None:
+    """Raise `InputError` unless the value is a contact law."""
+    require(isinstance(law, ContactLaw), key, law, "", "must be a contact law (KelvinVoigt, ..., Rigid)")
 
 
 @dataclass(frozen=True)
@@ -270,13 +276,16 @@ def hertz_stiffness(radius: float, ball: Material, wall: Material) -> float:
     -----
     Hertz (1882); Johnson, Contact Mechanics (1985).
     """
-    require(radius > 0.0, "radius", radius, "m", "must be > 0")
+    size = checked("radius", radius, quantity("m", above=0.0))
+    for key, body in (("ball", ball), ("wall", wall)):
+        require_type(body, Material, key)
     compliance = sum((1.0 - body.poisson_ratio**2) / body.young_modulus for body in (ball, wall))
-    return 4.0 / 3.0 / compliance * math.sqrt(radius)
+    return 4.0 / 3.0 / compliance * math.sqrt(size)
 
 
 def loss_factor(law: PowerLaw) -> float:
     """Loss factor d (1) of a power law, by its author's formula."""
+    require_type(law, PowerLaw, "law")
     e = law.restitution
     if law.loss == "none":
         return 0.0
@@ -291,6 +300,8 @@ def loss_factor(law: PowerLaw) -> float:
 
 def spring_and_dashpot(law: KelvinVoigt, effective_mass: float) -> tuple[float, float]:
     """Stiffness (N/m) and damping (N s/m) of any of the three complete pairs of a Kelvin-Voigt law."""
+    require_type(law, KelvinVoigt, "law")
+    effective_mass = checked("effective_mass", effective_mass, quantity("kg", above=0.0))
     if law.restitution is None:
         return law.stiffness or 0.0, law.damping or 0.0
     ratio = damping_ratio_for_restitution(law.restitution)

@@ -14,10 +14,11 @@ from femimpact.contact.laws import (
     Rigid,
     SwitchingSpring,
     loss_factor,
+    require_law,
     spring_and_dashpot,
 )
 from femimpact.contact.restitution import contact_time_of, restitution_of_damping_ratio, restitution_of_loss_factor
-from femimpact.errors import require
+from femimpact.errors import checked, quantity
 
 __all__ = ["ContactParameters", "resolve"]
 
@@ -48,7 +49,8 @@ def resolve(law: ContactLaw, effective_mass: float) -> ContactParameters:
         Contact time (s) and restitution (1) are those at the law's reference speed where they
         depend on speed.
     """
-    require(effective_mass > 0.0, "effective_mass", effective_mass, "kg", "must be > 0")
+    require_law(law)
+    effective_mass = checked("effective_mass", effective_mass, quantity("kg", above=0.0))
     if isinstance(law, Rigid):
         return ContactParameters(RIGID, math.inf, 0.0, 0.0, law.restitution)
     if isinstance(law, SwitchingSpring):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from femimpact.errors import checked, quantity
+
 __all__ = [
     "contact_time_of",
     "damping_ratio_for_restitution",
@@ -16,7 +18,7 @@ __all__ = [
 
 def linear_angle(damping_ratio: float) -> float:
     """acos(z)/sqrt(1 - z^2), continued beyond z = 1 as acosh(z)/sqrt(z^2 - 1)."""
-    z = damping_ratio
+    z: float = checked("damping_ratio", damping_ratio, quantity("1", at_least=0.0))
     if abs(z - 1.0) < 1e-6:
         return 1.0 - (z - 1.0) / 3.0
     if z < 1.0:
@@ -44,11 +46,13 @@ def restitution_of_damping_ratio(damping_ratio: float) -> float:
     From m x'' + c x' + k x = 0, x(0) = 0, left at the first zero of k x + c x'
     (derived here; the same condition as Schwager and Poeschel, 2007).
     """
-    return math.exp(-2.0 * damping_ratio * linear_angle(damping_ratio))
+    z: float = checked("damping_ratio", damping_ratio, quantity("1", at_least=0.0))
+    return math.exp(-2.0 * z * linear_angle(z))
 
 
 def damping_ratio_for_restitution(restitution: float) -> float:
     """Contact damping ratio z whose restitution (contact ending at zero force) is the one given."""
+    restitution = checked("restitution", restitution, quantity("1", above=0.0, at_most=1.0))
     if restitution >= 1.0:
         return 0.0
     from scipy.optimize import brentq
@@ -61,6 +65,9 @@ def damping_ratio_for_restitution(restitution: float) -> float:
 
 def contact_time_of(stiffness: float, damping: float, effective_mass: float) -> float:
     """Contact time (s) of the linear law, from touch to zero force: 2 acos(z)/(w0 sqrt(1 - z^2))."""
+    stiffness = checked("stiffness", stiffness, quantity("N/m", above=0.0))
+    damping = checked("damping", damping, quantity("N s/m", at_least=0.0))
+    effective_mass = checked("effective_mass", effective_mass, quantity("kg", above=0.0))
     omega = math.sqrt(stiffness / effective_mass)
     return 2.0 * linear_angle(damping / (2.0 * math.sqrt(stiffness * effective_mass))) / omega
 
@@ -85,6 +92,7 @@ def restitution_of_loss_factor(loss: float) -> float:
     m v dv/(1 + d v/v0) = -k p^n dp over loading (v0 to 0) and unloading (0 to -e v0) gives both
     sides of the same work. (Derived here; the relation of Gonthier et al., 2004.)
     """
+    loss = checked("loss", loss, quantity("1", at_least=0.0))
     if loss == 0.0:
         return 1.0
     from scipy.optimize import brentq
@@ -100,7 +108,7 @@ def loss_factor_for_restitution(restitution: float) -> float:
 
     The root of d (1 + e) = ln[(1 + d)/(1 - e d)], 0 < d < 1/e.
     """
-    e = restitution
+    e: float = checked("restitution", restitution, quantity("1", above=0.0, at_most=1.0))
     if e >= 1.0:
         return 0.0
     from scipy.optimize import brentq

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from femimpact.contact import CustomLaw
-from femimpact.errors import require
+from femimpact.errors import check_fields, checked, quantity, require_type
 from femimpact.integrators.kernels import touch
 from femimpact.integrators.kernels.custom import address_of
 from femimpact.integrators.newmark import SteppingMethod, require_method, scheme_of
@@ -30,11 +30,14 @@ class AchievedRestitution:
         Largest with the step, at the approach speed given.
     """
 
-    exact: float
-    mean: float
-    lowest: float
-    highest: float
-    peak_force: float
+    exact: float = field(metadata=quantity("1", at_least=0.0, finite=False))
+    mean: float = field(metadata=quantity("1", finite=False))
+    lowest: float = field(metadata=quantity("1", finite=False))
+    highest: float = field(metadata=quantity("1", finite=False))
+    peak_force: float = field(metadata=quantity("N", at_least=0.0, finite=False))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 def achieved_restitution(
@@ -53,8 +56,15 @@ def achieved_restitution(
     Returns
     -------
     AchievedRestitution
+
+    Raises
+    ------
+    InputError
+        If an argument is of the wrong kind or out of range.
     """
-    require(approach_speed > 0.0, "approach_speed", approach_speed, "m/s", "must be > 0")
+    require_type(pair, ContactPair, "pair")
+    approach_speed = checked("approach_speed", approach_speed, quantity("m/s", above=0.0))
+    phases = checked("phases", phases, quantity("1", at_least=1, at_most=1_000_000, integer=True))
     require_method(method)
     scheme = scheme_of(method, method.dt / method.refine)
     law, force = pair.parameters, pair.law

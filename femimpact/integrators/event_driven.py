@@ -60,6 +60,11 @@ class EventDriven:
     most_events : int
         Impacts and changes of riding or contact for each base cycle, on average over what is flown at once,
         beyond which a run is given up.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     closure: float = field(default=1e-12, metadata=quantity("m", above=0.0))

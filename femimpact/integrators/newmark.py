@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from femimpact.errors import check_fields, choice, quantity, require
+from femimpact.errors import check_fields, checked, choice, quantity, require, truth
 from femimpact.integrators.layout import Scheme
 
 __all__ = ["HHT", "WBZ", "GeneralizedAlpha", "MoreauJean", "Newmark", "SteppingMethod", "require_method", "scheme_of"]
@@ -40,12 +40,17 @@ class Newmark:
     refine : int
         Fine steps into which a step is divided in which a contact takes place, or could: dt is then
         the step in flight.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or an energy-consistent contact has another beta or gamma.
     """
 
     dt: float = field(metadata=quantity("s", above=0.0))
     beta: float = field(default=0.25, metadata=quantity("1", at_least=0.0, at_most=0.5))
     gamma: float = field(default=0.5, metadata=quantity("1", at_least=0.5, at_most=1.0))
-    allow_coarse_step: bool = False
+    allow_coarse_step: bool = field(default=False, metadata=truth())
     divergence_limit: float = field(default=1000.0, metadata=quantity("1", above=1.0))
     contact: str = field(default="end", metadata=choice("end", "energy-consistent"))
     refine: int = field(default=1, metadata=quantity("1", at_least=1, at_most=1000, integer=True))
@@ -71,11 +76,16 @@ class HHT:
         0 is the average acceleration; -1/3 damps most.
     allow_coarse_step, divergence_limit, refine
         As of `Newmark`.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     dt: float = field(metadata=quantity("s", above=0.0))
     alpha: float = field(default=-0.1, metadata=quantity("1", at_least=-1.0 / 3.0, at_most=0.0))
-    allow_coarse_step: bool = False
+    allow_coarse_step: bool = field(default=False, metadata=truth())
     divergence_limit: float = field(default=1000.0, metadata=quantity("1", above=1.0))
     refine: int = field(default=1, metadata=quantity("1", at_least=1, at_most=1000, integer=True))
 
@@ -96,11 +106,16 @@ class WBZ:
         0 is the average acceleration; -1 damps most.
     allow_coarse_step, divergence_limit, refine
         As of `Newmark`.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     dt: float = field(metadata=quantity("s", above=0.0))
     alpha: float = field(default=-0.1, metadata=quantity("1", at_least=-1.0, at_most=0.0))
-    allow_coarse_step: bool = False
+    allow_coarse_step: bool = field(default=False, metadata=truth())
     divergence_limit: float = field(default=1000.0, metadata=quantity("1", above=1.0))
     refine: int = field(default=1, metadata=quantity("1", at_least=1, at_most=1000, integer=True))
 
@@ -122,11 +137,16 @@ class GeneralizedAlpha:
         r at infinite frequency: 1 damps nothing, 0 annihilates the highest modes in one step.
     allow_coarse_step, divergence_limit, refine
         As of `Newmark`.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     dt: float = field(metadata=quantity("s", above=0.0))
     spectral_radius: float = field(default=0.8, metadata=quantity("1", at_least=0.0, at_most=1.0))
-    allow_coarse_step: bool = False
+    allow_coarse_step: bool = field(default=False, metadata=truth())
     divergence_limit: float = field(default=1000.0, metadata=quantity("1", above=1.0))
     refine: int = field(default=1, metadata=quantity("1", at_least=1, at_most=1000, integer=True))
 
@@ -150,11 +170,16 @@ class MoreauJean:
         1/2 loses no energy beside the impacts; 1 is the implicit Euler rule.
     allow_coarse_step, divergence_limit
         As of `Newmark`.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     dt: float = field(metadata=quantity("s", above=0.0))
     theta: float = field(default=0.5, metadata=quantity("1", at_least=0.5, at_most=1.0))
-    allow_coarse_step: bool = False
+    allow_coarse_step: bool = field(default=False, metadata=truth())
     divergence_limit: float = field(default=1000.0, metadata=quantity("1", above=1.0))
 
     def __post_init__(self) -> None:
@@ -178,7 +203,8 @@ def require_method(method: Any) -> None:
 
 def scheme_of(method: SteppingMethod, dt: float | None = None) -> Scheme:
     """Constants of a method for its own step (s), or for a finer one."""
-    h = method.dt if dt is None else dt
+    require_method(method)
+    h = method.dt if dt is None else checked("dt", dt, quantity("s", above=0.0))
     if isinstance(method, MoreauJean):
         th = method.theta
         weights = h * h * th * (1.0 - th), h * (1.0 - th), h * h * th * th, h * th

@@ -10,7 +10,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
-from femimpact.errors import Fault, InputError, require, require_type
+from femimpact.errors import Fault, InputError, checked, quantity, require, require_type
 from femimpact.integrators.newmark import MoreauJean, Newmark, SteppingMethod
 from femimpact.system import System
 
@@ -46,9 +46,10 @@ def recommended_step(system: System, refine: int = 1) -> float:
     Raises
     ------
     InputError
-        If the system has neither a contact nor an elastic mode.
+        If the system has neither a contact nor an elastic mode, or refine is out of range.
     """
     require_type(system, System, "system")
+    refine = checked("refine", refine, quantity("1", at_least=1, at_most=1000, integer=True))
     first = system.first_frequency
     by_mode = 1.0 / (STEPS_PER_PERIOD * first) if first > 0.0 else math.inf
     step = min(refine * shortest_contact(system) / STEPS_PER_CONTACT, by_mode)

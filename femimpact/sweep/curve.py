@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.errors import check_fields, choice, column, optional, place, quantity, require, text
 from femimpact.identification import DampingEstimate, fit_one_pole, half_power
 from femimpact.structure import Position
 
@@ -76,28 +77,35 @@ class FrequencyResponse:
         Whole dwell at each frequency and the measured end of it; None where it is a number of cycles.
     """
 
-    frequency: NDArray[Any]
-    peak: NDArray[Any]
-    rms: NDArray[Any]
-    first_harmonic: NDArray[Any]
-    phase: NDArray[Any]
-    steadiness: NDArray[Any]
-    impacts_per_cycle: NDArray[Any]
-    mean_approach_speed: NDArray[Any]
-    largest_approach_speed: NDArray[Any]
-    mean_impulse: NDArray[Any]
-    peak_force: NDArray[Any]
-    cycle_mean_force: NDArray[Any]
-    energy_residual: NDArray[Any]
-    amplitude: float
-    cycles: int | None
-    at: Position
-    start: str
-    law: str
-    warnings: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    duration: float | None = None
-    window: float | None = None
+    frequency: NDArray[Any] = field(metadata=column("Hz", "frequencies", finite=True))
+    peak: NDArray[Any] = field(metadata=column("m", "frequencies"))
+    rms: NDArray[Any] = field(metadata=column("m", "frequencies"))
+    first_harmonic: NDArray[Any] = field(metadata=column("m", "frequencies"))
+    phase: NDArray[Any] = field(metadata=column("rad", "frequencies"))
+    steadiness: NDArray[Any] = field(metadata=column("", "frequencies", of="text"))
+    impacts_per_cycle: NDArray[Any] = field(metadata=column("1", "frequencies"))
+    mean_approach_speed: NDArray[Any] = field(metadata=column("m/s", "frequencies"))
+    largest_approach_speed: NDArray[Any] = field(metadata=column("m/s", "frequencies"))
+    mean_impulse: NDArray[Any] = field(metadata=column("N s", "frequencies"))
+    peak_force: NDArray[Any] = field(metadata=column("N", "frequencies"))
+    cycle_mean_force: NDArray[Any] = field(metadata=column("N", "frequencies"))
+    energy_residual: NDArray[Any] = field(metadata=column("1", "frequencies"))
+    amplitude: float = field(metadata=quantity("m", at_least=0.0))
+    cycles: int | None = field(metadata=optional(quantity("1", at_least=1, integer=True)))
+    at: Position = field(metadata=place())
+    start: str = field(metadata=choice("base", "space", "given"))
+    law: str = field(metadata=text())
+    warnings: tuple[str, ...] = field(default=(), metadata=text(several=True))
+    notes: tuple[str, ...] = field(default=(), metadata=text(several=True))
+    duration: float | None = field(default=None, metadata=quantity("s", above=0.0))
+    window: float | None = field(default=None, metadata=quantity("s", above=0.0))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        one = (self.cycles is None) != (self.duration is None)
+        require(one, "cycles", self.cycles, "", "must be given, or a duration (s) instead")
+        fits = self.window is None or (self.duration is not None and self.window <= self.duration)
+        require(fits, "window", self.window, "s", "must be at most the duration, which it goes with")
 
     @cached_property
     def damping(self) -> DampingEstimate:

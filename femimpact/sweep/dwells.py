@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import in_range, quantity, require
-from femimpact.matrices import real_array
+from femimpact.errors import checked, in_range, quantity, real_array, require
 
 __all__ = ["LEAST_CYCLES", "Dwells", "dwells_of"]
 
 LEAST_CYCLES = 3
 """Fewest base cycles of a dwell: the last third is measured."""
+
+MOST_CYCLES = 10**9
+"""Of a dwell; more is taken for a mistake."""
 
 ROUNDING = 1e-9
 """Of a number of cycles: 4.1 Hz for 10 s are 41 of them."""
@@ -69,14 +71,15 @@ def dwells_of(frequencies: ArrayLike, cycles: Any, duration: Any, window: Any) -
     require(one, "cycles", cycles, "", "give either cycles (a whole number) or a duration (s)")
     if duration is None:
         require(window is None, "window", window, "s", "goes with a duration, not with cycles")
-        whole = isinstance(cycles, (int, np.integer)) and bool(cycles >= LEAST_CYCLES)
-        require(whole, "cycles", cycles, "", f"must be a whole number >= {LEAST_CYCLES}")
-        return Dwells(f, np.full(f.size, int(cycles)), np.full(f.size, int(cycles) // 3))
+        count = checked("cycles", cycles, quantity("1", at_least=LEAST_CYCLES, at_most=MOST_CYCLES, integer=True))
+        return Dwells(f, np.full(f.size, count), np.full(f.size, count // 3))
     least = LEAST_CYCLES / float(f.min())
     allowed = f"must be a finite number >= {LEAST_CYCLES} base cycles, {least:g} s"
-    require(in_range(duration, quantity("s", at_least=least - ROUNDING)), "duration", duration, "s", allowed)
+    whole = in_range(duration, quantity("s", at_least=least - ROUNDING, at_most=MOST_CYCLES / float(f.max())))
+    require(whole, "duration", duration, "s", allowed)
+    duration = float(duration)
     last = duration / 3.0 if window is None else window
-    fits = in_range(last, quantity("s", above=0.0)) and last <= duration
+    fits = in_range(last, quantity("s", above=0.0, at_most=duration))
     require(fits, "window", window, "s", f"must be > 0 and at most the duration, {duration:g} s")
     run = np.floor(duration * f + ROUNDING).astype(int)
     measured = run - np.ceil((duration - last) * f - ROUNDING).astype(int)

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.damping import realised_damping_ratio
-from femimpact.errors import require, require_type
+from femimpact.errors import checked, quantity, require_type, truth
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.newmark import SteppingMethod, require_method
 from femimpact.integrators.stepping import step_notes
@@ -84,7 +83,8 @@ def frequency_sweep(
     for value, kind in given:
         require_type(value, kind, kind.__name__.lower())
     check_progress(progress)
-    require(isinstance(ledger, (bool, np.bool_)), "ledger", ledger, "", "must be True or False")
+    amplitude = checked("amplitude", amplitude, quantity("m", at_least=0.0))
+    ledger = checked("ledger", ledger, truth())
     dwells = dwells_of(frequencies, cycles, duration, window)
     workers, observed = workers_of(threads), system.point_row(at)
     # each kind of method brings compiled code along that the other does not need

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import DivergenceError, require
+from femimpact.errors import DivergenceError, checked, quantity, require, require_type, rising_numbers
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.newmark import SteppingMethod
@@ -69,9 +69,10 @@ def mode_convergence(
     ball, is met by the structure in its first mode, from no deflection, at twice the speed that just
     reaches it. Both states are exact on any number of modes.
     """
-    numbers = np.array(counts, dtype=int)
-    rising = numbers.size >= 3 and bool(np.all(np.diff(numbers) > 0))
-    require(rising, "counts", list(counts), "", "must be three or more increasing numbers")
+    require_type(system, System, "system")
+    require_type(excitation, Sine, "excitation")
+    duration = checked("duration", duration, quantity("s", above=0.0))
+    numbers = rising_numbers("counts", counts, system.dofs)
     require(len(system.contacts) > 0, "system.contacts", 0, "", "must be one or more: without impacts modes decouple")
     require(system.first_frequency > 0.0, "system", 0.0, "Hz", "must be held: a first natural frequency > 0")
     cycles = PARTS * math.floor(duration * excitation.frequency / (3 * PARTS) + 1e-9)

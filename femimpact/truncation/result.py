@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from femimpact.errors import check_fields, checked, column, quantity, require, require_type, text
 
 if TYPE_CHECKING:
     import xarray
@@ -73,26 +75,34 @@ class ModeConvergence:
     notes : tuple of str
     """
 
-    counts: NDArray[Any]
-    rms: NDArray[Any]
-    peak: NDArray[Any]
-    contact_loss: NDArray[Any]
-    structure_loss: NDArray[Any]
-    damping: NDArray[Any]
-    mean_impulse: NDArray[Any]
+    counts: NDArray[Any] = field(metadata=column("1", "counts", of="whole number"))
+    rms: NDArray[Any] = field(metadata=column("m", "counts", 2))
+    peak: NDArray[Any] = field(metadata=column("m", "counts", 2))
+    contact_loss: NDArray[Any] = field(metadata=column("J", "counts", 2))
+    structure_loss: NDArray[Any] = field(metadata=column("J", "counts", 2))
+    damping: NDArray[Any] = field(metadata=column("1", "counts", 2))
+    mean_impulse: NDArray[Any] = field(metadata=column("N s", "counts", 2))
     scatter: Mapping[str, NDArray[Any]]
-    peak_force: NDArray[Any]
-    residual: NDArray[Any]
-    first_displacement: NDArray[Any]
-    first_loss: NDArray[Any]
-    displacement_error: NDArray[Any]
-    loss_error: NDArray[Any]
-    displacement_order: NDArray[Any]
-    loss_order: NDArray[Any]
-    at: str
-    law: str
-    cycles: int
-    notes: tuple[str, ...]
+    peak_force: NDArray[Any] = field(metadata=column("N", "counts", 2))
+    residual: NDArray[Any] = field(metadata=column("1", "counts", 2))
+    first_displacement: NDArray[Any] = field(metadata=column("m", "counts", 2))
+    first_loss: NDArray[Any] = field(metadata=column("J", "counts", 2))
+    displacement_error: NDArray[Any] = field(metadata=column("1", "counts", 2))
+    loss_error: NDArray[Any] = field(metadata=column("1", "counts", 2))
+    displacement_order: NDArray[Any] = field(metadata=column("1", 2))
+    loss_order: NDArray[Any] = field(metadata=column("1", 2))
+    at: str = field(metadata=text())
+    law: str = field(metadata=text())
+    cycles: int = field(metadata=quantity("1", at_least=1, integer=True))
+    notes: tuple[str, ...] = field(metadata=text(several=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        require_type(self.scatter, Mapping, "scatter")
+        for name, values in self.scatter.items():
+            known = name in STATISTICS
+            require(known, "scatter", name, "", f"must be of {', '.join(STATISTICS)}")
+            checked(f"scatter.{name}", values, column(STATISTICS[name], self.counts.size, 2))
 
     def to_xarray(self) -> xarray.Dataset:
         """All columns as a labelled dataset over the count and the static correction."""

@@ -1,0 +1,285 @@
+"""One good value of every public noun, and every public verb with good arguments: what tables of inputs go through."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+import femimpact as fi
+from femimpact.contact import resolve
+from femimpact.contact import restitution as closed_forms
+from femimpact.convergence import MeshConvergence, StepConvergence
+from femimpact.damping import rayleigh_coefficients, realised_damping_ratio
+from femimpact.demo import paper_study
+from femimpact.hermite import shape_functions
+from femimpact.identification import one_pole_amplitude
+from femimpact.impacts import Riding
+from femimpact.integrators.collision import AchievedRestitution
+from femimpact.modes import solve_stiffness
+from femimpact.regimes import Regime, RegimeCriteria, classify, impacts_per_cycle, significant
+from femimpact.signals import CycleStatistics, steady_motion
+from femimpact.study import BaseMotion, MeshChoice, Output, Reduction, SweepPlan
+from femimpact.system import hermite_rows
+
+LAW = fi.KelvinVoigt(restitution=0.6, contact_time=5e-3)
+STRUCTURE = fi.Structure(
+    beam=fi.Beam.uniform(length=0.2, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700.0),
+    masses=(fi.PointMass("box", "tip", 0.02),),
+    impactors=(fi.Impactor("ball", "tip", 3e-3, 1e-3, LAW),),
+    stops=(fi.Stop("wall", "mid", (math.inf, 5e-3), LAW),),
+    damping=fi.Rayleigh(0.01, modes=(1, 2)),
+)
+BASE = fi.Sine(2e-3, 6.0)
+STATE = fi.State(displacement=[0.0, 1e-4], ball_velocity=[0.1])
+CURVE = np.linspace(5.0, 7.0, 41), one_pole_amplitude(np.linspace(5.0, 7.0, 41), 1e-3, 6.0, 0.01)
+
+
+@cache
+def system() -> fi.System:
+    return fi.assemble(STRUCTURE, elements=4)
+
+
+@cache
+def small() -> fi.System:
+    return fi.reduce(system(), 2)
+
+
+@cache
+def oscillators() -> fi.System:
+    M, C, K = np.diag([1.0, 2.0]), np.diag([0.1, 0.2]), np.array([[300.0, -100.0], [-100.0, 100.0]])
+    ball = fi.Impactor("ball", "first", 0.1, 1e-3, LAW)
+    return fi.System.from_matrices(M, C, K, points={"first": [1.0, 0.0], "second": [0.0, 1.0]}, impactors=[ball])
+
+
+@cache
+def response() -> fi.Response:
+    method = fi.Newmark(2e-4)
+    return fi.integrate(small(), BASE, method, 1.0, fi.Recorder(("tip", "ball"), every=5, snapshots=500))
+
+
+@cache
+def curve() -> fi.FrequencyResponse:
+    bare = fi.without_impactors(small())
+    return fi.frequency_sweep(bare, 1e-4, np.linspace(5.0, 7.0, 5), fi.Newmark(1e-3, allow_coarse_step=True), 12)
+
+
+def columns(kind: type, sizes: dict[str | int, int], **given: object) -> object:
+    """A record of a kind with arrays of ones, of the given length along each of its axes."""
+    values = {}
+    for item in fields(kind):
+        if "axes" in item.metadata and item.name not in given:
+            values[item.name] = np.ones([sizes.get(axis, axis) for axis in item.metadata["axes"]])
+    return kind(**{**values, **given})
+
+
+@cache
+def piece() -> fi.HistoryPiece:
+    kept = response()
+    return fi.HistoryPiece(kept.time, kept.channels, kept.units, kept.energy, kept.snapshots, kept.base)
+
+
+@cache
+def mode_convergence() -> fi.ModeConvergence:
+    counts = np.array([1, 2, 3])
+    return columns(
+        fi.ModeConvergence, {"counts": 3}, counts=counts, scatter={"rms": np.ones((3, 2))}, at="tip", law="rigid",
+        cycles=8, notes=("note",),
+    )  # fmt: skip
+
+
+NOUNS = {
+    "Beam": lambda: STRUCTURE.beam,
+    "ContactPair": lambda: system().contacts[0],
+    "CustomLaw": lambda: fi.CustomLaw(lambda depth, rate, speed: 1e4 * depth),
+    "DampingEstimate": lambda: fi.DampingEstimate(0.01, 6.0, (0.009, 0.011), "fit", ("warning",)),
+    "EnergyLedger": lambda: response().energy,
+    "EventDriven": fi.EventDriven,
+    "FrequencyResponse": curve,
+    "GeneralizedAlpha": lambda: fi.GeneralizedAlpha(1e-4),
+    "HHT": lambda: fi.HHT(1e-4),
+    "HistoryPiece": piece,
+    "Impactor": lambda: STRUCTURE.impactors[0],
+    "ImpactStatistics": lambda: response().statistics,
+    "Impacts": lambda: response().impacts,
+    "KelvinVoigt": lambda: LAW,
+    "Material": lambda: fi.STEEL,
+    "Mesh": lambda: fi.Mesh([0.0, 0.1, 0.2], {"sensor": 0.1}, {"root half": [0]}),
+    "ModeConvergence": mode_convergence,
+    "Modes": lambda: fi.solve_modes(system(), 2),
+    "MoreauJean": lambda: fi.MoreauJean(1e-4),
+    "Newmark": lambda: fi.Newmark(1e-4),
+    "PointForce": lambda: fi.PointForce("tip", BASE),
+    "PointMass": lambda: STRUCTURE.masses[0],
+    "PowerLaw": lambda: fi.Flores(1e7, 0.7),
+    "Rayleigh": lambda: fi.Rayleigh((0.01, 0.02), modes=(1, 2)),
+    "RecordedBase": lambda: fi.RecordedBase([0.0, 1.0, 0.5], 0.1),
+    "Recorder": lambda: fi.Recorder(("tip", 0.1)),
+    "Response": response,
+    "RestitutionScan": lambda: columns(fi.RestitutionScan, {"restitutions": 1}, curves=(curve(),)),
+    "Rigid": lambda: fi.Rigid(0.7),
+    "Segment": lambda: STRUCTURE.beam.segments[0],
+    "Sine": lambda: BASE,
+    "State": lambda: STATE,
+    "Stop": lambda: STRUCTURE.stops[0],
+    "Structure": lambda: STRUCTURE,
+    "Study": paper_study,
+    "Support": lambda: fi.Support("clamped", "root"),
+    "SwitchingSpring": lambda: fi.SwitchingSpring(1.0, 1e4),
+    "System": system,
+    "WBZ": lambda: fi.WBZ(1e-4),
+    # of results and studies, reached through others
+    "AchievedRestitution": lambda: AchievedRestitution(0.6, 0.6, 0.5, 0.7, 1.0),
+    "BaseMotion": lambda: BaseMotion(1e-4, 5.0),
+    "Collision": lambda: fi.collide(LAW, 3e-3, 0.2),
+    "CycleStatistics": lambda: columns(CycleStatistics, {"cycles": 8, "cases": 2}),
+    "MeshChoice": lambda: MeshChoice(elements=4),
+    "MeshConvergence": lambda: columns(
+        MeshConvergence, {"meshes": 3, "modes": 2}, elements=np.array([2, 4, 8]), notes=("note",)
+    ),
+    "Output": Output,
+    "Reduction": lambda: Reduction(4),
+    "Regime": lambda: Regime("periodic", 2, 1, "2:1 periodic", "words"),
+    "RegimeCriteria": RegimeCriteria,
+    "Riding": lambda: columns(Riding, {"states": 1}, impactor=np.array(["ball"])),
+    "Snapshots": lambda: response().snapshots,
+    "SteadyMotion": lambda: response().steady,
+    "StepConvergence": lambda: columns(
+        StepConvergence, {"steps": 3}, linear_order=2.0, first_impact_order=1.0, impacts=8, notes=("note",)
+    ),
+    "SweepPlan": lambda: SweepPlan(4.0, 6.0, 21, 300),
+}
+"""Every noun by its name."""
+
+
+def no_beam(**given: object) -> fi.System:
+    return fi.System.from_matrices(**{"M": 1.0, "C": 0.1, "K": 40.0, "points": {"p": [1.0]}, **given})
+
+
+VERBS = {
+    "assemble": (fi.assemble, lambda: {"structure": STRUCTURE, "elements": 4}),
+    "assemble on a mesh": (fi.assemble, lambda: {"structure": STRUCTURE, "mesh": fi.uniform_mesh(STRUCTURE, 4)}),
+    "scan_restitution": (fi.scan_restitution, lambda: {
+        "structure": replace(STRUCTURE, stops=()), "restitutions": [0.5], "empty": curve(), "elements": 2, "modes": 2,
+        "frequencies": [5.0, 5.5, 6.0, 6.5], "cycles": 3, "initial": fi.State(),
+    }),
+    "Hertz": (fi.Hertz, lambda: {"stiffness": 1e7, "exponent": 1.5, "reference_speed": 0.2}),
+    "HuntCrossley": (fi.HuntCrossley, lambda: {"stiffness": 1e7, "restitution": 0.7}),
+    "LankaraniNikravesh": (fi.LankaraniNikravesh, lambda: {"stiffness": 1e7, "restitution": 0.7}),
+    "Flores": (fi.Flores, lambda: {"stiffness": 1e7, "restitution": 0.7}),
+    "GonthierCarvalhoMartins": (fi.GonthierCarvalhoMartins, lambda: {"stiffness": 1e7, "restitution": 0.7}),
+    "collide": (fi.collide, lambda: {"law": LAW, "effective_mass": 3e-3, "approach_speed": 0.2}),
+    "contact_force": (fi.contact_force, lambda: {
+        "law": LAW, "depth": 1e-4, "rate": 0.1, "approach_speed": 0.2, "effective_mass": 3e-3
+    }),
+    "contact_potential": (fi.contact_potential, lambda: {
+        "law": LAW, "depth": 1e-4, "effective_mass": 3e-3, "approach_speed": 0.2
+    }),
+    "hertz_stiffness": (fi.hertz_stiffness, lambda: {"radius": 5e-3, "ball": fi.STEEL, "wall": fi.ALUMINIUM}),
+    "converge_elements": (fi.converge_elements, lambda: {"structure": STRUCTURE, "elements": [2, 3, 4], "modes": 1}),
+    "converge_step": (fi.converge_step, lambda: {
+        "system": replace(small(), contacts=()), "excitation": BASE, "method": fi.Newmark(5e-4), "halvings": 1
+    }),
+    "amplitude_ratio_damping": (fi.amplitude_ratio_damping, lambda: {
+        "reference": fi.DampingEstimate(0.01, 6.0, (0.009, 0.011), "fit"), "reference_peak": 2e-3, "peak": 1e-3
+    }),
+    "fit_one_pole": (fi.fit_one_pole, lambda: {
+        "frequency": CURVE[0], "amplitude": CURVE[1], "share": 0.2, "misfit_limit": 0.05
+    }),
+    "half_power": (fi.half_power, lambda: {"frequency": CURVE[0], "amplitude": CURVE[1]}),
+    "achieved_restitution": (fi.achieved_restitution, lambda: {
+        "pair": small().contacts[0], "method": fi.Newmark(1e-4), "approach_speed": 0.2, "phases": 4
+    }),
+    "integrate": (fi.integrate, lambda: {
+        "system": small(), "excitation": BASE, "method": fi.Newmark(2e-4), "duration": 0.1, "record": fi.Recorder(),
+        "initial": fi.State(), "progress": None, "threads": 1,
+    }),
+    "recommended_step": (fi.recommended_step, lambda: {"system": small(), "refine": 2}),
+    "read_mesh": (fi.read_mesh, lambda: {"path": Path(__file__).parent / "data" / "stepped.msh"}),
+    "uniform_mesh": (fi.uniform_mesh, lambda: {"structure": STRUCTURE, "elements": 4}),
+    "solve_modes": (fi.solve_modes, lambda: {"system": system(), "count": 2}),
+    "reduce": (fi.reduce, lambda: {"system": system(), "modes": 2, "static_correction": True}),
+    "truncation_notes": (fi.truncation_notes, lambda: {"system": small()}),
+    "glue_impactors": (fi.glue_impactors, lambda: {"structure": STRUCTURE}),
+    "without_impactors": (fi.without_impactors, lambda: {"system": small()}),
+    "frequency_sweep": (fi.frequency_sweep, lambda: {
+        "system": fi.without_impactors(small()), "amplitude": 1e-4, "frequencies": [5.0, 6.0],
+        "method": fi.Newmark(1e-3, allow_coarse_step=True), "cycles": 9, "initial": fi.State(), "at": "tip",
+        "ledger": False, "threads": 1,
+    }),
+    "frequency_sweep of a duration": (fi.frequency_sweep, lambda: {
+        "system": fi.without_impactors(small()), "amplitude": 1e-4, "frequencies": [5.0, 6.0],
+        "method": fi.Newmark(1e-3, allow_coarse_step=True), "duration": 2.0, "window": 1.0, "threads": 1,
+    }),
+    "mode_convergence": (fi.mode_convergence, lambda: {
+        "system": small(), "excitation": fi.Sine(0.0, 24.0), "method": fi.Newmark(2e-4), "duration": 1.0,
+        "counts": [1, 2],
+    }),
+    "load": (fi.load, lambda: {"directory": "missing"}),
+    "load_study": (fi.load_study, lambda: {"path": "missing"}),
+    "run_study": (fi.run_study, lambda: {
+        "study": None, "directory": Path("missing"), "parts": ("modes",), "force": False
+    }),
+    # methods of nouns
+    "Beam.uniform": (fi.Beam.uniform, lambda: {
+        "length": 0.2, "width": 0.02, "thickness": 1e-3, "young_modulus": 70e9, "density": 2700.0
+    }),
+    "System.from_matrices": (no_beam, lambda: {
+        "M": 1.0, "C": 0.1, "K": 40.0, "points": {"p": [1.0]}, "base_load": [1.0], "impactors": [], "stops": []
+    }),
+    "System.deflection_rows": (lambda **given: system().deflection_rows(**given), lambda: {
+        "positions": [0.1], "derivative": 1
+    }),
+    "System.position_of": (lambda at: system().position_of(at), lambda: {"at": 0.1}),
+    "System.point_row": (lambda at: system().point_row(at), lambda: {"at": 0.1}),
+    "point_row without a beam": (lambda at: oscillators().point_row(at), lambda: {"at": "first"}),
+    "State.at_rest": (fi.State.at_rest, lambda: {"frame": "space"}),
+    "Sine.displacement": (BASE.displacement, lambda: {"time": [0.0, 0.1]}),
+    "Sine.velocity": (BASE.velocity, lambda: {"time": 0.1}),
+    "Sine.acceleration": (BASE.acceleration, lambda: {"time": 0.1}),
+    "RecordedBase.displacement": (fi.RecordedBase([0.0, 1.0], 0.1).displacement, lambda: {"time": 0.1}),
+    "PointForce.displacement": (fi.PointForce("tip", BASE).displacement, lambda: {"time": 0.1}),
+    "Response.absolute": (lambda name: response().absolute(name), lambda: {"name": "tip"}),
+    "RestitutionScan.misfit": (lambda **given: NOUNS["RestitutionScan"]().misfit(**given), lambda: {
+        "peak_frequency": 5.0, "amplitude_ratio": 2.0, "frequency_scale": 0.1
+    }),
+    # below the surface
+    "shape_functions": (shape_functions, lambda: {"s": 0.5, "derivative": 1}),
+    "hermite_rows": (lambda **given: hermite_rows(system().nodes, **given), lambda: {
+        "positions": [0.1], "derivative": 0
+    }),
+    "rayleigh_coefficients": (rayleigh_coefficients, lambda: {"omega": (30.0, 200.0), "ratio": (0.01, 0.01)}),
+    "realised_damping_ratio": (realised_damping_ratio, lambda: {"alpha": 0.1, "beta": 1e-4, "omega": [30.0]}),
+    "one_pole_amplitude": (one_pole_amplitude, lambda: {
+        "frequency": [5.0, 5.5], "scale": 1e-3, "natural_frequency": 6.0, "ratio": 0.01
+    }),
+    "steady_motion": (steady_motion, lambda: {
+        "cycles": NOUNS["CycleStatistics"](), "window": [4, 4], "periodic_tolerance": 1e-3,
+        "statistical_tolerance": 0.05, "standard_errors": 3.0, "longest_period": 2,
+    }),
+    "resolve": (resolve, lambda: {"law": LAW, "effective_mass": 3e-3}),
+    "linear_angle": (closed_forms.linear_angle, lambda: {"damping_ratio": 0.1}),
+    "restitution_of_damping_ratio": (closed_forms.restitution_of_damping_ratio, lambda: {"damping_ratio": 0.1}),
+    "damping_ratio_for_restitution": (closed_forms.damping_ratio_for_restitution, lambda: {"restitution": 0.5}),
+    "contact_time_of": (closed_forms.contact_time_of, lambda: {
+        "stiffness": 1e4, "damping": 1.0, "effective_mass": 3e-3
+    }),
+    "restitution_of_loss_factor": (closed_forms.restitution_of_loss_factor, lambda: {"loss": 0.5}),
+    "loss_factor_for_restitution": (closed_forms.loss_factor_for_restitution, lambda: {"restitution": 0.5}),
+    "solve_stiffness": (solve_stiffness, lambda: {"system": system(), "loads": np.ones(system().dofs)}),
+    "significant": (significant, lambda: {"impacts": response().impacts, "share": 0.1}),
+    "impacts_per_cycle": (impacts_per_cycle, lambda: {
+        "impacts": response().impacts, "frequency": 5.0, "start": 0.0, "end": 1.0
+    }),
+    "classify": (classify, lambda: {
+        "impacts": response().impacts, "riding": response().riding, "frequency": 6.0, "start": 0.0, "end": 1.0,
+        "criteria": RegimeCriteria(),
+    }),
+}  # fmt: skip
+"""Every verb by its name: the function, and good arguments of it."""
+
+OTHERS = {"ALUMINIUM", "STEEL", "DivergenceError", "FemimpactError", "InputError", "StudyResults", "__version__"}
+"""Public names that take nothing from a user: constants, errors, and what only `load` makes."""

@@ -1,0 +1,143 @@
+"""Every argument of every public name meets wrong values of every kind: an `InputError`, or the right result."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, is_dataclass, replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sparse
+from nouns import NOUNS, OTHERS, VERBS
+
+import femimpact as fi
+
+WRONG = {
+    "none": None,
+    "word": "no",
+    "true": True,
+    "nan": math.nan,
+    "infinite": math.inf,
+    "minus infinite": -math.inf,
+    "negative": -3,
+    "negative fraction": -0.3,
+    "zero": 0,
+    "complex": 1j,
+    "pair": [1.0, 2.0],
+    "masked": np.ma.array([0.5, 1.0, 2.0, 3.0, 4.0], mask=[False, True, False, False, False]),
+    "masked in a list": [np.ma.array([0.5, 1.0], mask=[False, True])],
+    "masked number": np.ma.masked,
+    "empty": np.array([]),
+    "objects": np.array([object(), None]),
+    "2-D": np.ones((2, 3)),
+    "3-D": np.ones((2, 2, 2)),
+    "huge": 10**400,
+    "large": 10**30,
+    "single precision": np.float32(0.5),
+    "dictionary": {},
+    "function": lambda *_: None,
+}
+
+
+REFUSED_ANYWAY = ("load", "load_study", "run_study", "mode_convergence")
+"""What takes seconds when all is right, and is stopped by another argument."""
+
+
+def plain(value: object) -> object:
+    """The same in Python's own numbers."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def found(result: object) -> list[object]:
+    """What a result is made of, in one order: numbers, texts and arrays."""
+    if is_dataclass(result):
+        return [part for item in fields(result) if item.compare for part in found(getattr(result, item.name))]
+    if isinstance(result, (tuple, list)):
+        return [part for entry in result for part in found(entry)]
+    if isinstance(result, dict):
+        return [part for entry in result.values() for part in found(entry)]
+    return [result.toarray()] if sparse.issparse(result) else [result]
+
+
+def same(one: object, other: object) -> bool:
+    """Whether two results are equal to the last bit; functions and results of results are not looked into."""
+    alike = []
+    for a, b in zip(found(one), found(other), strict=True):
+        if isinstance(a, (float, np.ndarray, np.floating)) and not (isinstance(a, np.ndarray) and a.dtype.kind in "UO"):
+            alike.append(np.array_equal(a, b, equal_nan=True))
+        elif isinstance(a, (str, int, np.ndarray)):
+            alike.append(np.array_equal(a, b))
+    return all(alike)
+
+
+def not_numbers(result: object) -> int:
+    """How many of the numbers of a result are none: of a good call only those that are documented to be unknown."""
+    return sum(isinstance(part, float) and math.isnan(part) for part in found(result))
+
+
+@pytest.mark.parametrize("name", sorted(set(fi.__all__) - OTHERS))
+def test_every_public_name_is_in_the_tables(name):
+    assert name in NOUNS or name in VERBS
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_a_verb_refuses_a_wrong_argument_by_name_or_takes_it_as_the_number_it_is(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    call, good = VERBS[name]
+    faults, unknown = (
+        [],
+        not_numbers(call(**good())) if name not in ("load", "load_study", "run_study", "mode_convergence") else 0,
+    )
+    for key in good():
+        for label, value in WRONG.items():
+            try:
+                result = call(**{**good(), key: value})
+            except fi.InputError as error:
+                # a line names something and says what is allowed
+                if any(": " not in line for line in str(error).splitlines()):
+                    faults.append(f"{key} = {label}: {error}")
+                continue
+            except Exception as error:
+                faults.append(f"{key} = {label}: {type(error).__name__}: {error}")
+                continue
+            if not_numbers(result) > unknown and label != "none":
+                faults.append(f"{key} = {label}: not a number, and not a word")
+            elif not same(result, call(**{**good(), key: plain(value)})):
+                faults.append(f"{key} = {label}: another result than of {plain(value)!r}")
+    assert not faults, "\n".join(faults)
+
+
+@pytest.mark.parametrize("name", NOUNS)
+def test_a_noun_refuses_a_wrong_field_or_holds_it_as_what_it_is(name):
+    noun = NOUNS[name]()
+    faults = []
+    # None asks a system for its checks anew
+    for item in (item for item in fields(noun) if item.name != "computed_together"):
+        for label, value in WRONG.items():
+            try:
+                changed = getattr(replace(noun, **{item.name: value}), item.name)
+            except fi.InputError as error:
+                if any(": " not in line for line in str(error).splitlines()):
+                    faults.append(f"{item.name} = {label}: {error}")
+                continue
+            except Exception as error:
+                faults.append(f"{item.name} = {label}: {type(error).__name__}: {error}")
+                continue
+            if np.ma.is_masked(value):
+                faults.append(f"{item.name} = {label}: the mask is lost")
+            elif not holds(changed, value, item.metadata):
+                faults.append(f"{item.name} = {label}: became {changed!r}")
+    assert not faults, "\n".join(faults)
+
+
+def holds(kept: object, given: object, metadata: dict[str, object]) -> bool:
+    """Whether a field holds what it was given, in a type of its own."""
+    if given is None or isinstance(given, str) or callable(given):
+        return kept is given or kept == given or kept == (given,)
+    if isinstance(given, bool):
+        return kept is given
+    if isinstance(given, dict):
+        return kept == given or "points" in str(kept) or "root" in kept
+    # one number may stand for a row of one
+    row = np.atleast_1d(np.asarray(kept, dtype=float))
+    return np.array_equal(row, np.atleast_1d(np.asarray(given, dtype=float)), equal_nan=True)
