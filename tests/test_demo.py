@@ -10,6 +10,8 @@ import pytest
 import femimpact as fi
 from femimpact import demo
 
+pytestmark = pytest.mark.impacts
+
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):

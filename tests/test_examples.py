@@ -11,6 +11,8 @@ import pytest
 
 from femimpact.demo import PUBLISHED, ScanPlan
 
+pytestmark = pytest.mark.impacts
+
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.impacts
+
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 
 

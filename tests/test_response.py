@@ -10,6 +10,8 @@ import pytest
 import femimpact as fi
 from femimpact.impacts import IMPACT_UNITS, impact_statistics
 
+pytestmark = pytest.mark.impacts
+
 BASE = fi.Sine(amplitude=0.2037e-3, frequency=5.2)
 METHOD = fi.Newmark(1e-4)
 START = fi.State(ball_velocity=[0.2])

@@ -8,6 +8,8 @@ import pytest
 
 import femimpact as fi
 
+pytestmark = pytest.mark.impacts
+
 STILL = fi.Sine(amplitude=0.0, frequency=0.1)
 CONTACT_TIME = 2e-3
 

@@ -8,6 +8,8 @@ import pytest
 import femimpact as fi
 from femimpact.sweep import SWEEP_UNITS
 
+pytestmark = pytest.mark.impacts
+
 AMPLITUDE = 0.2037e-3
 
 
