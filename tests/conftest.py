@@ -100,3 +100,11 @@ def system(reference: fi.Structure) -> fi.System:
 @pytest.fixture(scope="session")
 def small(system: fi.System) -> fi.System:
     return fi.reduce(system, modes=8)
+
+
+@pytest.fixture(scope="session")
+def bouncing(reference: fi.Structure) -> fi.System:
+    """A light ball that loses little: thrown between walls at rest it bounces regularly, and meets no chaos."""
+    law = fi.KelvinVoigt(restitution=0.9, contact_time=2e-3)
+    ball = replace(reference.impactors[0], mass=1e-5, contact=law)
+    return fi.reduce(fi.assemble(replace(reference, impactors=(ball,)), elements=10), modes=4)

@@ -187,10 +187,13 @@ def test_what_an_impact_takes_from_the_ball_goes_to_the_modes_and_is_lost():
     mu = 1.0 / (1.0 / 3.43e-3 + float(system.contacts[0].direction @ system.contacts[0].direction))
     # the last impact of an accumulation has no rebound
     e = np.where(i.rebound_speed > 0.0, 0.6, 0.0)
-    np.testing.assert_allclose(i.rebound_speed, e * i.approach_speed, rtol=1e-10)
+    # rounding of speeds of 1 m/s, for the slowest impacts of an accumulation
+    slow = 1e-15
+    np.testing.assert_allclose(i.rebound_speed, e * i.approach_speed, rtol=1e-10, atol=slow)
     # (1 + e) m_eff v, and (1 - e^2) m_eff v^2/2
-    np.testing.assert_allclose(i.impulse, (1 + e) * mu * i.approach_speed, rtol=1e-10)
-    np.testing.assert_allclose(i.energy_loss, 0.5 * (1 - e**2) * mu * i.approach_speed**2, rtol=1e-10)
+    np.testing.assert_allclose(i.impulse, (1 + e) * mu * i.approach_speed, rtol=1e-10, atol=mu * slow)
+    loss = 0.5 * (1 - e**2) * mu * i.approach_speed**2
+    np.testing.assert_allclose(i.energy_loss, loss, rtol=1e-10, atol=mu * slow)
 
 
 # ---- drives ---------------------------------------------------------------------------------------
