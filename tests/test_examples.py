@@ -38,10 +38,10 @@ def test_the_ball_damps_the_resonance():
 
 
 def test_restitution_near_0_8_comes_closest_to_the_paper_from_rest_on_the_base():
-    scans = load("calibrate_restitution").main(ScanPlan((0.5, 0.78, 0.96), points=41, cycles=300))
+    scans = load("calibrate_restitution").main(ScanPlan((0.5, 0.78, 0.96), points=41, cycles=300, starts=3))
     target = PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"]
     scan = scans["base"]
-    # statistics of chaotic runs: the neighbours are further off by more than the grid's 0.05 Hz and 25 %
+    # medians of chaotic runs: the neighbours are further off by more than the grid's 0.05 Hz and 25 %
     assert scan.restitution[scan.best(*target)] == 0.78
     assert scan.misfit(*target)[1] < 2.0 < scan.misfit(*target)[[0, 2]].min()
 
