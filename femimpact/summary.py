@@ -61,7 +61,10 @@ class Spread:
     resolution: float = 0.0
 
     def text(self, scale: float = 1.0) -> str:
-        """Median and range in words, rounded to a 1, 2 or 5 that is half of the range or more; the range outwards."""
+        """Median and range in words: rounded to a 1, 2 or 5 that is half of the range or more.
+
+        The range is rounded outwards, after a quarter of it at each end for the starts that were not run.
+        """
         low, middle, high, step = (scale * x for x in (self.lowest, self.median, self.highest, self.resolution))
         wanted = max((high - low) / 2.0, step, 1e-3 * abs(middle))
         if not 0.0 < wanted < math.inf:
@@ -70,7 +73,8 @@ class Spread:
         # a grid's step is its own unit: 0.05 is not more than 0.05 by rounding
         unit = next(n * decade for n in (1.0, 2.0, 5.0, 10.0) if n * decade >= wanted * (1.0 - 1e-9))
         digits = max(-math.floor(math.log10(unit) + 1e-9), 0)
-        down, up = math.floor((low - step) / unit + 1e-6), math.ceil((high + step) / unit - 1e-6)
+        beyond = step + (high - low) / 4.0
+        down, up = math.floor((low - beyond) / unit + 1e-6), math.ceil((high + beyond) / unit - 1e-6)
         return f"{round(middle / unit) * unit:.{digits}f} ({down * unit:.{digits}f} to {up * unit:.{digits}f})"
 
 

@@ -77,6 +77,27 @@ def test_the_measured_mass_ratio_meets_the_papers_resonance_with_rigid_impacts()
     assert found["theory", "base"].misfit(4.95, 5.0).min() > 2.0
 
 
+def test_the_grid_of_frequencies_decides_which_restitution_meets_the_paper():
+    module = load("rigid_reference_studies")
+    scans = module.on_grids("experiment", restitutions=(0.3, 0.41, 0.5))
+    # a motion that repeats, alike from both starts: no chaos decides the peaks
+    for points, best, peak, frequency in ((21, 0.41, 5.0, 4.9), (101, 0.3, 5.0, 4.95)):
+        scan = scans[points]
+        index = scan.best(4.95, 5.0)
+        assert scan.restitution[index] == best
+        assert scan.amplitude_ratio[index] == pytest.approx(peak, rel=0.04)
+        assert scan.peak_frequency[index] == pytest.approx(frequency, abs=0.03)
+
+
+def test_with_the_theorys_mass_ratio_start_and_dwell_decide():
+    module = load("rigid_reference_studies")
+    count = {e: module.large_motions(e, 4.92, 600, starts=40) for e in (0.7, 0.775, 0.8)}
+    # none below the band and nearly all above it; within, some do and some do not: half of 40, three deviations of 3.2
+    assert count[0.7] == 0
+    assert 10 <= count[0.775] <= 32
+    assert count[0.8] >= 36
+
+
 def test_a_stiff_compliant_wall_has_the_statistics_of_the_rigid_one():
     module = load("rigid_reference_studies")
     rigid, stiff = module.compare("experiment", 0.3, contact_times=(0.5e-3,), points=13, cycles=400)
