@@ -79,17 +79,18 @@ def on_grids(
     study: str,
     restitutions: tuple[float, ...] = tuple(np.round(np.arange(0.25, 0.5, 0.01), 2)),
     points: tuple[int, ...] = (21, 101),
+    start: str = "base",
     cycles: int = 600,
     modes: int = 4,
 ) -> dict[int, fi.RestitutionScan]:
-    """The scan from rest on the base, with the paper's own 21 frequencies and on a finer grid."""
+    """The scan from one start, with the paper's own 21 frequencies and on a finer grid."""
     bare = fi.reduce(fi.without_impactors(fi.assemble(structure(study), elements=40)), modes)
     fine = bare.first_frequency + np.linspace(-0.1, 0.1, 81)
     empty = fi.frequency_sweep(bare, AMPLITUDE, fine, fi.EventDriven(), 1500, ledger=False)
     return {
         count: fi.scan_restitution(
             structure(study), restitutions, empty, elements=40, modes=modes,
-            frequencies=np.linspace(4.0, 6.0, count), cycles=cycles,
+            frequencies=np.linspace(4.0, 6.0, count), cycles=cycles, initial=fi.State.at_rest(start),
         )
         for count in points
     }  # fmt: skip

@@ -75,6 +75,8 @@ class Spread:
         digits = max(-math.floor(math.log10(unit) + 1e-9), 0)
         beyond = step + (high - low) / 4.0
         down, up = math.floor((low - beyond) / unit + 1e-6), math.ceil((high + beyond) / unit - 1e-6)
+        if low >= 0.0:
+            down = max(down, 0)
         return f"{round(middle / unit) * unit:.{digits}f} ({down * unit:.{digits}f} to {up * unit:.{digits}f})"
 
 
@@ -97,7 +99,7 @@ def spread_of(values: Any, resolution: float = 0.0) -> Spread:
 def _estimates(curve: FrequencyResponse) -> tuple[DampingEstimate, DampingEstimate]:
     """One-pole fit and half-power of a curve; none where the motion around its peak does not repeat."""
     around = curve.peak >= curve.peak_amplitude / math.sqrt(2.0)
-    irregular = (curve.steadiness == "statistical") & (curve.impacts_per_cycle > 0.0)
+    irregular = (curve.steadiness != "periodic") & (curve.impacts_per_cycle > 0.0)
     if not np.any(irregular & around):
         return curve.damping, curve.damping_half_power
     why = "the motion around the peak does not repeat: its width is no damping"

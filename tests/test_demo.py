@@ -106,6 +106,7 @@ def test_the_table_of_the_readme_has_the_rows_of_the_demo(found):
         ([2.0, 2.0], 0.0, "2.000 (2.000 to 2.000)"),
         ([0.0, 0.0], 0.0, "0"),
         ([120.0, 250.0, 260.0], 0.0, "200 (0 to 300)"),
+        ([0.1, 2.0, 9.9], 0.0, "0 (0 to 15)"),
     ],
 )
 def test_a_spread_is_rounded_to_what_its_range_allows(values, resolution, text):

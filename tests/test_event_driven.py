@@ -172,8 +172,8 @@ def test_the_ledger_closes_over_a_thousand_cycles(modes, restitution):
     system = beam_with_ball(modes, restitution)
     run = fi.integrate(system, fi.Sine(0.2037e-3, 5.0), EXACT, 200.0, fi.Recorder(every=64))
     assert len(run.impacts) > 1000
-    # rounding of 1e-16 a step over 64,000 samples, far below the 1e-10 that is asked for
-    assert run.energy.residual < 1e-12
+    # rounding of 1e-16 a step over 64,000 samples: 6e-12 if all of it had one sign
+    assert run.energy.residual < 1e-11
     np.testing.assert_allclose(run.energy.structure_loss_of_mode.sum(axis=1), run.energy.structure_loss, rtol=1e-12)
     # the table's losses are the ledger's
     assert run.impacts.energy_loss.sum() == pytest.approx(run.energy.contact_loss[-1], rel=1e-9)
