@@ -77,7 +77,7 @@ def main(
 
 def on_grids(
     study: str,
-    restitutions: tuple[float, ...] = tuple(np.round(np.arange(0.25, 0.5, 0.01), 2)),
+    restitutions: tuple[float, ...] = (0.25, 0.28, 0.3, 0.32, 0.35, 0.38, 0.41, 0.45, 0.49),
     points: tuple[int, ...] = (21, 101),
     start: str = "base",
     cycles: int = 600,
@@ -191,7 +191,7 @@ if __name__ == "__main__":
     rows = [
         (f"{e:g}", f"{f:g}", *(str(large_motions(e, f, cycles)) for cycles in dwells))
         for e in (0.7, 0.725, 0.75, 0.775, 0.8)
-        for f in (4.88, 4.92)
+        for f in ((4.86, 4.88, 4.92) if e == 0.725 else (4.88, 4.92))
     ]
     _print_rows(("restitution", "base (Hz)", *(f"{cycles} cycles" for cycles in dwells)), rows)
     for study, restitution in (("experiment", 0.3), ("theory", 0.78)):
