@@ -67,7 +67,7 @@ class ScanPlan:
         Starts in each frame.
     """
 
-    restitutions: tuple[float, ...] = (0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.76, 0.78, 0.8, 0.84, 0.88, 0.92, 0.96)
+    restitutions: tuple[float, ...] = (0.3, 0.5, 0.65, 0.7, 0.76, 0.78, 0.8, 0.84, 0.92, 0.96)
     points: int = 41
     cycles: int = 450
     starts: int = 3
