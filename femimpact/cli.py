@@ -85,11 +85,6 @@ def demo(*, output: Output = None, force: Force = False, quiet: Quiet = False) -
         "method",
     )
     _print_table(console, header, found.comparison, "The paper beside femimpact")
-    scan = found.scans["base"]
-    rows = zip(
-        scan.restitution, scan.peak_frequency, scan.amplitude_ratio, found.scans["space"].peak_frequency,
-        found.scans["space"].amplitude_ratio, strict=True,
-    )  # fmt: skip
     columns = (
         "restitution",
         "peak (Hz), rest on base",
@@ -97,7 +92,7 @@ def demo(*, output: Output = None, force: Force = False, quiet: Quiet = False) -
         "peak (Hz), rest in space",
         "amplitude ratio",
     )
-    _print_table(console, columns, rows, "Restitution scan")
+    _print_table(console, columns, found.scan_rows, "Restitution scan")
     for text in found.remarks:
         console.print(f"- {text}")
     _print_closing(console, found.results)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from femimpact.identification import amplitude_ratio_damping, fit_one_pole, half_power
+from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
 from femimpact.integrators.collision import achieved_restitution
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method, check_method
@@ -20,7 +20,7 @@ from femimpact.study import Study, build
 from femimpact.sweep import FrequencyResponse
 from femimpact.system import ContactPair, System
 
-__all__ = ["SweepPair", "summary_of"]
+__all__ = ["Spread", "SweepPair", "spread_of", "summary_of"]
 
 RESTITUTION_MISSED = 0.1
 """Difference between a law's restitution and the median seen in a run that is warned of."""
@@ -44,11 +44,74 @@ class SweepPair:
     coarse: Any
 
 
+@dataclass(frozen=True)
+class Spread:
+    """One quantity of a chaotic motion over several starts.
+
+    Parameters
+    ----------
+    median, lowest, highest : float
+    resolution : float
+        What one start's value is exact to, as the step of a grid; 0 where it is rounding.
+    """
+
+    median: float
+    lowest: float
+    highest: float
+    resolution: float = 0.0
+
+    def text(self, scale: float = 1.0) -> str:
+        """Median and range in words: rounded to a 1, 2 or 5 that is half of the range or more.
+
+        The range is rounded outwards, after a quarter of it at each end for the starts that were not run.
+        """
+        low, middle, high, step = (scale * x for x in (self.lowest, self.median, self.highest, self.resolution))
+        wanted = max((high - low) / 2.0, step, 1e-3 * abs(middle))
+        if not 0.0 < wanted < math.inf:
+            return f"{middle:.4g}"
+        decade = 10.0 ** math.floor(math.log10(wanted))
+        # a grid's step is its own unit: 0.05 is not more than 0.05 by rounding
+        unit = next(n * decade for n in (1.0, 2.0, 5.0, 10.0) if n * decade >= wanted * (1.0 - 1e-9))
+        digits = max(-math.floor(math.log10(unit) + 1e-9), 0)
+        beyond = step + (high - low) / 4.0
+        down, up = math.floor((low - beyond) / unit + 1e-6), math.ceil((high + beyond) / unit - 1e-6)
+        if low >= 0.0:
+            down = max(down, 0)
+        return f"{round(middle / unit) * unit:.{digits}f} ({down * unit:.{digits}f} to {up * unit:.{digits}f})"
+
+
+def spread_of(values: Any, resolution: float = 0.0) -> Spread:
+    """Median and range of values that are finite.
+
+    Parameters
+    ----------
+    values : array_like (n,)
+    resolution : float
+
+    Returns
+    -------
+    Spread
+    """
+    array = np.asarray(values, dtype=float)
+    return Spread(float(np.median(array)), float(array.min()), float(array.max()), float(resolution))
+
+
+def _estimates(curve: FrequencyResponse) -> tuple[DampingEstimate, DampingEstimate]:
+    """One-pole fit and half-power of a curve; none where the motion around its peak does not repeat."""
+    around = curve.peak >= curve.peak_amplitude / math.sqrt(2.0)
+    irregular = (curve.steadiness != "periodic") & (curve.impacts_per_cycle > 0.0)
+    if not np.any(irregular & around):
+        return curve.damping, curve.damping_half_power
+    why = "the motion around the peak does not repeat: its width is no damping"
+    none = DampingEstimate(math.nan, math.nan, (math.nan, math.nan), "none", (why,))
+    return none, none
+
+
 def _curve_summary(curve: FrequencyResponse, coarse: Any) -> dict[str, Any]:
     on_grid = np.isclose(curve.frequency[:, None], coarse[None, :], atol=1e-9).any(axis=1)
-    fit, half = curve.damping, curve.damping_half_power
+    fit, half = _estimates(curve)
     grid = (curve.frequency[on_grid], curve.peak[on_grid])
-    coarse_fit, coarse_half = fit_one_pole(*grid), half_power(*grid)
+    coarse_fit, coarse_half = (fit, half) if math.isnan(fit.ratio) else (fit_one_pole(*grid), half_power(*grid))
     return {
         "peak_frequency": curve.peak_frequency,
         "peak_amplitude": curve.peak_amplitude,
@@ -62,13 +125,15 @@ def _curve_summary(curve: FrequencyResponse, coarse: Any) -> dict[str, Any]:
         "cycles": curve.cycles,
         "largest_energy_residual": float(np.nanmax(curve.energy_residual)),
         "steadiness": {str(k): int(n) for k, n in zip(*np.unique(curve.steadiness, return_counts=True), strict=True)},
-        "warnings": [*curve.warnings, *_prefixed("fit", fit.warnings), *_prefixed("half-power", half.warnings)],
-        "coarse_warnings": [*_prefixed("fit", coarse_fit.warnings), *_prefixed("half-power", coarse_half.warnings)],
+        "warnings": [*curve.warnings, *_estimate_warnings(fit, half)],
+        "coarse_warnings": _estimate_warnings(coarse_fit, coarse_half),
     }
 
 
-def _prefixed(label: str, warnings: tuple[str, ...]) -> list[str]:
-    return [f"{label}: {warning}" for warning in warnings]
+def _estimate_warnings(fit: DampingEstimate, half: DampingEstimate) -> list[str]:
+    if fit is half:
+        return list(fit.warnings)
+    return [*(f"fit: {text}" for text in fit.warnings), *(f"half-power: {text}" for text in half.warnings)]
 
 
 def summary_of(

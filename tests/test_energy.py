@@ -8,6 +8,8 @@ import pytest
 import femimpact as fi
 from femimpact.energy import energy_residual
 
+pytestmark = pytest.mark.impacts
+
 STILL = fi.Sine(amplitude=0.0, frequency=5.0)
 CONTACT_TIME = 2e-3
 

@@ -9,6 +9,8 @@ import scipy.sparse as sparse
 import femimpact as fi
 from femimpact.energy import BALANCED, residual_warnings
 
+pytestmark = pytest.mark.impacts
+
 
 def oscillator(law, damping=0.02, stiffness=1.0):
     return fi.System.from_matrices(

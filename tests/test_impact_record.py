@@ -11,6 +11,8 @@ from femimpact.export import impact_figures, tables
 from femimpact.impacts import IMPACT_UNITS, RIDING_UNITS, Impacts, Riding, impact_columns
 from femimpact.regimes import RegimeCriteria, classify, impacts_per_cycle, significant
 
+pytestmark = pytest.mark.impacts
+
 FREQUENCY = 5.0
 SINE = fi.Sine(amplitude=0.2037e-3, frequency=5.2, phase=0.7)
 

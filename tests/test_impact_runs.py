@@ -8,6 +8,8 @@ import pytest
 
 import femimpact as fi
 
+pytestmark = pytest.mark.impacts
+
 BASE = fi.Sine(amplitude=0.2037e-3, frequency=5.2)
 STILL = fi.Sine(amplitude=0.0, frequency=5.2)
 

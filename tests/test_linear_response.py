@@ -166,3 +166,26 @@ def test_a_conditionally_stable_method_is_refused_beyond_its_limit(beam_only):
     bounded = fi.integrate(modal, base, fi.Newmark(0.95 * limit, beta=0.0), 0.5)
     # no more than the resonant amplitude 1/(2 zeta) with the participation 1.5 of a tip
     assert np.max(np.abs(bounded["tip"])) < 1e-3 * 1.5 / 0.2
+
+
+def test_peaks_of_the_beam_alone_are_exact_between_samples(small):
+    system = fi.without_impactors(small)
+    amplitude, frequency = 0.2037e-3, np.linspace(4.9, 5.7, 9)
+    curve = fi.frequency_sweep(system, amplitude, frequency, fi.EventDriven(), duration=90.0, window=10.0, ledger=False)
+    # the closed form on a grid so fine that its largest value is the peak to (pi/20,000)^2/2
+    for f, peak in zip(frequency, curve.peak, strict=True):
+        begin = np.ceil(80.0 * f) / f
+        end = np.floor(90.0 * f + 1e-9) / f
+        time = np.linspace(begin, end, int(20_000 * (end - begin) * f) + 1)
+        w = np.zeros(time.size)
+        row, omega = system.point_row("tip"), 2 * np.pi * f
+        for m, c, k, load, r in zip(
+            system.M.diagonal(), system.C.diagonal(), system.K.diagonal(), system.base_load, row, strict=True
+        ):
+            steady = load * omega**2 * amplitude / (k - omega**2 * m + 1j * omega * c)
+            roots = np.roots([m, c, k])
+            # at rest at t = 0
+            weights = np.linalg.solve([[1, 1], roots], [-steady.imag, -(1j * omega * steady).imag])
+            w += r * (np.imag(steady * np.exp(1j * omega * time)))
+            w += r * np.real(weights[0] * np.exp(roots[0] * time) + weights[1] * np.exp(roots[1] * time))
+        assert peak == pytest.approx(np.abs(w).max(), rel=1e-6)

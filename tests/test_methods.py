@@ -9,6 +9,8 @@ import pytest
 import femimpact as fi
 from femimpact.integrators.newmark import scheme_of
 
+pytestmark = pytest.mark.impacts
+
 STILL = fi.Sine(amplitude=0.0, frequency=0.1)
 FAMILY = [
     fi.Newmark(1.0),

@@ -62,6 +62,7 @@ def hits(small):
     return fi.integrate(small, fi.Sine(amplitude=0.2037e-3, frequency=4.9), method, duration=3.0, record=record)
 
 
+@pytest.mark.impacts
 @pytest.mark.parametrize("renderer", ["matplotlib", "pyvista"])
 def test_a_hit_is_coloured_and_nothing_else_is(hits, reference, renderer):
     if renderer == "pyvista" and movie.gl_window() is None:
@@ -79,6 +80,7 @@ def test_a_hit_is_coloured_and_nothing_else_is(hits, reference, renderer):
     assert coloured[3:] == [0, 0, 0]
 
 
+@pytest.mark.impacts
 def test_a_hit_is_shown_though_it_is_shorter_than_a_frame(hits):
     times = hits.snapshots.time
     side = movie._hits(hits, hits.snapshots, np.arange(times.size))[:, 0]

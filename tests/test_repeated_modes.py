@@ -12,6 +12,8 @@ from femimpact.integrators.complex_modes import complex_modes
 
 EXACT = fi.EventDriven()
 
+pytestmark = pytest.mark.impacts
+
 
 # ---- the closed form against the matrix exponential -----------------------------------------------
 

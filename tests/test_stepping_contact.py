@@ -8,6 +8,8 @@ import pytest
 
 import femimpact as fi
 
+pytestmark = pytest.mark.impacts
+
 STILL = fi.Sine(amplitude=0.0, frequency=0.1)
 CONTACT_TIME = 2e-3
 
@@ -319,11 +321,11 @@ def test_the_ledger_closes_to_rounding_across_changes_of_the_step(reference):
 
 def test_fine_steps_beside_other_cases_are_those_alone(small):
     method = fi.Newmark(1e-3, refine=10)
-    alone = fi.frequency_sweep(small, 0.5e-3, [5.1], method, 12)
-    beside = fi.frequency_sweep(small, 0.5e-3, [4.9, 5.1, 5.3], method, 12, threads=1)
+    alone = fi.frequency_sweep(small, 0.5e-3, [5.1], method, 3)
+    beside = fi.frequency_sweep(small, 0.5e-3, [4.9, 5.1, 5.3], method, 3, threads=1)
     assert alone.impacts_per_cycle[0] > 0
     for name in ("peak", "mean_impulse", "peak_force", "energy_residual"):
-        # sums over the modes are taken in another order: chaos amplifies rounding in a dozen cycles to this
+        # sums over the modes are taken in another order, and five impacts amplify that tenfold each
         assert getattr(beside, name)[1] == pytest.approx(getattr(alone, name)[0], rel=1e-6), name
 
 

@@ -8,6 +8,8 @@ import pytest
 import femimpact as fi
 from femimpact.sweep import SWEEP_UNITS
 
+pytestmark = pytest.mark.impacts
+
 AMPLITUDE = 0.2037e-3
 
 
@@ -52,25 +54,28 @@ def test_a_case_gets_the_same_bits_whatever_runs_beside_it(small):
         np.testing.assert_array_equal(column, columns(beside)[name][[2]], err_msg=name)
 
 
-@pytest.mark.parametrize("frequencies", [[5.9, 5.9], [3.0, 5.9]])
-def test_a_case_of_a_sweep_measures_the_impacts_of_its_own_dwell_only(small, frequencies):
-    # a fast case beside a slow one: the block runs on for the slow one, the fast one's measure must not
-    method, cycles, start = fi.Newmark(1e-4), 15, fi.State(ball_velocity=[0.1])
-    curve = fi.frequency_sweep(small, AMPLITUDE, frequencies, method, cycles=cycles, initial=start, threads=1)
+@pytest.mark.parametrize("frequencies", [[45.0, 45.0], [30.0, 45.0]])
+def test_a_case_of_a_sweep_measures_the_impacts_of_its_own_dwell_only(bouncing, frequencies):
+    # a fast case beside a slow one: the block runs on for the slow one, the fast one's measure must not.
+    # Nine regular impacts between walls that hardly move: no chaos, and none of them near a window's edge
+    amplitude, method, cycles, start = 1e-6, fi.Newmark(1e-4), 12, fi.State(ball_velocity=[0.3])
+    curve = fi.frequency_sweep(bouncing, amplitude, frequencies, method, cycles=cycles, initial=start, threads=1)
     for i, frequency in enumerate(frequencies):
         steps = int(np.ceil(cycles / (frequency * method.dt)))
-        run = fi.integrate(small, fi.Sine(AMPLITUDE, frequency), method, steps * method.dt, initial=start)
-        # an impact counts when it ends; none straddles the window's edges here
-        inside = run.impacts.time >= (cycles - cycles // 3) / frequency
+        run = fi.integrate(bouncing, fi.Sine(amplitude, frequency), method, steps * method.dt, initial=start)
+        # an impact counts when it ends: 2 ms after it began
+        begin = (cycles - cycles // 3) / frequency
+        assert np.min(np.abs(run.impacts.time + 1e-3 - begin)) > 3e-3
+        inside = run.impacts.time >= begin
         assert inside.sum() > 1
-        # a short run with few impacts: only the order of sums differs
+        # few regular impacts: only the order of sums differs
         expected = inside.sum() / (cycles // 3)
-        # the window is rounded to steps: one of 8500
-        assert curve.impacts_per_cycle[i] == pytest.approx(expected, rel=1e-3), frequency
+        # the window is rounded to steps: one of 889
+        assert curve.impacts_per_cycle[i] == pytest.approx(expected, rel=3e-3), frequency
         assert curve.mean_approach_speed[i] == pytest.approx(np.mean(run.impacts.approach_speed[inside]), rel=1e-6)
         assert curve.peak_force[i] == pytest.approx(np.max(run.impacts.peak_force[inside]), rel=1e-6)
         force = run.impacts.impulse[inside].sum() * frequency / (cycles // 3)
-        assert curve.cycle_mean_force[i] == pytest.approx(force, rel=1e-3)
+        assert curve.cycle_mean_force[i] == pytest.approx(force, rel=3e-3)
 
 
 def test_a_sweep_agrees_with_single_runs_without_a_ball(empty):

@@ -12,6 +12,8 @@ from femimpact.demo import paper_study, paper_study_text
 from femimpact.run import run_modes, run_simulation
 from femimpact.summary import summary_of
 
+pytestmark = pytest.mark.impacts
+
 BASE = fi.Sine(amplitude=0.2037e-3, frequency=4.9)
 
 

@@ -11,6 +11,8 @@ from femimpact.errors import InputError
 from femimpact.export.tables import read_csv
 from femimpact.validation import Case, case_columns, markdown_table, run_validation, shelf
 
+pytestmark = pytest.mark.impacts
+
 PAGE = Path(__file__).parents[1] / "docs" / "validation.md"
 GOOD = Case("good", "derived here", "speed", "m/s", 2.0, 2.0, 1e-9, "rounding")
 BAD = replace(GOOD, name="a|b", computed=2.1)

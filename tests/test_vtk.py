@@ -13,6 +13,8 @@ import femimpact as fi
 from femimpact.export import vtk
 from femimpact.export.scene import BALL, BEAM, BOX, ball_radius
 
+pytestmark = pytest.mark.impacts
+
 
 @pytest.fixture(scope="module")
 def response(small):

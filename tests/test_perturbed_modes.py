@@ -1,0 +1,62 @@
+"""What `--perturb-modes` does: last bits change, alike for alike input, in every test file that runs impacts."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import LAST_BITS, perturbed
+
+import femimpact as fi
+from femimpact import reduction
+
+APART = {
+    "test_cli.py": "runs commands in processes of their own",
+    "test_contact_table.py": "collisions alone, without a structure",
+    "test_linear_response.py": "the structure without balls",
+    "test_regimes.py": "tables of impacts made by hand",
+}
+"""Test files that speak of impacts and are not marked, with the reason."""
+
+
+def test_only_the_last_bits_change_and_always_in_the_same_way(system):
+    modes = fi.solve_modes(system, 6)
+    once, again, other = (perturbed(modes, system, seed) for seed in (1, 1, 2))
+    for name in ("natural_frequency", "damping_ratio", "vectors"):
+        exact, changed = getattr(modes, name), getattr(once, name)
+        np.testing.assert_array_equal(changed, getattr(again, name))
+        assert np.any(changed != exact)
+        assert np.any(changed != getattr(other, name))
+        # the factor and the product are rounded once each
+        np.testing.assert_allclose(changed, exact, rtol=LAST_BITS + 2 * np.finfo(float).eps, atol=0)
+    np.testing.assert_array_equal(once.participation_factor, once.vectors.T @ system.base_load)
+
+
+def test_a_system_on_perturbed_modes_is_diagonal_still(system, monkeypatch):
+    exact = fi.reduce(system, 4)
+    solve = reduction.solve_modes
+    monkeypatch.setattr(reduction, "solve_modes", lambda full, count: perturbed(solve(full, count), full, 3))
+    changed = fi.reduce(system, 4)
+    assert changed.is_diagonal
+    assert np.any(changed.K.diagonal() != exact.K.diagonal())
+    # squares of the frequencies, of the exact ones with --perturb-modes itself in force
+    np.testing.assert_allclose(changed.K.diagonal(), exact.K.diagonal(), rtol=4 * LAST_BITS)
+
+
+@pytest.mark.impacts
+def test_with_the_option_every_module_solves_for_perturbed_modes(system, request):
+    modes = fi.solve_modes(system, 4)
+    assert reduction.solve_modes is fi.solve_modes
+    asked = request.config.getoption("--perturb-modes") is not None
+    assert (fi.solve_modes.__module__ != "femimpact.modes") == asked
+    np.testing.assert_array_equal(fi.reduce(system, 4).K.diagonal(), (2 * np.pi * modes.natural_frequency) ** 2)
+
+
+def test_every_file_that_runs_impacts_is_marked():
+    for path in sorted(Path(__file__).parent.glob("test_*.py")):
+        source = path.read_text(encoding="utf-8")
+        runs = re.search(r"\.impacts\b|impacts_per_cycle|\.contact_loss|run_demo|scan_restitution", source)
+        if runs and path.name not in (*APART, Path(__file__).name):
+            assert "pytest.mark.impacts" in source, path.name

@@ -1,0 +1,138 @@
+"""Static correction: what it repairs, what is left out without it, and what a reduced system says of itself."""
+
+import math
+
+import numpy as np
+import pytest
+
+import femimpact as fi
+from femimpact.modes import solve_stiffness
+
+SOFT = fi.KelvinVoigt(stiffness=40.0, restitution=0.6)
+
+STEEL = fi.KelvinVoigt(stiffness=1e6, restitution=0.6)
+
+
+def beam(law=None, *, box=0.0229, places=("tip",), stops=(), damping=0.0029, elements=30):
+    structure = fi.Structure(
+        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
+        masses=[fi.PointMass("box", at="tip", mass=box)] if box else [],
+        impactors=[
+            fi.Impactor(f"ball {i}", place, 3.43e-3, 4e-3, law or fi.Rigid(0.6)) for i, place in enumerate(places)
+        ],
+        stops=[fi.Stop(f"stop {i}", place, 1e-3, law or fi.Rigid(0.6)) for i, place in enumerate(stops)],
+        damping=fi.Rayleigh(ratio=damping, modes=(1, 2)),
+    )
+    return fi.assemble(structure, elements=elements)
+
+
+def static_flexibility(system):
+    return np.array([np.sum(pair.direction**2 / system.K.diagonal()) for pair in system.contacts])
+
+
+@pytest.mark.parametrize("places", [("tip",), ("tip", "tip", 0.1), (0.1, 0.1001), ("mid", "tip", 0.05)])
+@pytest.mark.parametrize("modes", [1, 3, 8])
+@pytest.mark.parametrize("elements", [30, 400])
+def test_static_flexibility_is_exact_with_correction(places, modes, elements):
+    full = beam(places=places, stops=("tip",), elements=elements)
+    exact = np.array([pair.flexibility for pair in full.contacts])
+    corrected = fi.reduce(full, modes, static_correction=True)
+    np.testing.assert_allclose(static_flexibility(corrected), exact, rtol=1e-10)
+    # not between two contacts either: b1 K^-1 b2
+    rows = np.array([pair.direction for pair in full.contacts])
+    kept = np.array([pair.direction for pair in corrected.contacts])
+    across = rows @ solve_stiffness(full, rows.T)
+    np.testing.assert_allclose((kept / corrected.K.diagonal()) @ kept.T, across, atol=1e-10 * exact.max())
+
+
+@pytest.mark.parametrize(("places", "more"), [(("tip",), 1), (("tip", "tip", 0.1), 2), (("root",), 0), ((), 0)])
+def test_the_corrected_system_is_diagonal_and_keeps_its_modes(places, more):
+    full = beam(places=places)
+    plain, corrected = fi.reduce(full, 4), fi.reduce(full, 4, static_correction=True)
+    assert corrected.dofs == 4 + more
+    assert corrected.is_diagonal
+    for name in ("M", "C", "K"):
+        np.testing.assert_array_equal(getattr(corrected, name).diagonal()[:4], getattr(plain, name).diagonal())
+    np.testing.assert_allclose(corrected.base_load[:4], plain.base_load, rtol=1e-14)
+    # attachment vectors lie in the span of the modes left out, so none is slower than the first of those
+    assert np.all(corrected.K.diagonal()[4:] >= (2 * math.pi * fi.solve_modes(full, 5).natural_frequency[4]) ** 2)
+    # the basis, read back through its expansion, is what the diagonals say: no coupling hides behind them
+    free = full.expansion.toarray()
+    basis = free.T @ corrected.expansion
+    bent = full.stiffness_factor @ basis
+    # rounding of K^-1 b through the stiffness factor
+    np.testing.assert_allclose(basis.T @ (full.M @ basis), np.eye(4 + more), atol=1e-10)
+    scale = np.sqrt(corrected.K.diagonal())
+    np.testing.assert_allclose(bent.T @ bent / np.outer(scale, scale), np.eye(4 + more), atol=1e-9)
+    alpha, beta = full.rayleigh
+    np.testing.assert_allclose(corrected.C.diagonal(), alpha + beta * corrected.K.diagonal(), rtol=1e-12)
+
+
+def test_a_slow_force_bends_the_corrected_system_as_statics_say():
+    full = beam(places=(0.1,), damping=0.05)
+    push = fi.PointForce(0.1, fi.Sine(1e-3, 0.01, math.pi / 2))
+    exact = 1e-3 * full.contacts[0].flexibility
+    deflection = {}
+    for corrected in (False, True):
+        system = fi.without_impactors(fi.reduce(full, 1, static_correction=corrected))
+        run = fi.integrate(system, push, fi.EventDriven(), 100.0, fi.Recorder((0.1,)))
+        deflection[corrected] = run[0.1][-1]
+    # (f/f1)^2 = 4e-6 of dynamics is left
+    assert deflection[True] == pytest.approx(exact, rel=1e-5)
+    # one mode alone misses the share of the others
+    assert deflection[False] < 0.9 * exact
+
+
+def test_all_modes_leave_nothing_to_correct():
+    full = beam(elements=5)
+    assert fi.reduce(full, full.dofs, static_correction=True).dofs == full.dofs
+
+
+def test_a_structure_that_is_not_held_has_no_static_correction():
+    free = fi.System.from_matrices(
+        np.eye(2), np.zeros((2, 2)), [[1.0, -1.0], [-1.0, 1.0]], points={"a": [1.0, 0.0]},
+        impactors=[fi.Impactor("ball", "a", 0.1, 1.0, fi.Rigid(0.5))],
+    )  # fmt: skip
+    with pytest.raises(fi.InputError, match="static_correction"):
+        fi.reduce(free, 1, static_correction=True)
+
+
+def test_notes_name_both_frequencies_of_a_short_contact():
+    system = fi.reduce(beam(STEEL), 4)
+    highest = math.sqrt(system.K.diagonal().max()) / (2 * math.pi)
+    contact = 1.0 / system.contacts[0].parameters.contact_time
+    assert highest < contact
+    first, last = fi.truncation_notes(system)
+    assert f"{highest:.4g} Hz" in first
+    assert f"{contact:.4g} Hz" in first
+    assert last.startswith("4 modes kept: the peak force")
+
+
+def test_notes_name_both_flexibilities():
+    full = beam(SOFT, places=(0.1,))
+    system = fi.reduce(full, 1)
+    missing = [note for note in fi.truncation_notes(system) if "m/N" in note]
+    assert len(missing) == 1
+    assert f"{static_flexibility(system)[0]:.4g} m/N" in missing[0]
+    assert f"{full.contacts[0].flexibility:.4g} m/N" in missing[0]
+    corrected = fi.truncation_notes(fi.reduce(full, 1, static_correction=True))
+    assert not any("m/N" in note for note in corrected)
+
+
+def test_a_rigid_contact_has_one_note_with_the_modes_and_the_mass_that_is_felt():
+    system = fi.reduce(beam(places=("tip", "tip")), 6)
+    (note,) = fi.truncation_notes(system)
+    assert note.startswith("6 modes kept")
+    felt = 1.0 / float(system.contacts[0].direction @ system.contacts[0].direction)
+    assert f"ball 0 {felt:.4g} kg, ball 1 {felt:.4g} kg" in note
+
+
+def test_nothing_is_noted_where_nothing_is_cut():
+    assert fi.truncation_notes(fi.reduce(beam(SOFT), 4)) == ()
+    assert fi.truncation_notes(beam()) == ()
+    assert fi.truncation_notes(fi.reduce(beam(places=()), 2)) == ()
+    # one mass on one spring is diagonal, and whole
+    oscillator = fi.System.from_matrices(
+        [[1.0]], [[0.1]], [[1.0]], points={"mass": [1.0]}, impactors=[fi.Impactor("ball", "mass", 0.1, 1.0, STEEL)]
+    )
+    assert fi.truncation_notes(oscillator) == ()
