@@ -17,7 +17,7 @@ import tempfile
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 __all__ = ["CodeFiles", "candidates", "is_private", "open_code_files", "sources_of", "stamp_of"]
@@ -207,7 +207,7 @@ def _written(path: Path, content: bytes) -> bool:
     return True
 
 
-@lru_cache(maxsize=None)
+@cache
 def _say_once(words: str) -> None:
     LOG.warning("%s", words)
 

@@ -110,7 +110,7 @@ class _OnDisk(NullCache):
         if payload is None:
             return None
         try:
-            return CompileResult._rebuild(target, *pickle.loads(payload))
+            return CompileResult._rebuild(target, *pickle.loads(payload))  # type: ignore[no-untyped-call]
         except Exception as error:
             # whole, of these sources and these versions, and yet not to be taken
             logging.getLogger("femimpact").warning("compiled code of %s is made again: %s", self._name, error)
@@ -119,23 +119,29 @@ class _OnDisk(NullCache):
     def save_overload(self, signature: Any, result: Any) -> None:
         if result.library.has_dynamic_globals or any(not part.can_cache for part in result.lifted):
             return
-        self._files.write(self.file_name(signature, result.codegen), dumps(result._reduce()))
+        payload = dumps(result._reduce())  # type: ignore[no-untyped-call]
+        self._files.write(self.file_name(signature, result.codegen), payload)
+
+
+def _compiled(function: Callable[..., Any], compiler: type[Compiler], **more: bool) -> Any:
+    options: dict[str, Any] = OPTIONS | more | {"pipeline_class": compiler}
+    return njit(**options)(function)
 
 
 def compiled(function: Callable[..., Any], files: CodeFiles | None) -> Any:
     """Compile a function that only Python calls, and keep it in files where there are any."""
-    dispatcher = njit(**OPTIONS, pipeline_class=_WholeCompiler)(function)
+    dispatcher = _compiled(function, _WholeCompiler)
     if files is not None:
         dispatcher._cache = _OnDisk(function, files)
     return dispatcher
 
 
 def called(function: Callable[..., Any], forceinline: bool) -> Any:
-    """Compile a function into those that call it."""
+    """Compile a function that only compiled ones call."""
     # inlining said outright: what is left out here is taken over from the caller that is compiled first
-    return njit(**OPTIONS, no_cpython_wrapper=True, forceinline=forceinline, pipeline_class=_PartCompiler)(function)
+    return _compiled(function, _PartCompiler, no_cpython_wrapper=True, forceinline=forceinline)
 
 
 def apart(function: Callable[..., Any]) -> Any:
     """Compile a function that only compiled ones call, and keep it out of them."""
-    return njit(**OPTIONS, no_cpython_wrapper=True, forceinline=False, pipeline_class=_ApartCompiler)(function)
+    return _compiled(function, _ApartCompiler, no_cpython_wrapper=True, forceinline=False)
