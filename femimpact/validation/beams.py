@@ -20,7 +20,16 @@ from femimpact.response import Recorder
 from femimpact.structure import Beam, PointMass, Stop, Structure
 from femimpact.validation.case import Case
 
-__all__ = ["BENDING_STIFFNESS", "CASES", "ELEMENTS", "LENGTH", "MASS_PER_LENGTH", "ROOTS", "uniform_beam"]
+__all__ = [
+    "BENDING_STIFFNESS",
+    "CASES",
+    "ELEMENTS",
+    "LENGTH",
+    "MASS_PER_LENGTH",
+    "ROOTS",
+    "beam_frequency",
+    "uniform_beam",
+]
 
 LENGTH, WIDTH, THICKNESS, YOUNG_MODULUS, DENSITY = 0.3, 0.02, 1e-3, 70e9, 2700.0
 BENDING_STIFFNESS = YOUNG_MODULUS * WIDTH * THICKNESS**3 / 12
@@ -37,14 +46,14 @@ def uniform_beam() -> Beam:
     )  # fmt: skip
 
 
-def _frequency(root: float) -> float:
+def beam_frequency(root: float) -> float:
     """Natural frequency (Hz) of beta L."""
     return (root / LENGTH) ** 2 * math.sqrt(BENDING_STIFFNESS / MASS_PER_LENGTH) / (2 * math.pi)
 
 
 def _computed_root(structure: Structure, mode: int) -> float:
     frequency = float(solve_modes(assemble(structure, ELEMENTS), mode).natural_frequency[mode - 1])
-    return math.sqrt(frequency / _frequency(1.0))
+    return math.sqrt(frequency / beam_frequency(1.0))
 
 
 def _mesh_error(root: float) -> float:
@@ -102,14 +111,14 @@ def _modal_series(frequency: float, alpha: float, beta: float) -> float:
     omega, total = 2 * math.pi * frequency, 0j
     for n, x in enumerate((*ROOTS, *((n + 0.5) * math.pi for n in range(5, 10)))):
         s = (math.sinh(x) - math.sin(x)) / (math.cosh(x) + math.cos(x))
-        own = 2 * math.pi * _frequency(x)
+        own = 2 * math.pi * beam_frequency(x)
         total += (-1) ** n * 4 * s / x * omega**2 / (own**2 - omega**2 + 1j * omega * (alpha + beta * own**2))
     return abs(total)
 
 
 def base_sine(ratio: float) -> Case:
     """Steady tip amplitude of a cantilever on a base that moves as a sine."""
-    damping, first, second = 0.05, _frequency(ROOTS[0]), _frequency(ROOTS[1])
+    damping, first, second = 0.05, beam_frequency(ROOTS[0]), beam_frequency(ROOTS[1])
     structure = Structure(uniform_beam(), damping=Rayleigh(ratio=damping, frequencies=(first, second)))
     alpha = 4 * math.pi * damping * first * second / (first + second)
     beta = damping / (math.pi * (first + second))

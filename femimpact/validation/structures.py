@@ -26,7 +26,7 @@ MESH = f"(beta h)^4/2880 of {ELEMENTS} cubic elements, and 1e-9 of rounding"
 
 
 def _mesh_error(root: float) -> float:
-    return 1.2 * (root / ELEMENTS) ** 4 / 2880 + 1e-9
+    return 1.2 * float(root / ELEMENTS) ** 4 / 2880 + 1e-9
 
 
 def _computed_root(structure: Structure, mode: int) -> float:
