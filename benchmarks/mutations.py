@@ -84,11 +84,7 @@ MUTATIONS = (
     Mutation("contact_mass", "inverse = first_mode**2 + (", "inverse = first_mode + ("),
     Mutation("flexibility", 'np.einsum("ji,ij->j", rows, solved))', 'np.einsum("ji,ij->j", rows, solved)) * 1.01'),
     Mutation("static_correction", "if static_correction and system.contacts:", "if False and system.contacts:"),
-    Mutation(
-        "attachment_vector",
-        "static - phi @ ((phi.T @ loads) / omega[:, None] ** 2)",
-        "static - phi @ ((phi.T @ loads) / omega[:, None])",
-    ),
+    Mutation("attachment_vector", "psi @ mix / np.sqrt(inverse_square)", "psi @ mix / inverse_square"),
     # excitation
     Mutation(
         "base_speed_sign",

@@ -148,8 +148,9 @@ def effective_mass(mode: int) -> Case:
     structure = Structure(uniform_beam(), masses=(PointMass("box", "tip", mass * BEAM_MASS),))
     found = float(solve_modes(assemble(structure, ELEMENTS), mode).effective_mass[mode - 1])
     return Case(
-        f"cantilever with a tip mass of 0.5 beam masses, mode {mode}: effective mass", "derived here (quadrature of the closed form)",
-        "effective mass", "kg", _closed_mode(mode, mass)[0] * BEAM_MASS, found, 1e-7,
+        f"cantilever with a tip mass of 0.5 beam masses, mode {mode}: effective mass",
+        "derived here (quadrature of the closed form)", "effective mass", "kg",
+        _closed_mode(mode, mass)[0] * BEAM_MASS, found, 1e-7,
         f"(beta h)^4 of {ELEMENTS} cubic elements over some hundred",
     )  # fmt: skip
 

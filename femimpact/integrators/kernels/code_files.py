@@ -166,7 +166,7 @@ class CodeFiles:
             except FileNotFoundError:
                 continue
             except OSError as error:
-                LOG.warning("compiled code cannot be read and is made again: %s", error)
+                LOG.warning("femimpact's compiled code cannot be read and is made again: %s", error)
                 _discard(path)
                 continue
             start = len(MARK) + len(self.stamp)
@@ -176,7 +176,7 @@ class CodeFiles:
             payload = content[start + DIGEST :]
             if whole and hashlib.sha256(payload).digest() == content[start : start + DIGEST]:
                 return payload
-            LOG.warning("compiled code is damaged and is made again: %s", path)
+            LOG.warning("femimpact's compiled code is damaged and is made again: %s", path)
             _discard(path)
         return None
 
@@ -187,7 +187,7 @@ class CodeFiles:
             if is_private(directory) and _written(directory / name, content):
                 return
         if self.directories:
-            _say_once(f"compiled code cannot be written to {self.directories[0]}: it is kept in memory")
+            _say_once(f"femimpact's compiled code cannot be written to {self.directories[0]}: it is kept in memory")
 
 
 def _written(path: Path, content: bytes) -> bool:
@@ -232,7 +232,7 @@ def open_code_files(package: Path, places: Iterable[Path], *more: str) -> CodeFi
     try:
         stamp = stamp_of(package, *more)
     except OSError:
-        _say_once("the sources cannot be read: compiled code is kept in memory, and every process compiles anew")
+        _say_once("femimpact's sources cannot be read: its compiled code is kept in memory, by every process anew")
         return None
     found: list[Path] = []
     for rank, place in enumerate(places):
@@ -240,11 +240,11 @@ def open_code_files(package: Path, places: Iterable[Path], *more: str) -> CodeFi
         if not is_private(place):
             continue
         if made and rank:
-            _say_once(f"compiled code is kept in {place}")
+            _say_once(f"femimpact's compiled code is kept in {place}")
         found.append(place)
         if os.access(place, os.W_OK | os.X_OK):
             break
     if not found:
-        _say_once("no private directory for compiled code: it is kept in memory, and every process compiles anew")
+        _say_once("no private directory for femimpact's compiled code: it is kept in memory, by every process anew")
         return None
     return CodeFiles(tuple(found), stamp)
