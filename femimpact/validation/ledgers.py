@@ -113,6 +113,20 @@ def rigid_steps() -> Case:
     )  # fmt: skip
 
 
+def stepped_momentum(body: str) -> Case:
+    """Moreau and Jean's rule on two free bodies: 0.3 kg at 2 m/s into 0.7 kg at rest, e = 0.6."""
+    ball = Impactor("ball", "tip", 0.3, 1e-2, Rigid(0.6))
+    system = System.from_matrices([[0.7]], [[0.0]], [[0.0]], points={"tip": [1.0]}, impactors=[ball])
+    names = ("ball.velocity", "tip.velocity")
+    run = integrate(system, STILL, MoreauJean(1e-4), 0.01, Recorder(names), State(ball_velocity=[2.0]))
+    common = 2.0 * 0.3
+    reference = common - 0.6 * (2.0 - common) if body == "ball" else common + 0.6 * common
+    return Case(
+        f"collision of 0.3 and 0.7 kg, Moreau-Jean, {body}", "derived here (momentum and restitution)",
+        "velocity after", "m/s", reference, float(run[f"{body}.velocity"][-1]), 1e-12, "rounding",
+    )  # fmt: skip
+
+
 def unequal_gaps(side: int) -> Case:
     """The instant of the first touch with a gap of 2 mm on the + side and of 5 mm on the - side."""
     impacts = _thrown(Rigid(0.6), EventDriven(), (2e-3, 5e-3), side * SPEED).impacts
@@ -240,6 +254,7 @@ def sticking_impulse() -> Case:
 CASES: tuple[Callable[[], Case], ...] = (
     *(partial(check, quantity) for check in (linear_collision, flown_collision) for quantity in UNITS),
     rigid_steps,
+    *(partial(stepped_momentum, body) for body in ("ball", "tip")),
     *(partial(unequal_gaps, side) for side in (1, -1)),
     *(partial(power_peak, exponent) for exponent in (1.2, 1.5)),
     hertz_energy,

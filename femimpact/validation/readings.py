@@ -33,16 +33,16 @@ __all__ = ["CASES"]
 
 
 def subharmonic(column: str) -> Case:
-    """A motion sin(w t) + 0.4 sin(w t/2) that repeats after two cycles: its maxima differ from cycle to cycle."""
+    """A motion 0.2 + sin(w t) + 0.4 sin(w t/2) that repeats after two cycles: their largest |w| differ."""
     samples, cycles = 400, 24
     angle = 2 * math.pi / samples * np.arange(samples * cycles)
-    motion = (np.sin(angle) + 0.4 * np.sin(angle / 2)).reshape(cycles, samples)
+    motion = (0.2 + np.sin(angle) + 0.4 * np.sin(angle / 2)).reshape(cycles, samples)
     sine, cosine = (wave(angle).reshape(cycles, samples) for wave in (np.sin, np.cos))
     sums = (motion.max(axis=1), motion.min(axis=1), *((motion * by).sum(axis=1) for by in (motion, sine, cosine)))
     columns = [values[:, None] for values in (*sums, np.full(cycles, float(samples)))]
     found = steady_motion(CycleStatistics(*columns), np.array([8]))
     reference = {
-        "peak": float(np.max(np.abs(motion))), "rms": math.sqrt(0.5 * (1 + 0.4**2)), "first_harmonic": 1.0,
+        "peak": float(np.max(np.abs(motion))), "rms": math.sqrt(0.2**2 + 0.5 * (1 + 0.4**2)), "first_harmonic": 1.0,
     }[column]  # fmt: skip
     return Case(
         f"motion that repeats after two cycles: {column.replace('_', ' ')}", "derived here (orthogonal sines)",
