@@ -16,6 +16,7 @@ from femimpact.damping import Rayleigh
 from femimpact.modes import solve_modes
 from femimpact.reduction import reduce
 from femimpact.structure import Beam, Impactor, PointMass, Segment, Structure, Support, glue_impactors
+from femimpact.system import System
 from femimpact.validation.beams import BENDING_STIFFNESS, ELEMENTS, LENGTH, MASS_PER_LENGTH, ROOTS, uniform_beam
 from femimpact.validation.case import Case
 
@@ -180,15 +181,46 @@ def damping_of_mode_3() -> Case:
     )  # fmt: skip
 
 
+def _corrected() -> System:
+    """One mode of the cantilever, and the residual vector of its tip."""
+    ball = Impactor("ball", "tip", 0.1 * BEAM_MASS, 1e-3, Rigid(0.5))
+    return reduce(assemble(Structure(uniform_beam(), impactors=(ball,)), ELEMENTS), 1, static_correction=True)
+
+
 def residual_vector() -> Case:
     """One mode and the residual vector of the tip have the whole static flexibility there, L^3/(3 E I)."""
-    ball = Impactor("ball", "tip", 0.1 * BEAM_MASS, 1e-3, Rigid(0.5))
-    system = reduce(assemble(Structure(uniform_beam(), impactors=(ball,)), ELEMENTS), 1, static_correction=True)
+    system = _corrected()
     direction = system.contacts[0].direction
     return Case(
         "cantilever, one mode and its static correction", "MacNeal (1971); F L^3/(3 E I)", "flexibility at the tip",
         "m/N", LENGTH**3 / (3 * BENDING_STIFFNESS), float(direction @ (direction / system.K.diagonal())), 1e-9,
         "cubic elements are exact for end loads: rounding only",
+    )  # fmt: skip
+
+
+def residual_root() -> Case:
+    """Second Ritz frequency of the first mode and the deflection z^2 (3 - z)/2 under an end load."""
+    from scipy.integrate import quad
+    from scipy.linalg import eigh
+
+    x = _tip_body_root(1, 0.0, 0.0)
+    first, second = _tip_conditions(x, 0.0, 0.0)[0]
+
+    def mode(z: float) -> float:
+        return float(_shape(x * z)[0] @ [1.0, -first / second])
+
+    def bent(z: float) -> float:
+        return 0.5 * z**2 * (3 - z)
+
+    pairs = ((mode, mode), (mode, bent), (bent, bent))
+    own, both, static = (quad(lambda z, f=f, g=g: f(z) * g(z), 0.0, 1.0, epsrel=1e-12)[0] for f, g in pairs)
+    # the mode turns K into x^4 M; of the other, the integral of (3 - 3 z)^2 is 3
+    squares = eigh([[x**4 * own, x**4 * both], [x**4 * both, 3.0]], [[own, both], [both, static]], eigvals_only=True)
+    omega = math.sqrt(float(_corrected().K.diagonal()[1]))
+    return Case(
+        "cantilever, frequency of the static correction", "derived here (Ritz, by quadrature)", "beta L", "1",
+        float(squares[1]) ** 0.25, LENGTH * math.pow(omega**2 * MASS_PER_LENGTH / BENDING_STIFFNESS, 0.25), 1e-7,
+        f"the mode's (beta h)^4 of {ELEMENTS} cubic elements",
     )  # fmt: skip
 
 
@@ -211,6 +243,7 @@ CASES: tuple[Callable[[], Case], ...] = (
     contact_mass,
     damping_of_mode_3,
     residual_vector,
+    residual_root,
     mesh_order,
 )
 """The cases of this subject, in the order of the table."""
