@@ -1,28 +1,313 @@
-"""Compiled code is never older than a source that was compiled into it."""
+"""Compiled code is never older than a source that was compiled into it, and never taken from where others can write."""
 
 from __future__ import annotations
 
+import ast
+import importlib.util
+import logging
+import os
+import pickle
 import re
+import shutil
+import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numba import njit
 
-from femimpact.contact import formulas
-from femimpact.integrators.kernels import compiling, loop, touch
+from femimpact.integrators.kernels import code_files, compiling, loop, numba_insides, touch
+from femimpact.integrators.kernels.code_files import CodeFiles, candidates, open_code_files, sources_of, stamp_of
+
+PACKAGE = compiling.PACKAGE
+SOURCES = [source.relative_to(PACKAGE).as_posix() for source in sources_of(PACKAGE)]
+STAMP = b"s" * 32
+
+# ---- what makes compiled code out of date --------------------------------------------------------
 
 
-def test_every_kernel_is_stale_when_any_of_its_sources_changes(tmp_path, monkeypatch):
-    copy = tmp_path / "formulas.py"
-    copy.write_bytes(Path(formulas.__file__).read_bytes() + b"\n")
-    monkeypatch.setattr(formulas, "__file__", str(copy))
-    assert compiling._stamp() != compiling.STAMP
+@pytest.fixture(scope="module")
+def copied(tmp_path_factory):
+    """The package's sources, nothing compiled among them."""
+    copy = tmp_path_factory.mktemp("copy") / "femimpact"
+    shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    return copy
 
 
-def test_numba_keeps_that_stamp_with_what_it_compiled():
-    # the loop inlines formulas of formulas.py: its own file alone must not decide
+@pytest.mark.parametrize("name", SOURCES)
+def test_a_constant_changed_in_any_source_makes_compiled_code_stale(copied, name):
+    source = copied / name
+    before, text, times = stamp_of(copied), source.read_text(encoding="utf-8"), source.stat()
+    number = re.search(r"(?<![\w.])\d", text) or re.search(r"\w", text)
+    other = "1" if number[0] != "1" else "2"
+    source.write_text(text[: number.start()] + other + text[number.end() :], encoding="utf-8")
+    # neither the size nor the time tells
+    os.utime(source, ns=(times.st_atime_ns, times.st_mtime_ns))
+    assert stamp_of(copied) != before
+    source.write_text(text, encoding="utf-8")
+    assert stamp_of(copied) == before
+
+
+def _modules_read(source):
+    """Files of the package's modules that a source imports, as Python's own parser and importer find them."""
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom):
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        else:
+            continue
+        for name in names:
+            if name.startswith("femimpact."):
+                try:
+                    found = importlib.util.find_spec(name)
+                except ModuleNotFoundError:  # a name out of a module, not a module
+                    found = None
+                yield Path((found or importlib.util.find_spec(name.rpartition(".")[0])).origin)
+
+
+def test_the_stamp_is_over_every_module_that_a_kernel_reads():
+    sources = set(sources_of(PACKAGE))
+    assert {"contact/formulas.py", "integrators/layout.py", "integrators/kernels/loop.py"} <= set(SOURCES)
+    for source in sources:
+        assert set(_modules_read(source)) <= sources, source
+
+
+def test_kernels_are_kept_with_that_stamp():
+    assert compiling.FILES is None or compiling.FILES.stamp == stamp_of(PACKAGE, *compiling.VERSIONS)
     for dispatcher in (loop.advance, touch.collide):
-        assert dispatcher._cache._cache_file._source_stamp == compiling.STAMP
+        assert compiling.FILES is None or dispatcher._cache._files is compiling.FILES
+    # its own source is not in the stamp
+    assert not hasattr(compiling.compiled(_square)._cache, "_files")
+
+
+TINY = '''"""A kernel that takes a second to compile."""
+
+from femimpact.contact import formulas
+from femimpact.integrators.kernels.compiling import apart, compiled, inlined
+
+force = inlined(formulas.kelvin_voigt_force)
+
+
+@apart
+def twice(x: float) -> float:
+    return 2.0 * x
+
+
+@compiled
+def pressed(depth: float) -> float:
+    return twice(force(depth, 0.5, 3.0, 0.25))
+'''
+ASK = """
+from femimpact.integrators.kernels import tiny
+value = tiny.pressed(2.0)
+import sys
+print(value, sum(tiny.pressed.stats.cache_hits.values()), "femimpact.integrators.kernels.numba_insides" in sys.modules)
+"""
+
+
+def _asked(package, home, before=""):
+    """Value of the small kernel, whether it came from disk, whether numba's insides were used; lines on stderr."""
+    kept = ("PATH", "SYSTEMROOT", "LD_LIBRARY_PATH")
+    environment = {name: os.environ[name] for name in kept if name in os.environ}
+    environment |= {"HOME": str(home), "PYTHONPATH": str(package.parent)}
+    found = subprocess.run(
+        [sys.executable, "-c", before + ASK], env=environment, cwd=package.parent, capture_output=True, text=True,
+        timeout=120,
+    )  # fmt: skip
+    assert found.returncode == 0, found.stderr
+    value, hits, insides = found.stdout.split()
+    return float(value), int(hits), insides == "True", found.stderr.splitlines()
+
+
+@pytest.fixture
+def package(copied, tmp_path):
+    """A copy of the package with one more kernel."""
+    copy = tmp_path / "femimpact"
+    shutil.copytree(copied, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    (copy / "integrators" / "kernels" / "tiny.py").write_text(TINY, encoding="utf-8")
+    return copy
+
+
+def test_a_formula_changed_outside_the_kernels_is_compiled_anew(package, tmp_path):
+    # 2 (3 * 2 + 0.25 * 0.5)
+    assert _asked(package, tmp_path) == (12.25, 0, True, [])
+    assert _asked(package, tmp_path) == (12.25, 1, True, [])
+    formulas = package / "contact" / "formulas.py"
+    text = formulas.read_text(encoding="utf-8")
+    assert text.count("stiffness * depth + damping * rate") == 1
+    formulas.write_text(text.replace("stiffness * depth +", "2 * stiffness * depth +"), encoding="utf-8")
+    assert _asked(package, tmp_path) == (24.25, 0, True, [])
+
+
+# ---- where it may lie ----------------------------------------------------------------------------
+
+
+def test_a_package_and_a_home_that_cannot_be_written_leave_the_memory(package, tmp_path):
+    # a file where a directory would be made: not even root can write there
+    (package / "integrators" / "kernels" / "__pycache__").write_bytes(b"")
+    for _ in range(2):
+        value, hits, _, lines = _asked(package, package / "__init__.py")
+        assert (value, hits) == (12.25, 0)
+        assert len(lines) == 1
+        assert "kept in memory" in lines[0]
+
+
+def test_a_package_that_cannot_be_written_leaves_a_private_directory(package, tmp_path):
+    (package / "integrators" / "kernels" / "__pycache__").write_bytes(b"")
+    home = tmp_path / "home"
+    home.mkdir()
+    value, hits, _, lines = _asked(package, home)
+    assert (value, hits) == (12.25, 0)
+    assert len(lines) == 1
+    assert str(home) in lines[0]
+    (made,) = (home / ".cache" / "femimpact").iterdir()
+    assert code_files.is_private(made)
+    # told when it is made, not in every process
+    assert _asked(package, home) == (12.25, 1, True, [])
+
+
+def test_without_a_home_no_directory_is_made_where_the_user_happens_to_be(monkeypatch):
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", "cache")
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)
+    assert all(place.is_relative_to(PACKAGE) for place in candidates(PACKAGE))
+
+
+def test_a_directory_that_the_user_names_is_the_only_one(monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    (place,) = candidates(PACKAGE)
+    assert place.parent == tmp_path
+    files = open_code_files(PACKAGE, (place,))
+    assert files.directories == (place,)
+    assert stat.S_IMODE(place.stat().st_mode) == 0o700 or os.name == "nt"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no owners, no permissions")
+@pytest.mark.parametrize("fault", ["group", "world", "link", "file", "owner"])
+def test_code_is_not_read_from_where_others_can_write(monkeypatch, tmp_path, caplog, fault):
+    place, good = tmp_path / "place", tmp_path / "good"
+    good.mkdir(mode=0o700)
+    if fault == "link":
+        place.symlink_to(good)
+    elif fault == "file":
+        place.write_bytes(b"")
+    else:
+        place.mkdir(mode=0o700)
+    assert code_files.is_private(place) is (fault in ("group", "world", "owner"))
+    if fault in ("group", "world"):
+        place.chmod(0o720 if fault == "group" else 0o702)
+    if fault == "owner":
+        monkeypatch.setattr(os, "geteuid", lambda: place.stat().st_uid + 1)
+    assert not code_files.is_private(place)
+    code_files._say_once.cache_clear()
+    assert open_code_files(PACKAGE, (place,)) is None
+    assert [record.levelno for record in caplog.records] == [logging.WARNING]
+
+
+# ---- what is damaged -----------------------------------------------------------------------------
+
+
+def _flip(path):
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+def _directory(path):
+    path.unlink()
+    path.mkdir()
+    (path / "inside").write_bytes(b"x")
+
+
+def _wrong_object(path):
+    CodeFiles((path.parent,), STAMP).write(path.name, pickle.dumps({"no": "code"}))
+
+
+DAMAGE = {
+    "empty": lambda path: path.write_bytes(b""),
+    "half": lambda path: path.write_bytes(path.read_bytes()[: path.stat().st_size // 2]),
+    "mark only": lambda path: path.write_bytes(code_files.MARK + STAMP),
+    "longer": lambda path: path.write_bytes(path.read_bytes() + b"x"),
+    "garbage": lambda path: path.write_bytes(bytes(range(256)) * 40),
+    "one bit": _flip,
+    "a pickle": lambda path: path.write_bytes(pickle.dumps({"no": "code"})),
+    "another version": lambda path: path.write_bytes(path.read_bytes().replace(b"code 1", b"code 0", 1)),
+    "a whole file of another thing": _wrong_object,
+    "a directory": _directory,
+}
+
+
+def _kept(directory, stamp=STAMP):
+    return numba_insides.compiled(_square, CodeFiles((directory,), stamp))
+
+
+def _hits(dispatcher):
+    assert dispatcher(3.0) == 9.0
+    return sum(dispatcher.stats.cache_hits.values())
+
+
+@pytest.mark.parametrize("kind", DAMAGE)
+def test_a_damaged_file_is_thrown_away_and_made_again(tmp_path, caplog, kind):
+    assert _hits(_kept(tmp_path)) == 0
+    (path,) = tmp_path.iterdir()
+    assert _hits(_kept(tmp_path)) == 1
+    assert not caplog.records
+    DAMAGE[kind](path)
+    assert _hits(_kept(tmp_path)) == 0
+    (record,) = caplog.records
+    assert "made again" in record.getMessage()
+    assert list(tmp_path.iterdir()) == [path]
+    assert _hits(_kept(tmp_path)) == 1
+
+
+def test_a_file_that_may_not_be_read_is_made_again(tmp_path, caplog, monkeypatch):
+    assert _hits(_kept(tmp_path)) == 0
+
+    def denied(path):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    with monkeypatch.context() as patch:
+        # root may read what has no permission to be read
+        patch.setattr(Path, "read_bytes", denied)
+        assert _hits(_kept(tmp_path)) == 0
+    assert len(caplog.records) == 1
+    assert _hits(_kept(tmp_path)) == 1
+
+
+def test_code_of_other_sources_is_not_taken(tmp_path, caplog):
+    assert _hits(_kept(tmp_path)) == 0
+    assert _hits(_kept(tmp_path, b"t" * 32)) == 0
+    assert _hits(_kept(tmp_path, b"t" * 32)) == 1
+    # written over: what is out of date does not pile up
+    assert len(list(tmp_path.iterdir())) == 1
+    assert not caplog.records
+
+
+def test_a_directory_that_is_gone_or_full_costs_the_file_not_the_run(tmp_path, caplog, monkeypatch):
+    code_files._say_once.cache_clear()
+    assert _hits(_kept(tmp_path / "gone")) == 0
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    for _ in range(2):
+        assert _hits(_kept(tmp_path)) == 0
+    assert not list(tmp_path.iterdir())
+    assert len(caplog.records) == 2  # one for each directory
+
+
+# ---- how it is compiled --------------------------------------------------------------------------
+
+
+def test_other_versions_of_numba_are_used_by_their_public_way(package, tmp_path):
+    value, hits, insides, lines = _asked(package, tmp_path, 'import numba\nnumba.__version__ = "0.0"')
+    assert (value, hits, insides) == (12.25, 0, False)
+    assert len(lines) == 1
+    assert "numba 0.0" in lines[0]
 
 
 def test_inner_functions_become_machine_code_in_their_caller_alone():
@@ -36,7 +321,7 @@ def test_inner_functions_become_machine_code_in_their_caller_alone():
     assert outer(3.0) == 36.0
     for inner in (twice, square):
         (part,) = inner.overloads.values()
-        assert isinstance(part.library, compiling._Part)
+        assert isinstance(part.library, numba_insides._Part)
     (machine_code,) = outer.inspect_asm().values()
     functions = [line for line in machine_code.splitlines() if re.fullmatch(r"_ZN\w*:", line)]
     assert sum("_square" in line for line in functions) == 1

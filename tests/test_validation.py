@@ -1,6 +1,8 @@
 """The validation shelf: every case passes, and one that does not is an exit status."""
 
+import importlib.util
 import math
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +15,7 @@ from femimpact.validation import Case, case_columns, markdown_table, run_validat
 
 pytestmark = pytest.mark.impacts
 
+MUTATIONS = Path(__file__).parents[1] / "benchmarks" / "mutations.py"
 PAGE = Path(__file__).parents[1] / "docs" / "validation.md"
 GOOD = Case("good", "derived here", "speed", "m/s", 2.0, 2.0, 1e-9, "rounding")
 BAD = replace(GOOD, name="a|b", computed=2.1)
@@ -79,3 +82,30 @@ def test_the_markdown_table_has_one_row_a_case():
     assert lines[2] == "| good | derived here | speed (m/s) | 2 | 2 | 0.0e+00 | 1.0e-09 | yes | rounding |"
     assert lines[3].startswith(r"| a\|b |")
     assert case_columns([GOOD, BAD])["passes"] == [True, False]
+
+
+@pytest.fixture(scope="module")
+def mutations():
+    spec = importlib.util.spec_from_file_location("mutations", MUTATIONS)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    yield module
+    del sys.modules[spec.name]
+
+
+def test_a_mutation_is_put_where_its_text_stands_once(mutations, tmp_path):
+    (tmp_path / "validation").mkdir()
+    for name, text in (("a.py", "x = 1\ny = 2\n"), ("b.py", "y = 2\n"), ("validation/c.py", "x = 1\n")):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    mutations.mutate(mutations.Mutation("once", "x = 1", "x = 3"), tmp_path)
+    assert (tmp_path / "a.py").read_text(encoding="utf-8") == "x = 3\ny = 2\n"
+    for name, text in (("twice", "y = 2"), ("never", "z = 1")):
+        with pytest.raises(SystemExit, match=f"{name}: the text must stand in the package exactly once"):
+            mutations.mutate(mutations.Mutation(name, text, ""), tmp_path)
+
+
+def test_mutations_are_distinct_and_change_something(mutations):
+    names = [mutation.name for mutation in mutations.MUTATIONS]
+    assert len(set(names)) == len(names) >= 20
+    assert all(mutation.old != mutation.new for mutation in mutations.MUTATIONS)

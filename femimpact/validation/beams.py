@@ -20,7 +20,16 @@ from femimpact.response import Recorder
 from femimpact.structure import Beam, PointMass, Stop, Structure
 from femimpact.validation.case import Case
 
-__all__ = ["CASES"]
+__all__ = [
+    "BENDING_STIFFNESS",
+    "CASES",
+    "ELEMENTS",
+    "LENGTH",
+    "MASS_PER_LENGTH",
+    "ROOTS",
+    "beam_frequency",
+    "uniform_beam",
+]
 
 LENGTH, WIDTH, THICKNESS, YOUNG_MODULUS, DENSITY = 0.3, 0.02, 1e-3, 70e9, 2700.0
 BENDING_STIFFNESS = YOUNG_MODULUS * WIDTH * THICKNESS**3 / 12
@@ -30,20 +39,21 @@ ROOTS = (1.87510407, 4.69409113, 7.85475744, 10.99554073, 14.13716839)
 """beta L of the clamped-free beam, 8 decimals: Blevins (1979), table 8-1."""
 
 
-def _beam() -> Beam:
+def uniform_beam() -> Beam:
+    """The cantilever of these cases."""
     return Beam.uniform(
         length=LENGTH, width=WIDTH, thickness=THICKNESS, young_modulus=YOUNG_MODULUS, density=DENSITY
     )  # fmt: skip
 
 
-def _frequency(root: float) -> float:
+def beam_frequency(root: float) -> float:
     """Natural frequency (Hz) of beta L."""
     return (root / LENGTH) ** 2 * math.sqrt(BENDING_STIFFNESS / MASS_PER_LENGTH) / (2 * math.pi)
 
 
 def _computed_root(structure: Structure, mode: int) -> float:
     frequency = float(solve_modes(assemble(structure, ELEMENTS), mode).natural_frequency[mode - 1])
-    return math.sqrt(frequency / _frequency(1.0))
+    return math.sqrt(frequency / beam_frequency(1.0))
 
 
 def _mesh_error(root: float) -> float:
@@ -56,7 +66,7 @@ def cantilever_root(mode: int) -> Case:
     root = ROOTS[mode - 1]
     return Case(
         f"cantilever, mode {mode}", "Blevins (1979), table 8-1", "beta L", "1", root,
-        _computed_root(Structure(_beam()), mode), 1.2 * _mesh_error(root) + 5e-9 / root,
+        _computed_root(Structure(uniform_beam()), mode), 1.2 * _mesh_error(root) + 5e-9 / root,
         f"(beta h)^4/2880 of {ELEMENTS} cubic elements, and the 8 decimals of the reference",
     )  # fmt: skip
 
@@ -73,7 +83,7 @@ def tip_mass_root(mode: int, ratio: float) -> Case:
     # between the root of the clamped-pinned beam below and that of the clamped-free one
     below = 0.1 if mode == 1 else (mode - 0.75) * math.pi - 0.01
     root = float(brentq(determinant, below, ROOTS[mode - 1], xtol=1e-15, rtol=1e-15))
-    beam = _beam()
+    beam = uniform_beam()
     structure = Structure(beam, masses=(PointMass("box", "tip", ratio * beam.mass),))
     return Case(
         f"cantilever with a tip mass of {ratio:g} beam masses, mode {mode}", "derived here (transcendental equation)",
@@ -85,7 +95,7 @@ def tip_mass_root(mode: int, ratio: float) -> Case:
 def tip_flexibility() -> Case:
     """Static deflection of the tip under a force there, L^3/(3 E I)."""
     probe = Stop("probe", "tip", (math.inf, 1.0), Rigid(0.5))
-    system = assemble(Structure(_beam(), stops=(probe,)), ELEMENTS)
+    system = assemble(Structure(uniform_beam(), stops=(probe,)), ELEMENTS)
     return Case(
         "cantilever, static tip deflection of 1 N", "derived here (F L^3/(3 E I))", "deflection", "m",
         LENGTH**3 / (3 * BENDING_STIFFNESS), system.contacts[0].flexibility, 1e-9,
@@ -101,15 +111,15 @@ def _modal_series(frequency: float, alpha: float, beta: float) -> float:
     omega, total = 2 * math.pi * frequency, 0j
     for n, x in enumerate((*ROOTS, *((n + 0.5) * math.pi for n in range(5, 10)))):
         s = (math.sinh(x) - math.sin(x)) / (math.cosh(x) + math.cos(x))
-        own = 2 * math.pi * _frequency(x)
+        own = 2 * math.pi * beam_frequency(x)
         total += (-1) ** n * 4 * s / x * omega**2 / (own**2 - omega**2 + 1j * omega * (alpha + beta * own**2))
     return abs(total)
 
 
 def base_sine(ratio: float) -> Case:
     """Steady tip amplitude of a cantilever on a base that moves as a sine."""
-    damping, first, second = 0.05, _frequency(ROOTS[0]), _frequency(ROOTS[1])
-    structure = Structure(_beam(), damping=Rayleigh(ratio=damping, frequencies=(first, second)))
+    damping, first, second = 0.05, beam_frequency(ROOTS[0]), beam_frequency(ROOTS[1])
+    structure = Structure(uniform_beam(), damping=Rayleigh(ratio=damping, frequencies=(first, second)))
     alpha = 4 * math.pi * damping * first * second / (first + second)
     beta = damping / (math.pi * (first + second))
     base = Sine(1e-3, ratio * first)

@@ -5,13 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from femimpact.validation import beams, contacts, impacts, orbits, oscillators
+from femimpact.validation import (
+    beams,
+    contacts,
+    excitations,
+    impacts,
+    ledgers,
+    orbits,
+    oscillators,
+    readings,
+    structures,
+)
 from femimpact.validation.case import Case
 
 __all__ = ["HEADER", "SHELF", "case_columns", "markdown_table", "run_validation", "table_row"]
 
 SHELF: tuple[Callable[[], Case], ...] = (
-    *beams.CASES, *oscillators.CASES, *impacts.CASES, *orbits.CASES, *contacts.CASES
+    *beams.CASES, *structures.CASES, *oscillators.CASES, *excitations.CASES, *impacts.CASES, *orbits.CASES,
+    *contacts.CASES, *ledgers.CASES, *readings.CASES,
 )  # fmt: skip
 """Every case, not yet run."""
 

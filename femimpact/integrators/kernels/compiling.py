@@ -1,134 +1,84 @@
-"""How kernels are compiled, and when a compiled one is out of date."""
+"""How kernels are compiled: by numba's private insides where they are known, else by its public way."""
 
 from __future__ import annotations
 
+import inspect
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import llvmlite
+import numba
 import numpy as np
-from llvmlite.binding import Linkage
-from numba import njit
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
 
-from femimpact.contact import formulas
+from femimpact.integrators.kernels.code_files import CodeFiles, candidates, open_code_files
 
-__all__ = ["ZERO", "apart", "called", "compiled", "entry", "inlined"]
-
-# _nrt=False: nothing here allocates, and counting references to array slices would cost ten times the arithmetic
-OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
+__all__ = ["TESTED", "VERSIONS", "ZERO", "apart", "called", "compiled", "entry", "inlined"]
 
 ZERO = cast(int, np.int64(0))
 """To numba a written 0 is of a type of its own: what is called with it, and with an index, is compiled twice."""
 
+TESTED = frozenset({("0.68.1", "0.50.0")})
+"""Versions of numba and llvmlite whose private insides are known."""
+
+VERSIONS = (numba.__version__, llvmlite.__version__)
+
+PACKAGE = Path(__file__).parents[2]
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+if VERSIONS in TESTED:
+    from femimpact.integrators.kernels import numba_insides
 
-class _Part(JITCodeLibrary):
-    """Code of an inner function: what it is linked into optimises it and makes machine code of it, once.
+    FILES: CodeFiles | None = open_code_files(PACKAGE, candidates(PACKAGE), *VERSIONS)
 
-    numba does both for every function with all that it calls: a function five calls deep six times over.
-    """
+    def _whole(function: Callable[..., Any]) -> Any:
+        # the stamp is of the package's sources
+        inside = Path(inspect.getfile(function)).is_relative_to(PACKAGE)
+        return numba_insides.compiled(function, FILES if inside else None)
 
-    def _optimize_final_module(self) -> None:
-        pass
+    def _part(function: Callable[..., Any], forceinline: bool) -> Any:
+        return numba_insides.called(function, forceinline)
 
-    def _finalize_final_module(self) -> None:
-        self._finalized = True
+    _apart = numba_insides.apart
+else:
+    FILES = None
+    logging.getLogger("femimpact").warning(
+        "numba %s with llvmlite %s is not a pair that femimpact knows from inside: "
+        "kernels take longer to compile, in every process anew, with the same results",
+        *VERSIONS,
+    )
 
-    @property
-    def codegen(self) -> _Part:
-        return self
+    def _whole(function: Callable[..., Any]) -> Any:
+        return numba.njit(nogil=True, error_model="numpy")(function)
 
-    def set_env(self, name: str, environment: object) -> None:
-        """Nothing: there is no machine code that could be told where its environment lies."""
+    def _part(function: Callable[..., Any], forceinline: bool) -> Any:
+        return _whole(function)
 
-
-class _Apart(_Part):
-    """Code of an inner function that stays one."""
-
-    def add_ir_module(self, module: Any) -> None:
-        for function in module.functions:
-            if function.blocks:
-                function.attributes.add("noinline")
-        super().add_ir_module(module)  # type: ignore[no-untyped-call]
-
-
-class _Whole(JITCodeLibrary):
-    """Code of a function with all that it calls: what nobody else can call may lose arguments that it does not use."""
-
-    def __init__(self, codegen: Any, name: str) -> None:
-        super().__init__(codegen, name)  # type: ignore[no-untyped-call]
-        self.enable_object_caching()  # type: ignore[no-untyped-call]
-
-    def _optimize_final_module(self) -> None:
-        for function in self._final_module.functions:
-            if not function.is_declaration and function.linkage == Linkage.linkonce_odr:
-                function.linkage = Linkage.internal
-        super()._optimize_final_module()  # type: ignore[no-untyped-call]
-
-
-class _WholeCompiler(Compiler):
-    """numba's compiler, with code of another kind."""
-
-    KIND: Any = _Whole
-
-    def __init__(self, typing: Any, target: Any, library: Any, *others: Any) -> None:
-        own = library or self.KIND(target.codegen(), "femimpact")
-        super().__init__(typing, target, own, *others)  # type: ignore[no-untyped-call]
-
-
-class _PartCompiler(_WholeCompiler):
-    KIND = _Part
-
-
-class _ApartCompiler(_WholeCompiler):
-    KIND = _Apart
-
-
-def _stamp() -> tuple[tuple[float, int], ...]:
-    """Times and sizes of every source that ends up in compiled code."""
-    here = Path(__file__)
-    sources = [*sorted(here.parent.glob("*.py")), here.parent.parent / "layout.py", Path(formulas.__file__)]
-    return tuple((source.stat().st_mtime, source.stat().st_size) for source in sources)
-
-
-STAMP = _stamp()
+    _apart = _whole
 
 
 def compiled(function: Function) -> Function:
     """Compile a function of arrays and numbers that only Python calls, and keep it on disk."""
-    options: dict[str, Any] = OPTIONS | {"cache": True, "no_cfunc_wrapper": True, "pipeline_class": _WholeCompiler}
-    dispatcher = njit(**options)(function)
-    # numba looks at the function's own file only; here one function inlines others of other files
-    file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
-    if file is not None:
-        file._source_stamp = STAMP
-    return cast(Function, dispatcher)
+    return cast(Function, _whole(function))
 
 
 def entry(function: Function) -> Function:
     """Let Python too call a function that compiled ones call."""
-    return cast(Function, compiled(getattr(function, "py_func", function)))
-
-
-def _inner(function: Function, compiler: type[_WholeCompiler], forceinline: bool) -> Function:
-    # inlining said outright: what is left out here is taken over from the caller that is compiled first
-    options: dict[str, Any] = {"forceinline": forceinline, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return cast(Function, njit(**OPTIONS, **options, pipeline_class=compiler)(function))
+    return compiled(getattr(function, "py_func", function))
 
 
 def called(function: Function) -> Function:
     """Compile a function that only compiled ones call: it needs no entry from Python and no place on disk."""
-    return _inner(function, _PartCompiler, False)
+    return cast(Function, _part(function, False))
 
 
 def inlined(function: Function) -> Function:
     """The same, compiled into those that call it: a call would copy every array's descriptor."""
-    return _inner(function, _PartCompiler, True)
+    return cast(Function, _part(function, True))
 
 
 def apart(function: Function) -> Function:
     """The same, kept out of those that call it: beside its variables a loop would lack registers for its own."""
-    return _inner(function, _ApartCompiler, False)
+    return cast(Function, _apart(function))

@@ -9,7 +9,6 @@ from typing import Any, cast
 
 from llvmlite import ir
 from numba import cfunc, types
-from numba.core import cgutils
 from numba.extending import intrinsic
 
 from femimpact.errors import Fault, InputError
@@ -52,8 +51,7 @@ def _call_law(typing_context: Any, address: Any, depth: Any, rate: Any, approach
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         double = ir.DoubleType()
         function = ir.FunctionType(double, [double, double, double])
-        pointer = builder.inttoptr(arguments[0], cgutils.voidptr_t)
-        return builder.call(builder.bitcast(pointer, function.as_pointer()), arguments[1:])
+        return builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
 
     return types.float64(types.int64, types.float64, types.float64, types.float64), generate
 

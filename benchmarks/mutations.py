@@ -1,0 +1,273 @@
+"""Small bugs put into a copy of the package on purpose: which validation case finds which.
+
+Run by hand: `python benchmarks/mutations.py`, or `python benchmarks/mutations.py rms_factor base_load` for some of
+them. Each takes seconds, or as long as the kernels take to compile where it changes one of their sources. Exit
+status 1 if one survives.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = ["MUTATIONS", "Mutation", "findings", "mutate", "place_of"]
+
+PACKAGE = Path(__file__).parents[1] / "femimpact"
+
+LIMIT = 600.0
+"""Longest run of all cases, s: a bug that hangs is found."""
+
+CHILD = """
+import json, sys
+from femimpact.validation import shelf
+found = {}
+for make in shelf.SHELF:
+    try:
+        case = make()
+    except Exception as error:
+        part = getattr(make, "func", make)
+        given = (*getattr(make, "args", ()), *getattr(make, "keywords", {}).values())
+        name = ", ".join([part.__name__, *(str(getattr(value, "name", value)) for value in given)])
+        found[name] = type(error).__name__
+        continue
+    if not case.passes:
+        found[case.name] = f"{case.error:.1e}"
+print(json.dumps(found))
+"""
+
+
+@dataclass(frozen=True)
+class Mutation:
+    """One bug: a text that stands in exactly one place of the package, and what takes its place.
+
+    Parameters
+    ----------
+    name : str
+    old, new : str
+    """
+
+    name: str
+    old: str
+    new: str
+
+
+MUTATIONS = (
+    # structure, mesh and modes
+    Mutation("hermite_stiffness", "12 * s - 6, 6 * s - 4, 6 - 12 * s", "12 * s - 6, 6 * s - 4.01, 6 - 12 * s"),
+    Mutation("consistent_mass", "w.mass_per_length * u * v", "1.001 * w.mass_per_length * u * v"),
+    Mutation(
+        "second_section",
+        "bending_stiffness[members] = segment.bending",
+        "bending_stiffness[members] = beam.segments[0].bending",
+    ),
+    Mutation("pinned_is_clamped", '"pinned": ("w",)', '"pinned": ("w", "slope")'),
+    Mutation("rotary_inertia", "body.rotary_inertia * (slope.T", "0.5 * body.rotary_inertia * (slope.T"),
+    Mutation("base_load", "momentum = M @ rigid", "momentum = (M - _lumped_mass(structure, mesh)) @ rigid"),
+    Mutation(
+        "glued_place",
+        "PointMass(ball.name, ball.at, ball.mass) for ball",
+        "PointMass(ball.name, ball.at, 0.9 * ball.mass) for ball",
+    ),
+    Mutation("rayleigh_alpha", "alpha = 2.0 * w1", "alpha = 2.1 * w1"),
+    Mutation("rayleigh_beta", "beta = 2.0 * (z2", "beta = 2.1 * (z2"),
+    Mutation("realised_damping", "return 0.5 * (alpha / w + beta * w)", "return 0.5 * (alpha / w + beta * w) * 1.02"),
+    Mutation(
+        "effective_mass", "participation, participation**2, vectors", "participation, abs(participation), vectors"
+    ),
+    Mutation("contact_mass", "inverse = first_mode**2 + (", "inverse = first_mode + ("),
+    Mutation("flexibility", 'np.einsum("ji,ij->j", rows, solved))', 'np.einsum("ji,ij->j", rows, solved)) * 1.01'),
+    Mutation("static_correction", "if static_correction and system.contacts:", "if False and system.contacts:"),
+    Mutation("attachment_vector", "psi @ mix / np.sqrt(inverse_square)", "psi @ mix / inverse_square"),
+    # excitation
+    Mutation(
+        "base_speed_sign",
+        "scale * np.cos(self.omega * np.asarray(time)",
+        "-scale * np.cos(self.omega * np.asarray(time)",
+    ),
+    Mutation("recorded_base", "omega, 0.0, excitation.samples,", "omega, 0.0, 1.1 * excitation.samples,"),
+    Mutation("recorded_displacement", "h * h * (2.0 * a[:-1] + a[1:]) / 6.0", "h * h * (a[:-1] + 2.0 * a[1:]) / 6.0"),
+    Mutation("force_phase", "history.amplitude, omega, history.phase)", "history.amplitude, omega, 0.0)"),
+    Mutation("rest_in_space", "y, y_rate = y - offset, y_rate - speed", "y, y_rate = y - offset, y_rate + speed"),
+    Mutation(
+        "absolute_displacement", "np.asarray(values + moved_by(self.time))", "np.asarray(values - moved_by(self.time))"
+    ),
+    # contact
+    Mutation("restitution_of_ratio", "math.exp(-2.0 * damping_ratio", "math.exp(-2.02 * damping_ratio"),
+    Mutation(
+        "ratio_of_restitution",
+        "lambda z: -2.0 * z * linear_angle(z) - target",
+        "lambda z: -2.02 * z * linear_angle(z) - target",
+    ),
+    Mutation(
+        "linear_contact_time",
+        "(2.0 * math.sqrt(stiffness * effective_mass))) / omega",
+        "(2.0 * math.sqrt(stiffness * effective_mass))) / omega * 1.02",
+    ),
+    Mutation("hertz_stiffness", "return 4.0 / 3.0 / compliance", "return 4.1 / 3.0 / compliance"),
+    Mutation("hertz_exponent", "depth * math.sqrt(depth) if exponent == 1.5", "depth * depth if exponent == 1.5"),
+    Mutation("hertz_potential", "return 0.4 * stiffness * depth * depth", "return 0.39 * stiffness * depth * depth"),
+    Mutation("power_exponent", "depth**exponent)\n    if loss", "depth**1.5)\n    if loss"),
+    Mutation(
+        "gap_sides",
+        "gaps=(float(item.gaps[0]), float(item.gaps[1]))",
+        "gaps=(float(item.gaps[1]), float(item.gaps[0]))",
+    ),
+    Mutation("switching_wall", "0.5 * stiffness * (x * x - wall * wall)", "0.5 * stiffness * (x - wall) * (x - wall)"),
+    # stepped
+    Mutation(
+        "drive_one_step_late",
+        "rows = np.zeros((10, len(drives)))",
+        "phase = phase - omega * dt\n    rows = np.zeros((10, len(drives)))",
+    ),
+    Mutation(
+        "samples_one_step_late",
+        "time = np.arange(steps * method.refine + 1) * (",
+        "time = np.arange(-1, steps * method.refine) * (",
+    ),
+    Mutation(
+        "alpha_coefficient", "(2.0 * r - 1.0) / (r + 1.0), r / (r + 1.0)", "(2.0 * r - 1.0) / (r + 1.0), r / (r + 1.1)"
+    ),
+    Mutation(
+        "ball_without_base",
+        "constants[layout.SHARE, j] = 0.0 if pair.is_stop",
+        "constants[layout.SHARE, j] = 0.0 if True",
+    ),
+    Mutation(
+        "step_compliance",
+        "compliance_v=np.ascontiguousarray(table @ v.T)",
+        "compliance_v=np.ascontiguousarray(0.9 * table @ v.T)",
+    ),
+    Mutation("mean_rate", "give_u=h * h * theta, give_v=h,", "give_u=h * h * theta, give_v=1.1 * h,"),
+    Mutation(
+        "jean_restitution", "gate * (rate + restitution * rate_before) / give_v", "gate * (rate + rate_before) / give_v"
+    ),
+    Mutation("stepped_contact_loss", "m.ledger[CONTACT_LOSS, c] += loss", "m.ledger[CONTACT_LOSS, c] += 0.0"),
+    Mutation("stepped_ball_work", "work[c] += mass[c] * acting * (", "work[c] += 0.0 * acting * ("),
+    # event-driven
+    Mutation(
+        "flying_ball_without_base", "        load[n + j] = -pair.mass * drive.share\n", "        load[n + j] = 0.0\n"
+    ),
+    Mutation("impulse_mobility", "fastest / -space.mobility[hit, hit]", "fastest / -(1.02 * space.mobility[hit, hit])"),
+    Mutation(
+        "flown_stiffness",
+        "kv = np.array([(pair.parameters.stiffness,",
+        "kv = np.array([(1.05 * pair.parameters.stiffness,",
+    ),
+    Mutation(
+        "sticking_impulse",
+        "run.open_rides[j] = (side, began, impulse + total)",
+        "run.open_rides[j] = (side, began, impulse)",
+    ),
+    Mutation("impact_loss", "loss = 0.5 * impulse * (approach - rebound)", "loss = 0.5 * impulse * approach"),
+    Mutation("flown_contact_loss", "b.sums[c, 1] += loss", "b.sums[c, 1] += 0.0"),
+    Mutation("flown_ball_work", "work += 0.5 * b.numbers[MASS, i]", "work += 0.0 * b.numbers[MASS, i]"),
+    Mutation("energy_to_modes", "push * (b.velocity[i] + 0.5 * push / b.mass[i])", "push * b.velocity[i]"),
+    Mutation("centring_spring", "K += pair.free_stiffness * np.outer(", "K += 0.9 * pair.free_stiffness * np.outer("),
+    # what is read
+    Mutation("ledger_dissipation", "+ (dissipated - dissipated[0])", "+ 0.0 * (dissipated - dissipated[0])"),
+    Mutation("rms_factor", "rms = np.sqrt(_total(square) / total)", "rms = np.sqrt(2.0 * _total(square) / total)"),
+    Mutation("first_harmonic", "2.0 * _total(sine) / total, 2.0", "_total(sine) / total, 2.0"),
+    Mutation("harmonic_phase", "np.arctan2(in_quadrature, in_phase)", "np.arctan2(in_phase, in_quadrature)"),
+    Mutation(
+        "steady_peak",
+        "np.abs(np.maximum(maximum, -minimum).max(axis=0))",
+        "np.abs(np.maximum(maximum, -minimum).mean(axis=0))",
+    ),
+    Mutation("mean_impulse", '"mean_impulse": totals[3].sum(axis=0) * each', '"mean_impulse": totals[3].sum(axis=0)'),
+    Mutation("cycle_mean_force", "totals[5].sum(axis=0) / duration", "totals[5].sum(axis=0) / duration * frequency"),
+    Mutation("one_pole_fit", "ratio = math.exp(best.x[2])", "ratio = 1.05 * math.exp(best.x[2])"),
+    Mutation("half_power", "(4.0 * f[top] ** 2))", "(2.0 * f[top] ** 2))"),
+    Mutation(
+        "amplitude_ratio", "reference.ratio * drop, reference.frequency", "reference.ratio / drop, reference.frequency"
+    ),
+    Mutation(
+        "scan_ratio", "amplitude_ratio=empty.peak_amplitude / peaks", "amplitude_ratio=peaks / empty.peak_amplitude"
+    ),
+    Mutation(
+        "mesh_order",
+        "_order(1.0 / counts, error[:, i], 100 * floor[i])",
+        "_order(1.0 / counts**2, error[:, i], 100 * floor[i])",
+    ),
+)
+
+
+def place_of(mutation: Mutation, package: Path) -> Path:
+    """The source that holds the text of a mutation.
+
+    Raises
+    ------
+    SystemExit
+        Unless it stands in the package exactly once, the validation cases left out.
+    """
+    sources = [path for path in sorted(package.rglob("*.py")) if "validation" not in path.parts]
+    counts = {path: path.read_text(encoding="utf-8").count(mutation.old) for path in sources}
+    held = [path for path, count in counts.items() if count]
+    if sum(counts.values()) != 1:
+        where = ", ".join(str(path.relative_to(package)) for path in held) or "nowhere"
+        sys.exit(f"{mutation.name}: the text must stand in the package exactly once, and stands in: {where}")
+    return held[0]
+
+
+def mutate(mutation: Mutation, package: Path) -> None:
+    """Put the bug into a copy of the package."""
+    source = place_of(mutation, package)
+    source.write_text(source.read_text(encoding="utf-8").replace(mutation.old, mutation.new), encoding="utf-8")
+
+
+def findings(mutation: Mutation | None) -> dict[str, str]:
+    """Cases that do not pass with a mutation, or with none, and their error.
+
+    What is compiled already is copied too: it is taken where the mutation changes none of its sources.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "femimpact"
+        shutil.copytree(PACKAGE, copy)
+        if mutation is not None:
+            mutate(mutation, copy)
+        environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+        environment["PYTHONPATH"] = folder
+        try:
+            done = subprocess.run(
+                [sys.executable, "-c", CHILD], cwd=folder, env=environment, capture_output=True, text=True,
+                timeout=LIMIT, check=False,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            return {"every case": f"not done within {LIMIT:g} s"}
+    if done.returncode:
+        return {"every case": (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]}
+    return dict(json.loads(done.stdout.splitlines()[-1]))
+
+
+def main(names: list[str]) -> int:
+    """Print one row for each mutation; 1 if one survives."""
+    known = {mutation.name: mutation for mutation in MUTATIONS}
+    if unknown := [name for name in names if name not in known]:
+        sys.exit(f"unknown: {', '.join(unknown)}; known: {', '.join(known)}")
+    chosen = [known[name] for name in names] or list(MUTATIONS)
+    places = [place_of(mutation, PACKAGE).relative_to(PACKAGE) for mutation in chosen]
+    clean = findings(None)
+    if clean:
+        sys.exit(f"without a mutation these do not pass: {clean}")
+    print("| mutation | in | found by | first of them (error) | s |\n| --- | --- | --- | --- | --- |", flush=True)
+    survivors = []
+    for mutation, place in zip(chosen, places, strict=True):
+        start = time.perf_counter()
+        found = findings(mutation)
+        first = "; ".join(f"{name} ({error})" for name, error in list(found.items())[:3])
+        seconds = time.perf_counter() - start
+        print(f"| {mutation.name} | {place} | {len(found)} | {first} | {seconds:.0f} |", flush=True)
+        if not found:
+            survivors.append(mutation.name)
+    print(f"\n{len(chosen) - len(survivors)} of {len(chosen)} found; survivors: {', '.join(survivors) or 'none'}")
+    return 1 if survivors else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

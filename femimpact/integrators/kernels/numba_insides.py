@@ -1,0 +1,147 @@
+"""Private insides of numba: code that is made once with all that calls it, and kept on disk in files of our own.
+
+Only for the versions in `TESTED`; `compiling` does without this module for every other one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import pickle
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite.binding import Linkage
+from numba import njit
+from numba.core.caching import NullCache
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompileResult
+from numba.core.serialize import dumps
+
+from femimpact.integrators.kernels.code_files import CodeFiles
+
+__all__ = ["apart", "called", "compiled"]
+
+# _nrt=False: nothing here allocates, and counting references to array slices would cost ten times the arithmetic
+OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+
+
+class _Part(JITCodeLibrary):
+    """Code of an inner function: what it is linked into optimises it and makes machine code of it, once.
+
+    numba does both for every function with all that it calls: a function five calls deep six times over.
+    """
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+    @property
+    def codegen(self) -> _Part:
+        return self
+
+    def set_env(self, name: str, environment: object) -> None:
+        """Nothing: there is no machine code that could be told where its environment lies."""
+
+
+class _Apart(_Part):
+    """Code of an inner function that stays one."""
+
+    def add_ir_module(self, module: Any) -> None:
+        for function in module.functions:
+            if function.blocks:
+                function.attributes.add("noinline")
+        super().add_ir_module(module)  # type: ignore[no-untyped-call]
+
+
+class _Whole(JITCodeLibrary):
+    """Code of a function with all that it calls: what nobody else can call may lose arguments that it does not use."""
+
+    def __init__(self, codegen: Any, name: str) -> None:
+        super().__init__(codegen, name)  # type: ignore[no-untyped-call]
+        self.enable_object_caching()  # type: ignore[no-untyped-call]
+
+    def _optimize_final_module(self) -> None:
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == Linkage.linkonce_odr:
+                function.linkage = Linkage.internal
+        super()._optimize_final_module()  # type: ignore[no-untyped-call]
+
+
+class _WholeCompiler(Compiler):
+    """numba's compiler, with code of another kind."""
+
+    KIND: Any = _Whole
+
+    def __init__(self, typing: Any, target: Any, library: Any, *others: Any) -> None:
+        own = library or self.KIND(target.codegen(), "femimpact")
+        super().__init__(typing, target, own, *others)  # type: ignore[no-untyped-call]
+
+
+class _PartCompiler(_WholeCompiler):
+    KIND = _Part
+
+
+class _ApartCompiler(_WholeCompiler):
+    KIND = _Apart
+
+
+class _OnDisk(NullCache):
+    """numba's interface to a cache of one function, over files that are checked before they are read.
+
+    numba's own files end the process that reads a damaged one, and know the function's own source only.
+    """
+
+    def __init__(self, function: Callable[..., Any], files: CodeFiles) -> None:
+        self._name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
+        self._files = files
+
+    def file_name(self, signature: Any, codegen: Any) -> str:
+        """Name of the file for arguments of these types on this processor and this Python."""
+        key = repr((signature, codegen.magic_tuple(), sys.version_info[:3]))
+        return f"{self._name}-{hashlib.sha256(key.encode()).hexdigest()[:16]}.code"
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        target.refresh()
+        payload = self._files.read(self.file_name(signature, target.codegen()))
+        if payload is None:
+            return None
+        try:
+            return CompileResult._rebuild(target, *pickle.loads(payload))  # type: ignore[no-untyped-call]
+        except Exception as error:
+            # whole, of these sources and these versions, and yet not to be taken
+            logging.getLogger("femimpact").warning("compiled code of %s is made again: %s", self._name, error)
+            return None
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        if result.library.has_dynamic_globals or any(not part.can_cache for part in result.lifted):
+            return
+        payload = dumps(result._reduce())  # type: ignore[no-untyped-call]
+        self._files.write(self.file_name(signature, result.codegen), payload)
+
+
+def _compiled(function: Callable[..., Any], compiler: type[Compiler], **more: bool) -> Any:
+    options: dict[str, Any] = OPTIONS | more | {"pipeline_class": compiler}
+    return njit(**options)(function)
+
+
+def compiled(function: Callable[..., Any], files: CodeFiles | None) -> Any:
+    """Compile a function that only Python calls, and keep it in files where there are any."""
+    dispatcher = _compiled(function, _WholeCompiler)
+    if files is not None:
+        dispatcher._cache = _OnDisk(function, files)
+    return dispatcher
+
+
+def called(function: Callable[..., Any], forceinline: bool) -> Any:
+    """Compile a function that only compiled ones call."""
+    # inlining said outright: what is left out here is taken over from the caller that is compiled first
+    return _compiled(function, _PartCompiler, no_cpython_wrapper=True, forceinline=forceinline)
+
+
+def apart(function: Callable[..., Any]) -> Any:
+    """Compile a function that only compiled ones call, and keep it out of them."""
+    return _compiled(function, _ApartCompiler, no_cpython_wrapper=True, forceinline=False)

@@ -1,0 +1,267 @@
+"""Single contacts and what they leave in the ledger: times, forces, impulses, energies; balances that must close."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.contact import (
+    Hertz,
+    KelvinVoigt,
+    PowerLaw,
+    Rigid,
+    SwitchingSpring,
+    collide,
+    contact_potential,
+)
+from femimpact.contact.laws import ContactLaw
+from femimpact.excitation import Sine
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.integrate import integrate
+from femimpact.integrators.newmark import MoreauJean, Newmark
+from femimpact.response import Recorder, Response
+from femimpact.structure import Impactor
+from femimpact.system import State, System
+from femimpact.validation.case import Case
+from femimpact.validation.impacts import FREQUENCY, GRAVITY, shaken_floor
+
+__all__ = ["CASES"]
+
+MASS, SPEED = 0.05, 0.3
+"""Of the ball, kg and m/s."""
+SOFT = KelvinVoigt(stiffness=2000.0, damping=3.0)
+STILL = Sine(0.0, 50.0)
+
+# ---- one collision with a wall that does not move ------------------------------------------------
+
+
+def _thrown(law: ContactLaw, method: Any, gap: float | tuple[float, float] = 1e-3, speed: float = SPEED) -> Response:
+    """A ball thrown from the centre at a wall: the structure's row is zero."""
+    ball = Impactor("ball", "tip", MASS, gap, law)
+    system = System.from_matrices([[1.0]], [[0.0]], [[1.0]], points={"tip": [0.0]}, impactors=[ball])
+    far = max(gap) if isinstance(gap, tuple) else gap
+    return integrate(system, STILL, method, 2 * far / abs(speed) + 0.02, initial=State(ball_velocity=[speed]))
+
+
+def _integrated() -> dict[str, float]:
+    """The same collision by scipy, up to the first zero of the force."""
+    from scipy.integrate import solve_ivp
+
+    k, c = 2000.0, 3.0
+
+    def force(_: float, state: NDArray[Any]) -> float:
+        return float(k * state[0] + c * state[1])
+
+    def rates(time: float, state: NDArray[Any]) -> list[float]:
+        return [state[1], -force(time, state) / MASS]
+
+    force.terminal = True  # type: ignore[attr-defined]
+    force.direction = -1.0  # type: ignore[attr-defined]
+    run: Any = solve_ivp(
+        rates, (0.0, 0.1), [0.0, SPEED], "DOP853", events=force, rtol=1e-13, atol=1e-16, dense_output=True
+    )
+    time = float(run.t_events[0][0])
+    depth, rate = run.sol(np.linspace(0.0, time, 20_001))
+    return {
+        "restitution": -float(run.y_events[0][0][1]) / SPEED,
+        "contact time": time,
+        "peak force": float(np.max(k * depth + c * rate)),
+        "energy loss": 0.5 * MASS * (SPEED**2 - float(run.y_events[0][0][1]) ** 2),
+    }
+
+
+UNITS = {"restitution": "1", "contact time": "s", "peak force": "N", "energy loss": "J"}
+
+
+def linear_collision(quantity: str) -> Case:
+    """The closed form of a linear contact."""
+    found = collide(SOFT, MASS, SPEED)
+    computed = {
+        "restitution": found.restitution, "contact time": found.contact_time, "peak force": found.peak_force,
+        "energy loss": found.energy_loss,
+    }[quantity]  # fmt: skip
+    return Case(
+        f"Kelvin-Voigt, closed form: {quantity}", "integrated here (scipy, DOP853)", quantity, UNITS[quantity],
+        _integrated()[quantity], computed, 5e-9, "the largest of 20,001 samples, and of a parabola through 2001",
+    )  # fmt: skip
+
+
+def flown_collision(quantity: str) -> Case:
+    """The same contact event-driven: its row in the table of impacts."""
+    impacts = _thrown(SOFT, EventDriven()).impacts
+    computed = {
+        "restitution": impacts.restitution, "contact time": impacts.duration, "peak force": impacts.peak_force,
+        "energy loss": impacts.energy_loss,
+    }[quantity]  # fmt: skip
+    return Case(
+        f"Kelvin-Voigt, event-driven: {quantity}", "integrated here (scipy, DOP853)", quantity, UNITS[quantity],
+        _integrated()[quantity], float(computed[0]), 5e-9, "the largest of 20,001 samples; integration to 1e-13 a step",
+    )  # fmt: skip
+
+
+def rigid_steps() -> Case:
+    """Moreau and Jean's rule returns e v."""
+    impacts = _thrown(Rigid(0.6), MoreauJean(1e-4)).impacts
+    return Case(
+        "rigid contact, Moreau-Jean", "derived here (Newton's restitution)", "restitution", "1", 0.6,
+        float(impacts.restitution[0]), 1e-12, "rounding",
+    )  # fmt: skip
+
+
+def stepped_momentum(body: str) -> Case:
+    """Moreau and Jean's rule on two free bodies: 0.3 kg at 2 m/s into 0.7 kg at rest, e = 0.6."""
+    ball = Impactor("ball", "tip", 0.3, 1e-2, Rigid(0.6))
+    system = System.from_matrices([[0.7]], [[0.0]], [[0.0]], points={"tip": [1.0]}, impactors=[ball])
+    names = ("ball.velocity", "tip.velocity")
+    run = integrate(system, STILL, MoreauJean(1e-4), 0.01, Recorder(names), State(ball_velocity=[2.0]))
+    common = 2.0 * 0.3
+    reference = common - 0.6 * (2.0 - common) if body == "ball" else common + 0.6 * common
+    return Case(
+        f"collision of 0.3 and 0.7 kg, Moreau-Jean, {body}", "derived here (momentum and restitution)",
+        "velocity after", "m/s", reference, float(run[f"{body}.velocity"][-1]), 1e-12, "rounding",
+    )  # fmt: skip
+
+
+def unequal_gaps(side: int) -> Case:
+    """The instant of the first touch with a gap of 2 mm on the + side and of 5 mm on the - side."""
+    impacts = _thrown(Rigid(0.6), EventDriven(), (2e-3, 5e-3), side * SPEED).impacts
+    return Case(
+        f"gaps of 2 mm and 5 mm: first touch on the {'+' if side > 0 else '-'} side", "derived here (gap over speed)",
+        "time", "s", (2e-3 if side > 0 else 5e-3) / SPEED, float(impacts.time[0]), 1e-12, "rounding",
+    )  # fmt: skip
+
+
+def power_peak(exponent: float) -> Case:
+    """Peak force of k p^n: k p^(n + 1)/(n + 1) = m v^2/2 at the deepest point."""
+    stiffness = 1e5
+    law = PowerLaw(stiffness, exponent=exponent)
+    steps = 2000
+    method = Newmark(collide(law, MASS, SPEED).contact_time / steps)
+    depth = (0.5 * (exponent + 1) * MASS * SPEED**2 / stiffness) ** (1 / (exponent + 1))
+    return Case(
+        f"contact force k p^{exponent:g}, Newmark T_c/{steps}", "derived here (energy)", "peak force", "N",
+        stiffness * depth**exponent, float(_thrown(law, method).impacts.peak_force[0]), 2e-5,
+        f"second order: (2 pi/{steps})^2, for the period and for the largest of the steps",
+    )  # fmt: skip
+
+
+def hertz_energy() -> Case:
+    """Energy stored by a Hertz contact: the work of its force."""
+    from scipy.integrate import quad
+
+    stiffness, depth = 1e5, 1e-3
+    work = quad(lambda p: stiffness * p**1.5, 0.0, depth, epsabs=0.0, epsrel=1e-13)[0]
+    return Case(
+        "Hertz contact: stored energy", "derived here (quadrature)", "energy at 1 mm", "J", work,
+        contact_potential(Hertz(stiffness), depth, MASS), 1e-12, "rounding",
+    )  # fmt: skip
+
+
+def switching_energy() -> Case:
+    """Energy stored by the switching spring: the work of k_free x up to the wall, of k x beyond it."""
+    gap, free, stiffness = 1e-3, 100.0, 2000.0
+    run = _thrown(SwitchingSpring(free, stiffness), Newmark(1e-5))
+    energy = np.asarray(run.energy.contact) if run.energy is not None else np.zeros(1)
+    # the ball's own kinetic energy tells nothing here: this law makes energy; its deepest place does
+    x = float(np.max(np.abs(run["ball"])))
+    work = 0.5 * free * gap**2 + 0.5 * stiffness * (x**2 - gap**2)
+    return Case(
+        "switching spring: stored energy", "derived here (work of k x on either side of the wall)",
+        "largest stored energy", "J", work, float(np.max(energy)), 1e-12, "rounding",
+    )  # fmt: skip
+
+
+# ---- balances ------------------------------------------------------------------------------------
+
+
+def _box(law: ContactLaw, free_stiffness: float = 0.0) -> System:
+    """Two modes, a ball in a box on them."""
+    ball = Impactor("ball", "tip", 0.1, 2e-3, law, free_stiffness, -0.5)
+    omega = 2 * math.pi * np.array([5.0, 31.0])
+    return System.from_matrices(
+        np.eye(2), np.diag(0.02 * omega), np.diag(omega**2), points={"tip": [1.0, -0.8]}, impactors=[ball]
+    )  # fmt: skip
+
+
+BALANCED: dict[str, tuple[ContactLaw, Any, float]] = {
+    "rigid contact, event-driven": (Rigid(0.6), EventDriven(), 1e-11),
+    "Kelvin-Voigt, event-driven": (KelvinVoigt(stiffness=4e3, damping=2.0), EventDriven(), 1e-10),
+    "Kelvin-Voigt, energy-consistent": (
+        KelvinVoigt(stiffness=4e3, damping=2.0), Newmark(2e-4, contact="energy-consistent"), 1e-10,
+    ),
+    "Hertz, energy-consistent": (
+        Hertz(2e5), Newmark(2e-4, contact="energy-consistent", allow_coarse_step=True), 1e-10,
+    ),
+}  # fmt: skip
+
+
+def balance(name: str) -> Case:
+    """Work put in, energy stored and energy lost, each a sum of its own, over 20 cycles of impacts."""
+    law, method, bound = BALANCED[name]
+    run = integrate(_box(law), Sine(1e-3, 5.0), method, 4.0, Recorder(("tip",)))
+    closed = run.energy.residual if run.energy is not None and len(run.impacts) > 20 else math.nan
+    return Case(
+        f"{name}: energy of 20 cycles", "derived here (balance)", "largest residual over the work", "1", 0.0, closed,
+        bound, "rounding of some hundred contacts",
+    )  # fmt: skip
+
+
+def energy_of_modes(mode: int) -> Case:
+    """A rigid impact on two modes at rest: each takes (phi J)^2/2, J = (1 + e) v/(1/m + sum of phi^2)."""
+    ball, e, row = 0.1, 0.6, (1.0, -0.8)
+    run = integrate(_box(Rigid(e)), STILL, EventDriven(), 0.02, initial=State(ball_velocity=[-SPEED]))
+    # -0.5 m/s^2 over the 2 mm of gap
+    impulse = (1 + e) * math.sqrt(SPEED**2 + 2 * 0.5 * 2e-3) / (1 / ball + row[0] ** 2 + row[1] ** 2)
+    return Case(
+        f"rigid impact on two modes at rest, mode {mode}", "derived here (momentum and restitution)", "energy to it",
+        "J", 0.5 * (row[mode - 1] * impulse) ** 2, float(run.impacts.energy_to_modes[0, mode - 1]), 1e-11, "rounding",
+    )  # fmt: skip
+
+
+def centring_spring(flown: bool) -> Case:
+    """A ball on its spring between walls out of reach: x0 cos(sqrt(k/m) t)."""
+    stiffness, start, time = 40.0, 1e-3, 1.0
+    law = Rigid(0.6) if flown else KelvinVoigt(restitution=0.6, contact_time=0.1)
+    ball = Impactor("ball", "tip", MASS, 1.0, law, stiffness)
+    system = System.from_matrices([[1.0]], [[0.1]], [[1.0]], points={"tip": [0.0]}, impactors=[ball])
+    method = EventDriven() if flown else Newmark(1e-4)
+    run = integrate(system, STILL, method, time, Recorder(("ball",)), State(ball_displacement=[start]))
+    return Case(
+        f"ball on a centring spring, {'event-driven' if flown else 'Newmark'}", "derived here (cosine)",
+        "displacement after 1 s", "m", start * math.cos(math.sqrt(stiffness / MASS) * time), float(run["ball"][-1]),
+        1e-12 if flown else 1e-5, "rounding" if flown else "(omega dt)^2/12 = 7e-7 a radian over 28 of them, over 2",
+    )  # fmt: skip
+
+
+def sticking_impulse() -> Case:
+    """A ball that lies on a table A sin(w t): its contact's impulse is m g T and its own change of momentum."""
+    table = Sine(0.4 * GRAVITY / (2 * math.pi * FREQUENCY) ** 2, FREQUENCY)
+    run = integrate(shaken_floor(0.4, (1.0, 0.0), -GRAVITY), table, EventDriven(), 1.0125)
+    begin = float(run.riding.start[0])
+    end = float(run.time[-1])
+    change = float(table.velocity(end) - table.velocity(begin))
+    return Case(
+        "ball that lies on a vibrating table", "derived here (momentum)", "impulse of the contact", "N s",
+        GRAVITY * (end - begin) + change, float(run.riding.impulse[0]), 1e-11, "rounding",
+    )  # fmt: skip
+
+
+CASES: tuple[Callable[[], Case], ...] = (
+    *(partial(check, quantity) for check in (linear_collision, flown_collision) for quantity in UNITS),
+    rigid_steps,
+    *(partial(stepped_momentum, body) for body in ("ball", "tip")),
+    *(partial(unequal_gaps, side) for side in (1, -1)),
+    *(partial(power_peak, exponent) for exponent in (1.2, 1.5)),
+    hertz_energy,
+    switching_energy,
+    *(partial(balance, name) for name in BALANCED),
+    *(partial(energy_of_modes, mode) for mode in (1, 2)),
+    *(partial(centring_spring, flown) for flown in (True, False)),
+    sticking_impulse,
+)
+"""The cases of this subject, in the order of the table."""

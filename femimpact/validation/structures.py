@@ -1,0 +1,249 @@
+"""Beams with bodies, steps and other supports: roots of their own equations, effective masses, damping, flexibility."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.assembly import assemble
+from femimpact.contact import Rigid
+from femimpact.convergence import converge_elements
+from femimpact.damping import Rayleigh
+from femimpact.modes import solve_modes
+from femimpact.reduction import reduce
+from femimpact.structure import Beam, Impactor, PointMass, Segment, Structure, Support, glue_impactors
+from femimpact.system import System
+from femimpact.validation.beams import BENDING_STIFFNESS, ELEMENTS, LENGTH, MASS_PER_LENGTH, ROOTS, uniform_beam
+from femimpact.validation.case import Case
+
+__all__ = ["CASES"]
+
+BEAM_MASS = MASS_PER_LENGTH * LENGTH
+MESH = f"(beta h)^4/2880 of {ELEMENTS} cubic elements, and 1e-9 of rounding"
+
+
+def _mesh_error(root: float) -> float:
+    return 1.2 * math.pow(root / ELEMENTS, 4) / 2880 + 1e-9
+
+
+def _computed_root(structure: Structure, mode: int) -> float:
+    """Beta L by the bending stiffness and the mass per length of this module."""
+    omega = 2 * math.pi * float(solve_modes(assemble(structure, ELEMENTS), mode).natural_frequency[mode - 1])
+    return LENGTH * math.pow(omega**2 * MASS_PER_LENGTH / BENDING_STIFFNESS, 0.25)
+
+
+def _shape(x: float) -> NDArray[np.float64]:
+    """(w, w', w'', w''') of both motions cosh - cos and sinh - sin that a clamped root allows, derivatives by x."""
+    c, s, ch, sh = math.cos(x), math.sin(x), math.cosh(x), math.sinh(x)
+    return np.array([[ch - c, sh - s], [sh + s, ch - c], [ch + c, sh + s], [sh - s, ch + c]])
+
+
+def _tip_conditions(x: float, mass: float, inertia: float) -> NDArray[np.float64]:
+    """Moment and shear at a tip with a body: mass over rho A L, rotary inertia over rho A L^3."""
+    w, slope, moment, shear = _shape(x)
+    return np.array([moment - inertia * x**3 * slope, shear + mass * x * w])
+
+
+def _tip_body_root(mode: int, mass: float, inertia: float) -> float:
+    from scipy.optimize import brentq
+
+    def determinant(x: float) -> float:
+        return float(np.linalg.det(_tip_conditions(x, mass, inertia)) / math.cosh(x))
+
+    grid = np.linspace(0.3, 12.0, 400)
+    values = [determinant(x) for x in grid]
+    below = [i for i in range(grid.size - 1) if values[i] * values[i + 1] < 0][mode - 1]
+    return float(brentq(determinant, grid[below], grid[below + 1], xtol=1e-15, rtol=1e-14))
+
+
+def tip_body(mode: int) -> Case:
+    """Frequency with a body at the tip that has a rotary inertia."""
+    mass, inertia = 0.5, 0.02
+    root = _tip_body_root(mode, mass, inertia)
+    body = PointMass("box", "tip", mass * BEAM_MASS, inertia * BEAM_MASS * LENGTH**2)
+    return Case(
+        f"cantilever, tip body with rotary inertia, mode {mode}", "derived here (transcendental equation)", "beta L",
+        "1", root, _computed_root(Structure(uniform_beam(), masses=(body,)), mode), _mesh_error(root), MESH,
+    )  # fmt: skip
+
+
+def glued_ball() -> Case:
+    """A ball glued to the tip is a tip mass."""
+    ball = Impactor("ball", "tip", 0.5 * BEAM_MASS, 1e-3, Rigid(0.5))
+    root = _tip_body_root(1, 0.5, 0.0)
+    return Case(
+        "cantilever, ball of 0.5 beam masses glued to the tip", "derived here (transcendental equation)", "beta L", "1",
+        root, _computed_root(glue_impactors(Structure(uniform_beam(), impactors=(ball,))), 1), _mesh_error(root), MESH,
+    )  # fmt: skip
+
+
+def pinned_pinned(mode: int) -> Case:
+    """A beam on two pins: beta L = n pi."""
+    pins = (Support("pinned", "root"), Support("pinned", "tip"))
+    root = mode * math.pi
+    return Case(
+        f"beam on two pins, mode {mode}", "Blevins (1979), table 8-1", "beta L", "1", root,
+        _computed_root(Structure(uniform_beam(), supports=pins), mode), _mesh_error(root), MESH,
+    )  # fmt: skip
+
+
+def stepped_beam() -> Case:
+    """Two halves, the inner one of twice the thickness: deflection, slope, moment and shear go on at the joint."""
+    from scipy.optimize import brentq
+
+    half, thick = 0.5, 2.0
+    # of the thicker half: EI by thick^3, rho A by thick, so beta by thick^-1/2
+    stiff, slower = thick**3, thick**-0.5
+
+    def free(z: float) -> NDArray[np.float64]:
+        c, s, ch, sh = math.cos(z), math.sin(z), math.cosh(z), math.sinh(z)
+        return np.array([[c, s, ch, sh], [-s, c, sh, ch], [-c, -s, ch, sh], [s, -c, sh, ch]])
+
+    def determinant(x: float) -> float:
+        inner = _shape(slower * x * half)
+        scale = np.array([1.0, slower, stiff * slower**2, stiff * slower**3])
+        matrix = np.zeros((6, 6))
+        matrix[:4, :2], matrix[:4, 2:] = scale[:, None] * inner, -free(0.0)
+        matrix[4:, 2:] = free(x * half)[2:]
+        return float(np.linalg.det(matrix))
+
+    root = float(brentq(determinant, 1.9, 3.2, xtol=1e-15, rtol=1e-14))
+    outer = uniform_beam().segments[0]
+    width, thickness = outer.rectangle
+    beam = Beam(
+        tuple(
+            Segment(LENGTH / 2, outer.young_modulus, outer.density, width, factor * thickness, name=name)
+            for name, factor in (("inner", thick), ("outer", 1.0))
+        )
+    )
+    return Case(
+        "cantilever of two thicknesses, mode 1", "derived here (determinant of six conditions)", "beta L", "1", root,
+        _computed_root(Structure(beam), 1), _mesh_error(root), MESH,
+    )  # fmt: skip
+
+
+def _closed_mode(mode: int, mass: float) -> tuple[float, float]:
+    """Effective mass over the beam's, and (tip displacement)^2 times the beam's mass, of a cantilever's mode."""
+    from scipy.integrate import quad
+
+    x = _tip_body_root(mode, mass, 0.0)
+    first, second = _tip_conditions(x, mass, 0.0)[0]
+    share = np.array([1.0, -first / second])
+
+    def w(z: float) -> float:
+        return float(_shape(x * z)[0] @ share)
+
+    tip = w(1.0)
+    square = quad(lambda z: w(z) ** 2, 0.0, 1.0, epsabs=0.0, epsrel=1e-12)[0] + mass * tip**2
+    mean = quad(w, 0.0, 1.0, epsabs=0.0, epsrel=1e-12)[0] + mass * tip
+    return mean**2 / square, tip**2 / square
+
+
+def effective_mass(mode: int) -> Case:
+    """What a mode takes part in a motion of the base: (phi^T M r)^2/(phi^T M phi)."""
+    mass = 0.5
+    structure = Structure(uniform_beam(), masses=(PointMass("box", "tip", mass * BEAM_MASS),))
+    found = float(solve_modes(assemble(structure, ELEMENTS), mode).effective_mass[mode - 1])
+    return Case(
+        f"cantilever with a tip mass of 0.5 beam masses, mode {mode}: effective mass",
+        "derived here (quadrature of the closed form)", "effective mass", "kg",
+        _closed_mode(mode, mass)[0] * BEAM_MASS, found, 1e-7,
+        f"(beta h)^4 of {ELEMENTS} cubic elements over some hundred",
+    )  # fmt: skip
+
+
+def contact_mass() -> Case:
+    """Mass that the first mode puts against a ball: 1/(1/m + phi^2)."""
+    ball = 0.1 * BEAM_MASS
+    structure = Structure(uniform_beam(), impactors=(Impactor("ball", "tip", ball, 1e-3, Rigid(0.5)),))
+    return Case(
+        "cantilever against a ball of 0.1 beam masses", "derived here (quadrature of the closed form)",
+        "effective mass of the contact", "kg", 1 / (1 / ball + _closed_mode(1, 0.0)[1] / BEAM_MASS),
+        assemble(structure, ELEMENTS).contacts[0].effective_mass, 1e-7,
+        f"(beta h)^4 of {ELEMENTS} cubic elements over some hundred",
+    )  # fmt: skip
+
+
+def damping_of_mode_3() -> Case:
+    """Rayleigh damping given at two modes, at the third."""
+    first, second, third = (root**2 for root in ROOTS[:3])
+    asked = (0.02, 0.03)
+    alpha, beta = np.linalg.solve([[0.5 / first, 0.5 * first], [0.5 / second, 0.5 * second]], asked)
+    structure = Structure(uniform_beam(), damping=Rayleigh(ratio=asked, modes=(1, 2)))
+    found = float(solve_modes(assemble(structure, ELEMENTS), 3).damping_ratio[2])
+    return Case(
+        "cantilever, 2 % and 3 % in modes 1 and 2", "derived here (two linear equations)", "damping ratio of mode 3",
+        "1", 0.5 * (alpha / third + beta * third), found, 1e-7, "the mesh and the 8 decimals of the roots",
+    )  # fmt: skip
+
+
+def _corrected() -> System:
+    """One mode of the cantilever, and the residual vector of its tip."""
+    ball = Impactor("ball", "tip", 0.1 * BEAM_MASS, 1e-3, Rigid(0.5))
+    return reduce(assemble(Structure(uniform_beam(), impactors=(ball,)), ELEMENTS), 1, static_correction=True)
+
+
+def residual_vector() -> Case:
+    """One mode and the residual vector of the tip have the whole static flexibility there, L^3/(3 E I)."""
+    system = _corrected()
+    direction = system.contacts[0].direction
+    return Case(
+        "cantilever, one mode and its static correction", "MacNeal (1971); F L^3/(3 E I)", "flexibility at the tip",
+        "m/N", LENGTH**3 / (3 * BENDING_STIFFNESS), float(direction @ (direction / system.K.diagonal())), 1e-9,
+        "cubic elements are exact for end loads: rounding only",
+    )  # fmt: skip
+
+
+def residual_root() -> Case:
+    """Second Ritz frequency of the first mode and the deflection z^2 (3 - z)/2 under an end load."""
+    from scipy.integrate import quad
+    from scipy.linalg import eigh
+
+    x = _tip_body_root(1, 0.0, 0.0)
+    first, second = _tip_conditions(x, 0.0, 0.0)[0]
+
+    def mode(z: float) -> float:
+        return float(_shape(x * z)[0] @ [1.0, -first / second])
+
+    def bent(z: float) -> float:
+        return 0.5 * z**2 * (3 - z)
+
+    pairs = ((mode, mode), (mode, bent), (bent, bent))
+    own, both, static = (quad(lambda z, f=f, g=g: f(z) * g(z), 0.0, 1.0, epsrel=1e-12)[0] for f, g in pairs)
+    # the mode turns K into x^4 M; of the other, the integral of (3 - 3 z)^2 is 3
+    squares = eigh([[x**4 * own, x**4 * both], [x**4 * both, 3.0]], [[own, both], [both, static]], eigvals_only=True)
+    omega = math.sqrt(float(_corrected().K.diagonal()[1]))
+    return Case(
+        "cantilever, frequency of the static correction", "derived here (Ritz, by quadrature)", "beta L", "1",
+        float(squares[1]) ** 0.25, LENGTH * math.pow(omega**2 * MASS_PER_LENGTH / BENDING_STIFFNESS, 0.25), 1e-7,
+        f"the mode's (beta h)^4 of {ELEMENTS} cubic elements",
+    )  # fmt: skip
+
+
+def mesh_order() -> Case:
+    """Frequencies of cubic elements converge with the fourth power of their length."""
+    counts: Sequence[int] = (4, 8, 16)
+    found = float(converge_elements(Structure(uniform_beam()), counts, modes=1).order[0])
+    return Case(
+        "cantilever, mode 1 over 4, 8 and 16 elements", "Strang and Fix (1973)", "order of convergence", "1", 4.0,
+        found, 9e-3, "the next term of the error, (beta h)^6, on 4 elements",
+    )  # fmt: skip
+
+
+CASES: tuple[Callable[[], Case], ...] = (
+    *(partial(tip_body, mode) for mode in (1, 2)),
+    glued_ball,
+    *(partial(pinned_pinned, mode) for mode in (1, 2)),
+    stepped_beam,
+    *(partial(effective_mass, mode) for mode in (1, 2)),
+    contact_mass,
+    damping_of_mode_3,
+    residual_vector,
+    residual_root,
+    mesh_order,
+)
+"""The cases of this subject, in the order of the table."""
