@@ -42,7 +42,7 @@ class DampingEstimate:
     ratio : float, 1
         Not a number where the method found none.
     frequency : float, Hz
-        Natural frequency (fit) or frequency of the peak (half-power).
+        Natural frequency (fit) or frequency of the peak (half-power); not a number where no curve was read.
     interval : pair of float, 1
         95 % confidence interval of the fit's ratio, not a number where the misfit is no noise; for half-power,
         what the grid leaves open.
@@ -51,7 +51,7 @@ class DampingEstimate:
     """
 
     ratio: float = field(metadata=quantity("1", at_least=0.0, finite=False))
-    frequency: float = field(metadata=quantity("Hz", above=0.0))
+    frequency: float = field(metadata=quantity("Hz", above=0.0, finite=False))
     interval: tuple[float, float] = field(metadata=quantity("1", finite=False, several=True))
     method: str = field(metadata=text())
     warnings: tuple[str, ...] = field(default=(), metadata=text(several=True))

@@ -17,6 +17,7 @@ APART = {
     "test_contact_table.py": "collisions alone, without a structure",
     "test_linear_response.py": "the structure without balls",
     "test_regimes.py": "tables of impacts made by hand",
+    "test_replace.py": "looks at fields of one short run",
 }
 """Test files that speak of impacts and are not marked, with the reason."""
 
