@@ -27,7 +27,7 @@ __all__ = ["ComplexModes", "complex_modes"]
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-TOGETHER = 3e-2
+TOGETHER = 0.1
 """Eigenvalues nearer to one another than this share of their size are treated as one block."""
 
 WELL_APART = 30.0
@@ -101,14 +101,14 @@ class ComplexModes:
 
 
 @dataclass(frozen=True, eq=False)
-class _Pair:
-    """One invariant pair, over the coordinates it moves; `weight` 2 stands for the conjugate pair that is left out."""
+class _Part:
+    """Some entries over the coordinates that they move: k of them, m coordinates."""
 
-    X: Complex
-    S: Complex
-    from_u: Complex
-    from_v: Complex
-    weight: float
+    members: NDArray[np.intp]  # (m,)
+    S: Complex  # (k, k) upper triangular; a block unless diagonal
+    X: Complex  # (m, k), twice where the conjugate entry is left out
+    from_u: Complex  # (k, m)
+    from_v: Complex  # (k, m)
 
 
 def complex_modes(omega_squared: Real, damping: Real) -> ComplexModes:
@@ -124,29 +124,45 @@ def complex_modes(omega_squared: Real, damping: Real) -> ComplexModes:
     Returns
     -------
     ComplexModes
+
+    Raises
+    ------
+    DivergenceError
+        If the modes do not give back displacements and velocities: they span too many decades.
     """
-    n = omega_squared.size
-    found: list[tuple[NDArray[np.intp], _Pair]] = []
-    for members in _components(damping):
-        own, among = omega_squared[members], damping[np.ix_(members, members)]
-        alone = _single(float(own[0]), float(among[0, 0])) if members.size == 1 else []
-        found += [(members, pair) for pair in alone or _pairs(own, among)]
-    found.sort(key=lambda item: float(np.abs(np.diag(item[1].S)).mean()))
-    size = sum(pair.S.shape[0] for _, pair in found)
-    exponent, coupling = np.zeros(size, dtype=complex), np.zeros((size, size), dtype=complex)
+    alone, groups = _components(damping)
+    parts = _uncoupled(alone, omega_squared, np.diag(damping))
+    for members in groups:
+        parts += _coupled(members, omega_squared[members], damping[np.ix_(members, members)])
+    n, size = omega_squared.size, sum(part.S.shape[0] for part in parts)
+    S, key = np.zeros((size, size), dtype=complex), np.zeros(size)
     shape, from_u, from_v = np.zeros((n, size), complex), np.zeros((size, n), complex), np.zeros((size, n), complex)
-    blocks, first = list[tuple[int, int]](), 0
-    for members, pair in found:
-        count = pair.S.shape[0]
-        entries = slice(first, first + count)
-        exponent[entries] = np.minimum(np.diag(pair.S).real, 0.0) + 1j * np.diag(pair.S).imag
-        coupling[entries, entries] = np.triu(pair.S, 1)
-        shape[members, entries] = pair.weight * pair.X
-        from_u[entries, members], from_v[entries, members] = pair.from_u, pair.from_v
-        if np.any(coupling[entries, entries]):
-            blocks.append((first, count))
+    sizes, first = np.zeros(size, dtype=np.int64), 0
+    for part in parts:
+        count = part.S.shape[0]
+        own = slice(first, first + count)
+        S[own, own], shape[part.members, own] = part.S, part.X
+        from_u[own, part.members], from_v[own, part.members] = part.from_u, part.from_v
+        key[own], sizes[own] = np.abs(np.diag(part.S)), 1
+        if np.any(np.triu(part.S, 1)):
+            # entries of a block stay side by side
+            key[own], sizes[own] = key[own].mean(), count
         first += count
-    modes = ComplexModes(exponent, coupling, np.array(blocks, dtype=np.int64).reshape(-1, 2), shape, from_u, from_v)
+    order = np.argsort(key, kind="stable")
+    S, sizes = S[np.ix_(order, order)], sizes[order]
+    exponent, blocks, k = np.diag(S), list[tuple[int, int]](), 0
+    while k < size:
+        if sizes[k] > 1:
+            blocks.append((k, int(sizes[k])))
+        k += int(sizes[k])
+    modes = ComplexModes(
+        np.minimum(exponent.real, 0.0) + 1j * exponent.imag,
+        np.triu(S, 1),
+        np.array(blocks, dtype=np.int64).reshape(-1, 2),
+        shape[:, order],
+        from_u[order],
+        from_v[order],
+    )
     _check_complete(modes)
     return modes
 
@@ -165,60 +181,101 @@ def _check_complete(modes: ComplexModes) -> None:
         )
 
 
-def _components(damping: Real) -> list[NDArray[np.intp]]:
-    """Groups of coordinates that damping couples; off-diagonal terms of the size of rounding couple nothing."""
-    diagonal, off = np.abs(np.diag(damping)), np.abs(damping - np.diag(np.diag(damping)))
+def _components(damping: Real) -> tuple[NDArray[np.intp], list[NDArray[np.intp]]]:
+    """Coordinates that move alone, and groups that damping couples; terms of the size of rounding couple nothing."""
+    diagonal = np.diag(damping)
     scale = np.sqrt(np.outer(diagonal, diagonal))
+    off = np.abs(damping)
     coupled = (off > 1e-12 * (scale + 1e-300)) & (off > 1e-13 * float(diagonal.max(initial=0.0)))
-    count, label = connected_components(coupled, directed=False)
+    np.fill_diagonal(coupled, False)
+    lonely = np.asarray(~coupled.any(axis=0))
+    return np.flatnonzero(lonely), [members for members in _linked(coupled) if not lonely[members[0]]]
+
+
+def _linked(near: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Groups of a symmetric relation."""
+    if not np.any(np.triu(near, 1)):
+        return [np.array([i]) for i in range(near.shape[0])]
+    count, label = connected_components(near, directed=False)
     return [np.flatnonzero(label == i) for i in range(count)]
 
 
-def _single(omega_squared: float, c: float) -> list[_Pair]:
-    """One coordinate: lambda = -c/2 +- sqrt(c^2/4 - omega^2); none where both lie together."""
-    discriminant = 0.25 * c * c - omega_squared
-    root = np.sqrt(abs(discriminant))
-    if 2.0 * root <= TOGETHER * max(0.5 * c, root):
-        return []
-    one = np.ones((1, 1), dtype=complex)
-    if discriminant < 0.0:
-        sigma = -0.5 * c
-        return [_Pair(one, one * complex(sigma, root), one * complex(0.5, 0.5 * sigma / root), -0.5j / root * one, 2.0)]
+def _uncoupled(members: NDArray[np.intp], omega_squared: Real, damping: Real) -> list[_Part]:
+    """Coordinates that move alone: lambda = -c/2 +- sqrt(c^2/4 - omega^2)."""
+    c, square = damping[members], omega_squared[members]
+    discriminant = 0.25 * c * c - square
+    root = np.sqrt(np.abs(discriminant))
+    together = 2.0 * root <= TOGETHER * np.maximum(0.5 * c, root)
+    parts = []
+    for i in np.flatnonzero(together):
+        parts += _coupled(members[[i]], square[[i]], c[[i], None])
+    swinging = np.flatnonzero(~together & (discriminant < 0.0))
+    sigma, w = -0.5 * c[swinging], root[swinging]
+    parts.append(_diagonal(members[swinging], sigma + 1j * w, 2.0, 0.5 + 0.5j * sigma / w, -0.5j / w))
+    creeping = np.flatnonzero(~together & (discriminant >= 0.0))
     # the slow one from the product of both: no difference of near numbers
-    fast = -0.5 * c - root
-    slow = omega_squared / fast
-    return [
-        _Pair(one, one * own, one * (-sign * other / (slow - fast)), one * (sign / (slow - fast)), 1.0)
-        for own, other, sign in ((slow, fast, 1.0), (fast, slow, -1.0))
-    ]
+    fast = -0.5 * c[creeping] - root[creeping]
+    slow = square[creeping] / fast
+    apart = slow - fast
+    parts.append(_diagonal(members[creeping], slow, 1.0, -fast / apart, 1.0 / apart))
+    parts.append(_diagonal(members[creeping], fast, 1.0, slow / apart, -1.0 / apart))
+    return parts
 
 
-def _pairs(omega_squared: Real, damping: Real) -> list[_Pair]:
-    """Invariant pairs of coupled coordinates, one of every two conjugate ones."""
+def _diagonal(members: NDArray[np.intp], value: Any, weight: float, from_u: Any, from_v: Any) -> _Part:
+    """One entry for each of some coordinates."""
+    S, to_u, to_v = (np.diag(np.asarray(each, dtype=complex)) for each in (value, from_u, from_v))
+    return _Part(members, S, weight * np.eye(members.size).astype(complex), to_u, to_v)
+
+
+def _coupled(members: NDArray[np.intp], omega_squared: Real, damping: Real) -> list[_Part]:
+    """Coordinates that damping couples, or one near its critical damping; one of every two conjugate entries."""
     # (unit u, u'): the norm of the state is its energy, and no motion grows in it
     unit = np.sqrt(np.maximum(omega_squared, 1e-12 * max(float(omega_squared.max()), 1.0)))
     n = unit.size
     state = np.block([[np.zeros((n, n)), np.diag(unit)], [-np.diag(omega_squared / unit), -damping]])
     values, right = scipy.linalg.eig(state)
-    distance = np.abs(values[:, None] - values) * 2.0
-    near = distance <= TOGETHER * (np.abs(values)[:, None] + np.abs(values))
-    count, label = connected_components(near, directed=False)
-    pairs = []
-    for i in range(count):
-        members = np.flatnonzero(label == i)
-        if np.all(values[members].imag < 0.0):
+    near = 2.0 * np.abs(values[:, None] - values) <= TOGETHER * (np.abs(values)[:, None] + np.abs(values))
+    parts, alone = list[_Part](), []
+    for own in _linked(near):
+        if np.all(values[own].imag < 0.0):
             continue
-        own_conjugate = bool(np.any(values[members].imag <= 0.0))
-        if members.size == 1:
-            X, S = right[:n, members] / unit[:, None], values[members][:, None]
-        else:
-            X, S = _invariant(state, values, members)
-            X = X / unit[:, None]
-        X, S = _refined(X.astype(complex), S.astype(complex), omega_squared, damping)
-        if members.size == 1 and own_conjugate:
-            X, S = X.real.astype(complex), S.real.astype(complex)
-        pairs.append(_normalised(X, S, damping, 1.0 if own_conjugate else 2.0))
-    return pairs
+        if own.size == 1:
+            alone.append(own[0])
+            continue
+        X, S = _invariant(state, values, own)
+        X, S = _refined_pair(X / unit[:, None], S, omega_squared, damping)
+        weight = 1.0 if bool(np.any(values[own].imag <= 0.0)) else 2.0
+        parts.append(_normalised(members, X, S, damping, weight))
+    if alone:
+        parts.append(_simple(members, values[alone], right[:n, alone] / unit[:, None], omega_squared, damping))
+    return parts
+
+
+def _simple(members: NDArray[np.intp], values: Complex, X: Complex, omega_squared: Real, damping: Real) -> _Part:
+    """Entries of eigenvalues that stand alone, after two Newton steps: slow decays keep their digits beside fast."""
+    n, k = X.shape
+    rows, real = np.arange(k), values.imag == 0.0
+    pivot = np.argmax(np.abs(X), axis=0)
+    X = X / X[pivot, rows]
+    for _ in range(2):
+        border = np.zeros((k, n + 1, n + 1), dtype=complex)
+        border[:, :n, :n] = values[:, None, None] * damping
+        border[:, range(n), range(n)] += values[:, None] ** 2 + omega_squared
+        residual = np.einsum("kij,jk->ki", border[:, :n, :n], X)
+        border[:, :n, n] = (2.0 * values * X + damping @ X).T
+        border[rows, n, pivot] = 1.0
+        # rows scaled to one another: the fast modes must not drown the slow one
+        scale = 1.0 / np.max(np.abs(border), axis=2)
+        right = np.concatenate([-residual, np.zeros((k, 1))], axis=1) * scale
+        step = np.linalg.solve(border * scale[:, :, None], right[:, :, None])[:, :, 0]
+        X, values = X + step[:, :n].T, values + step[:, n]
+    values, X = np.where(real, values.real, values), np.where(real, X.real, X)
+    # the left vector of a symmetric problem: x^T (v + (lambda + D) u) / x^T (2 lambda + D) x
+    turned = damping @ X
+    norm = np.einsum("ik,ik->k", X, 2.0 * values * X + turned)
+    weight = np.where(real, 1.0, 2.0)
+    return _Part(members, np.diag(values), weight * X, ((values * X + turned) / norm).T, (X / norm).T)
 
 
 def _invariant(state: Real, values: Complex, members: NDArray[np.intp]) -> tuple[Complex, Complex]:
@@ -232,16 +289,15 @@ def _invariant(state: Real, values: Complex, members: NDArray[np.intp]) -> tuple
     return vectors[: state.shape[0] // 2, :m], triangular[:m, :m]
 
 
-def _refined(X: Complex, S: Complex, omega_squared: Real, damping: Real) -> tuple[Complex, Complex]:
+def _refined_pair(X: Complex, S: Complex, omega_squared: Real, damping: Real) -> tuple[Complex, Complex]:
     """An invariant pair after two Newton steps: slow decays keep their digits beside fast modes (Kressner, 2009)."""
     for _ in range(2):
         try:
             X, S = _newton_step(X, S, omega_squared, damping)
         except np.linalg.LinAlgError:
             break
-        if S.shape[0] > 1:
-            S, turned = scipy.linalg.schur(S, output="complex")
-            X = X @ turned
+        S, turned = scipy.linalg.schur(S, output="complex")
+        X = X @ turned
     return X, S
 
 
@@ -270,17 +326,14 @@ def _newton_step(X: Complex, S: Complex, omega_squared: Real, damping: Real) -> 
     return X + dX, S + dS
 
 
-def _normalised(X: Complex, S: Complex, damping: Real, weight: float) -> _Pair:
+def _normalised(members: NDArray[np.intp], X: Complex, S: Complex, damping: Real, weight: float) -> _Part:
     """The pair with its coordinates; diagonal where its eigenvectors are well apart."""
-    size = float(np.abs(np.diag(S)).max())
-    if S.shape[0] > 1:
-        S = np.where(np.abs(S) > ROUNDING * size, S, np.diag(np.diag(S)))
-    diagonal = not np.any(np.triu(S, 1))
-    if not diagonal:
+    S = np.where(np.abs(S) > ROUNDING * float(np.abs(np.diag(S)).max()), S, np.diag(np.diag(S)))
+    if np.any(np.triu(S, 1)):
         own, vectors = scipy.linalg.eig(S)
         if np.linalg.cond(vectors) <= WELL_APART:
-            X, S, diagonal = X @ vectors, np.diag(own), True
-    G = X.T @ damping @ X + X.T @ X @ S + S.T @ X.T @ X
-    both = np.linalg.solve(G, np.hstack([X.T @ damping + S.T @ X.T, X.T])).astype(complex)
-    n = X.shape[0]
-    return _Pair(X, S, both[:, :n], both[:, n:], weight)
+            X, S = X @ vectors, np.diag(own)
+    n, turned = X.shape[0], damping @ X
+    G = X.T @ turned + X.T @ X @ S + S.T @ X.T @ X
+    both = np.linalg.solve(G, np.hstack([turned.T + S.T @ X.T, X.T])).astype(complex)
+    return _Part(members, S, weight * X, both[:, :n], both[:, n:])
