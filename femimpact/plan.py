@@ -110,23 +110,26 @@ def write_convergence(
     require(study.mesh.file is None, "mesh.file", study.mesh.file, "", "convergence needs [mesh] elements, not a file")
     least = len(set(small.points.values())) - 1
     counts = [n for n in MESHES if n >= least]
-    with prepare_directory(directory, force) as folder:
+    with prepare_directory(directory, force) as staging:
+        folder = staging.folder
         report("meshes", 0.0)
         mesh = converge_elements(study.structure, counts)
         report("meshes", 1.0)
-        report("steps", 0.0)
-        step = converge_step(small, study.sine, cast(Newmark, method))
-        report("steps", 1.0)
         columns: dict[str, Any] = {"elements": mesh.elements}
         for i in range(mesh.reference.size):
             columns[f"natural_frequency_{i + 1}"] = mesh.natural_frequency[:, i]
             columns[f"error_{i + 1}"] = mesh.error[:, i]
         units = {name: "Hz" if "frequency" in name else "1" for name in columns if name != "elements"}
         tables.write_csv(folder / "mesh_convergence.csv", columns, units)
+        staging.finish_part("meshes")
+        report("steps", 0.0)
+        step = converge_step(small, study.sine, cast(Newmark, method))
+        report("steps", 1.0)
         columns = {
             name: getattr(step, name) for name in ("dt", "linear_error", "first_impact_error", "energy_residual")
         }
         tables.write_csv(folder / "step_convergence.csv", columns, {"dt": "s"})
+        staging.finish_part("steps")
         figures.save_figure(figures.mesh_convergence_figure(mesh), folder / "mesh_convergence.png")
         figures.save_figure(figures.step_convergence_figure(step), folder / "step_convergence.png")
     return mesh, step, directory
