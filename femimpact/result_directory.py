@@ -132,13 +132,15 @@ def complete_move(directory: str | Path, superseded: Callable[[Path], Sequence[s
     target = Path(directory)
     running = target / RUNNING
     require(unfinished_state(target) is not None, "directory", str(target), "", "holds no unfinished results")
+    parts = _finished(running)
+    usable = bool(parts) or (running / JOURNAL).exists() or _Lock.is_held(running)
+    require(
+        usable, "directory", str(target), "", "holds a run that ended before its first part was finished: run it again"
+    )
     lock = _Lock(target)
     try:
         with _named(target, None):
-            parts = _finished(running)
             if not (running / JOURNAL).exists():
-                allowed = "holds a run that was ended before its first part was finished: run it again"
-                require(bool(parts), "directory", str(target), "", allowed)
                 _write_journal(Staging(target, running / FILES), superseded(target))
             _move_noted(target, running)
     finally:
@@ -154,14 +156,13 @@ def unfinished_state(target: Path) -> str | None:
     if _Lock.is_held(running):
         return "a run is writing into it"
     if (running / JOURNAL).exists():
-        return f"its results are moved in part: 'femimpact finish {target}' finishes that"
+        return f"its results are moved in part: 'femimpact finish {target}' finishes the move"
     parts = _finished(running)
     if parts:
         return (
-            f"it holds a run that was ended after {_listed(parts)}: 'femimpact finish {target}' keeps that, "
-            "or run it again"
+            f"it holds a run that ended after {_listed(parts)}: 'femimpact finish {target}' keeps that, or run it again"
         )
-    return "it holds a run that was ended before its first part was finished: run it again"
+    return "it holds a run that ended before its first part was finished: run it again"
 
 
 # ---- before the work ------------------------------------------------------------------------------
@@ -195,7 +196,7 @@ def _clear_leftovers(target: Path, running: Path) -> None:
     elif (running / FILES).exists():
         parts = _finished(running)
         held = f", with {_listed(parts)}" if parts else ""
-        text = f"{target}: removed what a run that was ended had left there{held}"
+        text = f"{target}: removed what a run that did not end well had left there{held}"
         warnings.warn(text, ResultsWarning, stacklevel=4)
     for item in running.iterdir():
         if item.name != LOCK:
@@ -375,7 +376,7 @@ def _named(target: Path, key: str | None) -> Iterator[None]:
         if key is not None:
             text = f"cannot be written: {error.strerror or error}"
             raise InputError([Fault(key, str(target), "", text)]) from None
-        name = os.fsdecode(error.filename) if isinstance(error.filename, (str, bytes)) else ""
+        name = "" if error.filename is None else os.fsdecode(error.filename)
         for folder in (files, hidden):
             if name == folder or name.startswith(folder + os.sep):
                 error.filename, error.filename2 = str(target) + name[len(folder) :], None
