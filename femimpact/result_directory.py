@@ -162,6 +162,8 @@ def unfinished_state(target: Path) -> str | None:
         return (
             f"it holds a run that ended after {_listed(parts)}: 'femimpact finish {target}' keeps that, or run it again"
         )
+    if not (running / FILES).exists():
+        return None
     return "it holds a run that ended before its first part was finished: run it again"
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import json
+import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -157,7 +159,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
     try:
         summary = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
-        raise _damaged(path, error) from None
+        raise _damaged(path, _in_words(error)) from None
     if not isinstance(summary, dict) or not isinstance(summary.get(CHECKSUMS, {}), dict):
         raise _damaged(path, "no summary of a study")
     if CHECKSUMS in summary and summary.get(OWN_CHECKSUM) != _of_summary(summary):
@@ -173,9 +175,13 @@ def read_dataset(folder: Path, name: str, summary: Mapping[str, Any]) -> xarray.
     InputError
         If it is missing or cannot be read.
     """
+    return _read(folder, FILES[name], summary, _load_dataset)
+
+
+def _load_dataset(path: Path) -> xarray.Dataset:
     import xarray
 
-    return _read(folder, FILES[name], summary, lambda path: xarray.load_dataset(path, engine="h5netcdf"))
+    return xarray.load_dataset(path, engine="h5netcdf")
 
 
 def read_table(folder: Path, name: str, summary: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -196,20 +202,40 @@ def _read(folder: Path, name: str, summary: Mapping[str, Any], reader: Callable[
         if expected is not None:
             raise InputError([Fault("file", str(path), "", f"is missing: {SUMMARY} names it among the results")])
         return None
-    try:
-        changed = expected is not None and checksum(path) != expected
-        found = reader(path)
-    # what a damaged file makes a reader raise is without limit
-    except Exception as error:
-        raise _damaged(path, error) from None
+    with _quiet_finalizers():
+        try:
+            changed = expected is not None and checksum(path) != expected
+            found, problem = reader(path), None
+        # what a damaged file makes a reader raise is without limit
+        except Exception as error:
+            problem = _in_words(error)
+        if problem is not None:
+            # what the reader had opened
+            gc.collect()
+    if problem is not None:
+        raise _damaged(path, problem)
     if changed:
         _warn_changed(path)
     return found
 
 
-def _damaged(path: Path, error: object) -> InputError:
-    text = " ".join(str(error).split()) or type(error).__name__
-    return InputError([Fault("file", str(path), "", f"is damaged and cannot be read: {text[:200]}")])
+@contextmanager
+def _quiet_finalizers() -> Iterator[None]:
+    """Without a word from objects that end half made: h5netcdf's file prints a traceback for a damaged one."""
+    before = sys.unraisablehook
+    sys.unraisablehook = lambda _: None
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
+
+
+def _in_words(error: Exception) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+def _damaged(path: Path, problem: str) -> InputError:
+    return InputError([Fault("file", str(path), "", f"is damaged and cannot be read: {problem}")])
 
 
 def _warn_changed(path: Path) -> None:
