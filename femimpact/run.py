@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from femimpact.cost import check_mesh, check_sweep
 from femimpact.errors import require
 from femimpact.export import tables
 from femimpact.export.files import atomic_write
@@ -25,7 +26,7 @@ from femimpact.response import Recorder, Response
 from femimpact.result_directory import Staging
 from femimpact.results import FILES, RIDING_FILE, StudyResults, load, prepare_directory, write_summary
 from femimpact.structure import glue_impactors
-from femimpact.study import Study, build, method_for
+from femimpact.study import Study, build, method_for, read_mesh_of
 from femimpact.summary import SweepPair, summary_of
 from femimpact.sweep import SWEEP_UNITS, frequency_sweep, on_grid
 from femimpact.system import State, System, without_impactors
@@ -103,6 +104,9 @@ def preflight(study: Study, parts: tuple[str, ...] = ("modes", "simulate", "swee
     InputError
         If the step does not resolve contact or base, or the history would keep too much.
     """
+    mesh = read_mesh_of(study)
+    elements = study.mesh.elements if mesh is None else mesh.nodes.size - 1
+    check_mesh(study, elements or 1)
     full, small, method = build(study)
     check_method(small, method)
     bare = method_for(study, without_impactors(small))
@@ -113,6 +117,7 @@ def preflight(study: Study, parts: tuple[str, ...] = ("modes", "simulate", "swee
         channels, key = len(record.channels or ()), "output.memory_limit"
         check_memory(small, record, channels, round(study.base.duration / grid), grid, study.base.frequency, key)
     if "sweep" in parts and study.sweep is not None:
+        check_sweep(study, small, method)
         for each in (method, bare):
             check_resolution(np.array([study.sweep.stop]), each, "sweep.stop")
     return full, small, method
