@@ -57,6 +57,9 @@ def main() -> None:
         _fail(_with_notes(f"not enough memory{': ' if str(error) else ''}{error}", error), 2)
     except OSError as error:
         _fail(_with_notes(f"{error.filename or 'file system'}: {error.strerror or error}", error), 2)
+    except ImportError as error:
+        # of a library that does not fit into a limited memory, or is not whole
+        _fail(_with_notes(f"a library cannot be loaded: {error}", error), 2)
     except KeyboardInterrupt as error:
         _fail(_with_notes("interrupted", error), 130)
 

@@ -60,7 +60,8 @@ class Staging:
 
     def finish_part(self, part: str) -> None:
         """Note that all files of a part are on disk: they are kept, whatever happens to the rest."""
-        atomic_write(self.folder.parent / FINISHED, json.dumps([*self.finished, part]))
+        state = {"parts": [*self.finished, part], "files": _files_in(self.folder)}
+        atomic_write(self.folder.parent / FINISHED, json.dumps(state))
 
 
 @contextmanager
@@ -141,6 +142,7 @@ def complete_move(directory: str | Path, superseded: Callable[[Path], Sequence[s
     try:
         with _named(target, None):
             if not (running / JOURNAL).exists():
+                _drop_unfinished(running)
                 _write_journal(Staging(target, running / FILES), superseded(target))
             _move_noted(target, running)
     finally:
@@ -296,7 +298,7 @@ def _check_ours(target: Path, running: Path) -> None:
 
 def _write_journal(staging: Staging, superseded: Sequence[str]) -> None:
     """From here on the move can be finished by anyone."""
-    files = sorted(str(path.relative_to(staging.folder)) for path in staging.folder.rglob("*") if path.is_file())
+    files = _files_in(staging.folder)
     # a collection after the frames that it names
     files.sort(key=lambda name: (name == SUMMARY, name.endswith(".pvd"), name))
     new = set(files)
@@ -387,7 +389,19 @@ def _named(target: Path, key: str | None) -> Iterator[None]:
 
 
 def _finished(running: Path) -> tuple[str, ...]:
-    return tuple(_read(running / FINISHED, []))
+    return tuple(_read(running / FINISHED, {"parts": []})["parts"])
+
+
+def _files_in(folder: Path) -> list[str]:
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def _drop_unfinished(running: Path) -> None:
+    """Remove files of a part that was not finished."""
+    kept = set(_read(running / FINISHED, {"files": []})["files"])
+    for name in _files_in(running / FILES):
+        if name not in kept:
+            (running / FILES / name).unlink()
 
 
 def _read(path: Path, absent: Any) -> Any:

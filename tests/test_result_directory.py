@@ -334,6 +334,8 @@ def test_a_full_disk_names_the_users_path_and_keeps_what_was_finished(tmp_path, 
     def run_into_it():
         with prepare_directory(out) as staging:
             write_results(staging, NEW)
+            # of a part that does not get finished
+            atomic_write(staging.folder / "sweep.nc", "1")
             monkeypatch.setattr(Path, "write_bytes", full)
             atomic_write(staging.folder / "sweep.csv", "1")
 
@@ -344,6 +346,7 @@ def test_a_full_disk_names_the_users_path_and_keeps_what_was_finished(tmp_path, 
     assert "finished parts (modes) are kept" in caught.value.__notes__[0]
     finish_results(out)
     assert value_of(out) == NEW
+    assert not (out / "sweep.nc").exists()
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="needs a limit on the size of files")
