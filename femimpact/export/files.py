@@ -56,7 +56,8 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
                 temporary.unlink()
     except OSError as error:
         # a failed write names no file, the others a hidden one
-        if error.filename is None or Path(os.fsdecode(error.filename)).name.startswith(prefix):
+        hidden = error.filename is None or Path(os.fsdecode(error.filename)).name.startswith(prefix)
+        if error.errno is not None and hidden:
             error.filename, error.filename2 = str(target), None
         raise
 

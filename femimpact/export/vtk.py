@@ -108,7 +108,8 @@ def _write_series(path: Path, times: Sequence[float], texts: Iterator[str]) -> P
             raise
     except OSError as error:
         # a failed write names no file, the others a hidden one
-        if error.filename is None or os.fsdecode(error.filename).startswith(str(staging)):
+        hidden = error.filename is None or os.fsdecode(error.filename).startswith(str(staging))
+        if error.errno is not None and hidden:
             error.filename, error.filename2 = str(path), None
         raise
     finally:
