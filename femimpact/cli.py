@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -39,20 +40,38 @@ Quiet = Annotated[bool, Parameter(name=["-q", "--quiet"], negative="", help="No 
 
 def main() -> None:
     """Run the command line; input errors are lines on stderr and exit status 2, never a traceback."""
-    # a polite request to end is an interrupt: nothing half-written stays behind
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # a polite request to end is an interrupt: nothing half-written stays behind. What the parent has ignored
+    # (a job in the background) stays ignored, as with SIGINT, of which Python takes care
+    if signal.getsignal(signal.SIGTERM) is not signal.SIG_IGN:
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+    warnings.showwarning = _show_warning  # type: ignore[assignment]
     try:
         app(exit_on_error=False, print_error=False)
     except CycloptsError as error:
         _fail(str(error).strip() + "\nsee: femimpact --help", 2)
     except InputError as error:
-        _fail(str(error), 2)
+        _fail(_with_notes(str(error), error), 2)
     except FemimpactError as error:
-        _fail(str(error), 1)
+        _fail(_with_notes(str(error), error), 1)
+    except MemoryError as error:
+        _fail(_with_notes(f"not enough memory{': ' if str(error) else ''}{error}", error), 2)
     except OSError as error:
-        _fail(f"{error.filename or 'file system'}: {error.strerror or error}", 2)
-    except KeyboardInterrupt:
-        _fail("interrupted; nothing was written", 130)
+        _fail(_with_notes(f"{error.filename or 'file system'}: {error.strerror or error}", error), 2)
+    except ImportError as error:
+        # of a library that does not fit into a limited memory, or is not whole
+        _fail(_with_notes(f"a library cannot be loaded: {error}", error), 2)
+    except KeyboardInterrupt as error:
+        _fail(_with_notes("interrupted", error), 130)
+
+
+def _with_notes(text: str, error: BaseException) -> str:
+    """The text, and behind it what the error's notes say of what was written, all on one line."""
+    return "; ".join([text, *getattr(error, "__notes__", [])])
+
+
+def _show_warning(message: Warning | str, *_about: Any) -> None:
+    """A warning is a line on stderr, without the place in the code."""
+    print(f"femimpact: warning: {message}", file=sys.stderr)
 
 
 def _fail(message: str, status: int) -> None:
@@ -173,6 +192,27 @@ def converge(study: Path, *, output: Output = None, force: Force = False, quiet:
 
 
 @app.command
+def figures(directory: Path, *, quiet: Quiet = False) -> None:
+    """Draw the figures of results again, from their files."""
+    _draw_again(directory, "figures", quiet)
+
+
+@app.command
+def movie(directory: Path, *, quiet: Quiet = False) -> None:
+    """Draw the movie of results again, from their files."""
+    _draw_again(directory, "movie", quiet)
+
+
+@app.command
+def finish(directory: Path) -> None:
+    """Keep what an ended run had finished, or finish the move of its files."""
+    from femimpact.results import finish_results
+
+    parts = finish_results(directory)
+    print(f"kept in {directory}: {', '.join(parts) or 'all of the run'}")
+
+
+@app.command
 def contact(
     study: Path, *, speed_min: float = 0.01, speed_max: float = 1.0, output: Output = None, force: Force = False,
     quiet: Quiet = False,
@@ -249,6 +289,15 @@ def _run(
         _print_results(study, results)
 
 
+def _draw_again(directory: Path, kind: str, quiet: bool) -> None:
+    from femimpact.pictures import draw_again
+
+    with _progress(quiet) as report:
+        drawn = draw_again(directory, kind, report)
+    if not quiet:
+        print(f"drawn in {directory}: {', '.join(drawn)}")
+
+
 def _print_results(study: Study, results: StudyResults) -> None:
     console, summary = _console(), results.summary
     if results.modes is not None:
@@ -292,7 +341,7 @@ def _print_closing(console: Console, results: StudyResults) -> None:
         console.print(f"energy unaccounted for: {residual:.2g} of the energy put in")
     for text in results.summary.get("notes", []):
         console.print(f"note: {text}")
-    for text in results.summary["warnings"]:
+    for text in results.summary.get("warnings", []):
         console.print(f"warning: {text}", style="yellow")
     console.print(f"results in {results.directory}")
 

@@ -85,9 +85,11 @@ def write_contact_table(
     contacts = [(pair.name, pair.law, pair.effective_mass) for pair in _contacts(study)[0]]
     # speeds far apart would leave the slow loops too small to see
     shown = np.linspace(max(speed_min, 0.25 * speed_max), speed_max, 3)
-    with prepare_directory(directory, force) as folder:
-        tables.write_csv(folder / "contact.csv", columns, UNITS)
-        figures.save_figure(contact_figure.penetration_figure(contacts, shown.tolist()), folder / "contact_force.png")
+    with prepare_directory(directory, force) as staging:
+        tables.write_csv(staging.folder / "contact.csv", columns, UNITS)
+        staging.finish_part("table")
+        figure = contact_figure.penetration_figure(contacts, shown.tolist())
+        figures.save_figure(figure, staging.folder / "contact_force.png")
     return columns
 
 

@@ -19,7 +19,18 @@ from femimpact.calibration import RestitutionScan, scan_restitution
 from femimpact.errors import Fault, InputError
 from femimpact.export import figures, tables
 from femimpact.results import StudyResults, load, prepare_directory
-from femimpact.run import Report, run_modes, run_simulation, run_sweep, write_results
+from femimpact.run import (
+    Found,
+    Report,
+    keep_history,
+    keep_modes,
+    keep_pictures,
+    keep_study,
+    keep_sweeps,
+    run_modes,
+    run_simulation,
+    run_sweep,
+)
 from femimpact.study import Study, build, method_for
 from femimpact.study_file import load_study
 from femimpact.summary import Spread, SweepPair, spread_of, summary_of
@@ -139,27 +150,31 @@ def run_demo(
     """
     report = report or (lambda _what, _share: None)
     study = paper_study()
-    with prepare_directory(directory, force) as folder:
+    with prepare_directory(directory, force) as staging:
         modes = run_modes(study)
+        keep_study(staging, study)
+        keep_modes(staging, study, Found(modes), ("sweep", "history"))
         samples = scan_both_starts(study, scan or ScanPlan(), report)
         scans = {start: median_scan(found) for start, found in samples.items()}
         sweeps = {start: _sweep_from(study, start, report) for start in STARTS}
+        keep_sweeps(staging, study, Found(modes, None, sweeps["base"]), ("history",))
+        _write_scans(staging.folder, scans, sweeps)
         spreads = {start: sample_starts(study, start, sweeps["base"].empty, report) for start in STARTS}
         study = _at_resonance(study, sweeps["base"])
-        response = run_simulation(study, report)
-        write_results(study, folder, modes, response, sweeps["base"], report)
-        summary = summary_of(study, modes, response, sweeps["base"])
+        keep_study(staging, study)
+        found = Found(modes, run_simulation(study, report), sweeps["base"])
+        keep_history(staging, study, found)
+        summary = summary_of(study, modes, found.response, found.sweeps)
         comparison = compare(summary, spreads)
         remarks = remark(summary["restitution"], scans, spreads)
-        _write_scans(folder, scans, sweeps)
-        _write_comparison(folder, comparison)
-        summary["remarks"] = remarks
-        summary["sweep"]["ball_from_rest_in_space"] = _sweep_row(sweeps["space"])
-        summary["starts"] = {
-            start: {name: dataclasses.asdict(spread) for name, spread in found.items()}
-            for start, found in spreads.items()
+        _write_comparison(staging.folder, comparison)
+        more = {"remarks": remarks, "sweep": summary["sweep"]}
+        more["sweep"]["ball_from_rest_in_space"] = _sweep_row(sweeps["space"])
+        more["starts"] = {
+            start: {name: dataclasses.asdict(spread) for name, spread in samples_of.items()}
+            for start, samples_of in spreads.items()
         }
-        tables.write_json(folder / "summary.json", summary)
+        keep_pictures(staging, study, found, report, more)
     restitution = float(summary["restitution"])
     return Demo(load(directory), comparison, scans, _scan_rows(samples), restitution, remarks)
 
@@ -359,7 +374,7 @@ def _write_scans(folder: Path, scans: Mapping[str, RestitutionScan], sweeps: Map
     figures.save_figure(figure, folder / "restitution.png")
     balls = [(f"with ball, {STARTS[start]}", pair.ball) for start, pair in sweeps.items() if pair.ball is not None]
     figure = figures.response_figure(sweeps["base"].empty, balls, coarse=sweeps["base"].coarse)
-    figures.save_figure(figure, folder / "response.png")
+    figures.save_figure(figure, folder / "response_of_starts.png")
 
 
 def _write_comparison(folder: Path, comparison: tuple[tuple[Any, ...], ...]) -> None:

@@ -9,10 +9,10 @@ import numpy as np
 
 from femimpact.contact import CustomLaw, PowerLaw, Rigid
 from femimpact.convergence import MeshConvergence, StepConvergence, converge_elements, converge_step
+from femimpact.cost import history_cost, mesh_memory, sweep_cost
 from femimpact.errors import require
 from femimpact.export import figures, tables
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.integrate import memory_needed
 from femimpact.integrators.methods import check_method, method_notes, time_grid
 from femimpact.integrators.newmark import Newmark
 from femimpact.integrators.stepping import shortest_contact
@@ -22,12 +22,6 @@ from femimpact.study import Study, build
 from femimpact.system import ContactPair
 
 __all__ = ["plan_lines", "write_convergence"]
-
-NANOSECONDS = {"modal alone": 9.0, "modal beside others": 2.5, "physical": 20.0}
-"""Rough cost of one dof and step on one core of a 2024 server, for the time estimate only."""
-
-EVENT_DRIVEN_CYCLE = 4e-5
-"""Rough cost of one base cycle flown event-driven with a few modes, s."""
 
 MESHES = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)
 
@@ -45,10 +39,8 @@ def plan_lines(study: Study) -> list[str]:
     grid = time_grid(method, study.base.frequency)
     steps = round(study.base.duration / grid)
     record = history_record(study, small, method)
-    memory = sum(memory_needed(small, record, len(record.channels or ()), steps, grid, study.base.frequency).values())
     contact_time = shortest_contact(small)
     kind = "modal" if small.is_diagonal else "physical"
-    alone = NANOSECONDS["modal alone" if small.is_diagonal else "physical"]
     lines = [
         f"dofs: {full.dofs} of the mesh ({full.nodes.size - 1} elements), {small.dofs} integrated ({kind}), "
         f"{len(small.balls)} ball(s), {len(small.contacts) - len(small.balls)} stop(s)",
@@ -66,25 +58,24 @@ def plan_lines(study: Study) -> list[str]:
         origin = "given" if "dt" in study.method else "recommended"
         refined = f", divided by {method.refine} in contact" if method.refine > 1 else ""
         lines.append(f"method: {study.method.get('name', 'newmark')}; step: {method.dt:.4g} s ({origin}){refined}")
-    seconds, unit = 1e-9 * alone * steps * max(small.dofs, 4), "steps"
-    if isinstance(method, EventDriven):
-        seconds, unit = EVENT_DRIVEN_CYCLE * study.base.duration * study.base.frequency, "samples"
+    unit = "samples" if isinstance(method, EventDriven) else "steps"
+    history = history_cost(study, small, method, record)
     lines.append(
         f"history: {steps} {unit}, {study.base.duration:g} s at {study.base.frequency:g} Hz, "
-        f"keeps {memory / 1e6:.3g} MB, takes about {seconds:.2g} s"
+        f"takes about {history.memory / 1e6:.3g} MB and {history.seconds:.2g} s"
     )
     if study.sweep is not None:
         plan = study.sweep
         cases = plan.points + 2 * plan.refine
         total = cases * plan.cycles / (0.5 * (plan.start + plan.stop)) / grid
-        each = NANOSECONDS["modal beside others" if small.is_diagonal else "physical"]
-        seconds = 1.5e-9 * each * total * max(small.dofs, 4)
-        if isinstance(method, EventDriven):
-            seconds = EVENT_DRIVEN_CYCLE * cases * plan.cycles
+        swept = sweep_cost(study, small, method)
         lines.append(
             f"sweep: up to {cases} frequencies from {plan.start:g} to {plan.stop:g} Hz, {plan.cycles} cycles each, "
-            f"{total:.3g} {unit}, takes about {seconds:.2g} s on one core"
+            f"{total:.3g} {unit}, takes about {swept.memory / 1e6:.3g} MB and {swept.seconds:.2g} s on one core"
         )
+    mesh = mesh_memory(full.nodes.size - 1, small.dofs if study.reduction else None)
+    lines.append(f"mesh and modes: take about {max(mesh.values()) / 1e6:.3g} MB")
+    lines.append("besides: some 200 MB for the libraries; the first run on a machine compiles for 15 to 60 s")
     lines += [f"note: {text}" for text in method_notes(small, method)]
     return lines + [f"warning: {text}" for text in warnings]
 
@@ -110,23 +101,26 @@ def write_convergence(
     require(study.mesh.file is None, "mesh.file", study.mesh.file, "", "convergence needs [mesh] elements, not a file")
     least = len(set(small.points.values())) - 1
     counts = [n for n in MESHES if n >= least]
-    with prepare_directory(directory, force) as folder:
+    with prepare_directory(directory, force) as staging:
+        folder = staging.folder
         report("meshes", 0.0)
         mesh = converge_elements(study.structure, counts)
         report("meshes", 1.0)
-        report("steps", 0.0)
-        step = converge_step(small, study.sine, cast(Newmark, method))
-        report("steps", 1.0)
         columns: dict[str, Any] = {"elements": mesh.elements}
         for i in range(mesh.reference.size):
             columns[f"natural_frequency_{i + 1}"] = mesh.natural_frequency[:, i]
             columns[f"error_{i + 1}"] = mesh.error[:, i]
         units = {name: "Hz" if "frequency" in name else "1" for name in columns if name != "elements"}
         tables.write_csv(folder / "mesh_convergence.csv", columns, units)
+        staging.finish_part("meshes")
+        report("steps", 0.0)
+        step = converge_step(small, study.sine, cast(Newmark, method))
+        report("steps", 1.0)
         columns = {
             name: getattr(step, name) for name in ("dt", "linear_error", "first_impact_error", "energy_residual")
         }
         tables.write_csv(folder / "step_convergence.csv", columns, {"dt": "s"})
+        staging.finish_part("steps")
         figures.save_figure(figures.mesh_convergence_figure(mesh), folder / "mesh_convergence.png")
         figures.save_figure(figures.step_convergence_figure(step), folder / "step_convergence.png")
     return mesh, step, directory

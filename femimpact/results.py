@@ -1,34 +1,52 @@
-"""The files that a study leaves behind: their names, where they go, and how they are read back."""
+"""The files that a study leaves behind: their names, their checksums, and how they are read back."""
 
 from __future__ import annotations
 
+import gc
+import hashlib
 import json
-import os
-import shutil
-import tempfile
-from collections.abc import Iterator, Mapping
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from femimpact.errors import require
+from femimpact.errors import Fault, InputError, require
 from femimpact.export import tables
+from femimpact.result_directory import SUMMARY, ResultsWarning, Staging, complete_move, stage, unfinished_state
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["FILES", "RIDING_FILE", "StudyResults", "load", "prepare_directory"]
+__all__ = [
+    "FILES",
+    "RIDING_FILE",
+    "StudyResults",
+    "checksum",
+    "finish_results",
+    "load",
+    "prepare_directory",
+    "read_dataset",
+    "read_summary",
+    "read_table",
+    "update_results",
+    "write_summary",
+]
 
 FILES = {
-    "summary": "summary.json",
+    "summary": SUMMARY,
     "study": "study.toml",
     "modes": "modes.csv",
+    "mode_shapes": "modes.nc",
     "sweep": "sweep.csv",
     "sweep_data": "sweep.nc",
     "history": "history.nc",
     "impacts": "impacts.csv",
     "impact_data": "impacts.nc",
+    "snapshots": "snapshots.nc",
+    "last_cycles": "last_cycles.nc",
     "modes_scene": "modes.pvd",
     "deflection_scene": "deflection.pvd",
     "movie": "deflection.mp4",
@@ -46,10 +64,15 @@ RIDING_FILE = "riding.csv"
 
 OTHER_FILES = (
     RIDING_FILE, "contact.csv",
-    "deflection.gif", "comparison.csv", "restitution.csv", "restitution.png", "mesh_convergence.csv",
-    "mesh_convergence.png", "step_convergence.csv", "step_convergence.png",
+    "deflection.gif", "comparison.csv", "restitution.csv", "restitution.png", "response_of_starts.png",
+    "mesh_convergence.csv", "mesh_convergence.png", "step_convergence.csv", "step_convergence.png",
 )  # fmt: skip
 """What a riding ball, a table of contacts, the demo and a convergence study leave besides."""
+
+T = TypeVar("T")
+
+CHECKSUMS, OWN_CHECKSUM = "checksums", "checksum"
+"""Keys of the summary: of every other file, and of the summary without this key (SHA-256)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,27 +103,35 @@ class StudyResults:
 def load(directory: str | Path) -> StudyResults:
     """Read the results that a study left in a directory.
 
+    Parameters
+    ----------
+    directory : str or Path
+
+    Returns
+    -------
+    StudyResults
+
     Raises
     ------
     InputError
-        If the directory holds no results.
-    """
-    import xarray
+        If the directory holds no results or unfinished ones, or a file is missing or cannot be read.
 
+    Warns
+    -----
+    ResultsWarning
+        For a file that can be read but is not the one that the study left. Results without checksums, of
+        earlier versions, are read as they are.
+    """
     require(isinstance(directory, (str, Path)), "directory", directory, "", "must be the path of a directory")
     folder = Path(directory)
-    found = (folder / FILES["summary"]).is_file()
-    require(found, "directory", str(folder), "", f"must hold results of a study ({FILES['summary']} is missing)")
+    summary = read_summary(folder)
 
     def table(file: str) -> Mapping[str, Any] | None:
-        path = folder / file
-        return tables.read_csv(path) if path.is_file() else None
+        return read_table(folder, file, summary)
 
     def dataset(name: str) -> xarray.Dataset | None:
-        path = folder / FILES[name]
-        return xarray.load_dataset(path, engine="h5netcdf") if path.is_file() else None
+        return read_dataset(folder, name, summary)
 
-    summary = json.loads((folder / FILES["summary"]).read_text(encoding="utf-8"))
     return StudyResults(
         folder,
         summary,
@@ -113,9 +144,150 @@ def load(directory: str | Path) -> StudyResults:
     )
 
 
+def read_summary(folder: Path) -> dict[str, Any]:
+    """The summary of a directory of results.
+
+    Raises
+    ------
+    InputError
+        If there is none, it cannot be read, or the results are unfinished.
+    """
+    path = folder / SUMMARY
+    if not path.is_file():
+        state = unfinished_state(folder)
+        allowed = f"must hold results of a study ({SUMMARY} is missing)"
+        require(False, "directory", str(folder), "", f"is incomplete: {state}" if state else allowed)
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise _damaged(path, _in_words(error)) from None
+    if not isinstance(summary, dict) or not isinstance(summary.get(CHECKSUMS, {}), dict):
+        raise _damaged(path, "no summary of a study")
+    if CHECKSUMS in summary and summary.get(OWN_CHECKSUM) != _of_summary(summary):
+        _warn_changed(path)
+    return summary
+
+
+def read_dataset(folder: Path, name: str, summary: Mapping[str, Any]) -> xarray.Dataset | None:
+    """One of the netCDF files of `FILES`; None where the results have none.
+
+    Raises
+    ------
+    InputError
+        If it is missing or cannot be read.
+    """
+    return _read(folder, FILES[name], summary, _load_dataset)
+
+
+def _load_dataset(path: Path) -> xarray.Dataset:
+    import xarray
+
+    return xarray.load_dataset(path, engine="h5netcdf")
+
+
+def read_table(folder: Path, name: str, summary: Mapping[str, Any]) -> dict[str, Any] | None:
+    """One of the tables of the results; None where they have none.
+
+    Raises
+    ------
+    InputError
+        If it is missing or cannot be read.
+    """
+    return _read(folder, name, summary, tables.read_csv)
+
+
+def _read(folder: Path, name: str, summary: Mapping[str, Any], reader: Callable[[Path], T]) -> T | None:
+    """One file of the results, checked against the summary."""
+    path, expected = folder / name, summary.get(CHECKSUMS, {}).get(name)
+    if not path.exists():
+        if expected is not None:
+            raise InputError([Fault("file", str(path), "", f"is missing: {SUMMARY} names it among the results")])
+        return None
+    with _quiet_finalizers():
+        try:
+            changed = expected is not None and checksum(path) != expected
+            found, problem = reader(path), None
+        # what a damaged file makes a reader raise is without limit
+        except Exception as error:
+            problem = _in_words(error)
+        if problem is not None:
+            # what the reader had opened
+            gc.collect()
+    if problem is not None:
+        raise _damaged(path, problem)
+    if changed:
+        _warn_changed(path)
+    return found
+
+
 @contextmanager
-def prepare_directory(directory: str | Path, force: bool = False) -> Iterator[Path]:
-    """A staging folder whose content moves into the directory when all went well, and vanishes otherwise.
+def _quiet_finalizers() -> Iterator[None]:
+    """Without a word from objects that end half made: h5netcdf's file prints a traceback for a damaged one."""
+    before = sys.unraisablehook
+    sys.unraisablehook = lambda _: None
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
+
+
+def _in_words(error: Exception) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+def _damaged(path: Path, problem: str) -> InputError:
+    return InputError([Fault("file", str(path), "", f"is damaged and cannot be read: {problem}")])
+
+
+def _warn_changed(path: Path) -> None:
+    text = f"{path}: is not as the study left it (its SHA-256 differs from that in {SUMMARY})"
+    warnings.warn(text, ResultsWarning, stacklevel=5)
+
+
+# ---- writing --------------------------------------------------------------------------------------
+
+
+def checksum(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _of_summary(summary: Mapping[str, Any]) -> str:
+    rest = {key: value for key, value in summary.items() if key != OWN_CHECKSUM}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
+
+
+def write_summary(folder: Path, summary: Mapping[str, Any], earlier: Path | None = None) -> None:
+    """Write the summary of the files in a folder, with their checksums.
+
+    Parameters
+    ----------
+    folder : Path
+    summary : mapping
+        Checksums that it has of files elsewhere stay.
+    earlier : Path, optional
+        A directory whose files are kept beside those in the folder: checksums of files in neither go.
+    """
+    sums = dict(summary.get(CHECKSUMS, {})) if earlier is not None else {}
+    sums = {name: value for name, value in sums.items() if earlier is not None and (earlier / name).exists()}
+    for path in sorted(folder.rglob("*")):
+        if path.is_file() and path.name != SUMMARY:
+            sums[path.relative_to(folder).as_posix()] = checksum(path)
+    whole = tables.plain({**summary, CHECKSUMS: sums})
+    tables.write_json(folder / SUMMARY, {**whole, OWN_CHECKSUM: _of_summary(whole)})
+
+
+def _earlier_results(target: Path) -> list[str]:
+    """Names of results in a directory: all that a study can leave, with the frames of its collections."""
+    names = [*FILES.values(), *OTHER_FILES]
+    frames = [path for name in names if name.endswith(".pvd") for path in (target / name[:-4]).glob("[0-9]*.vtu")]
+    return [name for name in names if (target / name).is_file()] + [str(path.relative_to(target)) for path in frames]
+
+
+@contextmanager
+def prepare_directory(directory: str | Path, force: bool = False) -> Iterator[Staging]:
+    """A place whose files move into the directory when all went well; see `result_directory.stage`.
 
     Raises
     ------
@@ -124,23 +296,44 @@ def prepare_directory(directory: str | Path, force: bool = False) -> Iterator[Pa
         replaced and other files stay.
     """
     target = Path(directory)
-    free = not target.exists() or (target.is_dir() and not any(target.iterdir()))
-    require(free or target.is_dir(), "output", str(target), "", "must be a directory: this is a file")
-    usable = free or force
-    require(usable, "output", str(target), "", "exists already: choose another directory with -o, or --force")
-    parent = target.resolve().parent
-    parent.mkdir(parents=True, exist_ok=True)
-    staging = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=parent))
-    try:
+    for name in FILES.values():
+        allowed = f"holds a folder {name}, where a file of the results goes"
+        require(not (target / name).is_dir(), "output", str(target), "", allowed)
+        folder = target / name.removesuffix(".pvd")
+        allowed = f"holds a file {folder.name}, where a folder of the results goes"
+        free = not name.endswith(".pvd") or folder.is_dir() or not folder.exists()
+        require(free, "output", str(target), "", allowed)
+    with stage(target, _earlier_results, force) as staging:
         yield staging
-        target.mkdir(exist_ok=True)
-        # results of an earlier run must not stand beside these; foreign files stay
-        for name in (*FILES.values(), *OTHER_FILES):
-            (target / name).unlink(missing_ok=True)
-        for item in sorted(staging.iterdir()):
-            place = target / item.name
-            if place.is_dir() and not place.is_symlink():
-                shutil.rmtree(place)
-            os.replace(item, place)
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
+
+
+@contextmanager
+def update_results(directory: str | Path, superseded: Sequence[str]) -> Iterator[Staging]:
+    """A place whose files, with a new summary, move into a directory of results when all went well.
+
+    Parameters
+    ----------
+    directory : str or Path
+    superseded : sequence of str
+        Names of files that go unless they are made anew.
+    """
+    with stage(
+        directory, lambda target: [name for name in superseded if (target / name).is_file()], update=True
+    ) as new:
+        yield new
+
+
+def finish_results(directory: str | Path) -> tuple[str, ...]:
+    """Put what an ended run finished into its directory, or finish a move that was ended.
+
+    Returns
+    -------
+    tuple of str
+        The parts of the run that were finished.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to finish, or a run is still at work.
+    """
+    return complete_move(directory, _earlier_results)

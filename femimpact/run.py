@@ -3,39 +3,48 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from femimpact.contact import Rigid
+from femimpact.cost import check_mesh, check_sweep
 from femimpact.errors import checked, require, require_name, require_type, truth
-from femimpact.export import figures, impact_figures, tables
+from femimpact.export import tables
+from femimpact.export.files import atomic_write
 from femimpact.impacts import RIDING_UNITS, impact_columns
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import check_memory, integrate
 from femimpact.integrators.methods import Method, check_method, check_resolution, time_grid
 from femimpact.integrators.stepping import shortest_contact
 from femimpact.modes import Modes, solve_modes
+from femimpact.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
+from femimpact.pictures import draw_in_child, with_pictures
 from femimpact.response import Recorder, Response
-from femimpact.results import FILES, RIDING_FILE, StudyResults, load, prepare_directory
+from femimpact.result_directory import Staging
+from femimpact.results import FILES, RIDING_FILE, StudyResults, load, prepare_directory, write_summary
 from femimpact.structure import glue_impactors
-from femimpact.study import Study, build, method_for
+from femimpact.study import Study, build, method_for, read_mesh_of
 from femimpact.summary import SweepPair, summary_of
-from femimpact.sweep import SWEEP_UNITS, frequency_sweep
+from femimpact.sweep import SWEEP_UNITS, frequency_sweep, on_grid
 from femimpact.system import State, System, without_impactors
 
 __all__ = [
+    "Found",
     "Report",
     "history_record",
+    "keep_history",
+    "keep_modes",
+    "keep_pictures",
+    "keep_study",
+    "keep_sweeps",
     "preflight",
     "run_modes",
     "run_simulation",
     "run_study",
     "run_sweep",
-    "write_results",
 ]
 
 PARTS = ("modes", "simulate", "sweep")
@@ -98,6 +107,9 @@ def preflight(study: Study, parts: tuple[str, ...] = PARTS) -> tuple[System, Sys
     InputError
         If the step does not resolve contact or base, or the history would keep too much.
     """
+    mesh = read_mesh_of(study)
+    elements = study.mesh.elements if mesh is None else mesh.nodes.size - 1
+    check_mesh(study, elements or 1)
     full, small, method = build(study)
     check_method(small, method)
     bare = method_for(study, without_impactors(small))
@@ -108,6 +120,7 @@ def preflight(study: Study, parts: tuple[str, ...] = PARTS) -> tuple[System, Sys
         channels, key = len(record.channels or ()), "output.memory_limit"
         check_memory(small, record, channels, round(study.base.duration / grid), grid, study.base.frequency, key)
     if "sweep" in parts and study.sweep is not None:
+        check_sweep(study, small, method)
         for each in (method, bare):
             check_resolution(np.array([study.sweep.stop]), each, "sweep.stop")
     return full, small, method
@@ -188,6 +201,23 @@ def _structure_only(state: State) -> State:
     return State(state.displacement, state.velocity, frame=state.frame)
 
 
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a run has found so far; None where it has not, or will not.
+
+    Parameters
+    ----------
+    modes : (System, Modes, Modes or None), optional
+        As of `run_modes`.
+    response : Response, optional
+    sweeps : SweepPair, optional
+    """
+
+    modes: tuple[System, Modes, Modes | None] | None = None
+    response: Response | None = None
+    sweeps: SweepPair | None = None
+
+
 def run_study(
     study: Study,
     directory: str | Path,
@@ -197,6 +227,9 @@ def run_study(
     report: Report = _silent,
 ) -> StudyResults:
     """Run what the study asks for and write its results into a directory.
+
+    Every part is on disk before the next begins; figures and movie come last, and what of them cannot be
+    drawn is a warning of the results.
 
     Parameters
     ----------
@@ -220,31 +253,94 @@ def run_study(
         require_name(part, PARTS, "parts")
     force = checked("force", force, truth())
     preflight(study, parts)
-    with prepare_directory(directory, force) as folder:
-        modes = run_modes(study) if "modes" in parts else None
-        response = run_simulation(study, report) if "simulate" in parts else None
-        sweeps = run_sweep(study, report) if "sweep" in parts and study.sweep is not None else None
-        write_results(study, folder, modes, response, sweeps, report)
+    wanted = [part for part in parts if part != "sweep" or study.sweep is not None]
+    with prepare_directory(directory, force) as staging:
+        found = Found()
+        keep_study(staging, study)
+        if "modes" in wanted:
+            found = replace(found, modes=run_modes(study))
+            keep_modes(staging, study, found, [part for part in wanted if part != "modes"])
+        if "simulate" in wanted:
+            found = replace(found, response=run_simulation(study, report))
+            keep_history(staging, study, found, [part for part in wanted if part == "sweep"])
+        if "sweep" in wanted:
+            found = replace(found, sweeps=run_sweep(study, report))
+            keep_sweeps(staging, study, found)
+        keep_pictures(staging, study, found, report)
     return load(directory)
 
 
-def write_results(
-    study: Study,
-    folder: Path,
-    modes: tuple[System, Modes, Modes | None] | None,
-    response: Response | None,
-    sweeps: SweepPair | None,
-    report: Report = _silent,
+# ---- what is kept of a run, in the order in which it is written -----------------------------------
+
+
+def keep_study(staging: Staging, study: Study) -> None:
+    """Write the study file."""
+    atomic_write(staging.folder / FILES["study"], study.text)
+
+
+def keep_modes(staging: Staging, study: Study, found: Found, left: Sequence[str] = ()) -> None:
+    """Write what `run_modes` found; `left` names the parts of the run that are still to come."""
+    if found.modes is None:
+        raise AssertionError("there are modes to keep")
+    full, modes, glued = found.modes
+    _write_modes(study, staging.folder, full, modes, glued)
+    _finish(staging, study, found, "modes", left)
+
+
+def keep_history(staging: Staging, study: Study, found: Found, left: Sequence[str] = ()) -> None:
+    """Write what `run_simulation` found."""
+    if found.response is None:
+        raise AssertionError("there is a history to keep")
+    _write_history(study, staging.folder, found.response)
+    _finish(staging, study, found, "history", left)
+
+
+def keep_sweeps(staging: Staging, study: Study, found: Found, left: Sequence[str] = ()) -> None:
+    """Write what `run_sweep` found."""
+    if found.sweeps is None:
+        raise AssertionError("there are sweeps to keep")
+    _write_sweeps(staging.folder, found.sweeps)
+    _finish(staging, study, found, "sweep", left)
+
+
+def keep_pictures(
+    staging: Staging, study: Study, found: Found, report: Report = _silent, more: Mapping[str, Any] | None = None
 ) -> None:
-    """Write every table, figure and scene of what was run; the summary comes last."""
-    (folder / FILES["study"]).write_text(study.text, encoding="utf-8")
-    if modes is not None:
-        _write_modes(study, folder, *modes)
-    if sweeps is not None:
-        _write_sweeps(study, folder, sweeps)
-    if response is not None:
-        _write_history(study, folder, response, report)
-    tables.write_json(folder / FILES["summary"], summary_of(study, modes, response, sweeps))
+    """Write what the figures show besides, draw, and write the summary of it all.
+
+    Parameters
+    ----------
+    staging : Staging
+    study : Study
+    found : Found
+    report : callable, optional
+    more : mapping, optional
+        What the summary says besides.
+    """
+    folder, output = staging.folder, study.output
+    summary = summary_of(study, found.modes, found.response, found.sweeps) | dict(more or {})
+    if output.figures and found.response is not None and found.response.system.contacts:
+        report("last cycles, for figures", 0.0)
+        write_last_cycles(folder / FILES["last_cycles"], study.structure, found.response, run_end(study))
+        report("last cycles, for figures", 1.0)
+    filmed = found.response is not None and found.response.snapshots is not None
+    kinds = [*(["figures"] if output.figures else []), *(["movie"] if output.movie and filmed else [])]
+    if kinds:
+        ended = dict.fromkeys(kinds, "the run was ended before")
+        write_summary(folder, with_pictures(summary, ended, staging.target))
+        summary = with_pictures(summary, draw_in_child(folder, folder, kinds, report), staging.target)
+    write_summary(folder, summary)
+
+
+def _finish(staging: Staging, study: Study, found: Found, part: str, left: Sequence[str]) -> None:
+    """Write the summary of what there is so far, and note that the part is on disk."""
+    summary = summary_of(study, found.modes, found.response, found.sweeps)
+    if left:
+        summary["unfinished"] = list(left)
+        text = f"the run was ended before its part{'s' if len(left) > 1 else ''} {' and '.join(left)}"
+        summary["warnings"] = [*summary["warnings"], text]
+    write_summary(staging.folder, summary)
+    staging.finish_part(part)
 
 
 def _write_modes(study: Study, folder: Path, full: System, modes: Modes, glued: Modes | None) -> None:
@@ -259,23 +355,21 @@ def _write_modes(study: Study, folder: Path, full: System, modes: Modes, glued: 
     if glued is not None:
         columns["natural_frequency_glued"], units["natural_frequency_glued"] = glued.natural_frequency, "Hz"
     tables.write_csv(folder / FILES["modes"], columns, units)
-    if study.output.figures:
-        figures.save_figure(figures.mode_shape_figure(full, modes), folder / FILES["mode_figure"])
+    write_mode_shapes(folder / FILES["mode_shapes"], full, modes)
     if study.output.paraview:
         from femimpact.export import vtk
 
         vtk.write_modes(folder / FILES["modes_scene"], full, modes, study.structure)
 
 
-def _write_sweeps(study: Study, folder: Path, sweeps: SweepPair) -> None:
+def _write_sweeps(folder: Path, sweeps: SweepPair) -> None:
     import xarray
 
     curves = {"empty": sweeps.empty, **({"ball": sweeps.ball} if sweeps.ball is not None else {})}
     frequency = sweeps.empty.frequency
     columns: dict[str, Any] = {"frequency": frequency}
     units = {"frequency": "Hz"}
-    on_grid = np.isclose(frequency[:, None], sweeps.coarse[None, :], atol=1e-9).any(axis=1)
-    columns["grid"] = np.where(on_grid, "even", "refined")
+    columns["grid"] = np.where(on_grid(frequency, sweeps.coarse), "even", "refined")
     for label, curve in curves.items():
         for name in (*SWEEP_UNITS, "steadiness"):
             if label == "empty" and name not in (
@@ -298,38 +392,19 @@ def _write_sweeps(study: Study, folder: Path, sweeps: SweepPair) -> None:
     data = data.assign_coords(grid=("frequency", columns["grid"]))
     laws = "; ".join(f"{label}: {curve.law}" for label, curve in curves.items())
     tables.write_netcdf(folder / FILES["sweep_data"], data.assign_attrs(contact_law=laws))
-    if study.output.figures:
-        balls = [("with ball", sweeps.ball)] if sweeps.ball is not None else []
-        figure = figures.response_figure(sweeps.empty, balls, coarse=sweeps.coarse)
-        figures.save_figure(figure, folder / FILES["response_figure"])
 
 
-def _write_history(study: Study, folder: Path, response: Response, report: Report) -> None:
+def _write_history(study: Study, folder: Path, response: Response) -> None:
     tables.write_netcdf(folder / FILES["history"], response.to_xarray())
     _write_impacts(folder, response)
-    output = study.output
-    if output.figures and response.system.contacts:
-        figures.save_figure(impact_figures.impact_histogram_figure(response), folder / FILES["impact_histograms"])
-        figures.save_figure(impact_figures.impulse_phase_figure(response), folder / FILES["impulse_phase"])
-        end = run_end(study)
-        if not all(isinstance(pair.law, Rigid) for pair in end.system.contacts):
-            # a rigid impact has an impulse and no force to draw
-            figures.save_figure(figures.contact_force_figure(end), folder / FILES["force_figure"])
-        if end.system.balls:
-            figures.save_figure(figures.phase_portrait_figure(end), folder / FILES["portrait_figure"])
     if response.snapshots is None:
         return
-    if output.paraview:
+    exaggeration = study.output.exaggeration
+    write_snapshots(folder / FILES["snapshots"], study.structure, response, exaggeration)
+    if study.output.paraview:
         from femimpact.export import vtk
 
-        exaggeration = output.exaggeration or 1.0
-        vtk.write_deflection(folder / FILES["deflection_scene"], response, study.structure, exaggeration)
-    if output.movie:
-        from femimpact.export import movie
-
-        report("movie", 0.0)
-        movie.write_movie(folder / FILES["movie"], response, study.structure, exaggeration=output.exaggeration)
-        report("movie", 1.0)
+        vtk.write_deflection(folder / FILES["deflection_scene"], response, study.structure, exaggeration or 1.0)
 
 
 def _write_impacts(folder: Path, response: Response) -> None:

@@ -28,6 +28,7 @@ __all__ = [
     "build",
     "build_systems",
     "method_for",
+    "read_mesh_of",
 ]
 
 
@@ -171,7 +172,7 @@ def build(study: Study, structure: Structure | None = None) -> tuple[System, Sys
 
 def build_systems(study: Study, structure: Structure | None = None) -> tuple[System, System]:
     """The full system and the one that is integrated."""
-    mesh = _mesh(study)
+    mesh = read_mesh_of(study)
     full = assemble(structure or study.structure, mesh=mesh, elements=None if mesh else study.mesh.elements)
     small = full
     if study.reduction is not None:
@@ -192,5 +193,6 @@ def method_for(study: Study, system: System) -> Method:
     return made
 
 
-def _mesh(study: Study) -> Mesh | None:
+def read_mesh_of(study: Study) -> Mesh | None:
+    """The mesh of the study's file; None where it asks for a number of elements."""
     return read_mesh(study.path.parent / study.mesh.file) if study.mesh.file else None

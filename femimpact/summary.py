@@ -17,7 +17,7 @@ from femimpact.integrators.methods import Method, check_method
 from femimpact.modes import Modes
 from femimpact.response import Response
 from femimpact.study import Study, build
-from femimpact.sweep import FrequencyResponse
+from femimpact.sweep import FrequencyResponse, on_grid
 from femimpact.system import ContactPair, System
 
 __all__ = ["Spread", "SweepPair", "spread_of", "summary_of"]
@@ -108,9 +108,9 @@ def _estimates(curve: FrequencyResponse) -> tuple[DampingEstimate, DampingEstima
 
 
 def _curve_summary(curve: FrequencyResponse, coarse: Any) -> dict[str, Any]:
-    on_grid = np.isclose(curve.frequency[:, None], coarse[None, :], atol=1e-9).any(axis=1)
+    even = on_grid(curve.frequency, coarse)
     fit, half = _estimates(curve)
-    grid = (curve.frequency[on_grid], curve.peak[on_grid])
+    grid = (curve.frequency[even], curve.peak[even])
     coarse_fit, coarse_half = (fit, half) if math.isnan(fit.ratio) else (fit_one_pole(*grid), half_power(*grid))
     return {
         "peak_frequency": curve.peak_frequency,

@@ -173,7 +173,7 @@ def test_forced_results_do_not_stand_beside_older_ones(tmp_path):
 @pytest.mark.parametrize("request_to_end", [signal.SIGINT, signal.SIGTERM])
 def test_interrupt_leaves_nothing_behind(tmp_path, request_to_end):
     text = (
-        paper_study_text().replace("duration = 120.0 ", "duration = 20000.0 ").replace("every = 10 ", "every = 1000 ")
+        paper_study_text().replace("duration = 120.0 ", "duration = 200000.0 ").replace("every = 10 ", "every = 1000 ")
     )
     (tmp_path / "long.toml").write_text(text, encoding="utf-8")
     child = subprocess.Popen(
@@ -181,10 +181,12 @@ def test_interrupt_leaves_nothing_behind(tmp_path, request_to_end):
         cwd=tmp_path,
         stderr=subprocess.PIPE,
         text=True,
+        # where the tests run in the background, their children would ignore it
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-    # the staging folder appears when the work begins
+    # this folder appears when the work begins
     for _ in range(600):
-        if any(path.name.startswith(".out") for path in tmp_path.iterdir()):
+        if (tmp_path / "out" / ".running" / "files").exists():
             break
         time.sleep(0.05)
     time.sleep(0.5)

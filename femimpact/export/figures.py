@@ -14,7 +14,7 @@ from femimpact.errors import require
 from femimpact.export.files import atomic_path
 from femimpact.modes import Modes
 from femimpact.response import Response
-from femimpact.sweep import FrequencyResponse
+from femimpact.sweep import FrequencyResponse, on_grid
 from femimpact.system import System
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ def response_figure(
         if len(curves) <= 3 and label != "without ball":
             axis.semilogy(curve.frequency, 1e3 * curve.rms, color=colour, linestyle=":", label=f"{label}: rms")
         if coarse is not None:
-            seen = np.isclose(curve.frequency[:, None], np.asarray(coarse)[None, :]).any(axis=1)
+            seen = on_grid(curve.frequency, coarse)
             axis.semilogy(curve.frequency[seen], 1e3 * curve.peak[seen], "o", color=colour, markersize=4.5)
     axis.annotate(
         f"{1e3 * empty.peak_amplitude:.3g} mm at {empty.peak_frequency:.4g} Hz",

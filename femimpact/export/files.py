@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import TracebackType
+from typing import Any
 
 from femimpact.errors import require
 
-__all__ = ["atomic_path", "atomic_write"]
+__all__ = ["GuardedFile", "atomic_path", "atomic_write"]
 
 
 @contextmanager
@@ -26,27 +29,124 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     ------
     Path
         Where to write; it has the suffix of `path`.
+
+    Raises
+    ------
+    OSError
+        With the name of `path`, never with the temporary one.
     """
     require(isinstance(path, (str, Path)), "path", type(path).__name__, "", "must be the name of a file")
     target = Path(path)
     require(target.parent.is_dir(), "path", str(path), "", "must be in an existing directory")
     require(not target.is_dir(), "path", str(path), "", "must be a file: this is a directory")
-    handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
-    os.close(handle)
-    temporary = Path(name)
+    prefix = f".{target.stem}-"
     try:
-        yield temporary
-        # mkstemp makes a private file; a result is an ordinary one
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
-        os.replace(temporary, target)
-    finally:
-        with suppress(FileNotFoundError):
-            temporary.unlink()
+        handle, name = tempfile.mkstemp(prefix=prefix, suffix=target.suffix, dir=target.parent)
+        os.close(handle)
+        temporary = Path(name)
+        try:
+            yield temporary
+            # mkstemp makes a private file; a result is an ordinary one
+            mask = os.umask(0)
+            os.umask(mask)
+            temporary.chmod(0o666 & ~mask)
+            os.replace(temporary, target)
+        finally:
+            with suppress(OSError):
+                temporary.unlink()
+    except OSError as error:
+        # a failed write names no file, the others a hidden one
+        hidden = error.filename is None or Path(os.fsdecode(error.filename)).name.startswith(prefix)
+        if error.errno is not None and hidden:
+            error.filename, error.filename2 = str(target), None
+        raise
 
 
 def atomic_write(path: str | Path, content: str | bytes) -> None:
     """Write text (UTF-8) or bytes to a file, whole or not at all."""
     with atomic_path(path) as temporary:
         temporary.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
+
+
+class GuardedFile(io.RawIOBase):
+    """A file for the HDF5 library that keeps the first failed write to itself and raises it when left.
+
+    A write that fails inside HDF5 (a full disk) leaves its caches in a state in which closing the file ends
+    the process. Here the library is told that all went well, and the caller is told what did not.
+
+    Parameters
+    ----------
+    path : Path
+        Of a file that is written anew.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file: Any = path.open("w+b", buffering=0)
+        self.failure: BaseException | None = None
+
+    def check(self) -> None:
+        """Raise the first write that failed, if one did."""
+        if self.failure is not None:
+            raise self.failure
+
+    def write(self, data: Any) -> int:
+        """All of the data, or none and the failure kept."""
+        rest = memoryview(data).cast("B")
+        size = rest.nbytes
+        try:
+            while self.failure is None and rest.nbytes:
+                rest = rest[self._file.write(rest) :]
+        except BaseException as failure:
+            self.failure = failure
+        return size
+
+    def readinto(self, buffer: Any) -> int:
+        """Fill the buffer; what a failed write did not leave reads as zeros."""
+        view = memoryview(buffer).cast("B")
+        found = self._file.readinto(view) or 0
+        if found < view.nbytes and self.failure is not None:
+            view[found:] = bytes(view.nbytes - found)
+            return view.nbytes
+        return int(found)
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Move to a place in the file."""
+        return int(self._file.seek(offset, whence))
+
+    def tell(self) -> int:
+        """Place in the file."""
+        return int(self._file.tell())
+
+    def truncate(self, size: int | None = None) -> int:
+        """Cut or lengthen the file; a failure is kept."""
+        try:
+            return int(self._file.truncate(size))
+        except BaseException as failure:
+            self.failure = self.failure or failure
+            return size or 0
+
+    def readable(self) -> bool:
+        """Whether it can be read: HDF5 reads back what it wrote."""
+        return True
+
+    def writable(self) -> bool:
+        """Whether it can be written."""
+        return True
+
+    def seekable(self) -> bool:
+        """Whether places can be chosen."""
+        return True
+
+    def close(self) -> None:
+        """Close the file."""
+        if not self.closed:
+            self._file.close()
+        super().close()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the file; a failed write takes the place of whatever it made HDF5 say."""
+        self.close()
+        if self.failure is not None and (value is None or isinstance(value, Exception)):
+            raise self.failure from None

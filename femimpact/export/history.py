@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from femimpact.errors import require
-from femimpact.export.files import atomic_path
+from femimpact.export.files import GuardedFile, atomic_path
 from femimpact.history import HistoryPiece
 
 __all__ = ["history_writer"]
@@ -43,12 +43,14 @@ def history_writer(path: str | Path) -> Iterator[Callable[[HistoryPiece], None]]
     """
     import h5netcdf
 
-    with atomic_path(path) as temporary, h5netcdf.File(temporary, "w") as file:
+    with atomic_path(path) as temporary, GuardedFile(temporary) as raw, h5netcdf.File(raw, "w") as file:
 
         def write(piece: HistoryPiece) -> None:
             bare = piece.snapshots is None
             require(bare, "record.snapshots", None, "", "must be 0: this file has place for channels and energies only")
             _append(file, piece)
+            file.flush()
+            raw.check()
 
         yield write
 

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -34,19 +34,43 @@ PROBE = (
 )
 
 
-@cache
+WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
+"""Environment variable by which VTK chooses its window class."""
+
+
 def gl_window() -> str | None:
-    """The window class with which VTK can render off screen here, or None.
+    """The window class with which VTK can render off screen here, or None; the user's own choice is tried first.
 
     Tried in a child process: without a GL library VTK does not raise, it ends the process.
     """
-    for name in ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow"):
-        environment = {**os.environ, "VTK_DEFAULT_OPENGL_WINDOW": name}
+    own = os.environ.get(WINDOW)
+    return _probed((*([own] if own else []), "vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow"))
+
+
+@cache
+def _probed(names: tuple[str, ...]) -> str | None:
+    """The first of several window classes that draws."""
+    for name in names:
+        # without -P a pyvista.py of the current directory would be run
+        command = [sys.executable, "-P", "-c", PROBE]
         with suppress(subprocess.TimeoutExpired):
-            probe = subprocess.run([sys.executable, "-c", PROBE], env=environment, capture_output=True, timeout=60)
+            probe = subprocess.run(command, env={**os.environ, WINDOW: name}, capture_output=True, timeout=60)
             if probe.returncode == 0 and b"drawn" in probe.stdout:
                 return name
     return None
+
+
+@contextmanager
+def _window(name: str) -> Iterator[None]:
+    """The environment in which VTK makes windows of that class: what was probed is what is used."""
+    before = os.environ.get(WINDOW)
+    os.environ[WINDOW] = name
+    try:
+        yield
+    finally:
+        os.environ.pop(WINDOW)
+        if before is not None:
+            os.environ[WINDOW] = before
 
 
 def write_movie(
@@ -137,11 +161,16 @@ def _encode(path: Path, frames: Iterator[NDArray[Any]], fps: int) -> Path:
             options = {"fps": fps, "quality": 7, "macro_block_size": 16}
             writer = imageio_ffmpeg.write_frames(str(temporary), (WIDTH, HEIGHT), **options)
             writer.send(None)
+            count = 0
             try:
                 for frame in frames:
                     writer.send(np.ascontiguousarray(frame))
+                    count += 1
             finally:
                 writer.close()
+            # an encoder that ends early does so without a word
+            if not temporary.stat().st_size or imageio_ffmpeg.count_frames_and_secs(temporary)[0] != count:
+                raise RuntimeError(f"{path.name}: ffmpeg did not write all of its {count} frames")
         return path
     from PIL import Image
 
@@ -161,11 +190,11 @@ def _matplotlib_frames(film: Film) -> Iterator[NDArray[Any]]:
 
 def _pyvista_frames(film: Film, window: str) -> Iterator[NDArray[Any]]:
     """Both views in three dimensions, pasted into the sheet."""
-    os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", window)
     import pyvista
 
     draw, views, height = sheets(film, plane=False), 1 + bool(film.response.system.balls), VIEWS.stop - VIEWS.start
-    plotter: Any = pyvista.Plotter(off_screen=True, window_size=[WIDTH, height], shape=(1, views), border=False)
+    with _window(window):
+        plotter: Any = pyvista.Plotter(off_screen=True, window_size=[WIDTH, height], shape=(1, views), border=False)
     plotter.render_window.SetMultiSamples(4)
     plotter.set_background("white")
     pieces, actors = _pieces(film), []

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.export.files import atomic_path, atomic_write
+from femimpact.export.files import GuardedFile, atomic_path, atomic_write
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["read_csv", "write_csv", "write_json", "write_netcdf"]
+__all__ = ["plain", "read_csv", "write_csv", "write_json", "write_netcdf"]
 
 
 def write_csv(path: str | Path, columns: Mapping[str, Sequence[Any]], units: Mapping[str, str]) -> Path:
@@ -61,17 +61,18 @@ def read_csv(path: str | Path) -> dict[str, Any]:
 def write_json(path: str | Path, data: Mapping[str, Any]) -> Path:
     """Write plain data as JSON; what is not a finite number becomes null, as the format has no word for it."""
     path = Path(path)
-    atomic_write(path, json.dumps(_plain(data), indent=2, allow_nan=False) + "\n")
+    atomic_write(path, json.dumps(plain(data), indent=2, allow_nan=False) + "\n")
     return path
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """The same data in what JSON has; a number that is not finite becomes None."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, (np.integer, np.bool_)):
         return value.item()
     if isinstance(value, (float, np.floating)):
@@ -82,6 +83,6 @@ def _plain(value: Any) -> Any:
 def write_netcdf(path: str | Path, dataset: xarray.Dataset) -> Path:
     """Write a labelled dataset as netCDF 4, whole or not at all."""
     path = Path(path)
-    with atomic_path(path) as temporary:
-        dataset.to_netcdf(temporary, engine="h5netcdf")
+    with atomic_path(path) as temporary, GuardedFile(temporary) as file:
+        dataset.to_netcdf(file, engine="h5netcdf")
     return path

@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import itertools
 import math
+import os
 import shutil
 import struct
 import tempfile
@@ -105,6 +106,12 @@ def _write_series(path: Path, times: Sequence[float], texts: Iterator[str]) -> P
             if old.is_dir():
                 old.rename(folder)
             raise
+    except OSError as error:
+        # a failed write names no file, the others a hidden one
+        hidden = error.filename is None or os.fsdecode(error.filename).startswith(str(staging))
+        if error.errno is not None and hidden:
+            error.filename, error.filename2 = str(path), None
+        raise
     finally:
         shutil.rmtree(staging, ignore_errors=True)
     return path

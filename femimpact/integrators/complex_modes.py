@@ -225,7 +225,7 @@ def _uncoupled(members: NDArray[np.intp], omega_squared: Real, damping: Real) ->
 def _diagonal(members: NDArray[np.intp], value: Any, weight: float, from_u: Any, from_v: Any) -> _Part:
     """One entry for each of some coordinates."""
     S, to_u, to_v = (np.diag(np.asarray(each, dtype=complex)) for each in (value, from_u, from_v))
-    return _Part(members, S, weight * np.eye(members.size).astype(complex), to_u, to_v)
+    return _Part(members, S, np.diag(np.full(members.size, weight, dtype=complex)), to_u, to_v)
 
 
 def _coupled(members: NDArray[np.intp], omega_squared: Real, damping: Real) -> list[_Part]:

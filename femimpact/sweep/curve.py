@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import check_fields, choice, column, optional, place, quantity, require, text
 from femimpact.identification import DampingEstimate, fit_one_pole, half_power
@@ -16,7 +16,10 @@ from femimpact.structure import Position
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["IMPACT_NAMES", "SWEEP_UNITS", "FrequencyResponse"]
+__all__ = ["IMPACT_NAMES", "SWEEP_UNITS", "FrequencyResponse", "on_grid"]
+
+SAME_FREQUENCY = 2e-9
+"""Difference (Hz) up to which two frequencies are one: they are rounded to nine digits behind the point."""
 
 SWEEP_UNITS = {
     "peak": "m",
@@ -38,6 +41,23 @@ IMPACT_NAMES = (
     "cycle_mean_force",
 )  # fmt: skip
 """Those of them that are statistics of impacts."""
+
+
+def on_grid(frequency: ArrayLike, grid: ArrayLike) -> NDArray[Any]:
+    """Which frequencies are points of a grid, (n,) of bool.
+
+    Parameters
+    ----------
+    frequency : array_like (n,), Hz
+    grid : array_like (m,), Hz
+    """
+    points, wanted = np.sort(np.asarray(grid, dtype=float)), np.asarray(frequency, dtype=float)
+    if points.size == 0:
+        return np.zeros(wanted.shape, dtype=bool)
+    right = np.searchsorted(points, wanted)
+    neighbours = (points[np.minimum(right, points.size - 1)], points[np.maximum(right - 1, 0)])
+    distance = np.minimum(*(np.abs(point - wanted) for point in neighbours))
+    return np.asarray(distance <= SAME_FREQUENCY + 1e-12 * np.abs(wanted))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,146 @@
+"""What a study takes, estimated before it runs: memory of mesh, modes, history and sweep, and time.
+
+The factors were measured on one machine; memory is met within a factor of 2, time on an idle one within 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from femimpact.errors import require
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.integrate import memory_needed
+from femimpact.integrators.methods import Method, time_grid
+from femimpact.integrators.threads import workers_of
+from femimpact.modes import DENSE_LIMIT
+from femimpact.response import Recorder
+from femimpact.study import Study
+from femimpact.system import System
+
+__all__ = ["Cost", "check_mesh", "check_sweep", "history_cost", "mesh_memory", "sweep_cost"]
+
+ELEMENT = 4200.0
+"""Bytes of an element while the matrices are made."""
+
+ELEMENT_KEPT = 2000.0
+"""Bytes of an element afterwards."""
+
+DENSE_MATRICES = 8
+"""Full matrices of the dofs in a dense solution."""
+
+COPIES = 2.3
+"""Histories in memory while one is labelled and written."""
+
+CYCLE = {"stepped": 170.0, "event-driven": 330.0}
+"""Bytes of a base cycle of a case of a sweep."""
+
+AT_ONCE = {"stepped": 64, "event-driven": 1024}
+"""Cases of a sweep that are in memory together; stepped: on each thread."""
+
+POINT = 1200.0
+"""Bytes of a frequency of a sweep in its tables."""
+
+LEAST = 1e6
+"""Bytes of any part."""
+
+NANOSECONDS = {"modal alone": 9.0, "modal beside others": 2.5, "physical": 20.0}
+"""Rough cost of one dof and step on one core of a 2024 server."""
+
+EVENT_DRIVEN_CYCLE = 5e-5
+"""Rough cost of one base cycle flown event-driven with a few modes, s."""
+
+START = 0.8
+"""What every part takes besides, s: systems, summary, reading back."""
+
+WRITING = 8e-9
+"""Labelling and writing of a byte that is kept, s."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Peak of the memory (bytes) that a part of a run takes beyond the libraries', and its time (s) on one core."""
+
+    memory: float
+    seconds: float
+
+
+def mesh_memory(elements: int, modes: int | None) -> dict[str, float]:
+    """Bytes at the peak of making the matrices of a mesh, and of solving for its modes.
+
+    Parameters
+    ----------
+    elements : int
+    modes : int or None
+        Of the reduction; None where the physical dofs are integrated.
+    """
+    dofs, count = 2 * elements, max(modes or 0, 4)
+    kept = ELEMENT_KEPT * elements
+    if dofs <= DENSE_LIMIT or count > dofs // 4:
+        solved = kept + 8.0 * DENSE_MATRICES * dofs**2
+    else:
+        # Lanczos vectors, and copies of those that are kept
+        solved = kept + 8.0 * dofs * (max(2 * count + 1, 20) + 2 * count)
+    return {"mesh": ELEMENT * elements, "modes": solved}
+
+
+def check_mesh(study: Study, elements: int) -> None:
+    """Refuse a mesh or a number of modes that does not fit, before anything is assembled.
+
+    Raises
+    ------
+    InputError
+        Naming what takes how much.
+    """
+    parts = mesh_memory(elements, study.reduction.modes if study.reduction else None)
+    limit, needed = study.output.memory_limit, max(parts.values())
+    shares = f"mesh of {elements} elements {parts['mesh'] / 1e6:.3g} MB, modes {parts['modes'] / 1e6:.3g} MB"
+    allowed = f"must be >= {needed:.3g}, what this study takes ({shares}): take fewer elements or modes, or raise it"
+    require(needed <= limit, "output.memory_limit", limit, "bytes", allowed)
+
+
+def check_sweep(study: Study, small: System, method: Method) -> None:
+    """Refuse a sweep that does not fit.
+
+    Raises
+    ------
+    InputError
+        Naming what it takes.
+    """
+    limit, needed = study.output.memory_limit, sweep_cost(study, small, method).memory
+    allowed = f"must be >= {needed:.3g}, what the sweep takes: take fewer points or cycles, or raise it"
+    require(needed <= limit, "output.memory_limit", limit, "bytes", allowed)
+
+
+def history_cost(study: Study, small: System, method: Method, record: Recorder) -> Cost:
+    """Of one history, until it is written."""
+    grid = time_grid(method, study.base.frequency)
+    steps = round(study.base.duration / grid)
+    parts: Mapping[str, int] = memory_needed(
+        small, record, len(record.channels or ()), steps, grid, study.base.frequency
+    )
+    kept = parts["channels"] + parts["energies"]
+    rest = sum(parts.values()) - kept
+    if isinstance(method, EventDriven):
+        seconds = EVENT_DRIVEN_CYCLE * study.base.duration * study.base.frequency
+    else:
+        seconds = 1e-9 * NANOSECONDS["modal alone" if small.is_diagonal else "physical"] * steps * max(small.dofs, 4)
+    return Cost(LEAST + COPIES * kept + rest, START + seconds + WRITING * kept)
+
+
+def sweep_cost(study: Study, small: System, method: Method) -> Cost:
+    """Of a sweep without and with balls, until it is written."""
+    plan = study.sweep
+    if plan is None:
+        return Cost(0.0, 0.0)
+    cases = plan.points + 2 * plan.refine
+    if isinstance(method, EventDriven):
+        kind, together = "event-driven", AT_ONCE["event-driven"]
+        seconds = EVENT_DRIVEN_CYCLE * cases * plan.cycles
+    else:
+        kind, together = "stepped", AT_ONCE["stepped"] * workers_of(None)
+        steps = cases * plan.cycles / (0.5 * (plan.start + plan.stop)) / method.dt
+        each = NANOSECONDS["modal beside others" if small.is_diagonal else "physical"]
+        seconds = 1.5e-9 * each * steps * max(small.dofs, 4)
+    memory = CYCLE[kind] * min(cases, together) * plan.cycles + POINT * cases
+    return Cost(LEAST + memory, START + seconds)

@@ -1,0 +1,311 @@
+"""What the pictures of a run show, stored with its results and read back: they can be drawn again at any time."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femimpact.contact import Rigid
+from femimpact.errors import require
+from femimpact.excitation import Sine
+from femimpact.export import tables
+from femimpact.history import Snapshots
+from femimpact.impacts import IMPACT_UNITS, Impacts, ImpactStatistics, Riding
+from femimpact.modes import Modes
+from femimpact.response import Response
+from femimpact.results import FILES, RIDING_FILE, read_dataset, read_table
+from femimpact.signals import no_steady_motion
+from femimpact.structure import Beam, Segment, Structure, Support
+from femimpact.sweep import SWEEP_UNITS, FrequencyResponse
+from femimpact.system import System, hermite_rows
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = [
+    "DrawnContact",
+    "DrawnSystem",
+    "Film",
+    "read_curves",
+    "read_film",
+    "read_last_cycles",
+    "read_mode_shapes",
+    "write_last_cycles",
+    "write_mode_shapes",
+    "write_snapshots",
+]
+
+ABOUT = "about"
+"""Variable that holds, as JSON, what is no array."""
+
+SNAPSHOT_DIMS = {
+    "displacement": "dof",
+    "velocity": "dof",
+    "ball_displacement": "ball",
+    "ball_velocity": "ball",
+    "contact_force": "contact",
+}
+
+
+@dataclass(frozen=True)
+class DrawnContact:
+    """What pictures show of a contact pair; a stop has an infinite mass."""
+
+    name: str
+    position: float
+    mass: float
+    gaps: tuple[float, float]
+    rigid: bool
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether the other side is a fixed obstacle, not a ball."""
+        return math.isinf(self.mass)
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnSystem:
+    """What pictures show of a system, under the same names: places, contacts, and curves between the nodes.
+
+    Parameters
+    ----------
+    nodes : ndarray (n,), m
+    points : mapping of str to float, m
+    contacts : tuple of DrawnContact
+        Balls first, then stops.
+    total_mass : float, kg
+    """
+
+    nodes: NDArray[Any]
+    points: Mapping[str, float]
+    contacts: tuple[DrawnContact, ...] = ()
+    total_mass: float = math.nan
+
+    @property
+    def balls(self) -> tuple[DrawnContact, ...]:
+        """The contacts that are balls."""
+        return tuple(contact for contact in self.contacts if not contact.is_stop)
+
+    def position_of(self, at: str | float) -> float:
+        """Metres from the root of a place."""
+        return float(self.points[at] if isinstance(at, str) else at)
+
+    def deflection_rows(self, positions: ArrayLike) -> NDArray[Any]:
+        """Rows that read the deflection from nodal values (w1, w1', w2, w2', ...)."""
+        rows: Any = hermite_rows(self.nodes, positions)
+        return np.asarray(rows if isinstance(rows, np.ndarray) else rows.toarray())
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """What a movie shows: a response with snapshots, its structure, the factor of the motion (None: chosen)."""
+
+    response: Response
+    structure: Structure
+    exaggeration: float | None
+
+
+# ---- modes ----------------------------------------------------------------------------------------
+
+
+def write_mode_shapes(path: Path, system: System, modes: Modes) -> None:
+    """Write mode shapes at the nodes."""
+    import xarray
+
+    data: dict[str, Any] = {
+        name: ("mode", np.array(getattr(modes, name)), {"units": unit})
+        for name, unit in (
+            ("natural_frequency", "Hz"),
+            ("damping_ratio", "1"),
+            ("participation_factor", "kg^0.5"),
+            ("effective_mass", "kg"),
+        )
+    }
+    shapes = np.asarray(system.expansion @ modes.vectors)
+    text = "deflection and slope at each node in turn, mass-normalised"
+    data["shape"] = (("dof", "mode"), shapes, {"units": "kg^-0.5, kg^-0.5/m", "long_name": text})
+    data["node"] = ("node", np.array(system.nodes), {"units": "m", "long_name": "distance from the root"})
+    tables.write_netcdf(path, xarray.Dataset(data, attrs={"total_mass_kg": system.total_mass}))
+
+
+def read_mode_shapes(folder: Path, summary: Mapping[str, Any]) -> tuple[System, Modes] | None:
+    """System and modes as pictures take them; None where the results have no modes."""
+    data = read_dataset(folder, "mode_shapes", summary)
+    if data is None:
+        return None
+    names = ("natural_frequency", "damping_ratio", "participation_factor", "effective_mass")
+    modes = Modes(**{name: data[name].to_numpy() for name in names}, vectors=data["shape"].to_numpy())
+    system = DrawnSystem(data["node"].to_numpy(), {}, total_mass=float(data.attrs["total_mass_kg"]))
+    return cast(System, system), modes
+
+
+# ---- history --------------------------------------------------------------------------------------
+
+
+def write_snapshots(path: Path, structure: Structure, response: Response, exaggeration: float | None) -> None:
+    """Write the whole deflections of a response, with what a movie needs beside them."""
+    snapshots = response.snapshots
+    if snapshots is None:
+        raise AssertionError("only of a response with snapshots")
+    units = {"displacement": "m, 1", "velocity": "m/s, 1/s", "contact_force": "N"}
+    data: dict[str, Any] = {
+        name: (("time", dim), np.array(getattr(snapshots, name)), {"units": units.get(name, "m")})
+        for name, dim in SNAPSHOT_DIMS.items()
+    }
+    data["ball_velocity"][2]["units"] = "m/s"
+    data["node"] = ("node", np.array(response.system.nodes), {"units": "m"})
+    data[ABOUT] = ((), _about(structure, response) | {"exaggeration": exaggeration})
+    _write(path, data, snapshots.time)
+
+
+def write_last_cycles(path: Path, structure: Structure, response: Response, end: Response) -> None:
+    """Write the channels of the last cycles of a run at every step.
+
+    Parameters
+    ----------
+    path : Path
+    structure : Structure
+    response : Response
+        The whole run.
+    end : Response
+        Its last cycles.
+    """
+    data: dict[str, Any] = {name: ("time", np.array(values), {"units": end.units[name]}) for name, values in
+                            end.channels.items()}  # fmt: skip
+    data[ABOUT] = ((), _about(structure, response))
+    _write(path, data, end.time)
+
+
+def _write(path: Path, data: dict[str, Any], time: NDArray[Any]) -> None:
+    import xarray
+
+    data[ABOUT] = ((), json.dumps(tables.plain(data[ABOUT][1])))
+    tables.write_netcdf(path, xarray.Dataset(data, coords={"time": ("time", np.array(time), {"units": "s"})}))
+
+
+def _about(structure: Structure, response: Response) -> dict[str, Any]:
+    """All that pictures of a run show besides its arrays."""
+    base, points = response.base, dict(response.system.points)
+    contacts = [
+        {"name": p.name, "position": p.position, "mass": p.mass, "gaps": p.gaps, "rigid": isinstance(p.law, Rigid)}
+        for p in response.system.contacts
+    ]
+    return {
+        "base": {"amplitude": base.amplitude, "frequency": base.frequency, "phase": getattr(base, "phase", 0.0)},
+        "segments": [dataclasses.asdict(segment) for segment in structure.beam.segments],
+        "supports": [dataclasses.asdict(support) for support in structure.supports],
+        "contacts": contacts,
+        "points": points,
+        "end": response.window[1],
+        "statistics": dataclasses.asdict(response.statistics),
+    }
+
+
+def read_film(folder: Path, summary: Mapping[str, Any]) -> Film | None:
+    """What a movie shows; None where the results have no snapshots."""
+    data = read_dataset(folder, "snapshots", summary)
+    if data is None:
+        return None
+    about = json.loads(data[ABOUT].item())
+    arrays = {name: data[name].to_numpy() for name in SNAPSHOT_DIMS}
+    snapshots = Snapshots(time=data["time"].to_numpy(), **arrays)
+    structure = Structure(
+        beam=Beam(tuple(Segment(**segment) for segment in about["segments"])),
+        supports=tuple(Support(**support) for support in about["supports"]),
+    )
+    response = _response(folder, summary, about, data["node"].to_numpy())
+    return Film(dataclasses.replace(response, snapshots=snapshots), structure, about["exaggeration"])
+
+
+def read_last_cycles(folder: Path, summary: Mapping[str, Any]) -> tuple[Response, Response] | None:
+    """The run without its history, for pictures of its impacts, and its last cycles; None where there are none."""
+    data = read_dataset(folder, "last_cycles", summary)
+    if data is None:
+        return None
+    about = json.loads(data[ABOUT].item())
+    response = _response(folder, summary, about, np.zeros(0))
+    channels = {str(name): values.to_numpy() for name, values in data.data_vars.items() if name != ABOUT}
+    units = {name: data[name].attrs["units"] for name in channels}
+    return response, dataclasses.replace(response, time=data["time"].to_numpy(), channels=channels, units=units)
+
+
+def _response(folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any], nodes: NDArray[Any]) -> Response:
+    """A response without a history: its impacts, its end, and what pictures show of its system."""
+    contacts = tuple(
+        DrawnContact(
+            name=contact["name"],
+            position=contact["position"],
+            mass=_finite_or(contact["mass"], math.inf),
+            gaps=(_finite_or(contact["gaps"][0], math.inf), _finite_or(contact["gaps"][1], math.inf)),
+            rigid=contact["rigid"],
+        )
+        for contact in about["contacts"]
+    )
+    given: dict[str, Any] = {name: _finite_or(value, math.nan) for name, value in about["statistics"].items()}
+    return Response(
+        time=np.array([about["end"]]),
+        channels={},
+        units={},
+        impacts=_impacts(folder, summary),
+        riding=_riding(folder, summary),
+        statistics=ImpactStatistics(**given),
+        statistics_of={},
+        steady=no_steady_motion(),
+        energy=None,
+        snapshots=None,
+        base=Sine(**about["base"]),
+        system=cast(System, DrawnSystem(nodes, about["points"], contacts)),
+    )
+
+
+def _finite_or(value: Any, other: float) -> Any:
+    """A value of a JSON file, which has null for what is not finite."""
+    return other if value is None else value
+
+
+def _impacts(folder: Path, summary: Mapping[str, Any]) -> Impacts:
+    data = read_dataset(folder, "impact_data", summary)
+    require(data is not None, "file", str(folder / FILES["impact_data"]), "", "is missing")
+    data = cast("xarray.Dataset", data)
+    columns = {name: data[name].to_numpy() for name in IMPACT_UNITS if name not in DERIVED}
+    columns["impactor"] = columns["impactor"].astype(str)
+    modes = data["energy_to_modes"].to_numpy() if "energy_to_modes" in data else np.zeros((columns["time"].size, 0))
+    laws = (pair.rpartition(": ") for pair in str(data.attrs["contact_law"]).split("; ") if pair)
+    law = {name: value for name, _, value in laws}
+    return Impacts(**columns, energy_to_modes=modes, law=law, dropped=int(data.attrs["dropped"]))
+
+
+DERIVED = ("contact_law", "energy_to_higher_modes")
+"""Columns of a table of impacts that follow from others."""
+
+
+def _riding(folder: Path, summary: Mapping[str, Any]) -> Riding:
+    table = read_table(folder, RIDING_FILE, summary)
+    return Riding.none() if table is None else Riding(**table)
+
+
+# ---- sweep ----------------------------------------------------------------------------------------
+
+
+def read_curves(folder: Path, summary: Mapping[str, Any]) -> tuple[dict[str, FrequencyResponse], NDArray[Any]] | None:
+    """Response curves by case, and the even grid (Hz); None where the results have no sweep."""
+    data = read_dataset(folder, "sweep_data", summary)
+    if data is None:
+        return None
+    curves = {}
+    for case in data["case"].to_numpy():
+        one = data.sel(case=case)
+        columns: dict[str, Any] = {name: one[name].to_numpy() for name in (*SWEEP_UNITS, "steadiness", "frequency")}
+        about = {name: data.attrs[name] for name in ("at", "start")}
+        amplitude = float(data.attrs["base_amplitude_m"])
+        curves[str(case)] = FrequencyResponse(**columns, **about, amplitude=amplitude, cycles=None, law="")
+    frequency = data["frequency"].to_numpy()
+    return curves, frequency[data["grid"].to_numpy() == "even"]

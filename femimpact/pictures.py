@@ -1,0 +1,280 @@
+"""Figures and movie of results, drawn from their files by one child process with a time limit.
+
+A missing GL library ends a process, and an encoder can hang: neither may take a run's results with it. The
+child reports each kind of picture on its standard output; run as `python -P -c CHILD`, it is `draw` below.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from femimpact.errors import Fault, InputError, require
+from femimpact.picture_data import read_curves, read_film, read_last_cycles, read_mode_shapes
+from femimpact.results import FILES, read_summary, update_results, write_summary
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["KINDS", "child", "draw", "draw_again", "draw_in_child", "with_pictures"]
+
+KINDS = ("figures", "movie")
+"""In the order in which they are drawn: what fails most comes last."""
+
+TIME_LIMIT = 600.0
+"""Seconds for all pictures of a run; the movie of a usual one takes ten."""
+
+CHILD = (
+    "import importlib.util as u, sys\n"
+    "s = u.spec_from_file_location('femimpact', sys.argv[1], submodule_search_locations=[sys.argv[2]])\n"
+    "m = sys.modules['femimpact'] = u.module_from_spec(s)\n"
+    "s.loader.exec_module(m)\n"
+    "from femimpact.pictures import child\n"
+    "child(*sys.argv[3:])\n"
+)
+"""The package of this process, wherever it was found; nothing of the current directory is imported (-P)."""
+
+Report = Callable[[str, float], None]
+
+
+# ---- in the child ---------------------------------------------------------------------------------
+
+
+def child(source: str, target: str, *kinds: str) -> None:
+    """Draw, and print for each kind a line of JSON: its name, and why it failed."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    for kind in kinds:
+        print(json.dumps({"kind": kind, "failure": draw(Path(source), Path(target), kind)}), flush=True)
+
+
+def _end_with_parent() -> None:
+    """End this process and those that it started when the parent is gone: its end of the pipe is closed then."""
+    sys.stdin.buffer.read()
+    if hasattr(os, "killpg"):
+        os.killpg(os.getpgrp(), signal.SIGKILL)
+    os._exit(1)
+
+
+def draw(source: Path, target: Path, kind: str) -> str | None:
+    """Draw one kind of pictures; why one failed, or None.
+
+    Parameters
+    ----------
+    source : Path
+        Directory with the files of results.
+    target : Path
+        Where the pictures go.
+    kind : {"figures", "movie"}
+    """
+    try:
+        summary = read_summary(source)
+        if kind == "movie":
+            _draw_movie(source, target, summary)
+            return None
+        failures = [failure for failure in _drawn_figures(source, target, summary) if failure is not None]
+        return "; ".join(failures) or None
+    # what a library for pictures raises is without limit, and no result depends on it
+    except Exception as error:
+        return _in_words(error)
+
+
+def _in_words(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        name = Path(os.fsdecode(error.filename)).name if error.filename else ""
+        return f"{name}: {error.strerror}" if name else error.strerror
+    return f"{' '.join(str(error).split()) or 'no words'} ({type(error).__name__})"[:400]
+
+
+def _drawn_figures(source: Path, target: Path, summary: Mapping[str, Any]) -> Iterator[str | None]:
+    from femimpact.export.figures import save_figure
+
+    plans = list(_figures(source, summary))
+    require(bool(plans), "figures", None, "", "the results hold no data for any")
+    for name, make in plans:
+        try:
+            save_figure(make(), target / FILES[name])
+            yield None
+        except Exception as error:
+            yield f"{FILES[name]}: {_in_words(error)}"
+
+
+def _figures(source: Path, summary: Mapping[str, Any]) -> Iterator[tuple[str, Callable[[], Figure]]]:
+    """The figures that the results have data for: a key of `FILES`, and what makes it."""
+    from femimpact.export import figures, impact_figures
+
+    modes = read_mode_shapes(source, summary)
+    if modes is not None:
+        yield "mode_figure", lambda: figures.mode_shape_figure(*modes)
+    swept = read_curves(source, summary)
+    if swept is not None:
+        curves, coarse = swept
+        balls = [("with ball", curves["ball"])] if "ball" in curves else []
+        yield "response_figure", lambda: figures.response_figure(curves["empty"], balls, coarse=coarse)
+    last = read_last_cycles(source, summary)
+    if last is None:
+        return
+    run, end = last
+    yield "impact_histograms", lambda: impact_figures.impact_histogram_figure(run)
+    yield "impulse_phase", lambda: impact_figures.impulse_phase_figure(run)
+    contacts: Any = end.system.contacts
+    if not all(contact.rigid for contact in contacts):
+        # a rigid impact has an impulse and no force to draw
+        yield "force_figure", lambda: figures.contact_force_figure(end)
+    if end.system.balls:
+        yield "portrait_figure", lambda: figures.phase_portrait_figure(end)
+
+
+def _draw_movie(source: Path, target: Path, summary: Mapping[str, Any]) -> None:
+    film = read_film(source, summary)
+    if film is None:
+        allowed = "the results hold no whole deflections: simulate with [output] frames > 0"
+        raise InputError([Fault("movie", None, "", allowed)])
+    from femimpact.export import movie
+
+    movie.write_movie(target / FILES["movie"], film.response, film.structure, exaggeration=film.exaggeration)
+
+
+# ---- in the parent --------------------------------------------------------------------------------
+
+
+def draw_in_child(
+    source: Path, target: Path, kinds: Sequence[str], report: Report, time_limit: float | None = None
+) -> dict[str, str | None]:
+    """Draw in a child process; for each kind why it failed, or None.
+
+    Parameters
+    ----------
+    source : Path
+        Directory with the files of results.
+    target : Path
+        Where the pictures go.
+    kinds : sequence of str
+        Of `KINDS`.
+    report : callable
+        Called with "pictures" and the share that is done.
+    time_limit : float, s, optional
+        For all of them; `TIME_LIMIT` by default.
+    """
+    limit = TIME_LIMIT if time_limit is None else time_limit
+    found: dict[str, str | None] = {}
+    report("pictures", 0.0)
+
+    def listen(lines: IO[bytes]) -> None:
+        for line in lines:
+            with suppress(ValueError, KeyError, TypeError):
+                told = json.loads(line)
+                found[told["kind"]] = told["failure"]
+                report("pictures", len(found) / len(kinds))
+
+    package = Path(__file__).parent
+    where = [str(package / "__init__.py"), str(package), str(source.resolve()), str(target.resolve())]
+    with tempfile.TemporaryFile() as errors:
+        try:
+            process = subprocess.Popen(
+                [sys.executable, "-P", "-c", CHILD, *where, *kinds],
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, start_new_session=True,
+            )  # fmt: skip
+        except OSError as error:
+            return dict.fromkeys(kinds, f"the process that draws could not be started: {error.strerror or error}")
+        ended = _ended(process, listen, limit)
+        errors.seek(0)
+        last = (errors.read().decode(errors="replace").strip().splitlines() or [""])[-1]
+    for left in target.glob(".*"):
+        # of a file that was not finished
+        left.unlink()
+    why = _why(process.returncode, last) if ended else f"not done within {limit:g} s"
+    return {kind: found.get(kind, why) for kind in kinds}
+
+
+def _ended(process: subprocess.Popen[bytes], listen: Callable[[IO[bytes]], None], limit: float) -> bool:
+    """Wait for a child; whether it ended by itself. Nothing that it started is left running."""
+    stdout = process.stdout
+    if stdout is None:
+        raise AssertionError("a pipe was asked for")
+    listener = threading.Thread(target=listen, args=(stdout,), daemon=True)
+    listener.start()
+    try:
+        process.wait(limit)
+        return True
+    except subprocess.TimeoutExpired:
+        return False
+    finally:
+        with suppress(OSError):
+            if hasattr(os, "killpg"):
+                os.killpg(process.pid, signal.SIGKILL)
+            else:
+                process.kill()
+        process.wait()
+        listener.join(10.0)
+        for pipe in (process.stdin, stdout):
+            if pipe is not None:
+                with suppress(OSError):
+                    pipe.close()
+
+
+def _why(status: int, last: str) -> str:
+    """How a child ended that did not say so itself."""
+    if status < 0:
+        with suppress(ValueError):
+            return f"the process that draws was ended by {signal.Signals(-status).name}"
+    return f"the process that draws ended with status {status}{': ' if last else ''}{last[:300]}"
+
+
+def with_pictures(summary: Mapping[str, Any], failures: Mapping[str, str | None], target: Path) -> dict[str, Any]:
+    """The summary with what became of its pictures, and a warning for each kind that was not drawn."""
+    warnings = list(summary.get("warnings", []))
+    pictures = dict(summary.get("pictures", {}))
+    for kind, failure in failures.items():
+        warnings = [text for text in warnings if not text.startswith(f"{kind} not drawn: ")]
+        pictures[kind] = "drawn" if failure is None else f"not drawn: {failure}"
+        if failure is not None:
+            warnings.append(f"{kind} {pictures[kind]}; 'femimpact {kind} {target}' draws again")
+    return {**summary, "pictures": pictures, "warnings": warnings}
+
+
+def draw_again(directory: str | Path, kind: str, report: Report) -> tuple[str, ...]:
+    """Draw the figures or the movie of results once more, and put them beside the results.
+
+    Parameters
+    ----------
+    directory : str or Path
+        Of results.
+    kind : {"figures", "movie"}
+    report : callable
+        As of `draw_in_child`.
+
+    Returns
+    -------
+    tuple of str
+        Names of the files.
+
+    Raises
+    ------
+    InputError
+        If the directory holds no results, or something could not be drawn; figures that could are kept.
+    """
+    folder = Path(directory)
+    read_summary(folder)
+    movies = (FILES["movie"], str(Path(FILES["movie"]).with_suffix(".gif"))) if kind == "movie" else ()
+    with update_results(folder, movies) as staging:
+        # again, under the lock
+        summary = read_summary(folder)
+        failure = draw_in_child(folder, staging.folder, (kind,), report)[kind]
+        drawn = tuple(sorted(path.name for path in staging.folder.iterdir() if not path.name.startswith(".")))
+        refused = InputError([Fault(kind, str(folder), "", f"not drawn: {failure}")])
+        if not drawn:
+            raise refused
+        updated = with_pictures(summary, {kind: failure}, folder)
+        write_summary(staging.folder, updated, earlier=folder)
+    if failure is not None:
+        raise refused
+    return drawn

@@ -1,0 +1,105 @@
+"""What a study takes, as estimated before it runs, beside what it takes."""
+
+from __future__ import annotations
+
+import dataclasses
+import tracemalloc
+
+import numpy as np
+import pytest
+
+import femimpact as fi
+from femimpact.cost import history_cost, mesh_memory, sweep_cost
+from femimpact.demo import paper_study
+from femimpact.plan import plan_lines
+from femimpact.run import history_record, preflight, run_modes, run_study
+from femimpact.study import MeshChoice, Reduction, SweepPlan, build_systems
+from femimpact.sweep import on_grid
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """Without pictures; run once, so that libraries and compiled code are there before memory is measured."""
+    paper = paper_study()
+    output = dataclasses.replace(paper.output, every=1, frames=0, figures=False, paraview=False, movie=False)
+    study = dataclasses.replace(
+        paper,
+        base=dataclasses.replace(paper.base, duration=1.0),
+        sweep=SweepPlan(4.0, 6.0, points=4, cycles=24),
+        output=output,
+    )
+    for method in ("newmark", "event-driven"):
+        one = dataclasses.replace(study, method={"name": method})
+        run_study(one, tmp_path_factory.mktemp("warm") / "out")
+    return study
+
+
+def peak_of(work):
+    """Bytes that numpy and Python hold at most while something is done."""
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize(("method", "duration"), [("newmark", 40.0), ("event-driven", 400.0)])
+def test_memory_of_a_history_is_met_within_a_factor_of_two(tmp_path, study, method, duration):
+    base = dataclasses.replace(study.base, duration=duration)
+    study = dataclasses.replace(study, base=base, method={"name": method})
+    _, small, chosen = preflight(study, ("simulate",))
+    asked = history_cost(study, small, chosen, history_record(study, small, chosen)).memory
+    taken = peak_of(lambda: run_study(study, tmp_path / "out", parts=("simulate",)))
+    assert 0.5 < taken / asked < 2.0
+
+
+@pytest.mark.parametrize(("method", "points", "cycles"), [("newmark", 40, 1000), ("event-driven", 400, 60)])
+def test_memory_of_a_sweep_is_met_within_a_factor_of_two(tmp_path, study, method, points, cycles):
+    study = dataclasses.replace(study, sweep=SweepPlan(4.0, 6.0, points, cycles), method={"name": method})
+    _, small, chosen = preflight(study, ("sweep",))
+    taken = peak_of(lambda: run_study(study, tmp_path / "out", parts=("sweep",)))
+    assert 0.5 < taken / sweep_cost(study, small, chosen).memory < 2.0
+
+
+@pytest.mark.parametrize(("elements", "modes"), [(4000, None), (300, 300), (1000, 150)])
+def test_memory_of_mesh_and_modes_is_met_within_a_factor_of_two(study, elements, modes):
+    reduction = None if modes is None else Reduction(modes)
+    study = dataclasses.replace(study, mesh=MeshChoice(elements=elements), reduction=reduction)
+    taken = peak_of(lambda: build_systems(study) if modes else run_modes(study))
+    assert 0.5 < taken / max(mesh_memory(elements, modes).values()) < 2.0
+
+
+def test_what_does_not_fit_is_one_line_before_any_work(study, monkeypatch):
+    monkeypatch.setattr("femimpact.study.assemble", lambda *_a, **_k: pytest.fail("must not be assembled"))
+    large = dataclasses.replace(study, mesh=MeshChoice(elements=20_000), reduction=Reduction(20_000))
+    for work in (plan_lines, preflight, lambda study: run_study(study, "never")):
+        with pytest.raises(fi.InputError, match=r"memory_limit = 1e9|memory_limit = 1000000000.0") as caught:
+            work(large)
+        assert len(str(caught.value).splitlines()) == 1
+        assert "20000 elements" in str(caught.value)
+
+
+def test_a_sweep_that_does_not_fit_is_refused(study):
+    long = dataclasses.replace(study, sweep=SweepPlan(4.0, 6.0, points=1000, cycles=10_000_000))
+    with pytest.raises(fi.InputError, match="what the sweep takes: take fewer points or cycles"):
+        preflight(long)
+
+
+def test_the_plan_names_memory_time_and_compilation(study):
+    text = "\n".join(plan_lines(study))
+    for words in ("history: 10000 steps", "sweep: up to 4 frequencies", "MB", "compiles for"):
+        assert words in text
+
+
+def test_points_of_a_grid_are_found_in_linear_memory():
+    coarse = np.linspace(4.0, 6.0, 30_001)
+    frequency = np.unique(np.round(np.concatenate([coarse, np.linspace(4.9, 5.1, 20_011)]), 9))
+    # by all pairs, n x n: 1.5e9 numbers
+    assert peak_of(lambda: on_grid(frequency, coarse)) < 50 * frequency.size * 8
+    found = on_grid(frequency, coarse)
+    # each point of the even grid is found once, and nothing else
+    assert found.sum() == coarse.size
+    np.testing.assert_allclose(frequency[found], coarse, atol=1e-9)
+    assert on_grid([1.0, 2.0], []).tolist() == [False, False]
+    assert on_grid([1.0, 2.0, 3.0], [2.0]).tolist() == [False, True, False]

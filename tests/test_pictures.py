@@ -1,0 +1,234 @@
+"""Figures and movie are drawn from files by a child process: what fails there costs no result."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import femimpact as fi
+from femimpact import pictures
+from femimpact.demo import paper_study
+from femimpact.export import movie
+from femimpact.picture_data import read_curves, read_film, read_last_cycles, read_mode_shapes
+from femimpact.results import FILES, read_summary
+from femimpact.run import run_simulation, run_study, run_sweep
+from femimpact.study import SweepPlan
+
+FIGURES = ("mode_figure", "response_figure", "force_figure", "portrait_figure", "impact_histograms", "impulse_phase")
+
+
+def no_report(_what, _share):
+    pass
+
+
+@pytest.fixture(scope="module")
+def study():
+    paper = paper_study()
+    return dataclasses.replace(
+        paper,
+        base=dataclasses.replace(paper.base, duration=3.0),
+        sweep=SweepPlan(4.0, 6.0, points=5, cycles=24),
+        output=dataclasses.replace(paper.output, frames=4, paraview=False),
+    )
+
+
+@pytest.fixture(scope="module")
+def ran(study, tmp_path_factory):
+    """Results whose movie is drawn flat, so that no GL library is needed."""
+    out = tmp_path_factory.mktemp("pictures") / "out"
+    run_study(study, out)
+    return out
+
+
+@pytest.fixture
+def results(ran, tmp_path):
+    return shutil.copytree(ran, tmp_path / "out")
+
+
+def encoder(folder, monkeypatch, script):
+    """Another program in the place of ffmpeg, for the child as well."""
+    pytest.importorskip("imageio_ffmpeg")
+    program = folder / "ffmpeg"
+    program.write_text(f"#!/bin/sh\n{script}\n")
+    program.chmod(0o700)
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(program))
+
+
+def test_pictures_stand_in_the_summary_and_are_all_there(ran):
+    summary = fi.load(ran).summary
+    assert summary["pictures"] == {"figures": "drawn", "movie": "drawn"}
+    assert all((ran / FILES[name]).stat().st_size > 1000 for name in FIGURES)
+    assert {FILES[name] for name in FIGURES} <= set(summary["checksums"])
+
+
+def test_what_is_stored_is_what_was_computed(ran, study):
+    # the same call gives the same bits: a round trip through the files
+    summary, response, sweeps = read_summary(ran), run_simulation(study), run_sweep(study)
+    film, (run, end) = read_film(ran, summary), read_last_cycles(ran, summary)
+    for field in dataclasses.fields(response.snapshots):
+        stored, computed = (getattr(of.snapshots, field.name) for of in (film.response, response))
+        np.testing.assert_array_equal(stored, computed)
+    assert film.structure.beam == study.structure.beam
+    assert film.structure.supports == study.structure.supports
+    pair, drawn = response.system.balls[0], film.response.system.balls[0]
+    assert (drawn.name, drawn.position, drawn.mass, drawn.gaps) == (pair.name, pair.position, pair.mass, pair.gaps)
+    for name in ("time", "impulse", "side", "impactor", "restitution", "mode_share"):
+        np.testing.assert_array_equal(getattr(run.impacts, name), getattr(response.impacts, name))
+    assert run.window == response.window
+    assert run.regime.label == response.regime.label
+    # every step of the last cycles, of which the history keeps each tenth
+    at = np.isin(response.time, end.time)
+    np.testing.assert_array_equal(end["tip"][np.isin(end.time, response.time)], response["tip"][at])
+    curves, coarse = read_curves(ran, summary)
+    np.testing.assert_array_equal(coarse, sweeps.coarse)
+    assert curves["ball"].peak_frequency == sweeps.ball.peak_frequency
+    np.testing.assert_array_equal(curves["empty"].rms, sweeps.empty.rms)
+
+
+def test_stored_mode_shapes_are_those_of_the_system(ran, system):
+    drawn, modes = read_mode_shapes(ran, read_summary(ran))
+    x = np.linspace(0.0, system.nodes[-1], 7)
+    shapes = system.deflection_rows(x) @ fi.solve_modes(system, 4).vectors
+    np.testing.assert_allclose(drawn.deflection_rows(x) @ modes.vectors, shapes, atol=1e-9 * np.abs(shapes).max())
+    assert drawn.total_mass == system.total_mass
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a shell script in the place of ffmpeg")
+@pytest.mark.parametrize("script", ["cat > /dev/null; exit 0", "kill -SEGV $$"])
+def test_an_encoder_that_writes_nothing_is_found(results, tmp_path, monkeypatch, script):
+    encoder(tmp_path, monkeypatch, script)
+    assert pictures.draw_in_child(results, tmp_path, ("movie",), no_report)["movie"] is not None
+    assert not list(tmp_path.glob("*.mp4"))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a shell script in the place of ffmpeg")
+def test_a_failing_encoder_is_a_warning_and_the_movie_can_be_made_again(tmp_path, study, monkeypatch):
+    encoder(tmp_path, monkeypatch, "exit 1")
+    monkeypatch.setattr(pictures, "TIME_LIMIT", 120.0)
+    out = tmp_path / "out"
+    results = run_study(study, out, parts=("simulate",))
+    assert results.history is not None
+    (warning,) = (text for text in results.summary["warnings"] if text.startswith("movie not drawn: "))
+    assert f"'femimpact movie {out}' draws again" in warning
+    assert results.summary["pictures"]["figures"] == "drawn"
+    assert not list(out.glob("*deflection*.mp4"))
+    with pytest.raises(fi.InputError, match=r"movie = .*not drawn"):
+        pictures.draw_again(out, "movie", no_report)
+    assert fi.load(out).summary == results.summary
+    monkeypatch.delenv("IMAGEIO_FFMPEG_EXE")
+    assert pictures.draw_again(out, "movie", no_report) == ("deflection.mp4",)
+    summary = fi.load(out).summary
+    assert summary["pictures"]["movie"] == "drawn"
+    assert not [text for text in summary["warnings"] if text.startswith("movie")]
+    assert "deflection.mp4" in summary["checksums"]
+    # nothing else has changed
+    assert {**summary, **dict.fromkeys(("pictures", "warnings", "checksums", "checksum"))} == {
+        **results.summary, **dict.fromkeys(("pictures", "warnings", "checksums", "checksum"))
+    }  # fmt: skip
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a shell script in the place of ffmpeg")
+def test_a_hanging_encoder_is_ended_with_all_that_it_started(results, tmp_path, monkeypatch):
+    encoder(tmp_path, monkeypatch, f"echo $$ >> {tmp_path}/started; exec sleep 600")
+    monkeypatch.setattr(pictures, "TIME_LIMIT", 15.0)
+    (results / FILES["movie"]).unlink()
+    with pytest.raises(fi.InputError, match="not done within 15 s"):
+        pictures.draw_again(results, "movie", no_report)
+    for number in (tmp_path / "started").read_text().split():
+        with pytest.raises(ProcessLookupError):
+            wait_for_end(int(number))
+    assert not (results / ".running").exists()
+
+
+def wait_for_end(process):
+    """Ask for a process until it is gone."""
+    for _ in range(100):
+        os.kill(process, 0)
+        time.sleep(0.05)
+
+
+def test_a_child_that_crashes_takes_nothing_with_it(results, monkeypatch):
+    monkeypatch.setattr(pictures, "CHILD", "import os; os.abort()")
+    failures = pictures.draw_in_child(results, results, ("figures", "movie"), no_report)
+    assert failures == dict.fromkeys(("figures", "movie"), "the process that draws was ended by SIGABRT")
+    monkeypatch.setattr(pictures, "CHILD", "import no_such_module")
+    (failure,) = pictures.draw_in_child(results, results, ("movie",), no_report).values()
+    assert "No module named 'no_such_module'" in failure
+
+
+def test_figures_are_made_again(results):
+    before = {name: (results / FILES[name]).read_bytes() for name in FIGURES}
+    for name in FIGURES:
+        (results / FILES[name]).unlink()
+    assert set(pictures.draw_again(results, "figures", no_report)) == {FILES[name] for name in FIGURES}
+    # the same data by the same code
+    assert {name: (results / FILES[name]).read_bytes() for name in FIGURES} == before
+
+
+def test_what_can_not_be_drawn_does_not_take_the_other_figures_with_it(results):
+    # no curve to draw: the file is read, but holds not-a-numbers
+    import xarray
+
+    data = xarray.load_dataset(results / FILES["sweep_data"], engine="h5netcdf")
+    data["peak"][:] = np.nan
+    data.to_netcdf(results / FILES["sweep_data"], engine="h5netcdf")
+    (results / FILES["response_figure"]).unlink()
+    with pytest.raises(fi.InputError, match=r"figures = .*not drawn: response.png"):
+        pictures.draw_again(results, "figures", no_report)
+    summary = json.loads((results / "summary.json").read_text())
+    assert summary["pictures"]["figures"].startswith("not drawn: response.png: ")
+    assert (results / FILES["force_figure"]).exists()
+
+
+def test_the_childs_of_a_killed_run_end_with_it(results, tmp_path):
+    code = "import sys, time; from pathlib import Path; from femimpact import pictures\n"
+    code += "pictures.CHILD = pictures.CHILD.replace('child(', 'import os; print(os.getpid(), file=open(sys.argv[4]"
+    code += ' + "/number", "w")); import threading, time; from femimpact.pictures import _end_with_parent;'
+    code += " threading.Thread(target=_end_with_parent).start(); time.sleep(600); child(')\n"
+    code += "pictures.draw_in_child(Path(sys.argv[1]), Path(sys.argv[2]), ('movie',), lambda *_: None)"
+    parent = subprocess.Popen([sys.executable, "-c", code, results, tmp_path])
+    for _ in range(600):
+        if (tmp_path / "number").exists() and (tmp_path / "number").read_text():
+            break
+        time.sleep(0.05)
+    time.sleep(0.5)
+    parent.kill()
+    parent.wait()
+    with pytest.raises(ProcessLookupError):
+        wait_for_end(int((tmp_path / "number").read_text()))
+
+
+def test_nothing_of_the_current_directory_is_imported(results, tmp_path, monkeypatch):
+    for name in ("pyvista", "matplotlib", "json", "numpy"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('from the current directory')")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    assert pictures.draw_in_child(results, results, ("figures",), no_report) == {"figures": None}
+
+
+def test_the_window_that_was_probed_is_the_one_that_is_used(monkeypatch):
+    tried = []
+
+    def run(command, env, **_options):
+        assert command[1] == "-P"
+        tried.append(env[movie.WINDOW])
+        return subprocess.CompletedProcess(command, int(env[movie.WINDOW] == "broken"), b"drawn")
+
+    monkeypatch.setattr(movie.subprocess, "run", run)
+    monkeypatch.setattr(movie, "_probed", movie._probed.__wrapped__)
+    monkeypatch.setenv(movie.WINDOW, "mine")
+    assert movie.gl_window() == "mine"
+    monkeypatch.setenv(movie.WINDOW, "broken")
+    assert movie.gl_window() == "vtkEGLRenderWindow"
+    assert tried == ["mine", "broken", "vtkEGLRenderWindow"]
+    with movie._window("vtkEGLRenderWindow"):
+        assert os.environ[movie.WINDOW] == "vtkEGLRenderWindow"
+    assert os.environ[movie.WINDOW] == "broken"
