@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 __all__ = ["app", "main"]
 
+LEAST_MEMORY = 1e9
+"""Address space in bytes that every command has been seen to run in."""
+
 app = App(
     name="femimpact",
     help="Vibro-impact dynamics of beams, and the design of impact dampers on them.",
@@ -45,6 +48,7 @@ def main() -> None:
     if signal.getsignal(signal.SIGTERM) is not signal.SIG_IGN:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     warnings.showwarning = _show_warning  # type: ignore[assignment]
+    _check_memory_limit()
     try:
         app(exit_on_error=False, print_error=False)
     except CycloptsError as error:
@@ -62,6 +66,19 @@ def main() -> None:
         _fail(_with_notes(f"a library cannot be loaded: {error}", error), 2)
     except KeyboardInterrupt as error:
         _fail(_with_notes("interrupted", error), 130)
+
+
+def _check_memory_limit() -> None:
+    """Refuse to begin in a memory in which the compiler would end the process without a word."""
+    try:
+        import resource
+    except ImportError:  # no such limits outside POSIX
+        return
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    begins_work = not {"--help", "-h", "--version"} & set(sys.argv) and len(sys.argv) > 1
+    if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY and begins_work:
+        needed = f"the libraries and the compiler take up to {LEAST_MEMORY / 1e6:.0f} MB"
+        _fail(f"memory limit (ulimit -v) = {limit / 1e6:.0f} MB: {needed}; raise it", 2)
 
 
 def _with_notes(text: str, error: BaseException) -> str:

@@ -32,7 +32,7 @@ DENSE_MATRICES = 8
 COPIES = 2.3
 """Histories in memory while one is labelled and written."""
 
-CYCLE = {"stepped": 170.0, "event-driven": 330.0}
+CYCLE = {"stepped": 170.0, "event-driven": 150.0}
 """Bytes of a base cycle of a case of a sweep."""
 
 AT_ONCE = {"stepped": 64, "event-driven": 1024}

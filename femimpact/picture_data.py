@@ -126,7 +126,6 @@ def write_mode_shapes(path: Path, system: System, modes: Modes) -> None:
             ("natural_frequency", "Hz"),
             ("damping_ratio", "1"),
             ("participation_factor", "kg^0.5"),
-            ("effective_mass", "kg"),
         )
     }
     shapes = np.asarray(system.expansion @ modes.vectors)
@@ -141,7 +140,7 @@ def read_mode_shapes(folder: Path, summary: Mapping[str, Any]) -> tuple[System, 
     data = read_dataset(folder, "mode_shapes", summary)
     if data is None:
         return None
-    names = ("natural_frequency", "damping_ratio", "participation_factor", "effective_mass")
+    names = ("natural_frequency", "damping_ratio", "participation_factor")
     modes = Modes(**{name: data[name].to_numpy() for name in names}, vectors=data["shape"].to_numpy())
     system = DrawnSystem(data["node"].to_numpy(), {}, total_mass=float(data.attrs["total_mass_kg"]))
     return cast(System, system), modes
@@ -206,6 +205,7 @@ def _about(structure: Structure, response: Response) -> dict[str, Any]:
         "points": points,
         "end": response.window[1],
         "statistics": dataclasses.asdict(response.statistics),
+        "statistics_of": {name: dataclasses.asdict(own) for name, own in response.statistics_of.items()},
     }
 
 
@@ -249,21 +249,24 @@ def _response(folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any]
         )
         for contact in about["contacts"]
     )
-    given: dict[str, Any] = {name: _finite_or(value, math.nan) for name, value in about["statistics"].items()}
     return Response(
         time=np.array([about["end"]]),
         channels={},
         units={},
         impacts=_impacts(folder, summary),
         riding=_riding(folder, summary),
-        statistics=ImpactStatistics(**given),
-        statistics_of={},
+        statistics=_statistics(about["statistics"]),
+        statistics_of={name: _statistics(given) for name, given in about["statistics_of"].items()},
         steady=no_steady_motion(),
         energy=None,
         snapshots=None,
         base=Sine(**about["base"]),
         system=cast(System, DrawnSystem(nodes, about["points"], contacts)),
     )
+
+
+def _statistics(given: Mapping[str, Any]) -> ImpactStatistics:
+    return ImpactStatistics(**{name: _finite_or(value, math.nan) for name, value in given.items()})
 
 
 def _finite_or(value: Any, other: float) -> Any:
@@ -306,6 +309,10 @@ def read_curves(folder: Path, summary: Mapping[str, Any]) -> tuple[dict[str, Fre
         columns: dict[str, Any] = {name: one[name].to_numpy() for name in (*SWEEP_UNITS, "steadiness", "frequency")}
         about = {name: data.attrs[name] for name in ("at", "start")}
         amplitude = float(data.attrs["base_amplitude_m"])
-        curves[str(case)] = FrequencyResponse(**columns, **about, amplitude=amplitude, cycles=None, law="")
+        dwell: dict[str, Any] = {"cycles": None}
+        for name, attribute in (("cycles", "cycles"), ("duration", "duration_s"), ("window", "window_s")):
+            if attribute in data.attrs:
+                dwell[name] = data.attrs[attribute].item()
+        curves[str(case)] = FrequencyResponse(**columns, **about, **dwell, amplitude=amplitude, law="")
     frequency = data["frequency"].to_numpy()
     return curves, frequency[data["grid"].to_numpy() == "even"]

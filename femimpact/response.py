@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact.energy import EnergyLedger
 from femimpact.errors import (
@@ -184,6 +184,30 @@ def _resolve(system: System, balls: list[str], channel: Position) -> Channel:
     raise AssertionError("require raises")
 
 
+@runtime_checkable
+class ShownSystem(Protocol):
+    """What a response shows of a system: places, contacts and the curves between its nodes; a `System` is one."""
+
+    @property
+    def nodes(self) -> NDArray[Any]:
+        """Positions of the nodes, m."""
+
+    @property
+    def points(self) -> Mapping[str, float]:
+        """Named places, m."""
+
+    @property
+    def contacts(self) -> tuple[Any, ...]:
+        """Balls first, then stops."""
+
+    @property
+    def balls(self) -> tuple[Any, ...]:
+        """The contacts that are balls."""
+
+    def deflection_rows(self, positions: ArrayLike) -> NDArray[Any]:
+        """Rows that read the deflection at positions."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Response:
     """Histories of one run; arrays are read-only.
@@ -234,7 +258,7 @@ class Response:
     energy: EnergyLedger | None = field(metadata=optional(instance(EnergyLedger)))
     snapshots: Snapshots | None = field(metadata=optional(instance(Snapshots)))
     base: Excitation = field(metadata=instance(Sine, PointForce, RecordedBase))
-    system: System = field(metadata=instance(System))
+    system: System = field(metadata=instance(ShownSystem))
     warnings: tuple[str, ...] = field(default=(), metadata=text(several=True))
     notes: tuple[str, ...] = field(default=(), metadata=text(several=True))
     streamed_to: float | None = field(default=None, metadata=quantity("s", at_least=0.0))

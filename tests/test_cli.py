@@ -203,3 +203,20 @@ def test_converge_writes_tables_and_figures(tmp_path):
     names = {"mesh_convergence.csv", "mesh_convergence.png", "step_convergence.csv", "step_convergence.png"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     assert "rounding in the assembled stiffness" in printed
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs a limit on address space")
+@pytest.mark.parametrize("limit", [4e8, 6.5e8, 9.9e8])
+def test_a_memory_limit_below_what_the_libraries_take_is_one_line(tmp_path, limit):
+    import resource
+
+    (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "femimpact", "modes", "small.toml", "-o", "out"],
+        cwd=tmp_path, capture_output=True, text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (int(limit), resource.RLIM_INFINITY)),
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert f"{limit / 1e6:.0f} MB" in done.stderr
+    assert not (tmp_path / "out").exists()

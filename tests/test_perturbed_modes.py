@@ -17,7 +17,9 @@ APART = {
     "test_contact_table.py": "collisions alone, without a structure",
     "test_linear_response.py": "the structure without balls",
     "test_regimes.py": "tables of impacts made by hand",
+    "test_pictures.py": "one short run, and what is drawn of it",
     "test_replace.py": "looks at fields of one short run",
+    "test_result_directory.py": "files, not motions",
 }
 """Test files that speak of impacts and are not marked, with the reason."""
 
