@@ -213,3 +213,19 @@ def test_the_ledger_closes_where_a_mode_has_critical_damping(off):
     run = fi.integrate(system, fi.Sine(amplitude=2.0, frequency=0.15), EXACT, 200.0, fi.Recorder(channels=("a",)))
     assert len(run.impacts) > 20
     assert run.energy.residual < 1e-10
+
+
+@pytest.mark.parametrize("rotation", [0.0, 0.7])
+def test_an_impact_is_as_strong_near_its_critical_damping_as_on_either_side_of_it(rotation):
+    """Force, impulse, duration and loss are smooth in the dashpot: at a block they are the mean of both sides."""
+
+    def first_impact(share):
+        contact = fi.KelvinVoigt(stiffness=50.0, damping=share * nearly_defective())
+        run = fi.integrate(oscillators(rotation, contact), fi.Sine(0.5, 0.15), EXACT, 12.0)
+        table = run.impacts
+        return np.array([getattr(table, name)[0] for name in ("peak_force", "impulse", "duration", "energy_loss")])
+
+    at, below, above = (first_impact(share) for share in (1.0, 0.98, 1.02))
+    # the second difference over 2 % is some 1e-4 of the value
+    np.testing.assert_allclose(at, 0.5 * (below + above), rtol=2e-3)
+    assert np.all(np.abs(above / below - 1.0) < 0.1)

@@ -35,8 +35,8 @@ class Newmark:
         Where the law acts: on the state at the step's end, or as the mean over the step's way,
         f = [V(p1) - V(p0)]/(p1 - p0) for a law with the potential V, its dissipative part at the
         step's mean rate. Then no contact force makes or loses energy that its law does not, at any
-        step; pairs that share a place and touch within one step are excepted. It needs beta = 1/4,
-        gamma = 1/2. (Discrete gradient: Gonzalez, 1996; of a penalty potential: Armero and Petocz, 1998.)
+        step. It needs beta = 1/4, gamma = 1/2. (Discrete gradient: Gonzalez, 1996; of a penalty
+        potential: Armero and Petocz, 1998.)
     refine : int
         Fine steps into which a step is divided in which a contact takes place, or could: dt is then
         the step in flight.

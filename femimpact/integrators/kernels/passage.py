@@ -199,8 +199,12 @@ def _sum_contact_over_nodes(
     r, spare, rate = way.mode.shape[1] + j, search.spare, search.power
     copy_flight(flight, spare)
     panels = panels_of(watch, flight, duration)
-    half, start, impulse, largest, best = 0.5 * duration / panels, flight.clock[0], 0.0, 0.0, 0.0
+    half, start, impulse, best = 0.5 * duration / panels, flight.clock[0], 0.0, 0.0
     offset = side * watch.constant[r] - wall
+    # a dashpot pushes most at the touch, before any of the points
+    largest = offset + side * (watch.sine[r] * unit_phase(watch.omega, spare.clock)).real
+    for k in range(watch.exponent.size):
+        largest += side * (watch.weight[r, k] * spare.entry[k]).real
     for panel in range(panels):
         for node in range(len(NODES)):
             time = start + half * (2 * panel + 1 + NODES[node])

@@ -95,6 +95,16 @@ def contact_step(
                     others_u += op.compliance_u[r, i] * force[i]
                     others_v += op.compliance_v[r, i] * force[i]
             mobility = constants[MOBILITY, j, c]
+            if s.mean and count > 1 and pairs.kind[j] != RIGID:
+                # what the others push may open or close this contact; its mean force is continuous there
+                gate[j] = _side_at_hand(
+                    s, pairs.kind[j], x_free[j] - others_u, m.ball[X_BEFORE, j, c], m.ball[RATE_BEFORE, j, c],
+                    constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c],
+                )  # fmt: skip
+                if m.touch[OPEN, j, c] == 0.0 and gate[j] != 0.0 and approach[j] <= 0.0:
+                    approach[j] = _approach_speed(
+                        gate[j], rate_free[j] - others_v, x_free[j] - others_u, m.ball[X_BEFORE, j, c], s.dt
+                    )
             new, normal[j] = pair_force(
                 s, pairs.kind[j], gate[j], x_free[j] - others_u, rate_free[j] - others_v,
                 m.ball[X_BEFORE, j, c], m.ball[RATE_BEFORE, j, c],
