@@ -77,19 +77,17 @@ MUTATIONS = (
     ),
     Mutation("rayleigh_alpha", "alpha = 2.0 * w1", "alpha = 2.1 * w1"),
     Mutation("rayleigh_beta", "beta = 2.0 * (z2", "beta = 2.1 * (z2"),
-    Mutation("realised_damping", "return 0.5 * (alpha / w + beta * w)", "return 0.5 * (alpha / w + beta * w) * 1.02"),
-    Mutation(
-        "effective_mass", "participation, participation**2, vectors", "participation, abs(participation), vectors"
-    ),
-    Mutation("contact_mass", "inverse = first_mode**2 + (", "inverse = first_mode + ("),
+    Mutation("realised_damping", "np.asarray(0.5 * (a / w + b * w))", "np.asarray(0.51 * (a / w + b * w))"),
+    Mutation("effective_mass", "mass = self.participation_factor**2", "mass = abs(self.participation_factor)"),
+    Mutation("contact_mass", "inverse = self.first_mode**2 +", "inverse = self.first_mode +"),
     Mutation("flexibility", 'np.einsum("ji,ij->j", rows, solved))', 'np.einsum("ji,ij->j", rows, solved)) * 1.01'),
     Mutation("static_correction", "if static_correction and system.contacts:", "if False and system.contacts:"),
     Mutation("attachment_vector", "psi @ mix / np.sqrt(inverse_square)", "psi @ mix / inverse_square"),
     # excitation
     Mutation(
         "base_speed_sign",
-        "scale * np.cos(self.omega * np.asarray(time)",
-        "-scale * np.cos(self.omega * np.asarray(time)",
+        "scale * np.cos(self.omega * _times(time)",
+        "-scale * np.cos(self.omega * _times(time)",
     ),
     Mutation("recorded_base", "omega, 0.0, excitation.samples,", "omega, 0.0, 1.1 * excitation.samples,"),
     Mutation("recorded_displacement", "h * h * (2.0 * a[:-1] + a[1:]) / 6.0", "h * h * (a[:-1] + 2.0 * a[1:]) / 6.0"),
@@ -99,7 +97,7 @@ MUTATIONS = (
         "absolute_displacement", "np.asarray(values + moved_by(self.time))", "np.asarray(values - moved_by(self.time))"
     ),
     # contact
-    Mutation("restitution_of_ratio", "math.exp(-2.0 * damping_ratio", "math.exp(-2.02 * damping_ratio"),
+    Mutation("restitution_of_ratio", "math.exp(-2.0 * z * linear_angle", "math.exp(-2.02 * z * linear_angle"),
     Mutation(
         "ratio_of_restitution",
         "lambda z: -2.0 * z * linear_angle(z) - target",
@@ -116,8 +114,8 @@ MUTATIONS = (
     Mutation("power_exponent", "depth**exponent)\n    if loss", "depth**1.5)\n    if loss"),
     Mutation(
         "gap_sides",
-        "gaps=(float(item.gaps[0]), float(item.gaps[1]))",
-        "gaps=(float(item.gaps[1]), float(item.gaps[0]))",
+        "gaps=item.gaps,",
+        "gaps=item.gaps[::-1],",
     ),
     Mutation("switching_wall", "0.5 * stiffness * (x * x - wall * wall)", "0.5 * stiffness * (x - wall) * (x - wall)"),
     # stepped
@@ -166,7 +164,7 @@ MUTATIONS = (
         "run.open_rides[j] = (side, began, impulse)",
     ),
     Mutation("impact_loss", "loss = 0.5 * impulse * (approach - rebound)", "loss = 0.5 * impulse * approach"),
-    Mutation("flown_contact_loss", "b.sums[c, 1] += loss", "b.sums[c, 1] += 0.0"),
+    Mutation("flown_contact_loss", "loss = b.pair[1, j] * _product(rate", "loss = 0.0 * _product(rate"),
     Mutation("flown_ball_work", "work += 0.5 * b.numbers[MASS, i]", "work += 0.0 * b.numbers[MASS, i]"),
     Mutation("energy_to_modes", "push * (b.velocity[i] + 0.5 * push / b.mass[i])", "push * b.velocity[i]"),
     Mutation("centring_spring", "K += pair.free_stiffness * np.outer(", "K += 0.9 * pair.free_stiffness * np.outer("),
@@ -182,7 +180,11 @@ MUTATIONS = (
     ),
     Mutation("mean_impulse", '"mean_impulse": totals[3].sum(axis=0) * each', '"mean_impulse": totals[3].sum(axis=0)'),
     Mutation("cycle_mean_force", "totals[5].sum(axis=0) / duration", "totals[5].sum(axis=0) / duration * frequency"),
-    Mutation("one_pole_fit", "ratio = math.exp(best.x[2])", "ratio = 1.05 * math.exp(best.x[2])"),
+    Mutation(
+        "one_pole_fit",
+        "ratio, frequency_found = math.exp(best.x[2])",
+        "ratio, frequency_found = 1.05 * math.exp(best.x[2])",
+    ),
     Mutation("half_power", "(4.0 * f[top] ** 2))", "(2.0 * f[top] ** 2))"),
     Mutation(
         "amplitude_ratio", "reference.ratio * drop, reference.frequency", "reference.ratio / drop, reference.frequency"
