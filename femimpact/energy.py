@@ -68,17 +68,17 @@ def residual_warnings(frequency: NDArray[Any], residual: NDArray[Any], bound: ND
     ----------
     frequency : ndarray (cases,), Hz
     residual : ndarray (cases,), 1
-        Not a number without a ledger.
+        Not a number where energies are beyond all numbers, which is warned of too.
     bound : ndarray (cases,), 1
 
     Returns
     -------
     list of str
     """
-    off = np.flatnonzero(residual > bound)
+    off = np.flatnonzero(~(residual <= bound))
     if not off.size:
         return []
-    worst = off[np.argmax(residual[off])]
+    worst = off[np.argmax(np.nan_to_num(residual[off], nan=np.inf))]
     return [
         f"energy residual above its bound at {off.size} of {frequency.size} frequencies ({frequency[off].min():.4g} to "
         f"{frequency[off].max():.4g} Hz), at most {residual[worst]:.2g} of the energy put in (bound "

@@ -29,6 +29,9 @@ CONFIDENCE = 0.995
 NEGLIGIBLE_MISFIT = 1e-5
 """Share of the peak below which a misfit, of far modes or of rounding, does not matter."""
 
+KNOWN = 1e-8
+"""Share of the peak to which any point is known."""
+
 UNDETERMINED = math.log(10.0)
 """Half-width of the logarithm's interval beyond which the points say nothing about the ratio."""
 
@@ -65,7 +68,7 @@ class DampingEstimate:
         low, high = self.interval
         interval = f"{low:.4g} to {high:.4g}" if math.isfinite(low + high) else "no interval"
         ratio = f"{self.ratio:.4g} ({interval})" if math.isfinite(self.ratio) else "no damping ratio"
-        text = f"{ratio} at {self.frequency:.4f} Hz by {self.method}"
+        text = f"{ratio} at {self.frequency:.6g} Hz by {self.method}"
         return text + "".join(f"\n  warning: {warning}" for warning in self.warnings)
 
 
@@ -150,7 +153,7 @@ def half_power(frequency: ArrayLike, amplitude: ArrayLike) -> DampingEstimate:
         brackets.append((f[i], f[outer]))
 
     def ratio(low: float, high: float) -> float:
-        return float((high**2 - low**2) / (4.0 * f[top] ** 2))
+        return float(((high / f[top]) ** 2 - (low / f[top]) ** 2) / 4.0)
 
     interval = (ratio(brackets[0][0], brackets[1][0]), ratio(brackets[0][1], brackets[1][1]))
     warnings = _resolution_warnings(f, top, crossings[1] - crossings[0])
@@ -201,7 +204,8 @@ def fit_one_pole(
     top = int(np.argmax(x))
     chosen = x >= share * x[top]
     chosen[np.argsort(np.abs(f - f[top]))[:7]] = True
-    f_fit, x_fit = f[chosen], x[chosen] / x[top]
+    # both as shares of the peak's: the fit does not hang on units
+    f_fit, x_fit = f[chosen] / f[top], x[chosen] / x[top]
 
     def misfit_of(p: NDArray[Any]) -> NDArray[Any]:
         return np.asarray(_one_pole(f_fit, math.exp(p[0]), p[1], math.exp(p[2])) - x_fit)
@@ -209,14 +213,14 @@ def fit_one_pole(
     # the residual has several valleys when the grid is coarse: start from narrow and wide peaks
     step = float(np.mean(np.diff(f)))
     starts = [
-        np.array([math.log(2.0 * ratio), f[top] + shift * step, math.log(ratio)])
+        np.array([math.log(2.0 * ratio), 1.0 + shift * step / f[top], math.log(ratio)])
         for ratio in (1e-3, 5e-3, 2e-2, 8e-2)
         for shift in (-0.5, 0.0, 0.5)
     ]
-    scale = [1.0, 1e-2 * f[top], 1.0]
+    scale = [1.0, 1e-2, 1.0]
     trials: list[Any] = [least_squares(misfit_of, p, x_scale=scale, xtol=1e-14, ftol=1e-14) for p in starts]
     best = min(trials, key=lambda trial: float(trial.cost))
-    ratio, frequency_found = math.exp(best.x[2]), float(best.x[1])
+    ratio, frequency_found = math.exp(best.x[2]), float(best.x[1] * f[top])
     spread = _spread_of_logarithm(best.jac, 2.0 * best.cost, stdtrit)
     if not f[0] <= frequency_found <= f[-1]:
         message = f"no resonance within {f[0]:g} to {f[-1]:g} Hz: the best fit has its pole at {frequency_found:.4g} Hz"
@@ -251,8 +255,11 @@ def _spread_of_logarithm(jacobian: NDArray[Any], squares: float, quantile: Any) 
     if float(size[2]) < 1e-6 * math.sqrt(points):
         return math.inf
     scaled = jacobian / np.where(size > 0.0, size, 1.0)
-    inverse = np.linalg.pinv(scaled.T @ scaled)
-    variance = squares / freedom * max(float(inverse[2, 2]), 0.0) / float(size[2]) ** 2
+    normal = scaled.T @ scaled
+    if float(np.linalg.eigvalsh(normal)[0]) < 1e-13:
+        return math.inf
+    # points are never known better than this: a fit through all of them may still be one of many
+    variance = (squares / freedom + KNOWN**2) * float(np.linalg.inv(normal)[2, 2]) / float(size[2]) ** 2
     return float(quantile(freedom, 0.975)) * math.sqrt(variance)
 
 
@@ -267,30 +274,43 @@ def _no_interval(f: NDArray[Any], x: NDArray[Any], pole: Any, large: bool, resol
     """Why the misfit is not to be taken for noise, or nothing."""
     if f.size < ENOUGH_POINTS or not resolved:
         return f"may be noise or a second pole: {f.size} points of this grid do not tell"
-    if large or _is_systematic(pole.fun) or _has_background(f, x, pole):
+    if large or _is_systematic(pole.fun) or _is_more_than_a_pole(f, x, pole):
         return "is no noise but systematic, as of a second pole or of a bent peak"
     return ""
 
 
-def _has_background(f: NDArray[Any], x: NDArray[Any], pole: Any) -> bool:
-    """Whether a complex constant beside the pole explains much more than noise would let it (F test)."""
+def _is_more_than_a_pole(f: NDArray[Any], x: NDArray[Any], pole: Any) -> bool:
+    """Whether a constant, or a second pole, beside the pole explains much more than noise would let it (F test)."""
     from scipy.optimize import least_squares
     from scipy.special import fdtri
 
-    def misfit_of(p: NDArray[Any]) -> NDArray[Any]:
-        own = math.exp(p[0]) * f**2 / (p[1] ** 2 - f**2 + 2j * math.exp(p[2]) * p[1] * f)
-        return np.asarray(np.abs(own + p[3] + 1j * p[4]) - x)
+    def first(p: NDArray[Any]) -> NDArray[Any]:
+        return np.asarray(math.exp(p[0]) * f**2 / (p[1] ** 2 - f**2 + 2j * math.exp(p[2]) * p[1] * f))
 
-    scale = [1.0, 1e-2 * float(f[np.argmax(x)]), 1.0, 1.0, 1.0]
-    start = np.append(pole.x, [0.0, 0.0])
-    # a share of either sign: at no background the derivative by its modulus' normal part is zero
-    trials = [
-        least_squares(misfit_of, start + np.array([0.0, 0.0, 0.0, a, b]), x_scale=scale)
-        for a in (-0.1, 0.1)
-        for b in (-0.1, 0.1)
-    ]
-    cost, freedom = min(float(trial.cost) for trial in trials), f.size - 5
-    return (float(pole.cost) - cost) * freedom > 2.0 * cost * float(fdtri(2, freedom, CONFIDENCE))
+    def with_constant(p: NDArray[Any]) -> NDArray[Any]:
+        return np.asarray(np.abs(first(p) + p[3] + 1j * p[4]) - x)
+
+    def with_pole(p: NDArray[Any]) -> NDArray[Any]:
+        # as wide as the first: one parameter less to find
+        second = p[3] * f**2 / (p[4] ** 2 - f**2 + 2j * math.exp(p[2]) * p[4] * f)
+        return np.asarray(np.abs(first(p) + second) - x)
+
+    width = math.exp(pole.x[2]) * float(pole.x[1])
+    share = math.exp(pole.x[0])
+    # shares of either sign: at none the derivative by its normal part is zero
+    constants = [(a, b) for a in (-0.1, 0.1) for b in (-0.1, 0.1)]
+    poles = [(a * share, float(pole.x[1]) + d * width) for a in (-0.3, 0.3) for d in (-4.0, -1.0, 1.0, 4.0)]
+    freedom = f.size - 5
+    quantile = float(fdtri(2, freedom, CONFIDENCE))
+    for model, starts, scale in (
+        (with_constant, constants, [1.0, 1e-2, 1.0, 1.0, 1.0]),
+        (with_pole, poles, [1.0, 1e-2, 1.0, share, 1e-2]),
+    ):
+        trials = [least_squares(model, np.append(pole.x, more), x_scale=scale, max_nfev=200) for more in starts]
+        cost = min(float(trial.cost) for trial in trials)
+        if (float(pole.cost) - cost) * freedom > 2.0 * cost * quantile:
+            return True
+    return False
 
 
 def amplitude_ratio_damping(reference: DampingEstimate, reference_peak: float, peak: float) -> DampingEstimate:

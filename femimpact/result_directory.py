@@ -117,8 +117,18 @@ def stage(
                 folder.rmdir()
 
 
-def complete_move(directory: str | Path, superseded: Callable[[Path], Sequence[str]]) -> tuple[str, ...]:
+def complete_move(
+    directory: str | Path, superseded: Callable[[Path], Sequence[str]], force: bool = False
+) -> tuple[str, ...]:
     """Put the finished parts of a run that was ended into its directory, or finish a move that was ended.
+
+    Parameters
+    ----------
+    directory : str or Path
+    superseded : callable
+        As of `stage`.
+    force : bool
+        Put parts of a run in the place of earlier results that are whole.
 
     Returns
     -------
@@ -128,7 +138,7 @@ def complete_move(directory: str | Path, superseded: Callable[[Path], Sequence[s
     Raises
     ------
     InputError
-        If there is nothing to finish, or a run is still at work.
+        If there is nothing to finish, a run is still at work, or whole earlier results would go.
     """
     target = Path(directory)
     running = target / RUNNING
@@ -142,6 +152,8 @@ def complete_move(directory: str | Path, superseded: Callable[[Path], Sequence[s
     try:
         with _named(target, None):
             if not (running / JOURNAL).exists():
+                allowed = f"holds whole earlier results, which {_listed(parts)} of a later run would replace: --force"
+                require(force or not (target / SUMMARY).exists(), "directory", str(target), "", allowed)
                 _drop_unfinished(running)
                 _write_journal(Staging(target, running / FILES), superseded(target))
             _move_noted(target, running)
@@ -358,7 +370,12 @@ def _noted(staging: Staging) -> Iterator[None]:
         yield
     except BaseException as error:
         target, parts = staging.target, staging.finished
-        if parts:
+        if parts and (target / SUMMARY).exists():
+            error.add_note(
+                f"the earlier results stay; finished parts ({_listed(parts)}) are kept beside them: "
+                f"'femimpact finish {target} --force' puts them in their place"
+            )
+        elif parts:
             error.add_note(
                 f"finished parts ({_listed(parts)}) are kept: 'femimpact finish {target}' makes them results"
             )

@@ -119,8 +119,8 @@ def load(directory: str | Path) -> StudyResults:
     Warns
     -----
     ResultsWarning
-        For a file that can be read but is not the one that the study left. Results without checksums, of
-        earlier versions, are read as they are.
+        For a file that can be read but is not the one that the study left, and for pictures, scenes and other
+        files that are lost or changed. Results without checksums, of earlier versions, are read as they are.
     """
     require(isinstance(directory, (str, Path)), "directory", directory, "", "must be the path of a directory")
     folder = Path(directory)
@@ -132,7 +132,7 @@ def load(directory: str | Path) -> StudyResults:
     def dataset(name: str) -> xarray.Dataset | None:
         return read_dataset(folder, name, summary)
 
-    return StudyResults(
+    results = StudyResults(
         folder,
         summary,
         modes=table(FILES["modes"]),
@@ -142,6 +142,29 @@ def load(directory: str | Path) -> StudyResults:
         impact_data=dataset("impact_data"),
         riding=table(RIDING_FILE),
     )
+    read = {RIDING_FILE, *(FILES[name] for name in ("modes", "impacts", "sweep_data", "history", "impact_data"))}
+    _check_others(folder, summary, read)
+    return results
+
+
+def _check_others(folder: Path, summary: Mapping[str, Any], read: set[str]) -> None:
+    """Warn of files of the results that are lost or changed, but for those that were read."""
+    others = {name: expected for name, expected in summary.get(CHECKSUMS, {}).items() if name not in read}
+    lost = sorted(name for name in others if not (folder / name).is_file())
+    if lost:
+        shown = ", ".join(lost[:3]) + (f" and {len(lost) - 3} more" if len(lost) > 3 else "")
+        text = f"{folder}: missing, though {SUMMARY} names them among the results: {shown}"
+        warnings.warn(text, ResultsWarning, stacklevel=3)
+    for name, expected in others.items():
+        if name not in lost and _differs(folder / name, expected):
+            _warn_changed(folder / name)
+
+
+def _differs(path: Path, expected: str) -> bool:
+    try:
+        return checksum(path) != expected
+    except OSError:
+        return True
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
@@ -323,8 +346,14 @@ def update_results(directory: str | Path, superseded: Sequence[str]) -> Iterator
         yield new
 
 
-def finish_results(directory: str | Path) -> tuple[str, ...]:
+def finish_results(directory: str | Path, force: bool = False) -> tuple[str, ...]:
     """Put what an ended run finished into its directory, or finish a move that was ended.
+
+    Parameters
+    ----------
+    directory : str or Path
+    force : bool
+        Put parts of a run in the place of earlier results that are whole.
 
     Returns
     -------
@@ -334,6 +363,6 @@ def finish_results(directory: str | Path) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        If there is nothing to finish, or a run is still at work.
+        If there is nothing to finish, a run is still at work, or whole earlier results would go.
     """
-    return complete_move(directory, _earlier_results)
+    return complete_move(directory, _earlier_results, force)

@@ -328,6 +328,8 @@ def keep_pictures(
     if kinds:
         ended = dict.fromkeys(kinds, "the run was ended before")
         write_summary(folder, with_pictures(summary, ended, staging.target))
+        # what they are drawn from stays with the results, should the run end now
+        staging.finish_part("data of pictures")
         summary = with_pictures(summary, draw_in_child(folder, folder, kinds, report), staging.target)
     write_summary(folder, summary)
 

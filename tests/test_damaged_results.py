@@ -100,3 +100,14 @@ def test_a_changed_number_is_a_warning(results):
     (results / "summary.json").write_text(text.replace('"method": "newmark"', '"method": "newmarc"'))
     with pytest.warns(ResultsWarning, match=r"summary.json: is not as the study left it"):
         fi.load(results)
+
+
+@pytest.mark.parametrize("name", ["sweep.csv", "modes.nc", "study.toml"])
+def test_lost_or_changed_files_that_load_does_not_read_are_a_warning(results, name):
+    path = results / name
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.warns(ResultsWarning, match=f"{name}: is not as the study left it"):
+        fi.load(results)
+    path.unlink()
+    with pytest.warns(ResultsWarning, match=f"missing, though summary.json names them among the results: {name}"):
+        fi.load(results)

@@ -70,11 +70,23 @@ def test_a_sweep_without_fault_says_nothing_of_energy():
 
 
 def test_a_case_whose_residual_is_within_its_bound_is_not_named():
-    f, residual = np.array([1.0, 2.0, 3.0]), np.array([np.nan, 1e-3, 0.5])
+    f, residual = np.array([1.0, 2.0, 3.0]), np.array([0.0, 1e-3, 0.5])
     assert residual_warnings(f, residual, np.full(3, 1.0)) == []
     (warning,) = residual_warnings(f, residual, np.array([1e-2, 1e-2, 1e-2]))
     assert "1 of 3 frequencies (3 to 3 Hz)" in warning
     assert "0.5" in warning
+    # an energy beyond all numbers is no energy that adds up
+    (warning,) = residual_warnings(f, np.array([0.0, np.nan, 0.5]), np.full(3, 1e-2))
+    assert "2 of 3 frequencies (2 to 3 Hz), at most nan" in warning
+
+
+def test_a_stepped_run_whose_energies_are_beyond_all_numbers_says_so():
+    with np.errstate(all="ignore"):
+        base, method = fi.Sine(1e155, 0.15), fi.Newmark(dt=0.01)
+        run = fi.integrate(oscillator(COMPLIANT), base, method, 30.0, fi.Recorder(channels=("a",)))
+        curve = fi.frequency_sweep(oscillator(COMPLIANT), 1e155, [0.15], method, cycles=5, at="a")
+    assert any("energy residual" in warning for warning in run.warnings)
+    assert any("energy residual" in warning for warning in curve.warnings)
 
 
 @pytest.mark.parametrize("contact_time", [2e-4, 1e-5])

@@ -124,7 +124,7 @@ def test_a_kill_at_any_step_of_the_move_leaves_old_new_or_incomplete(tmp_path, e
             with pytest.raises(fi.InputError, match=f"femimpact finish {out}"):
                 run(out, OLD)
         if unfinished_state(out) is not None:
-            assert finish_results(out) in (("modes",), ())
+            assert finish_results(out, force=True) in (("modes",), ())
             assert not (out / ".running").exists()
         assert value_of(out) == NEW
         assert not earlier or (out / "mine.txt").read_text() == "keep me"
@@ -176,7 +176,7 @@ def test_a_killed_process_leaves_old_new_or_incomplete(tmp_path, steps):
     state, text = state_of(out)
     assert state != "incomplete" or "femimpact finish" in text
     if (out / ".running" / "finished.json").exists() or state == "incomplete":
-        finish_results(out)
+        finish_results(out, force=True)
         assert value_of(out) == NEW
     elif (out / ".running").exists():
         # what was not finished goes with the next run
@@ -226,9 +226,14 @@ def test_finished_parts_are_kept_beside_earlier_results_until_they_are_asked_for
     with pytest.raises(KeyboardInterrupt) as caught:
         break_off(out, KeyboardInterrupt(), force=True, value=NEW)
     (note,) = caught.value.__notes__
-    assert note == f"finished parts (modes) are kept: 'femimpact finish {out}' makes them results"
+    assert "the earlier results stay; finished parts (modes) are kept beside them" in note
+    assert f"'femimpact finish {out} --force' puts them in their place" in note
     assert value_of(out) == OLD
-    assert finish_results(out) == ("modes",)
+    # parts of a run do not take the place of a whole one unasked
+    with pytest.raises(fi.InputError, match=r"holds whole earlier results, which modes of a later run would replace"):
+        finish_results(out)
+    assert value_of(out) == OLD
+    assert finish_results(out, force=True) == ("modes",)
     assert value_of(out) == NEW
     with pytest.raises(fi.InputError, match="holds no unfinished results"):
         finish_results(out)

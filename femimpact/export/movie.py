@@ -159,9 +159,13 @@ def _encode(path: Path, frames: Iterator[NDArray[Any]], fps: int) -> Path:
     if path.suffix == ".mp4" and imageio_ffmpeg is not None:
         with atomic_path(path) as temporary:
             options = {"fps": fps, "quality": 7, "macro_block_size": 16}
-            writer = imageio_ffmpeg.write_frames(str(temporary), (WIDTH, HEIGHT), **options)
-            writer.send(None)
             count = 0
+            try:
+                writer = imageio_ffmpeg.write_frames(str(temporary), (WIDTH, HEIGHT), **options)
+                writer.send(None)
+            # an encoder that does not answer makes its library fail in any way
+            except Exception as error:
+                raise RuntimeError(f"ffmpeg does not start: {error}") from error
             try:
                 for frame in frames:
                     writer.send(np.ascontiguousarray(frame))

@@ -135,7 +135,7 @@ def _response(
     if impacts.dropped:
         lost = f"{impacts.dropped} impacts beyond the first {recorder.impacts} are not in the table (Recorder.impacts)"
         warnings = (*warnings, lost)
-    if left.energy is not None and left.energy.residual > recorder.residual_limit:
+    if left.energy is not None and not left.energy.residual <= recorder.residual_limit:
         warnings = (*warnings, _residual_warning(left.energy.residual, recorder.residual_limit))
     cycles = block.cycle_statistics
     finished = int(np.count_nonzero(cycles.samples[:, 0]))

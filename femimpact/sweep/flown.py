@@ -67,7 +67,10 @@ def flown_columns(
             share(1.0)
 
     run_each(run, range(f.size), workers, progress)
-    warnings += residual_warnings(f, columns["energy_residual"], np.full(f.size, CLOSED))
+    if ledger:
+        # those that failed have said so
+        residual = np.nan_to_num(columns["energy_residual"], nan=0.0)
+        warnings += residual_warnings(f, residual, np.full(f.size, CLOSED))
     if all(s == "failed" for s in columns["steadiness"]):
         raise DivergenceError(warnings[-1])
     return columns, warnings
@@ -115,7 +118,8 @@ def _passed_columns(
         )  # fmt: skip
         bound[members] = passed.bound
         _fill(columns, warnings, members, passed, dwells, method)
-    warnings += residual_warnings(f, columns["energy_residual"], bound)
+    if ledger:
+        warnings += residual_warnings(f, np.nan_to_num(columns["energy_residual"], nan=0.0), bound)
     if all(s == "failed" for s in columns["steadiness"]):
         raise DivergenceError(warnings[-1])
     return columns, warnings

@@ -61,7 +61,10 @@ def stepped_columns(
     run_each(run, _blocks(ends, workers), workers, progress)
     for i in np.flatnonzero(np.isfinite(diverged)):
         warnings.append(divergence_message(float(f[i]), float(diverged[i]), method))
-    warnings += residual_warnings(f, columns["energy_residual"], np.full(f.size, BALANCED))
+    if ledger:
+        # those that failed have said so
+        residual = np.where(np.isfinite(diverged), 0.0, columns["energy_residual"])
+        warnings += residual_warnings(f, residual, np.full(f.size, BALANCED))
     if all(s == "failed" for s in columns["steadiness"]):
         raise DivergenceError(divergence_message(float(f[0]), float(diverged.min()), method))
     return columns, warnings
