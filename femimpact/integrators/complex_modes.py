@@ -81,15 +81,18 @@ class ComplexModes:
 
     def integral(self, entry: Complex, duration: float) -> Complex:
         """Integral of e^{rate s} H over the duration, ndarray (K,)."""
+        from scipy.sparse.linalg import expm_multiply
+
         mu = self.exponent
         safe = np.where(mu == 0.0, 1.0, mu)
         total = entry * np.where(mu == 0.0, duration, np.expm1(mu * duration) / safe)
         for first, count in self.blocks:
             own = slice(first, first + count)
-            # e^A of A = [[rate, H], [0, 0]] t has the integral in its corner
+            # e^A of A = [[rate, H], [0, 0]] t has the integral in its last column; scipy's expm of a triangular
+            # matrix divides by differences of eigenvalues
             wide = np.zeros((count + 1, count + 1), dtype=complex)
             wide[:count, :count], wide[:count, count] = self.rate[own, own], entry[own]
-            total[own] = scipy.linalg.expm(wide * duration)[:count, count]
+            total[own] = expm_multiply(wide * duration, np.eye(count + 1, dtype=complex)[:, count])[:count]
         return np.asarray(total)
 
     @property
