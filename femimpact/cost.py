@@ -18,7 +18,7 @@ from femimpact.response import Recorder
 from femimpact.study import Study
 from femimpact.system import System
 
-__all__ = ["Cost", "check_mesh", "check_sweep", "history_cost", "mesh_memory", "sweep_cost"]
+__all__ = ["Cost", "check_mesh", "check_sweep", "history_cost", "mesh_memory", "picture_seconds", "sweep_cost"]
 
 ELEMENT = 4200.0
 """Bytes of an element while the matrices are made."""
@@ -57,12 +57,23 @@ WRITING = 8e-9
 """Labelling and writing of a byte that is kept, s."""
 
 
+FIGURES, MOVIE, FRAME = 4.0, 2.0, 0.07
+"""Drawing all figures, beginning a movie, and each frame of it, rendered without a graphics card, s."""
+
+
 @dataclass(frozen=True)
 class Cost:
     """Peak of the memory (bytes) that a part of a run takes beyond the libraries', and its time (s) on one core."""
 
     memory: float
     seconds: float
+
+
+def picture_seconds(study: Study) -> float:
+    """Time (s) that figures and movie of a whole run take, which are drawn when all else is done."""
+    output = study.output
+    filmed = MOVIE + FRAME * output.frames if output.movie and output.frames > 0 else 0.0
+    return (FIGURES if output.figures else 0.0) + filmed
 
 
 def mesh_memory(elements: int, modes: int | None) -> dict[str, float]:

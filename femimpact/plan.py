@@ -9,7 +9,7 @@ import numpy as np
 
 from femimpact.contact import CustomLaw, PowerLaw, Rigid
 from femimpact.convergence import MeshConvergence, StepConvergence, converge_elements, converge_step
-from femimpact.cost import history_cost, mesh_memory, sweep_cost
+from femimpact.cost import history_cost, mesh_memory, picture_seconds, sweep_cost
 from femimpact.errors import require
 from femimpact.export import figures, tables
 from femimpact.integrators.event_driven import EventDriven
@@ -73,6 +73,8 @@ def plan_lines(study: Study) -> list[str]:
             f"sweep: up to {cases} frequencies from {plan.start:g} to {plan.stop:g} Hz, {plan.cycles} cycles each, "
             f"{total:.3g} {unit}, takes about {swept.memory / 1e6:.3g} MB and {swept.seconds:.2g} s on one core"
         )
+    if picture_seconds(study) > 0.0:
+        lines.append(f"figures and movie: about {picture_seconds(study):.2g} s, when the rest is done")
     mesh = mesh_memory(full.nodes.size - 1, small.dofs if study.reduction else None)
     lines.append(f"mesh and modes: take about {max(mesh.values()) / 1e6:.3g} MB")
     lines.append("besides: some 200 MB for the libraries; the first run on a machine compiles for 15 to 60 s")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.cost import history_cost, mesh_memory, sweep_cost
+from femimpact.cost import history_cost, mesh_memory, picture_seconds, sweep_cost
 from femimpact.demo import paper_study
 from femimpact.plan import plan_lines
 from femimpact.run import history_record, preflight, run_modes, run_study
@@ -103,3 +103,12 @@ def test_points_of_a_grid_are_found_in_linear_memory():
     np.testing.assert_allclose(frequency[found], coarse, atol=1e-9)
     assert on_grid([1.0, 2.0], []).tolist() == [False, False]
     assert on_grid([1.0, 2.0, 3.0], [2.0]).tolist() == [False, True, False]
+
+
+def test_pictures_are_part_of_the_estimate_and_only_those_that_are_asked_for():
+    paper = paper_study()
+    assert picture_seconds(paper) > 5.0
+    none = dataclasses.replace(paper, output=dataclasses.replace(paper.output, figures=False, movie=False))
+    assert picture_seconds(none) == 0.0
+    still = dataclasses.replace(paper, output=dataclasses.replace(paper.output, figures=True, movie=False))
+    assert 0.0 < picture_seconds(still) < picture_seconds(paper)
