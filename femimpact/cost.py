@@ -50,8 +50,8 @@ NANOSECONDS = {"modal alone": 9.0, "modal beside others": 2.5, "physical": 20.0}
 EVENT_DRIVEN_CYCLE = 5e-5
 """Rough cost of one base cycle flown event-driven with a few modes, s."""
 
-START = 0.8
-"""What every part takes besides, s: systems, summary, reading back."""
+START = 1.5
+"""What a command takes besides, s: starting, systems, summary, reading back."""
 
 WRITING = 8e-9
 """Labelling and writing of a byte that is kept, s."""
