@@ -185,7 +185,7 @@ MUTATIONS = (
         "ratio, frequency_found = math.exp(best.x[2])",
         "ratio, frequency_found = 1.05 * math.exp(best.x[2])",
     ),
-    Mutation("half_power", "(4.0 * f[top] ** 2))", "(2.0 * f[top] ** 2))"),
+    Mutation("half_power", "(low / f[top]) ** 2) / 4.0", "(low / f[top]) ** 2) / 4.2"),
     Mutation(
         "amplitude_ratio", "reference.ratio * drop, reference.frequency", "reference.ratio / drop, reference.frequency"
     ),

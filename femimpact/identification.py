@@ -196,7 +196,6 @@ def fit_one_pole(
         where the points do not determine it.
     """
     from scipy.optimize import least_squares
-    from scipy.special import stdtrit
 
     share = checked("share", share, quantity("1", at_least=0.0, at_most=1.0))
     misfit_limit = checked("misfit_limit", misfit_limit, quantity("1", at_least=0.0))
@@ -220,7 +219,20 @@ def fit_one_pole(
     scale = [1.0, 1e-2, 1.0]
     trials: list[Any] = [least_squares(misfit_of, p, x_scale=scale, xtol=1e-14, ftol=1e-14) for p in starts]
     best = min(trials, key=lambda trial: float(trial.cost))
-    ratio, frequency_found = math.exp(best.x[2]), float(best.x[1] * f[top])
+    return _judged(f, float(f[top]), f_fit, x_fit, best, misfit_limit)
+
+
+def _judged(
+    f: NDArray[Any], at: float, f_fit: NDArray[Any], x_fit: NDArray[Any], best: Any, misfit_limit: float
+) -> DampingEstimate:
+    """The estimate of the best fit, as far as its points determine it: they are shares of the peak, which lies at `at`.
+
+    `f` are all frequencies (Hz).
+    """
+    from scipy.special import stdtrit
+
+    step = float(np.mean(np.diff(f)))
+    ratio, frequency_found = math.exp(best.x[2]), float(best.x[1] * at)
     spread = _spread_of_logarithm(best.jac, 2.0 * best.cost, stdtrit)
     if not f[0] <= frequency_found <= f[-1]:
         message = f"no resonance within {f[0]:g} to {f[-1]:g} Hz: the best fit has its pole at {frequency_found:.4g} Hz"
@@ -228,7 +240,7 @@ def fit_one_pole(
     if spread > UNDETERMINED:
         message = (
             f"{f_fit.size} points with steps of {step:.3g} Hz do not determine a damping ratio: "
-            f"refine the grid around {f[top]:.4g} Hz"
+            f"refine the grid around {at:.4g} Hz"
         )
         return DampingEstimate(math.nan, frequency_found, (math.nan, math.nan), "one-pole least squares", (message,))
     warnings = list(_resolution_warnings(f, int(np.argmin(np.abs(f - frequency_found))), 2.0 * ratio * frequency_found))
