@@ -35,6 +35,8 @@ class Drive:
     samples : ndarray (n,) or None
     interval : float, s
         Between samples.
+    initial_velocity : float, m/s
+        Of the base where s is its acceleration by samples.
     """
 
     load: NDArray[Any]
@@ -44,6 +46,7 @@ class Drive:
     phase: float
     samples: NDArray[Any] | None = None
     interval: float = 0.0
+    initial_velocity: float = 0.0
 
     def value(self, time: NDArray[Any]) -> NDArray[Any]:
         """s(t) at times in s; zero beyond the last sample."""
@@ -69,4 +72,7 @@ def drive_of(system: System, excitation: Excitation) -> Drive:
         return Drive(system.point_row(excitation.at), 0.0, history.amplitude, omega, history.phase)
     known = isinstance(excitation, RecordedBase)
     require(known, "excitation", excitation, "", "must be a Sine, a PointForce or a RecordedBase")
-    return Drive(-system.base_load, 1.0, 0.0, omega, 0.0, excitation.samples, excitation.interval)
+    return Drive(
+        -system.base_load, 1.0, 0.0, omega, 0.0, excitation.samples, excitation.interval,
+        excitation.initial_velocity,
+    )

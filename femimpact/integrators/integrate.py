@@ -8,7 +8,7 @@ from typing import Any, cast, overload
 from femimpact.errors import require, require_type
 from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.fly import fly
+from femimpact.integrators.event_driven.run import run_events
 from femimpact.integrators.march import divergence_message, march
 from femimpact.integrators.newmark import SteppingMethod
 from femimpact.integrators.recording import check_memory, memory_needed
@@ -113,7 +113,7 @@ def integrate(
 
     def run(drive: Excitation, report: Progress | None) -> Response:
         if isinstance(method, EventDriven):
-            return fly(system, drive, method, duration, recorder, start, report)
+            return run_events(system, drive, method, duration, recorder, start, report)
         return march(system, drive, method, duration, recorder, start, report)
 
     responses = run_each(run, drives, workers, progress)

@@ -12,6 +12,7 @@ IMPACT_COLUMNS = (
     "time", "pair", "side", "approach_speed", "rebound_speed", "impulse", "peak_force", "duration", "energy_loss",
 )  # fmt: skip
 TOTAL_COLUMNS = ("count", "approach_speed", "approach_speed_max", "impulse", "peak_force", "force_time")
+COUNT, APPROACH_SUM, LARGEST_APPROACH, IMPULSE_SUM, PEAK_FORCE, FORCE_TIME = range(6)
 # the first four count impacts that end within the window; the last two every force in it, riding included
 
 # rows of Motion.ball (., pairs, cases); y and x = y - w are relative to the base, FORCE acts on the structure;

@@ -89,10 +89,12 @@ def frequency_sweep(
     workers, observed = workers_of(threads), system.point_row(at)
     # each kind of method brings compiled code along that the other does not need
     if isinstance(method, EventDriven):
-        from femimpact.sweep.flown import flown_columns
+        from femimpact.sweep.event_driven import event_driven_columns
 
         notes: tuple[str, ...] = ()
-        columns, warnings = flown_columns(system, amplitude, dwells, method, state, observed, ledger, workers, progress)
+        columns, warnings = event_driven_columns(
+            system, amplitude, dwells, method, state, observed, ledger, workers, progress
+        )
     else:
         from femimpact.sweep.stepped import stepped_columns
 

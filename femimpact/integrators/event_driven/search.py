@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import ZERO, called, inlined
-from femimpact.integrators.kernels.crossing import Flight, Watch, clear_time, derivatives, measure, move, unit_phase
+from femimpact.integrators.kernels.compiling import ZERO, apart, called, inlined
+from femimpact.integrators.event_driven.motion import Flight, Watch, clear_time, derivatives, measure, move, unit_phase
 
 __all__ = ["END", "HIT", "RELEASE", "REST", "STUCK", "Search", "look", "next_event"]
 
@@ -34,8 +34,7 @@ class Search(NamedTuple):
     found: NDArray[Any]  # (5,) scratch
     size: NDArray[Any]  # (K,) |H|; see `measure`
     power: NDArray[Any]  # (3, K) complex: H', and scratch
-    event: NDArray[Any]  # (4,): scalar, side, time at which a capture rests
-    spare: Flight  # scratch
+    event: NDArray[Any]  # (2,): scalar, side
 
 
 @inlined
@@ -86,7 +85,7 @@ def look(r: int, watch: Watch, flight: Flight, active: int, phase: complex, rema
     bend, twist = side * c.found[0], side * c.found[1]
     if c.at_wall[r] != 0.0 and toward >= -rate_rounding:
         toward = 0.0
-        # a rider that was let go has no acceleration left but rounding
+        # a pair that was let go has no acceleration left but rounding
         noise = (1e-9 if c.leaving[r] == side else 1e-12) * c.found[2]
         if bend > noise or (bend >= -noise and (twist > 0.0 or (twist == 0.0 and c.found[3] > 0.0))):
             return -1.0
@@ -98,7 +97,7 @@ def look(r: int, watch: Watch, flight: Flight, active: int, phase: complex, rema
     return creep if creep > safe else safe
 
 
-@called
+@apart
 def next_event(watch: Watch, flight: Flight, until: float, c: Search) -> int:
     """Move to the first event or to `until`: END, HIT, REST or RELEASE, the pair and side in `event`."""
     for _ in range(10_000_000):
@@ -115,7 +114,7 @@ def next_event(watch: Watch, flight: Flight, until: float, c: Search) -> int:
                 active = k + 1
         remaining = until - flight.clock[0]
         safe = remaining
-        for r in range(watch.upper.size):
+        for r in range(watch.lasting.size):
             if watch.upper[r] == math.inf and watch.lower[r] == -math.inf:
                 continue
             own = look(r, watch, flight, active, phase, remaining, c)
@@ -123,7 +122,7 @@ def next_event(watch: Watch, flight: Flight, until: float, c: Search) -> int:
                 safe = min(safe, own)
                 continue
             c.event[0], c.event[1] = r, c.at_wall[r]
-            if watch.rides[r] != 0.0:
+            if watch.lasting[r] != 0.0:
                 return RELEASE
             return HIT if own == 0.0 else REST
         if safe >= remaining:

@@ -21,14 +21,13 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import called, inlined
+from femimpact.integrators.kernels.compiling import apart, called, inlined
 
 __all__ = [
     "AT_WALL",
     "NODES",
     "WEIGHTS",
     "Flight",
-    "Space",
     "Watch",
     "clear_time",
     "copy_flight",
@@ -39,7 +38,7 @@ __all__ = [
     "move_particles",
     "multiply",
     "panels_of",
-    "read_coordinates",
+    "taylor",
     "unit_phase",
 ]
 
@@ -61,9 +60,9 @@ AT_WALL = 32.0 * 2.220446049250313e-16
 
 
 class Watch(NamedTuple):
-    """Scalars that events depend on (a pair's x, or a contact force), and the motion that they are read from.
+    """Scalars read from a motion in closed form; the first E of them (gaps and contact forces) decide events.
 
-    K entries, P particles, R scalars.
+    K entries, P rigid-body coordinates, R scalars.
     """
 
     exponent: NDArray[Any]  # (K,) complex
@@ -72,71 +71,58 @@ class Watch(NamedTuple):
     size: NDArray[Any]  # (K,) |lambda|, or the norm of the block
     omega: float  # of the sine
     broken: bool  # whether s(t) is a broken line
-    particle_given: NDArray[Any]  # (P,)
-    particle_drive: NDArray[Any]  # (P,), zero for a sine: that part is in the steady answer
-    rides: NDArray[Any]  # (R,) side of a contact that lasts and whose force is watched, 0 in flight
-    upper: NDArray[Any]  # (R,)
-    lower: NDArray[Any]  # (R,)
+    particle_given: NDArray[Any]  # (P,) constant acceleration
+    particle_drive: NDArray[Any]  # (P,) acceleration per unit of s(t); zero for a sine: that part is in the steady motion
+    lasting: NDArray[Any]  # (E,) side of a contact whose force is watched for its end, else 0
+    upper: NDArray[Any]  # (E + 1,); the last two are those of the search for the peak
+    lower: NDArray[Any]  # (E + 1,)
     weight: NDArray[Any]  # (R, K) complex
     weight_size: NDArray[Any]  # (R, K)
     particle_weight: NDArray[Any]  # (R, P)
     particle_rate_weight: NDArray[Any]  # (R, P)
     sine: NDArray[Any]  # (R,) complex
     constant: NDArray[Any]  # (R,)
-    follow: NDArray[Any]  # (R,)
-    follow_rate: NDArray[Any]  # (R,)
-
-
-class Space(NamedTuple):
-    """A `FlightSpace` ready for the kernels; K entries, P particles, R pairs, d coordinates."""
-
-    watch: Watch
-    turn: NDArray[Any]  # (K,) complex, e^{lambda dt} from one sample to the next
-    particle_sine: NDArray[Any]  # (P,) complex
-    kick: NDArray[Any]  # (K, R) complex
-    particle_kick: NDArray[Any]  # (P, R)
-    mobility: NDArray[Any]  # (R, R) change of x_i' by a unit impulse on the structure at j
-    jump_value: NDArray[Any]  # (K,) complex
-    jump_slope: NDArray[Any]  # (K,) complex
-    shape: NDArray[Any]  # (d, K) complex
-    shape_rate: NDArray[Any]  # (d, K) complex
-    particle_shape: NDArray[Any]  # (d, P)
-    shape_sine: NDArray[Any]  # (d,) complex
-    bound_sine: NDArray[Any]  # (d,) complex, without the particles' share
-    shape_constant: NDArray[Any]  # (d,)
-    shape_follow: NDArray[Any]  # (d,)
-    shape_follow_rate: NDArray[Any]  # (d,)
-    first: NDArray[Any]  # (d + 1,) entries of coordinate i: members[first[i]:first[i + 1]]
-    members: NDArray[Any]
+    follow: NDArray[Any]  # (4, R) steady motion under a broken line, per unit of ub, ub', s and s'
 
 
 class Flight(NamedTuple):
-    """Where the motion is: homogeneous part, particles, time; and scratch space."""
+    """Where the motion is: homogeneous part, rigid-body coordinates, time, a drive by samples; and scratch space."""
 
     entry: NDArray[Any]  # (K,) complex
     particle: NDArray[Any]  # (P,)
     particle_rate: NDArray[Any]  # (P,)
-    clock: NDArray[Any]  # (4,): time, s, its slope (both zero for a sine), phase of the sine at t = 0
+    clock: NDArray[Any]  # (2,): time, phase of the sine at t = 0
+    drive: NDArray[Any]  # (4,): ub, ub', s, s' of a broken line; zero for a sine
     term: NDArray[Any]  # (K,) complex scratch
 
 
 @inlined
 def unit_phase(omega: float, clock: NDArray[Any]) -> complex:
     """e^{i theta} of the sine at the present time."""
-    theta = omega * clock[0] + clock[3]
+    theta = omega * clock[0] + clock[1]
     return complex(math.cos(theta), math.sin(theta))
 
 
 @inlined
 def move_particles(watch: Watch, flight: Flight, duration: float) -> None:
-    """Advance the particles, and s(t) where it is a broken line."""
-    s, slope = flight.clock[1], flight.clock[2]
-    for i in range(flight.particle.size):
-        given = watch.particle_given[i] + watch.particle_drive[i] * s
-        twist = watch.particle_drive[i] * slope
+    """Advance the rigid-body coordinates, and the drive where it is a broken line."""
+    d = flight.drive
+    for i in range(watch.particle_given.size):
+        given = watch.particle_given[i] + watch.particle_drive[i] * d[2]
+        twist = watch.particle_drive[i] * d[3]
         flight.particle[i] += duration * (flight.particle_rate[i] + duration * (0.5 * given + duration * twist / 6.0))
         flight.particle_rate[i] += duration * (given + 0.5 * duration * twist)
-    flight.clock[1] += duration * slope
+    if watch.broken:
+        d[0] += duration * (d[1] + duration * (0.5 * d[2] + duration * d[3] / 6.0))
+        d[1] += duration * (d[2] + 0.5 * duration * d[3])
+        d[2] += duration * d[3]
+
+
+@inlined
+def taylor(follow: NDArray[Any], r: int, d: NDArray[Any]) -> tuple[float, float, float, float]:
+    """What a broken line adds to scalar r: the value and its three derivatives, the last of which is constant."""
+    a, b, c, e = follow[0, r], follow[1, r], follow[2, r], follow[3, r]
+    return a * d[0] + b * d[1] + c * d[2] + e * d[3], a * d[1] + b * d[2] + c * d[3], a * d[2] + b * d[3], a * d[3]
 
 
 @inlined
@@ -152,7 +138,7 @@ def multiply(watch: Watch, entry: NDArray[Any], out: NDArray[Any]) -> None:
                 out[k] += watch.coupling[k, m] * entry[m]
 
 
-@inlined
+@apart
 def measure(watch: Watch, flight: Flight, size: NDArray[Any], rate: NDArray[Any]) -> None:
     """|H| of every entry, the norm within a block, and H'."""
     multiply(watch, flight.entry, rate)
@@ -168,7 +154,7 @@ def measure(watch: Watch, flight: Flight, size: NDArray[Any], rate: NDArray[Any]
             size[k] = math.sqrt(square)
 
 
-@called
+@apart
 def _move_block(watch: Watch, first: int, last: int, flight: Flight, duration: float) -> None:
     """e^{Lambda t} of one block into `term`: e^{mean t}, and Taylor's series of what is left, small in every step."""
     mean = complex(0.0, 0.0)
@@ -193,7 +179,7 @@ def _move_block(watch: Watch, first: int, last: int, flight: Flight, duration: f
         term[k] = entry[k]
 
 
-@called
+@apart
 def move(watch: Watch, flight: Flight, duration: float) -> None:
     """Advance the homogeneous part, the particles and the clock."""
     for b in range(watch.blocks.shape[0]):
@@ -221,7 +207,7 @@ def has_blocks(watch: Watch) -> bool:
     return bool(watch.blocks.shape[0] > 0 and watch.blocks[0, 1] > 0)
 
 
-@inlined
+@apart
 def copy_flight(source: Flight, target: Flight) -> None:
     """Set one motion to another."""
     for k in range(source.entry.size):
@@ -229,7 +215,8 @@ def copy_flight(source: Flight, target: Flight) -> None:
     for i in range(source.particle.size):
         target.particle[i], target.particle_rate[i] = source.particle[i], source.particle_rate[i]
     for i in range(4):
-        target.clock[i] = source.clock[i]
+        target.drive[i] = source.drive[i]
+    target.clock[0], target.clock[1] = source.clock[0], source.clock[1]
 
 
 @inlined
@@ -257,7 +244,7 @@ def _first_meeting(clearance: float, speed: float, bend: float) -> float:
     return 2.0 * clearance / (speed + root) if speed + root > 0.0 else math.inf
 
 
-@called
+@apart
 def clear_time(
     r: int,
     watch: Watch,
@@ -274,7 +261,7 @@ def clear_time(
     `size` (K,) holds |H|, and nothing but zeros from `active` on, `rate_of` (K,) holds H'; `found` gets value, rate,
     the rounding of both, and the time in which the farther bound is surely not met.
     """
-    clock, broken = flight.clock, watch.broken
+    d, broken = flight.drive, watch.broken
     turned, wave = watch.sine[r] * phase, watch.sine[r]
     size_of_sine = math.sqrt(wave.real * wave.real + wave.imag * wave.imag)
     value = watch.constant[r] + turned.real
@@ -284,17 +271,18 @@ def clear_time(
     bend = watch.omega * scale_rate
     pull, twist = 0.0, 0.0
     if broken:
-        value += watch.follow[r] * clock[1] + watch.follow_rate[r] * clock[2]
-        rate += watch.follow[r] * clock[2]
-    for i in range(flight.particle.size):
-        p, d = watch.particle_weight[r, i], watch.particle_rate_weight[r, i]
-        given = watch.particle_given[i] + watch.particle_drive[i] * clock[1]
-        value += p * flight.particle[i] + d * flight.particle_rate[i]
-        rate += p * flight.particle_rate[i] + d * given
-        scale += abs(p * flight.particle[i]) + abs(d * flight.particle_rate[i])
-        scale_rate += abs(p * flight.particle_rate[i]) + abs(d * given)
-        pull += p * given
-        twist += abs(p * watch.particle_drive[i] * clock[2])
+        followed, follow_rate, follow_pull, follow_twist = taylor(watch.follow, r, d)
+        value, rate, pull, twist = value + followed, rate + follow_rate, follow_pull, abs(follow_twist)
+        scale, scale_rate = scale + abs(followed), scale_rate + abs(follow_rate)
+    for i in range(watch.particle_given.size):
+        p, q = watch.particle_weight[r, i], watch.particle_rate_weight[r, i]
+        given, growth = watch.particle_given[i] + watch.particle_drive[i] * d[2], watch.particle_drive[i] * d[3]
+        value += p * flight.particle[i] + q * flight.particle_rate[i]
+        rate += p * flight.particle_rate[i] + q * given
+        scale += abs(p * flight.particle[i]) + abs(q * flight.particle_rate[i])
+        scale_rate += abs(p * flight.particle_rate[i]) + abs(q * given)
+        pull += p * given + q * growth
+        twist += abs(p * growth)
     if broken:
         twist *= remaining
     fast = 0.0
@@ -326,7 +314,7 @@ def clear_time(
     if lower > -math.inf:
         scale += abs(lower)
     # the sine is known no better than the time is
-    found[2] = AT_WALL * (scale + 0.1 * watch.omega * size_of_sine * clock[0])
+    found[2] = AT_WALL * (scale + 0.1 * watch.omega * size_of_sine * flight.clock[0])
     found[3] = AT_WALL * scale_rate
     # at the wall and leaving it with speed: the parabola returns later
     if up == 0.0 and rate < 0.0:
@@ -337,7 +325,7 @@ def clear_time(
     return min(up, down)
 
 
-@called
+@apart
 def derivatives(
     r: int, watch: Watch, flight: Flight, phase: complex, size: NDArray[Any], power: NDArray[Any], found: NDArray[Any]
 ) -> None:
@@ -347,15 +335,17 @@ def derivatives(
     """
     turned = watch.sine[r] * phase
     size_of_sine = math.sqrt(turned.real * turned.real + turned.imag * turned.imag)
-    omega, clock = watch.omega, flight.clock
+    omega, d = watch.omega, flight.drive
     second, third = -(omega**2) * turned.real, omega**3 * turned.imag
     size2, size3, size4 = omega**2 * size_of_sine, omega**3 * size_of_sine, omega**4 * size_of_sine
-    for i in range(flight.particle.size):
-        pull = watch.particle_weight[r, i] * (watch.particle_given[i] + watch.particle_drive[i] * clock[1])
-        second += pull
-        third += watch.particle_weight[r, i] * watch.particle_drive[i] * clock[2]
-        size2 += abs(pull)
-        size3 += abs(watch.particle_weight[r, i] * watch.particle_drive[i] * clock[2])
+    if watch.broken:
+        _, _, pull, twist = taylor(watch.follow, r, d)
+        second, third, size2, size3 = second + pull, third + twist, size2 + abs(pull), size3 + abs(twist)
+    for i in range(watch.particle_given.size):
+        p, q = watch.particle_weight[r, i], watch.particle_rate_weight[r, i]
+        pull = p * (watch.particle_given[i] + watch.particle_drive[i] * d[2]) + q * watch.particle_drive[i] * d[3]
+        twist = p * watch.particle_drive[i] * d[3]
+        second, third, size2, size3 = second + pull, third + twist, size2 + abs(pull), size3 + abs(twist)
     multiply(watch, power[0], power[1])
     multiply(watch, power[1], power[2])
     for k in range(watch.size.size):
@@ -366,25 +356,3 @@ def derivatives(
         size3 += own * watch.size[k]
         size4 += own * watch.size[k] ** 2
     found[0], found[1], found[2], found[3], found[4] = second, third, size2, size3, size4
-
-
-@called
-def read_coordinates(
-    space: Space, flight: Flight, phase: complex, position: NDArray[Any], velocity: NDArray[Any]
-) -> None:
-    """Displacements and velocities of all coordinates (d,) at the present time."""
-    s, slope = flight.clock[1], flight.clock[2]
-    for i in range(position.size):
-        turned = space.shape_sine[i] * phase
-        x, v = space.shape_constant[i] + turned.real, -space.watch.omega * turned.imag
-        if space.watch.broken:
-            x += space.shape_follow[i] * s + space.shape_follow_rate[i] * slope
-            v += space.shape_follow[i] * slope
-        for m in range(space.first[i], space.first[i + 1]):
-            k = space.members[m]
-            x += (space.shape[i, k] * flight.entry[k]).real
-            v += (space.shape_rate[i, k] * flight.entry[k]).real
-        for m in range(flight.particle.size):
-            x += space.particle_shape[i, m] * flight.particle[m]
-            v += space.particle_shape[i, m] * flight.particle_rate[m]
-        position[i], velocity[i] = x, v

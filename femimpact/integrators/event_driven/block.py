@@ -1,0 +1,324 @@
+"""Cases that share one compiled call: their arrays, and the closed forms made as they are met."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.errors import require
+from femimpact.integrators.driving import Drive
+from femimpact.integrators.event_driven import loop
+from femimpact.integrators.event_driven.equations import Equations
+from femimpact.integrators.event_driven.ledger import Ledger, Products
+from femimpact.integrators.event_driven.loop import Contacts, Scratch
+from femimpact.integrators.event_driven.motion import Flight
+from femimpact.integrators.event_driven.reading import Grid, Snapshots
+from femimpact.integrators.event_driven.search import Search
+from femimpact.integrators.event_driven.states import STARTING, Bounds, Cases, Forms, Pairs
+from femimpact.integrators.event_driven.store import FormStore
+from femimpact.integrators.event_driven.touching import Tables
+from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
+from femimpact.system import ContactPair, System
+
+__all__ = ["Block", "new_block", "no_snapshots", "run_block"]
+
+Array = NDArray[Any]
+
+LINE = 64
+"""Bytes of a cache line."""
+
+@dataclass(eq=False)
+class Block:
+    """Arrays of some cases on their way; the compiled loop writes into them. C cases.
+
+    Parameters
+    ----------
+    store : FormStore
+    pairs : Pairs
+    cases : Cases
+    grid : Grid
+    contacts : Contacts
+    tables : Tables
+    ledger : Ledger or None
+    stopped : ndarray (C,) of int
+    """
+
+    store: FormStore
+    pairs: Pairs
+    cases: Cases
+    grid: Grid
+    contacts: Contacts
+    tables: Tables
+    ledger: Ledger | None
+    stopped: Array
+
+
+def new_block(
+    system: System, store: FormStore, drives: Sequence[Drive], contacts: Sequence[Sequence[ContactPair]], closure: float,
+    samples_per_cycle: int, window: Array, position: Array, velocity: Array, ledger: bool | None, most_rows: int = 0,
+) -> Block:  # fmt: skip
+    """Cases at t = 0.
+
+    Parameters
+    ----------
+    system : System
+    store : FormStore
+    drives : sequence of Drive
+        One for each case.
+    contacts : sequence of sequence of ContactPair
+        For each case: the system's pairs with gaps and contact parameters of the case's own.
+    closure : float, m
+    samples_per_cycle : int
+    window : ndarray (C, 2), s
+        In which impacts are counted.
+    position, velocity : ndarray (C, d)
+        Structure and balls relative to the base, m and m/s.
+    ledger : bool or None
+        False sums what compliant contacts lose only, for the table of impacts; None nothing.
+    most_rows : int
+        Of the tables of impacts and sticking phases.
+
+    Returns
+    -------
+    Block
+    """
+    whole, n, pairs, count = store.whole, system.dofs, len(system.contacts), len(drives)
+    rows, d = 2 * pairs + len(store.outputs.force), whole.M.shape[0]
+    omega = np.array([0.0 if drive.samples is not None else drive.omega for drive in drives])
+    numbers = [[pair.parameters for pair in own] for own in contacts]
+    first = drives[0]
+    knots = np.zeros(0) if first.samples is None else np.array(first.samples, dtype=float)
+    zeros = np.zeros((count, pairs))
+
+    def of_pairs(name: str) -> Array:
+        return np.array([[getattr(p, name) for p in own] for own in numbers]).reshape(count, pairs)
+
+    compliant = ~store.rigid
+    coordinates = np.ascontiguousarray(np.stack([position, velocity], axis=1))
+    drive = np.zeros((count, 4))
+    if knots.size:
+        drive[:, 1] = first.initial_velocity
+        drive[:, 2:] = knots[0], (knots[1] - knots[0]) / first.interval
+    cases = Cases(
+        omega=omega,
+        amplitude=np.array([case.amplitude for case in drives]),
+        knots=knots,
+        knot_interval=first.interval if knots.size else 1.0,
+        gap=np.ascontiguousarray(np.array([[p.gaps for p in own] for own in contacts]).reshape(count, pairs, 2).swapaxes(1, 2)),
+        stiffness=np.where(compliant, of_pairs("stiffness"), 0.0),
+        damping=np.where(compliant, of_pairs("damping"), 0.0),
+        restitution=of_pairs("restitution"),
+        form=np.full((count, 2), -1, dtype=np.int64),
+        state=zeros.copy(),
+        entry=np.zeros((count, 1), dtype=complex),
+        particle=np.zeros((count, 2, 1)),
+        clock=np.stack([np.zeros(count), [case.phase for case in drives]], axis=1),
+        drive=drive,
+        coordinates=coordinates,
+        entering=np.full(count, STARTING, dtype=np.int64),
+        leaving=np.zeros((count, 2 * pairs)),
+        hit=np.zeros(count),
+        released=zeros.copy(),
+        sample=np.zeros(count, dtype=np.int64),
+        events=np.zeros((count, 2), dtype=np.int64),
+        known=np.zeros((count, 1), dtype=bool),
+        sine=np.zeros((count, 1, rows), dtype=complex),
+        harmonic=np.zeros((count, 1, d), dtype=complex),
+        particle_sine=np.zeros((count, 1, 1), dtype=complex),
+    )
+    period = 2.0 * np.pi / np.array([case.omega for case in drives])
+    grid = Grid(
+        interval=period / samples_per_cycle,
+        per_cycle=samples_per_cycle,
+        origin=np.zeros(count, dtype=np.int64),
+        cycle=np.full(count, -1, dtype=np.int64),
+        cycles=no_cycles(count, 0),
+        values=np.zeros((count, 0, rows - 2 * pairs)),
+        kept=np.zeros(0, dtype=np.int64),
+        energy=np.zeros((count, 0, len(ENERGY_COLUMNS) + n)),
+    )
+    pairs_of_all = Pairs(
+        direction=np.ascontiguousarray(whole.force.T),
+        in_space=whole.in_space,
+        rigid=store.rigid,
+        mobility=-whole.force.T @ np.linalg.solve(whole.M, whole.force),
+        closure=closure,
+    )
+    touch, totals = np.zeros((2, count, 6, pairs))
+    return Block(
+        store=store,
+        pairs=pairs_of_all,
+        cases=cases,
+        grid=grid,
+        contacts=Contacts(
+            touch, np.zeros((count, pairs, n if most_rows else 0)), np.array(window, dtype=float), totals.copy()
+        ),
+        tables=Tables(
+            np.zeros((most_rows, len(IMPACT_COLUMNS) + n)), np.zeros((most_rows, 5)), np.zeros(2, dtype=np.int64)
+        ),
+        ledger=None if ledger is None else _new_ledger(system, whole, count, ledger),
+        stopped=np.zeros(count, dtype=np.int64),
+    )
+
+
+def no_cycles(cases: int, cycles: int) -> Array:
+    """Statistics of cycles of which nothing was read."""
+    table = np.zeros((cases, cycles, len(CYCLE_COLUMNS)))
+    table[:, :, 0], table[:, :, 1] = -np.inf, np.inf
+    return table
+
+
+def no_snapshots(block: Block) -> Snapshots:
+    """Nothing is kept of whole motions."""
+    nothing = np.zeros(0, dtype=np.int64)
+    return Snapshots(nothing, np.zeros((0, 2, block.cases.coordinates.shape[2])), np.zeros((0, block.pairs.rigid.size)))
+
+
+def _new_ledger(system: System, whole: Equations, count: int, everywhere: bool) -> Ledger:
+    n, d = system.dofs, whole.M.shape[0]
+    damping, stiffness = np.zeros(d), np.zeros(d)
+    damping[:n], stiffness[:n] = system.C.diagonal(), system.K.diagonal()
+    return Ledger(
+        mass=whole.M.diagonal().copy(),
+        damping=damping,
+        stiffness=stiffness,
+        load=whole.drive,
+        given=whole.given,
+        free_stiffness=np.array([pair.free_stiffness for pair in system.contacts]),
+        work=np.zeros(count),
+        contact_loss=np.zeros(count),
+        rounding=np.zeros(count),
+        loss_of_mode=np.zeros((count, n)),
+        start=np.zeros((count, len(ENERGY_COLUMNS) + n)),
+        everywhere=everywhere,
+    )
+
+
+def run_block(block: Block, begin: Array, end: Array, most: Array, shots: Snapshots | None = None) -> None:
+    """Take all cases to their sample `end`, reading those after `begin`.
+
+    Parameters
+    ----------
+    block : Block
+        `stopped` tells how each ended: loop.DONE, or loop.UNENDING at the time `cases.clock[:, 0]`.
+    begin, end : ndarray (C,) of int
+    most : ndarray (C,)
+        Events beyond which a case is given up.
+    shots : Snapshots, optional
+
+    Raises
+    ------
+    InputError
+        If a drive is a resonance without damping, whose steady motion is unbounded.
+    """
+    store, shots = block.store, no_snapshots(block) if shots is None else shots
+    members = np.arange(block.stopped.size)
+    block.cases.events[:, 0] = 0
+    while members.size:
+        forms = store.forms
+        block.cases = _fitted(block.cases, forms)
+        scratch = _scratch(block, forms)
+        loop.run_cases(
+            members, begin, end, most, block.stopped, block.pairs, block.cases, forms, scratch, block.grid, shots,
+            block.contacts, block.tables, block.ledger,
+        )  # fmt: skip
+        resonant = np.flatnonzero(block.stopped == loop.RESONANT)
+        if resonant.size:
+            frequency = float(block.cases.omega[resonant[0]]) / (2.0 * np.pi)
+            allowed = "must not be a natural frequency of an undamped mode: the steady answer is unbounded; add damping"
+            require(False, "frequency", frequency, "Hz", allowed)
+        members = members[block.stopped[members] == loop.FORM_WANTED]
+        for c in members:
+            key = sum(1 << j for j in np.flatnonzero(np.abs(block.cases.state[c]) == 1.0).tolist())
+            block.cases.form[c, 0] = store.form(key, block.cases.stiffness[c], block.cases.damping[c])
+
+
+def _fitted(cases: Cases, forms: Forms) -> Cases:
+    """Arrays of the cases, as large as the closed forms now want them."""
+    entries, particles = forms.exponent.shape[1], forms.particle_drive.shape[1]
+    count = 1 + int(forms.number.max(initial=0))
+    sizes = {
+        "entry": (entries,), "particle": (2, particles), "known": (count,), "sine": (count, cases.sine.shape[2]),
+        "harmonic": (count, cases.harmonic.shape[2]), "particle_sine": (count, particles),
+    }  # fmt: skip
+    larger = {}
+    for name, shape in sizes.items():
+        old = getattr(cases, name)
+        if old.shape[1:] != shape:
+            larger[name] = np.zeros((old.shape[0], *shape), dtype=old.dtype)
+            larger[name][tuple(slice(0, length) for length in old.shape)] = old
+    return cases._replace(**larger) if larger else cases
+
+
+def _scratch(block: Block, forms: Forms) -> Scratch:
+    """Working space that belongs to one call alone."""
+    entries, particles = forms.exponent.shape[1], forms.particle_drive.shape[1]
+    pairs, rows, d = block.pairs.rigid.size, forms.constant.shape[1], block.cases.coordinates.shape[2]
+    terms = entries + 2
+
+    def flight() -> Flight:
+        return Flight(
+            np.zeros(entries, dtype=complex), np.zeros(particles), np.zeros(particles), np.zeros(2), np.zeros(4),
+            np.zeros(entries, dtype=complex),
+        )  # fmt: skip
+
+    search = Search(
+        leaving=np.zeros(2 * pairs),
+        at_wall=np.zeros(2 * pairs),
+        rate=np.zeros(2 * pairs),
+        found=np.zeros(5),
+        size=np.zeros(entries),
+        power=np.zeros((3, entries), dtype=complex),
+        event=np.zeros(2),
+    )
+    square = np.zeros((terms, terms), dtype=complex)
+    bounds = Bounds(
+        upper=np.zeros(2 * pairs + 1),
+        lower=np.zeros(2 * pairs + 1),
+        lasting=np.zeros(2 * pairs),
+        constant=np.zeros(rows),
+        static=np.zeros(d),
+        given=np.zeros(particles),
+        nothing=np.zeros(particles),
+        wall=np.zeros(1 + pairs),
+        steady=np.zeros((2, entries), dtype=complex),
+    )
+    products = Products(
+        before=np.zeros((2, d)),
+        after=np.zeros((2, d)),
+        strength=np.zeros((d + pairs, terms), dtype=complex),
+        growth=np.zeros(terms, dtype=complex),
+        plus=square,
+        minus=square,
+    )
+    rest: list[Array] = [np.zeros((2, entries + 1), dtype=complex), np.zeros(pairs)]
+    *flights, own_search, own_bounds, own_products, (turn, impulse) = _together(
+        *(flight() for _ in range(5)), search, bounds, products, rest
+    )
+    return Scratch(*flights, own_search, own_bounds, own_products, turn, impulse)
+
+
+def _together(*groups: Any) -> list[Any]:
+    """Copies of tuples of arrays, all in one piece of memory, each array on cache lines of its own.
+
+    Threads that write to one line wait for each other, and arrays whole pages apart look like one another to
+    the processor.
+    """
+    sizes = [-(-array.nbytes // LINE) * LINE for group in groups for array in group]
+    memory = np.zeros(sum(sizes) + 4 * LINE, dtype=np.uint8)
+    first = 2 * LINE + (-memory.ctypes.data) % LINE
+    places = itertools.accumulate(sizes, initial=first)
+    copies = []
+    for group in groups:
+        own = []
+        for array in group:
+            place = next(places)
+            own.append(memory[place : place + array.nbytes].view(array.dtype).reshape(array.shape))
+            own[-1][...] = array
+        copies.append(type(group)._make(own) if hasattr(group, "_make") else own)
+    return copies

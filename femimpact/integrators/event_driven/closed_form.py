@@ -1,0 +1,324 @@
+"""The linear equations between two events, solved in closed form for one set of pairs in contact.
+
+With walls at w_j, structure and balls p = (u, y) obey
+
+    M p'' + C p' + K p = B s(t) + G + sum_j P_j F_j,
+    F_j = k_j (x_j - w_j) + c_j x_j'  of compliant pairs in contact,   x_j = w_j  of rigid pairs that stick,
+
+x_j = -P_j p - (ub for a stop fixed in space). Its solution is
+
+    p(t) = Re(E e^{Lambda t} H) + (rigid-body coordinates) + (steady motion) + p0 + sum_j w_j p_j:
+
+decaying exponentials of the homogeneous equations (see `complex_modes`), motions that nothing pulls back (free
+balls) on parabolas, and the steady answer to s(t), a sine or a straight line. An event changes H and the rates of
+the rigid-body coordinates, or the set of pairs in contact. On which side these are enters by the walls only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from femimpact.errors import require
+from femimpact.integrators.event_driven.complex_modes import ComplexModes, complex_modes
+from femimpact.integrators.event_driven.equations import Equations, undamped_modes, wall_offsets
+
+__all__ = ["OF_DISPLACEMENT", "OF_VELOCITY", "ClosedForm", "Rows", "closed_form", "gap_rows"]
+
+Array = NDArray[Any]
+
+OF_DISPLACEMENT, OF_VELOCITY = (2, 0), (1, 1)
+"""Where ub and ub' stand in `Rows.through` and in `Rows.follow`."""
+
+UNMET = 1e-9
+"""What is left of a wall 1 m away, beyond rounding, where several stops cannot be met at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Scalars read from a motion: R of them.
+
+    Parameters
+    ----------
+    weight : ndarray (R, K), complex
+        Of the entries H.
+    particle, particle_rate : ndarray (R, P)
+        Of the rigid-body coordinates and their rates.
+    constant : ndarray (R, 1 + pairs)
+        Of constant loads, and per metre of each wall.
+    through : ndarray (3, R)
+        Directly of s, ub' and ub, beside what the entries do in answer to them.
+    follow : ndarray (4, R)
+        Steady, per unit of ub, ub', s and s', under a straight s(t).
+    """
+
+    weight: Array
+    particle: Array
+    particle_rate: Array
+    constant: Array
+    through: Array
+    follow: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedForm:
+    """Closed form of the motion for one set of pairs in contact: K entries, P rigid-body coordinates, p of size d.
+
+    Parameters
+    ----------
+    modes : ComplexModes
+    particle_shape : ndarray (d, P)
+    particle_given : ndarray (P, 1 + pairs)
+        Accelerations of constant loads, and per metre of each wall.
+    particle_drive : ndarray (P,)
+        Acceleration per unit of s(t).
+    position, velocity : Rows
+        Of all coordinates.
+    contact_force : Rows
+        Force on the structure at each pair (N): of compliant pairs as if they were in contact, of rigid ones that
+        stick; zero for others.
+    load : ndarray (3, K), complex
+        What s, ub' and ub add to H'.
+    to_entry_u, to_entry_v : ndarray (K, d)
+        H = to_entry_u p + to_entry_v p', steady parts taken off.
+    to_particle : ndarray (P, d)
+    impulse_entry : ndarray (K, pairs), impulse_particle : ndarray (P, pairs)
+        Change of H and of the rates by a unit impulse on the structure at each pair.
+    unheld : pair of bool
+        Whether a constant load, and whether s(t), drives a motion that is braked but not pulled back: neither it nor
+        a straight s(t) has a steady answer.
+    """
+
+    modes: ComplexModes
+    particle_shape: Array
+    particle_given: Array
+    particle_drive: Array
+    position: Rows
+    velocity: Rows
+    contact_force: Rows
+    load: Array
+    to_entry_u: Array
+    to_entry_v: Array
+    to_particle: Array
+    impulse_entry: Array
+    impulse_particle: Array
+    unheld: tuple[bool, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Loads:
+    """Matrices with the springs of the contacts, and loads seen from where the walls are just met."""
+
+    C: Array
+    K: Array
+    offset: Array  # (d, pairs)
+    moved: Array  # (d,) per unit of ub
+    constant: Array  # (d, 1 + pairs)
+    drive: Array  # (3, d) of s, ub' and ub
+    unmet: Array  # (pairs, pairs) what is left of each wall in the offsets
+
+
+def _loads(whole: Equations, active: Array, stiffness: Array, damping: Array) -> _Loads:
+    P = whole.force
+    K, C = whole.K + (P * stiffness) @ P.T, whole.C + (P * damping) @ P.T
+    offset = wall_offsets(whole, active)
+    unmet = np.diag(active.astype(float)) + P.T @ offset
+    unmet = np.where((np.abs(unmet) > UNMET) & active[:, None] & active, unmet, 0.0)
+    moved = offset @ whole.in_space
+    constant = np.column_stack([whole.given, -whole.K @ offset - (P * stiffness) @ unmet])
+    drive = np.array([
+        whole.drive - whole.M @ moved,
+        -whole.C @ moved - (P * damping) @ (unmet @ whole.in_space),
+        -whole.K @ moved - (P * stiffness) @ (unmet @ whole.in_space),
+    ])  # fmt: skip
+    return _Loads(C, K, offset, moved, constant, drive, unmet)
+
+
+def closed_form(whole: Equations, active: Array, rigid: Array, stiffness: Array, damping: Array) -> ClosedForm:
+    """Closed form of the motion while exactly these pairs are in contact.
+
+    Parameters
+    ----------
+    whole : Equations
+    active, rigid : ndarray (pairs,) of bool
+        In contact; whether a pair then sticks.
+    stiffness, damping : ndarray (pairs,)
+        Of compliant pairs, N/m and N s/m.
+
+    Returns
+    -------
+    ClosedForm
+    """
+    sticking = np.flatnonzero(active & rigid)
+    pressed = active & ~rigid
+    loads = _loads(whole, active, np.where(pressed, stiffness, 0.0), np.where(pressed, damping, 0.0))
+    basis = _free_basis(whole, sticking)
+    omega_squared, vectors = undamped_modes(basis.T @ loads.K @ basis, basis.T @ whole.M @ basis)
+    shapes = basis @ vectors
+    damped = shapes.T @ loads.C @ shapes
+    # what nothing pulls back and nothing brakes moves on parabolas: free balls, rigid motions
+    stiff = omega_squared > 0.0
+    braked = np.max(np.abs(damped), axis=0, initial=0.0) > 1e-15 * max(float(np.abs(damped).max(initial=0.0)), 1e-300)
+    bound = stiff | braked
+    square, own_damping = np.where(stiff, omega_squared, 0.0)[bound], damped[np.ix_(bound, bound)]
+    modes = complex_modes(square, own_damping)
+    elastic, loose = shapes[:, bound], shapes[:, ~bound]
+    modal, modal_drive = elastic.T @ loads.constant, loads.drive @ elastic
+    unheld = tuple(_drives(values[:, square == 0.0], values) for values in (modal.T, modal_drive))
+    compliance = np.divide(1.0, square, out=np.zeros_like(square), where=square > 0.0)
+    settled = elastic @ (compliance[:, None] * modal)
+    # q = a0 ub + a1 ub' + a2 s + a3 s' with ub'' = s and s'' = 0
+    a0 = compliance * modal_drive[2]
+    a1 = compliance * (modal_drive[1] - own_damping @ a0)
+    a2 = compliance * (modal_drive[0] - own_damping @ a1 - a0)
+    a3 = -compliance * (own_damping @ a2 + a1)
+    follow = np.array([a0, a1, a2, a3]) @ elastic.T
+    follow[0] += loads.moved
+    momentum = elastic.T @ whole.M
+    shape, zero = elastic @ modes.shape, np.zeros(shapes.shape[0])
+    static = np.column_stack([settled[:, 0], loads.offset + settled[:, 1:]])
+    position = Rows(shape, loose, 0.0 * loose, static, np.array([zero, zero, loads.moved]), follow)
+    entries = np.asarray(modal_drive @ modes.from_v.T, dtype=complex)
+    form = ClosedForm(
+        modes=modes,
+        particle_shape=loose,
+        particle_given=loose.T @ loads.constant,
+        particle_drive=loose.T @ loads.drive[0],
+        position=position,
+        velocity=_rate(position, modes),
+        contact_force=position,
+        load=entries,
+        to_entry_u=modes.from_u @ momentum,
+        to_entry_v=modes.from_v @ momentum,
+        to_particle=loose.T @ whole.M,
+        impulse_entry=modes.from_v @ elastic.T @ whole.force,
+        impulse_particle=loose.T @ whole.force,
+        unheld=unheld,
+    )
+    force = _compliant_forces(whole, form, loads, settled, active, np.where(rigid, 0.0, stiffness), damping)
+    if sticking.size:
+        force = _with_sticking(whole, form, loads, settled, sticking, force)
+    return replace(form, contact_force=force)
+
+
+def _drives(loads: Array, whole: Array) -> bool:
+    """Whether some loads are more than the rounding of all."""
+    return bool(np.any(np.abs(loads) > 1e-12 * np.abs(whole).max(initial=0.0)))
+
+
+def _free_basis(whole: Equations, sticking: NDArray[np.intp]) -> Array:
+    """Basis of the motions that sticking pairs leave, (d, motions)."""
+    size, n = whole.M.shape[0], whole.dofs
+    if sticking.size == 0:
+        return np.eye(size)
+    stops = sticking[whole.stop[sticking]]
+    left = np.eye(n) if stops.size == 0 else scipy.linalg.null_space(-whole.force[:n, stops].T)
+    held = set(sticking.tolist())
+    flying = [i for i in range(n, size) if i - n not in held]
+    basis = np.zeros((size, left.shape[1] + len(flying)))
+    basis[:n, : left.shape[1]] = left
+    basis[flying, left.shape[1] + np.arange(len(flying))] = 1.0
+    for j in sticking[~whole.stop[sticking]]:
+        basis[n + j, : left.shape[1]] = whole.force[:n, j] @ left
+    return basis
+
+
+def _rate(rows: Rows, modes: ComplexModes) -> Rows:
+    """Rates of scalars that have no direct part of s or ub'."""
+    zero = np.zeros(rows.weight.shape[0])
+    return Rows(
+        weight=rows.weight @ modes.rate,
+        particle=rows.particle_rate,
+        particle_rate=rows.particle,
+        constant=0.0 * rows.constant,
+        through=np.array([zero, rows.through[2], zero]),
+        follow=np.array([zero, *rows.follow[:3]]),
+    )
+
+
+def _scaled(rows: Rows, factor: Array, also: Rows, by: Array) -> Rows:
+    """factor * rows + by * also, row by row."""
+    first, second = factor[:, None], by[:, None]
+    return Rows(
+        weight=first * rows.weight + second * also.weight,
+        particle=first * rows.particle + second * also.particle,
+        particle_rate=first * rows.particle_rate + second * also.particle_rate,
+        constant=first * rows.constant + second * also.constant,
+        through=factor * rows.through + by * also.through,
+        follow=factor * rows.follow + by * also.follow,
+    )
+
+
+def gap_rows(whole: Equations, rows: Rows, base: tuple[int, int]) -> Rows:
+    """Rows of x_j = -P_j p - ub, or of x_j'.
+
+    Parameters
+    ----------
+    whole : Equations
+    rows : Rows
+        Of all coordinates, or their rates.
+    base : tuple of int
+        Which of the inputs in `through` and in `follow` is the base's motion: ub, or ub'.
+    """
+    P = -whole.force.T
+    through, follow = rows.through @ P.T, rows.follow @ P.T
+    through[base[0]] -= whole.in_space
+    follow[base[1]] -= whole.in_space
+    return Rows(P @ rows.weight, P @ rows.particle, P @ rows.particle_rate, P @ rows.constant, through, follow)
+
+
+def _compliant_forces(
+    whole: Equations, form: ClosedForm, loads: _Loads, settled: Array, active: Array, stiffness: Array, damping: Array
+) -> Rows:  # fmt: skip
+    """k (x - w) + c x' of every compliant pair; of those in contact without a difference of near numbers."""
+    P = -whole.force.T
+    x, rate = gap_rows(whole, form.position, OF_DISPLACEMENT), gap_rows(whole, form.velocity, OF_VELOCITY)
+    depth = P @ settled
+    wall = np.where(active[:, None], -loads.unmet, -np.eye(active.size))
+    own = np.where(active[:, None], 0.0, P @ loads.offset)
+    x.constant[:, 0] = depth[:, 0]
+    x.constant[:, 1:] = depth[:, 1:] + own + wall
+    moved = -(loads.unmet @ whole.in_space)
+    follow_depth = form.position.follow[0] - loads.moved
+    x.follow[0] = np.where(active, P @ follow_depth + moved, x.follow[0])
+    x.through[2] = np.where(active, moved, x.through[2])
+    rate.follow[1] = np.where(active, P @ follow_depth + moved, rate.follow[1])
+    rate.through[1] = np.where(active, moved, rate.through[1])
+    return _scaled(x, stiffness, rate, damping)
+
+
+def _with_sticking(
+    whole: Equations, form: ClosedForm, loads: _Loads, settled: Array, sticking: NDArray[np.intp], force: Rows
+) -> Rows:
+    """Forces of the pairs that stick: what the equations of motion leave over."""
+    M, C, K = whole.M, loads.C, loads.K
+    directions = whole.force[:, sticking]
+    inverse = np.linalg.solve(M, directions)
+    # F = (P^T M^-1 P)^-1 P^T M^-1 (M p'' + C p' + K p - loads)
+    project = np.linalg.solve(directions.T @ inverse, inverse.T)
+    shape, rate, modes = form.position.weight, form.velocity.weight, form.modes
+    left = M @ (rate @ modes.rate) + C @ rate + K @ shape
+    # the answer of the entries to a load begins with an acceleration
+    begun = (rate @ form.load.T).real.T
+    moved = loads.moved
+    loose = M @ form.particle_shape
+    drive = loads.drive
+    driven = loose @ form.particle_drive
+    a = form.position.follow - np.array([moved, 0.0 * moved, 0.0 * moved, 0.0 * moved])
+    follow = np.array([
+        a[0] @ K.T - drive[2],
+        a[1] @ K.T + a[0] @ C.T - drive[1],
+        a[2] @ K.T + a[1] @ C.T + a[0] @ M.T - drive[0] + driven,
+        a[3] @ K.T + a[2] @ C.T + a[1] @ M.T,
+    ])  # fmt: skip
+    through = np.array([begun[0] @ M.T - drive[0] + driven, begun[1] @ M.T - drive[1], begun[2] @ M.T - drive[2]])
+    force.weight[sticking] = project @ left
+    force.particle[sticking] = force.particle_rate[sticking] = 0.0
+    force.constant[sticking] = project @ (K @ settled - loads.constant + loose @ form.particle_given)
+    force.through[:, sticking] = through @ project.T
+    force.follow[:, sticking] = follow @ project.T
+    return force

@@ -1,0 +1,143 @@
+"""The equations of structure and balls together, and their undamped modes: slow ones to rounding beside stiff walls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from femimpact.errors import require
+from femimpact.integrators.driving import Drive
+from femimpact.system import System
+
+__all__ = ["Equations", "equations_of", "undamped_modes", "wall_offsets"]
+
+RIGID = 1e-14
+"""Eigenvalues below this share of the largest are rigid motions, where the stiffness is singular."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """M p'' + C p' + K p = drive s(t) + given + sum_j force_j F_j of p = (u, y); stops have no coordinate.
+
+    Parameters
+    ----------
+    M, C, K : ndarray (d, d)
+    drive, given : ndarray (d,)
+        Load per unit of s(t); constant load, N.
+    force : ndarray (d, pairs)
+        What a force on the structure at each pair does to the coordinates: b there, -1 on its ball.
+    in_space : ndarray (pairs,)
+        1 for a stop that stays where it is while the base moves, so that its y is -ub; else 0.
+    stop : ndarray (pairs,) of bool
+    dofs : int
+        Of the structure.
+    """
+
+    M: NDArray[Any]
+    C: NDArray[Any]
+    K: NDArray[Any]
+    drive: NDArray[Any]
+    given: NDArray[Any]
+    force: NDArray[Any]
+    in_space: NDArray[Any]
+    stop: NDArray[Any]
+    dofs: int
+
+
+def equations_of(system: System, drive: Drive) -> Equations:
+    """Matrices and loads over all structure dofs and all balls."""
+    n, balls = system.dofs, len(system.balls)
+    size = n + balls
+    M, C, K = (np.zeros((size, size)) for _ in range(3))
+    for matrix, own in ((M, system.M), (C, system.C), (K, system.K)):
+        matrix[:n, :n] = own.toarray()
+    load, given = np.zeros(size), np.zeros(size)
+    load[:n] = drive.load
+    given[:n] = getattr(system, "constant_load", 0.0)
+    force = np.zeros((size, len(system.contacts)))
+    for j, pair in enumerate(system.contacts):
+        force[:n, j] = pair.direction
+        if pair.is_stop:
+            continue
+        force[n + j, j] = -1.0
+        M[n + j, n + j] = pair.mass
+        load[n + j] = -pair.mass * drive.share
+        given[n + j] = pair.mass * pair.acceleration
+        K += pair.free_stiffness * np.outer(force[:, j], force[:, j])
+    stop = np.array([pair.is_stop for pair in system.contacts], dtype=bool)
+    # where a force drives, the base rests in space
+    fixed = np.array([getattr(pair, "fixed_to", "base") == "space" for pair in system.contacts], dtype=bool)
+    return Equations(M, C, K, load, given, force, (fixed & stop) * drive.share, stop, n)
+
+
+def wall_offsets(whole: Equations, active: NDArray[Any]) -> NDArray[Any]:
+    """Coordinates in which each pair in contact is just at a wall 1 m away and the others at theirs at 0, (d, pairs).
+
+    Where several stops cannot be met at once, the nearest.
+
+    Parameters
+    ----------
+    whole : Equations
+    active : ndarray (pairs,) of bool
+    """
+    n, (size, pairs) = whole.dofs, whole.force.shape
+    offset = np.zeros((size, pairs))
+    stops = np.flatnonzero(active & whole.stop)
+    if stops.size:
+        # the static shape of the push: its force has nothing to do in the motions that are left
+        push = whole.force[:n, stops]
+        shape = np.linalg.lstsq(whole.K[:n, :n], push, rcond=None)[0]
+        shape = shape if np.allclose(whole.K[:n, :n] @ shape, push) else push
+        offset[:n, stops] = shape @ np.linalg.lstsq(-push.T @ shape, np.eye(stops.size), rcond=None)[0]
+    for j in np.flatnonzero(active & ~whole.stop):
+        offset[n + j] = whole.force[:n, j] @ offset[:n]
+        offset[n + j, j] += 1.0
+    return offset
+
+
+def undamped_modes(K: NDArray[Any], M: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """All omega^2 and mass-normalised vectors; the slow modes to rounding, as they carry the energy."""
+    off = np.abs(K - np.diag(np.diag(K))).sum() + np.abs(M - np.diag(np.diag(M))).sum()
+    if off == 0.0:
+        return np.diag(K) / np.diag(M), np.diag(1.0 / np.sqrt(np.diag(M)))
+    alone = (np.abs(K).sum(axis=0) == 0.0) & (np.count_nonzero(M, axis=0) == 1)
+    bound = np.ix_(~alone, ~alone)
+    try:
+        lower = np.linalg.cholesky(K[bound])
+    except np.linalg.LinAlgError:
+        values, vectors = scipy.linalg.eigh(K, M)
+        return np.where(values > RIGID * float(values[-1]), values, 0.0), vectors
+    # of the flexibility, whose largest eigenvalue is the slowest mode; solve_triangular would wake BLAS
+    # threads, which takes a thousand times as long as these few numbers
+    flexible = np.linalg.solve(lower, np.linalg.solve(lower, M[bound]).T)
+    values, z = np.linalg.eigh(0.5 * (flexible + flexible.T))
+    if values[0] <= 0.0:
+        spread = "must not spread over so many decades: the fastest motions are lost in rounding; keep fewer modes"
+        require(False, "stiffness", float(np.diag(K)[~alone].max()), "N/m", spread)
+    omega_squared, vectors = np.zeros(K.shape[0]), np.zeros_like(K)
+    omega_squared[~alone], vectors[bound] = _fast_corrected(
+        1.0 / values, np.linalg.solve(lower.T, z) / np.sqrt(values), K[bound], M[bound]
+    )
+    vectors[np.ix_(alone, alone)] = np.diag(1.0 / np.sqrt(np.diag(M)[alone]))
+    return omega_squared, vectors
+
+
+def _fast_corrected(
+    omega_squared: NDArray[Any], vectors: NDArray[Any], K: NDArray[Any], M: NDArray[Any]
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Modes of a flexibility, fast ones first: those have lost the square of their frequency ratio in digits.
+
+    They are made orthogonal to the slower ones, which keep theirs, and take omega^2 from the stiffness.
+    """
+    vectors = vectors.copy()
+    for i in range(omega_squared.size - 1, -1, -1):
+        slower = vectors[:, i + 1 :]
+        vectors[:, i] -= slower @ (slower.T @ (M @ vectors[:, i]))
+        vectors[:, i] /= np.sqrt(vectors[:, i] @ M @ vectors[:, i])
+    fast = omega_squared > 1e-4 * omega_squared.max(initial=0.0)
+    exact = np.einsum("ij,ij->j", vectors, K @ vectors)
+    return np.where(fast, exact, omega_squared), vectors

@@ -1,0 +1,390 @@
+"""One event-driven run: from a system and an excitation to its response."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.contact.formulas import RIGID
+from femimpact.energy import BALANCED, CLOSED, EnergyLedger, unbalanced
+from femimpact.errors import DivergenceError, in_range, quantity, require
+from femimpact.excitation import Excitation
+from femimpact.history import HistoryPiece, Snapshots, Stream
+from femimpact.impacts import Impacts, Riding, impact_statistics
+from femimpact.integrators.driving import drive_of
+from femimpact.integrators.event_driven import reading
+from femimpact.integrators.event_driven.block import Block, new_block, no_cycles, run_block
+from femimpact.integrators.event_driven.equations import equations_of
+from femimpact.integrators.event_driven.ledger import BEGUN, PUSHED
+from femimpact.integrators.event_driven.loop import UNENDING
+from femimpact.integrators.event_driven.method import EventDriven, check_events
+from femimpact.integrators.event_driven.states import CONTACT, FREE
+from femimpact.integrators.event_driven.store import FormStore, outputs_of
+from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
+from femimpact.integrators.recording import check_memory
+from femimpact.integrators.threads import Progress
+from femimpact.reduction import truncation_notes
+from femimpact.response import Channel, Recorder, Response, on_beam, resolve_channels
+from femimpact.signals import CycleStatistics, SteadyMotion, no_steady_motion, steady_motion
+from femimpact.system import State, System
+
+__all__ = ["not_finite", "run_events", "unending"]
+
+Array = NDArray[Any]
+
+CYCLES_AT_ONCE = 256
+"""Base cycles between two looks at progress and interrupts."""
+
+
+@dataclass(frozen=True)
+class _Keep:
+    """Which samples are kept: strides and first samples of history and snapshots; 0 strides keep none."""
+
+    every: int
+    first: int
+    snapshots: int
+    first_snapshot: int
+
+
+@dataclass(eq=False)
+class _Run:
+    """What a run works on, and what it has read."""
+
+    system: System
+    excitation: Excitation
+    method: EventDriven
+    channels: tuple[Channel, ...]
+    ledger: bool
+    keep: _Keep
+    block: Block
+    interval: float
+    samples: list[Array] = field(default_factory=list)
+    energy: list[Array] = field(default_factory=list)
+    fields: list[Array] = field(default_factory=list)
+    forces: list[Array] = field(default_factory=list)
+    cycles: list[Array] = field(default_factory=list)
+
+    def clear(self) -> None:
+        """Forget the history that was handed over."""
+        for part in (self.samples, self.energy, self.fields, self.forces):
+            part.clear()
+
+
+def run_events(
+    system: System,
+    excitation: Excitation,
+    method: EventDriven,
+    duration: float,
+    recorder: Recorder,
+    initial: State,
+    progress: Progress | None = None,
+) -> Response:
+    """Event-driven motion of structure and balls; see `integrate`.
+
+    Raises
+    ------
+    InputError
+        If the system is not on its modes, a contact is neither rigid nor Kelvin-Voigt, or an argument is out of
+        range.
+    DivergenceError
+        If events do not end.
+    """
+    check_events(system)
+    interval = 1.0 / (excitation.frequency * method.samples_per_cycle)
+    fits = in_range(duration, quantity("s", at_least=interval))
+    require(fits, "duration", duration, "s", f"must be a finite number >= one sample, {interval:g} s")
+    samples = round(duration / interval)
+    channels = resolve_channels(system, recorder.channels)
+    check_memory(system, recorder, len(channels), samples, interval, excitation.frequency)
+    first, first_field = (min(round(t / interval), samples) for t in (recorder.start, recorder.snapshots_start))
+    begin = interval * (2 * samples // 3)
+    keep = _Keep(recorder.every, first, recorder.snapshots, first_field)
+    run = _new_run(system, excitation, method, channels, recorder, keep, begin, initial)
+    stream = Stream(read=partial(_history, run), clear=run.clear, sink=recorder.sink)
+    # the start belongs to the first piece
+    _read_start(run)
+    done, piece = 0, _piece(recorder, method.samples_per_cycle)
+    while done < samples:
+        count = min(piece, samples - done)
+        _run_piece(run, done, count)
+        done += count
+        stream.hand_over()
+        if progress is not None:
+            progress(done / samples)
+    return _response(run, stream, samples, begin)
+
+
+def _new_run(
+    system: System, excitation: Excitation, method: EventDriven, channels: tuple[Channel, ...], recorder: Recorder,
+    keep: _Keep, begin: float, initial: State,
+) -> _Run:  # fmt: skip
+    drive = drive_of(system, excitation)
+    whole = equations_of(system, drive)
+    rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
+    outputs = outputs_of(system, system.point_row(system.default_place), channels, whole.in_space)
+    store = FormStore(whole, rigid, outputs, broken=drive.samples is not None)
+    u, v, y, y_rate = initial.relative_to_base(system, excitation)
+    balls = len(system.balls)
+    position, velocity = np.concatenate([u, y[:balls]])[None], np.concatenate([v, y_rate[:balls]])[None]
+    block = new_block(
+        system, store, [drive], [system.contacts], method.closure, method.samples_per_cycle,
+        np.array([[begin, math.inf]]), position, velocity, recorder.ledger, recorder.impacts if system.contacts else 0,
+    )  # fmt: skip
+    interval = float(block.grid.interval[0])
+    return _Run(system, excitation, method, channels, recorder.ledger, keep, block, interval)
+
+
+def _piece(recorder: Recorder, per_cycle: int) -> int:
+    """Samples between two looks at progress: whole cycles, and no more than a sink wants at once if it can be."""
+    wanted = 0 if recorder.sink is None else recorder.piece_samples
+    fitting = max(wanted * max(recorder.every, 1) // per_cycle, 1) if wanted else CYCLES_AT_ONCE
+    return min(CYCLES_AT_ONCE, fitting) * per_cycle
+
+
+def _rows_kept(keep: _Keep, done: int, count: int) -> tuple[Array, Array]:
+    """Row of the history and of the snapshots that each sample of a piece fills, -1 for none."""
+    number = done + 1 + np.arange(count)
+
+    def rows(every: int, first: int) -> Array:
+        due = (number >= first) & ((number - first) % max(every, 1) == 0) & (every > 0)
+        return np.where(due, np.cumsum(due) - 1, -1)
+
+    return rows(keep.every, keep.first), rows(keep.snapshots, keep.first_snapshot)
+
+
+def _read_start(run: _Run) -> None:
+    """What is kept of the state at t = 0: a piece of no length that reads its own beginning."""
+    block, keep = run.block, run.keep
+    kept, shown = bool(keep.every and keep.first == 0), bool(keep.snapshots and keep.first_snapshot == 0)
+    if not (kept or shown):
+        return
+    _call(run, -1, 1, np.array([0 if kept else -1]), np.array([0 if shown else -1]))
+    block.cases.sample[0] = 0
+
+
+def _run_piece(run: _Run, done: int, count: int) -> None:
+    """Take the run some samples on, and gather what is read of them."""
+    kept, shown = _rows_kept(run.keep, done, count)
+    _call(run, done, count, kept, shown)
+
+
+def _call(run: _Run, done: int, count: int, kept: Array, shown: Array) -> None:
+    block, per_cycle = run.block, run.method.samples_per_cycle
+    block.cases.sample[0] = done
+    block.grid = block.grid._replace(
+        values=np.zeros((1, count, block.grid.values.shape[2])),
+        origin=np.array([done]),
+        cycle=np.full(1, -1, dtype=np.int64),
+        cycles=no_cycles(1, count // per_cycle if done >= 0 else 0),
+        kept=kept,
+        energy=np.zeros((1, int(kept.max(initial=-1)) + 1 if run.ledger else 0, block.grid.energy.shape[2])),
+    )
+    pictures, pairs = int(shown.max(initial=-1)) + 1, block.pairs.rigid.size
+    shots = reading.Snapshots(
+        shown if pictures else np.zeros(0, dtype=np.int64),
+        np.zeros((pictures, 2, block.cases.coordinates.shape[2])),
+        np.zeros((pictures, pairs)),
+    )
+    most = np.array([float(run.method.most_events) * max(count // per_cycle, 1)])
+    run_block(block, np.array([done]), np.array([done + count]), most, shots)
+    if block.stopped[0] == UNENDING:
+        raise DivergenceError(unending(float(block.cases.clock[0, 0]), run.method))
+    _require_finite(block.grid.values, (done + count) * run.interval)
+    run.samples.append(block.grid.values[0][kept >= 0])
+    run.energy.append(block.grid.energy[0])
+    run.fields.append(shots.fields)
+    run.forces.append(shots.forces)
+    run.cycles.append(block.grid.cycles[0])
+
+
+def unending(time: float, method: EventDriven) -> str:
+    """Words for events that do not end."""
+    return (
+        f"impacts and changes of contact at t = {time:.6g} s do not resolve within {method.most_events} events a "
+        f"cycle: raise closure ({method.closure:g} m) or most_events, or check gaps that leave no clearance"
+    )
+
+
+def _require_finite(values: Array, time: float) -> None:
+    """Stop a run whose readings are no numbers.
+
+    Raises
+    ------
+    DivergenceError
+        Naming the time (s) until which they were read.
+    """
+    if not np.all(np.isfinite(values)):
+        raise DivergenceError(not_finite(f" before t = {time:.4g} s"))
+
+
+def not_finite(when: str) -> str:
+    """Words for readings that are no numbers."""
+    return f"the motion is not finite{when}: its closed form has lost all digits; Newmark takes this system"
+
+
+# ---- results ---------------------------------------------------------------------------------------
+
+
+def _history(run: _Run, samples_before: int, snapshots_before: int) -> HistoryPiece:
+    """What the run holds of its history now."""
+    keep, width = run.keep, len(run.channels) + 1
+    values = np.concatenate([np.zeros((0, width)), *run.samples])
+    number = samples_before + np.arange(values.shape[0])
+    time = _read_only(run.interval * (keep.first + keep.every * number))
+    return HistoryPiece(
+        time=time,
+        channels={
+            channel.name: _read_only(on_beam(run.system, channel) * values[:, i + 1])
+            for i, channel in enumerate(run.channels)
+        },
+        units={channel.name: channel.unit for channel in run.channels},
+        energy=_ledger(run, time) if run.ledger else None,
+        snapshots=_snapshots(run, snapshots_before) if keep.snapshots else None,
+        base=run.excitation,
+    )
+
+
+def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response:
+    system, frequency, left = run.system, run.excitation.frequency, stream.left()
+    length = samples * run.interval - begin
+    laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
+    totals = run.block.contacts.totals[0].copy()
+    # an impulse has no peak
+    totals[4, run.block.pairs.rigid] = math.nan
+    impacts = _impacts(run)
+    energy, warnings = left.energy, list[str]()
+    if energy is not None:
+        warnings += _balance_warnings(run, energy)
+    if impacts.dropped:
+        warnings.append(
+            f"{impacts.dropped} impacts beyond the first {len(impacts)} are not in the table (Recorder.impacts)"
+        )
+    return Response(
+        time=left.time,
+        channels=left.channels,
+        units=left.units,
+        impacts=impacts,
+        riding=_sticking(run),
+        statistics=impact_statistics(totals, length, frequency, laws),
+        statistics_of={
+            pair.name: impact_statistics(totals[:, j : j + 1], length, frequency, pair.law.name)
+            for j, pair in enumerate(system.contacts)
+        },
+        steady=_steady(run),
+        energy=energy,
+        snapshots=left.snapshots,
+        base=run.excitation,
+        system=system,
+        warnings=tuple(warnings),
+        notes=(*truncation_notes(system), *_open_contacts(run)),
+        streamed_to=stream.streamed_to,
+    )
+
+
+def _balance_warnings(run: _Run, energy: EnergyLedger) -> list[str]:
+    """What the ledger's residual says, an error where it does not close at all."""
+    rounding = 0.0 if run.block.ledger is None else float(run.block.ledger.rounding[0])
+    bound = max(CLOSED, rounding / energy.largest_input) if energy.largest_input > 0.0 else CLOSED
+    if not energy.residual <= BALANCED:
+        raise DivergenceError(unbalanced(energy.residual))
+    if energy.residual <= bound:
+        return []
+    return [
+        f"energy residual {energy.residual:.2g} of the energy put in, above {bound:.2g}: an event-driven run "
+        "closes to rounding unless its modes span too many decades; keep fewer"
+    ]
+
+
+def _steady(run: _Run) -> SteadyMotion:
+    table = np.concatenate([np.zeros((0, len(CYCLE_COLUMNS))), *run.cycles])
+    cycles = CycleStatistics(**{name: table[:, [i]] for i, name in enumerate(CYCLE_COLUMNS)})
+    finished = table.shape[0]
+    return steady_motion(cycles, np.array([max(finished // 3, 1)])) if finished else no_steady_motion()
+
+
+def _impacts(run: _Run) -> Impacts:
+    tables, contacts, excitation = run.block.tables, run.system.contacts, run.excitation
+    met = int(tables.number[0])
+    table = tables.impacts[: min(met, tables.impacts.shape[0])]
+    columns = {name: _read_only(table[:, i]) for i, name in enumerate(IMPACT_COLUMNS)}
+    pair, time = columns.pop("pair"), columns["time"]
+    names = np.array([contact.name for contact in contacts] or [""])
+    return Impacts(
+        **columns,
+        phase=_read_only(np.mod(2.0 * np.pi * excitation.frequency * time + excitation.phase, 2.0 * np.pi)),
+        impactor=names[pair.astype(int)],
+        energy_to_modes=_read_only(table[:, len(IMPACT_COLUMNS) :]),
+        law={contact.name: contact.law.name for contact in contacts},
+        dropped=met - table.shape[0],
+    )
+
+
+def _sticking(run: _Run) -> Riding:
+    """Sticking phases that have ended, then those that last."""
+    block = run.block
+    rows = [tuple(row) for row in block.tables.sticking[: min(int(block.tables.number[1]), len(block.tables.sticking))]]
+    for j in np.flatnonzero(block.pairs.rigid & (np.abs(block.cases.state[0]) == CONTACT)):
+        began, impulse = float(block.contacts.touch[0, BEGUN, j]), float(block.contacts.touch[0, PUSHED, j])
+        rows.append((j, float(np.sign(block.cases.state[0, j])), began, math.nan, impulse))
+    pair, side, start, end, impulse = np.array(rows).reshape(-1, 5).T
+    lasting = np.where(np.isfinite(end), end, float(block.cases.clock[0, 0])) - start
+    return Riding(
+        impactor=np.array([run.system.contacts[int(j)].name for j in pair], dtype=str),
+        side=side,
+        start=start,
+        end=end,
+        impulse=impulse,
+        mean_force=np.divide(impulse, lasting, out=np.zeros_like(impulse), where=lasting > 0),
+    )
+
+
+def _open_contacts(run: _Run) -> tuple[str, ...]:
+    """Notes on what lasts at the end, and has no row in its table yet."""
+    notes, state = [], run.block.cases.state[0]
+    for j, pair in enumerate(run.system.contacts):
+        if state[j] == FREE:
+            continue
+        if run.block.pairs.rigid[j]:
+            wall, start = "+" if state[j] > 0 else "-", float(run.block.contacts.touch[0, BEGUN, j])
+            notes.append(f"{pair.name} rides on its {wall} wall since t = {start:.4g} s")
+        else:
+            notes.append(
+                f"{pair.name} is in contact at the end: that contact counts in forces and energies but is no finished "
+                "impact"
+            )
+    return tuple(notes)
+
+
+def _ledger(run: _Run, time: Array) -> EnergyLedger:
+    table = np.concatenate([np.zeros((0, len(ENERGY_COLUMNS) + run.system.dofs)), *run.energy])
+    columns = {name: _read_only(table[:, i]) for i, name in enumerate(ENERGY_COLUMNS)}
+    of_mode = _read_only(table[:, len(ENERGY_COLUMNS) :])
+    return EnergyLedger(time=time, structure_loss_of_mode=of_mode, **columns)
+
+
+def _snapshots(run: _Run, before: int) -> Snapshots:
+    system, keep, n = run.system, run.keep, run.system.dofs
+    fields = np.concatenate([np.zeros((0, 2, n + len(system.balls))), *run.fields])
+    forces = np.concatenate([np.zeros((0, len(system.contacts))), *run.forces])
+    # a force on the beam: the direction of a stop is that of its own place turned round
+    forces = forces * np.array([-1.0 if pair.is_stop else 1.0 for pair in system.contacts])
+    u, v = (np.asarray((system.expansion @ fields[:, k, :n].T).T) for k in (0, 1))
+    return Snapshots(
+        time=_read_only(run.interval * (keep.first_snapshot + keep.snapshots * (before + np.arange(fields.shape[0])))),
+        displacement=_read_only(u),
+        velocity=_read_only(v),
+        ball_displacement=_read_only(fields[:, 0, n:]),
+        ball_velocity=_read_only(fields[:, 1, n:]),
+        contact_force=_read_only(forces),
+    )
+
+
+def _read_only(array: Array) -> Array:
+    array = np.ascontiguousarray(array)
+    array.setflags(write=False)
+    return array

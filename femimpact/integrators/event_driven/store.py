@@ -1,0 +1,233 @@
+"""The closed forms that a call has met, in arrays for the compiled loop: each is made when it is first asked for."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.errors import require
+from femimpact.integrators.event_driven.closed_form import (
+    OF_DISPLACEMENT,
+    OF_VELOCITY,
+    ClosedForm,
+    Rows,
+    closed_form,
+    gap_rows,
+)
+from femimpact.integrators.event_driven.equations import Equations
+from femimpact.integrators.event_driven.states import Forms
+from femimpact.response import Channel
+from femimpact.system import System
+
+__all__ = ["FormStore", "Outputs", "outputs_of"]
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Outputs:
+    """What is read at every sample, as rows over coordinates p and rates p'; force >= 0 names a pair's force."""
+
+    position: Array  # (O, d)
+    rate: Array  # (O, d)
+    of_base: Array  # (2, O) of ub and ub'
+    force: tuple[int, ...]
+
+
+def outputs_of(system: System, observed: Array, channels: tuple[Channel, ...], in_space: Array) -> Outputs:
+    """Rows of the observed place and of every channel."""
+    n, d, count = system.dofs, system.dofs + len(system.balls), len(channels) + 1
+    position, rate, of_base = np.zeros((count, d)), np.zeros((count, d)), np.zeros((2, count))
+    position[0, :n] = observed
+    force = [-1] * count
+    for i, channel in enumerate(channels, start=1):
+        if channel.row is not None:
+            (position if channel.kind == 0 else rate)[i, :n] = channel.row
+        elif channel.kind == 5:
+            force[i] = channel.ball
+        else:
+            target = rate if channel.kind == 3 else position
+            if not system.contacts[channel.ball].is_stop:
+                target[i, n + channel.ball] = 1.0
+            if channel.kind == 4:
+                target[i, :n] = -system.contacts[channel.ball].direction
+                of_base[0, i] = -in_space[channel.ball]
+    return Outputs(position, rate, of_base, tuple(force))
+
+
+class FormStore:
+    """Closed forms of one system under one kind of drive; several threads may ask for them.
+
+    Parameters
+    ----------
+    whole : Equations
+    rigid : ndarray (pairs,) of bool
+    outputs : Outputs
+    broken : bool
+        Whether s(t) is a broken line.
+    """
+
+    def __init__(self, whole: Equations, rigid: Array, outputs: Outputs, broken: bool) -> None:
+        self.whole = whole
+        self.rigid = rigid
+        self.outputs = outputs
+        self.broken = broken
+        self.lock = threading.Lock()
+        self.known: dict[tuple[bytes, int], int] = {}
+        self.last: dict[bytes, tuple[int, int]] = {}
+        self.first: dict[bytes, int] = {}
+        self.count = 0
+        # entries, rigid-body coordinates and blocks of the largest form
+        self.most = (1, 1, 1)
+        self.forms = self._empty(4)
+
+    def form(self, key: int, stiffness: Array, damping: Array) -> int:
+        """First form for these contact parameters, after the form with this key is among them.
+
+        Parameters
+        ----------
+        key : int
+            Bit j is set where pair j is in contact.
+        stiffness, damping : ndarray (pairs,), N/m and N s/m
+
+        Raises
+        ------
+        InputError
+            If the form has no steady answer to the loads.
+        """
+        parameters = np.concatenate([stiffness, damping]).tobytes()
+        with self.lock:
+            if (parameters, key) not in self.known:
+                active = np.array([bool(key >> j & 1) for j in range(self.rigid.size)], dtype=bool)
+                made = closed_form(self.whole, active, self.rigid, stiffness, damping)
+                allowed = "must have stiffness in every braked motion for this excitation or constant force"
+                require(not made.unheld[0] and not (self.broken and made.unheld[1]), "system", None, "", allowed)
+                self._add(made, active, key, parameters)
+            return self.first[parameters]
+
+    def _empty(self, capacity: int) -> Forms:
+        (d, pairs), (entries, particles, blocks) = self.whole.force.shape, self.most
+        rows, f = 2 * pairs + len(self.outputs.force), capacity
+        real: dict[str, tuple[int, ...]] = {
+            "size": (f, entries),
+            "particle_given": (f, particles, 1 + pairs),
+            "particle_drive": (f, particles),
+            "weight_size": (f, rows, entries),
+            "particle_weight": (f, rows, particles),
+            "particle_rate_weight": (f, rows, particles),
+            "constant": (f, rows, 1 + pairs),
+            "through": (f, 3, rows),
+            "follow": (f, 4, rows),
+            "particle_shape": (f, d, particles),
+            "static": (f, d, 1 + pairs),
+            "position_through": (f, d),
+            "position_follow": (f, 4, d),
+            "to_particle": (f, particles, d),
+            "impulse_particle": (f, particles, pairs),
+        }
+        whole: dict[str, tuple[int, ...]] = {
+            "key": (f,), "following": (f,), "number": (f,), "entries": (f,), "particles": (f,),
+            "blocks": (f, blocks, 2), "first": (f, d + 1), "members": (f, d * entries),
+        }  # fmt: skip
+        complexes: dict[str, tuple[int, ...]] = {
+            "exponent": (f, entries),
+            "coupling": (f, entries, entries),
+            "weight": (f, rows, entries),
+            "shape": (f, d, entries),
+            "shape_rate": (f, d, entries),
+            "load": (f, 3, entries),
+            "to_entry_u": (f, entries, d),
+            "to_entry_v": (f, entries, d),
+            "impulse_entry": (f, entries, pairs),
+        }
+        arrays: dict[str, Array] = {name: np.zeros(shape) for name, shape in real.items()}
+        arrays |= {name: np.zeros(shape, dtype=np.int64) for name, shape in whole.items()}
+        arrays |= {name: np.zeros(shape, dtype=complex) for name, shape in complexes.items()}
+        return Forms(**arrays, together=np.zeros((f, entries, entries), dtype=bool))
+
+    def _make_room(self, needed: tuple[int, int, int]) -> None:
+        """Larger arrays where a form more would not fit; those in use elsewhere stay as they are."""
+        capacity = self.forms.key.size
+        if self.count < capacity and all(n <= m for n, m in zip(needed, self.most, strict=True)):
+            return
+        self.most = tuple(max(pair) for pair in zip(needed, self.most, strict=True))  # type: ignore[assignment]
+        larger = self._empty(2 * capacity if self.count == capacity else capacity)
+        for old, new in zip(self.forms, larger, strict=True):
+            new[tuple(slice(0, length) for length in old.shape)] = old
+        self.forms = larger
+
+    def _add(self, made: ClosedForm, active: Array, key: int, parameters: bytes) -> None:
+        modes, f = made.modes, self.count
+        self._make_room((modes.exponent.size, made.particle_drive.size, len(modes.blocks)))
+        used = (made.velocity.weight != 0.0) | (made.position.weight != 0.0)
+        together = used.T.astype(int) @ used.astype(int) > 0
+        if np.any(active & ~self.rigid):
+            together[:] = True
+        rows = _stacked(
+            gap_rows(self.whole, made.position, OF_DISPLACEMENT), made.contact_force, self._output_rows(made, active)
+        )
+        previous, number = self.last.get(parameters, (-1, -1))
+        values: dict[str, Any] = {
+            "key": key, "following": -1, "number": number + 1, "entries": modes.exponent.size,
+            "particles": made.particle_drive.size, "exponent": modes.exponent, "coupling": modes.coupling,
+            "blocks": modes.blocks, "size": modes.size, "particle_given": made.particle_given,
+            "particle_drive": made.particle_drive, "weight": rows.weight, "weight_size": np.abs(rows.weight),
+            "particle_weight": rows.particle, "particle_rate_weight": rows.particle_rate, "constant": rows.constant,
+            "through": rows.through, "follow": rows.follow, "shape": made.position.weight,
+            "shape_rate": made.velocity.weight, "particle_shape": made.particle_shape,
+            "static": made.position.constant, "position_through": made.position.through[2],
+            "position_follow": made.position.follow, "load": made.load, "to_entry_u": made.to_entry_u,
+            "to_entry_v": made.to_entry_v, "to_particle": made.to_particle, "impulse_entry": made.impulse_entry,
+            "impulse_particle": made.impulse_particle, "together": together,
+            "first": np.concatenate([[0], np.cumsum(used.sum(axis=1))]), "members": np.nonzero(used)[1],
+        }  # fmt: skip
+        for name, value in values.items():
+            target = getattr(self.forms, name)
+            target[(f, *(slice(0, length) for length in np.shape(value)))] = value
+        # known from here on, also to a thread that runs with these arrays
+        if previous >= 0:
+            self.forms.following[previous] = f
+        self.first.setdefault(parameters, f)
+        self.last[parameters] = (f, number + 1)
+        self.known[parameters, key] = f
+        self.count += 1
+
+    def _output_rows(self, made: ClosedForm, active: Array) -> Rows:
+        """Rows of what is read at every sample; a contact force only where it acts."""
+        out, p, v = self.outputs, made.position, made.velocity
+        through, follow = p.through @ out.position.T + v.through @ out.rate.T, (
+            p.follow @ out.position.T + v.follow @ out.rate.T
+        )
+        through[[2, 1]] += out.of_base
+        follow[:2] += out.of_base
+        rows = Rows(
+            weight=out.position @ p.weight + out.rate @ v.weight,
+            particle=out.position @ p.particle,
+            particle_rate=out.rate @ p.particle,
+            constant=out.position @ p.constant,
+            through=through,
+            follow=follow,
+        )
+        for o, j in enumerate(out.force):
+            if j >= 0 and active[j]:
+                force = made.contact_force
+                rows.weight[o], rows.constant[o] = force.weight[j], force.constant[j]
+                rows.particle[o], rows.particle_rate[o] = force.particle[j], force.particle_rate[j]
+                rows.through[:, o], rows.follow[:, o] = force.through[:, j], force.follow[:, j]
+        return rows
+
+
+def _stacked(*parts: Rows) -> Rows:
+    """All rows in one."""
+    return Rows(
+        weight=np.concatenate([rows.weight for rows in parts]),
+        particle=np.concatenate([rows.particle for rows in parts]),
+        particle_rate=np.concatenate([rows.particle_rate for rows in parts]),
+        constant=np.concatenate([rows.constant for rows in parts]),
+        through=np.concatenate([rows.through for rows in parts], axis=1),
+        follow=np.concatenate([rows.follow for rows in parts], axis=1),
+    )
