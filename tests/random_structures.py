@@ -324,8 +324,8 @@ def _start(rng: np.random.Generator, system: fi.System, speed: float) -> tuple[f
     if kind < 2:
         frame = ("base", "space")[kind]
         return fi.State.at_rest(frame), f"rest in {frame}"
-    inertia = np.sqrt(system.M.diagonal() * system.total_mass)
-    velocity = speed * rng.normal(size=system.dofs) * system.total_mass / inertia / system.dofs
+    # of mass-normalised modes
+    velocity = speed * math.sqrt(system.total_mass) * rng.normal(size=system.dofs) / system.dofs
     share = rng.uniform(-0.9, 0.9, len(system.balls))
     ball = [s * pair.gaps[0 if s > 0.0 else 1] for s, pair in zip(share, system.balls, strict=True)]
     return fi.State(None, velocity, ball, speed * rng.normal(size=len(system.balls))), "given velocities"

@@ -32,7 +32,7 @@ from scipy.optimize import brentq
 
 import femimpact as fi
 
-TOLERANCE = 1e-12
+TOLERANCE = 1e-13
 """Relative tolerance of a step."""
 
 PROBES = 8
@@ -40,6 +40,9 @@ PROBES = 8
 
 SLOW = 1e-6
 """An impact slower than this share of the largest speed so far is not gone through."""
+
+TOO_SHORT = 1e-6
+"""A step of this share of the longest, as between two events at one instant, shows rounding only."""
 
 GRAZING = 1e-7
 """A wall missed by less than this share of the largest displacement so far is one that rounding may touch."""
@@ -145,7 +148,8 @@ def _solver(motion: _Motion, e: Equations, until: float) -> DOP853:
     least = np.concatenate([np.full(d, floor), np.full(d, max(motion.fastest, floor))]) * 1e-3 * TOLERANCE
     span = until - motion.time
     longest = min(e.longest_step, span)
-    first = min(motion.step, longest)
+    # the step before may have ended at an event
+    first = min(max(motion.step, 1e-3 * e.longest_step), longest)
     return DOP853(rates, motion.time, motion.z, until, longest, TOLERANCE, least, first_step=first)
 
 
@@ -170,12 +174,21 @@ def _advance(motion: _Motion, until: float, most_touches: int) -> None:
         if found is not None:
             number, time = found
             time, z = _polished(motion, e, number, time)
+            _note_leaving(motion, e, time, z)
             motion.time, motion.z = time, z
             _note_size(motion)
             _pass_event(motion, e.meaning[number], most_touches)
             return
+        _note_leaving(motion, e, float(solver.t), solver.y)
         motion.time, motion.z = float(solver.t), solver.y.copy()
         _note_size(motion)
+
+
+def _note_leaving(motion: _Motion, e: Equations, time: float, z: Real) -> None:
+    """Forget which event functions were at zero just now, where they have left it by this time (s)."""
+    if time - motion.time >= TOO_SHORT * e.longest_step:
+        values = e.rows @ z + e.offset
+        motion.fresh -= {meaning for meaning, value in zip(e.meaning, values, strict=True) if value < 0.0}
 
 
 def _first_event(
@@ -203,13 +216,13 @@ def _rise(motion: _Motion, e: Equations, i: int, times: Real, h: Real, dense: Ca
     begin = 0
     if e.meaning[i] in motion.fresh:
         negative = np.flatnonzero(h[1:] < 0.0)
+        if times[-1] - times[0] < TOO_SHORT * e.longest_step:
+            return None
         if not negative.size:
             raise _Ends("leaves too slowly")
         begin = 1 + int(negative[0])
         if np.any(h[1:begin] > 0.0) and np.max(h[1:begin]) > 1e-9 * abs(h[begin]):
             raise _Ends("does not leave at once")
-        if begin <= len(times) // 2:
-            motion.fresh.discard(e.meaning[i])
 
     def value(t: float) -> float:
         return float(e.rows[i] @ dense(t) + e.offset[i])
