@@ -1,0 +1,170 @@
+"""A hundred random structures through the event-driven method: none refused, every ledger closed, no wall passed."""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from random_structures import ONE_ENGINE, random_case
+
+import femimpact as fi
+
+pytestmark = pytest.mark.impacts
+
+SEEDS = range(100)
+
+PHYSICAL = {
+    # the generator keeps a drive away from undamped frequencies of the structure, not from those of its contact states
+    "must not be a natural frequency of an undamped mode": "without damping a resonance grows without bound",
+}
+"""Refusals with a reason in the physics: their text, and the reason."""
+
+REFUSED_TODAY = {} if ONE_ENGINE else {
+    8: "collisions of three equal balls and a stop at one instant do not come to an end",
+    47: "a damping that rounds to below zero on equal undamped oscillators: RuntimeWarning in complex_modes",
+}  # fmt: skip
+"""Seeds that the engine before this one does not take: to be emptied by the one that does."""
+
+
+def marked(seed):
+    reason = REFUSED_TODAY.get(seed)
+    # the last bits of the modes decide, which differ between processors
+    return pytest.param(seed, marks=pytest.mark.xfail(reason=reason, strict=False)) if reason else seed
+
+
+@cache
+def case_of(seed):
+    return random_case(seed)
+
+
+@cache
+def run_of(seed):
+    """The run of a seed; None where the physics refuses it."""
+    case = case_of(seed)
+    channels = tuple(f"{pair.name}.gap" for pair in case.system.contacts)
+    places = (case.system.default_place, *(pair.name for pair in case.system.balls))
+    record = fi.Recorder((*channels, *places), impacts=1_000_000)
+    try:
+        return fi.integrate(case.system, case.excitation, fi.EventDriven(), case.duration, record, case.initial)
+    except (fi.InputError, fi.DivergenceError) as refusal:
+        if any(text in str(refusal) for text in PHYSICAL):
+            return None
+        refusal.add_note(case.description)
+        raise
+
+
+every_seed = pytest.mark.parametrize("seed", [marked(seed) for seed in SEEDS])
+
+
+@every_seed
+def test_the_ledger_closes(seed):
+    run = run_of(seed)
+    if run is None:
+        return
+    # above 1e-9 and above the bound that it derives for its own rounding, a run warns; so it does of lost impacts
+    assert run.warnings == (), case_of(seed).description
+    assert np.isfinite(run.energy.residual)
+
+
+@every_seed
+def test_losses_never_come_back(seed):
+    run = run_of(seed)
+    if run is None:
+        return
+    energy = run.energy
+    # rounding of sums, and of states whose energies are far larger than what is lost between two samples
+    rounding = 1e-11 * energy.largest_input
+    for name in ("structure_loss", "contact_loss"):
+        lost = getattr(energy, name)
+        assert lost[0] == 0.0
+        assert np.min(np.diff(lost)) >= -rounding, name
+    for name in ("kinetic", "strain", "ball", "contact"):
+        assert np.min(getattr(energy, name)) >= -rounding, name
+
+
+@every_seed
+def test_no_ball_passes_a_rigid_wall(seed):
+    run = run_of(seed)
+    if run is None:
+        return
+    for pair in run.system.contacts:
+        if not isinstance(pair.law, fi.Rigid):
+            continue
+        x = run[f"{pair.name}.gap"]
+        moved = 0.0 if pair.is_stop else float(np.max(np.abs(run[pair.name])))
+        # the gap is a difference of two displacements, and what is left out of an accumulation is below the closure
+        largest = max(moved, float(np.max(np.abs(x))))
+        slack = 1e-12 * largest + fi.EventDriven().closure
+        assert np.max(x) <= pair.gaps[0] + slack, pair.name
+        assert np.min(x) >= -pair.gaps[1] - slack, pair.name
+
+
+@every_seed
+def test_the_table_of_impacts_is_that_of_the_laws(seed):
+    run = run_of(seed)
+    if run is None:
+        return
+    table = run.impacts
+    assert table.dropped == 0
+    for pair in run.system.contacts:
+        own = table.impactor == pair.name
+        if not np.any(own):
+            continue
+        side, approach, rebound = table.side[own], table.approach_speed[own], table.rebound_speed[own]
+        assert set(side) <= {-1.0, 1.0}
+        walls = [s for s, gap in zip((1.0, -1.0), pair.gaps, strict=True) if math.isfinite(gap)]
+        assert set(side) <= set(walls)
+        # a pair that starts at rest at its wall touches it at a speed that is zero but for rounding
+        assert np.all(approach > -1e-12 * np.max(approach))
+        assert np.all(rebound >= 0.0)
+        assert np.all(table.impulse[own] >= 0.0)
+        assert np.all((table.time[own] >= 0.0) & (table.time[own] <= run.time[-1] * (1.0 + 1e-12)))
+        if isinstance(pair.law, fi.Rigid):
+            check_rigid(run, pair, own)
+        else:
+            assert np.all(table.duration[own] > 0.0)
+            assert np.all(np.diff(table.time[own]) > 0.0)
+    # what the impacts lost is in the ledger, beside what is lost as pairs come to rest and in contacts not yet over
+    assert table.energy_loss.sum() <= run.energy.contact_loss[-1] + 1e-11 * run.energy.largest_input
+
+
+def check_rigid(run, pair, own):
+    """Rebound e v, impulse (1 + e) v/(1/m + b^T M^-1 b) and loss of every impact but the last of an accumulation."""
+    table, e = run.impacts, pair.law.restitution
+    time, approach, rebound = table.time[own], table.approach_speed[own], table.rebound_speed[own]
+    assert np.all(np.diff(time) >= 0.0)
+    felt = 1.0 / (pair.mobility + float(np.sum(pair.direction**2 / run.system.M.diagonal())))
+    bounced = rebound > 0.0
+    # a few products of numbers that have 16 digits
+    np.testing.assert_allclose(rebound[bounced], e * approach[bounced], rtol=1e-13)
+    impulse, loss = table.impulse[own], table.energy_loss[own]
+    np.testing.assert_allclose(impulse[bounced], (1.0 + e) * felt * approach[bounced], rtol=1e-12)
+    # e = 1 loses the rounding of what it gives back
+    expected = 0.5 * impulse * (approach - rebound)
+    size = impulse * approach
+    np.testing.assert_allclose((loss - expected)[bounced] / size[bounced], 0.0, atol=1e-12)
+    # the last of an accumulation may share its instant with others, whose impulses change what is left to lose
+    assert np.all(loss >= -1e-12 * size)
+    if e > 0.0:
+        # only the last impact of an accumulation has no rebound: a sticking phase of that pair follows
+        phases = run.riding.impactor == pair.name
+        end = np.where(np.isnan(run.riding.end[phases]), math.inf, run.riding.end[phases])
+        for last in time[~bounced]:
+            assert np.any(end >= last)
+
+
+def test_the_seeds_are_as_busy_and_as_mixed_as_they_are_said_to_be():
+    cases = [case_of(seed) for seed in SEEDS]
+    counts = np.array([len(run_of(seed).impacts) for seed in SEEDS if seed not in REFUSED_TODAY and run_of(seed)])
+    assert np.count_nonzero((counts >= 50) & (counts <= 3000)) >= 0.6 * counts.size
+    assert np.median(counts) > 100
+    pairs = [pair for case in cases for pair in case.system.contacts]
+    assert {pair.is_stop for pair in pairs} == {True, False}
+    assert {type(pair.law) for pair in pairs} == {fi.Rigid, fi.KelvinVoigt}
+    assert {type(case.excitation) for case in cases} == {fi.Sine, fi.PointForce, fi.RecordedBase}
+    assert any(pair.acceleration for pair in pairs)
+    assert any(pair.free_stiffness for pair in pairs)
+    assert any(0.0 in pair.gaps for pair in pairs)
+    # another machine draws the same numbers; a seed gives the same case twice
+    again = random_case(3)
+    assert (again.description, again.duration) == (cases[3].description, cases[3].duration)
