@@ -11,11 +11,23 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import apart, called
-from femimpact.integrators.kernels.packs import WIDTH
-from femimpact.integrators.layout import LAST, LAST_RATE, MAXIMUM, MINIMUM, NORMAL, REFINED, Cycles, Motion, Scheme
+from femimpact.integrators.kernels.compiling import apart, called, inlined
+from femimpact.integrators.kernels.packs import WIDTH, differ_in_sign
+from femimpact.integrators.layout import (
+    DURATION,
+    LAST,
+    LAST_RATE,
+    MAXIMUM,
+    MINIMUM,
+    NORMAL,
+    REFINED,
+    START,
+    Cycles,
+    Motion,
+    Scheme,
+)
 
-__all__ = ["add_crests", "add_interval", "split_cycles"]
+__all__ = ["add_crests", "add_fine_step", "split_cycles"]
 
 
 @called
@@ -49,72 +61,84 @@ def _include(c: int, w: float, sums: NDArray[Any]) -> None:
 
 @called
 def _extend(
-    c: int, h: float, w: float, rate: float, jumps: bool, sums: NDArray[Any], last: NDArray[Any]
+    c: int, h: float, w: float, rate: float, impact: float, sums: NDArray[Any], last: NDArray[Any]
 ) -> None:  # fmt: skip
-    """Take one case from its last place on to w and w', a time h later (s)."""
+    """Take one case from its last place on to w and w', a time h later (s), past an `impact` or none.
+
+    Two flights meet in an impact: each has one end of the step, and what lies between is no cubic.
+    """
     before, rate_before = last[LAST, c], last[LAST_RATE, c]
-    _include(c, before, sums)
-    _include(c, w, sums)
-    if rate_before * rate < 0.0 and not jumps:
-        _include(c, _crest(before, h * rate_before, w, h * rate), sums)
+    if differ_in_sign(rate_before, rate):
+        if impact < math.inf:
+            _include(c, before + impact * rate_before, sums)
+        else:
+            _include(c, before, sums)
+            _include(c, w, sums)
+            if rate_before * rate < 0.0:
+                _include(c, _crest(before, h * rate_before, w, h * rate), sums)
     last[LAST, c], last[LAST_RATE, c] = w, rate
 
 
 @called
 def _end_cycle(c: int, cycles: Cycles) -> None:
     """Write the extremes of the cycle that ends at the last place, and begin the next one there."""
-    k, sums = cycles.number[c], cycles.sums
+    k, sums, w = cycles.number[c], cycles.sums, cycles.last[LAST, c]
+    _include(c, w, sums)
     if k < cycles.values.shape[0]:
         cycles.values[k, MAXIMUM, c], cycles.values[k, MINIMUM, c] = sums[MAXIMUM, c], sums[MINIMUM, c]
-    sums[MAXIMUM, c] = sums[MINIMUM, c] = cycles.last[LAST, c]
+    sums[MAXIMUM, c] = sums[MINIMUM, c] = w
 
 
-@called
-def add_interval(
-    c: int, start: float, stop: float, dt: float, w: float, rate: float, jumps: bool, cycles: Cycles
+@apart
+def _add_interval(
+    c: int, start: float, stop: float, dt: float, w: float, rate: float, impact: float, cycles: Cycles
 ) -> None:  # fmt: skip
     """Take one case from its last place, at `start`, on to w and w' at `stop` (both in steps of dt).
 
     A cycle that ends within gets the part before its end, the next one the part after it.
-    Where the velocity `jumps`, the rates of both ends belong to different flights: only places count.
     """
     sums, last, h = cycles.sums, cycles.last, (stop - start) * dt
     end = (cycles.number[c] + 1) * cycles.period[c]
     if start < end < stop:
-        share = (end - start) / (stop - start)
-        before, a, b = last[LAST, c], h * last[LAST_RATE, c], h * rate
+        share, before = (end - start) / (stop - start), last[LAST, c]
+        a, b = h * last[LAST_RATE, c], h * rate
         bend, twist = _cubic(before, a, w, b)
-        if jumps:
-            a, bend, twist = w - before, 0.0, 0.0
         place = before + share * (a + share * (bend + share * twist))
-        _extend(c, share * h, place, (a + share * (2.0 * bend + 3.0 * share * twist)) / h, jumps, sums, last)
+        slope = (a + share * (2.0 * bend + 3.0 * share * twist)) / h
+        if impact < math.inf:
+            # the instants of impacts and of cycles are not known to more than the step
+            place, slope = before + share * (w - before), rate
+        _extend(c, share * h, place, slope, impact, sums, last)
         _end_cycle(c, cycles)
         h *= 1.0 - share
-    _extend(c, h, w, rate, jumps, sums, last)
+    _extend(c, h, w, rate, impact, sums, last)
     if end == stop:
         _end_cycle(c, cycles)
 
 
 @called
-def _jumps(c: int, rigid: bool, touch: NDArray[Any]) -> bool:
-    """Whether an impulse acted on a case within this step."""
-    acted = False
+def _impact_in(c: int, begun: float, rigid: bool, touch: NDArray[Any]) -> float:
+    """Time (s) from the begin of a step to its first impulse, which may lie half a step before it; else infinite.
+
+    The impulses of a ball that stays on its wall make no jump.
+    """
+    first = math.inf
     if rigid:
         for j in range(touch.shape[1]):
-            acted |= touch[NORMAL, j, c] != 0.0
-    return acted
+            if touch[NORMAL, j, c] != 0.0 and touch[DURATION, j, c] == 0.0:
+                first = min(first, touch[START, j, c] - begun)
+    return first
 
 
 @apart
 def add_crests(
-    first: int, dt: float, rigid: bool, w: NDArray[Any], w_rate: NDArray[Any], touch: NDArray[Any],
+    first: int, begun: float, dt: float, rigid: bool, w: NDArray[Any], w_rate: NDArray[Any], touch: NDArray[Any],
     sums: NDArray[Any], last: NDArray[Any],
 ) -> None:  # fmt: skip
-    """Crests of this step in the pack of cases from `first` on, or in one case alone."""
+    """Crests of the step that began at that time (s) in the pack of cases from `first` on, or in one case alone."""
     for c in range(first, min(first + WIDTH, w.shape[1])):
-        # as the pack was looked at: a rate that is zero has a sign
-        if math.copysign(1.0, last[LAST_RATE, c]) != math.copysign(1.0, w_rate[0, c]):
-            _extend(c, dt, w[0, c], w_rate[0, c], _jumps(c, rigid, touch), sums, last)
+        if differ_in_sign(last[LAST_RATE, c], w_rate[0, c]):
+            _extend(c, dt, w[0, c], w_rate[0, c], _impact_in(c, begun, rigid, touch), sums, last)
 
 
 @apart
@@ -122,5 +146,15 @@ def split_cycles(step: int, s: Scheme, m: Motion, cycles: Cycles) -> None:
     """Extremes of the cases whose base cycle ends within this step, but for those whose fine steps have had theirs."""
     for c in range(cycles.number.size):
         if step == cycles.next_wrap[c] and m.ledger[REFINED, c] == 0.0:
-            jumps = _jumps(c, s.rigid, m.touch)
-            add_interval(c, step - 1.0, float(step), s.dt, m.w[0, c], m.w_rate[0, c], jumps, cycles)
+            impact = _impact_in(c, (step - 1) * s.dt, s.rigid, m.touch)
+            _add_interval(c, step - 1.0, float(step), s.dt, m.w[0, c], m.w_rate[0, c], impact, cycles)
+
+
+@inlined
+def add_fine_step(c: int, step: int, part: int, parts: int, dt: float, m: Motion, cycles: Cycles) -> None:
+    """Extremes within one of the fine steps into which a case divides the step of dt that began at `step`."""
+    w, rate, last = m.w[0, c], m.w_rate[0, c], cycles.last
+    if differ_in_sign(last[LAST_RATE, c], rate) or step + 1 == cycles.next_wrap[c]:
+        _add_interval(c, step + part / parts, step + (part + 1) / parts, dt, w, rate, math.inf, cycles)
+    else:
+        last[LAST, c], last[LAST_RATE, c] = w, rate

@@ -199,21 +199,21 @@ def _step_ball(
 
 
 @inlined
-def observe(s: Scheme, m: Motion, cycles: Cycles) -> None:
+def observe(step: int, s: Scheme, m: Motion, cycles: Cycles) -> None:
     """Add the observed place's displacement to the statistics of the running cycle."""
     if m.w.shape[1] == 1:
-        _observe(0, m.w[0, 0], m.w_rate[0, 0], s, m, cycles)
+        _observe(0, m.w[0, 0], m.w_rate[0, 0], step, s, m, cycles)
         return
     for c in range(0, m.w.shape[1], WIDTH):
-        _observe(c, load(m.w, 0, c, fill(0.0)), load(m.w_rate, 0, c, fill(0.0)), s, m, cycles)
+        _observe(c, load(m.w, 0, c, fill(0.0)), load(m.w_rate, 0, c, fill(0.0)), step, s, m, cycles)
 
 
 @inlined
-def _observe(c: int, w: Any, rate: Any, s: Scheme, m: Motion, cycles: Cycles) -> None:
+def _observe(c: int, w: Any, rate: Any, step: int, s: Scheme, m: Motion, cycles: Cycles) -> None:
     drive, sums, last = m.drive, cycles.sums, cycles.last
     # rare; the extremes have no other part in this loop
     if differ_in_sign(rate, load(last, LAST_RATE, c, w)):
-        add_crests(c, s.dt, s.rigid, m.w, m.w_rate, m.touch, sums, last)
+        add_crests(c, (step - 1) * s.dt, s.dt, s.rigid, m.w, m.w_rate, m.touch, sums, last)
     store(last, LAST, c, w)
     store(last, LAST_RATE, c, rate)
     store(sums, 2, c, fma(1.0, times(w, w), load(sums, 2, c, w)))

@@ -225,7 +225,7 @@ def advance(
             split_cycles(step, s, m, cycles)
         if refined > 0:
             keep_own_books(m.ledger)
-        observe(s, m, cycles)
+        observe(step, s, m, cycles)
         record.tally[0] = step
         if step == next_wrap:
             close_cycles(step, ledger, op, pairs, m, cycles, energy)

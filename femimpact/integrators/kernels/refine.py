@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.banded import free_step_banded_single
 from femimpact.integrators.kernels.compiling import called, inlined
-from femimpact.integrators.kernels.crest import add_interval
+from femimpact.integrators.kernels.crest import add_fine_step
 from femimpact.integrators.kernels.flight import free_step_single
 from femimpact.integrators.kernels.ledger import book_case
 from femimpact.integrators.kernels.packs import fill, how_many_beyond, load
@@ -171,8 +171,7 @@ def redo_step(
         _fine_flight(c, before, after, op, s, pairs, m, physical)
         if in_reach(c, pairs, m) > 0:
             contact_step(c, step * dt + (part + 1) * s.dt, op, s, pairs, m, record, work)
-        begin, end = step + part / parts, step + (part + 1) / parts
-        add_interval(c, begin, end, dt, m.w[0, c], m.w_rate[0, c], False, cycles)
+        add_fine_step(c, step, part, parts, dt, m, cycles)
         if ledger:
             book_case(c, before, after, op, s, pairs, m)
     m.ledger[REFINED, c] = 1.0
