@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-# the first two are those of the whole cycle, its begin and its end included; the others count its samples
+# the first two are extremes of the motion, the others sums over samples; see signals.CycleStatistics
 CYCLE_COLUMNS = ("maximum", "minimum", "square", "sine", "cosine", "samples")
 MAXIMUM, MINIMUM = range(2)
 # rows of Cycles.last (., cases): displacement (m) and velocity (m/s) of the observed place
