@@ -19,7 +19,13 @@ PARTS = 8
 
 @dataclass(frozen=True, eq=False)
 class CycleStatistics:
-    """Sums over every base cycle of a run, one row a cycle.
+    """Extremes and sums of every base cycle of a run, one row a cycle.
+
+    Maximum and minimum are those of the motion w(t) from the cycle's begin to its end, both included, not of
+    samples: crests between samples and instants of impact count. `EventDriven` has them to 1e-9 of the peak. The
+    step methods take them from the cubic through both ends of a step with their rates, and at a rigid impact from
+    the flight before it, so that they are of the order of the method: 2 for smooth motion, where the cubic alone
+    has order 4, and 1 after rigid impacts with `MoreauJean`. The sums are over samples.
 
     Parameters
     ----------
@@ -49,7 +55,8 @@ class SteadyMotion:
     Parameters
     ----------
     peak : ndarray (cases,), m
-        Largest |w| in the window.
+        Largest |w| in the window, instants of impact included: of all its cycles' maxima and minima, see
+        `CycleStatistics`.
     rms : ndarray (cases,), m
     first_harmonic : ndarray (cases,), m
         Amplitude of the component at the base's frequency.

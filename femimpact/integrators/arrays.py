@@ -170,18 +170,21 @@ def _table(
     return np.ascontiguousarray(np.array([drive.value(time) for drive in drives]).T)
 
 
-def cycles_of(excitations: Sequence[Excitation], dt: float, steps: int, ledger: bool) -> layout.Cycles:
-    """Statistics per cycle of each excitation, empty."""
+def cycles_of(
+    excitations: Sequence[Excitation], motion: layout.Motion, dt: float, steps: int, ledger: bool
+) -> layout.Cycles:
+    """Statistics per cycle of each excitation, empty but for the place of the motion's start."""
     lanes = len(excitations)
     period = np.array([1.0 / (excitation.frequency * dt) for excitation in excitations])
     most = int(steps / period.min()) + 1
     sums = np.zeros((len(layout.CYCLE_COLUMNS), lanes))
-    sums[0], sums[1] = -np.inf, np.inf
+    sums[layout.MAXIMUM] = sums[layout.MINIMUM] = motion.w[0]
     return layout.Cycles(
         next_wrap=np.ceil(period).astype(np.int64),
         number=np.zeros(lanes, dtype=np.int64),
         period=period,
         sums=_placed(sums, 9),
+        last=_placed(np.array([motion.w[0], motion.w_rate[0]]), 11),
         values=np.zeros((most, len(layout.CYCLE_COLUMNS), lanes)),
         energy=np.zeros(((most if ledger else 0) + 1, len(layout.ENERGY_COLUMNS), lanes)),
     )

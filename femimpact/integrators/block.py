@@ -115,7 +115,7 @@ def prepare(
     # only a history tells losses mode by mode; in a sweep a case alone is summed as beside others
     modal = ledger and record is not None and lanes == 1 and not operator.banded
     motion = motion_of(system, operator, pairs, padded, drives, method, initial, window, longest, modal, kept)
-    cycles = cycles_of(padded, method.dt, longest, ledger)
+    cycles = cycles_of(padded, motion, method.dt, longest, ledger)
     block = Block(
         operator=operator,
         scheme=scheme,

@@ -6,7 +6,11 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
+# the first two are extremes of the motion, the others sums over samples; see signals.CycleStatistics
 CYCLE_COLUMNS = ("maximum", "minimum", "square", "sine", "cosine", "samples")
+MAXIMUM, MINIMUM = range(2)
+# rows of Cycles.last (., cases): displacement (m) and velocity (m/s) of the observed place
+LAST, LAST_RATE = range(2)
 ENERGY_COLUMNS = ("kinetic", "strain", "ball", "contact", "work", "structure_loss", "contact_loss")
 IMPACT_COLUMNS = (
     "time", "pair", "side", "approach_speed", "rebound_speed", "impulse", "peak_force", "duration", "energy_loss",
@@ -129,6 +133,7 @@ class Cycles(NamedTuple):
     number: NDArray[Any]  # (cases,) cycles finished
     period: NDArray[Any]  # (cases,) steps per cycle, a real number
     sums: NDArray[Any]  # (columns, cases)
+    last: NDArray[Any]  # (2, cases) the observed place at the last step
     values: NDArray[Any]  # (cycles, columns, cases)
     energy: NDArray[Any]  # (cycles + 1, columns, cases)
 

@@ -7,16 +7,16 @@ from typing import Any
 from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.compiling import called, inlined
+from femimpact.integrators.kernels.crest import add_crests
 from femimpact.integrators.kernels.packs import (
     WIDTH,
+    differ_in_sign,
     entry,
     fill,
     fma,
     how_many_beyond,
-    larger,
     load,
     product,
-    smaller,
     store,
     times,
 )
@@ -27,6 +27,8 @@ from femimpact.integrators.layout import (
     COSINE,
     GAP_MINUS,
     GAP_PLUS,
+    LAST,
+    LAST_RATE,
     SCALE,
     SHARE,
     SINE,
@@ -35,6 +37,8 @@ from femimpact.integrators.layout import (
     X_BEFORE,
     Y_ACCELERATION,
     Y_RATE,
+    Cycles,
+    Motion,
     Scheme,
     X,
     Y,
@@ -195,19 +199,23 @@ def _step_ball(
 
 
 @inlined
-def observe(w: NDArray[Any], drive: NDArray[Any], sums: NDArray[Any]) -> None:
-    """Add the observed place's displacement to the sums of the running cycle."""
-    if w.size == 1:
-        _observe(0, w[0], drive, sums)
+def observe(step: int, s: Scheme, m: Motion, cycles: Cycles) -> None:
+    """Add the observed place's displacement to the statistics of the running cycle."""
+    if m.w.shape[1] == 1:
+        _observe(0, m.w[0, 0], m.w_rate[0, 0], step, s, m, cycles)
         return
-    for c in range(0, w.size, WIDTH):
-        _observe(c, load(w, 0, c, fill(0.0)), drive, sums)
+    for c in range(0, m.w.shape[1], WIDTH):
+        _observe(c, load(m.w, 0, c, fill(0.0)), load(m.w_rate, 0, c, fill(0.0)), step, s, m, cycles)
 
 
 @inlined
-def _observe(c: int, w: Any, drive: NDArray[Any], sums: NDArray[Any]) -> None:
-    store(sums, 0, c, larger(w, load(sums, 0, c, w)))
-    store(sums, 1, c, smaller(w, load(sums, 1, c, w)))
+def _observe(c: int, w: Any, rate: Any, step: int, s: Scheme, m: Motion, cycles: Cycles) -> None:
+    drive, sums, last = m.drive, cycles.sums, cycles.last
+    # rare; the extremes have no other part in this loop
+    if differ_in_sign(rate, load(last, LAST_RATE, c, w)):
+        add_crests(c, (step - 1) * s.dt, s.dt, s.rigid, m.w, m.w_rate, m.touch, sums, last)
+    store(last, LAST, c, w)
+    store(last, LAST_RATE, c, rate)
     store(sums, 2, c, fma(1.0, times(w, w), load(sums, 2, c, w)))
     store(sums, 3, c, fma(1.0, times(w, load(drive, SINE, c, w)), load(sums, 3, c, w)))
     store(sums, 4, c, fma(1.0, times(w, load(drive, COSINE, c, w)), load(sums, 4, c, w)))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.compiling import ZERO, apart, called
@@ -14,6 +13,7 @@ from femimpact.integrators.layout import (
     COSINE,
     ENERGY_COLUMNS,
     FORCE,
+    MINIMUM,
     PHASE,
     PHASE_STEP,
     SINE,
@@ -44,7 +44,8 @@ def close_cycles(
         k = cycles.number[c]
         begun = math.ceil(k * cycles.period[c])
         if k < cycles.values.shape[0]:
-            for i in range(cycles.sums.shape[0]):
+            # the extremes are there: a cycle ends within a step
+            for i in range(MINIMUM + 1, cycles.sums.shape[0]):
                 cycles.values[k, i, c] = cycles.sums[i, c]
             cycles.values[k, 5, c] = step - begun
             if ledger:
@@ -53,9 +54,8 @@ def close_cycles(
                     cycles.energy[k + 1, i, c] = energy[i]
         cycles.number[c] = k + 1
         cycles.next_wrap[c] = math.ceil((k + 2) * cycles.period[c])
-        for i in range(cycles.sums.shape[0]):
+        for i in range(MINIMUM + 1, cycles.sums.shape[0]):
             cycles.sums[i, c] = 0.0
-        cycles.sums[0, c], cycles.sums[1, c] = -np.inf, np.inf
         # the rotated phase is set right once a cycle, so that rounding cannot add up
         angle = m.drive[PHASE, c] + m.drive[PHASE_STEP, c] * step
         m.drive[SINE, c], m.drive[COSINE, c] = math.sin(angle), math.cos(angle)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.banded import free_step_banded, free_step_banded_single
 from femimpact.integrators.kernels.compiling import ZERO, compiled, inlined
+from femimpact.integrators.kernels.crest import split_cycles
 from femimpact.integrators.kernels.flight import (
     blend_drive,
     free_step_ball,
@@ -109,7 +110,7 @@ def _book(op: Operator, s: Scheme, pairs: Pairs, m: Motion, physical: bool | Non
 
 @inlined
 def _redo(
-    s: Scheme, fine: Fine, pairs: Pairs, m: Motion, record: Record, ledger: bool, work: NDArray[Any],
+    s: Scheme, fine: Fine, pairs: Pairs, m: Motion, cycles: Cycles, record: Record, ledger: bool, work: NDArray[Any],
     physical: bool | None,
 ) -> int:  # fmt: skip
     """Cases in which a contact lasts or could have begun take the step in fine ones; returns how many."""
@@ -118,7 +119,7 @@ def _redo(
         return refined
     for c in range(m.q.shape[1]):
         if is_near(c, m):
-            redo_step(c, fine.parts, s.dt, fine.operator, fine.scheme, pairs, m, record, ledger, work, physical)
+            redo_step(c, fine.parts, s.dt, fine.operator, fine.scheme, pairs, m, cycles, record, ledger, work, physical)
             refined += 1
     return refined
 
@@ -215,14 +216,16 @@ def advance(
                 looking += _look_around(j, s, fine, pairs, m)
         if looking > 0:
             if fine is not None:
-                refined = _redo(s, fine, pairs, m, record, ledger, work, physical)
+                refined = _redo(s, fine, pairs, m, cycles, record, ledger, work, physical)
             _touch(looking, op, s, fine, pairs, m, record, work)
         if ledger and (refined == 0 or base.size > 1):
             _book(op, s, pairs, m, physical)
+        step = record.tally[0] + 1
+        if step == next_wrap:
+            split_cycles(step, s, m, cycles)
         if refined > 0:
             keep_own_books(m.ledger)
-        observe(m.w[0], m.drive, cycles.sums)
-        step = record.tally[0] + 1
+        observe(step, s, m, cycles)
         record.tally[0] = step
         if step == next_wrap:
             close_cycles(step, ledger, op, pairs, m, cycles, energy)

@@ -15,14 +15,13 @@ from numba.extending import intrinsic, models, register_model
 
 __all__ = [
     "WIDTH",
+    "differ_in_sign",
     "entry",
     "fill",
     "fma",
     "how_many_beyond",
-    "larger",
     "load",
     "product",
-    "smaller",
     "store",
     "times",
 ]
@@ -139,23 +138,20 @@ def times(typing: Any, a: Any, b: Any) -> Any:
     return a(a, a), lambda context, builder, signature, values: builder.fmul(*values)
 
 
-def _chosen(relation: str) -> Callable[..., Any]:
+@_generated
+def differ_in_sign(typing: Any, a: Any, b: Any) -> Any:
+    """Whether two values differ in sign in any lane; zeros have a sign."""
+
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return builder.select(builder.fcmp_ordered(relation, *values), *values)
+        whole = ir.IntType(64)
+        bits = ir.VectorType(whole, WIDTH) if a == PACK else whole
+        changed = builder.xor(*(builder.bitcast(value, bits) for value in values))
+        below = builder.icmp_signed("<", changed, ir.Constant(bits, None if a == PACK else 0))
+        if a != PACK:
+            return below
+        return builder.icmp_unsigned("!=", builder.bitcast(below, ir.IntType(WIDTH)), ir.IntType(WIDTH)(0))
 
-    return generate
-
-
-@_generated
-def larger(typing: Any, a: Any, b: Any) -> Any:
-    """The larger of two values; the second where one is not a number."""
-    return a(a, a), _chosen(">")
-
-
-@_generated
-def smaller(typing: Any, a: Any, b: Any) -> Any:
-    """The smaller of two values; the second where one is not a number."""
-    return a(a, a), _chosen("<")
+    return types.boolean(a, a), generate
 
 
 @_generated

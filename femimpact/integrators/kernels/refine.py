@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.banded import free_step_banded_single
 from femimpact.integrators.kernels.compiling import called, inlined
+from femimpact.integrators.kernels.crest import add_fine_step
 from femimpact.integrators.kernels.flight import free_step_single
 from femimpact.integrators.kernels.ledger import book_case
 from femimpact.integrators.kernels.packs import fill, how_many_beyond, load
@@ -36,6 +37,7 @@ from femimpact.integrators.layout import (
     X_BEFORE,
     Y_ACCELERATION,
     Y_RATE,
+    Cycles,
     Motion,
     Operator,
     Pairs,
@@ -157,10 +159,10 @@ def _read_rows(
 
 @called
 def redo_step(
-    c: int, parts: int, dt: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion, record: Record, ledger: bool,
-    work: NDArray[Any], physical: bool | None,
+    c: int, parts: int, dt: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion, cycles: Cycles, record: Record,
+    ledger: bool, work: NDArray[Any], physical: bool | None,
 ) -> None:  # fmt: skip
-    """Take one case through its step of dt again, in `parts` fine ones; its books are its own."""
+    """Take one case through its step of dt again, in `parts` fine ones; its books and its crests are its own."""
     step = record.tally[0]
     _restore(c, m)
     after = _drive_within(c, step, 0, parts, m)
@@ -169,6 +171,7 @@ def redo_step(
         _fine_flight(c, before, after, op, s, pairs, m, physical)
         if in_reach(c, pairs, m) > 0:
             contact_step(c, step * dt + (part + 1) * s.dt, op, s, pairs, m, record, work)
+        add_fine_step(c, step, part, parts, dt, m, cycles)
         if ledger:
             book_case(c, before, after, op, s, pairs, m)
     m.ledger[REFINED, c] = 1.0
