@@ -10,7 +10,7 @@ import scipy.linalg
 
 import femimpact as fi
 
-ONE_ENGINE = False
+ONE_ENGINE = True
 """Whether `EventDriven` mixes rigid and Kelvin-Voigt pairs, takes any number of them, and a recorded base with both.
 
 Until it does, even seeds are all rigid and odd seeds all Kelvin-Voigt, with four pairs at most and no recorded base.

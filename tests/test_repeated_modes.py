@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.sparse.linalg import expm_multiply
 
 import femimpact as fi
-from femimpact.integrators.complex_modes import complex_modes
+from femimpact.integrators.event_driven.complex_modes import complex_modes
 
 EXACT = fi.EventDriven()
 

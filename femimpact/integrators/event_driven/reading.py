@@ -40,6 +40,9 @@ PEAK_TOLERANCE = 1e-10
 LEAST_ADVANCE = 1e-6
 """Of the time between two samples: what the search for a peak advances at least."""
 
+LEAST_MOTION = 1e-30
+"""Metres below which nothing moves."""
+
 NEWTON_STEPS = 6
 
 
@@ -157,7 +160,7 @@ def _follow_peak(
             watch.upper[r], watch.lower[r] = math.inf, -math.inf
             clear_time(r, watch, flight, watch.size.size, search.size, search.power[0], phase, remaining, search.found)
             row[0] = row[1] = search.found[0]
-        slack = PEAK_TOLERANCE * max(abs(row[0]), abs(row[1]))
+        slack = PEAK_TOLERANCE * max(abs(row[0]), abs(row[1])) + LEAST_MOTION
         watch.upper[r], watch.lower[r] = row[0] + slack, row[1] - slack
         safe = clear_time(
             r, watch, flight, watch.size.size, search.size, search.power[0], phase, remaining, search.found
@@ -191,8 +194,10 @@ def _advance_to_crest(
     concave: float = min(-bend / bound, remaining)
     if rising >= concave:
         return rising
-    # rate and bend at the end of what is surely concave tell whether the crest lies within
-    low, high, time = 0.0, concave, min(-speed / bend, concave)
+    # to second order in the rate, which is speed + bend t + twist t^2/2
+    inner = bend * bend - 2.0 * speed * side * found[1]
+    first = 2.0 * speed / (math.sqrt(inner) - bend) if inner > 0.0 else -speed / bend
+    low, high, time = 0.0, concave, min(first, concave)
     for _ in range(NEWTON_STEPS):
         copy_flight(flight, crest)
         move(watch, crest, time)

@@ -55,7 +55,7 @@ def _file_of(name: str, package: Path) -> Path | None:
 
 
 def sources_of(package: Path) -> tuple[Path, ...]:
-    """Every source that a kernel is made of: the kernels', and what they import, and so on, wherever it lies.
+    """Every source that a kernel is made of: all integrators, and what they import, and so on, wherever it lies.
 
     A function or a constant of another module that a kernel reads is inlined into it or frozen in it.
 
@@ -64,7 +64,7 @@ def sources_of(package: Path) -> tuple[Path, ...]:
     package : Path
         Directory of the package.
     """
-    waiting = sorted((package / "integrators" / "kernels").glob("*.py"))
+    waiting = sorted((package / "integrators").rglob("*.py"))
     found: set[Path] = set()
     while waiting:
         source = waiting.pop()
