@@ -21,9 +21,6 @@ from femimpact.matrices import stiffness_solver
 
 __all__ = ["StaticContacts", "static_contacts", "static_state"]
 
-REGULAR = 1e-12
-"""Share of its own compliance that is added to every wall while the active ones are sought."""
-
 EXACT = 1e-9
 """Residual, as a share of the largest term, that rounding may leave of a complementarity problem."""
 
@@ -78,9 +75,10 @@ def static_state(system: Any, stop_displacement: float = 0.0) -> tuple[NDArray[A
     -----
     With D the directions of the walls, A = D^T K^-1 D and q the penetrations without contact, the forces minimise
     F^T (A + diag c) F / 2 - q^T F over F >= 0 (the dual of the least potential energy; Cottle, Pang and Stone, The
-    Linear Complementarity Problem, 1992): non-negative least squares on a Cholesky factor (Lawson and Hanson,
-    Solving Least Squares Problems, 1974) find the active walls, one linear system of these the forces. A power
-    law is made linear at the last penetration until the forces stay (Newton).
+    Linear Complementarity Problem, 1992). As a problem of least distance it is one of non-negative least squares
+    (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23), which finds the walls that push, also where
+    there are more of them than dofs; one linear system of these gives the forces. A power law is made linear at the
+    last penetration until the forces stay (Newton).
     """
     found = static_contacts(system, stop_displacement)
     return found.displacement, found.other
@@ -88,6 +86,8 @@ def static_state(system: Any, stop_displacement: float = 0.0) -> tuple[NDArray[A
 
 def static_contacts(system: Any, stop_displacement: float = 0.0) -> StaticContacts:
     """The same with the contact forces; see `static_state`."""
+    fits = all(hasattr(system, name) for name in ("stiffness_factor", "constant_load", "contacts"))
+    require(fits, "system", type(system).__name__, "", "must be a System")
     offset = checked("stop_displacement", stop_displacement, quantity("m"))
     held = system.first_frequency > 0.0
     require(held, "initial", "static", "", "needs a structure that is held: K is singular, a static state is not one")
@@ -207,11 +207,12 @@ def _forces_of_laws(
     exponent = np.array([wall.exponent for wall in walls])
     curved = np.array([wall.kind == POWER and wall.exponent != 1.0 for wall in walls])
     own = np.where(curved, 0.0, 1.0 / stiffness)
-    force = _complementary(compliance, own, free, names)
     if not np.any(curved):
-        return force
+        return _complementary(compliance, own, free, names)
     k, n = stiffness[curved], exponent[curved]
-    depth = (force[curved] / k) ** (1.0 / n)
+    force, before = np.zeros((2, free.size))
+    # from above: where the force bends upwards, Newton's steps do not leap
+    depth = np.full(k.size, np.max(np.abs(free)))
     for _ in range(MOST_ROUNDS):
         depth = np.maximum(depth, 1e-12 * (np.max(np.abs(free)) + 1e-300))
         elastic, slope = k * depth**n, k * n * depth ** (n - 1.0)
@@ -254,10 +255,20 @@ def _complementary(compliance: NDArray[Any], own: NDArray[Any], free: NDArray[An
 
 
 def _solved(part: NDArray[Any], target: NDArray[Any]) -> tuple[NDArray[Any], bool]:
-    """The problem with ones on its diagonal, and whether it has been solved."""
-    lower = scipy.linalg.cholesky(part + REGULAR * np.eye(target.size), lower=True)
-    guess = scipy.optimize.nnls(lower.T, scipy.linalg.solve_triangular(lower, target, lower=True))[0]
+    """The problem with ones on its diagonal, and whether it has been solved.
+
+    F are the multipliers of the least |z| with H^T z >= q, where H^T H is the matrix: with x >= 0 of the least
+    |[H; q^T] x - [0; 1]|, F = x/(1 - q^T x), and there is none where 1 - q^T x = 0.
+    """
+    values, vectors = scipy.linalg.eigh(part)
+    factor = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    scaled = target / target.max()
+    ahead = np.append(np.zeros(target.size), 1.0)
+    guess = scipy.optimize.nnls(np.vstack([factor, scaled]), ahead, maxiter=100 * target.size)[0]
     active = guess > 0.0
+    force = np.zeros(target.size)
+    if 1.0 - float(scaled @ guess) <= EXACT:
+        return force, False
     for _ in range(10 * target.size + 10):
         force = np.zeros(target.size)
         if np.any(active):
