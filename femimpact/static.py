@@ -26,7 +26,7 @@ EXACT = 1e-9
 
 MOST_ROUNDS = 200
 
-LAWS = "must be Rigid, KelvinVoigt or a power law without loss for a static state: {} has no force at rest to speak of"
+LAWS = "must be Rigid, KelvinVoigt or a power law without loss for a static state that presses it"
 
 
 class StaticContacts(NamedTuple):
@@ -99,7 +99,7 @@ def static_contacts(system: Any, stop_displacement: float = 0.0) -> StaticContac
         if pair.is_stop:
             y[j] = offset if pair.fixed_to == "space" else 0.0
             plain = pair.free_stiffness == 0.0 and not getattr(pair.law, "free_stiffness", 0.0)
-            require(plain, f"{pair.name}.contact", pair.law.name, "", LAWS.format("a spring in the gap"))
+            require(plain, f"{pair.name}.contact", pair.law.name, "", LAWS)
         else:
             x[j], normal[j], depth[j] = _ball_at_rest(pair)
             load += pair.direction * (pair.mass * pair.acceleration)
@@ -152,7 +152,7 @@ def _is_static(pair: Any) -> bool:
 
 
 def _require_static(pair: Any) -> None:
-    require(_is_static(pair), f"{pair.name}.contact", pair.law.name, "", LAWS.format(pair.law.name))
+    require(_is_static(pair), f"{pair.name}.contact", pair.law.name, "", LAWS)
 
 
 def _walls(j: int, pair: Any) -> list[_Wall]:

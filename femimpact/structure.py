@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from femimpact.contact import ContactLaw, require_law
+from femimpact.contact import ContactLaw, SwitchingSpring, require_law
 from femimpact.damping import Rayleigh
 from femimpact.errors import (
     Fault,
@@ -31,6 +31,7 @@ __all__ = [
     "Structure",
     "Support",
     "glue_impactors",
+    "require_preload",
     "sound_gaps",
 ]
 
@@ -53,6 +54,13 @@ def sound_gaps(gaps: tuple[float, ...]) -> bool:
     if len(gaps) != 2 or any(map(math.isnan, gaps)):
         return False
     return min(gaps) >= 0.0 or sum(gaps) > 0.0
+
+
+def require_preload(gaps: tuple[float, ...], law: ContactLaw) -> None:
+    """Refuse a law that cannot be preloaded where one of the gaps (m) is negative."""
+    fits = min(gaps) >= 0.0 or not isinstance(law, SwitchingSpring)
+    allowed = "must be another law for a preloaded stop: its spring acts from the middle of its gaps"
+    require(fits, "contact", law.name, "", allowed)
 
 
 def _as_tuple(instance: Any, *names: str) -> None:
@@ -287,6 +295,7 @@ class Stop:
         fine = sound_gaps(self.gaps) and min(self.gaps) < math.inf
         require(fine, "gap", self.gap, "m", GAP_OF_STOP)
         require_law(self.contact, "contact")
+        require_preload(self.gaps, self.contact)
 
     @property
     def gaps(self) -> tuple[float, float]:

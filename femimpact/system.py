@@ -48,7 +48,7 @@ from femimpact.excitation import Excitation
 from femimpact.hermite import DERIVATIVE, shape_functions
 from femimpact.matrices import checked_matrix, checked_row, definite_factor
 from femimpact.static import StaticContacts, static_contacts
-from femimpact.structure import Impactor, Position, Stop, sound_gaps
+from femimpact.structure import Impactor, Position, Stop, require_preload, sound_gaps
 
 __all__ = ["ContactPair", "State", "System", "SystemOrigin", "contact_pair", "hermite_rows", "without_impactors"]
 
@@ -115,6 +115,7 @@ class ContactPair:
         based = self.is_stop or self.fixed_to == "base"
         require(based, "fixed_to", self.fixed_to, "", "must be 'base' for a ball: its cavity moves with the structure")
         require_law(self.law)
+        require_preload(self.gaps, self.law)
 
     @property
     def is_stop(self) -> bool:
@@ -575,7 +576,7 @@ class State:
 
     @property
     def is_at_rest(self) -> bool:
-        """Whether nothing moves or is displaced in the state's own frame."""
+        """Whether nothing moves, or is displaced from where the state's own frame or equilibrium has it."""
         given = (self.displacement, self.velocity, self.ball_displacement, self.ball_velocity)
         return all(values is None or not np.any(values) for values in given)
 

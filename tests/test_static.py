@@ -258,6 +258,23 @@ def test_a_contact_from_the_start_on_ends_as_an_impact_without_approach():
     assert np.all(first.approach_speed[1:] > 0.0)
 
 
+@pytest.mark.parametrize("phase", [0.0, 1.0])
+def test_a_ball_stays_on_its_floor_while_the_base_shakes_with_less_than_gravity(phase):
+    ball = fi.Impactor("ball", "mass", 0.1, 1e-3, fi.Rigid(0.6), acceleration=GRAVITY)
+    system = oscillator(4e4, 2.0, impactors=[ball], constant_load=[GRAVITY])
+    base, dt = fi.Sine(-0.5 * GRAVITY / (10 * math.pi) ** 2, 5.0, phase), 5e-5
+    record = fi.Recorder(("mass", "mass.velocity", "ball", "ball.contact_force"))
+    run = fi.integrate(system, base, fi.MoreauJean(dt), 1.0, record, fi.State.static())
+    np.testing.assert_allclose(run["ball"] - run["mass"], -1e-3, rtol=0, atol=1e-13)
+    assert len(run.impacts) == 0
+    np.testing.assert_array_equal(run.riding.start, 0.0)
+    # m (g - y'' - ub''), with the force the mean of a step: half a step late, by its slope of 40 N/s
+    acceleration = np.gradient(run["mass.velocity"], dt) + base.acceleration(run.time)
+    exact = 0.1 * (GRAVITY - acceleration)
+    np.testing.assert_allclose(run["ball.contact_force"][3:-3], exact[3:-3], atol=5e-3)
+    assert run.energy.residual < 1e-12
+
+
 def test_constant_force_alone_moves_a_free_mass_exactly():
     free = fi.System.from_matrices([[2.0]], [[0.0]], [[0.0]], points={"mass": [1.0]}, constant_load=[3.0])
     for method in (fi.Newmark(1e-2), fi.HHT(1e-2), fi.MoreauJean(1e-2)):
@@ -319,6 +336,15 @@ def test_a_stop_that_leaves_no_place_is_refused(gap):
     assert len(str(refused.value).splitlines()) == 1
 
 
+def test_a_law_that_acts_from_the_middle_of_its_gaps_has_no_preload():
+    words = "contact = 'switching-spring': must be another law for a preloaded stop"
+    with pytest.raises(fi.InputError, match=words):
+        fi.Stop("wall", "tip", (-1e-4, 1.0), fi.SwitchingSpring(1.0, 1e4))
+    wall = beam(stops=(fi.Stop("wall", "tip", 1e-3, fi.SwitchingSpring(1.0, 1e4)),)).contacts[0]
+    with pytest.raises(fi.InputError, match=words):
+        replace(wall, gaps=(-1e-4, 1.0))
+
+
 def test_gaps_of_balls_are_not_negative_and_their_cavity_is_on_the_beam():
     ball = beam(impactors=(fi.Impactor("ball", "tip", 3e-3, 1e-3, SOFT),)).contacts[0]
     with pytest.raises(fi.InputError, match=r"gaps = .*: must be two numbers >= 0"):
@@ -334,8 +360,11 @@ def test_gaps_of_balls_are_not_negative_and_their_cavity_is_on_the_beam():
 )
 def test_a_law_without_a_force_at_rest_is_refused_by_name_where_it_is_pressed(law):
     words = f"wall.contact = '{law.name}': must be Rigid, KelvinVoigt or a power law without loss for a static state"
+    # the switching spring has no preload: gravity presses it
+    gap = (0.0, 0.0) if isinstance(law, fi.SwitchingSpring) else (1.0, -1e-4)
+    pressed = beam(stops=(fi.Stop("wall", "tip", gap, law),), gravity=GRAVITY)
     with pytest.raises(fi.InputError, match=words):
-        fi.static_state(beam(stops=(fi.Stop("wall", "tip", (-1e-4, 1.0), law),)))
+        fi.static_state(pressed)
     ball = fi.Impactor("ball", "tip", 3e-3, 1e-3, law, acceleration=-1.0)
     with pytest.raises(fi.InputError, match=words.replace("wall", "ball")):
         fi.static_state(beam(impactors=(ball,)))
