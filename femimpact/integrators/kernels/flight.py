@@ -160,6 +160,12 @@ def add_product(target: NDArray[Any], scale: float, f: NDArray[Any], g: NDArray[
 @apart
 def add_constant_load(op: Operator, m: Motion) -> None:
     """What the constant load adds to a step of every case, the places that are read included."""
+    if m.q.shape[1] == 1:
+        add_constant_load_single(0, op, m)
+        for r in range(m.w.shape[0]):
+            m.w[r, 0] += op.constant_w[0, r]
+            m.w_rate[r, 0] += op.constant_w[1, r]
+        return
     for i in range(op.constant_load.size):
         add_number(m.a[i], op.constant_a[i])
         add_number(m.q[i], op.constant_u[i])
@@ -167,6 +173,15 @@ def add_constant_load(op: Operator, m: Motion) -> None:
     for r in range(m.w.shape[0]):
         add_number(m.w[r], op.constant_w[0, r])
         add_number(m.w_rate[r], op.constant_w[1, r])
+
+
+@inlined
+def add_constant_load_single(c: int, op: Operator, m: Motion) -> None:
+    """The same for one case, but for the places."""
+    for i in range(op.constant_load.size):
+        m.a[i, c] += op.constant_a[i]
+        m.q[i, c] += op.constant_u[i]
+        m.v[i, c] += op.constant_v[i]
 
 
 @called

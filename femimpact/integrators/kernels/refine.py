@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.banded import free_step_banded_single
 from femimpact.integrators.kernels.compiling import called, inlined
-from femimpact.integrators.kernels.flight import free_step_single, place_obstacles
+from femimpact.integrators.kernels.flight import add_constant_load_single, free_step_single, place_obstacles
 from femimpact.integrators.kernels.ledger import book_case
 from femimpact.integrators.kernels.packs import fill, how_many_beyond, load
 from femimpact.integrators.kernels.touch import contact_step
@@ -148,10 +148,7 @@ def _fine_flight(
         free_step_banded_single(op, s, m, c, acting)
     else:
         free_step_single(op.load, op.inertia, op.damping, op.stiffness, op.rows[0], s, m.q, m.v, m.a, c, acting)
-    for i in range(op.constant_load.size):
-        m.a[i, c] += op.constant_a[i]
-        m.q[i, c] += op.constant_u[i]
-        m.v[i, c] += op.constant_v[i]
+    add_constant_load_single(c, op, m)
     _read_rows(c, op.rows, m.q, m.v, m.w, m.w_rate)
     scale, inertia = 1.0 / (1.0 - s.alpha_m), s.alpha_m / (1.0 - s.alpha_m)
     for j in range(pairs.row.size):
