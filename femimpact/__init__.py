@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from femimpact.response import Recorder, Response
     from femimpact.results import StudyResults, load
     from femimpact.run import run_study
+    from femimpact.static import static_state
     from femimpact.structure import Beam, Impactor, PointMass, Segment, Stop, Structure, Support, glue_impactors
     from femimpact.study import Study
     from femimpact.study_file import load_study
@@ -97,6 +98,7 @@ _ROOMS = {
     "modes": ("Modes", "solve_modes"),
     "reduction": ("reduce", "truncation_notes"),
     "response": ("Recorder", "Response"),
+    "static": ("static_state",),
     "structure": ("Beam", "Impactor", "PointMass", "Segment", "Stop", "Structure", "Support", "glue_impactors"),
     "results": ("StudyResults", "load"),
     "run": ("run_study",),

@@ -83,7 +83,8 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     Notes
     -----
     Sections: Hermite cubic interpolation, K = int EI w'' v'', M = int rho A w v + lumped terms
-    m N N^T + J N' N'^T; rotary inertia of the beam and shear are left out, as in the paper.
+    m N N^T + J N' N'^T; rotary inertia of the beam and shear are left out, as in the paper. Gravity is a constant
+    acceleration of every mass: constant_load = base_load gravity.
     """
     require_type(structure, Structure, "structure")
     one = (elements is None) != (mesh is None)
@@ -112,6 +113,7 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
         total_mass=float(rigid @ momentum),
         first_frequency=math.nan,
         rayleigh=(0.0, 0.0),
+        constant_load=_frozen(structure.gravity * momentum[free]),
     )
     return _with_damping_and_contacts(system, structure, mesh)
 
@@ -142,7 +144,7 @@ def _with_damping_and_contacts(system: System, structure: Structure, mesh: Mesh)
     rows = system.deflection_rows(places) if items else np.zeros((0, system.dofs))
     flexibility = _flexibility(system, rows)
     contacts = tuple(
-        contact_pair(item, row, place, float(row @ modes.vectors[:, 0]), flexible)
+        contact_pair(item, row, place, float(row @ modes.vectors[:, 0]), flexible, structure.gravity)
         for item, row, place, flexible in zip(items, rows, places, flexibility, strict=True)
     )
     return replace(system, contacts=contacts, computed_together=None)

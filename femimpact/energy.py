@@ -101,7 +101,8 @@ class EnergyLedger:
     contact : ndarray (samples,), J
         Stored in contact and centring springs.
     work : ndarray (samples,), J
-        Work of the base (inertia forces) and of constant accelerations, since t = 0.
+        Work of the base (inertia forces), of constant accelerations and forces, and of what holds stops in space
+        (relative to the base they move), since t = 0.
     structure_loss : ndarray (samples,), J
         Dissipated by the structure's damping since t = 0.
     contact_loss : ndarray (samples,), J

@@ -138,8 +138,14 @@ class Impacts:
 
     @property
     def restitution(self) -> NDArray[Any]:
-        """Rebound over approach speed of each impact, 1 (the structure's own motion included)."""
-        return np.asarray(self.rebound_speed / self.approach_speed)
+        """Rebound over approach speed of each impact, 1 (the structure's own motion included).
+
+        Not a number for a contact that the run began in: it had no approach.
+        """
+        unknown = np.full(self.approach_speed.shape, np.nan)
+        return np.asarray(
+            np.divide(self.rebound_speed, self.approach_speed, out=unknown, where=self.approach_speed != 0.0)
+        )
 
     def to_xarray(self) -> xarray.Dataset:
         """The table as a labelled dataset over impacts and, where their energies were kept, modes."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import real_array, require
 
-__all__ = ["check_semidefinite", "checked_matrix", "checked_row", "definite_factor", "same_product"]
+__all__ = ["check_semidefinite", "checked_matrix", "checked_row", "definite_factor", "same_product", "stiffness_solver"]
 
 RANK_TOLERANCE = 1e-13
 """Eigenvalues below this share of the largest are taken as zero: rigid motions."""
@@ -99,3 +100,21 @@ def same_product(matrix: Any, product: Callable[[NDArray[Any]], NDArray[Any]]) -
     # each row by its own size; rows of a dense factor carry the rounding of the largest one
     size = abs(matrix) @ x
     return bool(np.all(difference <= ROUNDING * (size + 1e-4 * size.max(initial=0.0))))
+
+
+def stiffness_solver(system: Any) -> Callable[[NDArray[Any]], NDArray[Any]]:
+    """K^-1 of a system, through its stiffness factor: a function of loads (dofs, ...) in N; see `solve_stiffness`."""
+    from scipy.sparse.linalg import splu
+
+    factor = sparse.csr_array(system.stiffness_factor)
+    strains = factor.shape[0]
+    # the best scale is near the smallest singular value of G; the result does not hang on it
+    scale = 2.0 * math.pi * system.first_frequency if math.isfinite(system.first_frequency) else 1.0
+    augmented = sparse.block_array([[scale * sparse.eye_array(strains), factor], [factor.T, None]], format="csc")
+    solver = splu(augmented)
+
+    def solve(loads: NDArray[Any]) -> NDArray[Any]:
+        right = np.concatenate([np.zeros((strains, *loads.shape[1:])), loads / -scale])
+        return np.asarray(solver.solve(right)[strains:])
+
+    return solve

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import scipy.linalg
-import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from femimpact.damping import realised_damping_ratio
 from femimpact.errors import check_fields, column, in_range, quantity, real_array, require, require_type
+from femimpact.matrices import stiffness_solver
 from femimpact.system import System
 
 __all__ = ["Modes", "solve_modes", "solve_stiffness"]
@@ -136,31 +135,14 @@ def solve_stiffness(system: System, loads: NDArray[Any]) -> NDArray[Any]:
     forces = real_array("loads", loads, "N", allowed)
     fits = forces.ndim in (1, 2) and forces.shape[0] == system.dofs
     require(fits, "loads", f"array of shape {forces.shape}", "N", allowed)
-    return _stiffness_solver(system)(forces)
-
-
-def _stiffness_solver(system: System) -> Callable[[NDArray[Any]], NDArray[Any]]:
-    from scipy.sparse.linalg import splu
-
-    factor = sparse.csr_array(system.stiffness_factor)
-    strains = factor.shape[0]
-    # the best scale is near the smallest singular value of G; the result does not hang on it
-    scale = 2.0 * math.pi * system.first_frequency if math.isfinite(system.first_frequency) else 1.0
-    augmented = sparse.block_array([[scale * sparse.eye_array(strains), factor], [factor.T, None]], format="csc")
-    solver = splu(augmented)
-
-    def solve(loads: NDArray[Any]) -> NDArray[Any]:
-        right = np.concatenate([np.zeros((strains, *loads.shape[1:])), loads / -scale])
-        return np.asarray(solver.solve(right)[strains:])
-
-    return solve
+    return stiffness_solver(system)(forces)
 
 
 def _shift_invert_modes(system: System, count: int) -> NDArray[Any]:
     """Lanczos on K^-1 M."""
     from scipy.sparse.linalg import LinearOperator, eigsh
 
-    solve = _stiffness_solver(system)
+    solve = stiffness_solver(system)
     inverse = LinearOperator((system.dofs, system.dofs), matvec=lambda load: solve(load.ravel()), dtype=float)
     # a fixed start vector: the same call gives the same bits
     start = np.ones(system.dofs)

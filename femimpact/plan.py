@@ -47,10 +47,15 @@ def plan_lines(study: Study) -> list[str]:
         f"first natural frequency: {small.first_frequency:.6g} Hz without ball",
         f"contact time: {contact_time:.4g} s" if np.isfinite(contact_time) else "contact time: no contact",
     ]
+    if study.structure.gravity:
+        lines.append(f"gravity: {study.structure.gravity:g} m/s^2 along the deflection")
     for pair in small.contacts:
+        fixed = ", fixed in space" if pair.fixed_to == "space" else ""
+        preload = f", preloaded by {-1e3 * min(pair.gaps):.4g} mm" if pair.is_preloaded else ""
         lines.append(
             f"contact of {pair.name}: {pair.law.name}, {_numbers(pair)}restitution {pair.parameters.restitution:.4g}, "
             f"effective mass {1e3 * pair.effective_mass:.4g} g, total clearance {1e3 * sum(pair.gaps):.4g} mm"
+            f"{preload}{fixed}"
         )
     if isinstance(method, EventDriven):
         lines.append(f"method: event-driven, exact between impacts and through compliant ones, read every {grid:.4g} s")

@@ -29,7 +29,7 @@ ENOUGH_FLEXIBILITY = 0.95
 def reduce(system: System, modes: int, static_correction: bool = False) -> System:
     """The system on its lowest normal modes, u = Phi q: a `System` again, with diagonal matrices.
 
-    q'' + 2 zeta omega q' + omega^2 q = -Phi^T base_load ub'' + sum_j (b_j^T Phi) F_j.
+    q'' + 2 zeta omega q' + omega^2 q = Phi^T (constant_load - base_load ub'') + sum_j (b_j^T Phi) F_j.
 
     Parameters
     ----------
@@ -84,6 +84,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
         expansion=np.asarray(system.expansion @ phi),
         contacts=contacts,
         directions={name: _row(row @ phi) for name, row in system.directions.items()},
+        constant_load=_row(phi.T @ system.constant_load),
         computed_together=None,
     )
 

@@ -198,7 +198,7 @@ def run_sweep(study: Study, report: Report = _silent, initial: State | None = No
 
 
 def _structure_only(state: State) -> State:
-    return State(state.displacement, state.velocity, frame=state.frame)
+    return State(state.displacement, state.velocity, frame=state.frame, equilibrium=state.equilibrium)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,19 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from femimpact.contact import ContactLaw, require_law
+from femimpact.contact import ContactLaw, SwitchingSpring, require_law
 from femimpact.damping import Rayleigh
-from femimpact.errors import Fault, InputError, check_fields, choice, place, quantity, require, require_type, text
+from femimpact.errors import (
+    Fault,
+    InputError,
+    check_fields,
+    choice,
+    place,
+    quantity,
+    require,
+    require_type,
+    text,
+)
 
 __all__ = [
     "Beam",
@@ -21,6 +31,8 @@ __all__ = [
     "Structure",
     "Support",
     "glue_impactors",
+    "require_preload",
+    "sound_gaps",
 ]
 
 Position = str | float
@@ -29,9 +41,26 @@ Position = str | float
 RESERVED = ("root", "tip", "mid", "time", "base", "gap", "contact_force", "frequency", "grid")
 """Names that mean something else in channels and result files."""
 
-GAP_OF_STOP = "must be one number >= 0 or two (to the + side, to the - side), one of which may be infinite"
+GAP_OF_STOP = (
+    "must be one number >= 0 or two (to the + side, to the - side), one of which may be infinite, or negative where "
+    "their sum is > 0 (a preloaded stop)"
+)
 
 SUPPORTS = {"clamped": ("w", "slope"), "pinned": ("w",), "guided": ("slope",)}
+
+
+def sound_gaps(gaps: tuple[float, ...]) -> bool:
+    """Whether two gaps (m) leave a stop's beam a place: none negative, or one of them with a sum > 0."""
+    if len(gaps) != 2 or any(map(math.isnan, gaps)):
+        return False
+    return min(gaps) >= 0.0 or sum(gaps) > 0.0
+
+
+def require_preload(gaps: tuple[float, ...], law: ContactLaw) -> None:
+    """Refuse a law that cannot be preloaded where one of the gaps (m) is negative."""
+    fits = min(gaps) >= 0.0 or not isinstance(law, SwitchingSpring)
+    allowed = "must be another law for a preloaded stop: its spring acts from the middle of its gaps"
+    require(fits, "contact", law.name, "", allowed)
 
 
 def _as_tuple(instance: Any, *names: str) -> None:
@@ -228,9 +257,10 @@ class Impactor:
 
 @dataclass(frozen=True)
 class Stop:
-    """A fixed obstacle beside the beam, moving with the base: the same contact pair without a mass of its own.
+    """A fixed obstacle beside the beam: the same contact pair without a mass of its own.
 
-    The beam touches it on the + side at w = gap[0] and on the - side at w = -gap[1].
+    The beam touches it on the + side at w = gap[0] and on the - side at w = -gap[1], w relative to the base; one
+    fixed in space it touches at w + ub = gap[0] and w + ub = -gap[1], ub the base's displacement.
 
     Parameters
     ----------
@@ -238,23 +268,34 @@ class Stop:
     at : str or float
         Place on the beam; see `Position`.
     gap : float or pair of float, m
-        Free travel of the beam to the + and to the - side; `math.inf` leaves a side open.
+        Free travel of the beam to the + and to the - side; `math.inf` leaves a side open. A negative gap
+        preloads: the undeformed beam would be that far inside the obstacle, and a run starts from the static
+        state (`State`) unless told otherwise.
     contact : a contact law
+    fixed_to : {"base", "space"}
+        Whether the obstacle moves with the base or stands still in space.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or both gaps are negative.
     """
 
     name: str = field(metadata=text())
     at: Position = field(metadata=place())
     gap: float | tuple[float, float] = field(
-        metadata=quantity("m", at_least=0.0, several=True, finite=False) | {"allowed": GAP_OF_STOP}
+        metadata=quantity("m", several=True, finite=False) | {"allowed": GAP_OF_STOP}
     )
     contact: ContactLaw
+    fixed_to: str = field(default="base", metadata=choice("base", "space"))
 
     def __post_init__(self) -> None:
         check_fields(self)
         # not a number is no gap, and none at all is no stop
-        fine = len(self.gaps) == 2 and min(self.gaps) < math.inf and not any(map(math.isnan, self.gaps))
+        fine = sound_gaps(self.gaps) and min(self.gaps) < math.inf
         require(fine, "gap", self.gap, "m", GAP_OF_STOP)
         require_law(self.contact, "contact")
+        require_preload(self.gaps, self.contact)
 
     @property
     def gaps(self) -> tuple[float, float]:
@@ -276,6 +317,9 @@ class Structure:
     supports : sequence of Support
         The default clamps the root.
     stops : sequence of Stop
+    gravity : float, m/s^2
+        Constant acceleration along the deflection of everything that moves: beam, bodies and balls. A ball's own
+        `acceleration` adds to it.
 
     Raises
     ------
@@ -289,9 +333,11 @@ class Structure:
     damping: Rayleigh | None = None
     supports: tuple[Support, ...] = (Support("clamped", "root"),)
     stops: tuple[Stop, ...] = ()
+    gravity: float = field(default=0.0, metadata=quantity("m/s^2"))
 
     def __post_init__(self) -> None:
         _as_tuple(self, "masses", "impactors", "supports", "stops")
+        check_fields(self)
         require_type(self.beam, Beam, "beam")
         kinds = (("masses", PointMass), ("impactors", Impactor), ("supports", Support), ("stops", Stop))
         for key, kind in kinds:

@@ -20,6 +20,7 @@ from femimpact.system import State, System
 
 __all__ = [
     "BaseMotion",
+    "Gravity",
     "MeshChoice",
     "Output",
     "Reduction",
@@ -56,14 +57,27 @@ class Reduction:
 
 
 @dataclass(frozen=True)
+class Gravity:
+    """`[gravity]`: a constant acceleration along the deflection, of beam, bodies and balls (`Structure.gravity`)."""
+
+    acceleration: float = field(metadata=quantity("m/s^2"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True)
 class BaseMotion:
-    """`[base]`: amplitude of the sine; frequency, phase and duration of the simulated history; start."""
+    """`[base]`: amplitude of the sine; frequency, phase and duration of the simulated history; start.
+
+    The start is at rest relative to the base, at rest in space, or the static state (`State.static`).
+    """
 
     amplitude: float = field(metadata=quantity("m", above=0.0))
     frequency: float = field(metadata=quantity("Hz", above=0.0))
     duration: float = field(default=30.0, metadata=quantity("s", above=0.0))
     phase: float = field(default=0.0, metadata=quantity("rad"))
-    start: str = field(default="base", metadata=choice("base", "space"))
+    start: str = field(default="base", metadata=choice("base", "space", "static"))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -149,7 +163,7 @@ class Study:
     @property
     def initial(self) -> State:
         """State at the start."""
-        return State.at_rest(self.base.start)
+        return State.static() if self.base.start == "static" else State.at_rest(self.base.start)
 
 
 def build(study: Study, structure: Structure | None = None) -> tuple[System, System, Method]:

@@ -20,7 +20,7 @@ from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import METHODS
 from femimpact.mesh import uniform_mesh
 from femimpact.structure import Beam, Impactor, PointMass, Segment, Stop, Structure, Support
-from femimpact.study import BaseMotion, MeshChoice, Output, Reduction, Study, SweepPlan
+from femimpact.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
 
 __all__ = ["load_study"]
 
@@ -83,6 +83,8 @@ def _from_tables(data: Mapping[str, Any], path: Path, text: str) -> Study:
         parts = {"masses": "mass", "impactors": "impactor", "stops": "stop", "supports": "support"}
         parts["damping"] = "damping"
         given = {key: made[name] for key, name in parts.items() if made.get(name) is not None}
+        if made.get("gravity") is not None:
+            given["gravity"] = made["gravity"].acceleration
         structure = _collected("", partial(Structure, beam=made["beam"], **given), faults)
     mesh = made.get("mesh")
     if structure is not None and mesh is not None and mesh.elements is not None:
@@ -236,6 +238,7 @@ TABLES: Mapping[str, _Table] = {
     "stop": _Table(partial(_with_contact, Stop), many=True),
     "support": _Table(partial(_noun, Support), many=True),
     "damping": _Table(partial(_noun, Rayleigh)),
+    "gravity": _Table(partial(_noun, Gravity)),
     "reduction": _Table(partial(_noun, Reduction)),
     "base": _Table(partial(_noun, BaseMotion), required=True),
     "method": _Table(_method),

@@ -1,7 +1,8 @@
 """The semi-discrete equations: matrices, named places and contact pairs. No finite-element object inside.
 
-M u'' + C u' + K u = -base_load ub'' + sum_j b_j F_j,   m_j (y_j'' + ub'') = m_j g_j - F_j,
-with u and y relative to the moving base. A stop is a pair whose other side never moves: y_j = 0.
+M u'' + C u' + K u = -base_load ub'' + constant_load + sum_j b_j F_j,   m_j (y_j'' + ub'') = m_j g_j - F_j,
+with u and y relative to the moving base. A stop is a pair whose other side has no motion of its own: y_j = 0 where it
+is fixed to the base; where it is fixed in space y_j = ub, for with its b_j u = -w this is x_j = y_j - b_j u = w + ub.
 """
 
 from __future__ import annotations
@@ -41,11 +42,13 @@ from femimpact.errors import (
     require_type,
     suggestion,
     text,
+    truth,
 )
 from femimpact.excitation import Excitation
 from femimpact.hermite import DERIVATIVE, shape_functions
 from femimpact.matrices import checked_matrix, checked_row, definite_factor
-from femimpact.structure import Impactor, Position, Stop
+from femimpact.static import StaticContacts, static_contacts
+from femimpact.structure import Impactor, Position, Stop, require_preload, sound_gaps
 
 __all__ = ["ContactPair", "State", "System", "SystemOrigin", "contact_pair", "hermite_rows", "without_impactors"]
 
@@ -66,13 +69,14 @@ class ContactPair:
     name : str
     direction : ndarray (dofs,)
         b: the structure's displacement at the pair is b @ u, and x = y - b @ u is what the gaps bound.
-        A stop has y = 0 and b = -(row of its place), so that x is the deflection there.
+        A stop fixed to the base has y = 0 and b = -(row of its place), so that x is the deflection there; one fixed
+        in space has y = ub, the base's displacement, so that x is the absolute displacement there.
     position : float, m
         Not a number for a system given by matrices.
     mass : float, kg
         Of the ball; infinite for a stop.
     gaps : pair of float, m
-        On the + and on the - side.
+        On the + and on the - side; of a stop one may be negative where their sum is > 0 (preload).
     law : ContactLaw
     first_mode : float, kg^-0.5
         phi1, the first mass-normalised mode at the pair.
@@ -80,6 +84,9 @@ class ContactPair:
         b^T K^-1 b of the whole structure, to see what a reduction leaves out; not a number unknown.
     free_stiffness : float, N/m
     acceleration : float, m/s^2
+        Constant one of the ball, gravity included.
+    fixed_to : {"base", "space"}
+        What a stop stands on; a ball's cavity moves with the structure.
 
     Raises
     ------
@@ -91,24 +98,34 @@ class ContactPair:
     direction: NDArray[Any] = field(metadata=column("1", "dofs", finite=True))
     position: float = field(metadata=quantity("m", finite=False))
     mass: float = field(metadata=quantity("kg", above=0.0, finite=False))
-    gaps: tuple[float, float] = field(metadata=quantity("m", at_least=0.0, several=True, finite=False))
+    gaps: tuple[float, float] = field(metadata=quantity("m", several=True, finite=False))
     law: ContactLaw
     first_mode: float = field(metadata=quantity("kg^-0.5"))
     flexibility: float = field(default=math.nan, metadata=quantity("m/N", at_least=0.0, finite=False))
     free_stiffness: float = field(default=0.0, metadata=quantity("N/m", at_least=0.0))
     acceleration: float = field(default=0.0, metadata=quantity("m/s^2"))
+    fixed_to: str = field(default="base", metadata=choice("base", "space"))
 
     def __post_init__(self) -> None:
         check_fields(self)
         require(not math.isnan(self.mass), "mass", self.mass, "kg", "must be a number > 0 kg, infinite for a stop")
-        two = isinstance(self.gaps, tuple) and len(self.gaps) == 2 and not any(map(math.isnan, self.gaps))
-        require(two, "gaps", self.gaps, "m", "must be two numbers >= 0 (to the + side, to the - side)")
+        two = isinstance(self.gaps, tuple) and sound_gaps(self.gaps) and (self.is_stop or min(self.gaps) >= 0.0)
+        allowed = "must be two numbers >= 0 (to the + side, to the - side), or of a stop one negative and their sum > 0"
+        require(two, "gaps", self.gaps, "m", allowed)
+        based = self.is_stop or self.fixed_to == "base"
+        require(based, "fixed_to", self.fixed_to, "", "must be 'base' for a ball: its cavity moves with the structure")
         require_law(self.law)
+        require_preload(self.gaps, self.law)
 
     @property
     def is_stop(self) -> bool:
         """Whether the other side is a fixed obstacle, not a ball."""
         return math.isinf(self.mass)
+
+    @property
+    def is_preloaded(self) -> bool:
+        """Whether the undeformed structure would be inside a stop."""
+        return min(self.gaps) < 0.0
 
     @property
     def mobility(self) -> float:
@@ -148,8 +165,9 @@ class ContactPair:
 
 
 def contact_pair(
-    item: Impactor | Stop, row: NDArray[Any], position: float, first_mode: float, flexibility: float
-) -> ContactPair:
+    item: Impactor | Stop, row: NDArray[Any], position: float, first_mode: float, flexibility: float,
+    gravity: float = 0.0,
+) -> ContactPair:  # fmt: skip
     """The pair of an impactor or a stop, its law resolved for the first mode's mass.
 
     Parameters
@@ -161,6 +179,8 @@ def contact_pair(
     first_mode : float, kg^-0.5
         Mass-normalised first mode at the place.
     flexibility : float, m/N
+    gravity : float, m/s^2
+        Constant acceleration of a ball beside its own.
 
     Returns
     -------
@@ -177,7 +197,8 @@ def contact_pair(
         first_mode=first_mode,
         flexibility=flexibility,
         free_stiffness=ball.free_stiffness if ball else 0.0,
-        acceleration=ball.acceleration if ball else 0.0,
+        acceleration=ball.acceleration + gravity if ball else 0.0,
+        fixed_to="base" if ball else item.fixed_to,  # type: ignore[union-attr]
     )
     # a law that has no numbers for this mass is refused here, not in the middle of a run
     require_type(pair.parameters, ContactParameters, "parameters")
@@ -219,6 +240,9 @@ class System:
         alpha (1/s) and beta (s) where C = alpha M + beta K.
     directions : mapping of str to ndarray (dofs,)
         Rows that read the displacement of named places which lie on no beam.
+    constant_load : ndarray (dofs,), N
+        Constant force on the structure, as of gravity; None is none. It may be replaced: nothing else follows from
+        it. Balls have an `acceleration`.
     computed_together : SystemOrigin, optional
         What the fields were when they were computed from one another. It is made with the system and goes with
         its copies, so that a copy with another M, K or point is refused: what follows from them would be stale.
@@ -247,10 +271,13 @@ class System:
         default=None, metadata=optional(quantity("1/s and s", at_least=0.0, several=True))
     )
     directions: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    constant_load: Any = field(default=None, metadata=column("N", "dofs", finite=True))
     computed_together: SystemOrigin | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         check_fields(self)
+        if self.constant_load is None:
+            object.__setattr__(self, "constant_load", _frozen(np.zeros(self.dofs)))
         origin = self.computed_together
         if origin is None:
             check_shapes(self)
@@ -280,8 +307,9 @@ class System:
         base_load: ArrayLike | None = None,
         impactors: Sequence[Impactor] = (),
         stops: Sequence[Stop] = (),
+        constant_load: ArrayLike | None = None,
     ) -> System:
-        """Any linear structure by its matrices: M u'' + C u' + K u = -base_load ub'' + sum_j b_j F_j.
+        """Any linear structure by its matrices: M u'' + C u' + K u = -base_load ub'' + constant_load + sum_j b_j F_j.
 
         Parameters
         ----------
@@ -293,6 +321,8 @@ class System:
             M r with r the rigid translation; the default r = 1 in every dof.
         impactors, stops : sequences
             Their `at` is a name among the points.
+        constant_load : array_like (dofs,), N
+            Constant force on the structure; the default is none. Balls have an `acceleration` of their own.
 
         Returns
         -------
@@ -334,6 +364,7 @@ class System:
             total_mass=float(rigid @ load),
             first_frequency=0.0,
             directions=rows,
+            constant_load=None if constant_load is None else checked_row("constant_load", constant_load, dofs),
         )
         first, contacts = _contacts_of_matrices(bare, dense, rank, (*impactors, *stops))
         return replace(bare, first_frequency=first, contacts=contacts, computed_together=None)
@@ -483,18 +514,35 @@ def hermite_rows(nodes: NDArray[Any], positions: ArrayLike, derivative: int = 0)
     return sparse.csr_array((values.T.ravel(), (row, column)), shape=(x.size, 2 * nodes.size))
 
 
+ROUNDED = 1e-12
+"""Distance (m) by which rounding may put a start beyond a wall."""
+
+STATIC_FRAME = "must be 'base' for a static start: the static state is one relative to the base"
+
+
 @dataclass(frozen=True, eq=False)
 class State:
     """Displacements and velocities at the start of a run.
 
+    Where a stop is preloaded (a negative gap), a start without `displacement` is the static state: undeformed, the
+    structure would be inside the stop.
+
     Parameters
     ----------
     displacement, velocity : array_like (dofs,), optional
-        Of the structure's dofs (m, m/s); None is zero.
+        Of the structure's dofs (m, m/s); None is zero, or of displacements the static state.
     ball_displacement, ball_velocity : array_like (balls,), optional
-        m and m/s, in the order of `System.contacts`; None is zero.
+        m and m/s, in the order of `System.contacts`; None is zero, or of displacements the static state.
     frame : {"base", "space"}
         Whether the values are relative to the moving base or absolute.
+    equilibrium : bool
+        Whether displacements that are not given are those of the static state (`State.static`), relative to the
+        base, in place of zero.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or a static state is asked for at rest in space.
     """
 
     displacement: Any = field(default=None, metadata=column("m", "dofs", finite=True))
@@ -502,9 +550,10 @@ class State:
     ball_displacement: Any = field(default=None, metadata=column("m", "balls", finite=True))
     ball_velocity: Any = field(default=None, metadata=column("m/s", "balls", finite=True))
     frame: str = field(default="base", metadata=choice("base", "space"))
+    equilibrium: bool = field(default=False, metadata=truth())
 
     def __post_init__(self) -> None:
-        for item in fields(self)[:-1]:
+        for item in fields(self)[:4]:
             value = getattr(self, item.name)
             if value is not None:
                 # one number for one dof; a copy, for what is frozen does not follow the caller's array
@@ -512,6 +561,13 @@ class State:
                 array.setflags(write=False)
                 object.__setattr__(self, item.name, array)
         check_fields(self)
+        sound = not self.equilibrium or self.frame == "base"
+        require(sound, "frame", self.frame, "", STATIC_FRAME)
+
+    @classmethod
+    def static(cls) -> State:
+        """Structure and balls at rest in static equilibrium: constant forces, contacts and preloaded stops."""
+        return cls(equilibrium=True)
 
     @classmethod
     def at_rest(cls, frame: str = "base") -> State:
@@ -520,38 +576,61 @@ class State:
 
     @property
     def is_at_rest(self) -> bool:
-        """Whether nothing moves or is displaced in the state's own frame."""
+        """Whether nothing moves, or is displaced from where the state's own frame or equilibrium has it."""
         given = (self.displacement, self.velocity, self.ball_displacement, self.ball_velocity)
         return all(values is None or not np.any(values) for values in given)
+
+    def is_static_on(self, system: System) -> bool:
+        """Whether displacements that are not given are those of the static state of a system."""
+        preloaded = any(pair.is_preloaded for pair in system.contacts)
+        return self.equilibrium or (self.displacement is None and preloaded)
+
+    def static_contacts(self, system: System, base: Excitation) -> StaticContacts | None:
+        """Static state of a system with its contact forces, where the start is one; see `is_static_on`."""
+        if not self.is_static_on(system):
+            return None
+        require(self.frame == "base", "initial.frame", self.frame, "", STATIC_FRAME)
+        return static_contacts(system, float(base.displacement(0.0)))
 
     def relative_to_base(
         self, system: System, base: Excitation
     ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
         """u, u', y, y' at t = 0 relative to the base (m and m/s), checked for size and gaps.
 
-        y and y' have one entry for each contact pair, zero for stops.
+        y and y' have one entry for each contact pair: zero for stops that are fixed to the base, ub and ub' for
+        those fixed in space. Rigid contacts start between their walls, to 1e-12 m; compliant ones no deeper than
+        in the static state where the start refers to it (`State`).
         """
-        balls, stops = len(system.balls), len(system.contacts) - len(system.balls)
-        u = _vector(self.displacement, system.dofs, "initial.displacement", "m")
+        balls, stops = len(system.balls), system.contacts[len(system.balls) :]
+        rest = self.static_contacts(system, base)
+        still, placed = (None, None) if rest is None else (rest.displacement, rest.other[:balls])
+        u = _vector(self.displacement, system.dofs, "initial.displacement", "m", still)
         v = _vector(self.velocity, system.dofs, "initial.velocity", "m/s")
-        y = _vector(self.ball_displacement, balls, "initial.ball_displacement", "m")
+        y = _vector(self.ball_displacement, balls, "initial.ball_displacement", "m", placed)
         y_rate = _vector(self.ball_velocity, balls, "initial.ball_velocity", "m/s")
         if self.frame == "space":
             offset, speed = float(base.displacement(0.0)), float(base.velocity(0.0))
             u, v = u - offset * system.rigid_translation, v - speed * system.rigid_translation
             y, y_rate = y - offset, y_rate - speed
-        y, y_rate = (np.concatenate([values, np.zeros(stops)]) for values in (y, y_rate))
-        for pair, place in zip(system.contacts, y, strict=True):
-            x = float(place - pair.direction @ u)
-            allowed = f"must start between its walls, -{pair.gaps[1]:g} to {pair.gaps[0]:g} m"
-            inside = -pair.gaps[1] - 1e-12 <= x <= pair.gaps[0] + 1e-12
+        in_space = np.array([float(pair.fixed_to == "space") for pair in stops])
+        y = np.concatenate([y, in_space * float(base.displacement(0.0))])
+        y_rate = np.concatenate([y_rate, in_space * float(base.velocity(0.0))])
+        for j, pair in enumerate(system.contacts):
+            x = float(y[j] - pair.direction @ u)
+            allowed = f"must start between its walls, {-pair.gaps[1]:g} to {pair.gaps[0]:g} m"
+            deep = 0.0 if rest is None else (1.0 + ROUNDED) * float(np.copysign(rest.depth[j], rest.normal[j]))
+            inside = min(deep, 0.0) - pair.gaps[1] - ROUNDED <= x <= pair.gaps[0] + max(deep, 0.0) + ROUNDED
             require(inside, f"initial.{pair.name}.gap", x, "m", allowed)
         return u, v, y, y_rate
 
 
-def _vector(values: Any, size: int, key: str, unit: str) -> NDArray[Any]:
+def _vector(
+    values: Any, size: int, key: str, unit: str, default: NDArray[Any] | None = None
+) -> NDArray[Any]:  # fmt: skip
     allowed = f"must hold {size} finite numbers"
-    array = np.zeros(size) if values is None else np.atleast_1d(real_array(key, values, unit, allowed))
+    if values is None:
+        return np.zeros(size) if default is None else np.array(default)
+    array = np.atleast_1d(real_array(key, values, unit, allowed))
     require(array.shape == (size,), key, f"array of shape {array.shape}", unit, allowed)
     return array
 

@@ -22,7 +22,7 @@ from femimpact.integrators.collision import AchievedRestitution
 from femimpact.modes import solve_stiffness
 from femimpact.regimes import Regime, RegimeCriteria, classify, impacts_per_cycle, significant
 from femimpact.signals import CycleStatistics, steady_motion
-from femimpact.study import BaseMotion, MeshChoice, Output, Reduction, SweepPlan
+from femimpact.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, SweepPlan
 from femimpact.system import hermite_rows
 
 LAW = fi.KelvinVoigt(restitution=0.6, contact_time=5e-3)
@@ -136,6 +136,7 @@ NOUNS = {
     "BaseMotion": lambda: BaseMotion(1e-4, 5.0),
     "Collision": lambda: fi.collide(LAW, 3e-3, 0.2),
     "CycleStatistics": lambda: columns(CycleStatistics, {"cycles": 8, "cases": 2}),
+    "Gravity": lambda: Gravity(-9.81),
     "MeshChoice": lambda: MeshChoice(elements=4),
     "MeshConvergence": lambda: columns(
         MeshConvergence, {"meshes": 3, "modes": 2}, elements=np.array([2, 4, 8]), notes=("note",)
@@ -200,6 +201,7 @@ VERBS = {
     "recommended_step": (fi.recommended_step, lambda: {"system": small(), "refine": 2}),
     "read_mesh": (fi.read_mesh, lambda: {"path": Path(__file__).parent / "data" / "stepped.msh"}),
     "uniform_mesh": (fi.uniform_mesh, lambda: {"structure": STRUCTURE, "elements": 4}),
+    "static_state": (fi.static_state, lambda: {"system": system(), "stop_displacement": 1e-4}),
     "solve_modes": (fi.solve_modes, lambda: {"system": system(), "count": 2}),
     "reduce": (fi.reduce, lambda: {"system": system(), "modes": 2, "static_correction": True}),
     "truncation_notes": (fi.truncation_notes, lambda: {"system": small()}),
@@ -228,7 +230,8 @@ VERBS = {
         "length": 0.2, "width": 0.02, "thickness": 1e-3, "young_modulus": 70e9, "density": 2700.0
     }),
     "System.from_matrices": (no_beam, lambda: {
-        "M": 1.0, "C": 0.1, "K": 40.0, "points": {"p": [1.0]}, "base_load": [1.0], "impactors": [], "stops": []
+        "M": 1.0, "C": 0.1, "K": 40.0, "points": {"p": [1.0]}, "base_load": [1.0], "impactors": [], "stops": [],
+        "constant_load": [0.5],
     }),
     "System.deflection_rows": (lambda **given: system().deflection_rows(**given), lambda: {
         "positions": [0.1], "derivative": 1

@@ -53,7 +53,9 @@ def test_what_others_are_computed_from_is_not_replaced_alone(made, change):
 
 
 def test_every_field_of_a_system_is_computed_with_others_or_checked_on_its_own():
-    assert {item.name for item in fields(fi.System)} == {*TOGETHER, "C", "contacts", "computed_together"}
+    assert {item.name for item in fields(fi.System)} == {
+        *TOGETHER, "C", "constant_load", "contacts", "computed_together",
+    }  # fmt: skip
     assert {name.split(" ")[0] for name in CHANGES} == set(TOGETHER) - {"C"}
 
 

@@ -12,13 +12,13 @@ import scipy.sparse.linalg
 from numpy.typing import NDArray
 
 from femimpact.contact import CustomLaw
-from femimpact.contact.formulas import SWITCHING_SPRING
-from femimpact.excitation import Excitation, RecordedBase
+from femimpact.contact.formulas import KELVIN_VOIGT, RIGID, SWITCHING_SPRING, kelvin_voigt_force, power_force
+from femimpact.excitation import Excitation, RecordedBase, Sine
 from femimpact.integrators import layout
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.kernels.custom import address_of
 from femimpact.integrators.newmark import SteppingMethod, scheme_of
-from femimpact.system import State, System
+from femimpact.system import ROUNDED, State, System
 
 __all__ = ["cycles_of", "empty_record", "limits_of", "motion_of", "pairs_of"]
 
@@ -57,11 +57,13 @@ def pairs_of(system: System, operator: layout.Operator, drive: Drive, lanes: int
         constants[layout.ACCELERATION, j] = pair.acceleration
         constants[layout.SHARE, j] = 0.0 if pair.is_stop else drive.share
     laws = [pair.law for pair in contacts]
+    obstacles = [j for j, pair in enumerate(contacts) if pair.fixed_to == "space" and drive.share != 0.0]
     return layout.Pairs(
         row=np.array(rows, dtype=np.int64),
         kind=np.array([pair.parameters.kind for pair in contacts], dtype=np.int64),
         address=np.array([address_of(law.force) if isinstance(law, CustomLaw) else 0 for law in laws], dtype=np.int64),
         constants=_placed(constants, 10),
+        obstacles=np.array(obstacles, dtype=np.int64),
     )
 
 
@@ -83,7 +85,7 @@ def motion_of(
     states = [initial.relative_to_base(system, excitation) for excitation in excitations]
     q, v, y, y_rate = (np.ascontiguousarray(np.array(columns).T) for columns in zip(*states, strict=True))
     constants, w, w_rate = pairs.constants, operator.rows @ q, operator.rows @ v
-    drive = _drive(drives, method.dt)
+    drive = _drive(drives, excitations, method.dt)
     ball = np.zeros((9, count, lanes))
     ball[layout.Y] = ball[layout.Y_BEFORE] = y
     ball[layout.Y_RATE] = y_rate
@@ -92,18 +94,22 @@ def motion_of(
     springs = constants[layout.FREE_STIFFNESS] * ball[layout.X]
     # where contact forces are no part of the acceleration, neither are those of centring springs
     inside = np.zeros_like(springs) if scheme_of(method).mean else springs
-    ball[layout.FORCE] = springs
-    ball[layout.Y_ACCELERATION] = (
-        constants[layout.ACCELERATION] - constants[layout.SHARE] * drive[layout.BASE]
-    ) - inside * constants[layout.MOBILITY]
-    load = operator.rows[pairs.row].T @ inside + np.outer(operator.drive_load, drive[layout.BASE])
-    load -= system.C @ v + system.K @ q
     touch = np.zeros((13, count, lanes))
     touch[layout.BUSY] = (pairs.kind[:, None] == SWITCHING_SPRING) | (constants[layout.FREE_STIFFNESS] > 0.0)
     # any speed > 0: a law's potential is asked for before its first contact
     touch[layout.APPROACH] = 1.0
-    ledger = np.zeros((8, lanes))
+    pushes = _contacts_at_start(system, excitations, initial, pairs, ball, touch)
+    ball[layout.FORCE] = springs + pushes
+    if not scheme_of(method).mean:
+        inside = inside + pushes
+    ball[layout.Y_ACCELERATION] = (
+        constants[layout.ACCELERATION] - constants[layout.SHARE] * drive[layout.BASE]
+    ) - inside * constants[layout.MOBILITY]
+    load = operator.rows[pairs.row].T @ inside + np.outer(operator.drive_load, drive[layout.BASE])
+    load += np.asarray(system.constant_load)[:, None] - (system.C @ v + system.K @ q)
+    ledger = np.zeros((9, lanes))
     ledger[layout.LOAD_BEFORE] = operator.drive_load @ q
+    ledger[layout.HELD] = np.asarray(system.constant_load) @ q
     redo = method.refine > 1
     # C order matters: the case axis must be contiguous
     a = scipy.linalg.solveh_banded(operator.mass_band, load, lower=True)
@@ -123,6 +129,7 @@ def motion_of(
         window=window,
         drive=drive,
         table=_table(drives, excitations, method, steps),
+        travel=_travel(excitations, method, steps, pairs.obstacles.size),
         ledger=ledger,
         v_before=v.copy(),
         loss_of_mode=np.zeros(dofs if modal else 0),
@@ -146,17 +153,63 @@ def _placed(values: NDArray[Any], place: int) -> NDArray[Any]:
     return copy
 
 
-def _drive(drives: Sequence[Drive], dt: float) -> NDArray[Any]:
+def _contacts_at_start(
+    system: System, excitations: Sequence[Excitation], initial: State, pairs: layout.Pairs, ball: NDArray[Any],
+    touch: NDArray[Any],
+) -> NDArray[Any]:  # fmt: skip
+    """Contacts that a static start is in: they are open from t = 0 on. Returns the forces (N) of compliant ones.
+
+    The wall of a rigid one is moved to the start, less than rounding may: impulses look at whether a gap is closed.
+    """
+    pushes = np.zeros(ball.shape[1:])
+    if not initial.is_static_on(system):
+        return pushes
+    found: dict[float, Any] = {}
+    for c, excitation in enumerate(excitations):
+        at = float(excitation.displacement(0.0))
+        if at not in found:
+            found[at] = initial.static_contacts(system, excitation)
+        normal = found[at].normal
+        for j in np.flatnonzero(normal):
+            side, gap = math.copysign(1.0, normal[j]), layout.GAP_PLUS if normal[j] > 0.0 else layout.GAP_MINUS
+            depth = side * ball[layout.X, j, c] - pairs.constants[gap, j, c]
+            numbers, force = system.contacts[j].parameters, 0.0
+            if numbers.kind == RIGID:
+                # a start may have been given elsewhere, away from the wall
+                if abs(depth) > ROUNDED:
+                    continue
+                pairs.constants[gap, j, c] += depth - ROUNDED
+                pushes[j, c] = normal[j]
+            elif depth <= 0.0:
+                continue
+            elif numbers.kind == KELVIN_VOIGT:
+                rate = side * ball[layout.RATE, j, c]
+                force = kelvin_voigt_force(depth, rate, numbers.stiffness, numbers.damping)
+                touch[layout.DISSIPATIVE, j, c] = force - numbers.stiffness * depth
+            else:
+                force = power_force(depth, 0.0, numbers.stiffness, numbers.exponent, 0.0, 1.0)
+            touch[layout.BUSY, j, c] = touch[layout.OPEN, j, c] = touch[layout.NEAR, j, c] = 1.0
+            touch[layout.SIDE, j, c], touch[layout.APPROACH, j, c] = side, 0.0
+            touch[layout.NORMAL, j, c] = touch[layout.PEAK, j, c] = force
+            pushes[j, c] += side * force
+    return pushes
+
+
+def _drive(drives: Sequence[Drive], excitations: Sequence[Excitation], dt: float) -> NDArray[Any]:
     omega, phase, amplitude = (
         np.array([getattr(drive, name) for drive in drives]) for name in ("omega", "phase", "amplitude")
     )
-    rows = np.zeros((10, len(drives)))
+    rows = np.zeros((14, len(drives)))
     rows[layout.SINE], rows[layout.COSINE] = np.sin(phase), np.cos(phase)
     rows[layout.TURN_SINE], rows[layout.TURN_COSINE] = np.sin(omega * dt), np.cos(omega * dt)
     rows[layout.PHASE], rows[layout.PHASE_STEP] = phase, omega * dt
     rows[layout.SCALE] = amplitude
     rows[layout.BASE] = [float(drive.value(np.zeros(1))[0]) for drive in drives]
     rows[layout.BASE_BEFORE] = rows[layout.ACTING] = rows[layout.BASE]
+    travel = np.array([excitation.amplitude if isinstance(excitation, Sine) else 0.0 for excitation in excitations])
+    rows[layout.TRAVEL], rows[layout.TRAVEL_RATE] = travel, travel * omega
+    rows[layout.OBSTACLE_RATE] = [float(excitation.velocity(0.0)) for excitation in excitations]
+    rows[layout.OBSTACLE_RATE_BEFORE] = rows[layout.OBSTACLE_RATE]
     return _placed(rows, 8)
 
 
@@ -168,6 +221,17 @@ def _table(
         return np.zeros((0, len(drives)))
     time = np.arange(steps * method.refine + 1) * (method.dt / method.refine)
     return np.ascontiguousarray(np.array([drive.value(time) for drive in drives]).T)
+
+
+def _travel(
+    excitations: Sequence[Excitation], method: SteppingMethod, steps: int, obstacles: int
+) -> NDArray[Any]:  # fmt: skip
+    """Displacement and velocity of bases given by samples at every fine step, where stops fixed in space need them."""
+    if obstacles == 0 or not any(isinstance(excitation, RecordedBase) for excitation in excitations):
+        return np.zeros((2, 0, len(excitations)))
+    time = np.arange(steps * method.refine + 1) * (method.dt / method.refine)
+    values = [[excitation.displacement(time), excitation.velocity(time)] for excitation in excitations]
+    return np.ascontiguousarray(np.moveaxis(np.array(values), 0, -1))
 
 
 def cycles_of(
@@ -194,6 +258,7 @@ def limits_of(
     system: System,
     excitations: Sequence[Excitation],
     drives: Sequence[Drive],
+    operator: layout.Operator,
     motion: layout.Motion,
     method: SteppingMethod,
     duration: float,
@@ -211,6 +276,10 @@ def limits_of(
     amplitude = np.array([excitation.amplitude for excitation in excitations]) + time**2 * np.array(forced)
     rates = np.vstack([motion.w_rate, motion.ball[layout.Y_RATE]])
     given = max((abs(pair.acceleration) for pair in system.contacts), default=0.0)
+    if np.any(system.constant_load):
+        # static deflections are of this size over the first mode's time
+        free = scipy.sparse.linalg.spsolve(system.M.tocsc(), np.asarray(system.constant_load))
+        given = max(given, float(np.abs(operator.rows @ np.atleast_1d(free)).max()))
     scale = amplitude / ratio + np.abs(motion.w).max(axis=0) + np.abs(rates).max(axis=0) * time + given * time**2
     return np.asarray(method.divergence_limit * (scale + 1e-9))
 

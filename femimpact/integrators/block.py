@@ -128,7 +128,7 @@ def prepare(
         steps=longest,
         ends=np.array(steps),
         cases=len(excitations),
-        limit=limits_of(system, padded, drives, motion, method, longest * method.dt),
+        limit=limits_of(system, padded, drives, operator, motion, method, longest * method.dt),
         diverged=np.full(lanes, np.inf),
     )
     if ledger:

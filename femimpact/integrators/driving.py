@@ -73,6 +73,12 @@ def drive_of(system: System, excitation: Excitation) -> Drive:
     known = isinstance(excitation, RecordedBase)
     require(known, "excitation", excitation, "", "must be a Sine, a PointForce or a RecordedBase")
     return Drive(
-        -system.base_load, 1.0, 0.0, omega, 0.0, excitation.samples, excitation.interval,
+        -system.base_load,
+        1.0,
+        0.0,
+        omega,
+        0.0,
+        excitation.samples,
+        excitation.interval,
         excitation.initial_velocity,
     )

@@ -60,7 +60,7 @@ def integrate(
 ) -> Response | tuple[Response, ...]:
     """Motion of structure and balls under a moving base or a force, from an initial state.
 
-    M u'' + C u' + K u = -M r ub'' + b F(t) + sum_j b_j F_j,  m_j (y_j'' + ub'') = m_j g_j - F_j
+    M u'' + C u' + K u = f - M r ub'' + b F(t) + sum_j b_j F_j,  m_j (y_j'' + ub'') = m_j g_j - F_j
 
     Parameters
     ----------

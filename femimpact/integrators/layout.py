@@ -23,10 +23,15 @@ COUNT, APPROACH_SUM, LARGEST_APPROACH, IMPULSE_SUM, PEAK_FORCE, FORCE_TIME = ran
 # RATE and RATE_BEFORE are kept only where a method looks ahead
 Y, Y_RATE, Y_ACCELERATION, X, X_BEFORE, FORCE, Y_BEFORE, RATE, RATE_BEFORE = range(9)
 # rows of Motion.drive (., cases); the drive's history is SCALE times the sine; BASE is its value at the step's
-# end, ACTING what the balance of the step feels
-SINE, COSINE, TURN_SINE, TURN_COSINE, PHASE, PHASE_STEP, SCALE, BASE, BASE_BEFORE, ACTING = range(10)
-# rows of Motion.ledger (., cases); the last three set aside what a refined case has booked by itself
-WORK, STRUCTURE_LOSS, CONTACT_LOSS, LOAD, LOAD_BEFORE, REFINED, OWN_WORK, OWN_LOSS = range(8)
+# end, ACTING what the balance of the step feels; TRAVEL is its amplitude as a displacement of the base (m), TRAVEL_RATE
+# as a velocity (m/s), and OBSTACLE_RATE(_BEFORE) the velocity of stops fixed in space
+(
+    SINE, COSINE, TURN_SINE, TURN_COSINE, PHASE, PHASE_STEP, SCALE, BASE, BASE_BEFORE, ACTING, TRAVEL, TRAVEL_RATE,
+    OBSTACLE_RATE, OBSTACLE_RATE_BEFORE,
+) = range(14)  # fmt: skip
+# rows of Motion.ledger (., cases); REFINED to OWN_LOSS set aside what a refined case has booked by itself; HELD is the
+# potential of the constant load at the start
+WORK, STRUCTURE_LOSS, CONTACT_LOSS, LOAD, LOAD_BEFORE, REFINED, OWN_WORK, OWN_LOSS, HELD = range(9)
 # rows of Pairs.constants (., pairs, cases); a stop has no mass (its energy) and no mobility (1/m);
 # SHARE of the drive that acts as an acceleration of the base on the ball
 (
@@ -78,6 +83,11 @@ class Operator(NamedTuple):
     narrow: NDArray[Any]  # (12 (n + 6),) up to four bands dof by dof, -C, -K, -alpha_m M; three dofs of zeros around
     factor: NDArray[Any]  # (4 (n + 6),) 1/D and the entries of -L left of it, S = L D L^T; with more bands: none
     drive_load: NDArray[Any]  # (n,) of the drive
+    constant_load: NDArray[Any]  # (n,) N, or none
+    constant_a: NDArray[Any]  # (n,) what the constant load does in a step, or none
+    constant_u: NDArray[Any]
+    constant_v: NDArray[Any]
+    constant_w: NDArray[Any]  # (2, rows) the same, read at every row: displacement and velocity
     rows: NDArray[Any]  # (rows, n) places read every step: the observed one first
     response_a: NDArray[Any]  # (pairs, n) what 1 N along b_j does in a step
     response_u: NDArray[Any]
@@ -101,6 +111,7 @@ class Pairs(NamedTuple):
     kind: NDArray[Any]  # (pairs,)
     address: NDArray[Any]  # (pairs,) of a custom law's compiled function
     constants: NDArray[Any]  # (11, pairs, cases)
+    obstacles: NDArray[Any]  # (stops fixed in space,) their pairs, where the base moves; else none
 
 
 class Motion(NamedTuple):
@@ -115,9 +126,10 @@ class Motion(NamedTuple):
     touch: NDArray[Any]  # (13, pairs, cases)
     totals: NDArray[Any]  # (columns, pairs, cases)
     window: NDArray[Any]  # (2, cases) first step, and the step after the last
-    drive: NDArray[Any]  # (10, cases)
+    drive: NDArray[Any]  # (14, cases)
     table: NDArray[Any]  # (steps * refine + 1, cases) history of a drive given by samples, else no rows
-    ledger: NDArray[Any]  # (8, cases)
+    travel: NDArray[Any]  # (2, steps * refine + 1, cases) such a base's displacement and velocity, where stops need it
+    ledger: NDArray[Any]  # (9, cases)
     v_before: NDArray[Any]  # (n, cases)
     loss_of_mode: NDArray[Any]  # (n,) of a single case on its modes, else none
     to_modes: NDArray[Any]  # (pairs, n) energy that the open contacts of such a case have passed on, else none

@@ -57,6 +57,7 @@ def operator_of(system: System, s: Scheme, observed: NDArray[Any], load: NDArray
     scale = effective[0] if diagonal else np.ones(system.dofs)
     table = _rows(system, observed)
     a, u, v = _responses(system, s, (factor, True))
+    constant = _constant(system, s, (factor, True))
     lower = factor.copy()
     lower[0] = 1.0 / lower[0]
     narrow, unit = _tables(system, s, factor)
@@ -73,6 +74,11 @@ def operator_of(system: System, s: Scheme, observed: NDArray[Any], load: NDArray
         narrow=narrow,
         factor=unit,
         drive_load=np.array(load),
+        constant_load=constant[0],
+        constant_a=constant[1],
+        constant_u=s.correct_u * constant[1],
+        constant_v=s.correct_v * constant[1],
+        constant_w=_constant_rows(table, s, constant[1]),
         rows=table,
         response_a=a,
         response_u=u,
@@ -104,6 +110,21 @@ def _rows(system: System, observed: NDArray[Any]) -> NDArray[Any]:
         if not any(np.array_equal(pair.direction, row) for row in rows):
             rows.append(pair.direction)
     return np.ascontiguousarray(rows)
+
+
+def _constant(system: System, s: Scheme, factor: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The constant load (N) and what it does in one step to the accelerations, S^-1 f; nothing where there is none."""
+    load = np.array(system.constant_load)
+    if not np.any(load):
+        return np.zeros(0), np.zeros(0)
+    return load, np.asarray(scipy.linalg.cho_solve_banded(factor, load))
+
+
+def _constant_rows(table: NDArray[Any], s: Scheme, a: NDArray[Any]) -> NDArray[Any]:
+    if a.size == 0:
+        return np.zeros((2, 0))
+    read = table @ a
+    return np.ascontiguousarray([s.correct_u * read, s.correct_v * read])
 
 
 def _responses(system: System, s: Scheme, factor: Any) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:

@@ -103,6 +103,8 @@ def record_of(
     dt, modes = method.dt, _modes_kept(system, recorder)
     # a recorded motion is spread over all fine steps before the first
     drive = steps * method.refine + 1 if isinstance(excitation, RecordedBase) else 0
+    # with the base's displacement and velocity, where stops stand still in space
+    drive *= 3 if any(pair.fixed_to == "space" for pair in system.contacts) else 1
     check_memory(system, recorder, len(channels), steps, dt, excitation.frequency, drive=drive)
     samples, snapshots = _rows(recorder, steps, dt)
     rows = [channel.row for channel in channels if channel.row is not None]

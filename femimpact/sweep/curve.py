@@ -90,7 +90,7 @@ class FrequencyResponse:
     at : str or float
         The observed place.
     start : str
-        Frame in which everything was at rest, or "given".
+        Frame in which everything was at rest, "static", or "given".
     law : str
     warnings, notes : tuple of str
     duration, window : float or None, s
@@ -113,7 +113,7 @@ class FrequencyResponse:
     amplitude: float = field(metadata=quantity("m", at_least=0.0))
     cycles: int | None = field(metadata=optional(quantity("1", at_least=1, integer=True)))
     at: Position = field(metadata=place())
-    start: str = field(metadata=choice("base", "space", "given"))
+    start: str = field(metadata=choice("base", "space", "static", "given"))
     law: str = field(metadata=text())
     warnings: tuple[str, ...] = field(default=(), metadata=text(several=True))
     notes: tuple[str, ...] = field(default=(), metadata=text(several=True))

@@ -35,8 +35,8 @@ def event_driven_columns(
     f = dwells.frequency
     bases = [Sine(amplitude, float(frequency)) for frequency in f]
     balls = len(system.balls)
-    # at rest in space means a speed of its own at every frequency
-    alike = state.frame == "base"
+    # at rest in space means a speed of its own at every frequency, and a stop fixed there a place of its own
+    alike = state.frame == "base" and all(pair.fixed_to == "base" for pair in system.contacts)
     starts = [state.relative_to_base(system, base) for base in (bases[:1] if alike else bases)]
     starts = starts * (f.size if alike else 1)
     position = np.array([np.concatenate([u, y[:balls]]) for u, _, y, _ in starts])

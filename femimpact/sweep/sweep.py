@@ -110,13 +110,20 @@ def frequency_sweep(
         amplitude=amplitude,
         cycles=None if cycles is None else int(cycles),
         at=at,
-        start=state.frame if state.is_at_rest else "given",
+        start=_start(state, system),
         law=", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none",
         warnings=tuple(warnings),
         notes=notes,
         duration=duration,
         window=window,
     )
+
+
+def _start(state: State, system: System) -> str:
+    """In one word where all runs start."""
+    if not state.is_at_rest:
+        return "given"
+    return "static" if state.is_static_on(system) else state.frame
 
 
 def _steadiness_warnings(f: NDArray[Any], steadiness: NDArray[Any]) -> list[str]:

@@ -96,6 +96,8 @@ def _before_impact(system: System) -> tuple[State, float]:
     pair = system.contacts[0]
     side = 1.0 if pair.gaps[0] <= pair.gaps[1] else -1.0
     near = min(pair.gaps)
+    allowed = "must be >= 0 for a convergence over impacts: a preloaded stop has no first one"
+    require(near >= 0.0, f"{pair.name}.gaps", pair.gaps, "m", allowed)
     if pair.is_stop:
         # x = -b u, so the first mode moves towards the stop with -side b
         speed = 2.0 * max(near, 1e-6) * 2.0 * math.pi * system.first_frequency

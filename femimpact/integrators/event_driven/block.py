@@ -32,6 +32,7 @@ Array = NDArray[Any]
 LINE = 64
 """Bytes of a cache line."""
 
+
 @dataclass(eq=False)
 class Block:
     """Arrays of some cases on their way; the compiled loop writes into them. C cases.
@@ -109,7 +110,9 @@ def new_block(
         amplitude=np.array([case.amplitude for case in drives]),
         knots=knots,
         knot_interval=first.interval if knots.size else 1.0,
-        gap=np.ascontiguousarray(np.array([[p.gaps for p in own] for own in contacts]).reshape(count, pairs, 2).swapaxes(1, 2)),
+        gap=np.ascontiguousarray(
+            np.array([[p.gaps for p in own] for own in contacts]).reshape(count, pairs, 2).swapaxes(1, 2)
+        ),
         stiffness=np.where(compliant, of_pairs("stiffness"), 0.0),
         damping=np.where(compliant, of_pairs("damping"), 0.0),
         restitution=of_pairs("restitution"),

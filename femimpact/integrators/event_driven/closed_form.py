@@ -5,7 +5,7 @@ With walls at w_j, structure and balls p = (u, y) obey
     M p'' + C p' + K p = B s(t) + G + sum_j P_j F_j,
     F_j = k_j (x_j - w_j) + c_j x_j'  of compliant pairs in contact,   x_j = w_j  of rigid pairs that stick,
 
-x_j = -P_j p - (ub for a stop fixed in space). Its solution is
+x_j = -P_j p, and ub more for a stop fixed in space. Its solution is
 
     p(t) = Re(E e^{Lambda t} H) + (rigid-body coordinates) + (steady motion) + p0 + sum_j w_j p_j:
 
@@ -23,7 +23,6 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from femimpact.errors import require
 from femimpact.integrators.event_driven.complex_modes import ComplexModes, complex_modes
 from femimpact.integrators.event_driven.equations import Equations, undamped_modes, wall_offsets
 
@@ -241,7 +240,7 @@ def _rate(rows: Rows, modes: ComplexModes) -> Rows:
 
 
 def _scaled(rows: Rows, factor: Array, also: Rows, by: Array) -> Rows:
-    """factor * rows + by * also, row by row."""
+    """Factor * rows + by * also, row by row."""
     first, second = factor[:, None], by[:, None]
     return Rows(
         weight=first * rows.weight + second * also.weight,
@@ -254,7 +253,7 @@ def _scaled(rows: Rows, factor: Array, also: Rows, by: Array) -> Rows:
 
 
 def gap_rows(whole: Equations, rows: Rows, base: tuple[int, int]) -> Rows:
-    """Rows of x_j = -P_j p - ub, or of x_j'.
+    """Rows of x_j = -P_j p - in_space_j ub, or of x_j'.
 
     Parameters
     ----------
@@ -274,7 +273,7 @@ def gap_rows(whole: Equations, rows: Rows, base: tuple[int, int]) -> Rows:
 def _compliant_forces(
     whole: Equations, form: ClosedForm, loads: _Loads, settled: Array, active: Array, stiffness: Array, damping: Array
 ) -> Rows:  # fmt: skip
-    """k (x - w) + c x' of every compliant pair; of those in contact without a difference of near numbers."""
+    """K (x - w) + c x' of every compliant pair; of those in contact without a difference of near numbers."""
     P = -whole.force.T
     x, rate = gap_rows(whole, form.position, OF_DISPLACEMENT), gap_rows(whole, form.velocity, OF_VELOCITY)
     depth = P @ settled

@@ -163,10 +163,7 @@ def _residuals(block: Block, measured: NDArray[np.int64]) -> tuple[Array, Array]
 def _joined(parts: Sequence[DwellStatistics]) -> DwellStatistics:
     """All blocks in one."""
     cycles = CycleStatistics(
-        *(
-            np.concatenate([getattr(part.cycles, name) for part in parts], axis=1)
-            for name in CYCLE_COLUMNS
-        )
+        *(np.concatenate([getattr(part.cycles, name) for part in parts], axis=1) for name in CYCLE_COLUMNS)
     )
     totals = np.concatenate([part.totals for part in parts], axis=2)
     residual, bound, unending = (

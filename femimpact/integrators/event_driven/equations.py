@@ -31,7 +31,7 @@ class Equations:
     force : ndarray (d, pairs)
         What a force on the structure at each pair does to the coordinates: b there, -1 on its ball.
     in_space : ndarray (pairs,)
-        1 for a stop that stays where it is while the base moves, so that its y is -ub; else 0.
+        x_j = -force_j p - in_space_j ub: -1 for a stop that stays where it is while the base moves, else 0.
     stop : ndarray (pairs,) of bool
     dofs : int
         Of the structure.
@@ -57,7 +57,7 @@ def equations_of(system: System, drive: Drive) -> Equations:
         matrix[:n, :n] = own.toarray()
     load, given = np.zeros(size), np.zeros(size)
     load[:n] = drive.load
-    given[:n] = getattr(system, "constant_load", 0.0)
+    given[:n] = system.constant_load
     force = np.zeros((size, len(system.contacts)))
     for j, pair in enumerate(system.contacts):
         force[:n, j] = pair.direction
@@ -70,8 +70,8 @@ def equations_of(system: System, drive: Drive) -> Equations:
         K += pair.free_stiffness * np.outer(force[:, j], force[:, j])
     stop = np.array([pair.is_stop for pair in system.contacts], dtype=bool)
     # where a force drives, the base rests in space
-    fixed = np.array([getattr(pair, "fixed_to", "base") == "space" for pair in system.contacts], dtype=bool)
-    return Equations(M, C, K, load, given, force, (fixed & stop) * drive.share, stop, n)
+    fixed = np.array([pair.fixed_to == "space" for pair in system.contacts], dtype=bool)
+    return Equations(M, C, K, load, given, force, -(fixed & stop) * drive.share, stop, n)
 
 
 def wall_offsets(whole: Equations, active: NDArray[Any]) -> NDArray[Any]:

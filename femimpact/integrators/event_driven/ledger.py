@@ -219,7 +219,9 @@ def _sum_products(
                 both = drive[2] * integral_of(e, s.growth[k], duration)
                 driven += (strength[k] * (both + drive[3] * _first_moment(e, s.growth[k], duration))).real
             else:
-                driven += 0.5 * (strength[k] * (wave * s.plus[k, entries] + wave.conjugate() * s.minus[k, entries])).real
+                driven += (
+                    0.5 * (strength[k] * (wave * s.plus[k, entries] + wave.conjugate() * s.minus[k, entries])).real
+                )
         work += b.load[i] * driven + b.given[i] * (s.after[0, i] - s.before[0, i])
         if b.damping[i] > 0.0:
             b.loss_of_mode[c, i] += b.damping[i] * _product(strength, strength, s.plus, s.minus, terms)

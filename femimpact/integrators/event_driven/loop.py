@@ -119,16 +119,15 @@ def _enter(
     )
     place = place_of(f, case.omega, forms, cases.harmonic[c, n], s.bounds)
     state, before, after = cases.coordinates[c], s.products.before, s.products.after
+    if b is not None and cases.entering[c] == STARTED:
+        write_energy(c, pairs, case, s.flight, state, b, b.start[c])
     for i in range(before.shape[1]):
         before[1, i] = state[1, i]
     enter_form(place, forms.entries[f], forms.to_entry_u[f], forms.to_entry_v[f], forms.to_particle[f], state, s.flight)
-    if b is not None and cases.entering[c] != ENTERING:
+    if b is not None and cases.entering[c] == FITTING:
         read_coordinates(place, s.flight, after)
-        if cases.entering[c] == STARTED:
-            write_energy(c, pairs, case, s.flight, after, b, b.start[c])
-        else:
-            for i in range(b.mass.size):
-                b.contact_loss[c] += 0.5 * b.mass[i] * (before[1, i] ** 2 - after[1, i] ** 2)
+        for i in range(b.mass.size):
+            b.contact_loss[c] += 0.5 * b.mass[i] * (before[1, i] ** 2 - after[1, i] ** 2)
     cases.entering[c] = ENTERED
     return DONE
 
@@ -146,17 +145,20 @@ def _add_to_ledger(
 
 @apart
 def _read(
-    c: int, f: int, first: int, until: float, watch: Watch, place: Place, pairs: Pairs, case: Case, cases: Cases,
-    forms: Forms, s: Scratch, grid: Grid, shots: Snapshots, contacts: Contacts, b: Ledger | None,
+    c: int, f: int, first: int, until: float, event: bool, watch: Watch, place: Place, pairs: Pairs, case: Case,
+    cases: Cases, forms: Forms, s: Scratch, grid: Grid, shots: Snapshots, contacts: Contacts, b: Ledger | None,
 ) -> None:  # fmt: skip
-    """Read the motion at every grid time up to an instant; `s.flight` is left at the last of them."""
+    """Read the motion at every grid time up to an instant; `s.flight` is left at the last of them.
+
+    What falls on an event is read after it.
+    """
     dt, started, phase, active = grid.interval[c], False, complex(1.0, 0.0), 0
     alone, events, flight = not has_blocks(watch), watch.lasting.size, s.flight
     turn = complex(math.cos(watch.omega * dt), math.sin(watch.omega * dt))
     while True:
         sample = cases.sample[c] + 1
         i, time = sample - first - 1, sample * dt
-        if time > until:
+        if time > until or (event and time == until):
             break
         if started and alone:
             for k in range(active):
@@ -216,7 +218,7 @@ def _run_case(
         if hit == 0.0:
             knot, index = math.inf, 0
             if watch.broken:
-                index = int(math.floor(flight.clock[0] / cases.knot_interval + 1e-9)) + 1
+                index = math.floor(flight.clock[0] / cases.knot_interval + 1e-9) + 1
                 if index < cases.knots.size:
                     knot = index * cases.knot_interval
             copy_flight(flight, s.trial)
@@ -237,7 +239,24 @@ def _run_case(
                     grid.cycle[c], grid.origin[c] * grid.interval[c], length, reached,
                     LEAST_ADVANCE * grid.interval[c], watch, flight, s.spare, s.crest, s.search, grid.cycles[c],
                 )  # fmt: skip
-            _read(c, f, first, reached, watch, place, pairs, case, cases, forms, s, grid, shots, contacts, b)
+            _read(
+                c,
+                f,
+                first,
+                reached,
+                status != END,
+                watch,
+                place,
+                pairs,
+                case,
+                cases,
+                forms,
+                s,
+                grid,
+                shots,
+                contacts,
+                b,
+            )
             copy_flight(s.trial, flight)
             if b is not None and (b.everywhere or any_compliant(case.state, pairs.rigid)):
                 _add_to_ledger(c, f, watch, place, pairs, case, cases, forms, s, contacts, b)
@@ -260,7 +279,18 @@ def _run_case(
             pair, side = int(s.search.event[0]), s.search.event[1]
             free = pair < case.state.size and abs(case.state[pair]) == 0.0
             effect = apply_event(
-                status, counted, watch, pairs, case, flight, s.search, cases.released[c], touch, to_modes, totals, tables
+                status,
+                counted,
+                watch,
+                pairs,
+                case,
+                flight,
+                s.search,
+                cases.released[c],
+                touch,
+                to_modes,
+                totals,
+                tables,
             )
             if effect == RELEASE_ALL or (effect == STAY and free):
                 hit = side * (pair + 1)

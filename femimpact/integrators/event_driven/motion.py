@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import apart, called, inlined
+from femimpact.integrators.kernels.compiling import apart, inlined
 
 __all__ = [
     "AT_WALL",
@@ -72,7 +72,9 @@ class Watch(NamedTuple):
     omega: float  # of the sine
     broken: bool  # whether s(t) is a broken line
     particle_given: NDArray[Any]  # (P,) constant acceleration
-    particle_drive: NDArray[Any]  # (P,) acceleration per unit of s(t); zero for a sine: that part is in the steady motion
+    particle_drive: NDArray[
+        Any
+    ]  # (P,) acceleration per unit of s(t); zero for a sine: that part is in the steady motion
     lasting: NDArray[Any]  # (E,) side of a contact whose force is watched for its end, else 0
     upper: NDArray[Any]  # (E + 1,); the last two are those of the search for the peak
     lower: NDArray[Any]  # (E + 1,)

@@ -29,7 +29,7 @@ from femimpact.integrators.event_driven.states import (
     read_coordinates,
     side_of,
 )
-from femimpact.integrators.kernels.compiling import apart, called, inlined
+from femimpact.integrators.kernels.compiling import apart, inlined
 from femimpact.integrators.kernels.laws import kelvin_voigt_force
 
 __all__ = ["Grid", "Snapshots", "add_peaks", "add_to_cycle", "keep_snapshot", "value_now"]

@@ -158,13 +158,25 @@ def _rows_kept(keep: _Keep, done: int, count: int) -> tuple[Array, Array]:
 
 
 def _read_start(run: _Run) -> None:
-    """What is kept of the state at t = 0: a piece of no length that reads its own beginning."""
-    block, keep = run.block, run.keep
+    """What is kept of the state at t = 0: a piece of no length that reads its own beginning.
+
+    All but the contact forces is taken from what was given: a start at rest is at rest to the last bit.
+    """
+    block, keep, outputs = run.block, run.keep, run.block.store.outputs
+    position, velocity = block.cases.coordinates[0].copy()
     kept, shown = bool(keep.every and keep.first == 0), bool(keep.snapshots and keep.first_snapshot == 0)
     if not (kept or shown):
         return
     _call(run, -1, 1, np.array([0 if kept else -1]), np.array([0 if shown else -1]))
     block.cases.sample[0] = 0
+    base = outputs.of_base.T @ [float(run.excitation.displacement(0.0)), float(run.excitation.velocity(0.0))]
+    given, own = outputs.position @ position + outputs.rate @ velocity + base, np.array(outputs.force) < 0
+    for sample in run.samples:
+        sample[:, own] = given[own]
+    for energy in run.energy:
+        energy[:] = block.ledger.start if block.ledger is not None else 0.0
+    for shot in run.fields:
+        shot[:] = np.array([position, velocity])
 
 
 def _run_piece(run: _Run, done: int, count: int) -> None:

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import ZERO, apart, called, inlined
 from femimpact.integrators.event_driven.motion import Flight, Watch, clear_time, derivatives, measure, move, unit_phase
+from femimpact.integrators.kernels.compiling import ZERO, apart, inlined
 
 __all__ = ["END", "HIT", "RELEASE", "REST", "STUCK", "Search", "look", "next_event"]
 
@@ -91,7 +91,7 @@ def look(r: int, watch: Watch, flight: Flight, active: int, phase: complex, rema
             return -1.0
         if c.found[3] == 0.0 and bend >= -noise:
             # touching without a push, and nothing that could begin one
-            return remaining
+            return math.inf
         bend = min(bend, 0.0)
     creep = min(_creep_time(clearance, toward, bend, twist, c.found[4]), farther)
     return creep if creep > safe else safe

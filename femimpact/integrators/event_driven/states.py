@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from femimpact.integrators.event_driven.motion import Flight, Watch, unit_phase
-from femimpact.integrators.kernels.compiling import apart, called, inlined
+from femimpact.integrators.kernels.compiling import apart, inlined
 
 __all__ = [
     "CONTACT", "ENTERED", "ENTERING", "FITTING", "FREE", "SEPARATING", "STARTED", "STARTING", "Bounds", "Case",
@@ -74,7 +74,7 @@ class Pairs(NamedTuple):
     """What all cases have in common: R pairs, d coordinates."""
 
     direction: NDArray[Any]  # (R, d) of a force on the structure
-    in_space: NDArray[Any]  # (R,) 1 for a stop that does not move with the base
+    in_space: NDArray[Any]  # (R,) -1 for a stop that does not move with the base, whose x is w + ub; else 0
     rigid: NDArray[Any]  # (R,) whether the law is that of rigid impacts
     mobility: NDArray[Any]  # (R, R) change of x_i' by a unit impulse on the structure at j
     closure: float  # m
@@ -352,7 +352,7 @@ def enter_form(
 
 @inlined
 def gap_of(j: int, direction: NDArray[Any], in_space: NDArray[Any], values: NDArray[Any], base: float) -> float:
-    """x of a pair, or x', from the coordinates, or their rates, and the base's."""
+    """X of a pair, or x', from the coordinates, or their rates, and the base's."""
     x = -in_space[j] * base
     for i in range(values.size):
         x -= direction[j, i] * values[i]

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from femimpact.errors import require
 from femimpact.integrators.event_driven.closed_form import (
     OF_DISPLACEMENT,
-    OF_VELOCITY,
     ClosedForm,
     Rows,
     closed_form,
@@ -199,8 +198,9 @@ class FormStore:
     def _output_rows(self, made: ClosedForm, active: Array) -> Rows:
         """Rows of what is read at every sample; a contact force only where it acts."""
         out, p, v = self.outputs, made.position, made.velocity
-        through, follow = p.through @ out.position.T + v.through @ out.rate.T, (
-            p.follow @ out.position.T + v.follow @ out.rate.T
+        through, follow = (
+            p.through @ out.position.T + v.through @ out.rate.T,
+            (p.follow @ out.position.T + v.follow @ out.rate.T),
         )
         through[[2, 1]] += out.of_base
         follow[:2] += out.of_base

@@ -31,7 +31,7 @@ from femimpact.integrators.event_driven.motion import (
 )
 from femimpact.integrators.event_driven.search import Search
 from femimpact.integrators.event_driven.states import side_of
-from femimpact.integrators.kernels.compiling import apart, called, inlined
+from femimpact.integrators.kernels.compiling import apart, inlined
 from femimpact.integrators.layout import (
     APPROACH_SUM,
     COUNT,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-
 from typing import Any
 
 from numpy.typing import NDArray
@@ -31,7 +30,7 @@ from femimpact.integrators.event_driven.touching import (
     end_contact,
     end_sticking,
 )
-from femimpact.integrators.kernels.compiling import apart, called, inlined
+from femimpact.integrators.kernels.compiling import apart, inlined
 from femimpact.integrators.layout import FORCE_TIME
 
 __all__ = ["ENTER", "FIT", "RELEASE_ALL", "STAY", "UNRESOLVED", "apply_event", "collide", "set_start_states"]

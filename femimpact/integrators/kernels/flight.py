@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import called, inlined
+from femimpact.integrators.kernels.compiling import apart, called, inlined
 from femimpact.integrators.kernels.crest import add_crests
 from femimpact.integrators.kernels.packs import (
     WIDTH,
@@ -29,9 +29,13 @@ from femimpact.integrators.layout import (
     GAP_PLUS,
     LAST,
     LAST_RATE,
+    OBSTACLE_RATE,
+    OBSTACLE_RATE_BEFORE,
     SCALE,
     SHARE,
     SINE,
+    TRAVEL,
+    TRAVEL_RATE,
     TURN_COSINE,
     TURN_SINE,
     X_BEFORE,
@@ -39,6 +43,8 @@ from femimpact.integrators.layout import (
     Y_RATE,
     Cycles,
     Motion,
+    Operator,
+    Pairs,
     Scheme,
     X,
     Y,
@@ -154,6 +160,66 @@ def add_product(target: NDArray[Any], scale: float, f: NDArray[Any], g: NDArray[
         target[c] += scale * f[c] * g[c]
 
 
+@apart
+def add_constant_load(op: Operator, m: Motion) -> None:
+    """What the constant load adds to a step of every case, the places that are read included."""
+    if m.q.shape[1] == 1:
+        add_constant_load_single(0, op, m)
+        for r in range(m.w.shape[0]):
+            m.w[r, 0] += op.constant_w[0, r]
+            m.w_rate[r, 0] += op.constant_w[1, r]
+        return
+    for i in range(op.constant_load.size):
+        add_number(m.a[i], op.constant_a[i])
+        add_number(m.q[i], op.constant_u[i])
+        add_number(m.v[i], op.constant_v[i])
+    for r in range(m.w.shape[0]):
+        add_number(m.w[r], op.constant_w[0, r])
+        add_number(m.w_rate[r], op.constant_w[1, r])
+
+
+@inlined
+def add_constant_load_single(c: int, op: Operator, m: Motion) -> None:
+    """The same for one case, but for the places."""
+    for i in range(op.constant_load.size):
+        m.a[i, c] += op.constant_a[i]
+        m.q[i, c] += op.constant_u[i]
+        m.v[i, c] += op.constant_v[i]
+
+
+@called
+def add_number(target: NDArray[Any], number: float) -> None:
+    """Add a number to a row over the cases."""
+    for c in range(target.size):
+        target[c] += number
+
+
+@apart
+def move_obstacles(index: int, s: Scheme, pairs: Pairs, m: Motion) -> None:
+    """Stops fixed in space as the free step takes them to where they are at its end.
+
+    `index` is that of the step's end among the fine steps of a base given by samples.
+    """
+    drive = m.drive
+    for c in range(drive.shape[1]):
+        if m.travel.shape[1] > 0:
+            y, rate = m.travel[0, index, c], m.travel[1, index, c]
+        else:
+            y, rate = drive[TRAVEL, c] * drive[SINE, c], drive[TRAVEL_RATE, c] * drive[COSINE, c]
+        drive[OBSTACLE_RATE_BEFORE, c], drive[OBSTACLE_RATE, c] = drive[OBSTACLE_RATE, c], rate
+        place_obstacles(c, y, rate, s.dt, pairs, m)
+
+
+@called
+def place_obstacles(c: int, y: float, rate: float, dt: float, pairs: Pairs, m: Motion) -> None:
+    """Stops fixed in space a step before y (m), at the rate (m/s) that they have there.
+
+    y is the base's displacement, not a sum over steps: the free step adds dt times the rate, and no error stays.
+    """
+    for j in pairs.obstacles:
+        m.ball[Y, j, c], m.ball[Y_RATE, j, c] = y - dt * rate, rate
+
+
 @inlined
 def free_step_ball(
     j: int, s: Scheme, ball: NDArray[Any], constants: NDArray[Any], acting: NDArray[Any], w: NDArray[Any],
@@ -162,7 +228,7 @@ def free_step_ball(
     """One step of a ball in free flight, and in how many cases its contact must be looked at.
 
     `ball` and `constants` hold its rows, `w` is the place of its pair. A stop has no share in the drive
-    and stays where it is.
+    and stays where it is, or goes on at its rate.
     """
     if acting.size == 1:
         return _step_ball(s, ball, constants, j, 0, acting[0], w[0], busy[0])

@@ -96,7 +96,8 @@ def mean_forces(
     [V(after) - V(before)]/travel: its work is what the potential changes by.
     """
     way = after - before
-    inside = way / travel if travel != 0.0 else 1.0
+    # in contact at both ends both are the same; their quotient would be noise where the pair rests
+    inside = way / travel if travel != 0.0 and (before == 0.0 or after == 0.0) else 1.0
     rate = travel / dt
     middle = 0.5 * (before + after)
     short = abs(way) <= SHORT * middle

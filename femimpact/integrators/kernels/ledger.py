@@ -23,6 +23,7 @@ from femimpact.integrators.layout import (
     FREE_STIFFNESS,
     GAP_MINUS,
     GAP_PLUS,
+    HELD,
     LOAD,
     LOAD_BEFORE,
     MASS,
@@ -191,3 +192,9 @@ def write_energy(c: int, op: Operator, pairs: Pairs, m: Motion, out: NDArray[Any
     for i in range(m.loss_of_mode.size):
         loss += m.loss_of_mode[i]
     out[4], out[5], out[6] = m.ledger[WORK, c], loss, m.ledger[CONTACT_LOSS, c]
+    if op.constant_load.size > 0:
+        # a constant load has a potential: no sum over steps
+        held = 0.0
+        for i in range(op.constant_load.size):
+            held += op.constant_load[i] * m.q[i, c]
+        out[4] += held - m.ledger[HELD, c]

@@ -10,10 +10,12 @@ from femimpact.integrators.kernels.banded import free_step_banded, free_step_ban
 from femimpact.integrators.kernels.compiling import ZERO, compiled, inlined
 from femimpact.integrators.kernels.crest import split_cycles
 from femimpact.integrators.kernels.flight import (
+    add_constant_load,
     blend_drive,
     free_step_ball,
     free_step_diagonal,
     free_step_single,
+    move_obstacles,
     observe,
     read_drive,
     read_row,
@@ -84,6 +86,8 @@ def _free_step(op: Operator, s: Scheme, m: Motion, acting: NDArray[Any], physica
         )
     for r in range(1, m.w.shape[0]):
         read_row(op.rows[r], m.q, m.v, m.w[r], m.w_rate[r])
+    if op.constant_load.size > 0:
+        add_constant_load(op, m)
 
 
 @inlined
@@ -209,6 +213,8 @@ def advance(
         if fine is not None:
             _look_ahead(s, fine, pairs, m)
         _free_step(op, s, m, acting, physical)
+        if pairs.obstacles.size > 0:
+            move_obstacles(parts * (record.tally[0] + 1), s, pairs, m)
         looking, refined = ZERO, 0
         for j in range(pairs.row.size):
             looking += free_step_ball(j, s, m.ball, constants, acting, m.w[pairs.row[j]], m.touch[BUSY, j])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from femimpact.integrators.kernels.banded import free_step_banded_single
 from femimpact.integrators.kernels.compiling import called, inlined
 from femimpact.integrators.kernels.crest import add_fine_step
-from femimpact.integrators.kernels.flight import free_step_single
+from femimpact.integrators.kernels.flight import add_constant_load_single, free_step_single, place_obstacles
 from femimpact.integrators.kernels.ledger import book_case
 from femimpact.integrators.kernels.packs import fill, how_many_beyond, load
 from femimpact.integrators.kernels.touch import contact_step
@@ -20,6 +20,7 @@ from femimpact.integrators.layout import (
     BASE,
     BASE_BEFORE,
     BUSY,
+    COSINE,
     GAP_MINUS,
     GAP_PLUS,
     NEAR,
@@ -32,7 +33,10 @@ from femimpact.integrators.layout import (
     REFINED,
     SCALE,
     SHARE,
+    SINE,
     STRUCTURE_LOSS,
+    TRAVEL,
+    TRAVEL_RATE,
     WORK,
     X_BEFORE,
     Y_ACCELERATION,
@@ -120,6 +124,22 @@ def _drive_within(c: int, step: int, part: int, parts: int, m: Motion) -> float:
     return value
 
 
+@called
+def _move_obstacles_within(
+    c: int, step: int, part: int, parts: int, s: Scheme, pairs: Pairs, m: Motion
+) -> None:  # fmt: skip
+    """Stops fixed in space before the fine step that ends after `part` of them; see `place_obstacles`."""
+    if m.travel.shape[1] > 0:
+        y, rate = m.travel[0, step * parts + part, c], m.travel[1, step * parts + part, c]
+    else:
+        sine, cosine = m.drive[SINE, c], m.drive[COSINE, c]
+        if part < parts:
+            angle = m.drive[PHASE, c] + m.drive[PHASE_STEP, c] * (step + part / parts)
+            sine, cosine = math.sin(angle), math.cos(angle)
+        y, rate = m.drive[TRAVEL, c] * sine, m.drive[TRAVEL_RATE, c] * cosine
+    place_obstacles(c, y, rate, s.dt, pairs, m)
+
+
 @inlined
 def _fine_flight(
     c: int, before: float, after: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion, physical: bool | None
@@ -130,6 +150,7 @@ def _fine_flight(
         free_step_banded_single(op, s, m, c, acting)
     else:
         free_step_single(op.load, op.inertia, op.damping, op.stiffness, op.rows[0], s, m.q, m.v, m.a, c, acting)
+    add_constant_load_single(c, op, m)
     _read_rows(c, op.rows, m.q, m.v, m.w, m.w_rate)
     scale, inertia = 1.0 / (1.0 - s.alpha_m), s.alpha_m / (1.0 - s.alpha_m)
     for j in range(pairs.row.size):
@@ -168,6 +189,8 @@ def redo_step(
     after = _drive_within(c, step, 0, parts, m)
     for part in range(parts):
         before, after = after, _drive_within(c, step, part + 1, parts, m)
+        if pairs.obstacles.size > 0:
+            _move_obstacles_within(c, step, part + 1, parts, s, pairs, m)
         _fine_flight(c, before, after, op, s, pairs, m, physical)
         if in_reach(c, pairs, m) > 0:
             contact_step(c, step * dt + (part + 1) * s.dt, op, s, pairs, m, record, work)

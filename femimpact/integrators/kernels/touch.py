@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import compiled, inlined
+from femimpact.integrators.kernels.compiling import apart, compiled, inlined
 from femimpact.integrators.kernels.impact import book_impact
 from femimpact.integrators.kernels.laws import RIGID, penetration
 from femimpact.integrators.kernels.pair import pair_force
@@ -20,13 +20,17 @@ from femimpact.integrators.layout import (
     GAP_MINUS,
     GAP_PLUS,
     MOBILITY,
+    OBSTACLE_RATE,
+    OBSTACLE_RATE_BEFORE,
     OPEN,
     RATE,
     RATE_BEFORE,
     RESTITUTION,
     STIFFNESS,
+    WORK,
     X_BEFORE,
     Y_ACCELERATION,
+    Y_BEFORE,
     Y_RATE,
     Motion,
     Operator,
@@ -118,6 +122,8 @@ def contact_step(
             force[j] = new
         if count == 1 or change <= PAIR_TOLERANCE * largest:
             break
+    if pairs.obstacles.size > 0:
+        _book_work_of_obstacles(c, force, s, pairs, m)
     for j in range(count):
         m.ball[FORCE, j, c] = force[j]
         if force[j] != 0.0:
@@ -126,6 +132,23 @@ def contact_step(
         m.ball[X, j, c] = m.ball[Y, j, c] - m.w[pairs.row[j], c]
         m.ball[RATE, j, c] = m.ball[Y_RATE, j, c] - m.w_rate[pairs.row[j], c]
         book_impact(j, c, time, gate[j], x_free[j], approach[j], normal[j], op.rows[pairs.row[j]], s, pairs, m, record)
+
+
+@apart
+def _book_work_of_obstacles(c: int, force: NDArray[Any], s: Scheme, pairs: Pairs, m: Motion) -> None:
+    """Work of what holds a stop in space: relative to the base it moves at y' and pushes with F, a power F y'.
+
+    A mean force acts over the step's way, an impulse at the mean of the rates as its loss is booked, a force at the
+    step's end by the trapezoidal rule.
+    """
+    for j in pairs.obstacles:
+        way = m.ball[Y, j, c] - m.ball[Y_BEFORE, j, c]
+        mean = force[j]
+        if s.rigid:
+            way = 0.5 * s.dt * (m.drive[OBSTACLE_RATE, c] + m.drive[OBSTACLE_RATE_BEFORE, c])
+        elif not s.mean:
+            mean = 0.5 * (m.ball[FORCE, j, c] + force[j])
+        m.ledger[WORK, c] += mean * way
 
 
 @inlined

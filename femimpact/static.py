@@ -1,0 +1,287 @@
+"""Static equilibrium of structure, balls and stops under constant forces: contacts push, and never pull.
+
+K u = f + sum_j b_j F_j. A ball at rest hands its whole constant force on, F_j = m_j g_j, whichever of spring and wall
+carries it. Walls of stops, with p_i their penetration and c_i the compliance of their law, are the complementarity
+problem 0 <= F_i, p_i <= c_i F_i, one of them with equality.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.linalg
+import scipy.optimize
+from numpy.typing import NDArray
+
+from femimpact.contact.formulas import KELVIN_VOIGT, POWER, RIGID
+from femimpact.errors import checked, quantity, require
+from femimpact.matrices import stiffness_solver
+
+__all__ = ["StaticContacts", "static_contacts", "static_state"]
+
+EXACT = 1e-9
+"""Residual, as a share of the largest term, that rounding may leave of a complementarity problem."""
+
+MOST_ROUNDS = 200
+
+LAWS = "must be Rigid, KelvinVoigt or a power law without loss for a static state that presses it"
+
+
+class StaticContacts(NamedTuple):
+    """A static state with its contact forces."""
+
+    displacement: NDArray[Any]  # (dofs,) m
+    other: NDArray[Any]  # (pairs,) y: the balls' displacements, and of stops the one given; m
+    normal: NDArray[Any]  # (pairs,) force of the walls, positive at the + wall; N
+    depth: NDArray[Any]  # (pairs,) penetration >= 0 of compliant walls; m
+
+
+class _Wall(NamedTuple):
+    """One wall of one stop."""
+
+    pair: int
+    side: float
+    kind: int
+    stiffness: float  # N/m, or N/m^n; infinite of a rigid wall
+    exponent: float
+    gap: float  # m
+
+
+def static_state(system: Any, stop_displacement: float = 0.0) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Displacements of structure and balls at rest under constant forces and contacts, relative to the base.
+
+    Parameters
+    ----------
+    system : System
+    stop_displacement : float, m
+        y of the stops that are fixed in space: the base's displacement at that time.
+
+    Returns
+    -------
+    u : ndarray (dofs,), m
+    y : ndarray (pairs,), m
+        Of every pair; x = y - b @ u is what its gaps bound. A ball that a constant force presses rests on its
+        wall, one that nothing holds sits in the middle, x = 0.
+
+    Raises
+    ------
+    InputError
+        If the structure is not held, a pressed contact's law has no static force, a ball has neither wall nor
+        spring against its constant force, or rigid walls leave the structure no place.
+
+    Notes
+    -----
+    With D the directions of the walls, A = D^T K^-1 D and q the penetrations without contact, the forces minimise
+    F^T (A + diag c) F / 2 - q^T F over F >= 0 (the dual of the least potential energy; Cottle, Pang and Stone, The
+    Linear Complementarity Problem, 1992). As a problem of least distance it is one of non-negative least squares
+    (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23), which finds the walls that push, also where
+    there are more of them than dofs; one linear system of these gives the forces. A power law is made linear at the
+    last penetration until the forces stay (Newton).
+    """
+    found = static_contacts(system, stop_displacement)
+    return found.displacement, found.other
+
+
+def static_contacts(system: Any, stop_displacement: float = 0.0) -> StaticContacts:
+    """The same with the contact forces; see `static_state`."""
+    fits = all(hasattr(system, name) for name in ("stiffness_factor", "constant_load", "contacts"))
+    require(fits, "system", type(system).__name__, "", "must be a System")
+    offset = checked("stop_displacement", stop_displacement, quantity("m"))
+    held = system.first_frequency > 0.0
+    require(held, "initial", "static", "", "needs a structure that is held: K is singular, a static state is not one")
+    pairs = system.contacts
+    solve = stiffness_solver(system)
+    x, normal, depth, y = np.zeros((4, len(pairs)))
+    load = np.array(system.constant_load)
+    for j, pair in enumerate(pairs):
+        if pair.is_stop:
+            y[j] = offset if pair.fixed_to == "space" else 0.0
+            plain = pair.free_stiffness == 0.0 and not getattr(pair.law, "free_stiffness", 0.0)
+            require(plain, f"{pair.name}.contact", pair.law.name, "", LAWS)
+        else:
+            x[j], normal[j], depth[j] = _ball_at_rest(pair)
+            load += pair.direction * (pair.mass * pair.acceleration)
+    u = solve(load)
+    walls = [wall for j, pair in enumerate(pairs) if pair.is_stop for wall in _walls(j, pair)]
+    if walls:
+        u = _pushed(system, walls, solve, u, y, normal, depth)
+    for j, pair in enumerate(pairs):
+        if not pair.is_stop:
+            y[j] = x[j] + pair.direction @ u
+    return StaticContacts(u, y, normal, depth)
+
+
+def _ball_at_rest(pair: Any) -> tuple[float, float, float]:
+    """Place x (m) of a ball at rest, the force of its walls (N, positive at the + wall) and its penetration (m)."""
+    load = pair.mass * pair.acceleration
+    spring = pair.free_stiffness + getattr(pair.law, "free_stiffness", 0.0)
+    if load == 0.0:
+        return 0.0, 0.0, 0.0
+    side = math.copysign(1.0, load)
+    gap = pair.gaps[0] if side > 0.0 else pair.gaps[1]
+    if abs(load) <= spring * gap:
+        return load / spring, 0.0, 0.0
+    held = math.isfinite(gap)
+    require(held, f"{pair.name}.gaps", pair.gaps, "m", "must be finite where a constant force presses the ball")
+    parameters, pressed = pair.parameters, abs(load) - spring * gap
+    _require_static(pair)
+    if parameters.kind == RIGID:
+        return side * gap, side * pressed, 0.0
+    if parameters.kind == KELVIN_VOIGT:
+        depth = pressed / (parameters.stiffness + spring)
+    else:
+        depth = (pressed / parameters.stiffness) ** (1.0 / parameters.exponent)
+        if spring > 0.0:
+            force = _power(parameters.stiffness, parameters.exponent)
+            depth = scipy.optimize.brentq(
+                lambda p: force(p) + spring * p - pressed, 0.0, depth, xtol=1e-300, rtol=1e-15
+            )
+    return side * (gap + depth), side * (pressed - spring * depth), depth
+
+
+def _power(stiffness: float, exponent: float) -> Any:
+    return lambda depth: stiffness * depth**exponent
+
+
+def _is_static(pair: Any) -> bool:
+    """Whether a law has a force at rest that follows from its penetration alone."""
+    kind = pair.parameters.kind
+    return kind in (RIGID, KELVIN_VOIGT) or (kind == POWER and pair.parameters.damping == 0.0)
+
+
+def _require_static(pair: Any) -> None:
+    require(_is_static(pair), f"{pair.name}.contact", pair.law.name, "", LAWS)
+
+
+def _walls(j: int, pair: Any) -> list[_Wall]:
+    numbers = pair.parameters
+    return [
+        _Wall(j, side, numbers.kind, numbers.stiffness, numbers.exponent, gap)
+        for side, gap in zip((1.0, -1.0), pair.gaps, strict=True)
+        if math.isfinite(gap)
+    ]
+
+
+def _pushed(
+    system: Any, walls: list[_Wall], solve: Any, u: NDArray[Any], y: NDArray[Any], normal: NDArray[Any],
+    depth: NDArray[Any],
+) -> NDArray[Any]:  # fmt: skip
+    """Displacements with the forces of the stops' walls, which are written into `normal` and `depth`."""
+    pairs = system.contacts
+    directions = np.array([wall.side * pairs[wall.pair].direction for wall in walls])
+    shift = np.array([wall.side * y[wall.pair] - wall.gap for wall in walls])
+    answer = solve(directions.T)
+    compliance = directions @ answer
+    compliance = 0.5 * (compliance + compliance.T)
+    known = np.array([_is_static(pairs[wall.pair]) for wall in walls])
+    force = np.zeros(len(walls))
+    if np.any(known):
+        names = ", ".join(dict.fromkeys(pairs[wall.pair].name for wall in walls))
+        chosen = [wall for wall, fine in zip(walls, known, strict=True) if fine]
+        free = (shift - directions @ u)[known]
+        force[known] = _forces_of_laws(chosen, compliance[np.ix_(known, known)], free, names)
+    u = u + answer @ force
+    found = shift - directions @ u
+    rigid = (force > 0.0) & np.array([wall.kind == RIGID for wall in walls])
+    if np.any(rigid):
+        # once more for what rounding has left of the gaps
+        more = np.linalg.lstsq(compliance[np.ix_(rigid, rigid)], found[rigid])[0]
+        u = u + answer[:, rigid] @ more
+        found = shift - directions @ u
+    for i, wall in enumerate(walls):
+        if not known[i] and found[i] > 0.0:
+            _require_static(pairs[wall.pair])
+        if force[i] > 0.0:
+            normal[wall.pair] = wall.side * force[i]
+            depth[wall.pair] = 0.0 if wall.kind == RIGID else max(found[i], 0.0)
+    return u
+
+
+def _forces_of_laws(
+    walls: list[_Wall], compliance: NDArray[Any], free: NDArray[Any], names: str
+) -> NDArray[Any]:  # fmt: skip
+    """Forces (N) of the walls by their laws; `free` is the penetration (m) of each without any contact."""
+    stiffness = np.array([wall.stiffness for wall in walls])
+    exponent = np.array([wall.exponent for wall in walls])
+    curved = np.array([wall.kind == POWER and wall.exponent != 1.0 for wall in walls])
+    own = np.where(curved, 0.0, 1.0 / stiffness)
+    if not np.any(curved):
+        return _complementary(compliance, own, free, names)
+    k, n = stiffness[curved], exponent[curved]
+    force, before = np.zeros((2, free.size))
+    # from above: where the force bends upwards, Newton's steps do not leap
+    depth = np.full(k.size, np.max(np.abs(free)))
+    for _ in range(MOST_ROUNDS):
+        depth = np.maximum(depth, 1e-12 * (np.max(np.abs(free)) + 1e-300))
+        elastic, slope = k * depth**n, k * n * depth ** (n - 1.0)
+        own[curved] = 1.0 / slope
+        moved = free.copy()
+        moved[curved] -= depth - elastic / slope
+        before, force = force, _complementary(compliance, own, moved, names)
+        depth = (free - compliance @ force)[curved]
+        if np.max(np.abs(force - before)) <= 1e-14 * np.max(np.abs(force)):
+            return force
+    # an open wall may keep its bound on the depth from settling in the last digit
+    small = np.max(np.abs(force - before)) <= EXACT * np.max(np.abs(force))
+    require(bool(small), "initial", "static", "", f"is not found for the power laws of {names}")
+    return force
+
+
+def _complementary(compliance: NDArray[Any], own: NDArray[Any], free: NDArray[Any], names: str) -> NDArray[Any]:
+    """F >= 0 with (A + diag c) F >= q and equality where F > 0.
+
+    Raises
+    ------
+    InputError
+        If there is none: rigid walls that leave the structure no place.
+    """
+    whole = compliance + np.diag(own)
+    scale = np.sqrt(np.maximum(np.diag(whole), 0.0))
+    felt = scale > 0.0
+    size = np.max(np.abs(free))
+    # a wall where nothing yields has no force to be found: it must not be pressed
+    fine = bool(np.all(free[~felt] <= EXACT * size))
+    force = np.zeros(free.size)
+    if fine and np.any(free > 0.0):
+        part = whole[np.ix_(felt, felt)] / np.outer(scale[felt], scale[felt])
+        target = free[felt] / scale[felt]
+        solved, fine = _solved(part, target)
+        force[felt] = solved / scale[felt]
+    allowed = f"is not one: the rigid stops among {names} leave the structure no place"
+    require(fine, "initial", "static", "", allowed)
+    return force
+
+
+def _solved(part: NDArray[Any], target: NDArray[Any]) -> tuple[NDArray[Any], bool]:
+    """The problem with ones on its diagonal, and whether it has been solved.
+
+    F are the multipliers of the least |z| with H^T z >= q, where H^T H is the matrix: with x >= 0 of the least
+    |[H; q^T] x - [0; 1]|, F = x/(1 - q^T x), and there is none where 1 - q^T x = 0.
+    """
+    values, vectors = scipy.linalg.eigh(part)
+    factor = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    scaled = target / target.max()
+    ahead = np.append(np.zeros(target.size), 1.0)
+    guess = scipy.optimize.nnls(np.vstack([factor, scaled]), ahead, maxiter=100 * target.size)[0]
+    active = guess > 0.0
+    force = np.zeros(target.size)
+    if 1.0 - float(scaled @ guess) <= EXACT:
+        return force, False
+    for _ in range(10 * target.size + 10):
+        force = np.zeros(target.size)
+        if np.any(active):
+            force[active] = np.linalg.lstsq(part[np.ix_(active, active)], target[active])[0]
+        left = target - part @ force
+        pull, press = np.where(active, -force, 0.0), left
+        if pull.max() > EXACT * np.abs(force).max():
+            active[np.argmax(pull)] = False
+        elif press.max() > EXACT * np.abs(target).max():
+            worst = int(np.argmax(press))
+            if active[worst]:
+                return force, False
+            active[worst] = True
+        else:
+            return np.maximum(force, 0.0), True
+    return force, False
