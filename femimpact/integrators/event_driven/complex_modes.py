@@ -187,7 +187,8 @@ def _check_complete(modes: ComplexModes) -> None:
 def _components(damping: Real) -> tuple[NDArray[np.intp], list[NDArray[np.intp]]]:
     """Coordinates that move alone, and groups that damping couples; terms of the size of rounding couple nothing."""
     diagonal = np.diag(damping)
-    scale = np.sqrt(np.outer(diagonal, diagonal))
+    # a dashpot that a mode does not feel may leave rounding below zero
+    scale = np.sqrt(np.abs(np.outer(diagonal, diagonal)))
     off = np.abs(damping)
     coupled = (off > 1e-12 * (scale + 1e-300)) & (off > 1e-13 * float(diagonal.max(initial=0.0)))
     np.fill_diagonal(coupled, False)

@@ -71,7 +71,7 @@ def equations_of(system: System, drive: Drive) -> Equations:
     stop = np.array([pair.is_stop for pair in system.contacts], dtype=bool)
     # where a force drives, the base rests in space
     fixed = np.array([pair.fixed_to == "space" for pair in system.contacts], dtype=bool)
-    return Equations(M, C, K, load, given, force, -(fixed & stop) * drive.share, stop, n)
+    return Equations(M, C, K, load, given, force, np.where(fixed & stop, -drive.share, 0.0), stop, n)
 
 
 def wall_offsets(whole: Equations, active: NDArray[Any]) -> NDArray[Any]:

@@ -43,6 +43,9 @@ LEAST_ADVANCE = 1e-6
 LEAST_MOTION = 1e-30
 """Metres below which nothing moves."""
 
+SHORT = 1e3
+"""Least advances below which a time is short."""
+
 NEWTON_STEPS = 6
 
 
@@ -169,7 +172,8 @@ def _follow_peak(
         row[0], row[1] = max(row[0], value), min(row[1], value)
         if remaining <= 0.0:
             return
-        if safe < remaining and 0.25 * abs(rate) * safe < row[0] - row[1]:
+        # far below the extremes so far long times are safe, and curvature need not be asked for
+        if safe < remaining and (0.25 * abs(rate) * safe < row[0] - row[1] or safe < SHORT * least):
             derivatives(r, watch, flight, phase, search.size, search.power, search.found)
             safe = max(max(safe, least), _advance_to_crest(r, rate, remaining, watch, flight, crest, search, row))
         move(watch, flight, min(safe, remaining))

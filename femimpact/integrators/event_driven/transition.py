@@ -8,7 +8,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from femimpact.integrators.event_driven.ledger import Ledger
-from femimpact.integrators.event_driven.motion import Flight, Watch, derivatives, measure, unit_phase
+from femimpact.integrators.event_driven.motion import Flight, Watch, clear_time, derivatives, measure, unit_phase
 from femimpact.integrators.event_driven.search import REST, Search, look
 from femimpact.integrators.event_driven.states import (
     CONTACT,
@@ -301,12 +301,15 @@ def _capture(
 def _changes_contacts(watch: Watch, pairs: Pairs, case: Case, flight: Flight, search: Search) -> bool:
     """Whether an impulse elsewhere makes compliant contacts push that did not, or the other way round."""
     changed, phase = False, unit_phase(watch.omega, flight.clock)
+    measure(watch, flight, search.size, search.power[0])
     for j in range(case.state.size):
         state = case.state[j]
         if pairs.rigid[j] or state == FREE:
             continue
         # of this only the value is wanted
-        look(case.state.size + j, watch, flight, watch.size.size, phase, 1.0, search)
+        clear_time(
+            case.state.size + j, watch, flight, watch.size.size, search.size, search.power[0], phase, 1.0, search.found
+        )
         side = side_of(state)
         pushes = side * search.found[0] > 0.0
         if is_active(state) != pushes:
