@@ -8,11 +8,11 @@ import pytest
 
 import femimpact as fi
 from femimpact.integrators.driving import drive_of
-from femimpact.integrators.event_driven import new_search, space_of
-from femimpact.integrators.flight_space import flight_space
-from femimpact.integrators.kernels import search
+from femimpact.integrators.event_driven import search, states
+from femimpact.integrators.event_driven.block import new_block, run_block, working_space
+from femimpact.integrators.event_driven.equations import equations_of
+from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.integrators.kernels.compiling import entry
-from femimpact.integrators.kernels.crossing import Flight
 
 next_event = entry(search.next_event)
 
@@ -27,60 +27,77 @@ def beam_with_ball(modes):
     return fi.reduce(fi.assemble(structure, elements=20), modes=modes)
 
 
-def first_beyond(space, flight, horizon, points):
+def first_beyond(watch, flight, horizon, points):
     """First time at which a fine scan of the closed form finds the pair beyond a wall, else infinity."""
     t = np.linspace(0.0, horizon, points)
-    terms = space.watch.weight[0][:, None] * flight.entry[:, None] * np.exp(np.outer(space.watch.exponent, t))
-    wave = space.watch.sine[0] * np.exp(1j * (space.watch.omega * t + flight.clock[3]))
-    y = flight.particle[:, None] + np.outer(flight.particle_rate, t) + 0.5 * np.outer(space.watch.particle_given, t**2)
-    x = terms.real.sum(axis=0) + wave.real + space.watch.constant[0] + space.watch.particle_weight[0] @ y
-    out = np.flatnonzero((x > space.watch.upper[0]) | (x < space.watch.lower[0]))
+    terms = watch.weight[0][:, None] * flight.entry[:, None] * np.exp(np.outer(watch.exponent, t))
+    wave = watch.sine[0] * np.exp(1j * (watch.omega * t + flight.clock[1]))
+    y = flight.particle[:, None] + np.outer(flight.particle_rate, t) + 0.5 * np.outer(watch.particle_given, t**2)
+    x = terms.real.sum(axis=0) + wave.real + watch.constant[0] + watch.particle_weight[0] @ y
+    out = np.flatnonzero((x > watch.upper[0]) | (x < watch.lower[0]))
     return (t[out[0]] if out.size else math.inf), t[1]
 
 
-@pytest.mark.parametrize(("modes", "states"), [(1, 1000), (4, 1000), (8, 1000), (16, 300)])
-def test_no_crossing_is_missed_in_thousands_of_random_flights(modes, states):
+def free_motion(system, drive):
+    """Scalars of a system whose ball flies, and a motion of that size."""
+    whole, rigid = equations_of(system, drive), np.ones(1, dtype=bool)
+    store = FormStore(whole, rigid, outputs_of(system, system.point_row("tip"), (), whole.in_space), broken=False)
+    rest = np.zeros((1, system.dofs + 1))
+    window = np.array([[0.0, np.inf]])
+    block = new_block(system, store, [drive], [system.contacts], 1e-12, 64, window, rest, rest, None)
+    nothing = np.zeros(1, dtype=np.int64)
+    # to t = 0: the closed form is made, and its steady motion is known
+    run_block(block, nothing - 1, nothing, np.ones(1))
+    space = working_space(block, store.forms)
+    forms, bounds, (plus, minus) = store.forms, space.bounds, system.contacts[0].gaps
+    # nothing is in contact: no wall holds anything, and both are watched
+    bounds.constant[:], bounds.given[:] = forms.constant[0, :, 0], forms.particle_given[0, :, 0]
+    bounds.upper[:], bounds.lower[:] = np.inf, -np.inf
+    bounds.upper[0], bounds.lower[0] = plus, -minus
+    watch = states.watch_of.py_func(0, float(drive.omega), forms, block.cases.sine[0, 0], space.bounds)
+    return watch, space, float(forms.particle_shape[0, -1, 0])
+
+
+@pytest.mark.parametrize(("modes", "cases"), [(1, 1000), (4, 1000), (8, 1000), (16, 300)])
+def test_no_crossing_is_missed_in_thousands_of_random_motions(modes, cases):
     rng = np.random.default_rng(modes)
     horizon, points = 0.05, 40_001
     base = beam_with_ball(modes)
     met = 0
-    for _ in range(states):
+    for _ in range(cases):
         gap = 10.0 ** rng.uniform(-6, -2)
         pair = dataclasses.replace(base.contacts[0], gaps=(gap, gap * 10.0 ** rng.uniform(-1, 1)))
         system = dataclasses.replace(base, contacts=(pair,))
         drive = drive_of(system, fi.Sine(10.0 ** rng.uniform(-6, -3), rng.uniform(1, 300), rng.uniform(0, 6)))
-        closed = flight_space(system, drive)
-        space = space_of(system, drive, closed, 1e-3)
-        scale = gap * 10.0 ** rng.uniform(-3, 1)
-        entry = scale * (rng.normal(size=modes) + 1j * rng.normal(size=modes)) * 10.0 ** rng.uniform(-3, 0, modes)
-        ball = np.array([rng.uniform(-1, 1) * scale, 10.0 ** rng.uniform(-4, 0) * rng.choice([-1, 1])])
-        flight = Flight(
-            entry, ball[:1] / closed.particle_shape[-1, :1], ball[1:] / closed.particle_shape[-1, :1],
-            np.array([0.0, 0.0, 0.0, drive.phase]), np.zeros(modes, dtype=complex),
-        )  # fmt: skip
-        expected, step = first_beyond(space, flight, horizon, points)
+        watch, space, shape = free_motion(system, drive)
+        flight, scale = space.trial, gap * 10.0 ** rng.uniform(-3, 1)
+        flight.entry[:] = scale * (rng.normal(size=modes) + 1j * rng.normal(size=modes))
+        flight.entry[:] *= 10.0 ** rng.uniform(-3, 0, modes)
+        flight.particle[:] = rng.uniform(-1, 1) * scale / shape
+        flight.particle_rate[:] = 10.0 ** rng.uniform(-4, 0) * rng.choice([-1, 1]) / shape
+        flight.clock[:] = 0.0, drive.phase
+        expected, step = first_beyond(watch, flight, horizon, points)
         if expected == 0.0:
             continue
-        scratch = new_search(1, modes, 1)
-        status = next_event(space.watch, flight, horizon, scratch)
+        status = next_event(watch, flight, horizon, space.search)
         time = flight.clock[0] if status == search.HIT else math.inf
         met += status == search.HIT
         # the scan sees a crossing one point late at most; the event may be a graze between two points
         assert time <= expected
         if math.isfinite(expected) and time < expected - step:
-            again, _ = first_beyond(space, flight, 0.0, 2)
+            again, _ = first_beyond(watch, flight, 0.0, 2)
             # an earlier event is a real one: at its instant the pair is at its wall, to rounding
             assert again in (0.0, math.inf)
-            x = space.watch.upper[0] if scratch.at_wall[0] > 0 else space.watch.lower[0]
-            assert abs(value_now(space, flight) - x) < 1e-12 * (abs(x) + scale + 1)
-    assert met > states / 4
+            x = watch.upper[0] if space.search.at_wall[0] > 0 else watch.lower[0]
+            assert abs(value_now(watch, flight) - x) < 1e-12 * (abs(x) + scale + 1)
+    assert met > cases / 4
 
 
-def value_now(space, flight):
-    wave = space.watch.sine[0] * np.exp(1j * (space.watch.omega * flight.clock[0] + flight.clock[3]))
+def value_now(watch, flight):
+    wave = watch.sine[0] * np.exp(1j * (watch.omega * flight.clock[0] + flight.clock[1]))
     return float(
-        (space.watch.weight[0] @ flight.entry).real
+        (watch.weight[0] @ flight.entry).real
         + wave.real
-        + space.watch.constant[0]
-        + space.watch.particle_weight[0] @ flight.particle
+        + watch.constant[0]
+        + watch.particle_weight[0] @ flight.particle
     )

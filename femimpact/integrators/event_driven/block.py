@@ -25,7 +25,7 @@ from femimpact.integrators.event_driven.touching import Tables
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.system import ContactPair, System
 
-__all__ = ["Block", "new_block", "no_snapshots", "run_block"]
+__all__ = ["Block", "new_block", "no_cycles", "no_snapshots", "run_block", "working_space"]
 
 Array = NDArray[Any]
 
@@ -60,8 +60,9 @@ class Block:
 
 
 def new_block(
-    system: System, store: FormStore, drives: Sequence[Drive], contacts: Sequence[Sequence[ContactPair]], closure: float,
-    samples_per_cycle: int, window: Array, position: Array, velocity: Array, ledger: bool | None, most_rows: int = 0,
+    system: System, store: FormStore, drives: Sequence[Drive], contacts: Sequence[Sequence[ContactPair]],
+    closure: float, samples_per_cycle: int, window: Array, position: Array, velocity: Array,
+    ledger: bool | None, most_rows: int = 0,
 ) -> Block:  # fmt: skip
     """Cases at t = 0.
 
@@ -225,7 +226,7 @@ def run_block(block: Block, begin: Array, end: Array, most: Array, shots: Snapsh
     while members.size:
         forms = store.forms
         block.cases = _fitted(block.cases, forms)
-        scratch = _scratch(block, forms)
+        scratch = working_space(block, forms)
         loop.run_cases(
             members, begin, end, most, block.stopped, block.pairs, block.cases, forms, scratch, block.grid, shots,
             block.contacts, block.tables, block.ledger,
@@ -258,7 +259,7 @@ def _fitted(cases: Cases, forms: Forms) -> Cases:
     return cases._replace(**larger) if larger else cases
 
 
-def _scratch(block: Block, forms: Forms) -> Scratch:
+def working_space(block: Block, forms: Forms) -> Scratch:
     """Working space that belongs to one call alone."""
     entries, particles = forms.exponent.shape[1], forms.particle_drive.shape[1]
     pairs, rows, d = block.pairs.rigid.size, forms.constant.shape[1], block.cases.coordinates.shape[2]

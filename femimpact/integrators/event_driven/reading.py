@@ -165,9 +165,8 @@ def _follow_peak(
             row[0] = row[1] = search.found[0]
         slack = PEAK_TOLERANCE * max(abs(row[0]), abs(row[1])) + LEAST_MOTION
         watch.upper[r], watch.lower[r] = row[0] + slack, row[1] - slack
-        safe = clear_time(
-            r, watch, flight, watch.size.size, search.size, search.power[0], phase, remaining, search.found
-        )
+        active = _leave_out_ripples(0.25 * slack, watch.size.size, watch.weight_size[r], search)
+        safe = clear_time(r, watch, flight, active, search.size, search.power[0], phase, remaining, search.found)
         value, rate = search.found[0], search.found[1]
         row[0], row[1] = max(row[0], value), min(row[1], value)
         if remaining <= 0.0:
@@ -179,6 +178,19 @@ def _follow_peak(
         move(watch, flight, min(safe, remaining))
         if safe >= remaining:
             flight.clock[0] = until
+
+
+@inlined
+def _leave_out_ripples(least: float, active: int, weight_size: NDArray[Any], search: Search) -> int:
+    """Number of the entries that matter: the fastest are left out that together move w by no more than `least`."""
+    left = 0.0
+    while active > 0:
+        left += weight_size[active - 1] * search.size[active - 1]
+        if left > least:
+            break
+        active -= 1
+        search.size[active], search.power[0, active] = 0.0, 0.0
+    return active
 
 
 @inlined
