@@ -89,7 +89,7 @@ MUTATIONS = (
         "scale * np.cos(self.omega * _times(time)",
         "-scale * np.cos(self.omega * _times(time)",
     ),
-    Mutation("recorded_base", "omega, 0.0, excitation.samples,", "omega, 0.0, 1.1 * excitation.samples,"),
+    Mutation("recorded_base", "        excitation.samples,\n", "        1.1 * excitation.samples,\n"),
     Mutation("recorded_displacement", "h * h * (2.0 * a[:-1] + a[1:]) / 6.0", "h * h * (a[:-1] + 2.0 * a[1:]) / 6.0"),
     Mutation("force_phase", "history.amplitude, omega, history.phase)", "history.amplitude, omega, 0.0)"),
     Mutation("rest_in_space", "y, y_rate = y - offset, y_rate - speed", "y, y_rate = y - offset, y_rate + speed"),
@@ -121,13 +121,13 @@ MUTATIONS = (
     # stepped
     Mutation(
         "drive_one_step_late",
-        "rows = np.zeros((10, len(drives)))",
-        "phase = phase - omega * dt\n    rows = np.zeros((10, len(drives)))",
+        "rows = np.zeros((14, len(drives)))",
+        "phase = phase - omega * dt\n    rows = np.zeros((14, len(drives)))",
     ),
     Mutation(
         "samples_one_step_late",
-        "time = np.arange(steps * method.refine + 1) * (",
-        "time = np.arange(-1, steps * method.refine) * (",
+        "+ 1) * (method.dt / method.refine)\n    return np.ascontiguousarray(np.array([drive",
+        "+ 1) * (method.dt / method.refine) - method.dt\n    return np.ascontiguousarray(np.array([drive",
     ),
     Mutation(
         "alpha_coefficient", "(2.0 * r - 1.0) / (r + 1.0), r / (r + 1.0)", "(2.0 * r - 1.0) / (r + 1.0), r / (r + 1.1)"
@@ -152,21 +152,21 @@ MUTATIONS = (
     Mutation(
         "flying_ball_without_base", "        load[n + j] = -pair.mass * drive.share\n", "        load[n + j] = 0.0\n"
     ),
-    Mutation("impulse_mobility", "fastest / -space.mobility[hit, hit]", "fastest / -(1.02 * space.mobility[hit, hit])"),
+    Mutation("impulse_mobility", "fastest / -pairs.mobility[hit, hit]", "fastest / -(1.02 * pairs.mobility[hit, hit])"),
     Mutation(
-        "flown_stiffness",
-        "kv = np.array([(pair.parameters.stiffness,",
-        "kv = np.array([(1.05 * pair.parameters.stiffness,",
+        "contact_stiffness",
+        'np.where(compliant, of_pairs("stiffness"), 0.0)',
+        'np.where(compliant, 1.05 * of_pairs("stiffness"), 0.0)',
     ),
     Mutation(
         "sticking_impulse",
-        "run.open_rides[j] = (side, began, impulse + total)",
-        "run.open_rides[j] = (side, began, impulse)",
+        "    contact[PUSHED, j] += impulse\n",
+        "    contact[PUSHED, j] += 0.0 * impulse\n",
     ),
-    Mutation("impact_loss", "loss = 0.5 * impulse * (approach - rebound)", "loss = 0.5 * impulse * approach"),
-    Mutation("flown_contact_loss", "loss = b.pair[1, j] * _product(rate", "loss = 0.0 * _product(rate"),
-    Mutation("flown_ball_work", "work += 0.5 * b.numbers[MASS, i]", "work += 0.0 * b.numbers[MASS, i]"),
-    Mutation("energy_to_modes", "push * (b.velocity[i] + 0.5 * push / b.mass[i])", "push * b.velocity[i]"),
+    Mutation("impact_loss", "0.5 * push * (1.0 - e) * fastest", "0.5 * push * fastest"),
+    Mutation("contact_loss", "loss: float = damping * _product(rate", "loss: float = 0.0 * _product(rate"),
+    Mutation("ball_work", "0.5 * (after * after - before * before)", "0.4 * (after * after - before * before)"),
+    Mutation("energy_to_modes", "own * (state[1, i] + 0.5 * own / b.mass[i])", "own * state[1, i]"),
     Mutation("centring_spring", "K += pair.free_stiffness * np.outer(", "K += 0.9 * pair.free_stiffness * np.outer("),
     # what is read
     Mutation("ledger_dissipation", "+ (dissipated - dissipated[0])", "+ 0.0 * (dissipated - dissipated[0])"),

@@ -35,8 +35,8 @@ COPIES = 2.3
 CYCLE = {"stepped": 170.0, "event-driven": 150.0}
 """Bytes of a base cycle of a case of a sweep."""
 
-AT_ONCE = {"stepped": 64, "event-driven": 1024}
-"""Cases of a sweep that are in memory together; stepped: on each thread."""
+AT_ONCE = {"stepped": 64, "event-driven": 64}
+"""Cases of a sweep that are in memory together on each thread."""
 
 POINT = 1200.0
 """Bytes of a frequency of a sweep in its tables."""
@@ -48,7 +48,7 @@ NANOSECONDS = {"modal alone": 9.0, "modal beside others": 2.5, "physical": 20.0}
 """Rough cost of one dof and step on one core of a 2024 server."""
 
 EVENT_DRIVEN_CYCLE = 5e-5
-"""Rough cost of one base cycle flown event-driven with a few modes, s."""
+"""Rough cost of one base cycle event-driven with a few modes, s."""
 
 START = 1.5
 """What a command takes besides, s: starting, systems, summary, reading back."""
@@ -146,12 +146,12 @@ def sweep_cost(study: Study, small: System, method: Method) -> Cost:
         return Cost(0.0, 0.0)
     cases = plan.points + 2 * plan.refine
     if isinstance(method, EventDriven):
-        kind, together = "event-driven", AT_ONCE["event-driven"]
+        kind = "event-driven"
         seconds = EVENT_DRIVEN_CYCLE * cases * plan.cycles
     else:
-        kind, together = "stepped", AT_ONCE["stepped"] * workers_of(None)
+        kind = "stepped"
         steps = cases * plan.cycles / (0.5 * (plan.start + plan.stop)) / method.dt
         each = NANOSECONDS["modal beside others" if small.is_diagonal else "physical"]
         seconds = 1.5e-9 * each * steps * max(small.dofs, 4)
-    memory = CYCLE[kind] * min(cases, together) * plan.cycles + POINT * cases
+    memory = CYCLE[kind] * min(cases, AT_ONCE[kind] * workers_of(None)) * plan.cycles + POINT * cases
     return Cost(LEAST + memory, START + seconds)

@@ -250,7 +250,7 @@ def _fitted(cases: Cases, forms: Forms) -> Cases:
         "entry": (entries,), "particle": (2, particles), "known": (count,), "sine": (count, cases.sine.shape[2]),
         "harmonic": (count, cases.harmonic.shape[2]), "particle_sine": (count, particles),
     }  # fmt: skip
-    larger = {}
+    larger: dict[str, Any] = {}
     for name, shape in sizes.items():
         old = getattr(cases, name)
         if old.shape[1:] != shape:
@@ -301,10 +301,9 @@ def working_space(block: Block, forms: Forms) -> Scratch:
         minus=square,
     )
     rest: list[Array] = [np.zeros((2, entries + 1), dtype=complex), np.zeros(pairs)]
-    *flights, own_search, own_bounds, own_products, (turn, impulse) = _together(
-        *(flight() for _ in range(5)), search, bounds, products, rest
-    )
-    return Scratch(*flights, own_search, own_bounds, own_products, turn, impulse)
+    flights = [flight() for _ in range(5)]
+    *whole, (turn, impulse) = _together(*flights, search, bounds, products, rest)
+    return Scratch._make((*whole, turn, impulse))
 
 
 def _together(*groups: Any) -> list[Any]:

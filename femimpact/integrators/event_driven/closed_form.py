@@ -240,7 +240,7 @@ def _rate(rows: Rows, modes: ComplexModes) -> Rows:
 
 
 def _scaled(rows: Rows, factor: Array, also: Rows, by: Array) -> Rows:
-    """Factor * rows + by * also, row by row."""
+    """Sum of two sets of rows, each row with a factor of its own."""
     first, second = factor[:, None], by[:, None]
     return Rows(
         weight=first * rows.weight + second * also.weight,
@@ -273,7 +273,7 @@ def gap_rows(whole: Equations, rows: Rows, base: tuple[int, int]) -> Rows:
 def _compliant_forces(
     whole: Equations, form: ClosedForm, loads: _Loads, settled: Array, active: Array, stiffness: Array, damping: Array
 ) -> Rows:  # fmt: skip
-    """K (x - w) + c x' of every compliant pair; of those in contact without a difference of near numbers."""
+    """Forces k (x - w) + c x' of every compliant pair; of those in contact without a difference of near numbers."""
     P = -whole.force.T
     x, rate = gap_rows(whole, form.position, OF_DISPLACEMENT), gap_rows(whole, form.velocity, OF_VELOCITY)
     depth = P @ settled

@@ -317,7 +317,7 @@ def _force_now(r: int, watch: Watch, flight: Flight, phase: complex) -> float:
             value += watch.follow[m, r] * flight.drive[m]
     for k in range(watch.exponent.size):
         value += (watch.weight[r, k] * flight.entry[k]).real
-    return value
+    return float(value)
 
 
 @inlined

@@ -343,15 +343,15 @@ def _sticking(run: _Run) -> Riding:
     for j in np.flatnonzero(block.pairs.rigid & (np.abs(block.cases.state[0]) == CONTACT)):
         began, impulse = float(block.contacts.touch[0, BEGUN, j]), float(block.contacts.touch[0, PUSHED, j])
         rows.append((j, float(np.sign(block.cases.state[0, j])), began, math.nan, impulse))
-    pair, side, start, end, impulse = np.array(rows).reshape(-1, 5).T
+    pair, side, start, end, pushed = np.array(rows).reshape(-1, 5).T
     lasting = np.where(np.isfinite(end), end, float(block.cases.clock[0, 0])) - start
     return Riding(
         impactor=np.array([run.system.contacts[int(j)].name for j in pair], dtype=str),
         side=side,
         start=start,
         end=end,
-        impulse=impulse,
-        mean_force=np.divide(impulse, lasting, out=np.zeros_like(impulse), where=lasting > 0),
+        impulse=pushed,
+        mean_force=np.divide(pushed, lasting, out=np.zeros_like(pushed), where=lasting > 0),
     )
 
 

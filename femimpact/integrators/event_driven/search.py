@@ -86,12 +86,16 @@ def look(r: int, watch: Watch, flight: Flight, active: int, phase: complex, rema
     if c.at_wall[r] != 0.0 and toward >= -rate_rounding:
         toward = 0.0
         # a pair that was let go has no acceleration left but rounding
-        noise = (1e-9 if c.leaving[r] == side else 1e-12) * c.found[2]
-        if bend > noise or (bend >= -noise and (twist > 0.0 or (twist == 0.0 and c.found[3] > 0.0))):
+        share = 1e-9 if c.leaving[r] == side else 1e-12
+        noise, noise_of_twist = share * c.found[2], share * c.found[3]
+        if bend > noise or (bend >= -noise and (twist > noise_of_twist or (twist == 0.0 and c.found[3] > 0.0))):
             return -1.0
         if c.found[3] == 0.0 and bend >= -noise:
             # touching without a push, and nothing that could begin one
             return math.inf
+        if bend >= -noise and abs(twist) <= noise_of_twist and c.found[4] > 0.0:
+            # neither a push nor a pull beyond rounding: on as far as the pair stays at its wall to rounding
+            return (24.0 * rounding / c.found[4]) ** 0.25
         bend = min(bend, 0.0)
     creep = min(_creep_time(clearance, toward, bend, twist, c.found[4]), farther)
     return creep if creep > safe else safe

@@ -352,11 +352,11 @@ def enter_form(
 
 @inlined
 def gap_of(j: int, direction: NDArray[Any], in_space: NDArray[Any], values: NDArray[Any], base: float) -> float:
-    """X of a pair, or x', from the coordinates, or their rates, and the base's."""
+    """The x of a pair, or its rate, from the coordinates, or their rates, and the base's."""
     x = -in_space[j] * base
     for i in range(values.size):
         x -= direction[j, i] * values[i]
-    return x
+    return float(x)
 
 
 @apart
