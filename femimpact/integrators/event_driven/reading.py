@@ -40,7 +40,10 @@ PEAK_TOLERANCE = 1e-10
 LEAST_ADVANCE = 1e-6
 """Of the time between two samples: what the search for a peak advances at least."""
 
-LEAST_MOTION = 1e-30
+CANCELLED = 1e-11
+"""Share of the terms that make w below which no peak is looked for, where these cancel."""
+
+LEAST_MOTION = 1e-20
 """Metres below which nothing moves."""
 
 SHORT = 1e3
@@ -163,7 +166,7 @@ def _follow_peak(
             watch.upper[r], watch.lower[r] = math.inf, -math.inf
             clear_time(r, watch, flight, watch.size.size, search.size, search.power[0], phase, remaining, search.found)
             row[0] = row[1] = search.found[0]
-        slack = PEAK_TOLERANCE * max(abs(row[0]), abs(row[1])) + LEAST_MOTION
+        slack = PEAK_TOLERANCE * max(abs(row[0]), abs(row[1])) + _negligible(r, watch, flight, search)
         watch.upper[r], watch.lower[r] = row[0] + slack, row[1] - slack
         active = _leave_out_ripples(0.25 * slack, watch.size.size, watch.weight_size[r], search)
         safe = clear_time(r, watch, flight, active, search.size, search.power[0], phase, remaining, search.found)
@@ -178,6 +181,18 @@ def _follow_peak(
         move(watch, flight, min(safe, remaining))
         if safe >= remaining:
             flight.clock[0] = until
+
+
+@inlined
+def _negligible(r: int, watch: Watch, flight: Flight, search: Search) -> float:
+    """What is too little to be looked for in w where large terms cancel."""
+    wave = watch.sine[r]
+    scale = abs(watch.constant[r]) + abs(wave.real) + abs(wave.imag)
+    for k in range(watch.size.size):
+        scale += watch.weight_size[r, k] * search.size[k]
+    for p in range(watch.particle_given.size):
+        scale += abs(watch.particle_weight[r, p] * flight.particle[p])
+    return CANCELLED * scale + LEAST_MOTION
 
 
 @inlined

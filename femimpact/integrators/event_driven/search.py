@@ -88,7 +88,8 @@ def look(r: int, watch: Watch, flight: Flight, active: int, phase: complex, rema
         # a pair that was let go has no acceleration left but rounding
         share = 1e-9 if c.leaving[r] == side else 1e-12
         noise, noise_of_twist = share * c.found[2], share * c.found[3]
-        if bend > noise or (bend >= -noise and (twist > noise_of_twist or (twist == 0.0 and c.found[3] > 0.0))):
+        unknown = twist == 0.0 and c.found[3] > 0.0 and c.leaving[r] != side
+        if bend > noise or (bend >= -noise and (twist > noise_of_twist or unknown)):
             return -1.0
         if c.found[3] == 0.0 and bend >= -noise:
             # touching without a push, and nothing that could begin one
