@@ -10,12 +10,6 @@ import scipy.linalg
 
 import femimpact as fi
 
-ONE_ENGINE = True
-"""Whether `EventDriven` mixes rigid and Kelvin-Voigt pairs, takes any number of them, and a recorded base with both.
-
-Until it does, even seeds are all rigid and odd seeds all Kelvin-Voigt, with four pairs at most and no recorded base.
-"""
-
 GRAVITY = 9.81
 """m/s^2."""
 
@@ -46,7 +40,7 @@ class Scale:
     amplitude: float
 
 
-def random_case(seed: int, one_engine: bool = ONE_ENGINE) -> RandomCase:
+def random_case(seed: int) -> RandomCase:
     """A random structure with balls and stops, its excitation, duration and start.
 
     Structures: half are cantilevers (0.1 to 0.4 m, aluminium or steel, some with a tip mass) on 1 to 6 normal
@@ -74,8 +68,6 @@ def random_case(seed: int, one_engine: bool = ONE_ENGINE) -> RandomCase:
     Parameters
     ----------
     seed : int
-    one_engine : bool
-        See `ONE_ENGINE`.
 
     Returns
     -------
@@ -83,11 +75,11 @@ def random_case(seed: int, one_engine: bool = ONE_ENGINE) -> RandomCase:
     """
     rng = np.random.default_rng([seed, 20260])
     amplitude = _log_uniform(rng, 1e-4, 3e-3)
-    kinds = ("rigid", "kelvin-voigt") if one_engine else (("rigid", "kelvin-voigt")[seed % 2],)
-    most_pairs = 5 if one_engine or kinds == ("rigid",) else 4
+    kinds = ("rigid", "kelvin-voigt")
+    most_pairs = 5
     whole, words = (_cantilever if rng.random() < 0.5 else _chain)(rng, amplitude, kinds, most_pairs)
     compliant = any(isinstance(pair.law, fi.KelvinVoigt) for pair in whole.contacts)
-    recorded = rng.random() < 0.25 and (one_engine or not compliant)
+    recorded = rng.random() < 0.25
     excitation = (_recorded if recorded else _sine)(rng, whole, amplitude)
     # the cycle of a broken line is that of its largest line, which may be slow: periods of the structure then
     period = 1.0 / (whole.first_frequency if recorded else excitation.frequency)

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from random_structures import ONE_ENGINE, random_case
+from random_structures import random_case
 
 import femimpact as fi
 
@@ -18,19 +18,6 @@ PHYSICAL = {
     "must not be a natural frequency of an undamped mode": "without damping a resonance grows without bound",
 }
 """Refusals with a reason in the physics: their text, and the reason."""
-
-REFUSED_TODAY = {} if ONE_ENGINE else {
-    8: "collisions of three equal balls and a stop at one instant do not come to an end",
-    47: "a damping that rounds to below zero on equal undamped oscillators: RuntimeWarning in complex_modes",
-}  # fmt: skip
-"""Seeds that the engine before this one does not take: to be emptied by the one that does."""
-
-
-def marked(seed):
-    reason = REFUSED_TODAY.get(seed)
-    # the last bits of the modes decide, which differ between processors
-    return pytest.param(seed, marks=pytest.mark.xfail(reason=reason, strict=False)) if reason else seed
-
 
 @cache
 def case_of(seed):
@@ -53,7 +40,7 @@ def run_of(seed):
         raise
 
 
-every_seed = pytest.mark.parametrize("seed", [marked(seed) for seed in SEEDS])
+every_seed = pytest.mark.parametrize("seed", SEEDS)
 
 
 @every_seed
@@ -155,7 +142,7 @@ def check_rigid(run, pair, own):
 
 def test_the_seeds_are_as_busy_and_as_mixed_as_they_are_said_to_be():
     cases = [case_of(seed) for seed in SEEDS]
-    counts = np.array([len(run_of(seed).impacts) for seed in SEEDS if seed not in REFUSED_TODAY and run_of(seed)])
+    counts = np.array([len(run_of(seed).impacts) for seed in SEEDS if run_of(seed)])
     assert np.count_nonzero((counts >= 50) & (counts <= 3000)) >= 0.6 * counts.size
     assert np.median(counts) > 100
     pairs = [pair for case in cases for pair in case.system.contacts]

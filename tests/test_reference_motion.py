@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from random_structures import ONE_ENGINE, random_case
+from random_structures import random_case
 from reference_comparison import Comparison, compare
 from reference_motion import reference_motion
 
@@ -85,7 +85,6 @@ def test_simultaneous_impacts_of_the_reference_hand_speeds_on():
     np.testing.assert_allclose(found.position[-1], [0.0, 0.8, -1.8], atol=1e-11)
 
 
-@pytest.mark.skipif(not ONE_ENGINE, reason="the engine before the one that mixes laws refuses this by name")
 def test_mixed_pairs_of_one_mass_move_as_the_reference_says():
     system = oscillator(fi.Rigid(0.6), fi.KelvinVoigt(restitution=0.5, contact_time=0.05))
     found = compare(system, PUSH, 1.0, fi.State([0.0], [0.02], [0.0, 0.0], [-0.05, 0.06]))
