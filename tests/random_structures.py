@@ -78,7 +78,6 @@ def random_case(seed: int) -> RandomCase:
     kinds = ("rigid", "kelvin-voigt")
     most_pairs = 5
     whole, words = (_cantilever if rng.random() < 0.5 else _chain)(rng, amplitude, kinds, most_pairs)
-    compliant = any(isinstance(pair.law, fi.KelvinVoigt) for pair in whole.contacts)
     recorded = rng.random() < 0.25
     excitation = (_recorded if recorded else _sine)(rng, whole, amplitude)
     # the cycle of a broken line is that of its largest line, which may be slow: periods of the structure then

@@ -1,11 +1,14 @@
 """Stops in space, preloads, gravity and mixed laws, event-driven: against small steps, closed forms and the ledger."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
 import femimpact as fi
+from femimpact.integrators.driving import drive_of
+from femimpact.integrators.event_driven.dwells import run_dwells
 
 pytestmark = pytest.mark.impacts
 
@@ -153,3 +156,42 @@ def test_the_peak_of_a_beam_that_hits_a_rigid_stop_is_the_gap():
     curve = fi.frequency_sweep(system, 1e-3, [16.0, 18.0], EXACT, cycles=30)
     # the beam sways farther to its free side; the cycles' maxima are the gap, touched between two samples
     assert np.all(curve.peak >= 1e-3 * (1.0 - 1e-9))
+
+
+def test_each_case_of_a_call_has_its_own_contacts_and_the_bits_it_has_alone():
+    """Frequency, amplitude, phase, gaps, restitution, stiffness and damping differ; closed forms are shared."""
+    rng, count = np.random.default_rng(7), 24
+    balls = [
+        fi.Impactor("hard", at="tip", mass=2e-3, gap=5e-4, contact=fi.Rigid(0.6)),
+        fi.Impactor("soft", at=0.2, mass=1e-3, gap=3e-4, contact=SOFT),
+    ]
+    system = beam(balls=balls)
+    drives, contacts = [], []
+    for _ in range(count):
+        base = fi.Sine(rng.uniform(2e-4, 4e-4), rng.uniform(14.0, 20.0), rng.uniform(0.0, 6.0))
+        drives.append(drive_of(system, base))
+        hard, soft = system.contacts
+        law = fi.KelvinVoigt(stiffness=rng.choice([1e4, 3e4]), restitution=rng.choice([0.4, 0.8]))
+        contacts.append((
+            dataclasses.replace(hard, gaps=tuple(rng.uniform(2e-4, 6e-4, 2)), law=fi.Rigid(rng.uniform(0.2, 0.9))),
+            dataclasses.replace(soft, gaps=tuple(rng.uniform(2e-4, 6e-4, 2)), law=law),
+        ))  # fmt: skip
+    rest, row = np.zeros((count, system.dofs + 2)), system.point_row("tip")
+
+    def run(own, threads):
+        cycles = np.full(len(own), 24)
+        return run_dwells(
+            system, [drives[i] for i in own], [contacts[i] for i in own], EXACT, cycles, cycles // 3, rest[own],
+            rest[own], row, True, threads, None,
+        )  # fmt: skip
+
+    together, spread = run(list(range(count)), 1), run(list(range(count)), 2)
+    assert np.all(together.residual < 1e-9)
+    assert np.all(together.totals[0].sum(axis=0) > 0)
+    for name in ("residual", "totals"):
+        np.testing.assert_array_equal(getattr(together, name), getattr(spread, name))
+    np.testing.assert_array_equal(together.cycles.maximum, spread.cycles.maximum)
+    for i in (0, 11, 23):
+        alone = run([i], 1)
+        np.testing.assert_array_equal(alone.totals[:, :, 0], together.totals[:, :, i])
+        np.testing.assert_array_equal(alone.cycles.maximum[:, 0], together.cycles.maximum[:, i])

@@ -19,6 +19,7 @@ PHYSICAL = {
 }
 """Refusals with a reason in the physics: their text, and the reason."""
 
+
 @cache
 def case_of(seed):
     return random_case(seed)
