@@ -192,7 +192,7 @@ def _negligible(r: int, watch: Watch, flight: Flight, search: Search) -> float:
         scale += watch.weight_size[r, k] * search.size[k]
     for p in range(watch.particle_given.size):
         scale += abs(watch.particle_weight[r, p] * flight.particle[p])
-    return CANCELLED * scale + LEAST_MOTION
+    return float(CANCELLED * scale + LEAST_MOTION)
 
 
 @inlined

@@ -96,7 +96,7 @@ def look(r: int, watch: Watch, flight: Flight, active: int, phase: complex, rema
             return math.inf
         if bend >= -noise and abs(twist) <= noise_of_twist and c.found[4] > 0.0:
             # neither a push nor a pull beyond rounding: on as far as the pair stays at its wall to rounding
-            return (24.0 * rounding / c.found[4]) ** 0.25
+            return float((24.0 * rounding / c.found[4]) ** 0.25)
         bend = min(bend, 0.0)
     creep = min(_creep_time(clearance, toward, bend, twist, c.found[4]), farther)
     return creep if creep > safe else safe
