@@ -21,6 +21,10 @@ DECAYED = 1e-24
 """Share of the largest entry below which one has died out, and is left out from then on."""
 
 
+GONE = 1e-60
+"""Size of an entry that has died out, whatever the others: a motion that nothing drives is at rest in the end."""
+
+
 SETTLED = 1e5
 """Times its rounding that a rate must have, to end what began at rest at this instant: its own start had none."""
 
@@ -113,7 +117,7 @@ def next_event(watch: Watch, flight: Flight, until: float, c: Search) -> int:
             largest = max(largest, c.size[k])
         active = ZERO
         for k in range(watch.size.size):
-            if c.size[k] < DECAYED * largest:
+            if c.size[k] < DECAYED * largest or c.size[k] < GONE:
                 c.size[k], flight.entry[k], c.power[0, k] = 0.0, 0.0, 0.0
             elif c.size[k] > 0.0:
                 active = k + 1
