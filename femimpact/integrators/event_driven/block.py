@@ -224,7 +224,7 @@ def run_block(block: Block, begin: Array, end: Array, most: Array, shots: Snapsh
     members = np.arange(block.stopped.size)
     block.cases.events[:, 0] = 0
     while members.size:
-        forms = store.forms
+        forms = store.snapshot()
         block.cases = _fitted(block.cases, forms)
         scratch = working_space(block, forms)
         loop.run_cases(
@@ -245,7 +245,7 @@ def run_block(block: Block, begin: Array, end: Array, most: Array, shots: Snapsh
 def _fitted(cases: Cases, forms: Forms) -> Cases:
     """Arrays of the cases, as large as the closed forms now want them."""
     entries, particles = forms.exponent.shape[1], forms.particle_drive.shape[1]
-    count = 1 + int(forms.number.max(initial=0))
+    count = 1 + int(forms.number[: forms.count].max(initial=0))
     sizes = {
         "entry": (entries,), "particle": (2, particles), "known": (count,), "sine": (count, cases.sine.shape[2]),
         "harmonic": (count, cases.harmonic.shape[2]), "particle_sine": (count, particles),

@@ -35,6 +35,7 @@ RESONANCE = 1e-9
 class Forms(NamedTuple):
     """Closed forms, one for each set of pairs in contact; on which side they are enters by the walls."""
 
+    count: int  # of forms; another thread may be adding more, which this call must not see
     key: NDArray[Any]  # (F,) bit j is set where pair j is in contact
     following: NDArray[Any]  # (F,) the next form for the same contact parameters, -1 for none
     number: NDArray[Any]  # (F,) among those of the same contact parameters
@@ -164,16 +165,16 @@ def is_active(state: float) -> bool:
 
 
 @inlined
-def find_form(state: NDArray[Any], first: int, keys: NDArray[Any], following: NDArray[Any]) -> int:
+def find_form(state: NDArray[Any], first: int, count: int, keys: NDArray[Any], following: NDArray[Any]) -> int:
     """Number of the closed form for these contact states, or -1 if it was not met before."""
     key = 0
     for j in range(state.size):
         if is_active(state[j]):
             key |= 1 << j
     f = first
-    while f >= 0 and keys[f] != key:
+    while 0 <= f < count and keys[f] != key:
         f = following[f]
-    return f
+    return f if f < count else -1
 
 
 @inlined

@@ -108,6 +108,11 @@ class FormStore:
                 self._add(made, active, key, parameters)
             return self.first[parameters]
 
+    def snapshot(self) -> Forms:
+        """All forms known now."""
+        with self.lock:
+            return self.forms._replace(count=self.count)
+
     def _empty(self, capacity: int) -> Forms:
         (d, pairs), (entries, particles, blocks) = self.whole.force.shape, self.most
         rows, f = 2 * pairs + len(self.outputs.force), capacity
@@ -146,7 +151,7 @@ class FormStore:
         arrays: dict[str, Array] = {name: np.zeros(shape) for name, shape in real.items()}
         arrays |= {name: np.zeros(shape, dtype=np.int64) for name, shape in whole.items()}
         arrays |= {name: np.zeros(shape, dtype=complex) for name, shape in complexes.items()}
-        return Forms(**arrays, together=np.zeros((f, entries, entries), dtype=bool))
+        return Forms(count=0, **arrays, together=np.zeros((f, entries, entries), dtype=bool))
 
     def _make_room(self, needed: tuple[int, int, int]) -> None:
         """Larger arrays where a form more would not fit; those in use elsewhere stay as they are."""
@@ -155,7 +160,7 @@ class FormStore:
             return
         self.most = tuple(max(pair) for pair in zip(needed, self.most, strict=True))  # type: ignore[assignment]
         larger = self._empty(2 * capacity if self.count == capacity else capacity)
-        for old, new in zip(self.forms, larger, strict=True):
+        for old, new in zip(self.forms[1:], larger[1:], strict=True):
             new[tuple(slice(0, length) for length in old.shape)] = old
         self.forms = larger
 
