@@ -245,7 +245,7 @@ def run_block(block: Block, begin: Array, end: Array, most: Array, shots: Snapsh
 def _fitted(cases: Cases, forms: Forms) -> Cases:
     """Arrays of the cases, as large as the closed forms now want them."""
     entries, particles = forms.exponent.shape[1], forms.particle_drive.shape[1]
-    count = 1 + int(forms.number[: forms.count].max(initial=0))
+    count = 1 + int(forms.number[: forms.made].max(initial=0))
     sizes = {
         "entry": (entries,), "particle": (2, particles), "known": (count,), "sine": (count, cases.sine.shape[2]),
         "harmonic": (count, cases.harmonic.shape[2]), "particle_sine": (count, particles),

@@ -99,7 +99,7 @@ def _enter(
     if cases.entering[c] == STARTING:
         set_start_states(pairs, case, cases.coordinates[c], s.flight, contacts.touch[c], contacts.to_modes[c])
         cases.entering[c] = STARTED
-    f = find_form(case.state, cases.form[c, 0], forms.count, forms.key, forms.following)
+    f = find_form(case.state, cases.form[c, 0], forms.made, forms.key, forms.following)
     if f < 0:
         return FORM_WANTED
     n = forms.number[f]

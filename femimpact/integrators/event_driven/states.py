@@ -35,7 +35,7 @@ RESONANCE = 1e-9
 class Forms(NamedTuple):
     """Closed forms, one for each set of pairs in contact; on which side they are enters by the walls."""
 
-    count: int  # of forms; another thread may be adding more, which this call must not see
+    made: int  # number of forms; another thread may be adding more, which this call must not see
     key: NDArray[Any]  # (F,) bit j is set where pair j is in contact
     following: NDArray[Any]  # (F,) the next form for the same contact parameters, -1 for none
     number: NDArray[Any]  # (F,) among those of the same contact parameters

@@ -111,7 +111,7 @@ class FormStore:
     def snapshot(self) -> Forms:
         """All forms known now."""
         with self.lock:
-            return self.forms._replace(count=self.count)
+            return self.forms._replace(made=self.count)
 
     def _empty(self, capacity: int) -> Forms:
         (d, pairs), (entries, particles, blocks) = self.whole.force.shape, self.most
@@ -151,7 +151,7 @@ class FormStore:
         arrays: dict[str, Array] = {name: np.zeros(shape) for name, shape in real.items()}
         arrays |= {name: np.zeros(shape, dtype=np.int64) for name, shape in whole.items()}
         arrays |= {name: np.zeros(shape, dtype=complex) for name, shape in complexes.items()}
-        return Forms(count=0, **arrays, together=np.zeros((f, entries, entries), dtype=bool))
+        return Forms(made=0, **arrays, together=np.zeros((f, entries, entries), dtype=bool))
 
     def _make_room(self, needed: tuple[int, int, int]) -> None:
         """Larger arrays where a form more would not fit; those in use elsewhere stay as they are."""
