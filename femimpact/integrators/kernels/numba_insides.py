@@ -108,7 +108,6 @@ class _OnDisk(NullCache):
         target.refresh()
         payload = self._files.read(self.file_name(signature, target.codegen()))
         if payload is None:
-            logging.getLogger("femimpact").warning("compiling %s: once on this machine, some 10 to 30 s", self._name)
             return None
         try:
             return CompileResult._rebuild(target, *pickle.loads(payload))  # type: ignore[no-untyped-call]
