@@ -1,4 +1,4 @@
-"""The search for the next event: no crossing of a wall is missed, in thousands of random flights."""
+"""The search for the next event: no crossing of a wall is missed, in thousands of random motions."""
 
 import dataclasses
 import math
@@ -8,8 +8,8 @@ import pytest
 
 import femimpact as fi
 from femimpact.integrators.driving import drive_of
-from femimpact.integrators.event_driven import search, states
-from femimpact.integrators.event_driven.block import new_block, run_block, working_space
+from femimpact.integrators.event_driven import loop, search, states
+from femimpact.integrators.event_driven.block import Inputs, new_block, run_block, working_space
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.integrators.kernels.compiling import entry
@@ -27,14 +27,15 @@ def beam_with_ball(modes):
     return fi.reduce(fi.assemble(structure, elements=20), modes=modes)
 
 
-def first_beyond(watch, flight, horizon, points):
+def first_beyond(scalars, motion, horizon, points):
     """First time at which a fine scan of the closed form finds the pair beyond a wall, else infinity."""
     t = np.linspace(0.0, horizon, points)
-    terms = watch.weight[0][:, None] * flight.entry[:, None] * np.exp(np.outer(watch.exponent, t))
-    wave = watch.sine[0] * np.exp(1j * (watch.omega * t + flight.clock[1]))
-    y = flight.particle[:, None] + np.outer(flight.particle_rate, t) + 0.5 * np.outer(watch.particle_given, t**2)
-    x = terms.real.sum(axis=0) + wave.real + watch.constant[0] + watch.particle_weight[0] @ y
-    out = np.flatnonzero((x > watch.upper[0]) | (x < watch.lower[0]))
+    terms = scalars.weight[0][:, None] * motion.entry[:, None] * np.exp(np.outer(scalars.exponent, t))
+    wave = scalars.sine[0] * np.exp(1j * (scalars.omega * t + motion.clock[1]))
+    y = motion.rigid_body[:, None] + np.outer(motion.rigid_body_rate, t)
+    y += 0.5 * np.outer(scalars.rigid_body_given, t**2)
+    x = terms.real.sum(axis=0) + wave.real + scalars.constant[0] + scalars.rigid_body_weight[0] @ y
+    out = np.flatnonzero((x > scalars.upper[0]) | (x < scalars.lower[0]))
     return (t[out[0]] if out.size else math.inf), t[1]
 
 
@@ -44,18 +45,20 @@ def free_motion(system, drive):
     store = FormStore(whole, rigid, outputs_of(system, system.point_row("tip"), (), whole.in_space), broken=False)
     rest = np.zeros((1, system.dofs + 1))
     window = np.array([[0.0, np.inf]])
-    block = new_block(system, store, [drive], [system.contacts], 1e-12, 64, window, rest, rest, None)
+    inputs = Inputs([drive], [system.contacts], rest, rest, window)
+    block = new_block(system, store, inputs, fi.EventDriven(), None)
     nothing = np.zeros(1, dtype=np.int64)
     # to t = 0: the closed form is made, and its steady motion is known
     run_block(block, nothing - 1, nothing, np.ones(1))
     space = working_space(block, store.forms)
     forms, bounds, (plus, minus) = store.forms, space.bounds, system.contacts[0].gaps
     # nothing is in contact: no wall holds anything, and both are watched
-    bounds.constant[:], bounds.given[:] = forms.constant[0, :, 0], forms.particle_given[0, :, 0]
+    bounds.constant[:], bounds.given[:] = forms.constant[0, :, 0], forms.rigid_body_given[0, :, 0]
     bounds.upper[:], bounds.lower[:] = np.inf, -np.inf
     bounds.upper[0], bounds.lower[0] = plus, -minus
-    watch = states.watch_of.py_func(0, float(drive.omega), forms, block.cases.sine[0, 0], space.bounds)
-    return watch, space, float(forms.particle_shape[0, -1, 0])
+    case = loop._case_of.py_func(0, block.cases)
+    form = states.form_of.py_func(0, case, block.cases, forms, space.bounds)
+    return form.scalars, space, float(forms.rigid_body_shape[0, -1, 0])
 
 
 @pytest.mark.parametrize(("modes", "cases"), [(1, 1000), (4, 1000), (8, 1000), (16, 300)])
@@ -69,35 +72,35 @@ def test_no_crossing_is_missed_in_thousands_of_random_motions(modes, cases):
         pair = dataclasses.replace(base.contacts[0], gaps=(gap, gap * 10.0 ** rng.uniform(-1, 1)))
         system = dataclasses.replace(base, contacts=(pair,))
         drive = drive_of(system, fi.Sine(10.0 ** rng.uniform(-6, -3), rng.uniform(1, 300), rng.uniform(0, 6)))
-        watch, space, shape = free_motion(system, drive)
-        flight, scale = space.trial, gap * 10.0 ** rng.uniform(-3, 1)
-        flight.entry[:] = scale * (rng.normal(size=modes) + 1j * rng.normal(size=modes))
-        flight.entry[:] *= 10.0 ** rng.uniform(-3, 0, modes)
-        flight.particle[:] = rng.uniform(-1, 1) * scale / shape
-        flight.particle_rate[:] = 10.0 ** rng.uniform(-4, 0) * rng.choice([-1, 1]) / shape
-        flight.clock[:] = 0.0, drive.phase
-        expected, step = first_beyond(watch, flight, horizon, points)
+        scalars, space, shape = free_motion(system, drive)
+        motion, scale = space.trial, gap * 10.0 ** rng.uniform(-3, 1)
+        motion.entry[:] = scale * (rng.normal(size=modes) + 1j * rng.normal(size=modes))
+        motion.entry[:] *= 10.0 ** rng.uniform(-3, 0, modes)
+        motion.rigid_body[:] = rng.uniform(-1, 1) * scale / shape
+        motion.rigid_body_rate[:] = 10.0 ** rng.uniform(-4, 0) * rng.choice([-1, 1]) / shape
+        motion.clock[:] = 0.0, drive.phase
+        expected, step = first_beyond(scalars, motion, horizon, points)
         if expected == 0.0:
             continue
-        status = next_event(watch, flight, horizon, space.search)
-        time = flight.clock[0] if status == search.HIT else math.inf
+        status = next_event(scalars, motion, horizon, space.search)
+        time = motion.clock[0] if status == search.HIT else math.inf
         met += status == search.HIT
         # the scan sees a crossing one point late at most; the event may be a graze between two points
         assert time <= expected
         if math.isfinite(expected) and time < expected - step:
-            again, _ = first_beyond(watch, flight, 0.0, 2)
+            again, _ = first_beyond(scalars, motion, 0.0, 2)
             # an earlier event is a real one: at its instant the pair is at its wall, to rounding
             assert again in (0.0, math.inf)
-            x = watch.upper[0] if space.search.at_wall[0] > 0 else watch.lower[0]
-            assert abs(value_now(watch, flight) - x) < 1e-12 * (abs(x) + scale + 1)
+            x = scalars.upper[0] if space.search.at_wall[0] > 0 else scalars.lower[0]
+            assert abs(value_now(scalars, motion) - x) < 1e-12 * (abs(x) + scale + 1)
     assert met > cases / 4
 
 
-def value_now(watch, flight):
-    wave = watch.sine[0] * np.exp(1j * (watch.omega * flight.clock[0] + flight.clock[1]))
+def value_now(scalars, motion):
+    wave = scalars.sine[0] * np.exp(1j * (scalars.omega * motion.clock[0] + motion.clock[1]))
     return float(
-        (watch.weight[0] @ flight.entry).real
+        (scalars.weight[0] @ motion.entry).real
         + wave.real
-        + watch.constant[0]
-        + watch.particle_weight[0] @ flight.particle
+        + scalars.constant[0]
+        + scalars.rigid_body_weight[0] @ motion.rigid_body
     )

@@ -15,7 +15,7 @@ from femimpact.excitation import Sine
 from femimpact.impacts import statistics_of_cases
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven import EventDriven, check_events
-from femimpact.integrators.event_driven.dwells import DwellStatistics, run_dwells
+from femimpact.integrators.event_driven.dwells import DwellCases, DwellStatistics, run_dwells
 from femimpact.integrators.event_driven.run import not_finite, unending
 from femimpact.integrators.threads import Progress
 from femimpact.signals import steady_motion
@@ -39,12 +39,15 @@ def event_driven_columns(
     alike = state.frame == "base" and all(pair.fixed_to == "base" for pair in system.contacts)
     starts = [state.relative_to_base(system, base) for base in (bases[:1] if alike else bases)]
     starts = starts * (f.size if alike else 1)
-    position = np.array([np.concatenate([u, y[:balls]]) for u, _, y, _ in starts])
-    velocity = np.array([np.concatenate([v, y_rate[:balls]]) for _, v, _, y_rate in starts])
-    found = run_dwells(
-        system, [drive_of(system, base) for base in bases], [system.contacts] * f.size, method, dwells.cycles,
-        dwells.measured, position, velocity, observed, ledger, workers, progress,
-    )  # fmt: skip
+    cases = DwellCases(
+        drives=[drive_of(system, base) for base in bases],
+        contacts=[system.contacts] * f.size,
+        position=np.array([np.concatenate([u, y[:balls]]) for u, _, y, _ in starts]),
+        velocity=np.array([np.concatenate([v, y_rate[:balls]]) for _, v, _, y_rate in starts]),
+        cycles=dwells.cycles,
+        measured=dwells.measured,
+    )
+    found = run_dwells(system, cases, method, observed, ledger, workers, progress)
     columns: dict[str, NDArray[Any]] = {name: np.full(f.size, np.nan) for name in SWEEP_UNITS}
     columns["steadiness"] = np.full(f.size, "failed", dtype="<U11")
     warnings = _fill(columns, found, dwells, method, system, ledger)

@@ -14,23 +14,54 @@ from femimpact.errors import require
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven import loop
 from femimpact.integrators.event_driven.equations import Equations
-from femimpact.integrators.event_driven.ledger import Ledger, Products
-from femimpact.integrators.event_driven.loop import Contacts, Scratch
-from femimpact.integrators.event_driven.motion import Flight
-from femimpact.integrators.event_driven.reading import Grid, Snapshots
-from femimpact.integrators.event_driven.search import Search
-from femimpact.integrators.event_driven.states import STARTING, Bounds, Cases, Forms, Pairs
+from femimpact.integrators.event_driven.loop_data import (
+    STARTING,
+    Bounds,
+    Cases,
+    Forms,
+    Grid,
+    Job,
+    Ledger,
+    Pairs,
+    Products,
+    Snapshots,
+    Space,
+    Tables,
+)
+from femimpact.integrators.event_driven.method import EventDriven
+from femimpact.integrators.event_driven.motion import Motion, Search
 from femimpact.integrators.event_driven.store import FormStore
-from femimpact.integrators.event_driven.touching import Tables
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.system import ContactPair, System
 
-__all__ = ["Block", "new_block", "no_cycles", "no_snapshots", "run_block", "working_space"]
+__all__ = ["Block", "Inputs", "new_block", "no_cycles", "no_snapshots", "run_block", "working_space"]
 
 Array = NDArray[Any]
 
 LINE = 64
 """Bytes of a cache line."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What each of C cases is given at t = 0.
+
+    Parameters
+    ----------
+    drives : sequence of Drive
+    contacts : sequence of sequence of ContactPair
+        For each case: the system's pairs with gaps and contact parameters of the case's own.
+    position, velocity : ndarray (C, d)
+        Structure and balls relative to the base, m and m/s.
+    window : ndarray (C, 2), s
+        In which impacts are counted.
+    """
+
+    drives: Sequence[Drive]
+    contacts: Sequence[Sequence[ContactPair]]
+    position: Array
+    velocity: Array
+    window: Array
 
 
 @dataclass(eq=False)
@@ -43,7 +74,6 @@ class Block:
     pairs : Pairs
     cases : Cases
     grid : Grid
-    contacts : Contacts
     tables : Tables
     ledger : Ledger or None
     stopped : ndarray (C,) of int
@@ -53,16 +83,13 @@ class Block:
     pairs: Pairs
     cases: Cases
     grid: Grid
-    contacts: Contacts
     tables: Tables
     ledger: Ledger | None
     stopped: Array
 
 
 def new_block(
-    system: System, store: FormStore, drives: Sequence[Drive], contacts: Sequence[Sequence[ContactPair]],
-    closure: float, samples_per_cycle: int, window: Array, position: Array, velocity: Array,
-    ledger: bool | None, most_rows: int = 0,
+    system: System, store: FormStore, inputs: Inputs, method: EventDriven, ledger: bool | None, most_rows: int = 0
 ) -> Block:  # fmt: skip
     """Cases at t = 0.
 
@@ -70,16 +97,8 @@ def new_block(
     ----------
     system : System
     store : FormStore
-    drives : sequence of Drive
-        One for each case.
-    contacts : sequence of sequence of ContactPair
-        For each case: the system's pairs with gaps and contact parameters of the case's own.
-    closure : float, m
-    samples_per_cycle : int
-    window : ndarray (C, 2), s
-        In which impacts are counted.
-    position, velocity : ndarray (C, d)
-        Structure and balls relative to the base, m and m/s.
+    inputs : Inputs
+    method : EventDriven
     ledger : bool or None
         False sums what compliant contacts lose only, for the table of impacts; None nothing.
     most_rows : int
@@ -89,84 +108,80 @@ def new_block(
     -------
     Block
     """
-    whole, n, pairs, count = store.whole, system.dofs, len(system.contacts), len(drives)
-    rows, d = 2 * pairs + len(store.outputs.force), whole.M.shape[0]
-    omega = np.array([0.0 if drive.samples is not None else drive.omega for drive in drives])
-    numbers = [[pair.parameters for pair in own] for own in contacts]
-    first = drives[0]
-    knots = np.zeros(0) if first.samples is None else np.array(first.samples, dtype=float)
-    zeros = np.zeros((count, pairs))
-
-    def of_pairs(name: str) -> Array:
-        return np.array([[getattr(p, name) for p in own] for own in numbers]).reshape(count, pairs)
-
-    compliant = ~store.rigid
-    coordinates = np.ascontiguousarray(np.stack([position, velocity], axis=1))
-    drive = np.zeros((count, 4))
-    if knots.size:
-        drive[:, 1] = first.initial_velocity
-        drive[:, 2:] = knots[0], (knots[1] - knots[0]) / first.interval
-    cases = Cases(
-        omega=omega,
-        amplitude=np.array([case.amplitude for case in drives]),
-        knots=knots,
-        knot_interval=first.interval if knots.size else 1.0,
-        gap=np.ascontiguousarray(
-            np.array([[p.gaps for p in own] for own in contacts]).reshape(count, pairs, 2).swapaxes(1, 2)
-        ),
-        stiffness=np.where(compliant, of_pairs("stiffness"), 0.0),
-        damping=np.where(compliant, of_pairs("damping"), 0.0),
-        restitution=of_pairs("restitution"),
-        form=np.full((count, 2), -1, dtype=np.int64),
-        state=zeros.copy(),
-        entry=np.zeros((count, 1), dtype=complex),
-        particle=np.zeros((count, 2, 1)),
-        clock=np.stack([np.zeros(count), [case.phase for case in drives]], axis=1),
-        drive=drive,
-        coordinates=coordinates,
-        entering=np.full(count, STARTING, dtype=np.int64),
-        leaving=np.zeros((count, 2 * pairs)),
-        hit=np.zeros(count),
-        released=zeros.copy(),
-        sample=np.zeros(count, dtype=np.int64),
-        events=np.zeros((count, 2), dtype=np.int64),
-        known=np.zeros((count, 1), dtype=bool),
-        sine=np.zeros((count, 1, rows), dtype=complex),
-        harmonic=np.zeros((count, 1, d), dtype=complex),
-        particle_sine=np.zeros((count, 1, 1), dtype=complex),
-    )
-    period = 2.0 * np.pi / np.array([case.omega for case in drives])
-    grid = Grid(
-        interval=period / samples_per_cycle,
-        per_cycle=samples_per_cycle,
-        origin=np.zeros(count, dtype=np.int64),
-        cycle=np.full(count, -1, dtype=np.int64),
-        cycles=no_cycles(count, 0),
-        values=np.zeros((count, 0, rows - 2 * pairs)),
-        kept=np.zeros(0, dtype=np.int64),
-        energy=np.zeros((count, 0, len(ENERGY_COLUMNS) + n)),
-    )
-    pairs_of_all = Pairs(
-        direction=np.ascontiguousarray(whole.force.T),
-        in_space=whole.in_space,
-        rigid=store.rigid,
-        mobility=-whole.force.T @ np.linalg.solve(whole.M, whole.force),
-        closure=closure,
-    )
-    touch, totals = np.zeros((2, count, 6, pairs))
+    whole, n, count = store.whole, system.dofs, len(inputs.drives)
+    period = 2.0 * np.pi / np.array([drive.omega for drive in inputs.drives])
     return Block(
         store=store,
-        pairs=pairs_of_all,
-        cases=cases,
-        grid=grid,
-        contacts=Contacts(
-            touch, np.zeros((count, pairs, n if most_rows else 0)), np.array(window, dtype=float), totals.copy()
+        pairs=Pairs(
+            direction=np.ascontiguousarray(whole.force.T),
+            in_space=whole.in_space,
+            rigid=store.rigid,
+            mobility=-whole.force.T @ np.linalg.solve(whole.M, whole.force),
+            closure=method.closure,
+        ),
+        cases=_new_cases(store, inputs, n if most_rows else 0),
+        grid=Grid(
+            interval=period / method.samples_per_cycle,
+            per_cycle=method.samples_per_cycle,
+            origin=np.zeros(count, dtype=np.int64),
+            cycle=np.full(count, -1, dtype=np.int64),
+            cycles=no_cycles(count, 0),
+            values=np.zeros((count, 0, len(store.outputs.force))),
+            kept=np.zeros(0, dtype=np.int64),
+            energy=np.zeros((count, 0, len(ENERGY_COLUMNS) + n)),
         ),
         tables=Tables(
             np.zeros((most_rows, len(IMPACT_COLUMNS) + n)), np.zeros((most_rows, 5)), np.zeros(2, dtype=np.int64)
         ),
         ledger=None if ledger is None else _new_ledger(system, whole, count, ledger),
         stopped=np.zeros(count, dtype=np.int64),
+    )
+
+
+def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
+    drives, count, pairs, d = inputs.drives, len(inputs.drives), store.rigid.size, store.whole.M.shape[0]
+    rows, first = 2 * pairs + len(store.outputs.force), drives[0]
+    knots = np.zeros(0) if first.samples is None else np.array(first.samples, dtype=float)
+    drive = np.zeros((count, 4))
+    if knots.size:
+        drive[:, 1] = first.initial_velocity
+        drive[:, 2:] = knots[0], (knots[1] - knots[0]) / first.interval
+
+    def of_pairs(name: str) -> Array:
+        values = [[getattr(pair.parameters, name) for pair in own] for own in inputs.contacts]
+        return np.array(values, dtype=float).reshape(count, pairs)
+
+    gaps = np.array([[pair.gaps for pair in own] for own in inputs.contacts], dtype=float).reshape(count, pairs, 2)
+    return Cases(
+        omega=np.array([0.0 if case.samples is not None else case.omega for case in drives]),
+        amplitude=np.array([case.amplitude for case in drives]),
+        knots=knots,
+        knot_interval=first.interval if knots.size else 1.0,
+        gap=np.ascontiguousarray(gaps.swapaxes(1, 2)),
+        stiffness=np.where(store.rigid, 0.0, of_pairs("stiffness")),
+        damping=np.where(store.rigid, 0.0, of_pairs("damping")),
+        restitution=of_pairs("restitution"),
+        form=np.full((count, 2), -1, dtype=np.int64),
+        state=np.zeros((count, pairs)),
+        entry=np.zeros((count, 1), dtype=complex),
+        rigid_body=np.zeros((count, 2, 1)),
+        clock=np.stack([np.zeros(count), [case.phase for case in drives]], axis=1),
+        drive=drive,
+        coordinates=np.ascontiguousarray(np.stack([inputs.position, inputs.velocity], axis=1)),
+        entering=np.full(count, STARTING, dtype=np.int64),
+        leaving=np.zeros((count, 2 * pairs)),
+        hit=np.zeros(count),
+        released=np.zeros((count, pairs)),
+        sample=np.zeros(count, dtype=np.int64),
+        events=np.zeros((count, 2), dtype=np.int64),
+        known=np.zeros((count, 1), dtype=bool),
+        sine=np.zeros((count, 1, rows), dtype=complex),
+        harmonic=np.zeros((count, 1, d), dtype=complex),
+        rigid_body_sine=np.zeros((count, 1, 1), dtype=complex),
+        touch=np.zeros((count, 6, pairs)),
+        to_modes=np.zeros((count, pairs, modes)),
+        window=np.array(inputs.window, dtype=float),
+        totals=np.zeros((count, 6, pairs)),
     )
 
 
@@ -203,7 +218,7 @@ def _new_ledger(system: System, whole: Equations, count: int, everywhere: bool) 
     )
 
 
-def run_block(block: Block, begin: Array, end: Array, most: Array, shots: Snapshots | None = None) -> None:
+def run_block(block: Block, begin: Array, end: Array, most: Array, snapshots: Snapshots | None = None) -> None:
     """Take all cases to their sample `end`, reading those after `begin`.
 
     Parameters
@@ -213,24 +228,22 @@ def run_block(block: Block, begin: Array, end: Array, most: Array, shots: Snapsh
     begin, end : ndarray (C,) of int
     most : ndarray (C,)
         Events beyond which a case is given up.
-    shots : Snapshots, optional
+    snapshots : Snapshots, optional
 
     Raises
     ------
     InputError
         If a drive is a resonance without damping, whose steady motion is unbounded.
     """
-    store, shots = block.store, no_snapshots(block) if shots is None else shots
+    store, snapshots = block.store, no_snapshots(block) if snapshots is None else snapshots
     members = np.arange(block.stopped.size)
     block.cases.events[:, 0] = 0
     while members.size:
         forms = store.snapshot()
         block.cases = _fitted(block.cases, forms)
-        scratch = working_space(block, forms)
-        loop.run_cases(
-            members, begin, end, most, block.stopped, block.pairs, block.cases, forms, scratch, block.grid, shots,
-            block.contacts, block.tables, block.ledger,
-        )  # fmt: skip
+        space = working_space(block, forms)
+        job = Job(block.pairs, block.cases, forms, block.grid, snapshots, block.tables, space)
+        loop.run_cases(members, begin, end, most, block.stopped, job, block.ledger)
         resonant = np.flatnonzero(block.stopped == loop.RESONANT)
         if resonant.size:
             frequency = float(block.cases.omega[resonant[0]]) / (2.0 * np.pi)
@@ -244,11 +257,11 @@ def run_block(block: Block, begin: Array, end: Array, most: Array, shots: Snapsh
 
 def _fitted(cases: Cases, forms: Forms) -> Cases:
     """Arrays of the cases, as large as the closed forms now want them."""
-    entries, particles = forms.exponent.shape[1], forms.particle_drive.shape[1]
+    entries, rigid_bodies = forms.exponent.shape[1], forms.rigid_body_drive.shape[1]
     count = 1 + int(forms.number[: forms.made].max(initial=0))
     sizes = {
-        "entry": (entries,), "particle": (2, particles), "known": (count,), "sine": (count, cases.sine.shape[2]),
-        "harmonic": (count, cases.harmonic.shape[2]), "particle_sine": (count, particles),
+        "entry": (entries,), "rigid_body": (2, rigid_bodies), "known": (count,), "sine": (count, cases.sine.shape[2]),
+        "harmonic": (count, cases.harmonic.shape[2]), "rigid_body_sine": (count, rigid_bodies),
     }  # fmt: skip
     larger: dict[str, Any] = {}
     for name, shape in sizes.items():
@@ -259,17 +272,11 @@ def _fitted(cases: Cases, forms: Forms) -> Cases:
     return cases._replace(**larger) if larger else cases
 
 
-def working_space(block: Block, forms: Forms) -> Scratch:
+def working_space(block: Block, forms: Forms) -> Space:
     """Working space that belongs to one call alone."""
-    entries, particles = forms.exponent.shape[1], forms.particle_drive.shape[1]
+    entries, rigid_bodies = forms.exponent.shape[1], forms.rigid_body_drive.shape[1]
     pairs, rows, d = block.pairs.rigid.size, forms.constant.shape[1], block.cases.coordinates.shape[2]
     terms = entries + 2
-
-    def flight() -> Flight:
-        return Flight(
-            np.zeros(entries, dtype=complex), np.zeros(particles), np.zeros(particles), np.zeros(2), np.zeros(4),
-            np.zeros(entries, dtype=complex),
-        )  # fmt: skip
 
     search = Search(
         leaving=np.zeros(2 * pairs),
@@ -287,8 +294,8 @@ def working_space(block: Block, forms: Forms) -> Scratch:
         lasting=np.zeros(2 * pairs),
         constant=np.zeros(rows),
         static=np.zeros(d),
-        given=np.zeros(particles),
-        nothing=np.zeros(particles),
+        given=np.zeros(rigid_bodies),
+        nothing=np.zeros(rigid_bodies),
         wall=np.zeros(1 + pairs),
         steady=np.zeros((2, entries), dtype=complex),
     )
@@ -301,9 +308,16 @@ def working_space(block: Block, forms: Forms) -> Scratch:
         minus=square,
     )
     rest: list[Array] = [np.zeros((2, entries + 1), dtype=complex), np.zeros(pairs)]
-    flights = [flight() for _ in range(5)]
-    *whole, (turn, impulse) = _together(*flights, search, bounds, products, rest)
-    return Scratch._make((*whole, turn, impulse))
+    motion = Motion(
+        entry=np.zeros(entries, dtype=complex),
+        rigid_body=np.zeros(rigid_bodies),
+        rigid_body_rate=np.zeros(rigid_bodies),
+        clock=np.zeros(2),
+        drive=np.zeros(4),
+        term=np.zeros(entries, dtype=complex),
+    )
+    *whole, (turn, impulse) = _together(*[motion] * 5, search, bounds, products, rest)
+    return Space._make((*whole, turn, impulse))
 
 
 def _together(*groups: Any) -> list[Any]:

@@ -45,7 +45,7 @@ class Rows:
     ----------
     weight : ndarray (R, K), complex
         Of the entries H.
-    particle, particle_rate : ndarray (R, P)
+    rigid_body, rigid_body_rate : ndarray (R, P)
         Of the rigid-body coordinates and their rates.
     constant : ndarray (R, 1 + pairs)
         Of constant loads, and per metre of each wall.
@@ -56,8 +56,8 @@ class Rows:
     """
 
     weight: Array
-    particle: Array
-    particle_rate: Array
+    rigid_body: Array
+    rigid_body_rate: Array
     constant: Array
     through: Array
     follow: Array
@@ -70,10 +70,10 @@ class ClosedForm:
     Parameters
     ----------
     modes : ComplexModes
-    particle_shape : ndarray (d, P)
-    particle_given : ndarray (P, 1 + pairs)
+    rigid_body_shape : ndarray (d, P)
+    rigid_body_given : ndarray (P, 1 + pairs)
         Accelerations of constant loads, and per metre of each wall.
-    particle_drive : ndarray (P,)
+    rigid_body_drive : ndarray (P,)
         Acceleration per unit of s(t).
     position, velocity : Rows
         Of all coordinates.
@@ -84,8 +84,8 @@ class ClosedForm:
         What s, ub' and ub add to H'.
     to_entry_u, to_entry_v : ndarray (K, d)
         H = to_entry_u p + to_entry_v p', steady parts taken off.
-    to_particle : ndarray (P, d)
-    impulse_entry : ndarray (K, pairs), impulse_particle : ndarray (P, pairs)
+    to_rigid_body : ndarray (P, d)
+    impulse_entry : ndarray (K, pairs), impulse_rigid_body : ndarray (P, pairs)
         Change of H and of the rates by a unit impulse on the structure at each pair.
     unheld : pair of bool
         Whether a constant load, and whether s(t), drives a motion that is braked but not pulled back: neither it nor
@@ -93,18 +93,18 @@ class ClosedForm:
     """
 
     modes: ComplexModes
-    particle_shape: Array
-    particle_given: Array
-    particle_drive: Array
+    rigid_body_shape: Array
+    rigid_body_given: Array
+    rigid_body_drive: Array
     position: Rows
     velocity: Rows
     contact_force: Rows
     load: Array
     to_entry_u: Array
     to_entry_v: Array
-    to_particle: Array
+    to_rigid_body: Array
     impulse_entry: Array
-    impulse_particle: Array
+    impulse_rigid_body: Array
     unheld: tuple[bool, ...]
 
 
@@ -184,18 +184,18 @@ def closed_form(whole: Equations, active: Array, rigid: Array, stiffness: Array,
     entries = np.asarray(modal_drive @ modes.from_v.T, dtype=complex)
     form = ClosedForm(
         modes=modes,
-        particle_shape=loose,
-        particle_given=loose.T @ loads.constant,
-        particle_drive=loose.T @ loads.drive[0],
+        rigid_body_shape=loose,
+        rigid_body_given=loose.T @ loads.constant,
+        rigid_body_drive=loose.T @ loads.drive[0],
         position=position,
         velocity=_rate(position, modes),
         contact_force=position,
         load=entries,
         to_entry_u=modes.from_u @ momentum,
         to_entry_v=modes.from_v @ momentum,
-        to_particle=loose.T @ whole.M,
+        to_rigid_body=loose.T @ whole.M,
         impulse_entry=modes.from_v @ elastic.T @ whole.force,
-        impulse_particle=loose.T @ whole.force,
+        impulse_rigid_body=loose.T @ whole.force,
         unheld=unheld,
     )
     force = _compliant_forces(whole, form, loads, settled, active, np.where(rigid, 0.0, stiffness), damping)
@@ -231,8 +231,8 @@ def _rate(rows: Rows, modes: ComplexModes) -> Rows:
     zero = np.zeros(rows.weight.shape[0])
     return Rows(
         weight=rows.weight @ modes.rate,
-        particle=rows.particle_rate,
-        particle_rate=rows.particle,
+        rigid_body=rows.rigid_body_rate,
+        rigid_body_rate=rows.rigid_body,
         constant=0.0 * rows.constant,
         through=np.array([zero, rows.through[2], zero]),
         follow=np.array([zero, *rows.follow[:3]]),
@@ -244,8 +244,8 @@ def _scaled(rows: Rows, factor: Array, also: Rows, by: Array) -> Rows:
     first, second = factor[:, None], by[:, None]
     return Rows(
         weight=first * rows.weight + second * also.weight,
-        particle=first * rows.particle + second * also.particle,
-        particle_rate=first * rows.particle_rate + second * also.particle_rate,
+        rigid_body=first * rows.rigid_body + second * also.rigid_body,
+        rigid_body_rate=first * rows.rigid_body_rate + second * also.rigid_body_rate,
         constant=first * rows.constant + second * also.constant,
         through=factor * rows.through + by * also.through,
         follow=factor * rows.follow + by * also.follow,
@@ -267,7 +267,7 @@ def gap_rows(whole: Equations, rows: Rows, base: tuple[int, int]) -> Rows:
     through, follow = rows.through @ P.T, rows.follow @ P.T
     through[base[0]] -= whole.in_space
     follow[base[1]] -= whole.in_space
-    return Rows(P @ rows.weight, P @ rows.particle, P @ rows.particle_rate, P @ rows.constant, through, follow)
+    return Rows(P @ rows.weight, P @ rows.rigid_body, P @ rows.rigid_body_rate, P @ rows.constant, through, follow)
 
 
 def _compliant_forces(
@@ -304,9 +304,9 @@ def _with_sticking(
     # the answer of the entries to a load begins with an acceleration
     begun = (rate @ form.load.T).real.T
     moved = loads.moved
-    loose = M @ form.particle_shape
+    loose = M @ form.rigid_body_shape
     drive = loads.drive
-    driven = loose @ form.particle_drive
+    driven = loose @ form.rigid_body_drive
     a = form.position.follow - np.array([moved, 0.0 * moved, 0.0 * moved, 0.0 * moved])
     follow = np.array([
         a[0] @ K.T - drive[2],
@@ -316,8 +316,8 @@ def _with_sticking(
     ])  # fmt: skip
     through = np.array([begun[0] @ M.T - drive[0] + driven, begun[1] @ M.T - drive[1], begun[2] @ M.T - drive[2]])
     force.weight[sticking] = project @ left
-    force.particle[sticking] = force.particle_rate[sticking] = 0.0
-    force.constant[sticking] = project @ (K @ settled - loads.constant + loose @ form.particle_given)
+    force.rigid_body[sticking] = force.rigid_body_rate[sticking] = 0.0
+    force.constant[sticking] = project @ (K @ settled - loads.constant + loose @ form.rigid_body_given)
     force.through[:, sticking] = through @ project.T
     force.follow[:, sticking] = follow @ project.T
     return force

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from femimpact.contact.formulas import RIGID
 from femimpact.energy import CLOSED, energy_residual, largest_input
 from femimpact.integrators.driving import Drive
-from femimpact.integrators.event_driven.block import Block, new_block, no_cycles, run_block
+from femimpact.integrators.event_driven.block import Block, Inputs, new_block, no_cycles, run_block
 from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.ledger import Ledger
 from femimpact.integrators.event_driven.loop import DONE
+from femimpact.integrators.event_driven.loop_data import Ledger
 from femimpact.integrators.event_driven.method import EventDriven
 from femimpact.integrators.event_driven.store import FormStore, Outputs
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS
@@ -24,7 +24,7 @@ from femimpact.integrators.threads import Progress, run_each
 from femimpact.signals import CycleStatistics
 from femimpact.system import ContactPair, System
 
-__all__ = ["DwellStatistics", "run_dwells"]
+__all__ = ["DwellCases", "DwellStatistics", "run_dwells"]
 
 Array = NDArray[np.float64]
 
@@ -33,6 +33,30 @@ LARGEST_BLOCK = 64
 
 BLOCKS = 8
 """Blocks per thread: cases cost differently, small blocks even that out."""
+
+
+@dataclass(frozen=True, eq=False)
+class DwellCases:
+    """Cases that run through whole cycles of a sine.
+
+    Parameters
+    ----------
+    drives : sequence of Drive
+        Sines of one kind, at one place.
+    contacts : sequence of sequence of ContactPair
+        For each case: the system's pairs, with gaps and contact parameters of the case's own.
+    position, velocity : ndarray (cases, d)
+        Structure and balls at t = 0 relative to the base, m and m/s.
+    cycles, measured : ndarray (cases,) of int
+        Of the base: the whole dwell, and how many at its end are measured.
+    """
+
+    drives: Sequence[Drive]
+    contacts: Sequence[Sequence[ContactPair]]
+    position: Array
+    velocity: Array
+    cycles: NDArray[np.int64]
+    measured: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +85,8 @@ class DwellStatistics:
 
 
 def run_dwells(
-    system: System, drives: Sequence[Drive], contacts: Sequence[Sequence[ContactPair]], method: EventDriven,
-    cycles: NDArray[np.int64], measured: NDArray[np.int64], position: Array, velocity: Array, observed: Array,
-    ledger: bool, workers: int, progress: Progress | None,
+    system: System, cases: DwellCases, method: EventDriven, observed: Array, ledger: bool, workers: int,
+    progress: Progress | None,
 ) -> DwellStatistics:  # fmt: skip
     """Run many cases through whole cycles and keep the statistics of the last ones.
 
@@ -71,15 +94,8 @@ def run_dwells(
     ----------
     system : System
         Checked before; see `check_events`.
-    drives : sequence of Drive
-        One for each case: sines of one kind, at one place.
-    contacts : sequence of sequence of ContactPair
-        For each case: the system's pairs, with gaps and contact parameters of the case's own.
+    cases : DwellCases
     method : EventDriven
-    cycles, measured : ndarray (cases,) of int
-        Of the base: the whole dwell, and how many at its end are measured.
-    position, velocity : ndarray (cases, d)
-        Structure and balls at t = 0 relative to the base, m and m/s.
     observed : ndarray (dofs,)
         Row of the observed place.
     ledger : bool
@@ -91,18 +107,14 @@ def run_dwells(
     -------
     DwellStatistics
     """
-    whole, count = equations_of(system, drives[0]), len(drives)
+    whole, count = equations_of(system, cases.drives[0]), len(cases.drives)
     rows = np.zeros((1, whole.M.shape[0]))
     rows[0, : system.dofs] = observed
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
     store = FormStore(whole, rigid, Outputs(rows, 0.0 * rows, np.zeros((2, 1)), (-1,)), broken=False)
 
     def run(members: NDArray[np.intp], share: Progress | None) -> DwellStatistics:
-        own = members.tolist()
-        found = _run_block(
-            system, store, [drives[i] for i in own], [contacts[i] for i in own], method, cycles[members],
-            measured[members], int(measured.max()), position[members], velocity[members], ledger,
-        )  # fmt: skip
+        found = _run_block(system, store, cases, members, method, ledger)
         if share is not None:
             share(1.0)
         return found
@@ -112,16 +124,20 @@ def run_dwells(
 
 
 def _run_block(
-    system: System, store: FormStore, drives: Sequence[Drive], contacts: Sequence[Sequence[ContactPair]],
-    method: EventDriven, cycles: NDArray[np.int64], measured: NDArray[np.int64], most_measured: int, position: Array,
-    velocity: Array, ledger: bool,
+    system: System, store: FormStore, cases: DwellCases, members: NDArray[np.intp], method: EventDriven, ledger: bool
 ) -> DwellStatistics:  # fmt: skip
-    per_cycle, count = method.samples_per_cycle, len(drives)
+    own, per_cycle, count = members.tolist(), method.samples_per_cycle, members.size
+    cycles, measured, most_measured = cases.cycles[members], cases.measured[members], int(cases.measured.max())
+    drives = [cases.drives[i] for i in own]
     period = np.array([2.0 * np.pi / drive.omega for drive in drives])
-    window = np.stack([(cycles - measured) * period, np.full(count, np.inf)], axis=1)
-    block = new_block(
-        system, store, drives, contacts, method.closure, per_cycle, window, position, velocity, ledger or None
+    inputs = Inputs(
+        drives=drives,
+        contacts=[cases.contacts[i] for i in own],
+        position=cases.position[members],
+        velocity=cases.velocity[members],
+        window=np.stack([(cycles - measured) * period, np.full(count, np.inf)], axis=1),
     )
+    block = new_block(system, store, inputs, method, ledger or None)
     end = cycles * per_cycle
     # one sample more: the first measured cycle begins with it, be it that at the start
     begin = (cycles - measured) * per_cycle - 1
@@ -139,7 +155,7 @@ def _run_block(
     table = np.where(block.grid.cycles[:, :, 5:] > 0.0, block.grid.cycles, 0.0)
     return DwellStatistics(
         cycles=CycleStatistics(*np.moveaxis(table, (2, 1), (0, 1))),
-        totals=np.moveaxis(block.contacts.totals, 0, 2),
+        totals=np.moveaxis(block.cases.totals, 0, 2),
         residual=residual,
         bound=bound,
         unending=np.where(block.stopped == DONE, np.inf, block.cases.clock[:, 0]),

@@ -27,19 +27,22 @@ __all__ = [
     "AT_WALL",
     "NODES",
     "WEIGHTS",
-    "Flight",
-    "Watch",
+    "Motion",
+    "Scalars",
+    "Search",
     "clear_time",
-    "copy_flight",
+    "copy_motion",
     "derivatives",
     "has_blocks",
     "measure",
     "move",
-    "move_particles",
+    "move_rigid_bodies",
     "multiply",
     "panels_of",
+    "rates_now",
     "taylor",
     "unit_phase",
+    "value_now",
 ]
 
 TAYLOR, MOST_STEPS = 18, 100_000
@@ -59,7 +62,7 @@ AT_WALL = 32.0 * 2.220446049250313e-16
 """A clearance below this share of the terms that make it is rounding: the pair is at its wall."""
 
 
-class Watch(NamedTuple):
+class Scalars(NamedTuple):
     """Scalars read from a motion in closed form; the first E of them (gaps and contact forces) decide events.
 
     K entries, P rigid-body coordinates, R scalars.
@@ -71,31 +74,41 @@ class Watch(NamedTuple):
     size: NDArray[Any]  # (K,) |lambda|, or the norm of the block
     omega: float  # of the sine
     broken: bool  # whether s(t) is a broken line
-    particle_given: NDArray[Any]  # (P,) constant acceleration
-    particle_drive: NDArray[
-        Any
-    ]  # (P,) acceleration per unit of s(t); zero for a sine: that part is in the steady motion
+    rigid_body_given: NDArray[Any]  # (P,) constant acceleration
+    rigid_body_drive: NDArray[Any]  # (P,) acceleration per unit of s(t); zero for a sine, as that part is in `sine`
     lasting: NDArray[Any]  # (E,) side of a contact whose force is watched for its end, else 0
     upper: NDArray[Any]  # (E + 1,); the last two are those of the search for the peak
     lower: NDArray[Any]  # (E + 1,)
     weight: NDArray[Any]  # (R, K) complex
     weight_size: NDArray[Any]  # (R, K)
-    particle_weight: NDArray[Any]  # (R, P)
-    particle_rate_weight: NDArray[Any]  # (R, P)
+    rigid_body_weight: NDArray[Any]  # (R, P)
+    rigid_body_rate_weight: NDArray[Any]  # (R, P)
     sine: NDArray[Any]  # (R,) complex
     constant: NDArray[Any]  # (R,)
     follow: NDArray[Any]  # (4, R) steady motion under a broken line, per unit of ub, ub', s and s'
 
 
-class Flight(NamedTuple):
+class Motion(NamedTuple):
     """Where the motion is: homogeneous part, rigid-body coordinates, time, a drive by samples; and scratch space."""
 
     entry: NDArray[Any]  # (K,) complex
-    particle: NDArray[Any]  # (P,)
-    particle_rate: NDArray[Any]  # (P,)
+    rigid_body: NDArray[Any]  # (P,)
+    rigid_body_rate: NDArray[Any]  # (P,)
     clock: NDArray[Any]  # (2,): time, phase of the sine at t = 0
     drive: NDArray[Any]  # (4,): ub, ub', s, s' of a broken line; zero for a sine
     term: NDArray[Any]  # (K,) complex scratch
+
+
+class Search(NamedTuple):
+    """What a search leaves behind, and its scratch space; R scalars, K entries."""
+
+    leaving: NDArray[Any]  # (R,) side of a bound just left, or at which another bound was met at rest; else 0
+    at_wall: NDArray[Any]  # (R,) side of the wall touched at this instant, else 0
+    rate: NDArray[Any]  # (R,)
+    found: NDArray[Any]  # (5,) scratch
+    size: NDArray[Any]  # (K,) |H|; see `measure`
+    power: NDArray[Any]  # (3, K) complex: H', and scratch
+    event: NDArray[Any]  # (2,): scalar, side
 
 
 @inlined
@@ -106,15 +119,21 @@ def unit_phase(omega: float, clock: NDArray[Any]) -> complex:
 
 
 @inlined
-def move_particles(watch: Watch, flight: Flight, duration: float) -> None:
+def rigid_body_push(i: int, scalars: Scalars, motion: Motion) -> tuple[float, float]:
+    """Acceleration of a rigid-body coordinate, and its rate."""
+    drive = scalars.rigid_body_drive[i]
+    return scalars.rigid_body_given[i] + drive * motion.drive[2], drive * motion.drive[3]
+
+
+@inlined
+def move_rigid_bodies(scalars: Scalars, motion: Motion, duration: float) -> None:
     """Advance the rigid-body coordinates, and the drive where it is a broken line."""
-    d = flight.drive
-    for i in range(watch.particle_given.size):
-        given = watch.particle_given[i] + watch.particle_drive[i] * d[2]
-        twist = watch.particle_drive[i] * d[3]
-        flight.particle[i] += duration * (flight.particle_rate[i] + duration * (0.5 * given + duration * twist / 6.0))
-        flight.particle_rate[i] += duration * (given + 0.5 * duration * twist)
-    if watch.broken:
+    d, y, v = motion.drive, motion.rigid_body, motion.rigid_body_rate
+    for i in range(scalars.rigid_body_given.size):
+        push, growth = rigid_body_push(i, scalars, motion)
+        y[i] += duration * (v[i] + duration * (0.5 * push + duration * growth / 6.0))
+        v[i] += duration * (push + 0.5 * duration * growth)
+    if scalars.broken:
         d[0] += duration * (d[1] + duration * (0.5 * d[2] + duration * d[3] / 6.0))
         d[1] += duration * (d[2] + 0.5 * duration * d[3])
         d[2] += duration * d[3]
@@ -128,28 +147,29 @@ def taylor(follow: NDArray[Any], r: int, d: NDArray[Any]) -> tuple[float, float,
 
 
 @inlined
-def multiply(watch: Watch, entry: NDArray[Any], out: NDArray[Any]) -> None:
+def multiply(scalars: Scalars, entry: NDArray[Any], out: NDArray[Any]) -> None:
     """Lambda times a vector of entries."""
-    for k in range(watch.exponent.size):
-        out[k] = watch.exponent[k] * entry[k]
-    for b in range(watch.blocks.shape[0]):
-        first = watch.blocks[b, 0]
-        last = first + watch.blocks[b, 1]
+    for k in range(scalars.exponent.size):
+        out[k] = scalars.exponent[k] * entry[k]
+    for b in range(scalars.blocks.shape[0]):
+        first = scalars.blocks[b, 0]
+        last = first + scalars.blocks[b, 1]
         for k in range(first, last):
             for m in range(k + 1, last):
-                out[k] += watch.coupling[k, m] * entry[m]
+                out[k] += scalars.coupling[k, m] * entry[m]
 
 
 @apart
-def measure(watch: Watch, flight: Flight, size: NDArray[Any], rate: NDArray[Any]) -> None:
+def measure(scalars: Scalars, motion: Motion, search: Search) -> None:
     """|H| of every entry, the norm within a block, and H'."""
-    multiply(watch, flight.entry, rate)
-    for k in range(watch.exponent.size):
-        h = flight.entry[k]
+    size = search.size
+    multiply(scalars, motion.entry, search.power[0])
+    for k in range(scalars.exponent.size):
+        h = motion.entry[k]
         size[k] = math.sqrt(h.real * h.real + h.imag * h.imag)
-    for b in range(watch.blocks.shape[0]):
-        first = watch.blocks[b, 0]
-        last, square = first + watch.blocks[b, 1], 0.0
+    for b in range(scalars.blocks.shape[0]):
+        first = scalars.blocks[b, 0]
+        last, square = first + scalars.blocks[b, 1], 0.0
         for k in range(first, last):
             square += size[k] * size[k]
         for k in range(first, last):
@@ -157,24 +177,24 @@ def measure(watch: Watch, flight: Flight, size: NDArray[Any], rate: NDArray[Any]
 
 
 @apart
-def _move_block(watch: Watch, first: int, last: int, flight: Flight, duration: float) -> None:
+def _move_block(scalars: Scalars, first: int, last: int, motion: Motion, duration: float) -> None:
     """e^{Lambda t} of one block into `term`: e^{mean t}, and Taylor's series of what is left, small in every step."""
     mean = complex(0.0, 0.0)
     for k in range(first, last):
-        mean += watch.exponent[k] / (last - first)
+        mean += scalars.exponent[k] / (last - first)
     # all of it has died out long before so many steps
-    steps = min(int(duration * (watch.size[first] + abs(mean))), MOST_STEPS) + 1
+    steps = min(int(duration * (scalars.size[first] + abs(mean))), MOST_STEPS) + 1
     step = duration / steps
-    turn, entry, term = cmath.exp(mean * step), flight.entry, flight.term
+    turn, entry, term = cmath.exp(mean * step), motion.entry, motion.term
     for _ in range(steps):
         for k in range(first, last):
             entry[k] *= turn
             term[k] = entry[k]
         for order in range(1, TAYLOR + 1):
             for k in range(first, last):
-                total = (watch.exponent[k] - mean) * term[k]
+                total = (scalars.exponent[k] - mean) * term[k]
                 for m in range(k + 1, last):
-                    total += watch.coupling[k, m] * term[m]
+                    total += scalars.coupling[k, m] * term[m]
                 term[k] = total * (step / order)
                 entry[k] += term[k]
     for k in range(first, last):
@@ -182,55 +202,55 @@ def _move_block(watch: Watch, first: int, last: int, flight: Flight, duration: f
 
 
 @apart
-def move(watch: Watch, flight: Flight, duration: float) -> None:
-    """Advance the homogeneous part, the particles and the clock."""
-    for b in range(watch.blocks.shape[0]):
-        first = watch.blocks[b, 0]
-        _move_block(watch, first, first + watch.blocks[b, 1], flight, duration)
-    for k in range(watch.exponent.size):
-        if flight.entry[k] == 0.0:
+def move(scalars: Scalars, motion: Motion, duration: float) -> None:
+    """Advance the homogeneous part, the rigid_bodies and the clock."""
+    for b in range(scalars.blocks.shape[0]):
+        first = scalars.blocks[b, 0]
+        _move_block(scalars, first, first + scalars.blocks[b, 1], motion, duration)
+    for k in range(scalars.exponent.size):
+        if motion.entry[k] == 0.0:
             continue
-        e = watch.exponent[k]
+        e = scalars.exponent[k]
         decay = math.exp(e.real * duration)
         angle = e.imag * duration
-        flight.entry[k] *= complex(decay * math.cos(angle), decay * math.sin(angle))
+        motion.entry[k] *= complex(decay * math.cos(angle), decay * math.sin(angle))
     # what an entry of a block was multiplied by here means nothing
-    for b in range(watch.blocks.shape[0]):
-        first = watch.blocks[b, 0]
-        for k in range(first, first + watch.blocks[b, 1]):
-            flight.entry[k] = flight.term[k]
-    move_particles(watch, flight, duration)
-    flight.clock[0] += duration
+    for b in range(scalars.blocks.shape[0]):
+        first = scalars.blocks[b, 0]
+        for k in range(first, first + scalars.blocks[b, 1]):
+            motion.entry[k] = motion.term[k]
+    move_rigid_bodies(scalars, motion, duration)
+    motion.clock[0] += duration
 
 
 @inlined
-def has_blocks(watch: Watch) -> bool:
+def has_blocks(scalars: Scalars) -> bool:
     """Whether some entries do not stand alone."""
-    return bool(watch.blocks.shape[0] > 0 and watch.blocks[0, 1] > 0)
+    return bool(scalars.blocks.shape[0] > 0 and scalars.blocks[0, 1] > 0)
 
 
 @apart
-def copy_flight(source: Flight, target: Flight) -> None:
+def copy_motion(source: Motion, target: Motion) -> None:
     """Set one motion to another."""
     for k in range(source.entry.size):
         target.entry[k] = source.entry[k]
-    for i in range(source.particle.size):
-        target.particle[i], target.particle_rate[i] = source.particle[i], source.particle_rate[i]
+    for i in range(source.rigid_body.size):
+        target.rigid_body[i], target.rigid_body_rate[i] = source.rigid_body[i], source.rigid_body_rate[i]
     for i in range(4):
         target.drive[i] = source.drive[i]
     target.clock[0], target.clock[1] = source.clock[0], source.clock[1]
 
 
 @inlined
-def panels_of(watch: Watch, flight: Flight, duration: float) -> int:
+def panels_of(scalars: Scalars, motion: Motion, duration: float) -> int:
     """Parts of a time in each of which ten Gauss points integrate products of two motions to rounding.
 
     Their error is below 1e-14 where twice the largest |lambda| times the part is below 6.
     """
-    fastest = watch.omega
-    for k in range(watch.exponent.size):
-        if flight.entry[k] != 0.0:
-            fastest = max(fastest, watch.size[k])
+    fastest = scalars.omega
+    for k in range(scalars.exponent.size):
+        if motion.entry[k] != 0.0:
+            fastest = max(fastest, scalars.size[k])
     return int(fastest * duration / 3.0) + 1
 
 
@@ -248,50 +268,43 @@ def _first_meeting(clearance: float, speed: float, bend: float) -> float:
 
 @apart
 def clear_time(
-    r: int,
-    watch: Watch,
-    flight: Flight,
-    active: int,
-    size: NDArray[Any],
-    rate_of: NDArray[Any],
-    phase: complex,
-    remaining: float,
-    found: NDArray[Any],
-) -> float:
+    r: int, scalars: Scalars, motion: Motion, active: int, phase: complex, remaining: float, search: Search
+) -> float:  # fmt: skip
     """Time in which scalar r surely meets neither bound.
 
-    `size` (K,) holds |H|, and nothing but zeros from `active` on, `rate_of` (K,) holds H'; `found` gets value, rate,
+    `search` is as `measure` leaves it, with nothing but zeros from entry `active` on; its `found` gets value, rate,
     the rounding of both, and the time in which the farther bound is surely not met.
     """
-    d, broken = flight.drive, watch.broken
-    turned, wave = watch.sine[r] * phase, watch.sine[r]
+    size, rate_of, found = search.size, search.power[0], search.found
+    d, broken = motion.drive, scalars.broken
+    turned, wave = scalars.sine[r] * phase, scalars.sine[r]
     size_of_sine = math.sqrt(wave.real * wave.real + wave.imag * wave.imag)
-    value = watch.constant[r] + turned.real
-    rate = -watch.omega * turned.imag
-    scale = abs(watch.constant[r]) + size_of_sine
-    scale_rate = watch.omega * size_of_sine
-    bend = watch.omega * scale_rate
+    value = scalars.constant[r] + turned.real
+    rate = -scalars.omega * turned.imag
+    scale = abs(scalars.constant[r]) + size_of_sine
+    scale_rate = scalars.omega * size_of_sine
+    bend = scalars.omega * scale_rate
     pull, twist = 0.0, 0.0
     if broken:
-        followed, follow_rate, follow_pull, follow_twist = taylor(watch.follow, r, d)
+        followed, follow_rate, follow_pull, follow_twist = taylor(scalars.follow, r, d)
         value, rate, pull, twist = value + followed, rate + follow_rate, follow_pull, abs(follow_twist)
         scale, scale_rate = scale + abs(followed), scale_rate + abs(follow_rate)
-    for i in range(watch.particle_given.size):
-        p, q = watch.particle_weight[r, i], watch.particle_rate_weight[r, i]
-        given, growth = watch.particle_given[i] + watch.particle_drive[i] * d[2], watch.particle_drive[i] * d[3]
-        value += p * flight.particle[i] + q * flight.particle_rate[i]
-        rate += p * flight.particle_rate[i] + q * given
-        scale += abs(p * flight.particle[i]) + abs(q * flight.particle_rate[i])
-        scale_rate += abs(p * flight.particle_rate[i]) + abs(q * given)
-        pull += p * given + q * growth
+    for i in range(scalars.rigid_body_given.size):
+        p, q = scalars.rigid_body_weight[r, i], scalars.rigid_body_rate_weight[r, i]
+        push, growth = rigid_body_push(i, scalars, motion)
+        value += p * motion.rigid_body[i] + q * motion.rigid_body_rate[i]
+        rate += p * motion.rigid_body_rate[i] + q * push
+        scale += abs(p * motion.rigid_body[i]) + abs(q * motion.rigid_body_rate[i])
+        scale_rate += abs(p * motion.rigid_body_rate[i]) + abs(q * push)
+        pull += p * push + q * growth
         twist += abs(p * growth)
     if broken:
         twist *= remaining
     fast = 0.0
     for k in range(active):
-        fast += watch.weight_size[r, k] * size[k]
+        fast += scalars.weight_size[r, k] * size[k]
     scale += fast
-    upper, lower = watch.upper[r], watch.lower[r]
+    upper, lower = scalars.upper[r], scalars.lower[r]
     up = math.inf if upper == math.inf else 0.0
     down = math.inf if lower == -math.inf else 0.0
     for k in range(active + 1):
@@ -302,21 +315,21 @@ def clear_time(
         if under > (0.5 * (bend - pull + twist) * down - rate) * down and under > 0.0 and down < math.inf:
             down = max(down, _first_meeting(under, -rate, bend - pull + twist))
         if k < active:
-            weight, h, h_rate = watch.weight[r, k], flight.entry[k], rate_of[k]
-            own = watch.weight_size[r, k] * size[k]
+            weight, h, h_rate = scalars.weight[r, k], motion.entry[k], rate_of[k]
+            own = scalars.weight_size[r, k] * size[k]
             value += weight.real * h.real - weight.imag * h.imag
             rate += weight.real * h_rate.real - weight.imag * h_rate.imag
             fast = fast - own if k + 1 < active else 0.0
-            speed = own * watch.size[k]
+            speed = own * scalars.size[k]
             scale_rate += speed
-            bend += speed * watch.size[k]
+            bend += speed * scalars.size[k]
     found[0], found[1] = value, rate
     if upper < math.inf:
         scale += abs(upper)
     if lower > -math.inf:
         scale += abs(lower)
     # the sine is known no better than the time is
-    found[2] = AT_WALL * (scale + 0.1 * watch.omega * size_of_sine * flight.clock[0])
+    found[2] = AT_WALL * (scale + 0.1 * scalars.omega * size_of_sine * motion.clock[0])
     found[3] = AT_WALL * scale_rate
     # at the wall and leaving it with speed: the parabola returns later
     if up == 0.0 and rate < 0.0:
@@ -328,33 +341,70 @@ def clear_time(
 
 
 @apart
-def derivatives(
-    r: int, watch: Watch, flight: Flight, phase: complex, size: NDArray[Any], power: NDArray[Any], found: NDArray[Any]
-) -> None:
+def derivatives(r: int, scalars: Scalars, motion: Motion, phase: complex, search: Search) -> None:
     """Second and third derivative of scalar r, and bounds on the second to fourth: found[0:5].
 
-    `size` and the first row of `power` (3, K) are as `measure` leaves them; the other rows are scratch space.
+    `search` is as `measure` leaves it.
     """
-    turned = watch.sine[r] * phase
+    size, power, found = search.size, search.power, search.found
+    turned = scalars.sine[r] * phase
     size_of_sine = math.sqrt(turned.real * turned.real + turned.imag * turned.imag)
-    omega, d = watch.omega, flight.drive
+    omega, d = scalars.omega, motion.drive
     second, third = -(omega**2) * turned.real, omega**3 * turned.imag
     size2, size3, size4 = omega**2 * size_of_sine, omega**3 * size_of_sine, omega**4 * size_of_sine
-    if watch.broken:
-        _, _, pull, twist = taylor(watch.follow, r, d)
+    if scalars.broken:
+        _, _, pull, twist = taylor(scalars.follow, r, d)
         second, third, size2, size3 = second + pull, third + twist, size2 + abs(pull), size3 + abs(twist)
-    for i in range(watch.particle_given.size):
-        p, q = watch.particle_weight[r, i], watch.particle_rate_weight[r, i]
-        pull = p * (watch.particle_given[i] + watch.particle_drive[i] * d[2]) + q * watch.particle_drive[i] * d[3]
-        twist = p * watch.particle_drive[i] * d[3]
+    for i in range(scalars.rigid_body_given.size):
+        p, q = scalars.rigid_body_weight[r, i], scalars.rigid_body_rate_weight[r, i]
+        push, growth = rigid_body_push(i, scalars, motion)
+        pull, twist = p * push + q * growth, p * growth
         second, third, size2, size3 = second + pull, third + twist, size2 + abs(pull), size3 + abs(twist)
-    multiply(watch, power[0], power[1])
-    multiply(watch, power[1], power[2])
-    for k in range(watch.size.size):
-        second += (watch.weight[r, k] * power[1, k]).real
-        third += (watch.weight[r, k] * power[2, k]).real
-        own = watch.weight_size[r, k] * size[k] * watch.size[k] ** 2
+    multiply(scalars, power[0], power[1])
+    multiply(scalars, power[1], power[2])
+    for k in range(scalars.size.size):
+        second += (scalars.weight[r, k] * power[1, k]).real
+        third += (scalars.weight[r, k] * power[2, k]).real
+        own = scalars.weight_size[r, k] * size[k] * scalars.size[k] ** 2
         size2 += own
-        size3 += own * watch.size[k]
-        size4 += own * watch.size[k] ** 2
+        size3 += own * scalars.size[k]
+        size4 += own * scalars.size[k] ** 2
     found[0], found[1], found[2], found[3], found[4] = second, third, size2, size3, size4
+
+
+@inlined
+def value_now(r: int, active: int, phase: complex, scalars: Scalars, motion: Motion) -> float:
+    """Scalar r at the present time, of the first entries that are active."""
+    value = scalars.constant[r] + (scalars.sine[r] * phase).real
+    if scalars.broken:
+        value += taylor(scalars.follow, r, motion.drive)[0]
+    for k in range(active):
+        w, h = scalars.weight[r, k], motion.entry[k]
+        value += w.real * h.real - w.imag * h.imag
+    for p in range(scalars.rigid_body_given.size):
+        value += scalars.rigid_body_weight[r, p] * motion.rigid_body[p]
+        value += scalars.rigid_body_rate_weight[r, p] * motion.rigid_body_rate[p]
+    return float(value)
+
+
+@apart
+def rates_now(r: int, scalars: Scalars, motion: Motion, power: NDArray[Any]) -> tuple[float, float, float]:
+    """Scalar r with its first and second derivative; `power` (3, K) is scratch space."""
+    omega, phase, d = scalars.omega, unit_phase(scalars.omega, motion.clock), motion.drive
+    turned = scalars.sine[r] * phase
+    value = value_now(r, scalars.exponent.size, phase, scalars, motion)
+    rate, bend = -omega * turned.imag, -(omega**2) * turned.real
+    if scalars.broken:
+        _, own_rate, own_bend, _ = taylor(scalars.follow, r, d)
+        rate, bend = rate + own_rate, bend + own_bend
+    multiply(scalars, motion.entry, power[1])
+    multiply(scalars, power[1], power[2])
+    for k in range(scalars.exponent.size):
+        rate += (scalars.weight[r, k] * power[1, k]).real
+        bend += (scalars.weight[r, k] * power[2, k]).real
+    for p in range(scalars.rigid_body_given.size):
+        weight, rate_weight = scalars.rigid_body_weight[r, p], scalars.rigid_body_rate_weight[r, p]
+        push, growth = rigid_body_push(p, scalars, motion)
+        rate += weight * motion.rigid_body_rate[p] + rate_weight * push
+        bend += weight * push + rate_weight * growth
+    return value, rate, bend

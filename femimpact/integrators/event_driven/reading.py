@@ -3,36 +3,29 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 from numpy.typing import NDArray
 
+from femimpact.integrators.event_driven.loop_data import FREE, Case, Grid, Pairs, Shapes, Snapshots, Space
 from femimpact.integrators.event_driven.motion import (
-    Flight,
-    Watch,
+    Motion,
+    Scalars,
+    Search,
     clear_time,
-    copy_flight,
+    copy_motion,
     derivatives,
     measure,
     move,
-    multiply,
+    rates_now,
     unit_phase,
+    value_now,
 )
-from femimpact.integrators.event_driven.search import Search
-from femimpact.integrators.event_driven.states import (
-    FREE,
-    Case,
-    Pairs,
-    Place,
-    base_motion,
-    gap_of,
-    read_coordinates,
-    side_of,
-)
+from femimpact.integrators.event_driven.states import base_motion, gap_of, read_coordinates, side_of
 from femimpact.integrators.kernels.compiling import apart, inlined
 from femimpact.integrators.kernels.laws import kelvin_voigt_force
 
-__all__ = ["Grid", "Snapshots", "add_peaks", "add_to_cycle", "keep_snapshot", "value_now"]
+__all__ = ["add_peaks", "add_to_cycle", "keep_snapshot"]
 
 PEAK_TOLERANCE = 1e-10
 """Share of a cycle's largest |w| by which a crest may stand out and not be looked for."""
@@ -52,43 +45,6 @@ SHORT = 1e3
 NEWTON_STEPS = 6
 
 
-class Grid(NamedTuple):
-    """What is read on a grid of times; O outputs, the first of them the observed place."""
-
-    interval: NDArray[Any]  # (C,) s
-    per_cycle: int  # samples
-    origin: NDArray[Any]  # (C,) sample with which the first cycle begins
-    cycle: NDArray[Any]  # (C,) cycle whose peak is being looked for
-    cycles: NDArray[Any]  # (C, cycles, 6); see layout.CYCLE_COLUMNS
-    values: NDArray[Any]  # (C, samples, O), or (C, 0, O) where only cycles are wanted
-    kept: NDArray[Any]  # (samples,) number of the energy row that a sample fills, -1 for none
-    energy: NDArray[Any]  # (C, rows, 7 + n)
-
-
-class Snapshots(NamedTuple):
-    """Whole motions of a single case."""
-
-    shown: NDArray[Any]  # (samples,) number of the snapshot, -1 for none; no samples where none is wanted
-    fields: NDArray[Any]  # (snapshots, 2, d)
-    forces: NDArray[Any]  # (snapshots, R) N on the structure
-
-
-@inlined
-def value_now(r: int, active: int, phase: complex, watch: Watch, flight: Flight) -> float:
-    """Scalar r at the present time."""
-    value = watch.constant[r] + (watch.sine[r] * phase).real
-    if watch.broken:
-        for m in range(4):
-            value += watch.follow[m, r] * flight.drive[m]
-    for k in range(active):
-        w, h = watch.weight[r, k], flight.entry[k]
-        value += w.real * h.real - w.imag * h.imag
-    for p in range(watch.particle_given.size):
-        value += watch.particle_weight[r, p] * flight.particle[p]
-        value += watch.particle_rate_weight[r, p] * flight.particle_rate[p]
-    return float(value)
-
-
 @inlined
 def add_to_cycle(number: int, w: float, phase: complex, cycles: NDArray[Any]) -> None:
     """Sums over the cycle that a sample belongs to, where it is measured."""
@@ -101,97 +57,92 @@ def add_to_cycle(number: int, w: float, phase: complex, cycles: NDArray[Any]) ->
 
 
 @apart
-def keep_snapshot(
-    number: int, place: Place, pairs: Pairs, case: Case, flight: Flight, state: NDArray[Any], shots: Snapshots
-) -> None:  # fmt: skip
+def keep_snapshot(number: int, shapes: Shapes, pairs: Pairs, case: Case, space: Space, snapshots: Snapshots) -> None:
     """The whole motion at one sample, with the forces of compliant contacts."""
-    read_coordinates(place, flight, state)
+    state, motion = space.products.after, space.motion
+    read_coordinates(shapes, motion, state)
     for m in range(state.shape[1]):
-        shots.fields[number, 0, m], shots.fields[number, 1, m] = state[0, m], state[1, m]
-    base, speed = base_motion(case.omega, case.amplitude, flight)
+        snapshots.fields[number, 0, m], snapshots.fields[number, 1, m] = state[0, m], state[1, m]
+    base, speed = base_motion(case, motion)
     for j in range(case.state.size):
         if case.state[j] == FREE or pairs.rigid[j]:
             continue
         side = side_of(case.state[j])
-        depth = side * gap_of(j, pairs.direction, pairs.in_space, state[0], base) - case.gap[0 if side > 0.0 else 1, j]
-        rate = side * gap_of(j, pairs.direction, pairs.in_space, state[1], speed)
+        depth = side * gap_of(j, pairs, state[0], base) - case.gap[0 if side > 0.0 else 1, j]
+        rate = side * gap_of(j, pairs, state[1], speed)
         if depth > 0.0:
-            shots.forces[number, j] = side * kelvin_voigt_force(depth, rate, case.stiffness[j], case.damping[j])
+            force = kelvin_voigt_force(depth, rate, case.stiffness[j], case.damping[j])
+            snapshots.forces[number, j] = side * force
 
 
 # ---- the peak of a cycle ---------------------------------------------------------------------------
 
 
 @apart
-def add_peaks(
-    number: int, begin: float, length: float, until: float, least: float, watch: Watch, flight: Flight, spare: Flight,
-    crest: Flight, search: Search, cycles: NDArray[Any],
-) -> int:  # fmt: skip
-    """Largest and smallest w of every cycle up to an instant; returns the cycle that goes on there.
+def add_peaks(c: int, until: float, scalars: Scalars, space: Space, grid: Grid) -> None:
+    """Largest and smallest w of every cycle from the present motion up to an instant.
 
-    Cycle 0 begins at `begin`, before which the number is -1.
+    `grid.cycle` is the cycle that goes on there, -1 before the first one.
     """
-    copy_flight(flight, spare)
-    while spare.clock[0] < until and number < cycles.shape[0]:
+    number, cycles, interval = grid.cycle[c], grid.cycles[c], grid.interval[c]
+    begin, length, motion = grid.origin[c] * interval, grid.per_cycle * interval, space.spare
+    copy_motion(space.motion, motion)
+    while motion.clock[0] < until and number < cycles.shape[0]:
         if number < 0:
             # measuring has not begun
             if until <= begin:
                 break
-            move(watch, spare, max(begin - spare.clock[0], 0.0))
-            spare.clock[0], number = max(begin, spare.clock[0]), 0
+            move(scalars, motion, max(begin - motion.clock[0], 0.0))
+            motion.clock[0], number = max(begin, motion.clock[0]), 0
             continue
         end = begin + (number + 1) * length
-        _follow_peak(min(end, until), watch, spare, crest, search, least, cycles[number])
+        _follow_peak(min(end, until), LEAST_ADVANCE * interval, scalars, space, cycles[number])
         if until >= end:
             number += 1
-    return number
+    grid.cycle[c] = number
 
 
 @apart
-def _follow_peak(
-    until: float, watch: Watch, flight: Flight, crest: Flight, search: Search, least: float, row: NDArray[Any]
-) -> None:  # fmt: skip
+def _follow_peak(until: float, least: float, scalars: Scalars, space: Space, row: NDArray[Any]) -> None:
     """Extremes of the observed place up to an instant, to `PEAK_TOLERANCE`: row[0] and row[1].
 
     Advances by times in which a bound on the motion excludes more than the extremes so far; where these are
     approached, by those in which w surely rises on, or is surely concave, so that its only crest is found.
     """
-    r = watch.lasting.size
+    r, entries, motion, search = scalars.lasting.size, scalars.size.size, space.spare, space.search
     while True:
-        phase = unit_phase(watch.omega, flight.clock)
-        measure(watch, flight, search.size, search.power[0])
-        remaining = until - flight.clock[0]
+        phase = unit_phase(scalars.omega, motion.clock)
+        measure(scalars, motion, search)
+        remaining = until - motion.clock[0]
         if row[0] == -math.inf:
             # the bounds are no help before there is a value
-            watch.upper[r], watch.lower[r] = math.inf, -math.inf
-            clear_time(r, watch, flight, watch.size.size, search.size, search.power[0], phase, remaining, search.found)
-            row[0] = row[1] = search.found[0]
-        slack = PEAK_TOLERANCE * max(abs(row[0]), abs(row[1])) + _negligible(r, watch, flight, search)
-        watch.upper[r], watch.lower[r] = row[0] + slack, row[1] - slack
-        active = _leave_out_ripples(0.25 * slack, watch.size.size, watch.weight_size[r], search)
-        safe = clear_time(r, watch, flight, active, search.size, search.power[0], phase, remaining, search.found)
+            row[0] = row[1] = value_now(r, entries, phase, scalars, motion)
+        slack = PEAK_TOLERANCE * max(abs(row[0]), abs(row[1])) + _negligible(r, scalars, motion, search)
+        scalars.upper[r], scalars.lower[r] = row[0] + slack, row[1] - slack
+        active = _leave_out_ripples(0.25 * slack, entries, scalars.weight_size[r], search)
+        safe = clear_time(r, scalars, motion, active, phase, remaining, search)
         value, rate = search.found[0], search.found[1]
         row[0], row[1] = max(row[0], value), min(row[1], value)
         if remaining <= 0.0:
             return
         # far below the extremes so far long times are safe, and curvature need not be asked for
         if safe < remaining and (0.25 * abs(rate) * safe < row[0] - row[1] or safe < SHORT * least):
-            derivatives(r, watch, flight, phase, search.size, search.power, search.found)
-            safe = max(max(safe, least), _advance_to_crest(r, rate, remaining, watch, flight, crest, search, row))
-        move(watch, flight, min(safe, remaining))
+            derivatives(r, scalars, motion, phase, search)
+            safe = max(max(safe, least), _advance_to_crest(rate, remaining, scalars, space, row))
+        move(scalars, motion, min(safe, remaining))
         if safe >= remaining:
-            flight.clock[0] = until
+            motion.clock[0] = until
 
 
 @inlined
-def _negligible(r: int, watch: Watch, flight: Flight, search: Search) -> float:
+def _negligible(r: int, scalars: Scalars, motion: Motion, search: Search) -> float:
     """What is too little to be looked for in w where large terms cancel."""
-    wave = watch.sine[r]
-    scale = abs(watch.constant[r]) + abs(wave.real) + abs(wave.imag)
-    for k in range(watch.size.size):
-        scale += watch.weight_size[r, k] * search.size[k]
-    for p in range(watch.particle_given.size):
-        scale += abs(watch.particle_weight[r, p] * flight.particle[p])
+    wave = scalars.sine[r]
+    scale = abs(scalars.constant[r]) + abs(wave.real) + abs(wave.imag)
+    for k in range(scalars.size.size):
+        scale += scalars.weight_size[r, k] * search.size[k]
+    for p in range(scalars.rigid_body_given.size):
+        scale += abs(scalars.rigid_body_weight[r, p] * motion.rigid_body[p])
     return float(CANCELLED * scale + LEAST_MOTION)
 
 
@@ -210,11 +161,10 @@ def _leave_out_ripples(least: float, active: int, weight_size: NDArray[Any], sea
 
 @inlined
 def _advance_to_crest(
-    r: int, rate: float, remaining: float, watch: Watch, flight: Flight, crest: Flight, search: Search,
-    row: NDArray[Any],
+    rate: float, remaining: float, scalars: Scalars, space: Space, row: NDArray[Any]
 ) -> float:  # fmt: skip
     """Time in which w rises on, or in which its only crest has been looked at; the same with a falling w."""
-    found = search.found
+    r, found = scalars.lasting.size, space.search.found
     side = 1.0 if rate >= 0.0 else -1.0
     speed, bend, bound = side * rate, side * found[0], found[3]
     if bound <= 0.0:
@@ -230,9 +180,9 @@ def _advance_to_crest(
     first = 2.0 * speed / (math.sqrt(inner) - bend) if inner > 0.0 else -speed / bend
     low, high, time = 0.0, concave, min(first, concave)
     for _ in range(NEWTON_STEPS):
-        copy_flight(flight, crest)
-        move(watch, crest, time)
-        value, slope, curve = _rates(r, watch, crest, search.power)
+        copy_motion(space.spare, space.crest)
+        move(scalars, space.crest, time)
+        value, slope, curve = rates_now(r, scalars, space.crest, space.search.power)
         row[0], row[1] = max(row[0], value), min(row[1], value)
         slope, curve = side * slope, side * curve
         if slope > 0.0:
@@ -244,29 +194,3 @@ def _advance_to_crest(
             break
         time = min(max(time - slope / curve, low), high)
     return concave
-
-
-@inlined
-def _rates(r: int, watch: Watch, flight: Flight, power: NDArray[Any]) -> tuple[float, float, float]:
-    """Scalar r with its first and second derivative."""
-    phase = unit_phase(watch.omega, flight.clock)
-    turned = watch.sine[r] * phase
-    value, rate, bend = watch.constant[r] + turned.real, -watch.omega * turned.imag, -(watch.omega**2) * turned.real
-    if watch.broken:
-        d = flight.drive
-        value += watch.follow[0, r] * d[0] + watch.follow[1, r] * d[1] + watch.follow[2, r] * d[2]
-        value += watch.follow[3, r] * d[3]
-        rate += watch.follow[0, r] * d[1] + watch.follow[1, r] * d[2] + watch.follow[2, r] * d[3]
-        bend += watch.follow[0, r] * d[2] + watch.follow[1, r] * d[3]
-    multiply(watch, flight.entry, power[1])
-    multiply(watch, power[1], power[2])
-    for k in range(watch.exponent.size):
-        value += (watch.weight[r, k] * flight.entry[k]).real
-        rate += (watch.weight[r, k] * power[1, k]).real
-        bend += (watch.weight[r, k] * power[2, k]).real
-    for p in range(watch.particle_given.size):
-        weight, given = watch.particle_weight[r, p], watch.particle_given[p] + watch.particle_drive[p] * flight.drive[2]
-        value += weight * flight.particle[p]
-        rate += weight * flight.particle_rate[p]
-        bend += weight * given
-    return value, rate, bend

@@ -17,13 +17,12 @@ from femimpact.excitation import Excitation
 from femimpact.history import HistoryPiece, Snapshots, Stream
 from femimpact.impacts import Impacts, Riding, impact_statistics
 from femimpact.integrators.driving import drive_of
-from femimpact.integrators.event_driven import reading
-from femimpact.integrators.event_driven.block import Block, new_block, no_cycles, run_block
+from femimpact.integrators.event_driven import loop_data
+from femimpact.integrators.event_driven.block import Block, Inputs, new_block, no_cycles, run_block
 from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.ledger import BEGUN, PUSHED
 from femimpact.integrators.event_driven.loop import UNENDING
+from femimpact.integrators.event_driven.loop_data import BEGUN, CONTACT, FREE, PUSHED
 from femimpact.integrators.event_driven.method import EventDriven, check_events
-from femimpact.integrators.event_driven.states import CONTACT, FREE
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.integrators.recording import check_memory
@@ -130,11 +129,14 @@ def _new_run(
     store = FormStore(whole, rigid, outputs, broken=drive.samples is not None)
     u, v, y, y_rate = initial.relative_to_base(system, excitation)
     balls = len(system.balls)
-    position, velocity = np.concatenate([u, y[:balls]])[None], np.concatenate([v, y_rate[:balls]])[None]
-    block = new_block(
-        system, store, [drive], [system.contacts], method.closure, method.samples_per_cycle,
-        np.array([[begin, math.inf]]), position, velocity, recorder.ledger, recorder.impacts if system.contacts else 0,
-    )  # fmt: skip
+    inputs = Inputs(
+        drives=[drive],
+        contacts=[system.contacts],
+        position=np.concatenate([u, y[:balls]])[None],
+        velocity=np.concatenate([v, y_rate[:balls]])[None],
+        window=np.array([[begin, math.inf]]),
+    )
+    block = new_block(system, store, inputs, method, recorder.ledger, recorder.impacts if system.contacts else 0)
     interval = float(block.grid.interval[0])
     return _Run(system, excitation, method, channels, recorder.ledger, keep, block, interval)
 
@@ -197,20 +199,20 @@ def _call(run: _Run, done: int, count: int, kept: Array, shown: Array) -> None:
         energy=np.zeros((1, int(kept.max(initial=-1)) + 1 if run.ledger else 0, block.grid.energy.shape[2])),
     )
     pictures, pairs = int(shown.max(initial=-1)) + 1, block.pairs.rigid.size
-    shots = reading.Snapshots(
+    snapshots = loop_data.Snapshots(
         shown if pictures else np.zeros(0, dtype=np.int64),
         np.zeros((pictures, 2, block.cases.coordinates.shape[2])),
         np.zeros((pictures, pairs)),
     )
     most = np.array([float(run.method.most_events) * max(count // per_cycle, 1)])
-    run_block(block, np.array([done]), np.array([done + count]), most, shots)
+    run_block(block, np.array([done]), np.array([done + count]), most, snapshots)
     if block.stopped[0] == UNENDING:
         raise DivergenceError(unending(float(block.cases.clock[0, 0]), run.method))
     _require_finite(block.grid.values, (done + count) * run.interval)
     run.samples.append(block.grid.values[0][kept >= 0])
     run.energy.append(block.grid.energy[0])
-    run.fields.append(shots.fields)
-    run.forces.append(shots.forces)
+    run.fields.append(snapshots.fields)
+    run.forces.append(snapshots.forces)
     run.cycles.append(block.grid.cycles[0])
 
 
@@ -265,7 +267,7 @@ def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response
     system, frequency, left = run.system, run.excitation.frequency, stream.left()
     length = samples * run.interval - begin
     laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
-    totals = run.block.contacts.totals[0].copy()
+    totals = run.block.cases.totals[0].copy()
     # an impulse has no peak
     totals[4, run.block.pairs.rigid] = math.nan
     impacts = _impacts(run)
@@ -341,7 +343,7 @@ def _sticking(run: _Run) -> Riding:
     block = run.block
     rows = [tuple(row) for row in block.tables.sticking[: min(int(block.tables.number[1]), len(block.tables.sticking))]]
     for j in np.flatnonzero(block.pairs.rigid & (np.abs(block.cases.state[0]) == CONTACT)):
-        began, impulse = float(block.contacts.touch[0, BEGUN, j]), float(block.contacts.touch[0, PUSHED, j])
+        began, impulse = float(block.cases.touch[0, BEGUN, j]), float(block.cases.touch[0, PUSHED, j])
         rows.append((j, float(np.sign(block.cases.state[0, j])), began, math.nan, impulse))
     pair, side, start, end, pushed = np.array(rows).reshape(-1, 5).T
     lasting = np.where(np.isfinite(end), end, float(block.cases.clock[0, 0])) - start
@@ -362,7 +364,7 @@ def _open_contacts(run: _Run) -> tuple[str, ...]:
         if state[j] == FREE:
             continue
         if run.block.pairs.rigid[j]:
-            wall, start = "+" if state[j] > 0 else "-", float(run.block.contacts.touch[0, BEGUN, j])
+            wall, start = "+" if state[j] > 0 else "-", float(run.block.cases.touch[0, BEGUN, j])
             notes.append(f"{pair.name} rides on its {wall} wall since t = {start:.4g} s")
         else:
             notes.append(

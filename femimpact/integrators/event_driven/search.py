@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
 
-from numpy.typing import NDArray
-
-from femimpact.integrators.event_driven.motion import Flight, Watch, clear_time, derivatives, measure, move, unit_phase
+from femimpact.integrators.event_driven.motion import (
+    Motion,
+    Scalars,
+    Search,
+    clear_time,
+    derivatives,
+    measure,
+    move,
+    unit_phase,
+)
 from femimpact.integrators.kernels.compiling import ZERO, apart, inlined
 
-__all__ = ["END", "HIT", "RELEASE", "REST", "STUCK", "Search", "look", "next_event"]
+__all__ = ["END", "HIT", "RELEASE", "REST", "STUCK", "look", "next_event"]
 
 END, HIT, REST, RELEASE, STUCK = range(5)
 """What was met: the time's end, a bound at speed, one at rest that presses on, the end of a contact, or nothing
@@ -27,18 +33,6 @@ GONE = 1e-60
 
 SETTLED = 1e5
 """Times its rounding that a rate must have, to end what began at rest at this instant: its own start had none."""
-
-
-class Search(NamedTuple):
-    """What a search leaves behind, and its scratch space; R scalars, K entries."""
-
-    leaving: NDArray[Any]  # (R,) side of a bound just left, or at which another bound was met at rest; else 0
-    at_wall: NDArray[Any]  # (R,) side of the wall touched at this instant, else 0
-    rate: NDArray[Any]  # (R,)
-    found: NDArray[Any]  # (5,) scratch
-    size: NDArray[Any]  # (K,) |H|; see `measure`
-    power: NDArray[Any]  # (3, K) complex: H', and scratch
-    event: NDArray[Any]  # (2,): scalar, side
 
 
 @inlined
@@ -65,17 +59,17 @@ def _creep_time(clearance: float, speed: float, bend: float, twist: float, bound
 
 
 @inlined
-def look(r: int, watch: Watch, flight: Flight, active: int, phase: complex, remaining: float, c: Search) -> float:
+def look(r: int, scalars: Scalars, motion: Motion, active: int, phase: complex, remaining: float, c: Search) -> float:
     """Safe time of one scalar; `at_wall` tells whether it is at a bound now."""
-    safe: float = clear_time(r, watch, flight, active, c.size, c.power[0], phase, remaining, c.found)
+    safe: float = clear_time(r, scalars, motion, active, phase, remaining, c)
     value, rate, rounding, rate_rounding = c.found[0], c.found[1], c.found[2], c.found[3]
     c.rate[r] = rate
     c.at_wall[r] = 0.0
-    if watch.upper[r] - value <= rounding:
+    if scalars.upper[r] - value <= rounding:
         c.at_wall[r] = 1.0
-    elif value - watch.lower[r] <= rounding:
+    elif value - scalars.lower[r] <= rounding:
         c.at_wall[r] = -1.0
-    over, under, farther = watch.upper[r] - value, value - watch.lower[r], c.found[4]
+    over, under, farther = scalars.upper[r] - value, value - scalars.lower[r], c.found[4]
     side = 1.0 if over < under else -1.0
     clearance, toward = max(min(over, under), 0.0), side * rate
     if c.at_wall[r] == 0.0:
@@ -85,7 +79,7 @@ def look(r: int, watch: Watch, flight: Flight, active: int, phase: complex, rema
     elif toward > (SETTLED if c.leaving[r] == side else 1.0) * rate_rounding:
         return 0.0
     # it creeps along its wall, where the bound of a parabola says little
-    derivatives(r, watch, flight, phase, c.size, c.power, c.found)
+    derivatives(r, scalars, motion, phase, c)
     bend, twist = side * c.found[0], side * c.found[1]
     if c.at_wall[r] != 0.0 and toward >= -rate_rounding:
         toward = 0.0
@@ -107,36 +101,36 @@ def look(r: int, watch: Watch, flight: Flight, active: int, phase: complex, rema
 
 
 @apart
-def next_event(watch: Watch, flight: Flight, until: float, c: Search) -> int:
+def next_event(scalars: Scalars, motion: Motion, until: float, c: Search) -> int:
     """Move to the first event or to `until`: END, HIT, REST or RELEASE, the pair and side in `event`."""
     for _ in range(10_000_000):
-        phase = unit_phase(watch.omega, flight.clock)
-        measure(watch, flight, c.size, c.power[0])
+        phase = unit_phase(scalars.omega, motion.clock)
+        measure(scalars, motion, c)
         largest = 0.0
-        for k in range(watch.size.size):
+        for k in range(scalars.size.size):
             largest = max(largest, c.size[k])
         active = ZERO
-        for k in range(watch.size.size):
+        for k in range(scalars.size.size):
             if c.size[k] < DECAYED * largest or c.size[k] < GONE:
-                c.size[k], flight.entry[k], c.power[0, k] = 0.0, 0.0, 0.0
+                c.size[k], motion.entry[k], c.power[0, k] = 0.0, 0.0, 0.0
             elif c.size[k] > 0.0:
                 active = k + 1
-        remaining = until - flight.clock[0]
+        remaining = until - motion.clock[0]
         safe = remaining
-        for r in range(watch.lasting.size):
-            if watch.upper[r] == math.inf and watch.lower[r] == -math.inf:
+        for r in range(scalars.lasting.size):
+            if scalars.upper[r] == math.inf and scalars.lower[r] == -math.inf:
                 continue
-            own = look(r, watch, flight, active, phase, remaining, c)
+            own = look(r, scalars, motion, active, phase, remaining, c)
             if own > 0.0:
                 safe = min(safe, own)
                 continue
             c.event[0], c.event[1] = r, c.at_wall[r]
-            if watch.lasting[r] != 0.0:
+            if scalars.lasting[r] != 0.0:
                 return RELEASE
             return HIT if own == 0.0 else REST
         if safe >= remaining:
-            move(watch, flight, max(remaining, 0.0))
-            flight.clock[0] = until
+            move(scalars, motion, max(remaining, 0.0))
+            motion.clock[0] = until
             return END
-        move(watch, flight, safe)
+        move(scalars, motion, safe)
     return STUCK

@@ -18,7 +18,7 @@ from femimpact.integrators.event_driven.closed_form import (
     gap_rows,
 )
 from femimpact.integrators.event_driven.equations import Equations
-from femimpact.integrators.event_driven.states import Forms
+from femimpact.integrators.event_driven.loop_data import Forms
 from femimpact.response import Channel
 from femimpact.system import System
 
@@ -114,27 +114,27 @@ class FormStore:
             return self.forms._replace(made=self.count)
 
     def _empty(self, capacity: int) -> Forms:
-        (d, pairs), (entries, particles, blocks) = self.whole.force.shape, self.most
+        (d, pairs), (entries, rigid_bodies, blocks) = self.whole.force.shape, self.most
         rows, f = 2 * pairs + len(self.outputs.force), capacity
         real: dict[str, tuple[int, ...]] = {
             "size": (f, entries),
-            "particle_given": (f, particles, 1 + pairs),
-            "particle_drive": (f, particles),
+            "rigid_body_given": (f, rigid_bodies, 1 + pairs),
+            "rigid_body_drive": (f, rigid_bodies),
             "weight_size": (f, rows, entries),
-            "particle_weight": (f, rows, particles),
-            "particle_rate_weight": (f, rows, particles),
+            "rigid_body_weight": (f, rows, rigid_bodies),
+            "rigid_body_rate_weight": (f, rows, rigid_bodies),
             "constant": (f, rows, 1 + pairs),
             "through": (f, 3, rows),
             "follow": (f, 4, rows),
-            "particle_shape": (f, d, particles),
+            "rigid_body_shape": (f, d, rigid_bodies),
             "static": (f, d, 1 + pairs),
             "position_through": (f, d),
             "position_follow": (f, 4, d),
-            "to_particle": (f, particles, d),
-            "impulse_particle": (f, particles, pairs),
+            "to_rigid_body": (f, rigid_bodies, d),
+            "impulse_rigid_body": (f, rigid_bodies, pairs),
         }
         whole: dict[str, tuple[int, ...]] = {
-            "key": (f,), "following": (f,), "number": (f,), "entries": (f,), "particles": (f,),
+            "key": (f,), "following": (f,), "number": (f,), "entries": (f,), "rigid_bodies": (f,),
             "blocks": (f, blocks, 2), "first": (f, d + 1), "members": (f, d * entries),
         }  # fmt: skip
         complexes: dict[str, tuple[int, ...]] = {
@@ -166,7 +166,7 @@ class FormStore:
 
     def _add(self, made: ClosedForm, active: Array, key: int, parameters: bytes) -> None:
         modes, f = made.modes, self.count
-        self._make_room((modes.exponent.size, made.particle_drive.size, len(modes.blocks)))
+        self._make_room((modes.exponent.size, made.rigid_body_drive.size, len(modes.blocks)))
         used = (made.velocity.weight != 0.0) | (made.position.weight != 0.0)
         together = used.T.astype(int) @ used.astype(int) > 0
         if np.any(active & ~self.rigid):
@@ -177,16 +177,16 @@ class FormStore:
         previous, number = self.last.get(parameters, (-1, -1))
         values: dict[str, Any] = {
             "key": key, "following": -1, "number": number + 1, "entries": modes.exponent.size,
-            "particles": made.particle_drive.size, "exponent": modes.exponent, "coupling": modes.coupling,
-            "blocks": modes.blocks, "size": modes.size, "particle_given": made.particle_given,
-            "particle_drive": made.particle_drive, "weight": rows.weight, "weight_size": np.abs(rows.weight),
-            "particle_weight": rows.particle, "particle_rate_weight": rows.particle_rate, "constant": rows.constant,
-            "through": rows.through, "follow": rows.follow, "shape": made.position.weight,
-            "shape_rate": made.velocity.weight, "particle_shape": made.particle_shape,
+            "rigid_bodies": made.rigid_body_drive.size, "exponent": modes.exponent, "coupling": modes.coupling,
+            "blocks": modes.blocks, "size": modes.size, "rigid_body_given": made.rigid_body_given,
+            "rigid_body_drive": made.rigid_body_drive, "weight": rows.weight, "weight_size": np.abs(rows.weight),
+            "rigid_body_weight": rows.rigid_body, "rigid_body_rate_weight": rows.rigid_body_rate,
+            "constant": rows.constant, "through": rows.through, "follow": rows.follow, "shape": made.position.weight,
+            "shape_rate": made.velocity.weight, "rigid_body_shape": made.rigid_body_shape,
             "static": made.position.constant, "position_through": made.position.through[2],
             "position_follow": made.position.follow, "load": made.load, "to_entry_u": made.to_entry_u,
-            "to_entry_v": made.to_entry_v, "to_particle": made.to_particle, "impulse_entry": made.impulse_entry,
-            "impulse_particle": made.impulse_particle, "together": together,
+            "to_entry_v": made.to_entry_v, "to_rigid_body": made.to_rigid_body, "impulse_entry": made.impulse_entry,
+            "impulse_rigid_body": made.impulse_rigid_body, "together": together,
             "first": np.concatenate([[0], np.cumsum(used.sum(axis=1))]), "members": np.nonzero(used)[1],
         }  # fmt: skip
         for name, value in values.items():
@@ -211,8 +211,8 @@ class FormStore:
         follow[:2] += out.of_base
         rows = Rows(
             weight=out.position @ p.weight + out.rate @ v.weight,
-            particle=out.position @ p.particle,
-            particle_rate=out.rate @ p.particle,
+            rigid_body=out.position @ p.rigid_body,
+            rigid_body_rate=out.rate @ p.rigid_body,
             constant=out.position @ p.constant,
             through=through,
             follow=follow,
@@ -221,7 +221,7 @@ class FormStore:
             if j >= 0 and active[j]:
                 force = made.contact_force
                 rows.weight[o], rows.constant[o] = force.weight[j], force.constant[j]
-                rows.particle[o], rows.particle_rate[o] = force.particle[j], force.particle_rate[j]
+                rows.rigid_body[o], rows.rigid_body_rate[o] = force.rigid_body[j], force.rigid_body_rate[j]
                 rows.through[:, o], rows.follow[:, o] = force.through[:, j], force.follow[:, j]
         return rows
 
@@ -230,8 +230,8 @@ def _stacked(*parts: Rows) -> Rows:
     """All rows in one."""
     return Rows(
         weight=np.concatenate([rows.weight for rows in parts]),
-        particle=np.concatenate([rows.particle for rows in parts]),
-        particle_rate=np.concatenate([rows.particle_rate for rows in parts]),
+        rigid_body=np.concatenate([rows.rigid_body for rows in parts]),
+        rigid_body_rate=np.concatenate([rows.rigid_body_rate for rows in parts]),
         constant=np.concatenate([rows.constant for rows in parts]),
         through=np.concatenate([rows.through for rows in parts], axis=1),
         follow=np.concatenate([rows.follow for rows in parts], axis=1),

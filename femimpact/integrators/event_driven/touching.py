@@ -1,35 +1,35 @@
-"""Contacts that last: impulse and largest force over a flight, and the tables of impacts and sticking phases."""
+"""Contacts that last: impulse and largest force, and the tables of impacts and sticking phases."""
 
 from __future__ import annotations
 
 import cmath
-from typing import Any, NamedTuple
 
-from numpy.typing import NDArray
-
-from femimpact.integrators.event_driven.ledger import (
+from femimpact.integrators.event_driven.ledger import integral
+from femimpact.integrators.event_driven.loop_data import (
     BEGUN,
     LARGEST_FORCE,
     LASTED,
     LOST,
     PUSHED,
     TOUCH_SPEED,
-    integral,
+    Case,
+    Space,
+    Tables,
 )
 from femimpact.integrators.event_driven.motion import (
     NODES,
     WEIGHTS,
-    Flight,
-    Watch,
-    copy_flight,
+    Motion,
+    Scalars,
+    copy_motion,
     has_blocks,
     move,
-    multiply,
     panels_of,
+    rates_now,
     taylor,
     unit_phase,
+    value_now,
 )
-from femimpact.integrators.event_driven.search import Search
 from femimpact.integrators.event_driven.states import side_of
 from femimpact.integrators.kernels.compiling import apart, inlined
 from femimpact.integrators.layout import (
@@ -41,70 +41,67 @@ from femimpact.integrators.layout import (
     PEAK_FORCE,
 )
 
-__all__ = ["Tables", "add_contact", "begin_contact", "count_impact", "end_contact", "end_sticking"]
+__all__ = ["add_contact", "add_impulse", "begin_contact", "count_impact", "end_contact", "end_sticking"]
 
 PROBES = 16
 """Instants of a contact at which its force is looked at for the largest, which is then refined."""
 
-
-class Tables(NamedTuple):
-    """Impacts and sticking phases of a single case, one row each; those beyond the last row are counted."""
-
-    impacts: NDArray[Any]  # (most, 9 + n); see layout.IMPACT_COLUMNS, then the energy given to each mode
-    sticking: NDArray[Any]  # (most, 5): pair, side, start and end (s), impulse (N s)
-    number: NDArray[Any]  # (2,) rows of both
+NEWTON_STEPS = 3
 
 
 @apart
-def add_contact(
-    r: int, state: float, rigid: bool, counted: bool, watch: Watch, flight: Flight, duration: float, spare: Flight,
-    turn: NDArray[Any], search: Search, contact: NDArray[Any], totals: NDArray[Any],
-) -> None:  # fmt: skip
-    """Add impulse and largest force of one contact over a flight that begins at the state given."""
-    side, j = side_of(state), r - contact.shape[1]
-    if has_blocks(watch):
-        impulse, largest = _over_points(r, side, watch, flight, duration, spare, search)
+def add_contact(j: int, rigid: bool, duration: float, scalars: Scalars, case: Case, space: Space) -> None:
+    """Add impulse and largest force of one contact over some time from the present motion on."""
+    r, side, time = case.state.size + j, side_of(case.state[j]), space.motion.clock[0]
+    if has_blocks(scalars):
+        impulse, largest, best = _over_points(r, side, duration, scalars, space)
     else:
-        impulse, largest = _impulse(r, side, watch, flight, duration), 0.0
+        impulse, largest, best = _impulse(r, side, scalars, space.motion, duration), 0.0, 0.0
         if not rigid:
-            largest = _largest(r, side, watch, flight, duration, turn)
-    contact[PUSHED, j] += impulse
-    contact[LASTED, j] += duration
-    contact[LARGEST_FORCE, j] = max(contact[LARGEST_FORCE, j], largest)
-    if counted:
-        totals[FORCE_TIME, j] += impulse
-        totals[PEAK_FORCE, j] = max(totals[PEAK_FORCE, j], largest)
+            largest, best = _largest_probe(r, side, duration, scalars, space)
+    if not rigid:
+        largest = _refined(r, side, best, largest, duration, scalars, space)
+    case.touch[PUSHED, j] += impulse
+    case.touch[LASTED, j] += duration
+    case.touch[LARGEST_FORCE, j] = max(case.touch[LARGEST_FORCE, j], largest)
+    add_impulse(j, time, impulse, case)
+    if _is_counted(time, case):
+        case.totals[PEAK_FORCE, j] = max(case.totals[PEAK_FORCE, j], largest)
 
 
 @inlined
-def _impulse(r: int, side: float, watch: Watch, flight: Flight, duration: float) -> float:
-    """Integral of a contact force over a flight, positive where the wall pushes."""
-    wave = complex(0.0, watch.omega)
-    total = watch.constant[r] * duration
-    if watch.broken:
-        value, rate, bend, twist = taylor(watch.follow, r, flight.drive)
+def _impulse(r: int, side: float, scalars: Scalars, motion: Motion, duration: float) -> float:
+    """Integral of a contact force, positive where the wall pushes."""
+    wave = complex(0.0, scalars.omega)
+    total = scalars.constant[r] * duration
+    if scalars.broken:
+        value, rate, bend, twist = taylor(scalars.follow, r, motion.drive)
         total += duration * (value + duration * (rate / 2 + duration * (bend / 6 + duration * twist / 24)))
     else:
-        total += (watch.sine[r] * unit_phase(watch.omega, flight.clock) * integral(wave, duration)).real
-    for k in range(watch.exponent.size):
-        total += (watch.weight[r, k] * flight.entry[k] * integral(watch.exponent[k], duration)).real
+        total += (scalars.sine[r] * unit_phase(scalars.omega, motion.clock) * integral(wave, duration)).real
+    for k in range(scalars.exponent.size):
+        total += (scalars.weight[r, k] * motion.entry[k] * integral(scalars.exponent[k], duration)).real
     return float(side * total)
 
 
 @inlined
-def _largest(r: int, side: float, watch: Watch, flight: Flight, duration: float, turn: NDArray[Any]) -> float:
-    """Largest contact force over a flight."""
+def _largest_probe(
+    r: int, side: float, duration: float, scalars: Scalars, space: Space
+) -> tuple[float, float]:  # fmt: skip
+    """Largest of some values of a contact force, and its time, where entries stand alone."""
     # the last place in a row of probes is that of the sine
-    last = watch.exponent.size
-    turned = watch.sine[r] * unit_phase(watch.omega, flight.clock)
+    last, motion, turn = scalars.exponent.size, space.motion, space.turn
     value, rate, bend, twist = 0.0, 0.0, 0.0, 0.0
-    if watch.broken:
-        value, rate, bend, twist = taylor(watch.follow, r, flight.drive)
-    value += watch.constant[r]
+    if scalars.broken:
+        value, rate, bend, twist = taylor(scalars.follow, r, motion.drive)
+    value += scalars.constant[r]
     for k in range(last + 1):
-        e = watch.exponent[k] if k < last else complex(0.0, watch.omega)
+        e = scalars.exponent[k] if k < last else complex(0.0, scalars.omega)
         turn[0, k] = cmath.exp(e * (duration / PROBES))
-        turn[1, k] = watch.weight[r, k] * flight.entry[k] if k < last else turned
+        if k < last:
+            turn[1, k] = scalars.weight[r, k] * motion.entry[k]
+        else:
+            turn[1, k] = scalars.sine[r] * unit_phase(scalars.omega, motion.clock)
     best, largest = 0.0, 0.0
     for probe in range(PROBES + 1):
         t = probe * duration / PROBES
@@ -114,121 +111,111 @@ def _largest(r: int, side: float, watch: Watch, flight: Flight, duration: float,
             turn[1, k] *= turn[0, k]
         if side * force > largest:
             largest, best = side * force, t
-    for _ in range(2):
-        force = value + best * (rate + best * (bend / 2 + best * twist / 6))
-        slope, curve, change = rate + best * (bend + best * twist / 2), bend + best * twist, twist
-        for k in range(last + 1):
-            e = watch.exponent[k] if k < last else complex(0.0, watch.omega)
-            term = (watch.weight[r, k] * flight.entry[k] if k < last else turned) * cmath.exp(e * best)
-            force += term.real
-            slope += (e * term).real
-            curve += (e * e * term).real
-            change += (e * e * e * term).real
-        largest = max(largest, side * force)
-        if side * curve >= 0.0:
-            break
-        near = -slope / curve
-        best = min(max(best - slope / (curve + 0.5 * change * near), 0.0), duration)
-    return largest
+    return largest, best
 
 
 @apart
 def _over_points(
-    r: int, side: float, watch: Watch, flight: Flight, duration: float, spare: Flight, search: Search
-) -> tuple[float, float]:  # fmt: skip
-    """Both where entries do not stand alone: by Gauss points, and Newton's method from the largest of them."""
-    rate = search.power
-    copy_flight(flight, spare)
-    panels = panels_of(watch, flight, duration)
-    half, start, impulse, best = 0.5 * duration / panels, flight.clock[0], 0.0, 0.0
+    r: int, side: float, duration: float, scalars: Scalars, space: Space
+) -> tuple[float, float, float]:  # fmt: skip
+    """Impulse, largest value and its time where entries do not stand alone: by Gauss points."""
+    motion, spare = space.motion, space.spare
+    copy_motion(motion, spare)
+    panels = panels_of(scalars, motion, duration)
+    half, start, impulse, best = 0.5 * duration / panels, motion.clock[0], 0.0, 0.0
     # a dashpot pushes most at the touch, before any of the points
-    largest = max(_force(r, side, watch, spare), 0.0)
+    largest = max(_force(r, side, scalars, spare), 0.0)
     for panel in range(panels):
         for node in range(len(NODES)):
             time = start + half * (2 * panel + 1 + NODES[node])
-            move(watch, spare, time - spare.clock[0])
-            force = _force(r, side, watch, spare)
+            move(scalars, spare, time - spare.clock[0])
+            force = _force(r, side, scalars, spare)
             impulse += half * WEIGHTS[node] * force
             if force > largest:
                 largest, best = force, time - start
-    for _ in range(3):
-        copy_flight(flight, spare)
-        move(watch, spare, best)
-        multiply(watch, spare.entry, rate[1])
-        multiply(watch, rate[1], rate[2])
-        turned = side * watch.sine[r] * unit_phase(watch.omega, spare.clock)
-        slope, bend = -watch.omega * turned.imag, -(watch.omega**2) * turned.real
-        if watch.broken:
-            _, follow_rate, follow_bend, _ = taylor(watch.follow, r, spare.drive)
-            slope, bend = slope + side * follow_rate, bend + side * follow_bend
-        for k in range(watch.exponent.size):
-            slope += side * (watch.weight[r, k] * rate[1, k]).real
-            bend += side * (watch.weight[r, k] * rate[2, k]).real
-        largest = max(largest, _force(r, side, watch, spare))
-        if bend >= 0.0:
-            break
-        best = min(max(best - slope / bend, 0.0), duration)
-    return impulse, largest
+    return impulse, largest, best
 
 
 @inlined
-def _force(r: int, side: float, watch: Watch, spare: Flight) -> float:
-    """Contact force at the spare motion."""
-    force = watch.constant[r] + (watch.sine[r] * unit_phase(watch.omega, spare.clock)).real
-    if watch.broken:
-        force += taylor(watch.follow, r, spare.drive)[0]
-    for k in range(watch.exponent.size):
-        force += (watch.weight[r, k] * spare.entry[k]).real
-    return float(side * force)
+def _force(r: int, side: float, scalars: Scalars, motion: Motion) -> float:
+    phase = unit_phase(scalars.omega, motion.clock)
+    return side * value_now(r, scalars.exponent.size, phase, scalars, motion)
+
+
+@inlined
+def _refined(
+    r: int, side: float, best: float, largest: float, duration: float, scalars: Scalars, space: Space
+) -> float:  # fmt: skip
+    """Largest contact force by Newton's method, from the largest of those looked at."""
+    for _ in range(NEWTON_STEPS):
+        copy_motion(space.motion, space.spare)
+        move(scalars, space.spare, best)
+        force, slope, bend = rates_now(r, scalars, space.spare, space.search.power)
+        largest = max(largest, side * force)
+        if side * bend >= 0.0:
+            break
+        best = min(max(best - slope / bend, 0.0), duration)
+    return largest
 
 
 # ---- tables ----------------------------------------------------------------------------------------
 
 
 @inlined
-def begin_contact(j: int, time: float, approach: float, contact: NDArray[Any], to_modes: NDArray[Any]) -> None:
-    """A contact, or a sticking phase, begins."""
-    contact[BEGUN, j], contact[TOUCH_SPEED, j] = time, approach
-    contact[PUSHED, j] = contact[LARGEST_FORCE, j] = contact[LASTED, j] = contact[LOST, j] = 0.0
-    for i in range(to_modes.shape[1]):
-        to_modes[j, i] = 0.0
+def _is_counted(time: float, case: Case) -> bool:
+    """Whether the sums of the window are open."""
+    return bool(case.window[0] <= time < case.window[1])
 
 
 @inlined
-def count_impact(j: int, counted: bool, approach: float, impulse: float, totals: NDArray[Any]) -> None:
+def add_impulse(j: int, time: float, impulse: float, case: Case) -> None:
+    """Add the impulse of a contact to the sum of the window."""
+    if _is_counted(time, case):
+        case.totals[FORCE_TIME, j] += impulse
+
+
+@inlined
+def begin_contact(j: int, time: float, approach: float, case: Case) -> None:
+    """A contact, or a sticking phase, begins."""
+    touch = case.touch
+    touch[BEGUN, j], touch[TOUCH_SPEED, j] = time, approach
+    touch[PUSHED, j] = touch[LARGEST_FORCE, j] = touch[LASTED, j] = touch[LOST, j] = 0.0
+    for i in range(case.to_modes.shape[1]):
+        case.to_modes[j, i] = 0.0
+
+
+@inlined
+def count_impact(j: int, time: float, approach: float, impulse: float, case: Case) -> None:
     """Add an impact that ends now to the sums of its window."""
-    if counted:
-        totals[COUNT, j] += 1.0
-        totals[APPROACH_SUM, j] += approach
-        totals[LARGEST_APPROACH, j] = max(totals[LARGEST_APPROACH, j], approach)
-        totals[IMPULSE_SUM, j] += impulse
+    if _is_counted(time, case):
+        case.totals[COUNT, j] += 1.0
+        case.totals[APPROACH_SUM, j] += approach
+        case.totals[LARGEST_APPROACH, j] = max(case.totals[LARGEST_APPROACH, j], approach)
+        case.totals[IMPULSE_SUM, j] += impulse
 
 
 @apart
-def end_contact(
-    j: int, side: float, rebound: float, counted: bool, contact: NDArray[Any], to_modes: NDArray[Any],
-    totals: NDArray[Any], tables: Tables,
-) -> None:  # fmt: skip
+def end_contact(j: int, rebound: float, time: float, case: Case, tables: Tables) -> None:
     """A compliant contact has ended: an impact more."""
-    count_impact(j, counted, contact[TOUCH_SPEED, j], contact[PUSHED, j], totals)
+    touch, side = case.touch, side_of(case.state[j])
+    count_impact(j, time, touch[TOUCH_SPEED, j], touch[PUSHED, j], case)
     row = tables.number[0]
     if row < tables.impacts.shape[0]:
         out = tables.impacts[row]
-        out[0], out[1], out[2], out[3], out[4] = contact[BEGUN, j], j, side, contact[TOUCH_SPEED, j], rebound
-        out[5], out[6] = contact[PUSHED, j], contact[LARGEST_FORCE, j]
-        out[7], out[8] = contact[LASTED, j], contact[LOST, j]
-        for i in range(to_modes.shape[1]):
-            out[9 + i] = to_modes[j, i]
+        out[0], out[1], out[2], out[3], out[4] = touch[BEGUN, j], j, side, touch[TOUCH_SPEED, j], rebound
+        out[5], out[6], out[7], out[8] = touch[PUSHED, j], touch[LARGEST_FORCE, j], touch[LASTED, j], touch[LOST, j]
+        for i in range(case.to_modes.shape[1]):
+            out[9 + i] = case.to_modes[j, i]
     tables.number[0] = row + 1
 
 
 @apart
-def end_sticking(j: int, side: float, time: float, contact: NDArray[Any], tables: Tables) -> None:
+def end_sticking(j: int, time: float, case: Case, tables: Tables) -> None:
     """A sticking phase has ended; one that begins as another of the same pair ends goes on with it."""
-    start, impulse = contact[BEGUN, j], contact[PUSHED, j]
+    start, impulse, side = case.touch[BEGUN, j], case.touch[PUSHED, j], side_of(case.state[j])
     row = tables.number[1]
     if row < tables.sticking.shape[0]:
-        for before in range(row - 1, max(row - 1 - contact.shape[1], -1), -1):
+        for before in range(row - 1, max(row - 1 - case.state.size, -1), -1):
             out = tables.sticking[before]
             if out[0] == j and out[1] == side and out[3] >= start:
                 out[3], out[4] = time, out[4] + impulse

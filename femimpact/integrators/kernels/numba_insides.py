@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+from llvmlite import ir
 from llvmlite.binding import Linkage
 from numba import njit
 from numba.core.caching import NullCache
@@ -26,12 +27,22 @@ __all__ = ["apart", "called", "compiled"]
 # _nrt=False: nothing here allocates, and counting references to array slices would cost ten times the arithmetic
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
 
+BYTES = ir.IntType(8).as_pointer()
+
 
 class _Part(JITCodeLibrary):
     """Code of an inner function: what it is linked into optimises it and makes machine code of it, once.
 
     numba does both for every function with all that it calls: a function five calls deep six times over.
     """
+
+    def add_ir_module(self, module: Any) -> None:
+        # nothing in the function writes to where a named tuple lies that was handed on by address
+        for function in module.functions:
+            for argument in function.args if function.blocks else ():
+                if argument.type == BYTES and argument.name.count(".") == 1:
+                    argument.add_attribute("noalias")
+        super().add_ir_module(module)  # type: ignore[no-untyped-call]
 
     def _optimize_final_module(self) -> None:
         pass
@@ -54,7 +65,7 @@ class _Apart(_Part):
         for function in module.functions:
             if function.blocks:
                 function.attributes.add("noinline")
-        super().add_ir_module(module)  # type: ignore[no-untyped-call]
+        super().add_ir_module(module)
 
 
 class _Whole(JITCodeLibrary):
