@@ -5,11 +5,13 @@ Only for the versions in `TESTED`; `compiling` does without this module for ever
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import logging
 import pickle
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 from llvmlite import ir
@@ -19,6 +21,8 @@ from numba.core.caching import NullCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
 from numba.core.serialize import dumps
+from numba.core.targetconfig import ConfigStack
+from numba.core.types.functions import BaseFunction
 
 from femimpact.integrators.kernels.code_files import CodeFiles
 
@@ -82,6 +86,37 @@ class _Whole(JITCodeLibrary):
         super()._optimize_final_module()  # type: ignore[no-untyped-call]
 
 
+@contextmanager
+def _call_types_remembered() -> Iterator[None]:
+    """Within it a call whose types were resolved before is not resolved again.
+
+    numba tries every overload of an operator anew at each of its uses, and in each of several rounds: a fifth of the
+    time. Only one thread is in here at a time: it holds numba's lock.
+    """
+    known: dict[tuple[Any, ...], tuple[Any, Any]] = {}
+    resolve, collects = BaseFunction.get_call_type, gc.isenabled()
+
+    def get_call_type(function: Any, context: Any, args: Any, kws: Any) -> Any:
+        flags = ConfigStack.top_or_none()  # type: ignore[no-untyped-call]
+        # an overload is compiled with the flags of its caller
+        own = "" if flags is None else repr(sorted(flags._values.items(), key=str))
+        key = (id(function), tuple(args), tuple(sorted(kws.items())), own)
+        if key not in known:
+            # with the function itself: its number is not given to another one as long as it lives
+            known[key] = (resolve(function, context, args, kws), function)
+        return known[key][0]
+
+    BaseFunction.get_call_type = get_call_type  # type: ignore[method-assign, assignment]
+    # a million small objects live as long as this: to look through them again and again finds nothing
+    gc.disable()
+    try:
+        yield
+    finally:
+        BaseFunction.get_call_type = resolve  # type: ignore[method-assign]
+        if collects:
+            gc.enable()
+
+
 class _WholeCompiler(Compiler):
     """numba's compiler, with code of another kind."""
 
@@ -90,6 +125,11 @@ class _WholeCompiler(Compiler):
     def __init__(self, typing: Any, target: Any, library: Any, *others: Any) -> None:
         own = library or self.KIND(target.codegen(), "femimpact")
         super().__init__(typing, target, own, *others)  # type: ignore[no-untyped-call]
+
+    def compile_extra(self, function: Callable[..., Any]) -> Any:
+        # all that it calls is compiled within
+        with _call_types_remembered() if self.KIND is _Whole else nullcontext():
+            return super().compile_extra(function)  # type: ignore[no-untyped-call]
 
 
 class _PartCompiler(_WholeCompiler):
