@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import gc
 import importlib.util
 import logging
 import os
@@ -17,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numba import njit
+from numba.core.types.functions import BaseFunction
 
 from femimpact.integrators.kernels import code_files, compiling, loop, numba_insides, touch
 from femimpact.integrators.kernels.code_files import CodeFiles, candidates, open_code_files, sources_of, stamp_of
@@ -240,13 +242,28 @@ DAMAGE = {
 }
 
 
-def _kept(directory, stamp=STAMP):
-    return numba_insides.compiled(_square, CodeFiles((directory,), stamp))
+def _kept(directory, stamp=STAMP, long=False):
+    return numba_insides.compiled(_square, CodeFiles((directory,), stamp), long)
 
 
 def _hits(dispatcher):
     assert dispatcher(3.0) == 9.0
     return sum(dispatcher.stats.cache_hits.values())
+
+
+def test_a_function_that_takes_long_says_once_that_it_is_compiled(tmp_path, caplog):
+    assert _hits(_kept(tmp_path, long=True)) == 0
+    (record,) = caplog.records
+    assert "compiles test_compiling._square" in record.getMessage()
+    assert _hits(_kept(tmp_path, long=True)) == 1
+    assert len(caplog.records) == 1
+
+
+def test_compiling_leaves_numba_and_the_collector_as_they_were(tmp_path):
+    before = BaseFunction.get_call_type, gc.isenabled()
+    assert _hits(_kept(tmp_path)) == 0
+    assert (BaseFunction.get_call_type, gc.isenabled()) == before
+    assert njit(lambda x: x + 1)(2) == 3
 
 
 @pytest.mark.parametrize("kind", DAMAGE)

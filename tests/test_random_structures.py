@@ -20,18 +20,6 @@ PHYSICAL = {
 """Refusals with a reason in the physics: their text, and the reason."""
 
 
-UNRESOLVED = {
-    33: "a ball and a stop stick together while the ball's force passes zero: on some last bits of the modes its "
-    "releases at that instant do not end",
-}
-"""Seeds that the engine does not yet take on every processor."""
-
-
-def marked(seed):
-    reason = UNRESOLVED.get(seed)
-    return pytest.param(seed, marks=pytest.mark.xfail(reason=reason, strict=False)) if reason else seed
-
-
 @cache
 def case_of(seed):
     return random_case(seed)
@@ -53,7 +41,7 @@ def run_of(seed):
         raise
 
 
-every_seed = pytest.mark.parametrize("seed", [marked(seed) for seed in SEEDS])
+every_seed = pytest.mark.parametrize("seed", SEEDS)
 
 
 @every_seed
@@ -155,7 +143,7 @@ def check_rigid(run, pair, own):
 
 def test_the_seeds_are_as_busy_and_as_mixed_as_they_are_said_to_be():
     cases = [case_of(seed) for seed in SEEDS]
-    counts = np.array([len(run_of(seed).impacts) for seed in SEEDS if seed not in UNRESOLVED and run_of(seed)])
+    counts = np.array([len(run_of(seed).impacts) for seed in SEEDS if run_of(seed)])
     assert np.count_nonzero((counts >= 50) & (counts <= 3000)) >= 0.6 * counts.size
     assert np.median(counts) > 100
     pairs = [pair for case in cases for pair in case.system.contacts]

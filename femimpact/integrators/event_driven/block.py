@@ -77,6 +77,8 @@ class Block:
     tables : Tables
     ledger : Ledger or None
     stopped : ndarray (C,) of int
+    space : Space or None
+        Working space, as large as the closed forms of the last call wanted it.
     """
 
     store: FormStore
@@ -86,6 +88,7 @@ class Block:
     tables: Tables
     ledger: Ledger | None
     stopped: Array
+    space: Space | None = None
 
 
 def new_block(
@@ -241,8 +244,10 @@ def run_block(block: Block, begin: Array, end: Array, most: Array, snapshots: Sn
     while members.size:
         forms = store.snapshot()
         block.cases = _fitted(block.cases, forms)
-        space = working_space(block, forms)
-        job = Job(block.pairs, block.cases, forms, block.grid, snapshots, block.tables, space)
+        wanted = forms.exponent.shape[1], forms.rigid_body_drive.shape[1]
+        if block.space is None or (block.space.motion.entry.size, block.space.motion.rigid_body.size) != wanted:
+            block.space = working_space(block, forms)
+        job = Job(block.pairs, block.cases, forms, block.grid, snapshots, block.tables, block.space)
         loop.run_cases(members, begin, end, most, block.stopped, job, block.ledger)
         resonant = np.flatnonzero(block.stopped == loop.RESONANT)
         if resonant.size:
@@ -314,9 +319,8 @@ def working_space(block: Block, forms: Forms) -> Space:
         rigid_body_rate=np.zeros(rigid_bodies),
         clock=np.zeros(2),
         drive=np.zeros(4),
-        term=np.zeros(entries, dtype=complex),
     )
-    *whole, (turn, impulse) = _together(*[motion] * 5, search, bounds, products, rest)
+    *whole, (turn, impulse) = _together(*[motion] * 6, search, bounds, products, rest)
     return Space._make((*whole, turn, impulse))
 
 

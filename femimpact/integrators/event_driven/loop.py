@@ -20,7 +20,6 @@ from femimpact.integrators.event_driven.loop_data import (
     Form,
     Job,
     Ledger,
-    Space,
 )
 from femimpact.integrators.event_driven.motion import (
     Motion,
@@ -54,7 +53,7 @@ from femimpact.integrators.event_driven.transition import (
     set_start_states,
 )
 from femimpact.integrators.kernels.addresses import by_address
-from femimpact.integrators.kernels.compiling import apart, called, compiled, inlined
+from femimpact.integrators.kernels.compiling import apart, called, compiled_long, inlined
 
 __all__ = ["DONE", "FORM_WANTED", "RESONANT", "UNENDING", "run_cases"]
 
@@ -160,9 +159,11 @@ def _to_next_event(begin: int, until: float, form: Form, case: Case, job: Job, b
         for j in range(case.state.size):
             if is_active(case.state[j]):
                 add_contact(j, job.pairs.rigid[j], reached - motion.clock[0], scalars, case, space)
+    copy_motion(motion, space.begin)
+    _read(begin, reached, status != END, form, case, job, b)
+    # the samples first: where they exclude a peak none is looked for
     if job.grid.cycle[c] < job.grid.cycles.shape[1]:
         add_peaks(c, reached, scalars, space, job.grid)
-    _read(begin, reached, status != END, form, case, job, b)
     copy_motion(space.trial, motion)
     if b is not None and (b.everywhere or any_compliant(case, job.pairs)):
         add_to_ledger(form, job.pairs, case, space, b)
@@ -219,10 +220,10 @@ def _run_case(begin: int, until: float, most: float, case: Case, job: Job, b: Le
 
 
 @inlined
-def _motion_of(c: int, cases: Cases, space: Space) -> Motion:
+def _motion_of(c: int, cases: Cases) -> Motion:
     """The motion of a case, where it lies between calls."""
     body = cases.rigid_body[c]
-    return Motion(cases.entry[c], body[0], body[1], cases.clock[c], cases.drive[c], space.motion.term)
+    return Motion(cases.entry[c], body[0], body[1], cases.clock[c], cases.drive[c])
 
 
 @inlined
@@ -234,7 +235,7 @@ def _case_of(c: int, cases: Cases) -> Case:
     )  # fmt: skip
 
 
-@compiled
+@compiled_long
 def run_cases(
     members: NDArray[Any], begin: NDArray[Any], end: NDArray[Any], most: NDArray[Any], stopped: NDArray[Any],
     whole: Job, ledger: Ledger | None,
@@ -247,7 +248,7 @@ def run_cases(
     cases, space = job.cases, job.space
     for i in range(members.size):
         c = members[i]
-        home, case = by_address(_motion_of(c, cases, space)), by_address(_case_of(c, cases))
+        home, case = by_address(_motion_of(c, cases)), by_address(_case_of(c, cases))
         copy_motion(home, space.motion)
         for r in range(space.search.leaving.size):
             space.search.leaving[r] = cases.leaving[c, r]

@@ -240,13 +240,14 @@ class Bounds(NamedTuple):
     given: NDArray[Any]  # (P,)
     nothing: NDArray[Any]  # (P,) zero
     wall: NDArray[Any]  # (1 + R,) 1, then side times gap of each pair in contact or separating
-    steady: NDArray[Any]  # (2, K) complex
+    steady: NDArray[Any]  # (2, K) complex scratch
 
 
 class Space(NamedTuple):
     """Working space of one thread."""
 
     motion: Motion  # of the present case
+    begin: Motion  # where the present closed form began
     trial: Motion
     mark: Motion  # up to where the ledger is written
     spare: Motion

@@ -86,17 +86,17 @@ class Scalars(NamedTuple):
     sine: NDArray[Any]  # (R,) complex
     constant: NDArray[Any]  # (R,)
     follow: NDArray[Any]  # (4, R) steady motion under a broken line, per unit of ub, ub', s and s'
+    term: NDArray[Any]  # (K,) complex scratch
 
 
 class Motion(NamedTuple):
-    """Where the motion is: homogeneous part, rigid-body coordinates, time, a drive by samples; and scratch space."""
+    """Where the motion is: homogeneous part, rigid-body coordinates, time, a drive by samples."""
 
     entry: NDArray[Any]  # (K,) complex
     rigid_body: NDArray[Any]  # (P,)
     rigid_body_rate: NDArray[Any]  # (P,)
     clock: NDArray[Any]  # (2,): time, phase of the sine at t = 0
     drive: NDArray[Any]  # (4,): ub, ub', s, s' of a broken line; zero for a sine
-    term: NDArray[Any]  # (K,) complex scratch
 
 
 class Search(NamedTuple):
@@ -185,7 +185,7 @@ def _move_block(scalars: Scalars, first: int, last: int, motion: Motion, duratio
     # all of it has died out long before so many steps
     steps = min(int(duration * (scalars.size[first] + abs(mean))), MOST_STEPS) + 1
     step = duration / steps
-    turn, entry, term = cmath.exp(mean * step), motion.entry, motion.term
+    turn, entry, term = cmath.exp(mean * step), motion.entry, scalars.term
     for _ in range(steps):
         for k in range(first, last):
             entry[k] *= turn
@@ -203,10 +203,11 @@ def _move_block(scalars: Scalars, first: int, last: int, motion: Motion, duratio
 
 @apart
 def move(scalars: Scalars, motion: Motion, duration: float) -> None:
-    """Advance the homogeneous part, the rigid_bodies and the clock."""
+    """Advance the homogeneous part, the rigid-body coordinates and the clock."""
     for b in range(scalars.blocks.shape[0]):
         first = scalars.blocks[b, 0]
-        _move_block(scalars, first, first + scalars.blocks[b, 1], motion, duration)
+        if scalars.blocks[b, 1] > 0:
+            _move_block(scalars, first, first + scalars.blocks[b, 1], motion, duration)
     for k in range(scalars.exponent.size):
         if motion.entry[k] == 0.0:
             continue
@@ -218,7 +219,7 @@ def move(scalars: Scalars, motion: Motion, duration: float) -> None:
     for b in range(scalars.blocks.shape[0]):
         first = scalars.blocks[b, 0]
         for k in range(first, first + scalars.blocks[b, 1]):
-            motion.entry[k] = motion.term[k]
+            motion.entry[k] = scalars.term[k]
     move_rigid_bodies(scalars, motion, duration)
     motion.clock[0] += duration
 
@@ -288,7 +289,9 @@ def clear_time(
     if broken:
         followed, follow_rate, follow_pull, follow_twist = taylor(scalars.follow, r, d)
         value, rate, pull, twist = value + followed, rate + follow_rate, follow_pull, abs(follow_twist)
-        scale, scale_rate = scale + abs(followed), scale_rate + abs(follow_rate)
+        # a drive, and the sine below, are known no better than the time is
+        scale += abs(followed) + 0.1 * abs(follow_rate) * motion.clock[0]
+        scale_rate += abs(follow_rate)
     for i in range(scalars.rigid_body_given.size):
         p, q = scalars.rigid_body_weight[r, i], scalars.rigid_body_rate_weight[r, i]
         push, growth = rigid_body_push(i, scalars, motion)
@@ -328,7 +331,6 @@ def clear_time(
         scale += abs(upper)
     if lower > -math.inf:
         scale += abs(lower)
-    # the sine is known no better than the time is
     found[2] = AT_WALL * (scale + 0.1 * scalars.omega * size_of_sine * motion.clock[0])
     found[3] = AT_WALL * scale_rate
     # at the wall and leaving it with speed: the parabola returns later

@@ -50,6 +50,7 @@ def add_to_cycle(number: int, w: float, phase: complex, cycles: NDArray[Any]) ->
     """Sums over the cycle that a sample belongs to, where it is measured."""
     if 0 <= number < cycles.shape[0]:
         row = cycles[number]
+        row[0], row[1] = max(row[0], w), min(row[1], w)
         row[2] += w * w
         row[3] += w * phase.imag
         row[4] += w * phase.real
@@ -80,13 +81,13 @@ def keep_snapshot(number: int, shapes: Shapes, pairs: Pairs, case: Case, space: 
 
 @apart
 def add_peaks(c: int, until: float, scalars: Scalars, space: Space, grid: Grid) -> None:
-    """Largest and smallest w of every cycle from the present motion up to an instant.
+    """Largest and smallest w of every cycle from where the closed form began up to an instant.
 
     `grid.cycle` is the cycle that goes on there, -1 before the first one.
     """
     number, cycles, interval = grid.cycle[c], grid.cycles[c], grid.interval[c]
     begin, length, motion = grid.origin[c] * interval, grid.per_cycle * interval, space.spare
-    copy_motion(space.motion, motion)
+    copy_motion(space.begin, motion)
     while motion.clock[0] < until and number < cycles.shape[0]:
         if number < 0:
             # measuring has not begun

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from femimpact.integrators.event_driven.motion import (
+    AT_WALL,
     Motion,
     Scalars,
     Search,
@@ -85,7 +86,9 @@ def look(r: int, scalars: Scalars, motion: Motion, active: int, phase: complex, 
         toward = 0.0
         # a pair that was let go has no acceleration left but rounding
         share = 1e-9 if c.leaving[r] == side else 1e-12
-        noise, noise_of_twist = share * c.found[2], share * c.found[3]
+        # and none is known better than the time is
+        noise = share * c.found[2] + 0.1 * AT_WALL * c.found[3] * motion.clock[0]
+        noise_of_twist = share * c.found[3]
         unknown = twist == 0.0 and c.found[3] > 0.0 and c.leaving[r] != side
         if bend > noise or (bend >= -noise and (twist > noise_of_twist or unknown)):
             return -1.0

@@ -48,6 +48,9 @@ PROBES = 16
 
 NEWTON_STEPS = 3
 
+FORCE_TOLERANCE = 1e-12
+"""Share of the largest force that is not looked for."""
+
 
 @apart
 def add_contact(j: int, rigid: bool, duration: float, scalars: Scalars, case: Case, space: Space) -> None:
@@ -152,7 +155,8 @@ def _refined(
         move(scalars, space.spare, best)
         force, slope, bend = rates_now(r, scalars, space.spare, space.search.power)
         largest = max(largest, side * force)
-        if side * bend >= 0.0:
+        # what is left to the crest
+        if side * bend >= 0.0 or slope * slope <= 2.0 * abs(bend) * FORCE_TOLERANCE * largest:
             break
         best = min(max(best - slope / bend, 0.0), duration)
     return largest

@@ -14,7 +14,7 @@ import numpy as np
 
 from femimpact.integrators.kernels.code_files import CodeFiles, candidates, open_code_files
 
-__all__ = ["TESTED", "VERSIONS", "ZERO", "apart", "called", "compiled", "entry", "inlined"]
+__all__ = ["TESTED", "VERSIONS", "ZERO", "apart", "called", "compiled", "compiled_long", "entry", "inlined"]
 
 ZERO = cast(int, np.int64(0))
 """To numba a written 0 is of a type of its own: what is called with it, and with an index, is compiled twice."""
@@ -33,10 +33,10 @@ if VERSIONS in TESTED:
 
     FILES: CodeFiles | None = open_code_files(PACKAGE, candidates(PACKAGE), *VERSIONS)
 
-    def _whole(function: Callable[..., Any]) -> Any:
+    def _whole(function: Callable[..., Any], long: bool = False) -> Any:
         # the stamp is of the package's sources
         inside = Path(inspect.getfile(function)).is_relative_to(PACKAGE)
-        return numba_insides.compiled(function, FILES if inside else None)
+        return numba_insides.compiled(function, FILES if inside else None, long)
 
     def _part(function: Callable[..., Any], forceinline: bool) -> Any:
         return numba_insides.called(function, forceinline)
@@ -50,7 +50,7 @@ else:
         *VERSIONS,
     )
 
-    def _whole(function: Callable[..., Any]) -> Any:
+    def _whole(function: Callable[..., Any], long: bool = False) -> Any:
         return numba.njit(nogil=True, error_model="numpy")(function)
 
     def _part(function: Callable[..., Any], forceinline: bool) -> Any:
@@ -62,6 +62,11 @@ else:
 def compiled(function: Function) -> Function:
     """Compile a function of arrays and numbers that only Python calls, and keep it on disk."""
     return cast(Function, _whole(function))
+
+
+def compiled_long(function: Function) -> Function:
+    """The same for a function that takes long to compile: a line on stderr says so."""
+    return cast(Function, _whole(function, long=True))
 
 
 def entry(function: Function) -> Function:

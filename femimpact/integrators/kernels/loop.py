@@ -7,7 +7,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from femimpact.integrators.kernels.banded import free_step_banded, free_step_banded_single
-from femimpact.integrators.kernels.compiling import ZERO, compiled, inlined
+from femimpact.integrators.kernels.compiling import ZERO, compiled_long, inlined
 from femimpact.integrators.kernels.crest import split_cycles
 from femimpact.integrators.kernels.flight import (
     add_constant_load,
@@ -182,7 +182,7 @@ def _touch(
             break
 
 
-@compiled
+@compiled_long
 def advance(
     steps: int, op: Operator, s: Scheme, fine: Fine | None, pairs: Pairs, m: Motion,
     cycles: Cycles, record: Record, ledger: bool, work: NDArray[Any], energy: NDArray[Any], physical: bool | None,

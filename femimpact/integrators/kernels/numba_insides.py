@@ -146,9 +146,10 @@ class _OnDisk(NullCache):
     numba's own files end the process that reads a damaged one, and know the function's own source only.
     """
 
-    def __init__(self, function: Callable[..., Any], files: CodeFiles) -> None:
+    def __init__(self, function: Callable[..., Any], files: CodeFiles, long: bool) -> None:
         self._name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
         self._files = files
+        self._long = long
 
     def file_name(self, signature: Any, codegen: Any) -> str:
         """Name of the file for arguments of these types on this processor and this Python."""
@@ -159,6 +160,9 @@ class _OnDisk(NullCache):
         target.refresh()
         payload = self._files.read(self.file_name(signature, target.codegen()))
         if payload is None:
+            if self._long:
+                words = "femimpact compiles %s for this kind of system: up to half a minute, once on this machine"
+                logging.getLogger("femimpact").warning(words, self._name)
             return None
         try:
             return CompileResult._rebuild(target, *pickle.loads(payload))  # type: ignore[no-untyped-call]
@@ -179,11 +183,11 @@ def _compiled(function: Callable[..., Any], compiler: type[Compiler], **more: bo
     return njit(**options)(function)
 
 
-def compiled(function: Callable[..., Any], files: CodeFiles | None) -> Any:
-    """Compile a function that only Python calls, and keep it in files where there are any."""
+def compiled(function: Callable[..., Any], files: CodeFiles | None, long: bool) -> Any:
+    """Compile a function that only Python calls, and keep it in files where there are any; say so if it takes long."""
     dispatcher = _compiled(function, _WholeCompiler)
     if files is not None:
-        dispatcher._cache = _OnDisk(function, files)
+        dispatcher._cache = _OnDisk(function, files, long)
     return dispatcher
 
 
