@@ -44,12 +44,19 @@ def _is_tuple(kind: Any) -> bool:
     return isinstance(kind, types.BaseNamedTuple)
 
 
+def _leaves(kind: Any) -> int:
+    """Numbers and pointers that a value consists of."""
+    if isinstance(kind, ir.BaseStructType):
+        return sum(_leaves(element) for element in kind.elements)
+    return int(kind.count) * _leaves(kind.element) if isinstance(kind, ir.ArrayType) else 1
+
+
 def _words(context: Any, kind: Any) -> int:
-    """Words that a value takes, or all fields of a named tuple."""
+    """Words that are enough for a value, or for all fields of a named tuple."""
     if _is_tuple(kind):
         return sum(_words(context, field) for field in kind.types)
-    size = context.get_abi_sizeof(context.data_model_manager[kind].get_data_type())
-    return -(-int(size) // 8)
+    # none of them is longer than a word
+    return _leaves(context.data_model_manager[kind].get_data_type())
 
 
 def _place(context: Any, builder: Any, start: Any, kind: Any, index: int) -> Any:
