@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     import xarray
 
 __all__ = [
-    "IMPACT_UNITS", "RIDING_UNITS", "ImpactStatistics", "Impacts", "Riding", "impact_columns", "impact_statistics",
-    "statistics_of_cases",
+    "IMPACT_UNITS", "STICKING_UNITS", "ImpactStatistics", "Impacts", "StickingPhases", "impact_columns",
+    "impact_statistics", "statistics_of_cases",
 ]  # fmt: skip
 
 SHOWN = 5
@@ -38,8 +38,8 @@ IMPACT_UNITS = {
 }
 """Columns of the impact table and their units, in their order."""
 
-RIDING_UNITS = {"impactor": "", "side": "1", "start": "s", "end": "s", "impulse": "N s", "mean_force": "N"}
-"""Columns of the table of riding states and their units."""
+STICKING_UNITS = {"impactor": "", "side": "1", "start": "s", "end": "s", "impulse": "N s", "mean_force": "N"}
+"""Columns of the table of sticking phases and their units."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -188,8 +188,8 @@ def impact_columns(impacts: Impacts) -> tuple[dict[str, Any], dict[str, str]]:
 
 
 @dataclass(frozen=True, eq=False)
-class Riding:
-    """Table of riding states: a ball and its wall, or the beam and a stop, moving together.
+class StickingPhases:
+    """Table of sticking phases: a ball and its wall, or the beam and a stop, moving together.
 
     Parameters
     ----------
@@ -218,8 +218,8 @@ class Riding:
         return int(self.start.size)
 
     @classmethod
-    def none(cls) -> Riding:
-        """No riding state."""
+    def none(cls) -> StickingPhases:
+        """No sticking phase."""
         nothing = np.zeros(0)
         return cls(np.zeros(0, dtype=str), nothing, nothing, nothing, nothing, nothing)
 
@@ -240,7 +240,7 @@ class ImpactStatistics:
     law : str
         The contact law behind the peak force.
     cycle_mean_force : float, N
-        Integral of the normal force over the window's length, a ball that rides on its wall included.
+        Integral of the normal force over the window's length, a ball that sticks to its wall included.
     """
 
     count: int = field(metadata=quantity("1", at_least=0, integer=True))

@@ -18,10 +18,10 @@ from femimpact.errors import require
 from femimpact.excitation import Sine
 from femimpact.export import tables
 from femimpact.history import Snapshots
-from femimpact.impacts import IMPACT_UNITS, Impacts, ImpactStatistics, Riding
+from femimpact.impacts import IMPACT_UNITS, Impacts, ImpactStatistics, StickingPhases
 from femimpact.modes import Modes
 from femimpact.response import Response
-from femimpact.results import FILES, RIDING_FILE, read_dataset, read_table
+from femimpact.results import FILES, read_dataset, read_sticking
 from femimpact.signals import no_steady_motion
 from femimpact.structure import Beam, Segment, Structure, Support
 from femimpact.sweep import SWEEP_UNITS, FrequencyResponse
@@ -254,7 +254,7 @@ def _response(folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any]
         channels={},
         units={},
         impacts=_impacts(folder, summary),
-        riding=_riding(folder, summary),
+        sticking=_sticking(folder, summary),
         statistics=_statistics(about["statistics"]),
         statistics_of={name: _statistics(given) for name, given in about["statistics_of"].items()},
         steady=no_steady_motion(),
@@ -290,9 +290,9 @@ DERIVED = ("contact_law", "energy_to_higher_modes")
 """Columns of a table of impacts that follow from others."""
 
 
-def _riding(folder: Path, summary: Mapping[str, Any]) -> Riding:
-    table = read_table(folder, RIDING_FILE, summary)
-    return Riding.none() if table is None else Riding(**table)
+def _sticking(folder: Path, summary: Mapping[str, Any]) -> StickingPhases:
+    table = read_sticking(folder, summary)
+    return StickingPhases.none() if table is None else StickingPhases(**table)
 
 
 # ---- sweep ----------------------------------------------------------------------------------------

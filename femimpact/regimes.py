@@ -1,4 +1,4 @@
-"""Which kind of motion a window of impacts shows: k impacts in n cycles, riding, chatter, or nothing that repeats."""
+"""Which kind of motion a window of impacts shows: k impacts in n cycles, sticking, chatter, or nothing that repeats."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, checked, choice, quantity, require, require_type, text
-from femimpact.impacts import Impacts, Riding
+from femimpact.impacts import Impacts, StickingPhases
 
 __all__ = ["Regime", "RegimeCriteria", "classify", "impacts_per_cycle", "significant"]
 
@@ -39,7 +39,7 @@ class RegimeCriteria:
         Impacts in a row on one wall, each slower than the one before and sooner after it, that
         make a chatter.
     cycle_share : float, 1
-        Share of the cycles in which something must ride, or chatter.
+        Share of the cycles in which something must stick, or chatter.
     """
 
     longest_period: int = field(default=8, metadata=quantity("1", at_least=1, integer=True))
@@ -61,18 +61,18 @@ class Regime:
     Parameters
     ----------
     kind : str
-        "no impacts", "periodic", "riding", "chatter", "chaotic", or "undecided" where the window is
+        "no impacts", "periodic", "sticking", "chatter", "chaotic", or "undecided" where the window is
         too short or its table incomplete.
     impacts, cycles : int
         Significant impacts in that many base cycles, after which they repeat; 0 where nothing repeats.
-        Riding and chattering motions may repeat too.
+        Sticking and chattering motions may repeat too.
     label : str
         In words, as "2:1 periodic".
     criterion : str
         What was asked of the motion, with the numbers.
     """
 
-    kind: str = field(metadata=choice("no impacts", "periodic", "riding", "chatter", "chaotic", "undecided"))
+    kind: str = field(metadata=choice("no impacts", "periodic", "sticking", "chatter", "chaotic", "undecided"))
     impacts: int = field(metadata=quantity("1", at_least=0, integer=True))
     cycles: int = field(metadata=quantity("1", at_least=0, integer=True))
     label: str = field(metadata=text())
@@ -126,7 +126,7 @@ def impacts_per_cycle(impacts: Impacts, frequency: float, start: float, end: flo
 
 def classify(
     impacts: Impacts,
-    riding: Riding,
+    sticking: StickingPhases,
     frequency: float,
     start: float,
     end: float,
@@ -136,16 +136,16 @@ def classify(
 
     k:n periodic: n is the smallest number of base cycles, up to `longest_period`, after which the
     k significant impacts repeat in count, impactor, side, phase and approach speed, over at least
-    `repeats` repeats. Riding is looked for first, then chatter, then plain periodicity: a ball that
-    rides or chatters in every cycle in the same way is called after that, and its label and counts
+    `repeats` repeats. Sticking is looked for first, then chatter, then plain periodicity: a ball that
+    sticks or chatters in every cycle in the same way is called after that, and its label and counts
     say that it repeats. What does not repeat is called chaotic by this criterion alone: a long
-    period, a transient and noise look the same. A soft contact never rides here: a ball that lies
+    period, a transient and noise look the same. A soft contact never sticks here: a ball that lies
     on its wall there is one long contact.
 
     Parameters
     ----------
     impacts : Impacts
-    riding : Riding
+    sticking : StickingPhases
     frequency : float, Hz
         Of the base.
     start, end : float, s
@@ -162,7 +162,7 @@ def classify(
         If the window is empty, or the frequency is not positive.
     """
     _require_table(impacts, Impacts, "impacts")
-    _require_table(riding, Riding, "riding")
+    _require_table(sticking, StickingPhases, "sticking")
     frequency, start, end = _checked_window(frequency, start, end)
     rules = RegimeCriteria() if criteria is None else criteria
     require_type(rules, RegimeCriteria, "criteria")
@@ -170,7 +170,7 @@ def classify(
     count, period = _smallest_period(window, rules)
     repeated = f"{count}:{period} periodic" if period else ""
     for kind, seen, what in (
-        ("riding", _ridden_cycles(riding, window), "something rides"),
+        ("sticking", _sticking_cycles(sticking, window), "something sticks"),
         ("chatter", _chattering_cycles(window, rules.chatter_impacts), _chatter_words(rules)),
     ):
         if len(seen) >= rules.cycle_share * max(window.cycles, 1):
@@ -184,13 +184,13 @@ def classify(
 
 
 def _without_period(impacts: Impacts, window: _Window, rules: RegimeCriteria) -> Regime:
-    """Name of a motion that was not seen to repeat, ride or chatter."""
+    """Name of a motion that was not seen to repeat, stick or chatter."""
     cycles, testable = window.cycles, _testable(window, rules)
     if impacts.dropped and window.end > impacts.time.max(initial=-np.inf):
         label = f"undecided: {impacts.dropped} impacts met a full table"
         return Regime("undecided", 0, 0, label, "a table that holds every impact of the window is needed")
     if not window.time.size:
-        words = f"no impact in {cycles} cycles, and riding in fewer than {rules.cycle_share:g} of them"
+        words = f"no impact in {cycles} cycles, and sticking in fewer than {rules.cycle_share:g} of them"
         return Regime("no impacts", 0, 0, "no impacts", words)
     if not testable:
         words = f"a period needs {rules.repeats + 1} cycles to show {rules.repeats} repeats"
@@ -295,10 +295,10 @@ def _group_repeating(window: _Window, period: int, rules: RegimeCriteria) -> int
     return count if repeats else 0
 
 
-def _ridden_cycles(riding: Riding, window: _Window) -> set[int]:
-    end = np.where(np.isnan(riding.end), window.end, riding.end)  # nan: it lasts
+def _sticking_cycles(sticking: StickingPhases, window: _Window) -> set[int]:
+    end = np.where(np.isnan(sticking.end), window.end, sticking.end)  # nan: it lasts
     cycles: set[int] = set()
-    for first, last in zip(np.asarray(riding.start).tolist(), end.tolist(), strict=True):
+    for first, last in zip(np.asarray(sticking.start).tolist(), end.tolist(), strict=True):
         if last > window.start and first < window.end:
             cycles.update(range(window.cycle_of(first), window.cycle_of(last) + 1))
     return cycles

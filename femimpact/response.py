@@ -27,7 +27,7 @@ from femimpact.errors import (
 )
 from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
 from femimpact.history import HistoryPiece, Snapshots, check_histories, history_dataset
-from femimpact.impacts import Impacts, ImpactStatistics, Riding
+from femimpact.impacts import Impacts, ImpactStatistics, StickingPhases
 from femimpact.regimes import Regime, classify
 from femimpact.signals import SteadyMotion
 from femimpact.structure import Position
@@ -222,7 +222,7 @@ class Response:
         Relative to the base; `response["tip"]` reads one.
     units : mapping of str to str
     impacts : Impacts
-    riding : Riding
+    sticking : StickingPhases
         Balls moving with their wall as a named state; only the event-driven method has it.
     statistics : ImpactStatistics
         Over the last third of the run.
@@ -251,7 +251,7 @@ class Response:
     channels: Mapping[str, NDArray[Any]]
     units: Mapping[str, str]
     impacts: Impacts = field(metadata=instance(Impacts))
-    riding: Riding = field(metadata=instance(Riding))
+    sticking: StickingPhases = field(metadata=instance(StickingPhases))
     statistics: ImpactStatistics = field(metadata=instance(ImpactStatistics))
     statistics_of: Mapping[str, ImpactStatistics]
     steady: SteadyMotion = field(metadata=instance(SteadyMotion))
@@ -273,7 +273,7 @@ class Response:
         for name, of_pair in self.statistics_of.items():
             require_type(of_pair, ImpactStatistics, f"statistics_of.{name}")
         # the regime and the histories of balls name them
-        for key, table in (("impacts", self.impacts), ("riding", self.riding)):
+        for key, table in (("impacts", self.impacts), ("sticking", self.sticking)):
             unknown = sorted(set(table.impactor.tolist()) - set(contacts))
             require(not unknown, key, unknown, "", f"must be of the contacts, {list(contacts)}")
 
@@ -290,6 +290,11 @@ class Response:
         return self.channels[key]
 
     @property
+    def riding(self) -> StickingPhases:
+        """The earlier name of `sticking`."""
+        return self.sticking
+
+    @property
     def window(self) -> tuple[float, float]:
         """Start and end (s) of the last third of the run, over which statistics and regime are taken."""
         # a run whose only sample is its first has an empty window, which is still one
@@ -299,7 +304,7 @@ class Response:
     @cached_property
     def regime(self) -> Regime:
         """Kind of motion over the last third of the run; `regimes.classify` says by which criterion."""
-        return classify(self.impacts, self.riding, self.base.frequency, *self.window)
+        return classify(self.impacts, self.sticking, self.base.frequency, *self.window)
 
     def absolute(self, name: Position) -> NDArray[Any]:
         """A displacement (m) or velocity (m/s) channel in space: relative plus the base's."""

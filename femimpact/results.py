@@ -22,13 +22,14 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FILES",
-    "RIDING_FILE",
+    "STICKING_FILE",
     "StudyResults",
     "checksum",
     "finish_results",
     "load",
     "prepare_directory",
     "read_dataset",
+    "read_sticking",
     "read_summary",
     "read_table",
     "update_results",
@@ -59,15 +60,15 @@ FILES = {
 }
 """Every file that a study can leave behind."""
 
-RIDING_FILE = "riding.csv"
-"""Left only by a history in which something rode."""
+STICKING_FILE, OLD_STICKING_FILE = "sticking.csv", "riding.csv"
+"""Left only by a history in which something stuck to its wall; and its name in results of earlier versions."""
 
 OTHER_FILES = (
-    RIDING_FILE, "contact.csv",
+    STICKING_FILE, OLD_STICKING_FILE, "contact.csv",
     "deflection.gif", "comparison.csv", "restitution.csv", "restitution.png", "response_of_starts.png",
     "mesh_convergence.csv", "mesh_convergence.png", "step_convergence.csv", "step_convergence.png",
 )  # fmt: skip
-"""What a riding ball, a table of contacts, the demo and a convergence study leave besides."""
+"""What a sticking ball, a table of contacts, the demo and a convergence study leave besides."""
 
 T = TypeVar("T")
 
@@ -84,8 +85,8 @@ class StudyResults:
     directory : Path
     summary : mapping
         `summary.json`.
-    modes, impacts, riding : mapping of str to ndarray, or None
-        Tables by column; no riding where nothing rode.
+    modes, impacts, sticking : mapping of str to ndarray, or None
+        Tables by column; no sticking where nothing stuck.
     sweep, history, impact_data : xarray.Dataset or None
         The last holds the impacts with the energy to each mode.
     """
@@ -97,7 +98,18 @@ class StudyResults:
     sweep: xarray.Dataset | None
     history: xarray.Dataset | None
     impact_data: xarray.Dataset | None
-    riding: Mapping[str, Any] | None
+    sticking: Mapping[str, Any] | None
+
+    @property
+    def riding(self) -> Mapping[str, Any] | None:
+        """The earlier name of `sticking`."""
+        return self.sticking
+
+
+def read_sticking(folder: Path, summary: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Table of sticking phases, also of an earlier version; None where nothing stuck."""
+    table = read_table(folder, STICKING_FILE, summary)
+    return read_table(folder, OLD_STICKING_FILE, summary) if table is None else table
 
 
 def load(directory: str | Path) -> StudyResults:
@@ -140,9 +152,13 @@ def load(directory: str | Path) -> StudyResults:
         sweep=dataset("sweep_data"),
         history=dataset("history"),
         impact_data=dataset("impact_data"),
-        riding=table(RIDING_FILE),
+        sticking=read_sticking(folder, summary),
     )
-    read = {RIDING_FILE, *(FILES[name] for name in ("modes", "impacts", "sweep_data", "history", "impact_data"))}
+    read = {
+        STICKING_FILE,
+        OLD_STICKING_FILE,
+        *(FILES[name] for name in ("modes", "impacts", "sweep_data", "history", "impact_data")),
+    }
     _check_others(folder, summary, read)
     return results
 

@@ -14,7 +14,7 @@ from femimpact.cost import check_mesh, check_sweep
 from femimpact.errors import checked, require, require_name, require_type, truth
 from femimpact.export import tables
 from femimpact.export.files import atomic_write
-from femimpact.impacts import RIDING_UNITS, impact_columns
+from femimpact.impacts import STICKING_UNITS, impact_columns
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import check_memory, integrate
 from femimpact.integrators.methods import Method, check_method, check_resolution, time_grid
@@ -24,7 +24,7 @@ from femimpact.picture_data import write_last_cycles, write_mode_shapes, write_s
 from femimpact.pictures import draw_in_child, with_pictures
 from femimpact.response import Recorder, Response
 from femimpact.result_directory import Staging
-from femimpact.results import FILES, RIDING_FILE, StudyResults, load, prepare_directory, write_summary
+from femimpact.results import FILES, STICKING_FILE, StudyResults, load, prepare_directory, write_summary
 from femimpact.structure import glue_impactors
 from femimpact.study import Study, build, method_for, read_mesh_of
 from femimpact.summary import SweepPair, summary_of
@@ -412,6 +412,6 @@ def _write_history(study: Study, folder: Path, response: Response) -> None:
 def _write_impacts(folder: Path, response: Response) -> None:
     tables.write_csv(folder / FILES["impacts"], *impact_columns(response.impacts))
     tables.write_netcdf(folder / FILES["impact_data"], response.impacts.to_xarray())
-    if len(response.riding):
-        riding = {name: getattr(response.riding, name) for name in RIDING_UNITS}
-        tables.write_csv(folder / RIDING_FILE, riding, RIDING_UNITS)
+    if len(response.sticking):
+        sticking = {name: getattr(response.sticking, name) for name in STICKING_UNITS}
+        tables.write_csv(folder / STICKING_FILE, sticking, STICKING_UNITS)

@@ -17,7 +17,7 @@ from femimpact.damping import rayleigh_coefficients, realised_damping_ratio
 from femimpact.demo import paper_study
 from femimpact.hermite import shape_functions
 from femimpact.identification import one_pole_amplitude
-from femimpact.impacts import Riding
+from femimpact.impacts import StickingPhases
 from femimpact.integrators.collision import AchievedRestitution
 from femimpact.modes import solve_stiffness
 from femimpact.regimes import Regime, RegimeCriteria, classify, impacts_per_cycle, significant
@@ -145,7 +145,7 @@ NOUNS = {
     "Reduction": lambda: Reduction(4),
     "Regime": lambda: Regime("periodic", 2, 1, "2:1 periodic", "words"),
     "RegimeCriteria": RegimeCriteria,
-    "Riding": lambda: columns(Riding, {"states": 1}, impactor=np.array(["ball"])),
+    "StickingPhases": lambda: columns(StickingPhases, {"states": 1}, impactor=np.array(["ball"])),
     "Snapshots": lambda: response().snapshots,
     "SteadyMotion": lambda: response().steady,
     "StepConvergence": lambda: columns(
@@ -278,7 +278,7 @@ VERBS = {
         "impacts": response().impacts, "frequency": 5.0, "start": 0.0, "end": 1.0
     }),
     "classify": (classify, lambda: {
-        "impacts": response().impacts, "riding": response().riding, "frequency": 6.0, "start": 0.0, "end": 1.0,
+        "impacts": response().impacts, "sticking": response().sticking, "frequency": 6.0, "start": 0.0, "end": 1.0,
         "criteria": RegimeCriteria(),
     }),
 }  # fmt: skip

@@ -56,7 +56,7 @@ def compare(
     run = fi.integrate(system, excitation, fi.EventDriven(samples_per_cycle=grid), span, fi.Recorder(names), initial)
     stride = max(run.time.size // (2 * samples), 1)
     reference = reference_motion(system, excitation, run.time[::stride], initial, most_touches, most_steps)
-    end = min([reference.end, *run.riding.start])
+    end = min([reference.end, *run.sticking.start])
     kept = reference.time <= end
     rows = np.zeros((len(names), system.dofs + len(system.balls)))
     rows[: len(places), : system.dofs] = [system.point_row(name) for name in places]

@@ -62,7 +62,7 @@ def test_a_stop_in_space_holds_the_beam_where_it_is_and_its_ledger_closes(law):
     assert run.energy.residual < 1e-10
     if law == fi.Rigid(0.0):
         # it sticks to a wall that moves against the base
-        assert len(run.riding) > 0
+        assert len(run.sticking) > 0
 
 
 def test_a_recorded_base_and_a_stop_in_space_close_the_ledger_too():

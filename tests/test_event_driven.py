@@ -112,8 +112,8 @@ def test_a_bouncing_ball_comes_to_rest_when_it_should(e):
     speed = math.sqrt(2 * g * height)
     rest = speed / g + 2 * e * speed / (g * (1 - e))
     run = fi.integrate(system, fi.Sine(0.0, 5.0), EXACT, rest + 0.5, fi.Recorder(("ball", "contact_force")))
-    assert run.riding.start == pytest.approx([rest], rel=1e-13)
-    assert math.isnan(run.riding.end[0])
+    assert run.sticking.start == pytest.approx([rest], rel=1e-13)
+    assert math.isnan(run.sticking.end[0])
     assert run["ball"][-1] == pytest.approx(-height, abs=1e-12)
     # the wall pushes the ball up and the structure down with the ball's weight
     assert run["contact_force"][-1] == pytest.approx(-3.43e-3 * g, rel=1e-12)
@@ -129,12 +129,12 @@ def test_a_plate_that_outruns_gravity_lets_its_ball_go_at_the_exact_phase():
     base = fi.Sine(gain * g / (2 * math.pi * f) ** 2, f)
     run = fi.integrate(system, base, EXACT, 2.0)
     # the ball leaves where the plate falls faster than it: gain sin(theta) = 1 (downward acceleration g)
-    phase = np.mod(2 * math.pi * f * run.riding.end[:-1], 2 * math.pi)
+    phase = np.mod(2 * math.pi * f * run.sticking.end[:-1], 2 * math.pi)
     np.testing.assert_allclose(phase, math.asin(1 / gain), rtol=1e-9)
     assert run.energy.residual < 1e-12
 
 
-def test_riding_hands_the_balls_momentum_over():
+def test_sticking_hands_the_balls_momentum_over():
     # e = 0: the ball sticks to its wall while the box decelerates, as one body of M + m
     system = beam_with_ball(1, 0.0)
     start = fi.State([0.0], [0.01], [4e-3 - 1e-9], [0.5])
@@ -144,16 +144,16 @@ def test_riding_hands_the_balls_momentum_over():
     b = float(system.contacts[0].direction[0])
     mass = 1.0 / b**2
     together = (mass * b * 0.01 + 3.43e-3 * 0.5) / (mass + 3.43e-3)
-    rides = (run.time > run.riding.start[0]) & (run.time < run.riding.end[0])
-    assert np.count_nonzero(rides) > 5
-    np.testing.assert_allclose(run["tip.velocity"][rides], run["ball.velocity"][rides], atol=1e-14)
-    np.testing.assert_allclose(run["gap"][rides], 4e-3, rtol=1e-13)
+    sticks = (run.time > run.sticking.start[0]) & (run.time < run.sticking.end[0])
+    assert np.count_nonzero(sticks) > 5
+    np.testing.assert_allclose(run["tip.velocity"][sticks], run["ball.velocity"][sticks], atol=1e-14)
+    np.testing.assert_allclose(run["gap"][sticks], 4e-3, rtol=1e-13)
     # within a sample of the impact the glued body has moved on by less than omega dt
-    assert run["ball.velocity"][rides][0] == pytest.approx(together, rel=0.05)
+    assert run["ball.velocity"][sticks][0] == pytest.approx(together, rel=0.05)
     assert run.energy.residual < 1e-13
 
 
-def test_a_rider_moves_like_the_glued_structure():
+def test_a_sticking_ball_moves_like_the_glued_structure():
     system = beam_with_ball(3, 0.0)
     drive = drive_of(system, fi.Sine(1e-4, 5.0))
     none, one = np.zeros(1), np.ones(1, dtype=bool)
@@ -316,7 +316,7 @@ def test_the_force_of_a_stop_is_the_one_on_the_beam(method):
 
 
 def test_a_ball_that_accumulates_while_another_rides_comes_to_rest():
-    # what presses the second ball to its wall is the first one's weight: seen only with the rider in place
+    # what presses the second ball to its wall is the first one's weight: seen only with the sticking ball in place
     structure = fi.Structure(
         beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
         masses=[fi.PointMass("box", at="tip", mass=0.02290976)],
@@ -328,7 +328,7 @@ def test_a_ball_that_accumulates_while_another_rides_comes_to_rest():
     system = fi.reduce(fi.assemble(structure, elements=16), modes=4)
     push = fi.PointForce("tip", fi.Sine(0.22, 7.0))
     run = fi.integrate(system, push, EXACT, 1.0, fi.Recorder(("heavy.gap", "light.gap")))
-    assert {"heavy", "light"} <= set(run.riding.impactor)
+    assert {"heavy", "light"} <= set(run.sticking.impactor)
     assert run.energy.residual < 1e-10
     # rounding of a displacement of centimetres
     assert np.abs(run["heavy.gap"]).max() < 45e-6 + 1e-15

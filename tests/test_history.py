@@ -94,7 +94,7 @@ def test_pieces_hold_the_bits_in_physical_space_with_rigid_balls_and_with_stops(
     whole = fi.integrate(chosen, BASE, method, 0.5, fi.Recorder(channels, snapshots=70), initial=start)
     assert max(np.abs(piece.channels[next(iter(piece.channels))]).max() for piece in pieces) > 0.0
     _assert_joined(pieces, whole)
-    np.testing.assert_array_equal(response.riding.start, whole.riding.start)
+    np.testing.assert_array_equal(response.sticking.start, whole.sticking.start)
 
 
 @pytest.mark.parametrize(

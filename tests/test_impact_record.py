@@ -8,7 +8,7 @@ import pytest
 
 import femimpact as fi
 from femimpact.export import impact_figures, tables
-from femimpact.impacts import IMPACT_UNITS, RIDING_UNITS, Impacts, Riding, impact_columns
+from femimpact.impacts import IMPACT_UNITS, STICKING_UNITS, Impacts, StickingPhases, impact_columns
 from femimpact.regimes import RegimeCriteria, classify, impacts_per_cycle, significant
 
 pytestmark = pytest.mark.impacts
@@ -48,8 +48,8 @@ def repeated(offsets, sides, speeds, period, periods, noise=0.0, start=0.0):
     return table(time.ravel()[order], np.tile(sides, periods)[order], speed.ravel()[order])
 
 
-def of(impacts, end, riding=None, start=0.0, **tolerances):
-    return classify(impacts, riding or Riding.none(), FREQUENCY, start, end, RegimeCriteria(**tolerances))
+def of(impacts, end, sticking=None, start=0.0, **tolerances):
+    return classify(impacts, sticking or StickingPhases.none(), FREQUENCY, start, end, RegimeCriteria(**tolerances))
 
 
 # ---- regimes --------------------------------------------------------------------------------------
@@ -134,18 +134,20 @@ def test_alternate_walls_or_growing_intervals_are_no_chatter():
     assert of(table(backwards.ravel(), 1, speed.ravel()), 6.0).kind == "periodic"
 
 
-def test_riding_in_half_of_the_cycles_is_riding():
+def test_sticking_in_half_of_the_cycles_is_sticking():
     cycle = np.arange(0, 40, 2)
     start, end = (cycle + 0.3) / FREQUENCY, (cycle + 0.6) / FREQUENCY
     columns = {"impactor": np.full(20, "ball"), "side": np.ones(20), "impulse": np.ones(20), "mean_force": np.ones(20)}
-    rides = Riding(start=start, end=end, **columns)
+    sticks = StickingPhases(start=start, end=end, **columns)
     impacts = repeated((0.1,), (1,), (0.3,), 2, 20)
-    assert of(impacts, 8.0, rides).label == "riding, 1:2 periodic"
-    assert of(table([], 1, []), 8.0, rides).kind == "riding"
-    fewer = Riding(**{name: value[1:] for name, value in vars(rides).items()})
+    assert of(impacts, 8.0, sticks).label == "sticking, 1:2 periodic"
+    assert of(table([], 1, []), 8.0, sticks).kind == "sticking"
+    fewer = StickingPhases(**{name: value[1:] for name, value in vars(sticks).items()})
     assert of(impacts, 8.0, fewer).label == "1:2 periodic"
-    last = Riding(**{name: value[:1] for name, value in vars(dataclasses.replace(rides, end=end * np.nan)).items()})
-    assert of(table([], 1, []), 8.0, last).kind == "riding"  # from the first cycle on, and still
+    last = StickingPhases(
+        **{name: value[:1] for name, value in vars(dataclasses.replace(sticks, end=end * np.nan)).items()}
+    )
+    assert of(table([], 1, []), 8.0, last).kind == "sticking"  # from the first cycle on, and still
 
 
 def test_random_impacts_are_called_chaotic_by_the_criterion_only():
@@ -295,7 +297,7 @@ def test_a_rigid_impact_loses_its_impulse_times_the_mean_relative_speed(flown):
 def test_a_run_knows_its_regime_over_its_last_third(flown):
     start, end = flown.window
     assert (start, end) == pytest.approx((10.0, 15.0))
-    expected = classify(flown.impacts, flown.riding, 5.2, start, end)
+    expected = classify(flown.impacts, flown.sticking, 5.2, start, end)
     assert flown.regime == expected
     assert flown.regime.criterion
     assert math.isfinite(impacts_per_cycle(flown.impacts, 5.2, start, end))
@@ -330,16 +332,16 @@ def test_figures_of_a_run_without_impacts(light):
 
 
 @pytest.mark.parametrize("run", ["response", "flown"])
-def test_a_study_leaves_the_record_and_riding_only_where_something_rode(run, request, tmp_path):
+def test_a_study_leaves_the_record_and_sticking_only_where_something_stuck(run, request, tmp_path):
     from femimpact import run as running
-    from femimpact.results import FILES, RIDING_FILE
+    from femimpact.results import FILES, STICKING_FILE
 
     result = request.getfixturevalue(run)
     running._write_impacts(tmp_path, result)
     assert tables.read_csv(tmp_path / FILES["impacts"])["time"].size == len(result.impacts)
     assert (tmp_path / FILES["impact_data"]).is_file()
-    assert (tmp_path / RIDING_FILE).is_file() == (len(result.riding) > 0) == (run == "flown")
+    assert (tmp_path / STICKING_FILE).is_file() == (len(result.sticking) > 0) == (run == "flown")
     if run == "flown":
-        back = tables.read_csv(tmp_path / RIDING_FILE)
-        for name in RIDING_UNITS:
-            np.testing.assert_array_equal(back[name], getattr(result.riding, name))
+        back = tables.read_csv(tmp_path / STICKING_FILE)
+        for name in STICKING_UNITS:
+            np.testing.assert_array_equal(back[name], getattr(result.sticking, name))

@@ -209,11 +209,11 @@ def test_impulses_keep_the_restitution_exactly(restitution):
 
 def test_a_plastic_ball_stays_with_its_wall():
     run = thrown_at(0.0, fi.MoreauJean(1e-3), duration=0.5)
-    riding = run.riding
-    assert len(riding) == 1
-    assert (riding.impactor[0], riding.side[0]) == ("ball", 1)
-    assert riding.start[0] == pytest.approx(0.1 / 0.7, abs=1e-12)
-    assert np.isnan(riding.end[0])
+    sticking = run.sticking
+    assert len(sticking) == 1
+    assert (sticking.impactor[0], sticking.side[0]) == ("ball", 1)
+    assert sticking.start[0] == pytest.approx(0.1 / 0.7, abs=1e-12)
+    assert np.isnan(sticking.end[0])
     after = run.time > 0.15
     np.testing.assert_allclose(np.diff(run["ball"][after] - run["mass"][after]), 0.0, atol=1e-14)
     # momentum: the pair moves on together
@@ -244,10 +244,10 @@ def test_a_bouncing_ball_comes_to_rest_when_ballistics_say_and_then_weighs_what_
     resting = run.time > rest + 0.02
     np.testing.assert_allclose(run["contact_force"][resting], -2e-3 * g, rtol=1e-9)
     np.testing.assert_allclose(run["ball"][resting], run["ball"][-1], rtol=0, atol=1e-9)
-    # a ball that rides is no row of impacts: a dozen bounces, not 4000 steps
+    # a ball that sticks is no row of impacts: a dozen bounces, not 4000 steps
     assert len(run.impacts) < 25
-    assert len(run.riding) == 1
-    assert run.riding.mean_force[0] == pytest.approx(-2e-3 * g, rel=1e-2)
+    assert len(run.sticking) == 1
+    assert run.sticking.mean_force[0] == pytest.approx(-2e-3 * g, rel=1e-2)
     assert run.energy.residual < 1e-12
     assert run.energy.contact_loss[-1] == pytest.approx(2e-3 * g * h, rel=2e-3)
 

@@ -135,8 +135,8 @@ def check_rigid(run, pair, own):
     assert np.all(loss >= -1e-12 * size)
     if e > 0.0:
         # only the last impact of an accumulation has no rebound: a sticking phase of that pair follows
-        phases = run.riding.impactor == pair.name
-        end = np.where(np.isnan(run.riding.end[phases]), math.inf, run.riding.end[phases])
+        phases = run.sticking.impactor == pair.name
+        end = np.where(np.isnan(run.sticking.end[phases]), math.inf, run.sticking.end[phases])
         for last in time[~bounced]:
             assert np.any(end >= last)
 

@@ -37,8 +37,8 @@ def repeating(places, period, noise=0.0, seed=1):
     return table(cycle / FREQUENCY, side, speed * (1 + noise * rng.uniform(-1, 1, cycle.size)))
 
 
-def kind_of(impacts, riding=NOTHING, start=0.0, **options):
-    return classify(impacts, riding, FREQUENCY, start, END, RegimeCriteria(**options))
+def kind_of(impacts, sticking=NOTHING, start=0.0, **options):
+    return classify(impacts, sticking, FREQUENCY, start, END, RegimeCriteria(**options))
 
 
 @pytest.mark.parametrize("start", [0.0, 7.3 / FREQUENCY, 19.25 / FREQUENCY])
@@ -140,20 +140,20 @@ def test_chatter_need_not_repeat():
     assert (regime.kind, regime.cycles) == ("chatter", 0)
 
 
-def test_riding_in_half_of_the_cycles():
+def test_sticking_in_half_of_the_cycles():
     impacts = repeating([(0.2, 1, 0.2)], 2)
     start = np.arange(0.3, CYCLES, 2) / FREQUENCY
-    riding = SimpleNamespace(start=start, end=start + 0.4 / FREQUENCY)
-    regime = kind_of(impacts, riding)
-    assert (regime.kind, regime.label) == ("riding", "riding, 1:2 periodic")
+    sticking = SimpleNamespace(start=start, end=start + 0.4 / FREQUENCY)
+    regime = kind_of(impacts, sticking)
+    assert (regime.kind, regime.label) == ("sticking", "sticking, 1:2 periodic")
     assert "30 of 60 cycles" in regime.criterion
     few = SimpleNamespace(start=start[:-1], end=start[:-1] + 0.4 / FREQUENCY)
     assert kind_of(impacts, few).kind == "periodic"
 
 
-def test_riding_that_lasts_has_no_end():
+def test_sticking_that_lasts_has_no_end():
     lasting = SimpleNamespace(start=np.array([0.4 * END]), end=np.array([np.nan]))
-    assert kind_of(table([], [], []), lasting).label == "riding"
+    assert kind_of(table([], [], []), lasting).label == "sticking"
     assert (
         kind_of(table([], [], []), SimpleNamespace(start=np.array([0.7 * END]), end=np.array([np.nan]))).kind
         == "no impacts"

@@ -202,7 +202,7 @@ def test_rigid_balls_that_stick_on_equal_oscillators_move_as_each_does_alone(rot
         impactors=[fi.Impactor("ball a", at="a", mass=0.1, gap=1.0, contact=sticky)],
     )  # fmt: skip
     alone = fi.integrate(one, base, EXACT, 20.0, fi.Recorder(channels=("a",)))
-    assert len(alone.riding.start) > 0
+    assert len(alone.sticking.start) > 0
     # until the fourth impact: rounding grows by each
     few = alone.time < (alone.impacts.time[3] if len(alone.impacts) > 3 else np.inf)
     for place in "ab":

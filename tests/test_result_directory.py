@@ -25,7 +25,7 @@ OLD, NEW = 1.0, 2.0
 def write_results(staging, value):
     """A few files as a run leaves them, all of which tell which run it was."""
     folder = staging.folder
-    for name in ("modes.csv", "impacts.csv", "contact_force.png") if value == NEW else ("modes.csv", "riding.csv"):
+    for name in ("modes.csv", "impacts.csv", "contact_force.png") if value == NEW else ("modes.csv", "sticking.csv"):
         tables.write_csv(folder / name, {"value": [value]}, {})
     # more frames before than after
     texts = (f"{value}" for _ in range(2 if value == NEW else 4))
@@ -44,7 +44,7 @@ def value_of(directory):
     results = fi.load(directory)
     value = results.summary["value"]
     assert results.modes["value"][0] == value
-    assert (results.impacts is None) == (results.riding is not None) == (value == OLD)
+    assert (results.impacts is None) == (results.sticking is not None) == (value == OLD)
     frames = sorted(path.read_text() for path in (Path(directory) / "modes").iterdir())
     assert frames == [str(value)] * (2 if value == NEW else 4)
     return value
@@ -419,3 +419,14 @@ def test_a_lock_that_was_removed_between_opening_and_locking_is_taken_anew(tmp_p
     run(tmp_path, NEW)
     assert len(calls) == 2
     assert value_of(tmp_path) == NEW
+
+
+def test_sticking_phases_of_an_earlier_version_are_read(tmp_path):
+    with prepare_directory(tmp_path / "results", force=False) as staging:
+        tables.write_csv(staging.folder / "modes.csv", {"value": [1.0]}, {})
+        tables.write_csv(staging.folder / "riding.csv", {"start": [0.25]}, {"start": "s"})
+        write_summary(staging.folder, {})
+        staging.finish_part("modes")
+    results = fi.load(tmp_path / "results")
+    assert results.sticking["start"] == [0.25]
+    assert results.riding is results.sticking

@@ -267,7 +267,7 @@ def test_a_ball_stays_on_its_floor_while_the_base_shakes_with_less_than_gravity(
     run = fi.integrate(system, base, fi.MoreauJean(dt), 1.0, record, fi.State.static())
     np.testing.assert_allclose(run["ball"] - run["mass"], -1e-3, rtol=0, atol=1e-13)
     assert len(run.impacts) == 0
-    np.testing.assert_array_equal(run.riding.start, 0.0)
+    np.testing.assert_array_equal(run.sticking.start, 0.0)
     # m (g - y'' - ub''), with the force the mean of a step: half a step late, by its slope of 40 N/s
     acceleration = np.gradient(run["mass.velocity"], dt) + base.acceleration(run.time)
     exact = 0.1 * (GRAVITY - acceleration)

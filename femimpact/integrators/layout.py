@@ -17,7 +17,7 @@ IMPACT_COLUMNS = (
 )  # fmt: skip
 TOTAL_COLUMNS = ("count", "approach_speed", "approach_speed_max", "impulse", "peak_force", "force_time")
 COUNT, APPROACH_SUM, LARGEST_APPROACH, IMPULSE_SUM, PEAK_FORCE, FORCE_TIME = range(6)
-# the first four count impacts that end within the window; the last two every force in it, riding included
+# the first four count impacts that end within the window; the last two every force in it, sticking included
 
 # rows of Motion.ball (., pairs, cases); y and x = y - w are relative to the base, FORCE acts on the structure;
 # RATE and RATE_BEFORE are kept only where a method looks ahead

@@ -16,7 +16,7 @@ from femimpact.impacts import impact_statistics
 from femimpact.integrators.block import Block, prepare, run_block
 from femimpact.integrators.kernels.entries import keep
 from femimpact.integrators.newmark import SteppingMethod, require_method
-from femimpact.integrators.reading import history_of, impacts_of, open_contacts, riding_of
+from femimpact.integrators.reading import history_of, impacts_of, open_contacts, sticking_of
 from femimpact.integrators.recording import piece_ends, record_of
 from femimpact.integrators.stepping import check_sampling, check_step, step_notes
 from femimpact.integrators.threads import Progress
@@ -144,7 +144,7 @@ def _response(
         channels=left.channels,
         units=left.units,
         impacts=impacts,
-        riding=riding_of(block, system),
+        sticking=sticking_of(block, system),
         statistics=impact_statistics(totals, window, excitation.frequency, laws),
         statistics_of={
             pair.name: impact_statistics(totals[:, j : j + 1], window, excitation.frequency, pair.law.name)

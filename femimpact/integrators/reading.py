@@ -1,4 +1,4 @@
-"""What a stepped run has kept, read from its arrays: histories, impacts, riding."""
+"""What a stepped run has kept, read from its arrays: histories, impacts, sticking."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from femimpact.contact.formulas import RIGID
 from femimpact.energy import EnergyLedger
 from femimpact.excitation import Excitation
 from femimpact.history import HistoryPiece, Snapshots
-from femimpact.impacts import Impacts, Riding
+from femimpact.impacts import Impacts, StickingPhases
 from femimpact.integrators import layout
 from femimpact.integrators.block import Block
 from femimpact.response import Channel, on_beam
 from femimpact.system import System
 
-__all__ = ["history_of", "impacts_of", "open_contacts", "riding_of"]
+__all__ = ["history_of", "impacts_of", "open_contacts", "sticking_of"]
 
 
 def history_of(
@@ -103,7 +103,7 @@ def impacts_of(record: layout.Record, system: System, excitation: Excitation) ->
     )
 
 
-def riding_of(block: Block, system: System) -> Riding:
+def sticking_of(block: Block, system: System) -> StickingPhases:
     """Rigid contacts that took an impulse in three or more steps in a row: a ball that moves with its wall.
 
     Each begins with an impact, which has its own row in the table of impacts once the contact has ended;
@@ -119,9 +119,9 @@ def riding_of(block: Block, system: System) -> Riding:
         rows.append((time, j, side, duration, impulse, np.nan))
     rows = [row for row in rows if block.pairs.kind[int(row[1])] == RIGID and row[3] > 1.5 * dt]
     if not rows:
-        return Riding.none()
+        return StickingPhases.none()
     start, pair, side, duration, impulse, end = (np.array(column) for column in zip(*rows, strict=True))
-    return Riding(
+    return StickingPhases(
         impactor=np.array([system.contacts[int(j)].name for j in pair]),
         side=_own(side),
         start=_own(start),

@@ -80,7 +80,7 @@ def ball_comes_to_rest(restitution: float) -> Case:
     rest = speed / GRAVITY + 2 * restitution * speed / (GRAVITY * (1 - restitution))
     system = shaken_floor(restitution, (1.0, height), -GRAVITY)
     run = integrate(system, Sine(0.0, 5.0), EventDriven(), rest + 0.1, Recorder(("ball",)))
-    found = float(run.riding.start[0]) if run.riding.start.size == 1 else math.nan
+    found = float(run.sticking.start[0]) if run.sticking.start.size == 1 else math.nan
     return Case(
         f"bouncing ball, e = {restitution:g}", "derived here (geometric series)", "time to rest", "s", rest, found,
         1e-12, "rounding; bounces below the closure of 1e-12 m are summed in closed form",
@@ -92,7 +92,7 @@ def ball_leaves_the_table() -> Case:
     gain = 1.3
     table = Sine(gain * GRAVITY / (2 * math.pi * FREQUENCY) ** 2, FREQUENCY)
     run = integrate(shaken_floor(0.4, (1.0, 0.0), -GRAVITY), table, EventDriven(), 2.0)
-    phase = np.mod(table.omega * run.riding.end[:-1], 2 * math.pi)
+    phase = np.mod(table.omega * run.sticking.end[:-1], 2 * math.pi)
     exact = math.asin(1 / gain)
     worst = float(phase[np.argmax(np.abs(phase - exact))]) if phase.size else math.nan
     return Case(

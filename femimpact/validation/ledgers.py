@@ -242,12 +242,12 @@ def sticking_impulse() -> Case:
     """A ball that lies on a table A sin(w t): its contact's impulse is m g T and its own change of momentum."""
     table = Sine(0.4 * GRAVITY / (2 * math.pi * FREQUENCY) ** 2, FREQUENCY)
     run = integrate(shaken_floor(0.4, (1.0, 0.0), -GRAVITY), table, EventDriven(), 1.0125)
-    begin = float(run.riding.start[0])
+    begin = float(run.sticking.start[0])
     end = float(run.time[-1])
     change = float(table.velocity(end) - table.velocity(begin))
     return Case(
         "ball that lies on a vibrating table", "derived here (momentum)", "impulse of the contact", "N s",
-        GRAVITY * (end - begin) + change, float(run.riding.impulse[0]), 1e-11, "rounding",
+        GRAVITY * (end - begin) + change, float(run.sticking.impulse[0]), 1e-11, "rounding",
     )  # fmt: skip
 
 

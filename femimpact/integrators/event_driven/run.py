@@ -15,7 +15,7 @@ from femimpact.energy import BALANCED, CLOSED, EnergyLedger, unbalanced
 from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation
 from femimpact.history import HistoryPiece, Snapshots, Stream
-from femimpact.impacts import Impacts, Riding, impact_statistics
+from femimpact.impacts import Impacts, StickingPhases, impact_statistics
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven import loop_data
 from femimpact.integrators.event_driven.block import Block, Inputs, new_block, no_cycles, run_block
@@ -283,7 +283,7 @@ def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response
         channels=left.channels,
         units=left.units,
         impacts=impacts,
-        riding=_sticking(run),
+        sticking=_sticking(run),
         statistics=impact_statistics(totals, length, frequency, laws),
         statistics_of={
             pair.name: impact_statistics(totals[:, j : j + 1], length, frequency, pair.law.name)
@@ -338,7 +338,7 @@ def _impacts(run: _Run) -> Impacts:
     )
 
 
-def _sticking(run: _Run) -> Riding:
+def _sticking(run: _Run) -> StickingPhases:
     """Sticking phases that have ended, then those that last."""
     block = run.block
     rows = [tuple(row) for row in block.tables.sticking[: min(int(block.tables.number[1]), len(block.tables.sticking))]]
@@ -347,7 +347,7 @@ def _sticking(run: _Run) -> Riding:
         rows.append((j, float(np.sign(block.cases.state[0, j])), began, math.nan, impulse))
     pair, side, start, end, pushed = np.array(rows).reshape(-1, 5).T
     lasting = np.where(np.isfinite(end), end, float(block.cases.clock[0, 0])) - start
-    return Riding(
+    return StickingPhases(
         impactor=np.array([run.system.contacts[int(j)].name for j in pair], dtype=str),
         side=side,
         start=start,
@@ -365,7 +365,7 @@ def _open_contacts(run: _Run) -> tuple[str, ...]:
             continue
         if run.block.pairs.rigid[j]:
             wall, start = "+" if state[j] > 0 else "-", float(run.block.cases.touch[0, BEGUN, j])
-            notes.append(f"{pair.name} rides on its {wall} wall since t = {start:.4g} s")
+            notes.append(f"{pair.name} sticks to its {wall} wall since t = {start:.4g} s")
         else:
             notes.append(
                 f"{pair.name} is in contact at the end: that contact counts in forces and energies but is no finished "

@@ -55,7 +55,7 @@ def book_impact(
 
     It opens with the first force, even one that throws the ball back within the step, and closes
     when the ball is off the wall and without force. A rigid contact closes with the first step
-    without an impulse: impulses in consecutive steps, of a ball that rides on its wall, are one
+    without an impulse: impulses in consecutive steps, of a ball that sticks to its wall, are one
     contact, whose duration runs from the first to the last of them.
     """
     touch, constants, kind = m.touch, pairs.constants, pairs.kind[j]
