@@ -14,7 +14,7 @@ from femimpact.summary import spread_of
 
 pytestmark = pytest.mark.impacts
 
-README = Path(__file__).parent.parent / "README.md"
+PAGE = Path(__file__).parent.parent / "docs" / "paper.md"
 EXACT = {
     "natural frequency without ball",
     "natural frequency, ball glued on",
@@ -83,8 +83,8 @@ def test_the_restitution_is_the_studys_and_its_neighbours_are_named(found):
     assert found.results.summary["remarks"]
 
 
-def test_the_table_of_the_readme_has_the_rows_of_the_demo(found):
-    lines = README.read_text(encoding="utf-8").splitlines()
+def test_the_table_of_the_page_on_the_paper_has_the_rows_of_the_demo(found):
+    lines = PAGE.read_text(encoding="utf-8").splitlines()
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("| ")]
     for name, unit, theory, experiment, here, there, method in found.comparison:
         (row,) = [row for row in rows if row[0] == name]

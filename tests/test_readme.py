@@ -10,17 +10,48 @@ import pytest
 
 pytestmark = pytest.mark.impacts
 
-README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parent.parent
+PAGES = [Path("README.md"), *sorted(path.relative_to(ROOT) for path in (ROOT / "docs").glob("*.md"))]
+LINKS = [
+    (page, link)
+    for page in PAGES
+    for link in sorted(set(re.findall(r"\]\(((?!http)[^)#]+)\)", (ROOT / page).read_text(encoding="utf-8"))))
+]
 
 
-def test_the_script_of_the_readme_runs_as_it_stands(capsys):
-    script = "\n".join(re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL))
+def ran(page):
+    """Names that a page's script leaves."""
+    text = (ROOT / page).read_text(encoding="utf-8")
     names: dict[str, object] = {}
-    exec(compile(script, "README.md", "exec"), names)
+    exec(compile("\n".join(re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)), page, "exec"), names)
+    return names
+
+
+def test_the_script_of_the_readme_runs_as_it_stands(monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("agg")
+    names = ran("README.md")
+    pyplot.close("all")
+    assert (tmp_path / "response.png").stat().st_size > 10_000
+    assert len(list((tmp_path / "modes").iterdir())) == 4
+    # some millimetres: without the ball the resonance has some centimetres
+    assert 2e-3 < names["curve"].peak_amplitude < 2e-2
+    assert 4.5 < names["curve"].peak_frequency < 5.7
+    assert names["run"].energy.residual < 1e-10
+    # the errors of the first frequency fall with the fourth power of the element's length
+    lines = [line for line in capsys.readouterr().out.splitlines() if re.match(r"\d+ \[", line)]
+    first = [float(re.search(r"\[\s*([\d.]+)", line)[1]) for line in lines]
+    assert len(first) == 4
+    assert first[0] - first[1] > 8 * (first[1] - first[2])
+
+
+def test_the_script_of_the_page_on_scripting_runs_as_it_stands(capsys):
+    names = ran("docs/python.md")
     # the shapes and names are the public interface
     assert names["modes"].natural_frequency.shape == (4,)
     assert names["small"].dofs == 8
-    assert names["response"].time.shape == names["response"]["tip"].shape == (19201,)
+    assert len(names["runs"]) == 3
     np.testing.assert_array_equal(names["curve"].frequency, np.linspace(4, 6, 21))
     # the largest peak of the sweep: some millimetres, near the resonance of the beam with its ball
     peak, frequency = map(float, capsys.readouterr().out.splitlines()[0].split())
@@ -31,12 +62,12 @@ def test_the_script_of_the_readme_runs_as_it_stands(capsys):
     assert rigid.energy.residual < 1e-10
 
 
-@pytest.mark.parametrize("path", sorted(set(re.findall(r"\]\(((?!http)[^)#]+)\)", README))))
-def test_links_lead_somewhere(path):
-    assert (Path(__file__).parent.parent / path).exists()
+@pytest.mark.parametrize(("page", "link"), LINKS)
+def test_links_lead_somewhere(page, link):
+    assert (ROOT / page.parent / link).exists()
 
 
 def test_the_two_commands_stand_on_lines_of_their_own():
-    lines = README.splitlines()
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
     assert """python3 -m venv .venv && .venv/bin/pip install -e ".[movie,test]" && .venv/bin/femimpact demo""" in lines
     assert ".venv/bin/python -m pytest" in lines

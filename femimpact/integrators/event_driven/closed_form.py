@@ -165,7 +165,7 @@ def closed_form(whole: Equations, active: Array, rigid: Array, stiffness: Array,
     bound = stiff | braked
     square, own_damping = np.where(stiff, omega_squared, 0.0)[bound], damped[np.ix_(bound, bound)]
     modes = complex_modes(square, own_damping)
-    elastic, loose = shapes[:, bound], shapes[:, ~bound]
+    elastic, rigid_body = shapes[:, bound], shapes[:, ~bound]
     modal, modal_drive = elastic.T @ loads.constant, loads.drive @ elastic
     unheld = tuple(_drives(values[:, square == 0.0], values) for values in (modal.T, modal_drive))
     compliance = np.divide(1.0, square, out=np.zeros_like(square), where=square > 0.0)
@@ -180,22 +180,22 @@ def closed_form(whole: Equations, active: Array, rigid: Array, stiffness: Array,
     momentum = elastic.T @ whole.M
     shape, zero = elastic @ modes.shape, np.zeros(shapes.shape[0])
     static = np.column_stack([settled[:, 0], loads.offset + settled[:, 1:]])
-    position = Rows(shape, loose, 0.0 * loose, static, np.array([zero, zero, loads.moved]), follow)
+    position = Rows(shape, rigid_body, 0.0 * rigid_body, static, np.array([zero, zero, loads.moved]), follow)
     entries = np.asarray(modal_drive @ modes.from_v.T, dtype=complex)
     form = ClosedForm(
         modes=modes,
-        rigid_body_shape=loose,
-        rigid_body_given=loose.T @ loads.constant,
-        rigid_body_drive=loose.T @ loads.drive[0],
+        rigid_body_shape=rigid_body,
+        rigid_body_given=rigid_body.T @ loads.constant,
+        rigid_body_drive=rigid_body.T @ loads.drive[0],
         position=position,
         velocity=_rate(position, modes),
         contact_force=position,
         load=entries,
         to_entry_u=modes.from_u @ momentum,
         to_entry_v=modes.from_v @ momentum,
-        to_rigid_body=loose.T @ whole.M,
+        to_rigid_body=rigid_body.T @ whole.M,
         impulse_entry=modes.from_v @ elastic.T @ whole.force,
-        impulse_rigid_body=loose.T @ whole.force,
+        impulse_rigid_body=rigid_body.T @ whole.force,
         unheld=unheld,
     )
     force = _compliant_forces(whole, form, loads, settled, active, np.where(rigid, 0.0, stiffness), damping)
@@ -304,9 +304,9 @@ def _with_sticking(
     # the answer of the entries to a load begins with an acceleration
     begun = (rate @ form.load.T).real.T
     moved = loads.moved
-    loose = M @ form.rigid_body_shape
+    rigid_body = M @ form.rigid_body_shape
     drive = loads.drive
-    driven = loose @ form.rigid_body_drive
+    driven = rigid_body @ form.rigid_body_drive
     a = form.position.follow - np.array([moved, 0.0 * moved, 0.0 * moved, 0.0 * moved])
     follow = np.array([
         a[0] @ K.T - drive[2],
@@ -317,7 +317,7 @@ def _with_sticking(
     through = np.array([begun[0] @ M.T - drive[0] + driven, begun[1] @ M.T - drive[1], begun[2] @ M.T - drive[2]])
     force.weight[sticking] = project @ left
     force.rigid_body[sticking] = force.rigid_body_rate[sticking] = 0.0
-    force.constant[sticking] = project @ (K @ settled - loads.constant + loose @ form.rigid_body_given)
+    force.constant[sticking] = project @ (K @ settled - loads.constant + rigid_body @ form.rigid_body_given)
     force.through[:, sticking] = through @ project.T
     force.follow[:, sticking] = follow @ project.T
     return force
