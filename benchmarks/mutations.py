@@ -26,9 +26,9 @@ LIMIT = 600.0
 
 CHILD = """
 import json, sys
-from femimpact.validation import shelf
+from femimpact.validation import reference_cases
 found = {}
-for make in shelf.SHELF:
+for make in reference_cases.REFERENCE_CASES:
     try:
         case = make()
     except Exception as error:

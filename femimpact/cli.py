@@ -263,7 +263,7 @@ def validate(
 ) -> None:
     """Exact and published cases beside the computed ones; exit status 1 if one misses its bound."""
     from femimpact.export.tables import write_csv
-    from femimpact.validation.shelf import HEADER, case_columns, run_validation, table_row
+    from femimpact.validation.reference_cases import HEADER, case_columns, run_validation, table_row
 
     if output is not None:
         require(force or not output.exists(), "output", str(output), "", "exists already: choose another, or --force")

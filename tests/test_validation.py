@@ -1,4 +1,4 @@
-"""The validation shelf: every case passes, and one that does not is an exit status."""
+"""The reference cases: every case passes, and one that does not is an exit status."""
 
 import importlib.util
 import math
@@ -11,7 +11,7 @@ import pytest
 from femimpact import cli
 from femimpact.errors import InputError
 from femimpact.export.tables import read_csv
-from femimpact.validation import Case, case_columns, markdown_table, run_validation, shelf
+from femimpact.validation import Case, case_columns, markdown_table, reference_cases, run_validation
 
 pytestmark = pytest.mark.impacts
 
@@ -29,7 +29,7 @@ def cases():
     return found
 
 
-@pytest.mark.parametrize("index", range(len(shelf.SHELF)))
+@pytest.mark.parametrize("index", range(len(reference_cases.REFERENCE_CASES)))
 def test_a_case_is_within_its_bound(cases, index):
     case = cases[index]
     assert case.passes, f"{case.name}: {case.computed!r} for {case.reference!r}, error {case.error:.3g}"
@@ -55,7 +55,7 @@ def test_an_error_is_relative_or_absolute_where_the_reference_is_zero():
 
 
 def test_the_command_prints_the_table_and_writes_it(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(shelf, "SHELF", (lambda: GOOD,))
+    monkeypatch.setattr(reference_cases, "REFERENCE_CASES", (lambda: GOOD,))
     cli.validate(output=tmp_path / "table.csv")
     printed = capsys.readouterr().out
     assert "speed (m/s)" in printed
@@ -67,7 +67,7 @@ def test_the_command_prints_the_table_and_writes_it(monkeypatch, tmp_path, capsy
 
 @pytest.mark.parametrize("quiet", [False, True])
 def test_a_failing_case_makes_the_command_exit_with_1(monkeypatch, capsys, quiet):
-    monkeypatch.setattr(shelf, "SHELF", (lambda: GOOD, lambda: BAD))
+    monkeypatch.setattr(reference_cases, "REFERENCE_CASES", (lambda: GOOD, lambda: BAD))
     with pytest.raises(SystemExit) as ended:
         cli.validate(quiet=quiet)
     assert ended.value.code == 1

@@ -9,9 +9,9 @@ from femimpact.errors import require, require_type
 from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.run import run_events
-from femimpact.integrators.march import divergence_message, march
 from femimpact.integrators.newmark import SteppingMethod
 from femimpact.integrators.recording import check_memory, memory_needed
+from femimpact.integrators.stepped_run import divergence_message, run_steps
 from femimpact.integrators.threads import Progress, check_progress, run_each, workers_of
 from femimpact.response import Recorder, Response
 from femimpact.system import State, System
@@ -114,7 +114,7 @@ def integrate(
     def run(drive: Excitation, report: Progress | None) -> Response:
         if isinstance(method, EventDriven):
             return run_events(system, drive, method, duration, recorder, start, report)
-        return march(system, drive, method, duration, recorder, start, report)
+        return run_steps(system, drive, method, duration, recorder, start, report)
 
     responses = run_each(run, drives, workers, progress)
     return responses if several else responses[0]

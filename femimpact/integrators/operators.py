@@ -134,14 +134,14 @@ def _responses(system: System, s: Scheme, factor: Any) -> tuple[NDArray[Any], ND
     u gains give_u M^-1 b, to which the accelerations answer by -S^-1 (C dt + K give_u) M^-1 b.
     """
     b = np.array([pair.direction for pair in system.contacts]).reshape(-1, system.dofs).T
-    kick_u = kick_v = np.zeros_like(b)
+    impulse_u = impulse_v = np.zeros_like(b)
     if s.mean:
         free = scipy.linalg.solveh_banded(bands(system.M), b, lower=True) if b.size else b
-        kick_u, kick_v = s.give_u * free, s.give_v * free
-        b = -(system.C @ kick_v + system.K @ kick_u)
+        impulse_u, impulse_v = s.give_u * free, s.give_v * free
+        b = -(system.C @ impulse_v + system.K @ impulse_u)
     a = (1.0 - s.alpha_f) * scipy.linalg.cho_solve_banded(factor, b) if b.size else b
     return (
         np.ascontiguousarray(a.T),
-        np.ascontiguousarray((kick_u + s.correct_u * a).T),
-        np.ascontiguousarray((kick_v + s.correct_v * a).T),
+        np.ascontiguousarray((impulse_u + s.correct_u * a).T),
+        np.ascontiguousarray((impulse_v + s.correct_v * a).T),
     )

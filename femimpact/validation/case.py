@@ -1,4 +1,4 @@
-"""One case of the validation shelf: a number that is known, the same number computed, and how close it must be."""
+"""One case of the reference cases: a number that is known, the same number computed, and how close it must be."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Case:
     Parameters
     ----------
     name : str
-        Distinct within the shelf.
+        Distinct among all cases.
     source : str
         Where the reference is from: author and year, or "derived here".
     quantity, unit : str

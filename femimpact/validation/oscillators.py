@@ -87,7 +87,7 @@ METHODS = (
     ),
     Method("Moreau-Jean, theta 1/2", "Jean (1999)", MoreauJean, partial(theta_amplification, theta=0.5)),
 )  # fmt: skip
-"""Methods on the shelf; another one is another entry."""
+"""Methods of the cases; another one is another entry."""
 
 
 def _free_vibration(method: Any, periods: int) -> Any:

@@ -25,10 +25,10 @@ from femimpact.response import Recorder, Response, resolve_channels
 from femimpact.signals import no_steady_motion, steady_motion
 from femimpact.system import State, System
 
-__all__ = ["divergence_message", "march"]
+__all__ = ["divergence_message", "run_steps"]
 
 
-def march(
+def run_steps(
     system: System,
     excitation: Excitation,
     method: SteppingMethod,

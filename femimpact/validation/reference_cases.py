@@ -1,4 +1,4 @@
-"""The whole shelf: every case in the order of the table, run one after another, and printed."""
+"""All reference cases in the order of the table, run one after another, and printed."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from femimpact.validation import (
 )
 from femimpact.validation.case import Case
 
-__all__ = ["HEADER", "SHELF", "case_columns", "markdown_table", "run_validation", "table_row"]
+__all__ = ["HEADER", "REFERENCE_CASES", "case_columns", "markdown_table", "run_validation", "table_row"]
 
-SHELF: tuple[Callable[[], Case], ...] = (
+REFERENCE_CASES: tuple[Callable[[], Case], ...] = (
     *beams.CASES, *structures.CASES, *oscillators.CASES, *excitations.CASES, *impacts.CASES, *orbits.CASES,
     *contacts.CASES, *ledgers.CASES, *readings.CASES,
 )  # fmt: skip
@@ -30,7 +30,7 @@ HEADER = ("case", "source", "quantity", "reference", "computed", "error", "bound
 
 
 def run_validation(progress: Callable[[str, float], None] | None = None) -> tuple[Case, ...]:
-    """Run every case of the shelf.
+    """Run every reference case.
 
     Parameters
     ----------
@@ -40,13 +40,13 @@ def run_validation(progress: Callable[[str, float], None] | None = None) -> tupl
     Returns
     -------
     tuple of Case
-        In the order of the shelf; a failed one is among them.
+        In the order of the table; a failed one is among them.
     """
     found = []
-    for i, case in enumerate(SHELF):
+    for i, case in enumerate(REFERENCE_CASES):
         found.append(case())
         if progress is not None:
-            progress("validation", (i + 1) / len(SHELF))
+            progress("validation", (i + 1) / len(REFERENCE_CASES))
     return tuple(found)
 
 
