@@ -16,10 +16,10 @@ import numpy as np
 import scipy.linalg
 
 import femimpact as fi
-from femimpact.demo import paper_study
 from femimpact.integrators.block import prepare, run_block
 from femimpact.integrators.operators import bands
-from femimpact.study import build
+from femimpact.study.demo import paper_study
+from femimpact.study.study import build
 
 LIMITS = {(1, False): 60.0, (21, False): 15.0, (1, True): 90.0, (21, True): 22.5}
 """ns per step and case that issue and house ask for; the ledger may add half."""

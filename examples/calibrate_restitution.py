@@ -14,7 +14,7 @@ chaotic: what is shown are medians over several places of the ball in its box.
 from __future__ import annotations
 
 import femimpact as fi
-from femimpact.demo import NEAR, PUBLISHED, ScanPlan, median_scan, paper_study, scan_both_starts
+from femimpact.study.demo import NEAR, PUBLISHED, ScanPlan, median_scan, paper_study, scan_both_starts
 
 
 def main(plan: ScanPlan | None = None) -> dict[str, fi.RestitutionScan]:

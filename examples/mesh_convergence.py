@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import femimpact as fi
 from femimpact.convergence import MeshConvergence
-from femimpact.demo import paper_study
+from femimpact.study.demo import paper_study
 
 
 def main(elements: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2000)) -> MeshConvergence:

@@ -22,7 +22,7 @@ import math
 from dataclasses import dataclass
 
 import femimpact as fi
-from femimpact.demo import paper_study
+from femimpact.study.demo import paper_study
 
 
 @dataclass(frozen=True)

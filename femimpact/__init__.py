@@ -49,17 +49,17 @@ if TYPE_CHECKING:
     from femimpact.modes import Modes, solve_modes
     from femimpact.reduction import reduce, truncation_notes
     from femimpact.response import Recorder, Response
-    from femimpact.results import StudyResults, load
-    from femimpact.run import run_study
     from femimpact.static import static_state
     from femimpact.structure import Beam, Impactor, PointMass, Segment, Stop, Structure, Support, glue_impactors
-    from femimpact.study import Study
-    from femimpact.study_file import load_study
+    from femimpact.study.results import StudyResults, load
+    from femimpact.study.run import run_study
+    from femimpact.study.study import Study
+    from femimpact.study.study_file import load_study
     from femimpact.sweep import FrequencyResponse, frequency_sweep
     from femimpact.system import ContactPair, State, System, without_impactors
     from femimpact.truncation import ModeConvergence, mode_convergence
 
-_ROOMS = {
+_MODULES = {
     "assembly": ("assemble",),
     "calibration": ("RestitutionScan", "scan_restitution"),
     "contact": (
@@ -100,26 +100,26 @@ _ROOMS = {
     "response": ("Recorder", "Response"),
     "static": ("static_state",),
     "structure": ("Beam", "Impactor", "PointMass", "Segment", "Stop", "Structure", "Support", "glue_impactors"),
-    "results": ("StudyResults", "load"),
-    "run": ("run_study",),
-    "study": ("Study",),
-    "study_file": ("load_study",),
+    "study.results": ("StudyResults", "load"),
+    "study.run": ("run_study",),
+    "study.study": ("Study",),
+    "study.study_file": ("load_study",),
     "sweep": ("FrequencyResponse", "frequency_sweep"),
     "system": ("ContactPair", "State", "System", "without_impactors"),
     "truncation": ("ModeConvergence", "mode_convergence"),
 }
-_ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
-__all__ = ["__version__", *sorted(_ROOM_OF)]  # pyright: ignore[reportUnsupportedDunderAll]
+__all__ = ["__version__", *sorted(_MODULE_OF)]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _ROOM_OF:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module 'femimpact' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"femimpact.{_ROOM_OF[name]}"), name)
+    value = getattr(importlib.import_module(f"femimpact.{_MODULE_OF[name]}"), name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_ROOM_OF})
+    return sorted({*globals(), *_MODULE_OF})

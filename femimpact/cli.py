@@ -19,9 +19,9 @@ from femimpact.errors import FemimpactError, InputError, require
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from femimpact.results import StudyResults
-    from femimpact.run import Report
-    from femimpact.study import Study
+    from femimpact.study.results import StudyResults
+    from femimpact.study.run import Report
+    from femimpact.study.study import Study
 
 __all__ = ["app", "main"]
 
@@ -103,7 +103,7 @@ def _fail(message: str, status: int) -> None:
 @app.command
 def demo(*, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
     """Run the paper's case from end to end, with the published figures beside ours."""
-    from femimpact.demo import free_directory, run_demo
+    from femimpact.study.demo import free_directory, run_demo
 
     directory = output or free_directory("femimpact-demo")
     with _progress(quiet) as report:
@@ -137,8 +137,8 @@ def demo(*, output: Output = None, force: Force = False, quiet: Quiet = False) -
 @app.command
 def init(file: Path, *, force: Force = False) -> None:
     """Write a commented study file."""
-    from femimpact.demo import paper_study_text
     from femimpact.export.files import atomic_write
+    from femimpact.study.demo import paper_study_text
 
     require(force or not file.exists(), "file", str(file), "", "exists already: choose another name, or --force")
     require(file.resolve().parent.is_dir(), "file", str(file), "", "must be in an existing directory")
@@ -149,8 +149,8 @@ def init(file: Path, *, force: Force = False) -> None:
 @app.command
 def check(study: Path) -> None:
     """Validate a study and print what would run: dofs, step, contact time, steps, memory, time."""
-    from femimpact.plan import plan_lines
-    from femimpact.study_file import load_study
+    from femimpact.study.plan import plan_lines
+    from femimpact.study.study_file import load_study
 
     for line in plan_lines(load_study(study)):
         print(line)
@@ -186,8 +186,8 @@ def run(study: Path, *, output: Output = None, force: Force = False, quiet: Quie
 @app.command
 def converge(study: Path, *, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
     """Convergence of the frequencies over the mesh and of the response over the step."""
-    from femimpact.plan import write_convergence
-    from femimpact.study_file import load_study
+    from femimpact.study.plan import write_convergence
+    from femimpact.study.study_file import load_study
 
     plan = load_study(study)
     with _progress(quiet) as report:
@@ -223,7 +223,7 @@ def movie(directory: Path, *, quiet: Quiet = False) -> None:
 @app.command
 def finish(directory: Path, *, force: Force = False) -> None:
     """Keep what an ended run had finished, or finish the move of its files."""
-    from femimpact.results import finish_results
+    from femimpact.study.results import finish_results
 
     parts = finish_results(directory, force)
     print(f"kept in {directory}: {', '.join(parts) or 'all of the run'}")
@@ -235,8 +235,8 @@ def contact(
     quiet: Quiet = False,
 ) -> None:  # fmt: skip
     """One collision of every impactor over the approach speed (m/s): restitution, force and steps."""
-    from femimpact.contact_table import UNITS, write_contact_table
-    from femimpact.study_file import load_study
+    from femimpact.study.contact_table import UNITS, write_contact_table
+    from femimpact.study.study_file import load_study
 
     directory = output or _directory(study, "contact")
     columns = write_contact_table(load_study(study), directory, force, speed_min, speed_max)
@@ -292,8 +292,8 @@ def _run(
     path: Path, output: Path | None, force: bool, quiet: bool, parts: tuple[str, ...], kind: str,
     base_changes: dict[str, Any] | None = None,
 ) -> None:  # fmt: skip
-    from femimpact.run import run_study
-    from femimpact.study_file import load_study
+    from femimpact.study.run import run_study
+    from femimpact.study.study_file import load_study
 
     study = load_study(path)
     if base_changes:
@@ -307,7 +307,7 @@ def _run(
 
 
 def _draw_again(directory: Path, kind: str, quiet: bool) -> None:
-    from femimpact.pictures import draw_again
+    from femimpact.study.pictures import draw_again
 
     with _progress(quiet) as report:
         drawn = draw_again(directory, kind, report)

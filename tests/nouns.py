@@ -14,7 +14,6 @@ from femimpact.contact import resolve
 from femimpact.contact import restitution as closed_forms
 from femimpact.convergence import MeshConvergence, StepConvergence
 from femimpact.damping import rayleigh_coefficients, realised_damping_ratio
-from femimpact.demo import paper_study
 from femimpact.hermite import shape_functions
 from femimpact.identification import one_pole_amplitude
 from femimpact.impacts import StickingPhases
@@ -22,7 +21,8 @@ from femimpact.integrators.collision import AchievedRestitution
 from femimpact.modes import solve_stiffness
 from femimpact.regimes import Regime, RegimeCriteria, classify, impacts_per_cycle, significant
 from femimpact.signals import CycleStatistics, steady_motion
-from femimpact.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, SweepPlan
+from femimpact.study.demo import paper_study
+from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, SweepPlan
 from femimpact.system import hermite_rows
 
 LAW = fi.KelvinVoigt(restitution=0.6, contact_time=5e-3)

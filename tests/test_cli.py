@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.demo import paper_study_text
+from femimpact.study.demo import paper_study_text
 
 SMALL = (
     paper_study_text()
@@ -59,7 +59,7 @@ def test_init_then_check(tmp_path):
 
 
 def test_run_leaves_every_file_and_load_reads_it_back(ran):
-    from femimpact.results import FILES
+    from femimpact.study.results import FILES
 
     missing = [name for name in FILES.values() if not (ran / name).exists() and name != FILES["movie"]]
     assert missing == []

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.contact_table import UNITS, approach_speeds, contact_table
-from femimpact.demo import paper_study_text
 from femimpact.export.contact_figure import collision_history, penetration_figure
 from femimpact.export.tables import read_csv
-from femimpact.study import build
-from femimpact.study_file import load_study
+from femimpact.study.contact_table import UNITS, approach_speeds, contact_table
+from femimpact.study.demo import paper_study_text
+from femimpact.study.study import build
+from femimpact.study.study_file import load_study
 
 MASS = 3e-3
 LINEAR = 'law = "kelvin-voigt", restitution = 0.78, contact_time = 2e-3'

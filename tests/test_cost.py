@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.cost import history_cost, mesh_memory, picture_seconds, sweep_cost
-from femimpact.demo import paper_study
-from femimpact.plan import plan_lines
-from femimpact.run import history_record, preflight, run_modes, run_study
-from femimpact.study import MeshChoice, Reduction, SweepPlan, build_systems
+from femimpact.study.cost import history_cost, mesh_memory, picture_seconds, sweep_cost
+from femimpact.study.demo import paper_study
+from femimpact.study.plan import plan_lines
+from femimpact.study.run import history_record, preflight, run_modes, run_study
+from femimpact.study.study import MeshChoice, Reduction, SweepPlan, build_systems
 from femimpact.sweep import on_grid
 
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.demo import paper_study
-from femimpact.result_directory import ResultsWarning
-from femimpact.run import run_study
-from femimpact.study import SweepPlan
+from femimpact.study.demo import paper_study
+from femimpact.study.result_directory import ResultsWarning
+from femimpact.study.run import run_study
+from femimpact.study.study import SweepPlan
 
 FILES = ("summary.json", "modes.csv", "impacts.csv", "sweep.nc", "history.nc", "impacts.nc")
 

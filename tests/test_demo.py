@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import femimpact as fi
-from femimpact import demo
-from femimpact.summary import spread_of
+from femimpact.study import demo
+from femimpact.study.summary import spread_of
 
 pytestmark = pytest.mark.impacts
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femimpact.demo import PUBLISHED, ScanPlan
+from femimpact.study.demo import PUBLISHED, ScanPlan
 
 pytestmark = pytest.mark.impacts
 

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact import pictures
-from femimpact.demo import paper_study
 from femimpact.export import movie
-from femimpact.picture_data import read_curves, read_film, read_last_cycles, read_mode_shapes
-from femimpact.results import FILES, read_summary
-from femimpact.run import run_simulation, run_study, run_sweep
-from femimpact.study import SweepPlan
+from femimpact.study import pictures
+from femimpact.study.demo import paper_study
+from femimpact.study.picture_data import read_curves, read_film, read_last_cycles, read_mode_shapes
+from femimpact.study.results import FILES, read_summary
+from femimpact.study.run import run_simulation, run_study, run_sweep
+from femimpact.study.study import SweepPlan
 
 FIGURES = ("mode_figure", "response_figure", "force_figure", "portrait_figure", "impact_histograms", "impulse_phase")
 
@@ -191,7 +191,7 @@ def test_what_can_not_be_drawn_does_not_take_the_other_figures_with_it(results):
 def test_the_childs_of_a_killed_run_end_with_it(results, tmp_path):
     code = "import sys, time; from pathlib import Path; from femimpact import pictures\n"
     code += "pictures.CHILD = pictures.CHILD.replace('child(', 'import os; print(os.getpid(), file=open(sys.argv[4]"
-    code += ' + "/number", "w")); import threading, time; from femimpact.pictures import _end_with_parent;'
+    code += ' + "/number", "w")); import threading, time; from femimpact.study.pictures import _end_with_parent;'
     code += " threading.Thread(target=_end_with_parent).start(); time.sleep(600); child(')\n"
     code += "pictures.draw_in_child(Path(sys.argv[1]), Path(sys.argv[2]), ('movie',), lambda *_: None)"
     parent = subprocess.Popen([sys.executable, "-c", code, results, tmp_path])

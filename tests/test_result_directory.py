@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 
 import femimpact as fi
-from femimpact import result_directory
 from femimpact.export import tables, vtk
 from femimpact.export.files import atomic_write
-from femimpact.result_directory import ResultsWarning, _Lock, unfinished_state
-from femimpact.results import finish_results, prepare_directory, write_summary
+from femimpact.study import result_directory
+from femimpact.study.result_directory import ResultsWarning, _Lock, unfinished_state
+from femimpact.study.results import finish_results, prepare_directory, write_summary
 
 OLD, NEW = 1.0, 2.0
 

@@ -10,8 +10,8 @@ import pytest
 
 import femimpact as fi
 from femimpact.static import static_contacts
-from femimpact.study import build
-from femimpact.study_file import load_study
+from femimpact.study.study import build
+from femimpact.study.study_file import load_study
 
 pytestmark = pytest.mark.impacts
 

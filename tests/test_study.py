@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.demo import paper_study, paper_study_text
-from femimpact.study import build
-from femimpact.study_file import TABLES, load_study
+from femimpact.study.demo import paper_study, paper_study_text
+from femimpact.study.study import build
+from femimpact.study.study_file import TABLES, load_study
 
 TEXT = paper_study_text()
 

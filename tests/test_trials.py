@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.demo import paper_study, paper_study_text
-from femimpact.run import run_modes, run_simulation
-from femimpact.summary import summary_of
+from femimpact.study.demo import paper_study, paper_study_text
+from femimpact.study.run import run_modes, run_simulation
+from femimpact.study.summary import summary_of
 
 pytestmark = pytest.mark.impacts
 

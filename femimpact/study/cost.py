@@ -15,7 +15,7 @@ from femimpact.integrators.methods import Method, time_grid
 from femimpact.integrators.threads import workers_of
 from femimpact.modes import DENSE_LIMIT
 from femimpact.response import Recorder
-from femimpact.study import Study
+from femimpact.study.study import Study
 from femimpact.system import System
 
 __all__ = ["Cost", "check_mesh", "check_sweep", "history_cost", "mesh_memory", "picture_seconds", "sweep_cost"]

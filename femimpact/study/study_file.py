@@ -20,7 +20,7 @@ from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import METHODS
 from femimpact.mesh import uniform_mesh
 from femimpact.structure import Beam, Impactor, PointMass, Segment, Stop, Structure, Support
-from femimpact.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
+from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
 
 __all__ = ["load_study"]
 

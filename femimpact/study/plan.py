@@ -9,16 +9,16 @@ import numpy as np
 
 from femimpact.contact import CustomLaw, PowerLaw, Rigid
 from femimpact.convergence import MeshConvergence, StepConvergence, converge_elements, converge_step
-from femimpact.cost import history_cost, mesh_memory, picture_seconds, sweep_cost
 from femimpact.errors import require
 from femimpact.export import figures, tables
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import check_method, method_notes, time_grid
 from femimpact.integrators.newmark import Newmark
 from femimpact.integrators.stepping import shortest_contact
-from femimpact.results import prepare_directory
-from femimpact.run import Report, history_record, preflight
-from femimpact.study import Study, build
+from femimpact.study.cost import history_cost, mesh_memory, picture_seconds, sweep_cost
+from femimpact.study.results import prepare_directory
+from femimpact.study.run import Report, history_record, preflight
+from femimpact.study.study import Study, build
 from femimpact.system import ContactPair
 
 __all__ = ["plan_lines", "write_convergence"]

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from femimpact.cost import check_mesh, check_sweep
 from femimpact.errors import checked, require, require_name, require_type, truth
 from femimpact.export import tables
 from femimpact.export.files import atomic_write
@@ -20,14 +19,15 @@ from femimpact.integrators.integrate import check_memory, integrate
 from femimpact.integrators.methods import Method, check_method, check_resolution, time_grid
 from femimpact.integrators.stepping import shortest_contact
 from femimpact.modes import Modes, solve_modes
-from femimpact.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
-from femimpact.pictures import draw_in_child, with_pictures
 from femimpact.response import Recorder, Response
-from femimpact.result_directory import Staging
-from femimpact.results import FILES, STICKING_FILE, StudyResults, load, prepare_directory, write_summary
 from femimpact.structure import glue_impactors
-from femimpact.study import Study, build, method_for, read_mesh_of
-from femimpact.summary import SweepPair, summary_of
+from femimpact.study.cost import check_mesh, check_sweep
+from femimpact.study.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
+from femimpact.study.pictures import draw_in_child, with_pictures
+from femimpact.study.result_directory import Staging
+from femimpact.study.results import FILES, STICKING_FILE, StudyResults, load, prepare_directory, write_summary
+from femimpact.study.study import Study, build, method_for, read_mesh_of
+from femimpact.study.summary import SweepPair, summary_of
 from femimpact.sweep import SWEEP_UNITS, frequency_sweep, on_grid
 from femimpact.system import State, System, without_impactors
 

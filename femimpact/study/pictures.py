@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from femimpact.errors import Fault, InputError, require
-from femimpact.picture_data import read_curves, read_film, read_last_cycles, read_mode_shapes
-from femimpact.results import FILES, read_summary, update_results, write_summary
+from femimpact.study.picture_data import read_curves, read_film, read_last_cycles, read_mode_shapes
+from femimpact.study.results import FILES, read_summary, update_results, write_summary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,7 +38,7 @@ CHILD = (
     "s = u.spec_from_file_location('femimpact', sys.argv[1], submodule_search_locations=[sys.argv[2]])\n"
     "m = sys.modules['femimpact'] = u.module_from_spec(s)\n"
     "s.loader.exec_module(m)\n"
-    "from femimpact.pictures import child\n"
+    "from femimpact.study.pictures import child\n"
     "child(*sys.argv[3:])\n"
 )
 """The package of this process, wherever it was found; nothing of the current directory is imported (-P)."""
@@ -175,7 +175,7 @@ def draw_in_child(
                 found[told["kind"]] = told["failure"]
                 report("pictures", len(found) / len(kinds))
 
-    package = Path(__file__).parent
+    package = Path(__file__).parents[1]
     where = [str(package / "__init__.py"), str(package), str(source.resolve()), str(target.resolve())]
     with tempfile.TemporaryFile() as errors:
         try:

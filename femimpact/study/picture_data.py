@@ -21,9 +21,9 @@ from femimpact.history import Snapshots
 from femimpact.impacts import IMPACT_UNITS, Impacts, ImpactStatistics, StickingPhases
 from femimpact.modes import Modes
 from femimpact.response import Response
-from femimpact.results import FILES, read_dataset, read_sticking
 from femimpact.signals import no_steady_motion
 from femimpact.structure import Beam, Segment, Structure, Support
+from femimpact.study.results import FILES, read_dataset, read_sticking
 from femimpact.sweep import SWEEP_UNITS, FrequencyResponse
 from femimpact.system import System, hermite_rows
 

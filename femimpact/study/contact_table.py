@@ -16,8 +16,8 @@ from femimpact.integrators.collision import achieved_restitution
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method
 from femimpact.integrators.newmark import MoreauJean
-from femimpact.results import prepare_directory
-from femimpact.study import Study, build_systems, method_for
+from femimpact.study.results import prepare_directory
+from femimpact.study.study import Study, build_systems, method_for
 from femimpact.system import ContactPair
 
 __all__ = ["UNITS", "approach_speeds", "contact_table", "write_contact_table"]

@@ -16,7 +16,7 @@ from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method, check_method
 from femimpact.modes import Modes
 from femimpact.response import Response
-from femimpact.study import Study, build
+from femimpact.study.study import Study, build
 from femimpact.sweep import FrequencyResponse, on_grid
 from femimpact.system import ContactPair, System
 

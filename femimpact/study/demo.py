@@ -18,8 +18,8 @@ import numpy as np
 from femimpact.calibration import RestitutionScan, scan_restitution
 from femimpact.errors import Fault, InputError
 from femimpact.export import figures, tables
-from femimpact.results import StudyResults, load, prepare_directory
-from femimpact.run import (
+from femimpact.study.results import StudyResults, load, prepare_directory
+from femimpact.study.run import (
     Found,
     Report,
     keep_history,
@@ -31,9 +31,9 @@ from femimpact.run import (
     run_simulation,
     run_sweep,
 )
-from femimpact.study import Study, build, method_for
-from femimpact.study_file import load_study
-from femimpact.summary import Spread, SweepPair, spread_of, summary_of
+from femimpact.study.study import Study, build, method_for
+from femimpact.study.study_file import load_study
+from femimpact.study.summary import Spread, SweepPair, spread_of, summary_of
 from femimpact.sweep import FrequencyResponse, frequency_sweep
 from femimpact.system import State, without_impactors
 
@@ -114,12 +114,12 @@ class Demo:
 
 def paper_study_text() -> str:
     """The commented study file of the paper's case."""
-    return files("femimpact").joinpath("paper.toml").read_text(encoding="utf-8")
+    return files("femimpact.study").joinpath("paper.toml").read_text(encoding="utf-8")
 
 
 def paper_study() -> Study:
     """The paper's case as a study."""
-    with as_file(files("femimpact").joinpath("paper.toml")) as path:
+    with as_file(files("femimpact.study").joinpath("paper.toml")) as path:
         return load_study(path)
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from femimpact.errors import Fault, InputError, require
 from femimpact.export import tables
-from femimpact.result_directory import SUMMARY, ResultsWarning, Staging, complete_move, stage, unfinished_state
+from femimpact.study.result_directory import SUMMARY, ResultsWarning, Staging, complete_move, stage, unfinished_state
 
 if TYPE_CHECKING:
     import xarray
