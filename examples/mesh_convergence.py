@@ -11,7 +11,7 @@ number is the root of K's, so that the floor lies near 1e-12 instead of growing 
 from __future__ import annotations
 
 import femimpact as fi
-from femimpact.convergence import MeshConvergence
+from femimpact.convergence.mesh_and_step import MeshConvergence
 from femimpact.study.demo import paper_study
 
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from femimpact.assembly import assemble
     from femimpact.calibration import RestitutionScan, scan_restitution
     from femimpact.contact import (
         ALUMINIUM,
@@ -32,35 +31,44 @@ if TYPE_CHECKING:
         contact_potential,
         hertz_stiffness,
     )
-    from femimpact.convergence import converge_elements, converge_step
-    from femimpact.damping import Rayleigh
-    from femimpact.energy import EnergyLedger
+    from femimpact.convergence import ModeConvergence, converge_elements, converge_step, mode_convergence
     from femimpact.errors import DivergenceError, FemimpactError, InputError
     from femimpact.excitation import PointForce, RecordedBase, Sine
-    from femimpact.history import HistoryPiece
+    from femimpact.fem.assembly import assemble
+    from femimpact.fem.mesh import Mesh, read_mesh, uniform_mesh
     from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
-    from femimpact.impacts import Impacts, ImpactStatistics
     from femimpact.integrators.collision import achieved_restitution
     from femimpact.integrators.event_driven import EventDriven
     from femimpact.integrators.integrate import integrate
     from femimpact.integrators.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
     from femimpact.integrators.stepping import recommended_step
-    from femimpact.mesh import Mesh, read_mesh, uniform_mesh
-    from femimpact.modes import Modes, solve_modes
-    from femimpact.reduction import reduce, truncation_notes
-    from femimpact.response import Recorder, Response
-    from femimpact.static import static_state
-    from femimpact.structure import Beam, Impactor, PointMass, Segment, Stop, Structure, Support, glue_impactors
+    from femimpact.response.energy import EnergyLedger
+    from femimpact.response.history import HistoryPiece
+    from femimpact.response.impacts import Impacts, ImpactStatistics
+    from femimpact.response.response import Recorder, Response
+    from femimpact.structure.damping import Rayleigh
+    from femimpact.structure.structure import (
+        Beam,
+        Impactor,
+        PointMass,
+        Segment,
+        Stop,
+        Structure,
+        Support,
+        glue_impactors,
+    )
     from femimpact.study.results import StudyResults, load
     from femimpact.study.run import run_study
     from femimpact.study.study import Study
     from femimpact.study.study_file import load_study
     from femimpact.sweep import FrequencyResponse, frequency_sweep
-    from femimpact.system import ContactPair, State, System, without_impactors
-    from femimpact.truncation import ModeConvergence, mode_convergence
+    from femimpact.system.modes import Modes, solve_modes
+    from femimpact.system.reduction import reduce, truncation_notes
+    from femimpact.system.static import static_state
+    from femimpact.system.system import ContactPair, State, System, without_impactors
 
 _MODULES = {
-    "assembly": ("assemble",),
+    "fem.assembly": ("assemble",),
     "calibration": ("RestitutionScan", "scan_restitution"),
     "contact": (
         "ALUMINIUM",
@@ -81,32 +89,40 @@ _MODULES = {
         "contact_potential",
         "hertz_stiffness",
     ),
-    "convergence": ("converge_elements", "converge_step"),
-    "damping": ("Rayleigh",),
-    "energy": ("EnergyLedger",),
+    "convergence": ("ModeConvergence", "converge_elements", "converge_step", "mode_convergence"),
+    "structure.damping": ("Rayleigh",),
+    "response.energy": ("EnergyLedger",),
     "errors": ("DivergenceError", "FemimpactError", "InputError"),
     "excitation": ("PointForce", "RecordedBase", "Sine"),
-    "history": ("HistoryPiece",),
+    "response.history": ("HistoryPiece",),
     "identification": ("DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power"),
-    "impacts": ("ImpactStatistics", "Impacts"),
+    "response.impacts": ("ImpactStatistics", "Impacts"),
     "integrators.collision": ("achieved_restitution",),
     "integrators.event_driven": ("EventDriven",),
     "integrators.integrate": ("integrate",),
     "integrators.newmark": ("HHT", "WBZ", "GeneralizedAlpha", "MoreauJean", "Newmark"),
     "integrators.stepping": ("recommended_step",),
-    "mesh": ("Mesh", "read_mesh", "uniform_mesh"),
-    "modes": ("Modes", "solve_modes"),
-    "reduction": ("reduce", "truncation_notes"),
-    "response": ("Recorder", "Response"),
-    "static": ("static_state",),
-    "structure": ("Beam", "Impactor", "PointMass", "Segment", "Stop", "Structure", "Support", "glue_impactors"),
+    "fem.mesh": ("Mesh", "read_mesh", "uniform_mesh"),
+    "system.modes": ("Modes", "solve_modes"),
+    "system.reduction": ("reduce", "truncation_notes"),
+    "response.response": ("Recorder", "Response"),
+    "system.static": ("static_state",),
+    "structure.structure": (
+        "Beam",
+        "Impactor",
+        "PointMass",
+        "Segment",
+        "Stop",
+        "Structure",
+        "Support",
+        "glue_impactors",
+    ),
     "study.results": ("StudyResults", "load"),
     "study.run": ("run_study",),
     "study.study": ("Study",),
     "study.study_file": ("load_study",),
     "sweep": ("FrequencyResponse", "frequency_sweep"),
-    "system": ("ContactPair", "State", "System", "without_impactors"),
-    "truncation": ("ModeConvergence", "mode_convergence"),
+    "system.system": ("ContactPair", "State", "System", "without_impactors"),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.assembly import assemble
 from femimpact.contact import KelvinVoigt, Rigid
 from femimpact.errors import (
     Fault,
@@ -24,15 +23,16 @@ from femimpact.errors import (
     require,
     require_type,
 )
+from femimpact.fem.assembly import assemble
 from femimpact.identification import amplitude_ratio_damping
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.newmark import Newmark
 from femimpact.integrators.stepping import recommended_step
 from femimpact.integrators.threads import check_progress
-from femimpact.reduction import reduce
-from femimpact.structure import Structure
+from femimpact.structure.structure import Structure
 from femimpact.sweep import FrequencyResponse, frequency_sweep
-from femimpact.system import State
+from femimpact.system.reduction import reduce
+from femimpact.system.system import State
 
 __all__ = ["RestitutionScan", "scan_restitution", "with_restitution"]
 

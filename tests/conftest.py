@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-import femimpact.modes
+import femimpact.system.modes
 
 LAST_BITS = 1e-15
 """Relative: a few units in the last place, as far as another linear-algebra kernel moves a mode."""
@@ -64,13 +64,13 @@ def _perturbed_modes(request):
     if seed is None:
         yield
         return
-    exact = femimpact.modes.solve_modes
+    exact = femimpact.system.modes.solve_modes
 
     def solve_modes(system, count):
         return perturbed(exact(system, count), system, seed)
 
     with pytest.MonkeyPatch.context() as patch:
-        # a module that is imported later takes it from femimpact.modes
+        # a module that is imported later takes it from femimpact.system.modes
         for name, module in list(sys.modules.items()):
             if name.partition(".")[0] == "femimpact" and vars(module).get("solve_modes") is exact:
                 patch.setattr(module, "solve_modes", solve_modes)

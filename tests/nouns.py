@@ -12,18 +12,18 @@ import numpy as np
 import femimpact as fi
 from femimpact.contact import resolve
 from femimpact.contact import restitution as closed_forms
-from femimpact.convergence import MeshConvergence, StepConvergence
-from femimpact.damping import rayleigh_coefficients, realised_damping_ratio
-from femimpact.hermite import shape_functions
+from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence
 from femimpact.identification import one_pole_amplitude
-from femimpact.impacts import StickingPhases
 from femimpact.integrators.collision import AchievedRestitution
-from femimpact.modes import solve_stiffness
-from femimpact.regimes import Regime, RegimeCriteria, classify, impacts_per_cycle, significant
-from femimpact.signals import CycleStatistics, steady_motion
+from femimpact.response.impacts import StickingPhases
+from femimpact.response.regimes import Regime, RegimeCriteria, classify, impacts_per_cycle, significant
+from femimpact.response.signals import CycleStatistics, steady_motion
+from femimpact.structure.damping import rayleigh_coefficients, realised_damping_ratio
 from femimpact.study.demo import paper_study
 from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, SweepPlan
-from femimpact.system import hermite_rows
+from femimpact.system.hermite import shape_functions
+from femimpact.system.modes import solve_stiffness
+from femimpact.system.system import hermite_rows
 
 LAW = fi.KelvinVoigt(restitution=0.6, contact_time=5e-3)
 STRUCTURE = fi.Structure(

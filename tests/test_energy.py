@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.energy import energy_residual
+from femimpact.response.energy import energy_residual
 
 pytestmark = pytest.mark.impacts
 

@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sparse
 
 import femimpact as fi
-from femimpact.energy import BALANCED, residual_warnings
+from femimpact.response.energy import BALANCED, residual_warnings
 
 pytestmark = pytest.mark.impacts
 

@@ -5,8 +5,8 @@ import pytest
 from skfem import Basis, ElementLineHermite, MeshLine
 
 import femimpact as fi
-from femimpact.assembly import ElementLineHermiteReference, bending, inertia
-from femimpact.hermite import shape_functions
+from femimpact.fem.assembly import ElementLineHermiteReference, bending, inertia
+from femimpact.system.hermite import shape_functions
 
 
 def closed_form(nodes, bending_stiffness, mass_per_length):

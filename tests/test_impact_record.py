@@ -8,8 +8,8 @@ import pytest
 
 import femimpact as fi
 from femimpact.export import impact_figures, tables
-from femimpact.impacts import IMPACT_UNITS, STICKING_UNITS, Impacts, StickingPhases, impact_columns
-from femimpact.regimes import RegimeCriteria, classify, impacts_per_cycle, significant
+from femimpact.response.impacts import IMPACT_UNITS, STICKING_UNITS, Impacts, StickingPhases, impact_columns
+from femimpact.response.regimes import RegimeCriteria, classify, impacts_per_cycle, significant
 
 pytestmark = pytest.mark.impacts
 

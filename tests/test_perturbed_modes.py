@@ -10,7 +10,7 @@ import pytest
 from conftest import LAST_BITS, perturbed
 
 import femimpact as fi
-from femimpact import reduction
+from femimpact.system import reduction
 
 APART = {
     "test_cli.py": "runs commands in processes of their own",
@@ -53,7 +53,7 @@ def test_with_the_option_every_module_solves_for_perturbed_modes(system, request
     modes = fi.solve_modes(system, 4)
     assert reduction.solve_modes is fi.solve_modes
     asked = request.config.getoption("--perturb-modes") is not None
-    assert (fi.solve_modes.__module__ != "femimpact.modes") == asked
+    assert (fi.solve_modes.__module__ != "femimpact.system.modes") == asked
     np.testing.assert_array_equal(fi.reduce(system, 4).K.diagonal(), (2 * np.pi * modes.natural_frequency) ** 2)
 
 

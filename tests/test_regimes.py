@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.regimes import RegimeCriteria, classify, impacts_per_cycle, significant
+from femimpact.response.regimes import RegimeCriteria, classify, impacts_per_cycle, significant
 
 FREQUENCY = 5.2
 CYCLES = 60

@@ -13,8 +13,8 @@ import scipy.sparse as sparse
 from nouns import BASE, LAW, NOUNS, STRUCTURE, oscillators, response, small, system
 
 import femimpact as fi
-from femimpact.consistency import TOGETHER
 from femimpact.errors import Fault, InputError
+from femimpact.system.consistency import TOGETHER
 
 SYSTEMS = {"physical": system, "reduced": small, "matrices": oscillators}
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.impacts import IMPACT_UNITS, impact_statistics
+from femimpact.response.impacts import IMPACT_UNITS, impact_statistics
 
 pytestmark = pytest.mark.impacts
 

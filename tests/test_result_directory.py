@@ -363,7 +363,7 @@ def test_a_limit_on_the_size_of_a_file_is_one_error_and_no_crash(tmp_path):
         from femimpact.export.history import history_writer
         from femimpact.export.tables import write_netcdf
         from femimpact.excitation import Sine
-        from femimpact.history import HistoryPiece
+        from femimpact.response.history import HistoryPiece
         resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), int(sys.argv[1])))
         data = xarray.Dataset({"a": ("t", np.random.default_rng(1).random(100_000))})
         for name in ("a.nc", "b.nc"):

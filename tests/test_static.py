@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.static import static_contacts
 from femimpact.study.study import build
 from femimpact.study.study_file import load_study
+from femimpact.system.static import static_contacts
 
 pytestmark = pytest.mark.impacts
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.modes import solve_stiffness
+from femimpact.system.modes import solve_stiffness
 
 SOFT = fi.KelvinVoigt(stiffness=40.0, restitution=0.6)
 

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact.calibration import RestitutionScan
-from femimpact.convergence import MeshConvergence, StepConvergence
+from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence
 from femimpact.errors import require
 from femimpact.export.files import atomic_path
-from femimpact.modes import Modes
-from femimpact.response import Response
+from femimpact.response.response import Response
 from femimpact.sweep import FrequencyResponse, on_grid
-from femimpact.system import System
+from femimpact.system.modes import Modes
+from femimpact.system.system import System
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

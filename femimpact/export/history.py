@@ -9,7 +9,7 @@ from typing import Any
 
 from femimpact.errors import require
 from femimpact.export.files import GuardedFile, atomic_path
-from femimpact.history import HistoryPiece
+from femimpact.response.history import HistoryPiece
 
 __all__ = ["history_writer"]
 

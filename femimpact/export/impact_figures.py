@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact.export.figures import BLUE, GREY, ORANGE, _figure
-from femimpact.response import Response
+from femimpact.response.response import Response
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -19,9 +19,9 @@ from femimpact.export.figures import BLUE, ORANGE
 from femimpact.export.files import atomic_path
 from femimpact.export.scene import BALL, BEAM, BOX, ball_radius, build_scene, snapshots_of, thinned
 from femimpact.export.sheet import HEIGHT, VIEWS, WIDTH, Film, sheets
-from femimpact.history import Snapshots
-from femimpact.response import Response
-from femimpact.structure import Structure
+from femimpact.response.history import Snapshots
+from femimpact.response.response import Response
+from femimpact.structure.structure import Structure
 
 __all__ = ["gl_window", "write_movie"]
 

@@ -10,10 +10,10 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from femimpact.history import Snapshots
-from femimpact.response import Response
-from femimpact.structure import Structure
-from femimpact.system import System, hermite_rows
+from femimpact.response.history import Snapshots
+from femimpact.response.response import Response
+from femimpact.structure.structure import Structure
+from femimpact.system.system import System, hermite_rows
 
 __all__ = ["BALL", "BALL_DENSITY", "BEAM", "BOX", "Scene", "ball_radius", "build_scene", "snapshots_of", "thinned"]
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from femimpact.export.figures import BLUE, GREY, ORANGE, STYLE
 from femimpact.export.scene import BALL, BEAM, BOX, Scene, ball_radius
-from femimpact.history import Snapshots
-from femimpact.response import Response
-from femimpact.structure import Structure
-from femimpact.system import hermite_rows
+from femimpact.response.history import Snapshots
+from femimpact.response.response import Response
+from femimpact.structure.structure import Structure
+from femimpact.system.system import hermite_rows
 
 __all__ = ["HEIGHT", "VIEWS", "WIDTH", "Film", "sheets"]
 

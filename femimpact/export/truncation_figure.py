@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from femimpact.convergence import ModeConvergence
 from femimpact.export.figures import BLUE, ORANGE, _figure, _plain_log_ticks
 from femimpact.export.impact_figures import _scaled
-from femimpact.truncation import ModeConvergence
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from femimpact.errors import require
 from femimpact.export.files import atomic_write
 from femimpact.export.scene import BALL_DENSITY, BEAM, Scene, ball_radius, build_scene, snapshots_of, thinned
-from femimpact.modes import Modes
-from femimpact.response import Response
-from femimpact.structure import Structure
-from femimpact.system import System
+from femimpact.response.response import Response
+from femimpact.structure.structure import Structure
+from femimpact.system.modes import Modes
+from femimpact.system.system import System
 
 __all__ = ["write_deflection", "write_modes"]
 

@@ -18,7 +18,7 @@ from femimpact.integrators import layout
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.kernels.custom import address_of
 from femimpact.integrators.newmark import SteppingMethod, scheme_of
-from femimpact.system import ROUNDED, State, System
+from femimpact.system.system import ROUNDED, State, System
 
 __all__ = ["cycles_of", "empty_record", "limits_of", "motion_of", "pairs_of"]
 

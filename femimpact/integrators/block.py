@@ -21,8 +21,8 @@ from femimpact.integrators.kernels.packs import WIDTH
 from femimpact.integrators.newmark import SteppingMethod, scheme_of
 from femimpact.integrators.operators import operator_of
 from femimpact.integrators.threads import Progress
-from femimpact.signals import CycleStatistics
-from femimpact.system import State, System
+from femimpact.response.signals import CycleStatistics
+from femimpact.system.system import State, System
 
 __all__ = ["Block", "prepare", "run_block"]
 

@@ -11,7 +11,7 @@ from femimpact.errors import check_fields, checked, quantity, require_type
 from femimpact.integrators.kernels import touch
 from femimpact.integrators.kernels.custom import address_of
 from femimpact.integrators.newmark import SteppingMethod, require_method, scheme_of
-from femimpact.system import ContactPair
+from femimpact.system.system import ContactPair
 
 __all__ = ["AchievedRestitution", "achieved_restitution"]
 

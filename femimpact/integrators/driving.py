@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import require
 from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
-from femimpact.system import System
+from femimpact.system.system import System
 
 __all__ = ["Drive", "drive_of"]
 

@@ -13,8 +13,8 @@ from femimpact.integrators.newmark import SteppingMethod
 from femimpact.integrators.recording import check_memory, memory_needed
 from femimpact.integrators.stepped_run import divergence_message, run_steps
 from femimpact.integrators.threads import Progress, check_progress, run_each, workers_of
-from femimpact.response import Recorder, Response
-from femimpact.system import State, System
+from femimpact.response.response import Recorder, Response
+from femimpact.system.system import State, System
 
 __all__ = ["check_memory", "divergence_message", "integrate", "memory_needed"]
 

@@ -10,7 +10,7 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from femimpact.integrators.layout import Operator, Scheme
-from femimpact.system import System
+from femimpact.system.system import System
 
 __all__ = ["bands", "operator_of"]
 

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
-from femimpact.energy import EnergyLedger
 from femimpact.excitation import Excitation
-from femimpact.history import HistoryPiece, Snapshots
-from femimpact.impacts import Impacts, StickingPhases
 from femimpact.integrators import layout
 from femimpact.integrators.block import Block
-from femimpact.response import Channel, on_beam
-from femimpact.system import System
+from femimpact.response.energy import EnergyLedger
+from femimpact.response.history import HistoryPiece, Snapshots
+from femimpact.response.impacts import Impacts, StickingPhases
+from femimpact.response.response import Channel, on_beam
+from femimpact.system.system import System
 
 __all__ = ["history_of", "impacts_of", "open_contacts", "sticking_of"]
 

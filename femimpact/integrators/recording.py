@@ -12,8 +12,8 @@ from femimpact.errors import require
 from femimpact.excitation import Excitation, RecordedBase
 from femimpact.integrators import layout
 from femimpact.integrators.newmark import SteppingMethod
-from femimpact.response import Channel, Recorder
-from femimpact.system import System
+from femimpact.response.response import Channel, Recorder
+from femimpact.system.system import System
 
 __all__ = ["check_memory", "memory_needed", "piece_ends", "record_of"]
 

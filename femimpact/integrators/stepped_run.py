@@ -11,8 +11,6 @@ import numpy as np
 from femimpact.contact.formulas import RIGID
 from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation
-from femimpact.history import Stream
-from femimpact.impacts import impact_statistics
 from femimpact.integrators.block import Block, prepare, run_block
 from femimpact.integrators.kernels.entries import keep
 from femimpact.integrators.newmark import SteppingMethod, require_method
@@ -20,10 +18,12 @@ from femimpact.integrators.reading import history_of, impacts_of, open_contacts,
 from femimpact.integrators.recording import piece_ends, record_of
 from femimpact.integrators.stepping import check_sampling, check_step, step_notes
 from femimpact.integrators.threads import Progress
-from femimpact.reduction import truncation_notes
-from femimpact.response import Recorder, Response, resolve_channels
-from femimpact.signals import no_steady_motion, steady_motion
-from femimpact.system import State, System
+from femimpact.response.history import Stream
+from femimpact.response.impacts import impact_statistics
+from femimpact.response.response import Recorder, Response, resolve_channels
+from femimpact.response.signals import no_steady_motion, steady_motion
+from femimpact.system.reduction import truncation_notes
+from femimpact.system.system import State, System
 
 __all__ = ["divergence_message", "run_steps"]
 

@@ -18,7 +18,7 @@ from femimpact.integrators.methods import Method
 from femimpact.integrators.newmark import MoreauJean
 from femimpact.study.results import prepare_directory
 from femimpact.study.study import Study, build_systems, method_for
-from femimpact.system import ContactPair
+from femimpact.system.system import ContactPair
 
 __all__ = ["UNITS", "approach_speeds", "contact_table", "write_contact_table"]
 

@@ -13,10 +13,10 @@ from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import memory_needed
 from femimpact.integrators.methods import Method, time_grid
 from femimpact.integrators.threads import workers_of
-from femimpact.modes import DENSE_LIMIT
-from femimpact.response import Recorder
+from femimpact.response.response import Recorder
 from femimpact.study.study import Study
-from femimpact.system import System
+from femimpact.system.modes import DENSE_LIMIT
+from femimpact.system.system import System
 
 __all__ = ["Cost", "check_mesh", "check_sweep", "history_cost", "mesh_memory", "picture_seconds", "sweep_cost"]
 

@@ -35,7 +35,7 @@ from femimpact.study.study import Study, build, method_for
 from femimpact.study.study_file import load_study
 from femimpact.study.summary import Spread, SweepPair, spread_of, summary_of
 from femimpact.sweep import FrequencyResponse, frequency_sweep
-from femimpact.system import State, without_impactors
+from femimpact.system.system import State, without_impactors
 
 __all__ = ["PUBLISHED", "Demo", "ScanPlan", "median_scan", "paper_study", "paper_study_text", "run_demo"]
 

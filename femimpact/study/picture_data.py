@@ -17,15 +17,15 @@ from femimpact.contact import Rigid
 from femimpact.errors import require
 from femimpact.excitation import Sine
 from femimpact.export import tables
-from femimpact.history import Snapshots
-from femimpact.impacts import IMPACT_UNITS, Impacts, ImpactStatistics, StickingPhases
-from femimpact.modes import Modes
-from femimpact.response import Response
-from femimpact.signals import no_steady_motion
-from femimpact.structure import Beam, Segment, Structure, Support
+from femimpact.response.history import Snapshots
+from femimpact.response.impacts import IMPACT_UNITS, Impacts, ImpactStatistics, StickingPhases
+from femimpact.response.response import Response
+from femimpact.response.signals import no_steady_motion
+from femimpact.structure.structure import Beam, Segment, Structure, Support
 from femimpact.study.results import FILES, read_dataset, read_sticking
 from femimpact.sweep import SWEEP_UNITS, FrequencyResponse
-from femimpact.system import System, hermite_rows
+from femimpact.system.modes import Modes
+from femimpact.system.system import System, hermite_rows
 
 if TYPE_CHECKING:
     import xarray

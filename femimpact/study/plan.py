@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from femimpact.contact import CustomLaw, PowerLaw, Rigid
-from femimpact.convergence import MeshConvergence, StepConvergence, converge_elements, converge_step
+from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence, converge_elements, converge_step
 from femimpact.errors import require
 from femimpact.export import figures, tables
 from femimpact.integrators.event_driven import EventDriven
@@ -19,7 +19,7 @@ from femimpact.study.cost import history_cost, mesh_memory, picture_seconds, swe
 from femimpact.study.results import prepare_directory
 from femimpact.study.run import Report, history_record, preflight
 from femimpact.study.study import Study, build
-from femimpact.system import ContactPair
+from femimpact.system.system import ContactPair
 
 __all__ = ["plan_lines", "write_convergence"]
 

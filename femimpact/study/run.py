@@ -13,14 +13,13 @@ import numpy as np
 from femimpact.errors import checked, require, require_name, require_type, truth
 from femimpact.export import tables
 from femimpact.export.files import atomic_write
-from femimpact.impacts import STICKING_UNITS, impact_columns
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import check_memory, integrate
 from femimpact.integrators.methods import Method, check_method, check_resolution, time_grid
 from femimpact.integrators.stepping import shortest_contact
-from femimpact.modes import Modes, solve_modes
-from femimpact.response import Recorder, Response
-from femimpact.structure import glue_impactors
+from femimpact.response.impacts import STICKING_UNITS, impact_columns
+from femimpact.response.response import Recorder, Response
+from femimpact.structure.structure import glue_impactors
 from femimpact.study.cost import check_mesh, check_sweep
 from femimpact.study.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
 from femimpact.study.pictures import draw_in_child, with_pictures
@@ -29,7 +28,8 @@ from femimpact.study.results import FILES, STICKING_FILE, StudyResults, load, pr
 from femimpact.study.study import Study, build, method_for, read_mesh_of
 from femimpact.study.summary import SweepPair, summary_of
 from femimpact.sweep import SWEEP_UNITS, frequency_sweep, on_grid
-from femimpact.system import State, System, without_impactors
+from femimpact.system.modes import Modes, solve_modes
+from femimpact.system.system import State, System, without_impactors
 
 __all__ = [
     "Found",

@@ -7,16 +7,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from femimpact.assembly import assemble
 from femimpact.errors import check_fields, choice, instance, optional, quantity, require, require_name, text, truth
 from femimpact.excitation import Sine
+from femimpact.fem.assembly import assemble
+from femimpact.fem.mesh import Mesh, read_mesh
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import METHODS, Method
 from femimpact.integrators.stepping import recommended_step
-from femimpact.mesh import Mesh, read_mesh
-from femimpact.reduction import reduce
-from femimpact.structure import Structure
-from femimpact.system import State, System
+from femimpact.structure.structure import Structure
+from femimpact.system.reduction import reduce
+from femimpact.system.system import State, System
 
 __all__ = [
     "BaseMotion",

@@ -14,12 +14,12 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, cr
 from pydantic_core import PydanticCustomError
 
 from femimpact.contact import KelvinVoigt, PowerLaw, Rigid, SwitchingSpring
-from femimpact.damping import Rayleigh
 from femimpact.errors import Fault, InputError, allowed_range, in_range, require, suggestion
+from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import METHODS
-from femimpact.mesh import uniform_mesh
-from femimpact.structure import Beam, Impactor, PointMass, Segment, Stop, Structure, Support
+from femimpact.structure.damping import Rayleigh
+from femimpact.structure.structure import Beam, Impactor, PointMass, Segment, Stop, Structure, Support
 from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
 
 __all__ = ["load_study"]

@@ -14,11 +14,11 @@ from femimpact.identification import DampingEstimate, amplitude_ratio_damping, f
 from femimpact.integrators.collision import achieved_restitution
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method, check_method
-from femimpact.modes import Modes
-from femimpact.response import Response
+from femimpact.response.response import Response
 from femimpact.study.study import Study, build
 from femimpact.sweep import FrequencyResponse, on_grid
-from femimpact.system import ContactPair, System
+from femimpact.system.modes import Modes
+from femimpact.system.system import ContactPair, System
 
 __all__ = ["Spread", "SweepPair", "spread_of", "summary_of"]
 

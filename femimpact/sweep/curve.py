@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import check_fields, choice, column, optional, place, quantity, require, text
 from femimpact.identification import DampingEstimate, fit_one_pole, half_power
-from femimpact.structure import Position
+from femimpact.structure.structure import Position
 
 if TYPE_CHECKING:
     import xarray

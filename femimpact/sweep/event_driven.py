@@ -9,19 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
-from femimpact.energy import BALANCED, residual_warnings, unbalanced
 from femimpact.errors import DivergenceError
 from femimpact.excitation import Sine
-from femimpact.impacts import statistics_of_cases
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven import EventDriven, check_events
 from femimpact.integrators.event_driven.dwells import DwellCases, DwellStatistics, run_dwells
 from femimpact.integrators.event_driven.run import not_finite, unending
 from femimpact.integrators.threads import Progress
-from femimpact.signals import steady_motion
+from femimpact.response.energy import BALANCED, residual_warnings, unbalanced
+from femimpact.response.impacts import statistics_of_cases
+from femimpact.response.signals import steady_motion
 from femimpact.sweep.curve import IMPACT_NAMES, SWEEP_UNITS
 from femimpact.sweep.dwells import Dwells
-from femimpact.system import State, System
+from femimpact.system.system import State, System
 
 __all__ = ["event_driven_columns"]
 

@@ -10,19 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
-from femimpact.energy import BALANCED, energy_residual, residual_warnings
 from femimpact.errors import DivergenceError
 from femimpact.excitation import Sine
-from femimpact.impacts import statistics_of_cases
 from femimpact.integrators.block import Block, prepare, run_block
 from femimpact.integrators.integrate import divergence_message
 from femimpact.integrators.newmark import SteppingMethod
 from femimpact.integrators.stepping import check_sampling, check_step
 from femimpact.integrators.threads import Progress, run_each
-from femimpact.signals import SteadyMotion, steady_motion
+from femimpact.response.energy import BALANCED, energy_residual, residual_warnings
+from femimpact.response.impacts import statistics_of_cases
+from femimpact.response.signals import SteadyMotion, steady_motion
 from femimpact.sweep.curve import IMPACT_NAMES, SWEEP_UNITS
 from femimpact.sweep.dwells import Dwells
-from femimpact.system import State, System
+from femimpact.system.system import State, System
 
 __all__ = ["stepped_columns"]
 

@@ -7,16 +7,16 @@ from typing import Any
 
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.damping import realised_damping_ratio
 from femimpact.errors import checked, quantity, require_type, truth
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.newmark import SteppingMethod, require_method
 from femimpact.integrators.stepping import step_notes
 from femimpact.integrators.threads import Progress, check_progress, workers_of
-from femimpact.structure import Position
+from femimpact.structure.damping import realised_damping_ratio
+from femimpact.structure.structure import Position
 from femimpact.sweep.curve import FrequencyResponse
 from femimpact.sweep.dwells import Dwells, dwells_of
-from femimpact.system import State, System
+from femimpact.system.system import State, System
 
 __all__ = ["frequency_sweep"]
 

@@ -8,16 +8,16 @@ from functools import partial
 
 import numpy as np
 
-from femimpact.assembly import assemble
 from femimpact.contact import Rigid
-from femimpact.damping import Rayleigh
 from femimpact.excitation import Sine
+from femimpact.fem.assembly import assemble
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate
-from femimpact.modes import solve_modes
-from femimpact.reduction import reduce
-from femimpact.response import Recorder
-from femimpact.structure import Beam, PointMass, Stop, Structure
+from femimpact.response.response import Recorder
+from femimpact.structure.damping import Rayleigh
+from femimpact.structure.structure import Beam, PointMass, Stop, Structure
+from femimpact.system.modes import solve_modes
+from femimpact.system.reduction import reduce
 from femimpact.validation.case import Case
 
 __all__ = [

@@ -30,8 +30,8 @@ from femimpact.contact.laws import ContactLaw
 from femimpact.excitation import Sine
 from femimpact.integrators.integrate import integrate
 from femimpact.integrators.newmark import Newmark
-from femimpact.structure import Impactor
-from femimpact.system import State, System
+from femimpact.structure.structure import Impactor
+from femimpact.system.system import State, System
 from femimpact.validation.case import Case
 
 __all__ = ["CASES", "PUBLISHED", "Published"]

@@ -17,10 +17,10 @@ from femimpact.excitation import PointForce, RecordedBase, Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate
 from femimpact.integrators.newmark import GeneralizedAlpha, Newmark
-from femimpact.response import Recorder, Response
-from femimpact.structure import Impactor
+from femimpact.response.response import Recorder, Response
+from femimpact.structure.structure import Impactor
 from femimpact.sweep import FrequencyResponse, frequency_sweep
-from femimpact.system import State, System
+from femimpact.system.system import State, System
 from femimpact.validation.case import Case
 
 __all__ = ["CASES"]

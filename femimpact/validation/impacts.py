@@ -12,9 +12,9 @@ from femimpact.contact import Rigid
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate
-from femimpact.response import Recorder, Response
-from femimpact.structure import Impactor, Stop
-from femimpact.system import State, System
+from femimpact.response.response import Recorder, Response
+from femimpact.structure.structure import Impactor, Stop
+from femimpact.system.system import State, System
 from femimpact.validation.case import Case
 
 __all__ = ["CASES", "free_masses", "shaken_floor"]

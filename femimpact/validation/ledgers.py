@@ -24,9 +24,9 @@ from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate
 from femimpact.integrators.newmark import MoreauJean, Newmark
-from femimpact.response import Recorder, Response
-from femimpact.structure import Impactor
-from femimpact.system import State, System
+from femimpact.response.response import Recorder, Response
+from femimpact.structure.structure import Impactor
+from femimpact.system.system import State, System
 from femimpact.validation.case import Case
 from femimpact.validation.impacts import FREQUENCY, GRAVITY, shaken_floor
 

@@ -9,20 +9,20 @@ from functools import partial
 
 import numpy as np
 
-from femimpact.assembly import assemble
 from femimpact.calibration import scan_restitution
 from femimpact.contact import Rigid
-from femimpact.damping import Rayleigh
 from femimpact.excitation import Sine
+from femimpact.fem.assembly import assemble
 from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate
-from femimpact.reduction import reduce
-from femimpact.response import Response
-from femimpact.signals import CycleStatistics, steady_motion
-from femimpact.structure import Impactor, Structure
+from femimpact.response.response import Response
+from femimpact.response.signals import CycleStatistics, steady_motion
+from femimpact.structure.damping import Rayleigh
+from femimpact.structure.structure import Impactor, Structure
 from femimpact.sweep import frequency_sweep
-from femimpact.system import State, without_impactors
+from femimpact.system.reduction import reduce
+from femimpact.system.system import State, without_impactors
 from femimpact.validation.beams import ROOTS, beam_frequency, uniform_beam
 from femimpact.validation.case import Case
 from femimpact.validation.impacts import FREQUENCY, GRAVITY, shaken_floor

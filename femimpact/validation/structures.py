@@ -9,14 +9,14 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.assembly import assemble
 from femimpact.contact import Rigid
-from femimpact.convergence import converge_elements
-from femimpact.damping import Rayleigh
-from femimpact.modes import solve_modes
-from femimpact.reduction import reduce
-from femimpact.structure import Beam, Impactor, PointMass, Segment, Structure, Support, glue_impactors
-from femimpact.system import System
+from femimpact.convergence.mesh_and_step import converge_elements
+from femimpact.fem.assembly import assemble
+from femimpact.structure.damping import Rayleigh
+from femimpact.structure.structure import Beam, Impactor, PointMass, Segment, Structure, Support, glue_impactors
+from femimpact.system.modes import solve_modes
+from femimpact.system.reduction import reduce
+from femimpact.system.system import System
 from femimpact.validation.beams import BENDING_STIFFNESS, ELEMENTS, LENGTH, MASS_PER_LENGTH, ROOTS, uniform_beam
 from femimpact.validation.case import Case
 

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
-from femimpact.energy import CLOSED, energy_residual, largest_input
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven.block import Block, Inputs, new_block, no_cycles, run_block
 from femimpact.integrators.event_driven.equations import equations_of
@@ -21,8 +20,9 @@ from femimpact.integrators.event_driven.method import EventDriven
 from femimpact.integrators.event_driven.store import FormStore, Outputs
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.integrators.threads import Progress, run_each
-from femimpact.signals import CycleStatistics
-from femimpact.system import ContactPair, System
+from femimpact.response.energy import CLOSED, energy_residual, largest_input
+from femimpact.response.signals import CycleStatistics
+from femimpact.system.system import ContactPair, System
 
 __all__ = ["DwellCases", "DwellStatistics", "run_dwells"]
 

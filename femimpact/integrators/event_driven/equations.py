@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import require
 from femimpact.integrators.driving import Drive
-from femimpact.system import System
+from femimpact.system.system import System
 
 __all__ = ["Equations", "equations_of", "undamped_modes", "wall_offsets"]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from femimpact.contact import KelvinVoigt, Rigid
 from femimpact.errors import check_fields, quantity, require
-from femimpact.system import System
+from femimpact.system.system import System
 
 __all__ = ["EventDriven", "check_events"]
 

@@ -11,11 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
-from femimpact.energy import BALANCED, CLOSED, EnergyLedger, unbalanced
 from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation
-from femimpact.history import HistoryPiece, Snapshots, Stream
-from femimpact.impacts import Impacts, StickingPhases, impact_statistics
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven import loop_data
 from femimpact.integrators.event_driven.block import Block, Inputs, new_block, no_cycles, run_block
@@ -27,10 +24,13 @@ from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.integrators.recording import check_memory
 from femimpact.integrators.threads import Progress
-from femimpact.reduction import truncation_notes
-from femimpact.response import Channel, Recorder, Response, on_beam, resolve_channels
-from femimpact.signals import CycleStatistics, SteadyMotion, no_steady_motion, steady_motion
-from femimpact.system import State, System
+from femimpact.response.energy import BALANCED, CLOSED, EnergyLedger, unbalanced
+from femimpact.response.history import HistoryPiece, Snapshots, Stream
+from femimpact.response.impacts import Impacts, StickingPhases, impact_statistics
+from femimpact.response.response import Channel, Recorder, Response, on_beam, resolve_channels
+from femimpact.response.signals import CycleStatistics, SteadyMotion, no_steady_motion, steady_motion
+from femimpact.system.reduction import truncation_notes
+from femimpact.system.system import State, System
 
 __all__ = ["not_finite", "run_events", "unending"]
 

@@ -19,8 +19,8 @@ from femimpact.integrators.event_driven.closed_form import (
 )
 from femimpact.integrators.event_driven.equations import Equations
 from femimpact.integrators.event_driven.loop_data import Forms
-from femimpact.response import Channel
-from femimpact.system import System
+from femimpact.response.response import Channel
+from femimpact.system.system import System
 
 __all__ = ["FormStore", "Outputs", "outputs_of"]
 

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type, suggestion
-from femimpact.matrices import check_semidefinite, checked_matrix, checked_row, same_product
+from femimpact.system.matrices import check_semidefinite, checked_matrix, checked_row, same_product
 
 __all__ = [
     "TOGETHER", "SystemOrigin", "check_contacts", "check_damping", "check_factor", "check_shapes", "check_unchanged",

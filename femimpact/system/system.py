@@ -18,15 +18,6 @@ import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.consistency import (
-    TOGETHER,
-    SystemOrigin,
-    check_contacts,
-    check_damping,
-    check_factor,
-    check_shapes,
-    check_unchanged,
-)
 from femimpact.contact import ContactLaw, ContactParameters, require_law, resolve
 from femimpact.errors import (
     check_fields,
@@ -45,10 +36,19 @@ from femimpact.errors import (
     truth,
 )
 from femimpact.excitation import Excitation
-from femimpact.hermite import DERIVATIVE, shape_functions
-from femimpact.matrices import checked_matrix, checked_row, definite_factor
-from femimpact.static import StaticContacts, static_contacts
-from femimpact.structure import Impactor, Position, Stop, require_preload, sound_gaps
+from femimpact.structure.structure import Impactor, Position, Stop, require_preload, sound_gaps
+from femimpact.system.consistency import (
+    TOGETHER,
+    SystemOrigin,
+    check_contacts,
+    check_damping,
+    check_factor,
+    check_shapes,
+    check_unchanged,
+)
+from femimpact.system.hermite import DERIVATIVE, shape_functions
+from femimpact.system.matrices import checked_matrix, checked_row, definite_factor
+from femimpact.system.static import StaticContacts, static_contacts
 
 __all__ = ["ContactPair", "State", "System", "SystemOrigin", "contact_pair", "hermite_rows", "without_impactors"]
 

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.convergence.measure import PARTS, first_impact, run_statistics
+from femimpact.convergence.result import OTHERS, STATISTICS, ModeConvergence
 from femimpact.errors import DivergenceError, checked, quantity, require, require_type, rising_numbers
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.newmark import SteppingMethod
-from femimpact.reduction import reduce
-from femimpact.structure import Position
-from femimpact.system import System
-from femimpact.truncation.measure import PARTS, first_impact, run_statistics
-from femimpact.truncation.result import OTHERS, STATISTICS, ModeConvergence
+from femimpact.structure.structure import Position
+from femimpact.system.reduction import reduce
+from femimpact.system.system import System
 
 __all__ = ["mode_convergence"]
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from femimpact.contact.formulas import KELVIN_VOIGT, POWER, RIGID
 from femimpact.errors import checked, quantity, require
-from femimpact.matrices import stiffness_solver
+from femimpact.system.matrices import stiffness_solver
 
 __all__ = ["StaticContacts", "static_contacts", "static_state"]
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import Fault, InputError, checked, quantity, real_array, require, require_type
-from femimpact.structure import Structure
+from femimpact.structure.structure import Structure
 
 __all__ = ["Mesh", "read_mesh", "uniform_mesh"]
 

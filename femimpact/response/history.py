@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.energy import EnergyLedger
 from femimpact.errors import check_fields, checked, column, instance, optional, require, require_type
 from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
+from femimpact.response.energy import EnergyLedger
 
 if TYPE_CHECKING:
     import xarray

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.assembly import assemble
 from femimpact.errors import check_fields, checked, column, quantity, require_type, rising_numbers, text
 from femimpact.excitation import Sine
+from femimpact.fem.assembly import assemble
+from femimpact.fem.mesh import MOST_ELEMENTS
 from femimpact.integrators.integrate import integrate
 from femimpact.integrators.newmark import Newmark
-from femimpact.mesh import MOST_ELEMENTS
-from femimpact.modes import solve_modes
-from femimpact.response import Recorder
-from femimpact.structure import Structure
-from femimpact.system import System, without_impactors
+from femimpact.response.response import Recorder
+from femimpact.structure.structure import Structure
+from femimpact.system.modes import solve_modes
+from femimpact.system.system import System, without_impactors
 
 __all__ = ["MeshConvergence", "StepConvergence", "converge_elements", "converge_step"]
 

@@ -10,10 +10,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from femimpact.damping import realised_damping_ratio
 from femimpact.errors import check_fields, column, in_range, quantity, real_array, require, require_type
-from femimpact.matrices import stiffness_solver
-from femimpact.system import System
+from femimpact.structure.damping import realised_damping_ratio
+from femimpact.system.matrices import stiffness_solver
+from femimpact.system.system import System
 
 __all__ = ["Modes", "solve_modes", "solve_stiffness"]
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, checked, choice, quantity, require, require_type, text
-from femimpact.impacts import Impacts, StickingPhases
+from femimpact.response.impacts import Impacts, StickingPhases
 
 __all__ = ["Regime", "RegimeCriteria", "classify", "impacts_per_cycle", "significant"]
 

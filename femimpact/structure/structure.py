@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from femimpact.contact import ContactLaw, SwitchingSpring, require_law
-from femimpact.damping import Rayleigh
 from femimpact.errors import (
     Fault,
     InputError,
@@ -20,6 +19,7 @@ from femimpact.errors import (
     require_type,
     text,
 )
+from femimpact.structure.damping import Rayleigh
 
 __all__ = [
     "Beam",

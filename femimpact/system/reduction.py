@@ -12,10 +12,10 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from femimpact.contact import Rigid
-from femimpact.damping import realised_damping_ratio
 from femimpact.errors import checked, require, require_type, truth
-from femimpact.modes import solve_modes, solve_stiffness
-from femimpact.system import ContactPair, System
+from femimpact.structure.damping import realised_damping_ratio
+from femimpact.system.modes import solve_modes, solve_stiffness
+from femimpact.system.system import ContactPair, System
 
 __all__ = ["reduce", "truncation_notes"]
 

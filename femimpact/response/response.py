@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.energy import EnergyLedger
 from femimpact.errors import (
     Fault,
     check_fields,
@@ -26,12 +25,13 @@ from femimpact.errors import (
     truth,
 )
 from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
-from femimpact.history import HistoryPiece, Snapshots, check_histories, history_dataset
-from femimpact.impacts import Impacts, ImpactStatistics, StickingPhases
-from femimpact.regimes import Regime, classify
-from femimpact.signals import SteadyMotion
-from femimpact.structure import Position
-from femimpact.system import System
+from femimpact.response.energy import EnergyLedger
+from femimpact.response.history import HistoryPiece, Snapshots, check_histories, history_dataset
+from femimpact.response.impacts import Impacts, ImpactStatistics, StickingPhases
+from femimpact.response.regimes import Regime, classify
+from femimpact.response.signals import SteadyMotion
+from femimpact.structure.structure import Position
+from femimpact.system.system import System
 
 if TYPE_CHECKING:
     import xarray

@@ -14,13 +14,13 @@ from skfem import Basis, BilinearForm, ElementLineHermite, MeshLine
 from skfem.element import DiscreteField
 from skfem.helpers import dd, ddot
 
-from femimpact.damping import Rayleigh, rayleigh_coefficients
 from femimpact.errors import Fault, InputError, require, require_type, suggestion
-from femimpact.hermite import shape_functions
-from femimpact.mesh import SAME_PLACE, Mesh, uniform_mesh
-from femimpact.modes import solve_modes, solve_stiffness
-from femimpact.structure import SUPPORTS, Beam, Impactor, Position, Segment, Stop, Structure
-from femimpact.system import System, contact_pair, hermite_rows
+from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
+from femimpact.structure.damping import Rayleigh, rayleigh_coefficients
+from femimpact.structure.structure import SUPPORTS, Beam, Impactor, Position, Segment, Stop, Structure
+from femimpact.system.hermite import shape_functions
+from femimpact.system.modes import solve_modes, solve_stiffness
+from femimpact.system.system import System, contact_pair, hermite_rows
 
 __all__ = ["ElementLineHermiteReference", "assemble"]
 

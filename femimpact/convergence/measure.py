@@ -8,15 +8,15 @@ from itertools import pairwise
 
 import numpy as np
 
+from femimpact.convergence.result import STATISTICS
 from femimpact.errors import require
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate
 from femimpact.integrators.newmark import SteppingMethod
-from femimpact.response import Recorder, Response
-from femimpact.structure import Position
-from femimpact.system import State, System
-from femimpact.truncation.result import STATISTICS
+from femimpact.response.response import Recorder, Response
+from femimpact.structure.structure import Position
+from femimpact.system.system import State, System
 
 __all__ = ["PARTS", "first_impact", "run_statistics"]
 

@@ -1,0 +1,1 @@
+"""The mesh, and the assembly of a structure on it by scikit-fem."""

@@ -1,0 +1,5 @@
+"""The equations of motion: matrices, contacts, states, modes, reduction."""
+
+from femimpact.system.system import ContactPair, State, System, without_impactors
+
+__all__ = ["ContactPair", "State", "System", "without_impactors"]
