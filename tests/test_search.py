@@ -30,7 +30,9 @@ def beam_with_ball(modes):
 def first_beyond(scalars, motion, horizon, points):
     """First time at which a fine scan of the closed form finds the pair beyond a wall, else infinity."""
     t = np.linspace(0.0, horizon, points)
-    terms = scalars.weight[0][:, None] * motion.entry[:, None] * np.exp(np.outer(scalars.exponent, t))
+    entries = scalars.exponent.size
+    own = scalars.weight[0, :entries] * motion.entry[:entries]
+    terms = own[:, None] * np.exp(np.outer(scalars.exponent, t))
     wave = scalars.sine[0] * np.exp(1j * (scalars.omega * t + motion.clock[1]))
     y = motion.rigid_body[:, None] + np.outer(motion.rigid_body_rate, t)
     y += 0.5 * np.outer(scalars.rigid_body_given, t**2)
@@ -74,8 +76,9 @@ def test_no_crossing_is_missed_in_thousands_of_random_motions(modes, cases):
         drive = drive_of(system, fi.Sine(10.0 ** rng.uniform(-6, -3), rng.uniform(1, 300), rng.uniform(0, 6)))
         scalars, space, shape = free_motion(system, drive)
         motion, scale = space.trial, gap * 10.0 ** rng.uniform(-3, 1)
-        motion.entry[:] = scale * (rng.normal(size=modes) + 1j * rng.normal(size=modes))
-        motion.entry[:] *= 10.0 ** rng.uniform(-3, 0, modes)
+        motion.entry[:] = 0.0
+        motion.entry[:modes] = scale * (rng.normal(size=modes) + 1j * rng.normal(size=modes))
+        motion.entry[:modes] *= 10.0 ** rng.uniform(-3, 0, modes)
         motion.rigid_body[:] = rng.uniform(-1, 1) * scale / shape
         motion.rigid_body_rate[:] = 10.0 ** rng.uniform(-4, 0) * rng.choice([-1, 1]) / shape
         motion.clock[:] = 0.0, drive.phase

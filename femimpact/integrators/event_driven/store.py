@@ -80,8 +80,8 @@ class FormStore:
         self.last: dict[bytes, tuple[int, int]] = {}
         self.first: dict[bytes, int] = {}
         self.count = 0
-        # entries, rigid-body coordinates and blocks of the largest form
-        self.most = (1, 1, 1)
+        # entries, rigid-body coordinates and blocks of the largest form: with one entry a coordinate nothing must grow
+        self.most = (whole.M.shape[0], 1, 1)
         self.forms = self._empty(4)
 
     def form(self, key: int, stiffness: Array, damping: Array) -> int:
@@ -158,7 +158,7 @@ class FormStore:
         capacity = self.forms.key.size
         if self.count < capacity and all(n <= m for n, m in zip(needed, self.most, strict=True)):
             return
-        self.most = tuple(max(pair) for pair in zip(needed, self.most, strict=True))  # type: ignore[assignment]
+        self.most = tuple(max(pair) for pair in zip(needed, self.most, strict=True))
         larger = self._empty(2 * capacity if self.count == capacity else capacity)
         for old, new in zip(self.forms[1:], larger[1:], strict=True):
             new[tuple(slice(0, length) for length in old.shape)] = old
