@@ -71,7 +71,7 @@ def test_memory_of_mesh_and_modes_is_met_within_a_factor_of_two(study, elements,
 
 
 def test_what_does_not_fit_is_one_line_before_any_work(study, monkeypatch):
-    monkeypatch.setattr("femimpact.study.assemble", lambda *_a, **_k: pytest.fail("must not be assembled"))
+    monkeypatch.setattr("femimpact.study.study.assemble", lambda *_a, **_k: pytest.fail("must not be assembled"))
     large = dataclasses.replace(study, mesh=MeshChoice(elements=20_000), reduction=Reduction(20_000))
     for work in (plan_lines, preflight, lambda study: run_study(study, "never")):
         with pytest.raises(fi.InputError, match=r"memory_limit = 1e9|memory_limit = 1000000000.0") as caught:
