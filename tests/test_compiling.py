@@ -361,3 +361,52 @@ def test_an_index_written_as_zero_needs_no_code_of_its_own():
 
     assert outer(np.array([1.0, 2.0])) == 4.0
     assert len(inner.overloads) == 1
+
+
+HELD = """
+from typing import NamedTuple
+
+import numpy as np
+
+from femimpact.integrators.kernels.addresses import by_address
+from femimpact.integrators.kernels.compiling import UNCOUNTED, called, compiled
+
+
+class Inner(NamedTuple):
+    values: object
+    scale: float
+
+
+class Outer(NamedTuple):
+    first: object
+    inner: Inner
+    wanted: bool
+
+
+@called
+def total(outer, more):
+    found = outer.inner.scale * outer.inner.values[1] if outer.wanted else 0.0
+    return outer.first[0, 1] + found + (0.0 if more is None else 1.0)
+
+
+@compiled
+def repeated(outer, more):
+    held, found = by_address(outer), 0.0
+    for _ in range(1000):
+        found += total(held, by_address(more))
+    return found
+
+
+for _ in range(200):
+    outer = Outer(np.full((3, 2), 2.0), Inner(np.arange(9.0) + 1j, 0.5), True)
+    assert repeated(outer, None) == 1000 * (2.5 + 0.5j)
+print(UNCOUNTED)
+"""
+
+
+@pytest.mark.parametrize(("first", "known"), [("", True), ('import numba\nnumba.__version__ = "0.0"\n', False)])
+def test_tuples_are_handed_on_by_address_only_where_nothing_counts_references(tmp_path, first, known):
+    script = tmp_path / "held.py"
+    script.write_text(first + HELD, encoding="utf-8")
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert (done.returncode, done.stdout.strip()) == (0, str(known)), done.stderr

@@ -11,9 +11,11 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 from llvmlite import ir
-from numba.core import cgutils, config, types
+from numba.core import cgutils, types
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model
+
+from femimpact.integrators.kernels.compiling import UNCOUNTED, inlined
 
 __all__ = ["by_address"]
 
@@ -115,11 +117,13 @@ def _field(context: Any, builder: Any, kind: Any, start: Any, name: str) -> Any:
     return model.from_data(builder, data)
 
 
+@inlined
 def _same(value: Held) -> Held:
     return value
 
 
-by_address: Callable[[Held], Held] = _same if getattr(config, "DISABLE_JIT", 0) else cast(Any, _by_address)
+# what lies there is not counted as a reference: where numba counts them, tuples are handed on as they are
+by_address: Callable[[Held], Held] = cast(Any, _by_address) if UNCOUNTED else _same
 """A named tuple as functions called from here are to get it; anything else is what it was.
 
 It is good until the function that made it returns.

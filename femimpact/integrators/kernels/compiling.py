@@ -11,10 +11,22 @@ from typing import Any, TypeVar, cast
 import llvmlite
 import numba
 import numpy as np
+from numba.core import config
 
 from femimpact.integrators.kernels.code_files import CodeFiles, candidates, open_code_files
 
-__all__ = ["TESTED", "VERSIONS", "ZERO", "apart", "called", "compiled", "compiled_long", "entry", "inlined"]
+__all__ = [
+    "TESTED",
+    "UNCOUNTED",
+    "VERSIONS",
+    "ZERO",
+    "apart",
+    "called",
+    "compiled",
+    "compiled_long",
+    "entry",
+    "inlined",
+]
 
 ZERO = cast(int, np.int64(0))
 """To numba a written 0 is of a type of its own: what is called with it, and with an index, is compiled twice."""
@@ -23,6 +35,9 @@ TESTED = frozenset({("0.68.1", "0.50.0")})
 """Versions of numba and llvmlite whose private insides are known."""
 
 VERSIONS = (numba.__version__, llvmlite.__version__)
+
+UNCOUNTED = VERSIONS in TESTED and not getattr(config, "DISABLE_JIT", 0)
+"""Whether compiled functions count no references to arrays."""
 
 PACKAGE = Path(__file__).parents[2]
 
