@@ -189,7 +189,7 @@ def test_what_can_not_be_drawn_does_not_take_the_other_figures_with_it(results):
 
 
 def test_the_childs_of_a_killed_run_end_with_it(results, tmp_path):
-    code = "import sys, time; from pathlib import Path; from femimpact import pictures\n"
+    code = "import sys, time; from pathlib import Path; from femimpact.study import pictures\n"
     code += "pictures.CHILD = pictures.CHILD.replace('child(', 'import os; print(os.getpid(), file=open(sys.argv[4]"
     code += ' + "/number", "w")); import threading, time; from femimpact.study.pictures import _end_with_parent;'
     code += " threading.Thread(target=_end_with_parent).start(); time.sleep(600); child(')\n"
