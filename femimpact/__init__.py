@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     from femimpact.integrators.collision import achieved_restitution
     from femimpact.integrators.event_driven import EventDriven
     from femimpact.integrators.integrate import integrate
-    from femimpact.integrators.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
-    from femimpact.integrators.stepping import recommended_step
+    from femimpact.integrators.stepping.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
+    from femimpact.integrators.stepping.step_size import recommended_step
     from femimpact.response.energy import EnergyLedger
     from femimpact.response.history import HistoryPiece
     from femimpact.response.impacts import Impacts, ImpactStatistics

@@ -26,8 +26,8 @@ from femimpact.errors import (
 from femimpact.fem.assembly import assemble
 from femimpact.identification import amplitude_ratio_damping
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.newmark import Newmark
-from femimpact.integrators.stepping import recommended_step
+from femimpact.integrators.stepping.newmark import Newmark
+from femimpact.integrators.stepping.step_size import recommended_step
 from femimpact.integrators.threads import check_progress
 from femimpact.structure.structure import Structure
 from femimpact.sweep import FrequencyResponse, frequency_sweep

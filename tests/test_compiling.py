@@ -20,8 +20,9 @@ import pytest
 from numba import njit
 from numba.core.types.functions import BaseFunction
 
-from femimpact.integrators.kernels import code_files, compiling, loop, numba_insides, touch
-from femimpact.integrators.kernels.code_files import CodeFiles, candidates, open_code_files, sources_of, stamp_of
+from femimpact.integrators.compiled import code_files, compiling, numba_insides
+from femimpact.integrators.compiled.code_files import CodeFiles, candidates, open_code_files, sources_of, stamp_of
+from femimpact.integrators.stepping import loop, touch
 
 PACKAGE = compiling.PACKAGE
 SOURCES = [source.relative_to(PACKAGE).as_posix() for source in sources_of(PACKAGE)]
@@ -72,7 +73,7 @@ def _modules_read(source):
 
 def test_the_stamp_is_over_every_module_that_a_kernel_reads():
     sources = set(sources_of(PACKAGE))
-    assert {"contact/formulas.py", "integrators/layout.py", "integrators/kernels/loop.py"} <= set(SOURCES)
+    assert {"contact/formulas.py", "integrators/stepping/layout.py", "integrators/stepping/loop.py"} <= set(SOURCES)
     for source in sources:
         assert set(_modules_read(source)) <= sources, source
 
@@ -88,7 +89,7 @@ def test_kernels_are_kept_with_that_stamp():
 TINY = '''"""A kernel that takes a second to compile."""
 
 from femimpact.contact import formulas
-from femimpact.integrators.kernels.compiling import apart, compiled, inlined
+from femimpact.integrators.compiled.compiling import apart, compiled, inlined
 
 force = inlined(formulas.kelvin_voigt_force)
 
@@ -103,10 +104,10 @@ def pressed(depth: float) -> float:
     return twice(force(depth, 0.5, 3.0, 0.25))
 '''
 ASK = """
-from femimpact.integrators.kernels import tiny
+from femimpact.integrators.compiled import tiny
 value = tiny.pressed(2.0)
 import sys
-print(value, sum(tiny.pressed.stats.cache_hits.values()), "femimpact.integrators.kernels.numba_insides" in sys.modules)
+print(value, sum(tiny.pressed.stats.cache_hits.values()), "femimpact.integrators.compiled.numba_insides" in sys.modules)
 """
 
 
@@ -129,7 +130,7 @@ def package(copied, tmp_path):
     """A copy of the package with one more kernel."""
     copy = tmp_path / "femimpact"
     shutil.copytree(copied, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    (copy / "integrators" / "kernels" / "tiny.py").write_text(TINY, encoding="utf-8")
+    (copy / "integrators" / "compiled" / "tiny.py").write_text(TINY, encoding="utf-8")
     return copy
 
 
@@ -149,7 +150,7 @@ def test_a_formula_changed_outside_the_kernels_is_compiled_anew(package, tmp_pat
 
 def test_a_package_and_a_home_that_cannot_be_written_leave_the_memory(package, tmp_path):
     # a file where a directory would be made: not even root can write there
-    (package / "integrators" / "kernels" / "__pycache__").write_bytes(b"")
+    (package / "integrators" / "compiled" / "__pycache__").write_bytes(b"")
     for _ in range(2):
         value, hits, _, lines = _asked(package, package / "__init__.py")
         assert (value, hits) == (12.25, 0)
@@ -158,7 +159,7 @@ def test_a_package_and_a_home_that_cannot_be_written_leave_the_memory(package, t
 
 
 def test_a_package_that_cannot_be_written_leaves_a_private_directory(package, tmp_path):
-    (package / "integrators" / "kernels" / "__pycache__").write_bytes(b"")
+    (package / "integrators" / "compiled" / "__pycache__").write_bytes(b"")
     home = tmp_path / "home"
     home.mkdir()
     value, hits, _, lines = _asked(package, home)
@@ -368,8 +369,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from femimpact.integrators.kernels.addresses import by_address
-from femimpact.integrators.kernels.compiling import UNCOUNTED, called, compiled
+from femimpact.integrators.compiled.addresses import by_address
+from femimpact.integrators.compiled.compiling import UNCOUNTED, called, compiled
 
 
 class Inner(NamedTuple):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.integrators.newmark import scheme_of
+from femimpact.integrators.stepping.newmark import scheme_of
 
 pytestmark = pytest.mark.impacts
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.integrators.block import prepare, run_block
+from femimpact.integrators.stepping.block import prepare, run_block
 
 pytestmark = pytest.mark.impacts
 

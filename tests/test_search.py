@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import femimpact as fi
+from femimpact.integrators.compiled.compiling import entry
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven import loop, search, states
 from femimpact.integrators.event_driven.block import Inputs, new_block, run_block, working_space
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
-from femimpact.integrators.kernels.compiling import entry
 
 next_event = entry(search.next_event)
 

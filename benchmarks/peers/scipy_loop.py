@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from femimpact.integrators.operators import bands
+from femimpact.integrators.stepping.operators import bands
 
 NAME = "scipy banded loop by hand"
 SPACE = "20 dofs"

@@ -13,7 +13,7 @@ from femimpact.errors import require
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate
-from femimpact.integrators.newmark import SteppingMethod
+from femimpact.integrators.stepping.newmark import SteppingMethod
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import Position
 from femimpact.system.system import State, System

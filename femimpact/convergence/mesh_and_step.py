@@ -15,7 +15,7 @@ from femimpact.excitation import Sine
 from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import MOST_ELEMENTS
 from femimpact.integrators.integrate import integrate
-from femimpact.integrators.newmark import Newmark
+from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.response.response import Recorder
 from femimpact.structure.structure import Structure
 from femimpact.system.modes import solve_modes

@@ -14,7 +14,7 @@ from femimpact.convergence.result import OTHERS, STATISTICS, ModeConvergence
 from femimpact.errors import DivergenceError, checked, quantity, require, require_type, rising_numbers
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.newmark import SteppingMethod
+from femimpact.integrators.stepping.newmark import SteppingMethod
 from femimpact.structure.structure import Position
 from femimpact.system.reduction import reduce
 from femimpact.system.system import System

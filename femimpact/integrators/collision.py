@@ -8,9 +8,9 @@ import numpy as np
 
 from femimpact.contact import CustomLaw
 from femimpact.errors import check_fields, checked, quantity, require_type
-from femimpact.integrators.kernels import touch
-from femimpact.integrators.kernels.custom import address_of
-from femimpact.integrators.newmark import SteppingMethod, require_method, scheme_of
+from femimpact.integrators.compiled.custom import address_of
+from femimpact.integrators.stepping import touch
+from femimpact.integrators.stepping.newmark import SteppingMethod, require_method, scheme_of
 from femimpact.system.system import ContactPair
 
 __all__ = ["AchievedRestitution", "achieved_restitution"]

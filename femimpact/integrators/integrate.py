@@ -9,9 +9,9 @@ from femimpact.errors import require, require_type
 from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.run import run_events
-from femimpact.integrators.newmark import SteppingMethod
-from femimpact.integrators.recording import check_memory, memory_needed
-from femimpact.integrators.stepped_run import divergence_message, run_steps
+from femimpact.integrators.memory import check_memory, memory_needed
+from femimpact.integrators.stepping.newmark import SteppingMethod
+from femimpact.integrators.stepping.run import divergence_message, run_steps
 from femimpact.integrators.threads import Progress, check_progress, run_each, workers_of
 from femimpact.response.response import Recorder, Response
 from femimpact.system.system import State, System

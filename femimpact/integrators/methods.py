@@ -8,8 +8,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from femimpact.integrators.event_driven import EventDriven, check_events
-from femimpact.integrators.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark, SteppingMethod
-from femimpact.integrators.stepping import check_sampling, check_step, step_notes
+from femimpact.integrators.stepping.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark, SteppingMethod
+from femimpact.integrators.stepping.step_size import check_sampling, check_step, step_notes
 from femimpact.system.system import System
 
 __all__ = ["METHODS", "Method", "check_method", "check_resolution", "method_notes", "time_grid"]

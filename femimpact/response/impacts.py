@@ -263,7 +263,7 @@ def impact_statistics(totals: NDArray[Any], duration: float, frequency: float, l
     ----------
     totals : ndarray (6, balls)
         Impacts, sum and largest of the approach speed (m/s), sum of the impulse (N s), largest
-        force (N), integral of the force (N s); see `integrators.layout.TOTAL_COLUMNS`.
+        force (N), integral of the force (N s); see `integrators.columns.TOTAL_COLUMNS`.
     duration : float, s
         Of the window.
     frequency : float, Hz

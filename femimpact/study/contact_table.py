@@ -15,7 +15,7 @@ from femimpact.export import contact_figure, figures, tables
 from femimpact.integrators.collision import achieved_restitution
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method
-from femimpact.integrators.newmark import MoreauJean
+from femimpact.integrators.stepping.newmark import MoreauJean
 from femimpact.study.results import prepare_directory
 from femimpact.study.study import Study, build_systems, method_for
 from femimpact.system.system import ContactPair

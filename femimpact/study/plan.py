@@ -13,8 +13,8 @@ from femimpact.errors import require
 from femimpact.export import figures, tables
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import check_method, method_notes, time_grid
-from femimpact.integrators.newmark import Newmark
-from femimpact.integrators.stepping import shortest_contact
+from femimpact.integrators.stepping.newmark import Newmark
+from femimpact.integrators.stepping.step_size import shortest_contact
 from femimpact.study.cost import history_cost, mesh_memory, picture_seconds, sweep_cost
 from femimpact.study.results import prepare_directory
 from femimpact.study.run import Report, history_record, preflight

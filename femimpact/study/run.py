@@ -16,7 +16,7 @@ from femimpact.export.files import atomic_write
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import check_memory, integrate
 from femimpact.integrators.methods import Method, check_method, check_resolution, time_grid
-from femimpact.integrators.stepping import shortest_contact
+from femimpact.integrators.stepping.step_size import shortest_contact
 from femimpact.response.impacts import STICKING_UNITS, impact_columns
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import glue_impactors

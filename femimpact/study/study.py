@@ -13,7 +13,7 @@ from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import Mesh, read_mesh
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import METHODS, Method
-from femimpact.integrators.stepping import recommended_step
+from femimpact.integrators.stepping.step_size import recommended_step
 from femimpact.structure.structure import Structure
 from femimpact.system.reduction import reduce
 from femimpact.system.system import State, System

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from femimpact.contact.formulas import RIGID
 from femimpact.errors import DivergenceError
 from femimpact.excitation import Sine
-from femimpact.integrators.block import Block, prepare, run_block
 from femimpact.integrators.integrate import divergence_message
-from femimpact.integrators.newmark import SteppingMethod
-from femimpact.integrators.stepping import check_sampling, check_step
+from femimpact.integrators.stepping.block import Block, prepare, run_block
+from femimpact.integrators.stepping.newmark import SteppingMethod
+from femimpact.integrators.stepping.step_size import check_sampling, check_step
 from femimpact.integrators.threads import Progress, run_each
 from femimpact.response.energy import BALANCED, energy_residual, residual_warnings
 from femimpact.response.impacts import statistics_of_cases

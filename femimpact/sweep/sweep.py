@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import checked, quantity, require_type, truth
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.newmark import SteppingMethod, require_method
-from femimpact.integrators.stepping import step_notes
+from femimpact.integrators.stepping.newmark import SteppingMethod, require_method
+from femimpact.integrators.stepping.step_size import step_notes
 from femimpact.integrators.threads import Progress, check_progress, workers_of
 from femimpact.structure.damping import realised_damping_ratio
 from femimpact.structure.structure import Position

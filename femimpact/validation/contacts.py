@@ -29,7 +29,7 @@ from femimpact.contact.collision import Collision
 from femimpact.contact.laws import ContactLaw
 from femimpact.excitation import Sine
 from femimpact.integrators.integrate import integrate
-from femimpact.integrators.newmark import Newmark
+from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.structure import Impactor
 from femimpact.system.system import State, System
 from femimpact.validation.case import Case

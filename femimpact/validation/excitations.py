@@ -16,7 +16,7 @@ from femimpact.contact.laws import ContactLaw
 from femimpact.excitation import PointForce, RecordedBase, Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate
-from femimpact.integrators.newmark import GeneralizedAlpha, Newmark
+from femimpact.integrators.stepping.newmark import GeneralizedAlpha, Newmark
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import Impactor
 from femimpact.sweep import FrequencyResponse, frequency_sweep

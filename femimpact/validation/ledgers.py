@@ -23,7 +23,7 @@ from femimpact.contact.laws import ContactLaw
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate
-from femimpact.integrators.newmark import MoreauJean, Newmark
+from femimpact.integrators.stepping.newmark import MoreauJean, Newmark
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import Impactor
 from femimpact.system.system import State, System

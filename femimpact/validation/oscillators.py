@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from femimpact.excitation import Sine
 from femimpact.integrators.integrate import integrate
-from femimpact.integrators.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
+from femimpact.integrators.stepping.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
 from femimpact.system.system import State, System
 from femimpact.validation.case import Case
 

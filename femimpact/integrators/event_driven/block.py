@@ -31,7 +31,7 @@ from femimpact.integrators.event_driven.loop_data import (
 from femimpact.integrators.event_driven.method import EventDriven
 from femimpact.integrators.event_driven.motion import Motion, Search
 from femimpact.integrators.event_driven.store import FormStore
-from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
+from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.system.system import ContactPair, System
 
 __all__ = ["Block", "Inputs", "new_block", "no_cycles", "no_snapshots", "run_block", "working_space"]

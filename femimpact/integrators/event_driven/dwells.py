@@ -18,8 +18,8 @@ from femimpact.integrators.event_driven.loop import DONE
 from femimpact.integrators.event_driven.loop_data import Ledger
 from femimpact.integrators.event_driven.method import EventDriven
 from femimpact.integrators.event_driven.store import FormStore, Outputs
-from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.integrators.threads import Progress, run_each
+from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.response.energy import CLOSED, energy_residual, largest_input
 from femimpact.response.signals import CycleStatistics
 from femimpact.system.system import ContactPair, System
@@ -68,7 +68,7 @@ class DwellStatistics:
     cycles : CycleStatistics
         Of the observed place, arrays (measured cycles, cases).
     totals : ndarray (6, pairs, cases)
-        Sums over the measured cycles; see `layout.TOTAL_COLUMNS`.
+        Sums over the measured cycles; see `columns.TOTAL_COLUMNS`.
     residual : ndarray (cases,), 1
         Largest at the start and the ends of measured cycles; not a number without a ledger.
     bound : ndarray (cases,), 1

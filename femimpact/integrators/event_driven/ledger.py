@@ -7,6 +7,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from femimpact.integrators.compiled.compiling import apart, called, inlined
+from femimpact.integrators.compiled.laws import spring_potential
 from femimpact.integrators.event_driven.loop_data import (
     FREE,
     LARGEST_FORCE,
@@ -38,8 +40,6 @@ from femimpact.integrators.event_driven.states import (
     read_coordinates,
     side_of,
 )
-from femimpact.integrators.kernels.compiling import apart, called, inlined
-from femimpact.integrators.kernels.laws import spring_potential
 
 __all__ = ["add_to_ledger", "any_compliant", "integral", "write_energy"]
 

@@ -8,6 +8,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from femimpact.integrators.compiled.addresses import by_address
+from femimpact.integrators.compiled.compiling import apart, called, compiled_long, inlined
 from femimpact.integrators.event_driven.ledger import add_to_ledger, any_compliant, write_energy
 from femimpact.integrators.event_driven.loop_data import (
     ENTERED,
@@ -52,8 +54,6 @@ from femimpact.integrators.event_driven.transition import (
     collide,
     set_start_states,
 )
-from femimpact.integrators.kernels.addresses import by_address
-from femimpact.integrators.kernels.compiling import apart, called, compiled_long, inlined
 
 __all__ = ["DONE", "FORM_WANTED", "RESONANT", "UNENDING", "run_cases"]
 

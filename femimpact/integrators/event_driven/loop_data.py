@@ -144,7 +144,7 @@ class Cases(NamedTuple):
     touch: NDArray[Any]  # (C, 6, R) contacts that have not ended; see BEGUN
     to_modes: NDArray[Any]  # (C, R, n) J, what these have given to each mode
     window: NDArray[Any]  # (C, 2) s, in which impacts are counted
-    totals: NDArray[Any]  # (C, 6, R) sums over them; see layout.TOTAL_COLUMNS
+    totals: NDArray[Any]  # (C, 6, R) sums over them; see columns.TOTAL_COLUMNS
 
 
 class Case(NamedTuple):
@@ -176,7 +176,7 @@ class Grid(NamedTuple):
     per_cycle: int  # samples
     origin: NDArray[Any]  # (C,) sample with which the first cycle begins
     cycle: NDArray[Any]  # (C,) cycle whose peak is being looked for
-    cycles: NDArray[Any]  # (C, cycles, 6); see layout.CYCLE_COLUMNS
+    cycles: NDArray[Any]  # (C, cycles, 6); see columns.CYCLE_COLUMNS
     values: NDArray[Any]  # (C, samples, O), or (C, 0, O) where only cycles are wanted
     kept: NDArray[Any]  # (samples,) number of the energy row that a sample fills, -1 for none
     energy: NDArray[Any]  # (C, rows, 7 + n)
@@ -193,7 +193,7 @@ class Snapshots(NamedTuple):
 class Tables(NamedTuple):
     """Impacts and sticking phases of a single case, one row each; those beyond the last row are counted."""
 
-    impacts: NDArray[Any]  # (most, 9 + n); see layout.IMPACT_COLUMNS, then the energy given to each mode
+    impacts: NDArray[Any]  # (most, 9 + n); see columns.IMPACT_COLUMNS, then the energy given to each mode
     sticking: NDArray[Any]  # (most, 5): pair, side, start and end (s), impulse (N s)
     number: NDArray[Any]  # (2,) rows of both
 

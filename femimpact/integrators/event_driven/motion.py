@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import apart, inlined
+from femimpact.integrators.compiled.compiling import apart, inlined
 
 __all__ = [
     "AT_WALL",

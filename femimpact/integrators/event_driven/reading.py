@@ -7,6 +7,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from femimpact.integrators.compiled.compiling import apart, inlined
+from femimpact.integrators.compiled.laws import kelvin_voigt_force
 from femimpact.integrators.event_driven.loop_data import FREE, Case, Grid, Pairs, Shapes, Snapshots, Space
 from femimpact.integrators.event_driven.motion import (
     Motion,
@@ -22,8 +24,6 @@ from femimpact.integrators.event_driven.motion import (
     value_now,
 )
 from femimpact.integrators.event_driven.states import base_motion, gap_of, read_coordinates, side_of
-from femimpact.integrators.kernels.compiling import apart, inlined
-from femimpact.integrators.kernels.laws import kelvin_voigt_force
 
 __all__ = ["add_peaks", "add_to_cycle", "keep_snapshot"]
 

@@ -21,9 +21,9 @@ from femimpact.integrators.event_driven.loop import UNENDING
 from femimpact.integrators.event_driven.loop_data import BEGUN, CONTACT, FREE, PUSHED
 from femimpact.integrators.event_driven.method import EventDriven, check_events
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
-from femimpact.integrators.layout import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
-from femimpact.integrators.recording import check_memory
+from femimpact.integrators.memory import check_memory
 from femimpact.integrators.threads import Progress
+from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.response.energy import BALANCED, CLOSED, EnergyLedger, unbalanced
 from femimpact.response.history import HistoryPiece, Snapshots, Stream
 from femimpact.response.impacts import Impacts, StickingPhases, impact_statistics

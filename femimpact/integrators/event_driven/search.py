@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from femimpact.integrators.compiled.compiling import ZERO, apart, inlined
 from femimpact.integrators.event_driven.motion import (
     AT_WALL,
     Motion,
@@ -15,7 +16,6 @@ from femimpact.integrators.event_driven.motion import (
     move,
     unit_phase,
 )
-from femimpact.integrators.kernels.compiling import ZERO, apart, inlined
 
 __all__ = ["END", "HIT", "RELEASE", "REST", "STUCK", "look", "next_event"]
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from femimpact.integrators.compiled.compiling import apart, called, inlined
 from femimpact.integrators.event_driven.loop_data import (
     CONTACT,
     FREE,
@@ -19,7 +20,6 @@ from femimpact.integrators.event_driven.loop_data import (
     Shapes,
 )
 from femimpact.integrators.event_driven.motion import Motion, Scalars, unit_phase
-from femimpact.integrators.kernels.compiling import apart, called, inlined
 
 __all__ = [
     "base_motion", "enter_form", "find_form", "form_of", "gap_of", "is_active", "read_coordinates", "set_bounds",

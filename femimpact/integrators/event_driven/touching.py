@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 
+from femimpact.integrators.compiled.compiling import apart, inlined
 from femimpact.integrators.event_driven.ledger import integral
 from femimpact.integrators.event_driven.loop_data import (
     BEGUN,
@@ -31,15 +32,7 @@ from femimpact.integrators.event_driven.motion import (
     value_now,
 )
 from femimpact.integrators.event_driven.states import side_of
-from femimpact.integrators.kernels.compiling import apart, inlined
-from femimpact.integrators.layout import (
-    APPROACH_SUM,
-    COUNT,
-    FORCE_TIME,
-    IMPULSE_SUM,
-    LARGEST_APPROACH,
-    PEAK_FORCE,
-)
+from femimpact.response.columns import APPROACH_SUM, COUNT, FORCE_TIME, IMPULSE_SUM, LARGEST_APPROACH, PEAK_FORCE
 
 __all__ = ["add_contact", "add_impulse", "begin_contact", "count_impact", "end_contact", "end_sticking"]
 

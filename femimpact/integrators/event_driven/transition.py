@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from femimpact.integrators.compiled.compiling import apart, inlined
 from femimpact.integrators.event_driven.loop_data import (
     CONTACT,
     FREE,
@@ -38,7 +39,6 @@ from femimpact.integrators.event_driven.touching import (
     end_contact,
     end_sticking,
 )
-from femimpact.integrators.kernels.compiling import apart, inlined
 
 __all__ = ["ENTER", "FIT", "RELEASE_ALL", "STAY", "UNRESOLVED", "apply_event", "collide", "set_start_states"]
 

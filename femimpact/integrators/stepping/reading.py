@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
 from femimpact.excitation import Excitation
-from femimpact.integrators import layout
-from femimpact.integrators.block import Block
+from femimpact.integrators.stepping import layout
+from femimpact.integrators.stepping.block import Block
+from femimpact.response.columns import ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.history import HistoryPiece, Snapshots
 from femimpact.response.impacts import Impacts, StickingPhases
@@ -63,8 +64,8 @@ def history_of(
 
 
 def _ledger(table: NDArray[Any], time: NDArray[Any]) -> EnergyLedger:
-    columns = {name: _own(table[:, i]) for i, name in enumerate(layout.ENERGY_COLUMNS)}
-    return EnergyLedger(time=time, structure_loss_of_mode=_own(table[:, len(layout.ENERGY_COLUMNS) :]), **columns)
+    columns = {name: _own(table[:, i]) for i, name in enumerate(ENERGY_COLUMNS)}
+    return EnergyLedger(time=time, structure_loss_of_mode=_own(table[:, len(ENERGY_COLUMNS) :]), **columns)
 
 
 def _snapshots(record: layout.Record, system: System, time: NDArray[Any]) -> Snapshots:
@@ -91,13 +92,13 @@ def _at_nodes(system: System, rows: NDArray[Any]) -> NDArray[Any]:
 def impacts_of(record: layout.Record, system: System, excitation: Excitation) -> Impacts:
     """The table of impacts, as far as it was kept."""
     count = min(int(record.tally[3]), record.impacts.shape[0])
-    columns = {name: _own(record.impacts[:count, i]) for i, name in enumerate(layout.IMPACT_COLUMNS)}
+    columns = {name: _own(record.impacts[:count, i]) for i, name in enumerate(IMPACT_COLUMNS)}
     names = np.array([pair.name for pair in system.contacts] or [""])
     columns["impactor"] = names[columns.pop("pair").astype(int)]
     return Impacts(
         **columns,
         phase=_own(np.mod(2.0 * np.pi * excitation.frequency * columns["time"] + excitation.phase, 2.0 * np.pi)),
-        energy_to_modes=_own(record.impacts[:count, len(layout.IMPACT_COLUMNS) :]),
+        energy_to_modes=_own(record.impacts[:count, len(IMPACT_COLUMNS) :]),
         law={pair.name: pair.law.name for pair in system.contacts},
         dropped=int(record.tally[3]) - count,
     )

@@ -11,12 +11,12 @@ import numpy as np
 from femimpact.contact.formulas import RIGID
 from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation
-from femimpact.integrators.block import Block, prepare, run_block
-from femimpact.integrators.kernels.entries import keep
-from femimpact.integrators.newmark import SteppingMethod, require_method
-from femimpact.integrators.reading import history_of, impacts_of, open_contacts, sticking_of
-from femimpact.integrators.recording import piece_ends, record_of
-from femimpact.integrators.stepping import check_sampling, check_step, step_notes
+from femimpact.integrators.stepping.block import Block, prepare, run_block
+from femimpact.integrators.stepping.entries import keep
+from femimpact.integrators.stepping.newmark import SteppingMethod, require_method
+from femimpact.integrators.stepping.reading import history_of, impacts_of, open_contacts, sticking_of
+from femimpact.integrators.stepping.record import piece_ends, record_of
+from femimpact.integrators.stepping.step_size import check_sampling, check_step, step_notes
 from femimpact.integrators.threads import Progress
 from femimpact.response.history import Stream
 from femimpact.response.impacts import impact_statistics

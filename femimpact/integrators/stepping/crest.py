@@ -11,14 +11,12 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import apart, called, inlined
-from femimpact.integrators.kernels.packs import WIDTH, differ_in_sign
-from femimpact.integrators.layout import (
+from femimpact.integrators.compiled.compiling import apart, called, inlined
+from femimpact.integrators.compiled.packs import WIDTH, differ_in_sign
+from femimpact.integrators.stepping.layout import (
     DURATION,
     LAST,
     LAST_RATE,
-    MAXIMUM,
-    MINIMUM,
     NORMAL,
     REFINED,
     START,
@@ -26,6 +24,7 @@ from femimpact.integrators.layout import (
     Motion,
     Scheme,
 )
+from femimpact.response.columns import MAXIMUM, MINIMUM
 
 __all__ = ["add_crests", "add_fine_step", "split_cycles"]
 

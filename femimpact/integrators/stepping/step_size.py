@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type
-from femimpact.integrators.newmark import MoreauJean, Newmark, SteppingMethod
+from femimpact.integrators.stepping.newmark import MoreauJean, Newmark, SteppingMethod
 from femimpact.system.system import System
 
 __all__ = ["check_sampling", "check_step", "recommended_step", "shortest_contact", "step_notes"]

@@ -7,15 +7,12 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.banded import free_step_banded_single
-from femimpact.integrators.kernels.compiling import called, inlined
-from femimpact.integrators.kernels.crest import add_fine_step
-from femimpact.integrators.kernels.flight import add_constant_load_single, free_step_single, place_obstacles
-from femimpact.integrators.kernels.ledger import book_case
-from femimpact.integrators.kernels.packs import fill, how_many_beyond, load
-from femimpact.integrators.kernels.touch import contact_step
-from femimpact.integrators.kernels.watch import save
-from femimpact.integrators.layout import (
+from femimpact.integrators.compiled.compiling import called, inlined
+from femimpact.integrators.compiled.packs import fill, how_many_beyond, load
+from femimpact.integrators.stepping.banded import free_step_banded_single
+from femimpact.integrators.stepping.crest import add_fine_step
+from femimpact.integrators.stepping.free_step import add_constant_load_single, free_step_single, place_obstacles
+from femimpact.integrators.stepping.layout import (
     ACCELERATION,
     BASE,
     BASE_BEFORE,
@@ -50,6 +47,9 @@ from femimpact.integrators.layout import (
     X,
     Y,
 )
+from femimpact.integrators.stepping.ledger import book_case
+from femimpact.integrators.stepping.touch import contact_step
+from femimpact.integrators.stepping.watch import save
 
 __all__ = ["in_reach", "is_near", "none_in_reach", "redo_step", "save_state"]
 

@@ -6,10 +6,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.banded import free_step_banded, free_step_banded_single
-from femimpact.integrators.kernels.compiling import ZERO, compiled_long, inlined
-from femimpact.integrators.kernels.crest import split_cycles
-from femimpact.integrators.kernels.flight import (
+from femimpact.integrators.compiled.compiling import ZERO, compiled_long, inlined
+from femimpact.integrators.compiled.packs import WIDTH
+from femimpact.integrators.stepping.banded import free_step_banded, free_step_banded_single
+from femimpact.integrators.stepping.crest import split_cycles
+from femimpact.integrators.stepping.free_step import (
     add_constant_load,
     blend_drive,
     free_step_ball,
@@ -21,20 +22,8 @@ from femimpact.integrators.kernels.flight import (
     read_row,
     turn_drive,
 )
-from femimpact.integrators.kernels.keeping import any_due, close_cycles, keep, least
-from femimpact.integrators.kernels.ledger import (
-    book_loss_banded,
-    book_loss_diagonal,
-    book_loss_single,
-    book_work,
-    book_work_on_ball,
-    keep_own_books,
-)
-from femimpact.integrators.kernels.packs import WIDTH
-from femimpact.integrators.kernels.refine import in_reach, is_near, none_in_reach, redo_step, save_state
-from femimpact.integrators.kernels.touch import contact_step
-from femimpact.integrators.kernels.watch import keep_rate, look_ahead, look_around
-from femimpact.integrators.layout import (
+from femimpact.integrators.stepping.keeping import any_due, close_cycles, keep, least
+from femimpact.integrators.stepping.layout import (
     ACCELERATION,
     ACTING,
     BASE,
@@ -65,6 +54,17 @@ from femimpact.integrators.layout import (
     X,
     Y,
 )
+from femimpact.integrators.stepping.ledger import (
+    book_loss_banded,
+    book_loss_diagonal,
+    book_loss_single,
+    book_work,
+    book_work_on_ball,
+    keep_own_books,
+)
+from femimpact.integrators.stepping.refine import in_reach, is_near, none_in_reach, redo_step, save_state
+from femimpact.integrators.stepping.touch import contact_step
+from femimpact.integrators.stepping.watch import keep_rate, look_ahead, look_around
 
 
 @inlined

@@ -24,7 +24,7 @@ from numba.core.serialize import dumps
 from numba.core.targetconfig import ConfigStack
 from numba.core.types.functions import BaseFunction
 
-from femimpact.integrators.kernels.code_files import CodeFiles
+from femimpact.integrators.compiled.code_files import CodeFiles
 
 __all__ = ["apart", "called", "compiled"]
 

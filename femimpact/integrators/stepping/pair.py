@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from femimpact.integrators.kernels.compiling import called, inlined
-from femimpact.integrators.kernels.laws import (
+from femimpact.integrators.compiled.compiling import called, inlined
+from femimpact.integrators.compiled.laws import (
     KELVIN_VOIGT,
     RIGID,
     SWITCHING_SPRING,
@@ -12,7 +12,7 @@ from femimpact.integrators.kernels.laws import (
     normal_force,
     switching_stiffness,
 )
-from femimpact.integrators.layout import Scheme
+from femimpact.integrators.stepping.layout import Scheme
 
 __all__ = ["pair_force"]
 

@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.excitation import Excitation
-from femimpact.integrators import layout
-from femimpact.integrators.arrays import cycles_of, empty_record, limits_of, motion_of, pairs_of
+from femimpact.integrators.compiled.packs import WIDTH
 from femimpact.integrators.driving import drive_of
-from femimpact.integrators.kernels import loop
-from femimpact.integrators.kernels.entries import write_energy
-from femimpact.integrators.kernels.packs import WIDTH
-from femimpact.integrators.newmark import SteppingMethod, scheme_of
-from femimpact.integrators.operators import operator_of
+from femimpact.integrators.stepping import layout, loop
+from femimpact.integrators.stepping.arrays import cycles_of, empty_record, limits_of, motion_of, pairs_of
+from femimpact.integrators.stepping.entries import write_energy
+from femimpact.integrators.stepping.newmark import SteppingMethod, scheme_of
+from femimpact.integrators.stepping.operators import operator_of
 from femimpact.integrators.threads import Progress
+from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.response.signals import CycleStatistics
 from femimpact.system.system import State, System
 
@@ -52,7 +52,7 @@ class Block:
     def cycle_statistics(self) -> CycleStatistics:
         """Statistics of every finished base cycle of the real cases."""
         values = self.cycles.values[:, :, : self.cases]
-        columns = {name: values[:, i] for i, name in enumerate(layout.CYCLE_COLUMNS)}
+        columns = {name: values[:, i] for i, name in enumerate(CYCLE_COLUMNS)}
         return CycleStatistics(**columns)
 
 
@@ -133,7 +133,7 @@ def prepare(
     )
     if ledger:
         # a row of its own: strided, it would have the same code compiled once more
-        energy = np.zeros(len(layout.ENERGY_COLUMNS))
+        energy = np.zeros(len(ENERGY_COLUMNS))
         for c in range(lanes):
             write_energy(c, operator, pairs, motion, energy)
             cycles.energy[0, :, c] = energy
@@ -152,7 +152,7 @@ def run_block(block: Block, progress: Progress | None = None, stop: threading.Ev
         Ends the run early once set.
     """
     lanes, dofs = block.motion.q.shape[1], block.motion.q.shape[0]
-    work, energy = np.zeros((6, max(len(block.pairs.row), 1))), np.zeros(len(layout.ENERGY_COLUMNS))
+    work, energy = np.zeros((6, max(len(block.pairs.row), 1))), np.zeros(len(ENERGY_COLUMNS))
     piece = max(1000, STEPS_BETWEEN_CHECKS // (lanes * dofs))
     done = 0
     while done < block.steps:

@@ -6,16 +6,16 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import called, inlined
-from femimpact.integrators.kernels.flight import add, add_product
-from femimpact.integrators.kernels.laws import (
+from femimpact.integrators.compiled.compiling import called, inlined
+from femimpact.integrators.compiled.laws import (
     SWITCHING_SPRING,
     elastic_potential,
     penetration,
     spring_potential,
     switching_potential,
 )
-from femimpact.integrators.layout import (
+from femimpact.integrators.stepping.free_step import add, add_product
+from femimpact.integrators.stepping.layout import (
     ACCELERATION,
     APPROACH,
     CONTACT_LOSS,

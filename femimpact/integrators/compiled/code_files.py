@@ -106,7 +106,7 @@ def candidates(package: Path) -> tuple[Path, ...]:
     own = hashlib.sha256(os.fsencode(package.resolve())).hexdigest()[:16]
     if asked:
         return (Path(asked).absolute() / f"femimpact-{own}",)
-    inside = package / "integrators" / "kernels" / "__pycache__" / "compiled"
+    inside = package / "integrators" / "compiled" / "__pycache__" / "compiled"
     home = _home()
     return (inside,) if home is None else (inside, home / f"compiled-{own}")
 

@@ -7,8 +7,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import inlined
-from femimpact.integrators.kernels.laws import (
+from femimpact.integrators.compiled.compiling import inlined
+from femimpact.integrators.compiled.laws import (
     KELVIN_VOIGT,
     RIGID,
     SWITCHING_SPRING,
@@ -16,7 +16,7 @@ from femimpact.integrators.kernels.laws import (
     normal_force,
     penetration,
 )
-from femimpact.integrators.layout import (
+from femimpact.integrators.stepping.layout import (
     APPROACH,
     BUSY,
     CONTACT_LOSS,

@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import inlined
+from femimpact.integrators.compiled.compiling import inlined
 
 __all__ = ["keep_rate", "look_ahead", "look_around", "save"]
 

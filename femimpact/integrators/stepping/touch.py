@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import apart, compiled, inlined
-from femimpact.integrators.kernels.impact import book_impact
-from femimpact.integrators.kernels.laws import RIGID, penetration
-from femimpact.integrators.kernels.pair import pair_force
-from femimpact.integrators.layout import (
+from femimpact.integrators.compiled.compiling import apart, compiled, inlined
+from femimpact.integrators.compiled.laws import RIGID, penetration
+from femimpact.integrators.stepping.impact import book_impact
+from femimpact.integrators.stepping.layout import (
     APPROACH,
     DAMPING,
     EXPONENT,
@@ -40,6 +39,7 @@ from femimpact.integrators.layout import (
     X,
     Y,
 )
+from femimpact.integrators.stepping.pair import pair_force
 
 PAIR_ITERATIONS = 200
 PAIR_TOLERANCE = 1e-15

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from femimpact.errors import check_fields, checked, choice, quantity, require, truth
-from femimpact.integrators.layout import Scheme
+from femimpact.integrators.stepping.layout import Scheme
 
 __all__ = ["HHT", "WBZ", "GeneralizedAlpha", "MoreauJean", "Newmark", "SteppingMethod", "require_method", "scheme_of"]
 

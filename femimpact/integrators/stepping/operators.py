@@ -9,7 +9,7 @@ import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from femimpact.integrators.layout import Operator, Scheme
+from femimpact.integrators.stepping.layout import Operator, Scheme
 from femimpact.system.system import System
 
 __all__ = ["bands", "operator_of"]

@@ -15,7 +15,7 @@ from numba.core import cgutils, types
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model
 
-from femimpact.integrators.kernels.compiling import UNCOUNTED, inlined
+from femimpact.integrators.compiled.compiling import UNCOUNTED, inlined
 
 __all__ = ["by_address"]
 

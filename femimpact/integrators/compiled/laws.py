@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from femimpact.contact import formulas
-from femimpact.integrators.kernels.compiling import called, inlined
-from femimpact.integrators.kernels.custom import call_law
+from femimpact.integrators.compiled.compiling import called, inlined
+from femimpact.integrators.compiled.custom import call_law
 
 __all__ = [
     "CUSTOM",

@@ -6,9 +6,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import apart, called, inlined
-from femimpact.integrators.kernels.crest import add_crests
-from femimpact.integrators.kernels.packs import (
+from femimpact.integrators.compiled.compiling import apart, called, inlined
+from femimpact.integrators.compiled.packs import (
     WIDTH,
     differ_in_sign,
     entry,
@@ -20,7 +19,8 @@ from femimpact.integrators.kernels.packs import (
     store,
     times,
 )
-from femimpact.integrators.layout import (
+from femimpact.integrators.stepping.crest import add_crests
+from femimpact.integrators.stepping.layout import (
     ACCELERATION,
     BASE,
     BASE_BEFORE,

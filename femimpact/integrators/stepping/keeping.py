@@ -7,13 +7,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import ZERO, apart, called
-from femimpact.integrators.kernels.ledger import write_energy
-from femimpact.integrators.layout import (
+from femimpact.integrators.compiled.compiling import ZERO, apart, called
+from femimpact.integrators.stepping.layout import (
     COSINE,
-    ENERGY_COLUMNS,
     FORCE,
-    MINIMUM,
     PHASE,
     PHASE_STEP,
     SINE,
@@ -26,6 +23,8 @@ from femimpact.integrators.layout import (
     X,
     Y,
 )
+from femimpact.integrators.stepping.ledger import write_energy
+from femimpact.response.columns import ENERGY_COLUMNS, MINIMUM
 
 __all__ = ["any_due", "close_cycles", "keep", "least"]
 

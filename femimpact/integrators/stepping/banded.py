@@ -6,9 +6,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.kernels.compiling import apart, inlined
-from femimpact.integrators.kernels.packs import WIDTH, entry, fill, fma, load, product, store
-from femimpact.integrators.layout import Motion, Operator, Scheme
+from femimpact.integrators.compiled.compiling import apart, inlined
+from femimpact.integrators.compiled.packs import WIDTH, entry, fill, fma, load, product, store
+from femimpact.integrators.stepping.layout import Motion, Operator, Scheme
 
 __all__ = ["free_step_banded", "free_step_banded_single"]
 

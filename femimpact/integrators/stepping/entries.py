@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from femimpact.integrators.kernels import keeping, ledger
-from femimpact.integrators.kernels.compiling import entry
+from femimpact.integrators.compiled.compiling import entry
+from femimpact.integrators.stepping import keeping, ledger
 
 __all__ = ["keep", "write_energy"]
 

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from femimpact.contact import CustomLaw
 from femimpact.contact.formulas import KELVIN_VOIGT, RIGID, SWITCHING_SPRING, kelvin_voigt_force, power_force
 from femimpact.excitation import Excitation, RecordedBase, Sine
-from femimpact.integrators import layout
+from femimpact.integrators.compiled.custom import address_of
 from femimpact.integrators.driving import Drive
-from femimpact.integrators.kernels.custom import address_of
-from femimpact.integrators.newmark import SteppingMethod, scheme_of
+from femimpact.integrators.stepping import layout
+from femimpact.integrators.stepping.newmark import SteppingMethod, scheme_of
+from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, MAXIMUM, MINIMUM, TOTAL_COLUMNS
 from femimpact.system.system import ROUNDED, State, System
 
 __all__ = ["cycles_of", "empty_record", "limits_of", "motion_of", "pairs_of"]
@@ -30,10 +31,10 @@ def empty_record(dofs: int) -> layout.Record:
         source=np.zeros(0, dtype=np.int64),
         rows=np.zeros((0, dofs)),
         channels=np.zeros((0, 0)),
-        energy=np.zeros((0, len(layout.ENERGY_COLUMNS))),
+        energy=np.zeros((0, len(ENERGY_COLUMNS))),
         fields=np.zeros((0, 2, 0)),
         forces=np.zeros((0, 0)),
-        impacts=np.zeros((0, len(layout.IMPACT_COLUMNS))),
+        impacts=np.zeros((0, len(IMPACT_COLUMNS))),
         stride=np.ones(4, dtype=np.int64),
         tally=np.zeros(4, dtype=np.int64),
     )
@@ -125,7 +126,7 @@ def motion_of(
         w_rate=w_rate,
         ball=ball,
         touch=touch,
-        totals=np.zeros((len(layout.TOTAL_COLUMNS), count, lanes)),
+        totals=np.zeros((len(TOTAL_COLUMNS), count, lanes)),
         window=window,
         drive=drive,
         table=_table(drives, excitations, method, steps),
@@ -241,16 +242,16 @@ def cycles_of(
     lanes = len(excitations)
     period = np.array([1.0 / (excitation.frequency * dt) for excitation in excitations])
     most = int(steps / period.min()) + 1
-    sums = np.zeros((len(layout.CYCLE_COLUMNS), lanes))
-    sums[layout.MAXIMUM] = sums[layout.MINIMUM] = motion.w[0]
+    sums = np.zeros((len(CYCLE_COLUMNS), lanes))
+    sums[MAXIMUM] = sums[MINIMUM] = motion.w[0]
     return layout.Cycles(
         next_wrap=np.ceil(period).astype(np.int64),
         number=np.zeros(lanes, dtype=np.int64),
         period=period,
         sums=_placed(sums, 9),
         last=_placed(np.array([motion.w[0], motion.w_rate[0]]), 11),
-        values=np.zeros((most, len(layout.CYCLE_COLUMNS), lanes)),
-        energy=np.zeros(((most if ledger else 0) + 1, len(layout.ENERGY_COLUMNS), lanes)),
+        values=np.zeros((most, len(CYCLE_COLUMNS), lanes)),
+        energy=np.zeros(((most if ledger else 0) + 1, len(ENERGY_COLUMNS), lanes)),
     )
 
 

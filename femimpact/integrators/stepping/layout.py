@@ -1,4 +1,4 @@
-"""How the arrays of a run are laid out: what each row is, and which arrays belong together."""
+"""How the arrays of a stepped run are laid out: what each row is, and which arrays belong together."""
 
 from __future__ import annotations
 
@@ -6,19 +6,8 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-# the first two are extremes of the motion, the others sums over samples; see signals.CycleStatistics
-CYCLE_COLUMNS = ("maximum", "minimum", "square", "sine", "cosine", "samples")
-MAXIMUM, MINIMUM = range(2)
 # rows of Cycles.last (., cases): displacement (m) and velocity (m/s) of the observed place
 LAST, LAST_RATE = range(2)
-ENERGY_COLUMNS = ("kinetic", "strain", "ball", "contact", "work", "structure_loss", "contact_loss")
-IMPACT_COLUMNS = (
-    "time", "pair", "side", "approach_speed", "rebound_speed", "impulse", "peak_force", "duration", "energy_loss",
-)  # fmt: skip
-TOTAL_COLUMNS = ("count", "approach_speed", "approach_speed_max", "impulse", "peak_force", "force_time")
-COUNT, APPROACH_SUM, LARGEST_APPROACH, IMPULSE_SUM, PEAK_FORCE, FORCE_TIME = range(6)
-# the first four count impacts that end within the window; the last two every force in it, sticking included
-
 # rows of Motion.ball (., pairs, cases); y and x = y - w are relative to the base, FORCE acts on the structure;
 # RATE and RATE_BEFORE are kept only where a method looks ahead
 Y, Y_RATE, Y_ACCELERATION, X, X_BEFORE, FORCE, Y_BEFORE, RATE, RATE_BEFORE = range(9)

@@ -13,7 +13,7 @@ import numba
 import numpy as np
 from numba.core import config
 
-from femimpact.integrators.kernels.code_files import CodeFiles, candidates, open_code_files
+from femimpact.integrators.compiled.code_files import CodeFiles, candidates, open_code_files
 
 __all__ = [
     "TESTED",
@@ -44,7 +44,7 @@ PACKAGE = Path(__file__).parents[2]
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 if VERSIONS in TESTED:
-    from femimpact.integrators.kernels import numba_insides
+    from femimpact.integrators.compiled import numba_insides
 
     FILES: CodeFiles | None = open_code_files(PACKAGE, candidates(PACKAGE), *VERSIONS)
 
