@@ -16,7 +16,7 @@ import numpy as np
 import scipy.linalg
 
 import femimpact as fi
-from femimpact.integrators.stepping.block import prepare, run_block
+from femimpact.integrators.stepping.block import Inputs, prepare, run_block
 from femimpact.integrators.stepping.operators import bands
 from femimpact.study.demo import paper_study
 from femimpact.study.study import build
@@ -31,7 +31,7 @@ def kernel(system, method, cases, ledger, steps, repeats):
     best = np.inf
     for _ in range(repeats):
         block = prepare(
-            system, bases, method, steps=[steps] * cases, window_start=[0] * cases, initial=fi.State(),
+            system, Inputs(bases, [steps] * cases, [0] * cases), method,
             observed=system.point_row("tip"), ledger=ledger,
         )  # fmt: skip
         start = time.process_time()

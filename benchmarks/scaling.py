@@ -39,14 +39,14 @@ def step_cost(problem, repeats=5, steps=100_000):
 
 def _eight_cases(problem, elements, steps):
     """Femimpact's block of eight cases in physical dofs, ready to run."""
-    from femimpact.integrators.stepping.block import prepare, run_block
+    from femimpact.integrators.stepping.block import Inputs, prepare, run_block
 
     system, method = problem.full(elements), _method(problem)
     bases = [fi.Sine(problem.amplitude, f) for f in problem.frequencies[: hand_c.LANES]]
 
     def once():
         block = prepare(
-            system, bases, method, steps=[steps] * len(bases), window_start=[0] * len(bases), initial=fi.State(),
+            system, Inputs(bases, [steps] * len(bases), [0] * len(bases)), method,
             observed=system.point_row("tip"), ledger=False,
         )  # fmt: skip
         start = time.process_time()

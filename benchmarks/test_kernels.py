@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from problem import load_problem
 
 import femimpact as fi
-from femimpact.integrators.stepping.block import prepare, run_block
+from femimpact.integrators.stepping.block import Inputs, prepare, run_block
 
 PROBLEM = load_problem()
 pytestmark = pytest.mark.benchmark(timer=time.process_time)
@@ -29,7 +29,7 @@ def _block(system, cases, contact="end", refine=1, dt=5e-5):
     method = fi.Newmark(dt=dt, contact=contact, refine=refine, allow_coarse_step=True)
     bases = [fi.Sine(PROBLEM.amplitude, 4.0 + 2.0 * i / cases) for i in range(cases)]
     block = prepare(
-        system, bases, method, steps=[STEPS] * cases, window_start=[0] * cases, initial=fi.State(),
+        system, Inputs(bases, [STEPS] * cases, [0] * cases), method,
         observed=system.point_row("tip"), ledger=False,
     )  # fmt: skip
     return (block,), {}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.integrators.stepping.block import prepare, run_block
+from femimpact.integrators.stepping.block import Inputs, prepare, run_block
 
 pytestmark = pytest.mark.impacts
 
@@ -18,7 +18,7 @@ def extremes(system, bases, method, cycles, start=None):
     """Maximum and minimum of every finished cycle, one pair of columns a base; cycles that are not finished: nan."""
     steps = [math.ceil(cycles / (base.frequency * method.dt)) for base in bases]
     block = prepare(
-        system, bases, method, steps=steps, window_start=[0] * len(bases), initial=start or fi.State(),
+        system, Inputs(bases, steps, [0] * len(bases), start or fi.State()), method,
         observed=system.point_row("mass"), ledger=False,
     )  # fmt: skip
     run_block(block)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import require
-from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
+from femimpact.errors import real_array, require
+from femimpact.excitation import BrokenLine, Excitation, Harmonic, require_excitation
 from femimpact.system.system import System
 
 __all__ = ["Drive", "drive_of"]
@@ -19,41 +20,64 @@ __all__ = ["Drive", "drive_of"]
 class Drive:
     """M u'' + C u' + K u = load s(t) + contacts, y'' = g - share s(t) + contacts.
 
-    s(t) = amplitude sin(omega t + phase), or a broken line through samples.
-
     Parameters
     ----------
     load : ndarray (dofs,)
         -base_load (kg) where s is the base's acceleration, b (1) where it is a force.
     share : float, 1
         1 where s is the base's acceleration, 0 where it is a force.
-    amplitude : float, m/s^2 or N
-        Of the sine; 0 for samples.
     omega : float, rad/s
-        Of the sine, or of what counts as a cycle.
-    phase : float, rad
-    samples : ndarray (n,) or None
-    interval : float, s
-        Between samples.
-    initial_velocity : float, m/s
-        Of the base where s is its acceleration by samples.
+        Of what counts as a cycle.
+    history : callable
+        s (m/s^2 or N) at times in s.
+    closed_form : Harmonic, BrokenLine or None
+        Of s(t), where it has one.
     """
 
     load: NDArray[Any]
     share: float
-    amplitude: float
     omega: float
-    phase: float
-    samples: NDArray[Any] | None = None
-    interval: float = 0.0
-    initial_velocity: float = 0.0
+    history: Callable[[NDArray[Any]], ArrayLike]
+    closed_form: Harmonic | BrokenLine | None
+
+    @property
+    def sine(self) -> Harmonic:
+        """s(t) as a sine, of no amplitude where it is none."""
+        return self.closed_form if isinstance(self.closed_form, Harmonic) else Harmonic(0.0, self.omega, 0.0)
+
+    @property
+    def line(self) -> BrokenLine | None:
+        """s(t) as a broken line, where it is one."""
+        return self.closed_form if isinstance(self.closed_form, BrokenLine) else None
+
+    @property
+    def is_sine(self) -> bool:
+        """Whether s(t) is a sine; the values of anything else are tabulated by methods that take steps."""
+        return isinstance(self.closed_form, Harmonic)
+
+    @property
+    def base_amplitude(self) -> float:
+        """Of the base's displacement under a sine, m."""
+        return -self.share * self.sine.amplitude / self.omega**2
 
     def value(self, time: NDArray[Any]) -> NDArray[Any]:
-        """s(t) at times in s; zero beyond the last sample."""
-        if self.samples is None:
-            return np.asarray(self.amplitude * np.sin(self.omega * time + self.phase))
-        knots = self.interval * np.arange(self.samples.size)
-        return np.asarray(np.interp(time, knots, self.samples, right=0.0))
+        """s(t) at times in s.
+
+        Raises
+        ------
+        InputError
+            If the history of an excitation of one's own is not of finite numbers, one for each time.
+        """
+        if self.is_sine:
+            wave = self.sine
+            return np.asarray(wave.amplitude * np.sin(wave.omega * time + wave.phase))
+        if self.line is not None:
+            knots = self.line.interval * np.arange(self.line.samples.size)
+            return np.asarray(np.interp(time, knots, self.line.samples, right=0.0))
+        allowed = f"must give {np.size(time)} finite numbers for as many times"
+        values = real_array("excitation", self.history(time), "m/s^2 or N", allowed)
+        require(values.shape == np.shape(time), "excitation", f"array of shape {values.shape}", "m/s^2 or N", allowed)
+        return values
 
 
 def drive_of(system: System, excitation: Excitation) -> Drive:
@@ -62,23 +86,13 @@ def drive_of(system: System, excitation: Excitation) -> Drive:
     Raises
     ------
     InputError
-        If the place of a force is unknown, or the excitation is none of the known kinds.
+        If the place of a force is unknown, or the value is no excitation.
     """
+    require_excitation(excitation)
+    # the two members that an excitation of one's own may lack
+    at, closed_form = (getattr(excitation, name, None) for name in ("at", "closed_form"))
     omega = 2.0 * np.pi * excitation.frequency
-    if isinstance(excitation, Sine):
-        return Drive(-system.base_load, 1.0, -excitation.amplitude * omega**2, omega, excitation.phase)
-    if isinstance(excitation, PointForce):
-        history = excitation.history
-        return Drive(system.point_row(excitation.at), 0.0, history.amplitude, omega, history.phase)
-    known = isinstance(excitation, RecordedBase)
-    require(known, "excitation", excitation, "", "must be a Sine, a PointForce or a RecordedBase")
-    return Drive(
-        -system.base_load,
-        1.0,
-        0.0,
-        omega,
-        0.0,
-        excitation.samples,
-        excitation.interval,
-        excitation.initial_velocity,
-    )
+    if at is None:
+        return Drive(-system.base_load, 1.0, omega, excitation.acceleration, closed_form)
+    force: Any = excitation
+    return Drive(system.point_row(at), 0.0, omega, force.force, closed_form)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, cast, overload
 
 from femimpact.errors import require, require_type
-from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
+from femimpact.excitation import Excitation, require_excitation
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.run import run_events
 from femimpact.integrators.memory import check_memory, memory_needed
@@ -66,7 +66,7 @@ def integrate(
     ----------
     system : System
         Physical or reduced.
-    excitation : Sine, PointForce or RecordedBase, or a sequence of them
+    excitation : Sine, PointForce, RecordedBase or another `Excitation`, or a sequence of them
         Each of a sequence has a run of its own.
     method : Newmark, HHT, WBZ, GeneralizedAlpha, MoreauJean or EventDriven
     duration : float, s
@@ -106,8 +106,7 @@ def integrate(
     drives: tuple[Any, ...] = tuple(cast(Sequence[Any], excitation)) if several else (excitation,)
     require(len(drives) > 0, "excitation", None, "", "must be one or more")
     for drive in drives:
-        known = isinstance(drive, Sine | PointForce | RecordedBase)
-        require(known, "excitation", type(drive).__name__, "", "must be a Sine, a PointForce or a RecordedBase")
+        require_excitation(drive)
     alone = recorder.sink is None or len(drives) == 1
     require(alone, "record.sink", None, "", f"must serve one run, of {len(drives)} the pieces could not be told apart")
 

@@ -1,5 +1,6 @@
 """What a run leaves: channels and history, impacts, the energy ledger, regimes."""
 
-from femimpact.response.response import Channel, Recorder, Response
+from femimpact.response.channels import Channel
+from femimpact.response.response import Recorder, Response
 
 __all__ = ["Channel", "Recorder", "Response"]

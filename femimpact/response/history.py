@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, checked, column, instance, optional, require, require_type
-from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
+from femimpact.excitation import Excitation
 from femimpact.response.energy import EnergyLedger
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class HistoryPiece:
     units: Mapping[str, str]
     energy: EnergyLedger | None = field(metadata=optional(instance(EnergyLedger)))
     snapshots: Snapshots | None = field(metadata=optional(instance(Snapshots)))
-    base: Excitation = field(metadata=instance(Sine, PointForce, RecordedBase))
+    base: Excitation = field(metadata=instance(Excitation))
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -24,7 +24,8 @@ from femimpact.errors import (
     text,
     truth,
 )
-from femimpact.excitation import Excitation, PointForce, RecordedBase, Sine
+from femimpact.excitation import Excitation
+from femimpact.response.channels import Channel, Motion, channel_of
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.history import HistoryPiece, Snapshots, check_histories, history_dataset
 from femimpact.response.impacts import Impacts, ImpactStatistics, StickingPhases
@@ -36,10 +37,7 @@ from femimpact.system.system import System
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["Channel", "Recorder", "Response", "Snapshots", "on_beam", "resolve_channels"]
-
-KINDS = ("displacement", "velocity", "ball", "ball_velocity", "gap", "contact_force")
-UNITS = ("m", "m/s", "m", "m/s", "m", "N")
+__all__ = ["Recorder", "Response", "Snapshots"]
 
 
 @dataclass(frozen=True)
@@ -48,12 +46,13 @@ class Recorder:
 
     Parameters
     ----------
-    channels : sequence of str or float, optional
+    channels : sequence of str, float or Channel, optional
         A place ("tip", "mid", a point of the mesh, metres from the root) or a ball's name gives
-        its displacement relative to the base; with ".velocity" behind it, its velocity.
+        its displacement relative to the base; with a quantity behind a dot, as "tip.velocity" or
+        "ball.absolute_acceleration", that one (`response.channels.QUANTITIES` lists them).
         "gap" (ball minus beam, m) and "contact_force" (on the beam, N) belong to the only ball,
-        "ball.gap" and "ball.contact_force" to the one named. None keeps the tip, every ball and
-        every contact force.
+        "ball.gap" and "ball.contact_force" to the one named. A `Channel` of one's own reads any
+        linear function of the state. None keeps the tip, every ball and every contact force.
     every : int, steps
         Stride of channels and energies.
     start : float, s
@@ -84,7 +83,7 @@ class Recorder:
         If a value is out of range or of the wrong kind.
     """
 
-    channels: tuple[Position, ...] | None = None
+    channels: tuple[Position | Channel, ...] | None = None
     every: int = field(default=1, metadata=quantity("steps", at_least=1, integer=True))
     start: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
     snapshots: int = field(default=0, metadata=quantity("steps", at_least=0, integer=True))
@@ -97,91 +96,34 @@ class Recorder:
     piece_samples: int = field(default=100_000, metadata=quantity("1", at_least=1, integer=True))
 
     def __post_init__(self) -> None:
-        if isinstance(self.channels, (str, int, float, np.number)):
+        if isinstance(self.channels, (str, int, float, np.number, Channel)):
             object.__setattr__(self, "channels", (self.channels,))
         elif isinstance(self.channels, list) or (isinstance(self.channels, np.ndarray) and self.channels.ndim == 1):
             object.__setattr__(self, "channels", tuple(self.channels))
         faults = []
-        if self.channels is not None and not (isinstance(self.channels, tuple) and all(map(_is_place, self.channels))):
-            allowed = "must be names of places or balls, or metres from the root"
+        if self.channels is not None and not (
+            isinstance(self.channels, tuple) and all(map(_is_channel, self.channels))
+        ):
+            allowed = "must be names of places or balls, metres from the root, or channels with name, unit and reading"
             faults.append(Fault("channels", self.channels, "", allowed))
         if self.sink is not None and not callable(self.sink):
             faults.append(Fault("sink", type(self.sink).__name__, "", "must be callable, with one HistoryPiece"))
         check_fields(self, *faults)
         if self.channels is not None:
-            places = tuple(str(at) if isinstance(at, str) else float(at) for at in self.channels)
-            object.__setattr__(self, "channels", places)
+            plain = tuple(map(_plain, self.channels))
+            object.__setattr__(self, "channels", plain)
 
 
-def _is_place(channel: object) -> bool:
-    """Whether a channel is a name or a finite number of metres."""
-    return isinstance(channel, str) or in_range(channel, quantity("m"))
+def _is_channel(channel: object) -> bool:
+    """Whether a channel is a name, a finite number of metres, or answers for itself."""
+    return isinstance(channel, (str, Channel)) or in_range(channel, quantity("m"))
 
 
-@dataclass(frozen=True, eq=False)
-class Channel:
-    """One recorded column: what it is, and which row or ball it reads."""
-
-    name: str = field(metadata=text())
-    kind: int = field(metadata=quantity("1", at_least=0, at_most=len(KINDS) - 1, integer=True))
-    ball: int = field(metadata=quantity("1", at_least=-1, integer=True))
-    row: NDArray[Any] | None = field(metadata=optional(column("1", "dofs", finite=True)))
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        one = (self.row is None) == (self.ball >= 0)
-        require(one, "ball", self.ball, "", "must be the number of a pair without a row, or -1 with one")
-
-    @property
-    def unit(self) -> str:
-        """Unit of the values."""
-        return UNITS[self.kind]
-
-
-def resolve_channels(system: System, channels: tuple[Position, ...] | None) -> tuple[Channel, ...]:
-    """Turn channel names into what the time loop reads.
-
-    Raises
-    ------
-    InputError
-        Naming the first unknown or ambiguous channel and the known ones.
-    """
-    balls = [pair.name for pair in system.contacts]
-    stops = {pair.name for pair in system.contacts if pair.is_stop}
-    if channels is None:
-        forces = [f"{ball}.contact_force" for ball in balls] if len(balls) > 1 else ["contact_force"] * len(balls)
-        channels = (system.default_place, *(pair.name for pair in system.balls), *forces)
-    for channel in channels:
-        moving = str(channel).removesuffix(".velocity") not in stops
-        require(moving, "channels", str(channel), "", "is a stop, which does not move: take its .gap or .contact_force")
-    return tuple(_resolve(system, balls, channel) for channel in channels)
-
-
-def on_beam(system: System, channel: Channel) -> float:
-    """Sign that turns a pair's force along its direction b into the force on the beam: -1 for stops, b = -row."""
-    return -1.0 if channel.kind == KINDS.index("contact_force") and system.contacts[channel.ball].is_stop else 1.0
-
-
-def _resolve(system: System, balls: list[str], channel: Position) -> Channel:
-    name = str(channel)
-    if not isinstance(channel, str):
-        return Channel(name, 0, -1, system.point_row(channel))
-    stem, _, what = name.rpartition(".")
-    if name in system.points:
-        return Channel(name, 0, -1, system.point_row(name))
-    if name in balls:
-        return Channel(name, 2, balls.index(name), None)
-    if name in ("gap", "contact_force") and len(balls) == 1:
-        return Channel(name, KINDS.index(name), 0, None)
-    if what == "velocity" and stem in system.points:
-        return Channel(name, 1, -1, system.point_row(stem))
-    if what in ("velocity", "gap", "contact_force") and stem in balls:
-        kind = 3 if what == "velocity" else KINDS.index(what)
-        return Channel(name, kind, balls.index(stem), None)
-    known = [*system.points, *balls, *(["gap", "contact_force"] if len(balls) == 1 else [])]
-    known += [f"{ball}.{item}" for ball in balls for item in ("velocity", "gap", "contact_force")]
-    require(False, "channels", name, "", suggestion(name, known) + ", a place with .velocity, or metres from the root")
-    raise AssertionError("require raises")
+def _plain(channel: Any) -> Position | Channel:
+    """The same with numpy's texts and numbers as Python's."""
+    if isinstance(channel, Channel):
+        return channel
+    return str(channel) if isinstance(channel, str) else float(channel)
 
 
 @runtime_checkable
@@ -257,7 +199,7 @@ class Response:
     steady: SteadyMotion = field(metadata=instance(SteadyMotion))
     energy: EnergyLedger | None = field(metadata=optional(instance(EnergyLedger)))
     snapshots: Snapshots | None = field(metadata=optional(instance(Snapshots)))
-    base: Excitation = field(metadata=instance(Sine, PointForce, RecordedBase))
+    base: Excitation = field(metadata=instance(Excitation))
     system: System = field(metadata=instance(ShownSystem))
     warnings: tuple[str, ...] = field(default=(), metadata=text(several=True))
     notes: tuple[str, ...] = field(default=(), metadata=text(several=True))
@@ -307,12 +249,13 @@ class Response:
         return classify(self.impacts, self.sticking, self.base.frequency, *self.window)
 
     def absolute(self, name: Position) -> NDArray[Any]:
-        """A displacement (m) or velocity (m/s) channel in space: relative plus the base's."""
-        values, unit = self[name], self.units[str(name)]
-        moving = unit in ("m", "m/s") and str(name).rpartition(".")[2] != "gap"
-        require(moving, "channel", str(name), unit, "must be a displacement or a velocity to have an absolute value")
-        moved_by = self.base.displacement if unit == "m" else self.base.velocity
-        return np.asarray(values + moved_by(self.time))
+        """A displacement (m), velocity (m/s) or acceleration (m/s^2) channel in space: relative plus the base's."""
+        values, channel = self[name], channel_of(self.system, name)
+        moving = isinstance(channel, Motion) and not channel.absolute
+        allowed = "must be a relative displacement, velocity or acceleration to have an absolute value"
+        require(moving, "channel", str(name), self.units[str(name)], allowed)
+        moved_by = {"m": self.base.displacement, "m/s": self.base.velocity, "m/s^2": self.base.acceleration}
+        return np.asarray(values + moved_by[channel.unit](self.time))
 
     def to_xarray(self) -> xarray.Dataset:
         """All channels, energies and the base's motion as a labelled dataset over time."""

@@ -13,7 +13,7 @@ from femimpact.contact.formulas import RIGID
 from femimpact.errors import DivergenceError
 from femimpact.excitation import Sine
 from femimpact.integrators.integrate import divergence_message
-from femimpact.integrators.stepping.block import Block, prepare, run_block
+from femimpact.integrators.stepping.block import Block, Inputs, prepare, run_block
 from femimpact.integrators.stepping.newmark import SteppingMethod
 from femimpact.integrators.stepping.step_size import check_sampling, check_step
 from femimpact.integrators.threads import Progress, run_each
@@ -51,8 +51,11 @@ def stepped_columns(
     def run(members: NDArray[Any], share: Progress | None) -> None:
         # laid out when its turn comes: of many blocks only those at work are in memory
         block = prepare(
-            system, [Sine(amplitude, float(f[i])) for i in members], method, steps=ends[members].tolist(),
-            window_start=starts[members].tolist(), initial=state, observed=observed, ledger=ledger,
+            system,
+            Inputs(
+                [Sine(amplitude, float(f[i])) for i in members], ends[members].tolist(), starts[members].tolist(), state
+            ),
+            method, observed=observed, ledger=ledger,
         )  # fmt: skip
         run_block(block, share)
         diverged[members] = block.diverged[: members.size]

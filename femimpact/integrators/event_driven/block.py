@@ -129,7 +129,7 @@ def new_block(
             origin=np.zeros(count, dtype=np.int64),
             cycle=np.full(count, -1, dtype=np.int64),
             cycles=no_cycles(count, 0),
-            values=np.zeros((count, 0, len(store.outputs.force))),
+            values=np.zeros((count, 0, store.outputs.force.shape[0])),
             kept=np.zeros(0, dtype=np.int64),
             energy=np.zeros((count, 0, len(ENERGY_COLUMNS) + n)),
         ),
@@ -143,12 +143,13 @@ def new_block(
 
 def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
     drives, count, pairs, d = inputs.drives, len(inputs.drives), store.rigid.size, store.whole.M.shape[0]
-    rows, first = 2 * pairs + len(store.outputs.force), drives[0]
-    knots = np.zeros(0) if first.samples is None else np.array(first.samples, dtype=float)
+    rows, first = 2 * pairs + store.outputs.force.shape[0], drives[0]
+    line = first.line
+    knots = np.zeros(0) if line is None else np.array(line.samples, dtype=float)
     drive = np.zeros((count, 4))
-    if knots.size:
-        drive[:, 1] = first.initial_velocity
-        drive[:, 2:] = knots[0], (knots[1] - knots[0]) / first.interval
+    if line is not None:
+        drive[:, 1] = line.initial_velocity
+        drive[:, 2:] = knots[0], (knots[1] - knots[0]) / line.interval
 
     def of_pairs(name: str) -> Array:
         values = [[getattr(pair.parameters, name) for pair in own] for own in inputs.contacts]
@@ -156,10 +157,10 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
 
     gaps = np.array([[pair.gaps for pair in own] for own in inputs.contacts], dtype=float).reshape(count, pairs, 2)
     return Cases(
-        omega=np.array([0.0 if case.samples is not None else case.omega for case in drives]),
-        amplitude=np.array([case.amplitude for case in drives]),
+        omega=np.array([case.omega if case.is_sine else 0.0 for case in drives]),
+        amplitude=np.array([case.sine.amplitude for case in drives]),
         knots=knots,
-        knot_interval=first.interval if knots.size else 1.0,
+        knot_interval=1.0 if line is None else line.interval,
         gap=np.ascontiguousarray(gaps.swapaxes(1, 2)),
         stiffness=np.where(store.rigid, 0.0, of_pairs("stiffness")),
         damping=np.where(store.rigid, 0.0, of_pairs("damping")),
@@ -168,7 +169,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
         state=np.zeros((count, pairs)),
         entry=np.zeros((count, 1), dtype=complex),
         rigid_body=np.zeros((count, 2, 1)),
-        clock=np.stack([np.zeros(count), [case.phase for case in drives]], axis=1),
+        clock=np.stack([np.zeros(count), [case.sine.phase for case in drives]], axis=1),
         drive=drive,
         coordinates=np.ascontiguousarray(np.stack([inputs.position, inputs.velocity], axis=1)),
         entering=np.full(count, STARTING, dtype=np.int64),

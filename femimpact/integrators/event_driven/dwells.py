@@ -17,7 +17,7 @@ from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop import DONE
 from femimpact.integrators.event_driven.loop_data import Ledger
 from femimpact.integrators.event_driven.method import EventDriven
-from femimpact.integrators.event_driven.store import FormStore, Outputs
+from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.integrators.threads import Progress, run_each
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.response.energy import CLOSED, energy_residual, largest_input
@@ -108,10 +108,8 @@ def run_dwells(
     DwellStatistics
     """
     whole, count = equations_of(system, cases.drives[0]), len(cases.drives)
-    rows = np.zeros((1, whole.M.shape[0]))
-    rows[0, : system.dofs] = observed
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
-    store = FormStore(whole, rigid, Outputs(rows, 0.0 * rows, np.zeros((2, 1)), (-1,)), broken=False)
+    store = FormStore(whole, rigid, outputs_of(system, observed), broken=False)
 
     def run(members: NDArray[np.intp], share: Progress | None) -> DwellStatistics:
         found = _run_block(system, store, cases, members, method, ledger)

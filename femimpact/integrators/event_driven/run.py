@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from femimpact.contact.formulas import RIGID
 from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation
-from femimpact.integrators.driving import drive_of
+from femimpact.integrators.channel_rows import ChannelRows, channel_rows
+from femimpact.integrators.driving import Drive, drive_of
 from femimpact.integrators.event_driven import loop_data
 from femimpact.integrators.event_driven.block import Block, Inputs, new_block, no_cycles, run_block
 from femimpact.integrators.event_driven.equations import equations_of
@@ -23,11 +24,12 @@ from femimpact.integrators.event_driven.method import EventDriven, check_events
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.integrators.memory import check_memory
 from femimpact.integrators.threads import Progress
+from femimpact.response.channels import Channel, resolve_channels
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.response.energy import BALANCED, CLOSED, EnergyLedger, unbalanced
 from femimpact.response.history import HistoryPiece, Snapshots, Stream
 from femimpact.response.impacts import Impacts, StickingPhases, impact_statistics
-from femimpact.response.response import Channel, Recorder, Response, on_beam, resolve_channels
+from femimpact.response.response import Recorder, Response
 from femimpact.response.signals import CycleStatistics, SteadyMotion, no_steady_motion, steady_motion
 from femimpact.system.reduction import truncation_notes
 from femimpact.system.system import State, System
@@ -57,7 +59,9 @@ class _Run:
     system: System
     excitation: Excitation
     method: EventDriven
+    drive: Drive
     channels: tuple[Channel, ...]
+    rows: ChannelRows
     ledger: bool
     keep: _Keep
     block: Block
@@ -123,10 +127,19 @@ def _new_run(
     keep: _Keep, begin: float, initial: State,
 ) -> _Run:  # fmt: skip
     drive = drive_of(system, excitation)
+    sound = drive.closed_form is not None
+    require(
+        sound,
+        "excitation",
+        type(excitation).__name__,
+        "",
+        "must have a closed_form for EventDriven: sample it into a RecordedBase, or take Newmark",
+    )
     whole = equations_of(system, drive)
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
-    outputs = outputs_of(system, system.point_row(system.default_place), channels, whole.in_space)
-    store = FormStore(whole, rigid, outputs, broken=drive.samples is not None)
+    rows = channel_rows(system, drive, channels, springs_apart=True)
+    outputs = outputs_of(system, system.point_row(system.default_place), rows)
+    store = FormStore(whole, rigid, outputs, broken=drive.line is not None)
     u, v, y, y_rate = initial.relative_to_base(system, excitation)
     balls = len(system.balls)
     inputs = Inputs(
@@ -138,7 +151,7 @@ def _new_run(
     )
     block = new_block(system, store, inputs, method, recorder.ledger, recorder.impacts if system.contacts else 0)
     interval = float(block.grid.interval[0])
-    return _Run(system, excitation, method, channels, recorder.ledger, keep, block, interval)
+    return _Run(system, excitation, method, drive, channels, rows, recorder.ledger, keep, block, interval)
 
 
 def _piece(recorder: Recorder, per_cycle: int) -> int:
@@ -171,8 +184,7 @@ def _read_start(run: _Run) -> None:
         return
     _call(run, -1, 1, np.array([0 if kept else -1]), np.array([0 if shown else -1]))
     block.cases.sample[0] = 0
-    base = outputs.of_base.T @ [float(run.excitation.displacement(0.0)), float(run.excitation.velocity(0.0))]
-    given, own = outputs.position @ position + outputs.rate @ velocity + base, np.array(outputs.force) < 0
+    given, own = outputs.position @ position + outputs.rate @ velocity, ~np.any(outputs.force, axis=1)
     for sample in run.samples:
         sample[:, own] = given[own]
     for energy in run.energy:
@@ -253,7 +265,7 @@ def _history(run: _Run, samples_before: int, snapshots_before: int) -> HistoryPi
     return HistoryPiece(
         time=time,
         channels={
-            channel.name: _read_only(on_beam(run.system, channel) * values[:, i + 1])
+            channel.name: _read_only(values[:, i + 1] + run.rows.of_time(i, time, run.excitation, run.drive))
             for i, channel in enumerate(run.channels)
         },
         units={channel.name: channel.unit for channel in run.channels},

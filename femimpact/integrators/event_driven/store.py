@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import require
+from femimpact.integrators.channel_rows import ChannelRows
 from femimpact.integrators.event_driven.closed_form import (
     OF_DISPLACEMENT,
     ClosedForm,
@@ -19,7 +20,6 @@ from femimpact.integrators.event_driven.closed_form import (
 )
 from femimpact.integrators.event_driven.equations import Equations
 from femimpact.integrators.event_driven.loop_data import Forms
-from femimpact.response.response import Channel
 from femimpact.system.system import System
 
 __all__ = ["FormStore", "Outputs", "outputs_of"]
@@ -29,33 +29,35 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class Outputs:
-    """What is read at every sample, as rows over coordinates p and rates p'; force >= 0 names a pair's force."""
+    """What is read at every sample: rows of coordinates p, of rates p' and of the forces of pairs in contact."""
 
     position: Array  # (O, d)
     rate: Array  # (O, d)
-    of_base: Array  # (2, O) of ub and ub'
-    force: tuple[int, ...]
+    force: Array  # (O, pairs)
 
 
-def outputs_of(system: System, observed: Array, channels: tuple[Channel, ...], in_space: Array) -> Outputs:
-    """Rows of the observed place and of every channel."""
-    n, d, count = system.dofs, system.dofs + len(system.balls), len(channels) + 1
-    position, rate, of_base = np.zeros((count, d)), np.zeros((count, d)), np.zeros((2, count))
+def outputs_of(system: System, observed: Array, rows: ChannelRows | None = None) -> Outputs:
+    """Rows of the observed place, then those of the channels.
+
+    Parameters
+    ----------
+    system : System
+    observed : ndarray (dofs,)
+    rows : ChannelRows, optional
+
+    Returns
+    -------
+    Outputs
+    """
+    n, balls, count = system.dofs, len(system.balls), 0 if rows is None else rows.drive.size
+    position, rate = (np.zeros((1 + count, n + balls)) for _ in range(2))
+    force = np.zeros((1 + count, len(system.contacts)))
     position[0, :n] = observed
-    force = [-1] * count
-    for i, channel in enumerate(channels, start=1):
-        if channel.row is not None:
-            (position if channel.kind == 0 else rate)[i, :n] = channel.row
-        elif channel.kind == 5:
-            force[i] = channel.ball
-        else:
-            target = rate if channel.kind == 3 else position
-            if not system.contacts[channel.ball].is_stop:
-                target[i, n + channel.ball] = 1.0
-            if channel.kind == 4:
-                target[i, :n] = -system.contacts[channel.ball].direction
-                of_base[0, i] = -in_space[channel.ball]
-    return Outputs(position, rate, of_base, tuple(force))
+    if rows is not None:
+        position[1:, :n], position[1:, n:] = rows.displacement, rows.ball_displacement[:, :balls]
+        rate[1:, :n], rate[1:, n:] = rows.velocity, rows.ball_velocity[:, :balls]
+        force[1:] = rows.contact_force
+    return Outputs(position, rate, force)
 
 
 class FormStore:
@@ -115,7 +117,7 @@ class FormStore:
 
     def _empty(self, capacity: int) -> Forms:
         (d, pairs), (entries, rigid_bodies, blocks) = self.whole.force.shape, self.most
-        rows, f = 2 * pairs + len(self.outputs.force), capacity
+        rows, f = 2 * pairs + self.outputs.force.shape[0], capacity
         real: dict[str, tuple[int, ...]] = {
             "size": (f, entries),
             "rigid_body_given": (f, rigid_bodies, 1 + pairs),
@@ -203,12 +205,8 @@ class FormStore:
     def _output_rows(self, made: ClosedForm, active: Array) -> Rows:
         """Rows of what is read at every sample; a contact force only where it acts."""
         out, p, v = self.outputs, made.position, made.velocity
-        through, follow = (
-            p.through @ out.position.T + v.through @ out.rate.T,
-            (p.follow @ out.position.T + v.follow @ out.rate.T),
-        )
-        through[[2, 1]] += out.of_base
-        follow[:2] += out.of_base
+        through = p.through @ out.position.T + v.through @ out.rate.T
+        follow = p.follow @ out.position.T + v.follow @ out.rate.T
         rows = Rows(
             weight=out.position @ p.weight + out.rate @ v.weight,
             rigid_body=out.position @ p.rigid_body,
@@ -217,12 +215,15 @@ class FormStore:
             through=through,
             follow=follow,
         )
-        for o, j in enumerate(out.force):
-            if j >= 0 and active[j]:
-                force = made.contact_force
-                rows.weight[o], rows.constant[o] = force.weight[j], force.constant[j]
-                rows.rigid_body[o], rows.rigid_body_rate[o] = force.rigid_body[j], force.rigid_body_rate[j]
-                rows.through[:, o], rows.follow[:, o] = force.through[:, j], force.follow[:, j]
+        force = made.contact_force
+        for o, j in np.argwhere((out.force != 0.0) & active):
+            weight = out.force[o, j]
+            rows.weight[o] += weight * force.weight[j]
+            rows.constant[o] += weight * force.constant[j]
+            rows.rigid_body[o] += weight * force.rigid_body[j]
+            rows.rigid_body_rate[o] += weight * force.rigid_body_rate[j]
+            rows.through[:, o] += weight * force.through[:, j]
+            rows.follow[:, o] += weight * force.follow[:, j]
         return rows
 
 

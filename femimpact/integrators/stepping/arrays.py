@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from femimpact.contact import CustomLaw
 from femimpact.contact.formulas import KELVIN_VOIGT, RIGID, SWITCHING_SPRING, kelvin_voigt_force, power_force
-from femimpact.excitation import Excitation, RecordedBase, Sine
+from femimpact.excitation import Excitation
 from femimpact.integrators.compiled.custom import address_of
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.stepping import layout
@@ -21,15 +22,35 @@ from femimpact.integrators.stepping.newmark import SteppingMethod, scheme_of
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, MAXIMUM, MINIMUM, TOTAL_COLUMNS
 from femimpact.system.system import ROUNDED, State, System
 
-__all__ = ["cycles_of", "empty_record", "limits_of", "motion_of", "pairs_of"]
+__all__ = ["Inputs", "cycles_of", "empty_record", "limits_of", "motion_of", "pairs_of"]
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What each case of a block is given; all excitations act along one load.
+
+    Parameters
+    ----------
+    excitations : sequence of Excitation
+    steps : sequence of int
+        Length of each case; the block runs to the longest, and what a case does after its own end does not count.
+    window_start : sequence of int
+        Step from which impacts are counted, to the case's own end.
+    initial : State
+    """
+
+    excitations: Sequence[Excitation]
+    steps: Sequence[int]
+    window_start: Sequence[int]
+    initial: State = field(default_factory=State)
 
 
 def empty_record(dofs: int) -> layout.Record:
     """A record that keeps nothing."""
     return layout.Record(
-        kind=np.zeros(0, dtype=np.int64),
-        source=np.zeros(0, dtype=np.int64),
-        rows=np.zeros((0, dofs)),
+        used=np.zeros((0, 3), dtype=np.int64),
+        rows=np.zeros((0, 2, dofs)),
+        pair_rows=np.zeros((0, 4, 0)),
         channels=np.zeros((0, 0)),
         energy=np.zeros((0, len(ENERGY_COLUMNS))),
         fields=np.zeros((0, 2, 0)),
@@ -72,21 +93,18 @@ def motion_of(
     system: System,
     operator: layout.Operator,
     pairs: layout.Pairs,
-    excitations: Sequence[Excitation],
+    inputs: Inputs,
     drives: Sequence[Drive],
     method: SteppingMethod,
-    initial: State,
-    window: NDArray[Any],
-    steps: int,
     modal: bool,
     record: layout.Record,
 ) -> layout.Motion:
     """State at t = 0: displacements, velocities and the accelerations that the balance gives."""
     lanes, dofs, count = len(drives), system.dofs, len(system.contacts)
-    states = [initial.relative_to_base(system, excitation) for excitation in excitations]
+    states = [inputs.initial.relative_to_base(system, excitation) for excitation in inputs.excitations]
     q, v, y, y_rate = (np.ascontiguousarray(np.array(columns).T) for columns in zip(*states, strict=True))
     constants, w, w_rate = pairs.constants, operator.rows @ q, operator.rows @ v
-    drive = _drive(drives, excitations, method.dt)
+    drive = _drive(drives, inputs, method.dt)
     ball = np.zeros((9, count, lanes))
     ball[layout.Y] = ball[layout.Y_BEFORE] = y
     ball[layout.Y_RATE] = y_rate
@@ -99,7 +117,7 @@ def motion_of(
     touch[layout.BUSY] = (pairs.kind[:, None] == SWITCHING_SPRING) | (constants[layout.FREE_STIFFNESS] > 0.0)
     # any speed > 0: a law's potential is asked for before its first contact
     touch[layout.APPROACH] = 1.0
-    pushes = _contacts_at_start(system, excitations, initial, pairs, ball, touch)
+    pushes = _contacts_at_start(system, inputs, pairs, ball, touch)
     ball[layout.FORCE] = springs + pushes
     if not scheme_of(method).mean:
         inside = inside + pushes
@@ -127,10 +145,10 @@ def motion_of(
         ball=ball,
         touch=touch,
         totals=np.zeros((len(TOTAL_COLUMNS), count, lanes)),
-        window=window,
+        window=np.array([inputs.window_start, inputs.steps], dtype=np.int64),
         drive=drive,
-        table=_table(drives, excitations, method, steps),
-        travel=_travel(excitations, method, steps, pairs.obstacles.size),
+        table=_table(drives, inputs, method),
+        travel=_travel(drives, inputs, method, pairs.obstacles.size),
         ledger=ledger,
         v_before=v.copy(),
         loss_of_mode=np.zeros(dofs if modal else 0),
@@ -155,21 +173,20 @@ def _placed(values: NDArray[Any], place: int) -> NDArray[Any]:
 
 
 def _contacts_at_start(
-    system: System, excitations: Sequence[Excitation], initial: State, pairs: layout.Pairs, ball: NDArray[Any],
-    touch: NDArray[Any],
+    system: System, inputs: Inputs, pairs: layout.Pairs, ball: NDArray[Any], touch: NDArray[Any]
 ) -> NDArray[Any]:  # fmt: skip
     """Contacts that a static start is in: they are open from t = 0 on. Returns the forces (N) of compliant ones.
 
     The wall of a rigid one is moved to the start, less than rounding may: impulses look at whether a gap is closed.
     """
     pushes = np.zeros(ball.shape[1:])
-    if not initial.is_static_on(system):
+    if not inputs.initial.is_static_on(system):
         return pushes
     found: dict[float, Any] = {}
-    for c, excitation in enumerate(excitations):
+    for c, excitation in enumerate(inputs.excitations):
         at = float(excitation.displacement(0.0))
         if at not in found:
-            found[at] = initial.static_contacts(system, excitation)
+            found[at] = inputs.initial.static_contacts(system, excitation)
         normal = found[at].normal
         for j in np.flatnonzero(normal):
             side, gap = math.copysign(1.0, normal[j]), layout.GAP_PLUS if normal[j] > 0.0 else layout.GAP_MINUS
@@ -196,9 +213,9 @@ def _contacts_at_start(
     return pushes
 
 
-def _drive(drives: Sequence[Drive], excitations: Sequence[Excitation], dt: float) -> NDArray[Any]:
+def _drive(drives: Sequence[Drive], inputs: Inputs, dt: float) -> NDArray[Any]:
     omega, phase, amplitude = (
-        np.array([getattr(drive, name) for drive in drives]) for name in ("omega", "phase", "amplitude")
+        np.array([getattr(drive.sine, name) for drive in drives]) for name in ("omega", "phase", "amplitude")
     )
     rows = np.zeros((14, len(drives)))
     rows[layout.SINE], rows[layout.COSINE] = np.sin(phase), np.cos(phase)
@@ -207,41 +224,35 @@ def _drive(drives: Sequence[Drive], excitations: Sequence[Excitation], dt: float
     rows[layout.SCALE] = amplitude
     rows[layout.BASE] = [float(drive.value(np.zeros(1))[0]) for drive in drives]
     rows[layout.BASE_BEFORE] = rows[layout.ACTING] = rows[layout.BASE]
-    travel = np.array([excitation.amplitude if isinstance(excitation, Sine) else 0.0 for excitation in excitations])
+    travel = np.array([drive.base_amplitude for drive in drives])
     rows[layout.TRAVEL], rows[layout.TRAVEL_RATE] = travel, travel * omega
-    rows[layout.OBSTACLE_RATE] = [float(excitation.velocity(0.0)) for excitation in excitations]
+    rows[layout.OBSTACLE_RATE] = [float(excitation.velocity(0.0)) for excitation in inputs.excitations]
     rows[layout.OBSTACLE_RATE_BEFORE] = rows[layout.OBSTACLE_RATE]
     return _placed(rows, 8)
 
 
-def _table(
-    drives: Sequence[Drive], excitations: Sequence[Excitation], method: SteppingMethod, steps: int
-) -> NDArray[Any]:
-    """Values of drives given by samples at every fine step; no rows for sines."""
-    if not any(isinstance(excitation, RecordedBase) for excitation in excitations):
+def _table(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod) -> NDArray[Any]:
+    """Values of drives that are no sines at every fine step; no rows for sines."""
+    if all(drive.is_sine for drive in drives):
         return np.zeros((0, len(drives)))
-    time = np.arange(steps * method.refine + 1) * (method.dt / method.refine)
+    time = np.arange(max(inputs.steps) * method.refine + 1) * (method.dt / method.refine)
     return np.ascontiguousarray(np.array([drive.value(time) for drive in drives]).T)
 
 
-def _travel(
-    excitations: Sequence[Excitation], method: SteppingMethod, steps: int, obstacles: int
-) -> NDArray[Any]:  # fmt: skip
-    """Displacement and velocity of bases given by samples at every fine step, where stops fixed in space need them."""
-    if obstacles == 0 or not any(isinstance(excitation, RecordedBase) for excitation in excitations):
-        return np.zeros((2, 0, len(excitations)))
-    time = np.arange(steps * method.refine + 1) * (method.dt / method.refine)
-    values = [[excitation.displacement(time), excitation.velocity(time)] for excitation in excitations]
+def _travel(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod, obstacles: int) -> NDArray[Any]:
+    """Displacement and velocity of bases that move by no sine at every fine step, for stops fixed in space."""
+    if obstacles == 0 or all(drive.is_sine for drive in drives):
+        return np.zeros((2, 0, len(drives)))
+    time = np.arange(max(inputs.steps) * method.refine + 1) * (method.dt / method.refine)
+    values = [[excitation.displacement(time), excitation.velocity(time)] for excitation in inputs.excitations]
     return np.ascontiguousarray(np.moveaxis(np.array(values), 0, -1))
 
 
-def cycles_of(
-    excitations: Sequence[Excitation], motion: layout.Motion, dt: float, steps: int, ledger: bool
-) -> layout.Cycles:
+def cycles_of(inputs: Inputs, motion: layout.Motion, dt: float, ledger: bool) -> layout.Cycles:
     """Statistics per cycle of each excitation, empty but for the place of the motion's start."""
-    lanes = len(excitations)
-    period = np.array([1.0 / (excitation.frequency * dt) for excitation in excitations])
-    most = int(steps / period.min()) + 1
+    lanes = len(inputs.excitations)
+    period = np.array([1.0 / (excitation.frequency * dt) for excitation in inputs.excitations])
+    most = int(max(inputs.steps) / period.min()) + 1
     sums = np.zeros((len(CYCLE_COLUMNS), lanes))
     sums[MAXIMUM] = sums[MINIMUM] = motion.w[0]
     return layout.Cycles(
@@ -257,12 +268,11 @@ def cycles_of(
 
 def limits_of(
     system: System,
-    excitations: Sequence[Excitation],
+    inputs: Inputs,
     drives: Sequence[Drive],
     operator: layout.Operator,
     motion: layout.Motion,
     method: SteppingMethod,
-    duration: float,
 ) -> NDArray[Any]:
     """Displacement (m) of the observed place beyond which a case counts as diverging.
 
@@ -271,10 +281,13 @@ def limits_of(
     """
     alpha, beta = system.rayleigh or (0.0, 0.0)
     omega = 2.0 * math.pi * system.first_frequency
-    time = 1.0 / omega if omega > 0.0 else duration
+    time = 1.0 / omega if omega > 0.0 else max(inputs.steps) * method.dt
     ratio = max(0.5 * (alpha / omega + beta * omega), 1e-3) if omega > 0.0 else 1.0
-    forced = [0.0 if drive.share else _acceleration(system, drive) for drive in drives]
-    amplitude = np.array([excitation.amplitude for excitation in excitations]) + time**2 * np.array(forced)
+    forced = [
+        0.0 if drive.share else _acceleration(system, drive, motion.table[:, c] if motion.table.size else None)
+        for c, drive in enumerate(drives)
+    ]
+    amplitude = np.array([excitation.amplitude for excitation in inputs.excitations]) + time**2 * np.array(forced)
     rates = np.vstack([motion.w_rate, motion.ball[layout.Y_RATE]])
     given = max((abs(pair.acceleration) for pair in system.contacts), default=0.0)
     if np.any(system.constant_load):
@@ -285,7 +298,8 @@ def limits_of(
     return np.asarray(method.divergence_limit * (scale + 1e-9))
 
 
-def _acceleration(system: System, drive: Drive) -> float:
-    """Largest acceleration (m/s^2) that a force on the structure gives to its own place."""
+def _acceleration(system: System, drive: Drive, values: NDArray[Any] | None) -> float:
+    """Largest acceleration (m/s^2) that a force on the structure gives to its own place, by its values if not a sine."""
+    largest = abs(drive.sine.amplitude) if values is None else float(np.abs(values).max())
     free = scipy.sparse.linalg.spsolve(system.M.tocsc(), drive.load)
-    return abs(drive.amplitude) * float(np.atleast_1d(free) @ drive.load)
+    return largest * float(np.atleast_1d(free) @ drive.load)

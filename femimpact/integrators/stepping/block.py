@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.excitation import Excitation
 from femimpact.integrators.compiled.packs import WIDTH
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.stepping import layout, loop
-from femimpact.integrators.stepping.arrays import cycles_of, empty_record, limits_of, motion_of, pairs_of
+from femimpact.integrators.stepping.arrays import Inputs, cycles_of, empty_record, limits_of, motion_of, pairs_of
 from femimpact.integrators.stepping.entries import write_energy
 from femimpact.integrators.stepping.newmark import SteppingMethod, scheme_of
 from femimpact.integrators.stepping.operators import operator_of
 from femimpact.integrators.threads import Progress
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.response.signals import CycleStatistics
-from femimpact.system.system import State, System
+from femimpact.system.system import System
 
-__all__ = ["Block", "prepare", "run_block"]
+__all__ = ["Block", "Inputs", "prepare", "run_block"]
 
 STEPS_BETWEEN_CHECKS = 4_000_000
 """Mode-steps between two looks at progress, interrupts and divergence: some 10 ms of work."""
@@ -63,12 +61,9 @@ def _lanes(cases: int) -> int:
 
 def prepare(
     system: System,
-    excitations: Sequence[Excitation],
+    inputs: Inputs,
     method: SteppingMethod,
     *,
-    steps: Sequence[int],
-    window_start: Sequence[int],
-    initial: State,
     observed: NDArray[Any],
     ledger: bool,
     record: layout.Record | None = None,
@@ -78,15 +73,8 @@ def prepare(
     Parameters
     ----------
     system : System
-    excitations : sequence of Excitation
-        One for each case, all acting along one load.
+    inputs : Inputs
     method : SteppingMethod
-    steps : sequence of int
-        Length of each case; the block runs to the longest, and what a case does after its own end
-        does not count.
-    window_start : sequence of int
-        Step from which impacts are counted, for each case, to its own end.
-    initial : State
     observed : ndarray (dofs,)
         Row whose value gets cycle statistics.
     ledger : bool
@@ -97,25 +85,29 @@ def prepare(
     -------
     Block
     """
-    lanes = _lanes(len(excitations))
+    cases = len(inputs.excitations)
+    lanes = _lanes(cases)
     # idle lanes repeat the last case: finite numbers, no effect on the others
-    idle = lanes - len(excitations)
-    padded = [*excitations, *[excitations[-1]] * idle]
-    drives = [drive_of(system, excitation) for excitation in padded]
-    window = np.array([[*w, *[w[-1]] * idle] for w in (window_start, steps)], dtype=np.int64)
+    idle = lanes - cases
+    padded = replace(
+        inputs,
+        excitations=[*inputs.excitations, *[inputs.excitations[-1]] * idle],
+        steps=[*inputs.steps, *[inputs.steps[-1]] * idle],
+        window_start=[*inputs.window_start, *[inputs.window_start[-1]] * idle],
+    )
+    drives = [drive_of(system, excitation) for excitation in padded.excitations]
     scheme = scheme_of(method)
     operator = operator_of(system, scheme, observed, drives[0].load)
     fine = layout.Fine(1, operator, scheme) if scheme.rigid else None
     if method.refine > 1:
         fine_scheme = scheme_of(method, method.dt / method.refine)
         fine = layout.Fine(method.refine, operator_of(system, fine_scheme, observed, drives[0].load), fine_scheme)
-    longest = max(steps)
     kept = record or empty_record(system.dofs)
     pairs = pairs_of(system, operator, drives[0], lanes)
     # only a history tells losses mode by mode; in a sweep a case alone is summed as beside others
     modal = ledger and record is not None and lanes == 1 and not operator.banded
-    motion = motion_of(system, operator, pairs, padded, drives, method, initial, window, longest, modal, kept)
-    cycles = cycles_of(padded, motion, method.dt, longest, ledger)
+    motion = motion_of(system, operator, pairs, padded, drives, method, modal, kept)
+    cycles = cycles_of(padded, motion, method.dt, ledger)
     block = Block(
         operator=operator,
         scheme=scheme,
@@ -125,10 +117,10 @@ def prepare(
         cycles=cycles,
         record=kept,
         ledger=ledger,
-        steps=longest,
-        ends=np.array(steps),
-        cases=len(excitations),
-        limit=limits_of(system, padded, drives, operator, motion, method, longest * method.dt),
+        steps=max(inputs.steps),
+        ends=np.array(inputs.steps),
+        cases=cases,
+        limit=limits_of(system, padded, drives, operator, motion, method),
         diverged=np.full(lanes, np.inf),
     )
     if ledger:

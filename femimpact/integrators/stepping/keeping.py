@@ -7,12 +7,15 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femimpact.integrators.compiled.compiling import ZERO, apart, called
+from femimpact.contact.formulas import SWITCHING_SPRING
+from femimpact.integrators.compiled.compiling import ZERO, apart, called, inlined
 from femimpact.integrators.stepping.layout import (
     COSINE,
     FORCE,
+    NORMAL,
     PHASE,
     PHASE_STEP,
+    SIDE,
     SINE,
     Y_RATE,
     Cycles,
@@ -20,7 +23,6 @@ from femimpact.integrators.stepping.layout import (
     Operator,
     Pairs,
     Record,
-    X,
     Y,
 )
 from femimpact.integrators.stepping.ledger import write_energy
@@ -60,23 +62,30 @@ def close_cycles(
         m.drive[SINE, c], m.drive[COSINE, c] = math.sin(angle), math.cos(angle)
 
 
+@inlined
+def _contact_force(j: int, pairs: Pairs, m: Motion) -> float:
+    """Force (N) of a pair on the structure without its centring spring; the switching spring's is all of its law."""
+    if pairs.kind[j] == SWITCHING_SPRING:
+        return float(m.ball[FORCE, j, 0])
+    return float(m.touch[SIDE, j, 0] * m.touch[NORMAL, j, 0])
+
+
 @called
 def _write_sample(op: Operator, pairs: Pairs, m: Motion, record: Record, ledger: bool) -> None:
     k = record.tally[1]
-    for i in range(record.kind.size):
-        kind, index, value = record.kind[i], record.source[i], 0.0
-        if kind == 0 or kind == 1:
-            state = m.q if kind == 0 else m.v
-            for d in range(state.shape[0]):
-                value += record.rows[index, d] * state[d, 0]
-        elif kind == 2:
-            value = m.ball[Y, index, 0]
-        elif kind == 3:
-            value = m.ball[Y_RATE, index, 0]
-        elif kind == 4:
-            value = m.ball[X, index, 0]
-        else:
-            value = m.ball[FORCE, index, 0]
+    for i in range(record.used.shape[0]):
+        value = 0.0
+        if record.used[i, 0]:
+            for d in range(m.q.shape[0]):
+                value += record.rows[i, 0, d] * m.q[d, 0]
+        if record.used[i, 1]:
+            for d in range(m.v.shape[0]):
+                value += record.rows[i, 1, d] * m.v[d, 0]
+        if record.used[i, 2]:
+            for j in range(m.ball.shape[1]):
+                value += record.pair_rows[i, 0, j] * m.ball[Y, j, 0] + record.pair_rows[i, 1, j] * m.ball[Y_RATE, j, 0]
+                value += record.pair_rows[i, 2, j] * m.ball[FORCE, j, 0]
+                value += record.pair_rows[i, 3, j] * _contact_force(j, pairs, m)
         record.channels[k, i] = value
     if ledger:
         write_energy(ZERO, op, pairs, m, record.energy[k])
@@ -86,7 +95,7 @@ def _write_sample(op: Operator, pairs: Pairs, m: Motion, record: Record, ledger:
 
 
 @called
-def _write_snapshot(m: Motion, record: Record) -> None:
+def _write_snapshot(pairs: Pairs, m: Motion, record: Record) -> None:
     k, n = record.tally[2], m.q.shape[0]
     for i in range(n):
         record.fields[k, 0, i] = m.q[i, 0]
@@ -94,7 +103,7 @@ def _write_snapshot(m: Motion, record: Record) -> None:
     for j in range(m.ball.shape[1]):
         record.fields[k, 0, n + j] = m.ball[Y, j, 0]
         record.fields[k, 1, n + j] = m.ball[Y_RATE, j, 0]
-        record.forces[k, j] = m.ball[FORCE, j, 0]
+        record.forces[k, j] = _contact_force(j, pairs, m)
     record.tally[2] = k + 1
 
 
@@ -105,7 +114,7 @@ def keep(step: int, op: Operator, pairs: Pairs, m: Motion, record: Record, ledge
     if step >= first and (step - first) % every == 0 and record.tally[1] < record.channels.shape[0]:
         _write_sample(op, pairs, m, record, ledger)
     if step >= first_field and (step - first_field) % stride == 0 and record.tally[2] < record.fields.shape[0]:
-        _write_snapshot(m, record)
+        _write_snapshot(pairs, m, record)
 
 
 @called

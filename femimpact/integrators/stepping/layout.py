@@ -142,9 +142,9 @@ class Cycles(NamedTuple):
 class Record(NamedTuple):
     """What case 0 keeps."""
 
-    kind: NDArray[Any]  # (channels,)
-    source: NDArray[Any]  # (channels,) row or pair
-    rows: NDArray[Any]  # (rows, n)
+    used: NDArray[Any]  # (channels, 3) 1 where a channel has a row of q, of v, or of the pairs
+    rows: NDArray[Any]  # (channels, 2, n) of q and v
+    pair_rows: NDArray[Any]  # (channels, 4, pairs) of Y, Y_RATE, FORCE and of the force of contact
     channels: NDArray[Any]  # (samples, channels)
     energy: NDArray[Any]  # (samples, columns and modes)
     fields: NDArray[Any]  # (snapshots, 2, n + pairs)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,23 +10,34 @@ from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
 from femimpact.excitation import Excitation
+from femimpact.integrators.channel_rows import ChannelRows
+from femimpact.integrators.driving import Drive
 from femimpact.integrators.stepping import layout
 from femimpact.integrators.stepping.block import Block
+from femimpact.response.channels import Channel
 from femimpact.response.columns import ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.history import HistoryPiece, Snapshots
 from femimpact.response.impacts import Impacts, StickingPhases
-from femimpact.response.response import Channel, on_beam
 from femimpact.system.system import System
 
-__all__ = ["history_of", "impacts_of", "open_contacts", "sticking_of"]
+__all__ = ["Recorded", "history_of", "impacts_of", "open_contacts", "sticking_of"]
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """What a run's history is read for: its excitation, and the channels with their rows."""
+
+    excitation: Excitation
+    drive: Drive
+    channels: tuple[Channel, ...]
+    rows: ChannelRows
 
 
 def history_of(
     block: Block,
     system: System,
-    excitation: Excitation,
-    channels: tuple[Channel, ...],
+    recorded: Recorded,
     samples_before: int,
     snapshots_before: int,
 ) -> HistoryPiece:
@@ -35,8 +47,7 @@ def history_of(
     ----------
     block : Block
     system : System
-    excitation : Excitation
-    channels : tuple of Channel
+    recorded : Recorded
     samples_before, snapshots_before : int
         What was taken out of the record earlier.
 
@@ -53,13 +64,15 @@ def history_of(
     return HistoryPiece(
         time=time,
         channels={
-            channel.name: _own(on_beam(system, channel) * record.channels[:samples, i])
-            for i, channel in enumerate(channels)
+            channel.name: _own(
+                record.channels[:samples, i] + recorded.rows.of_time(i, time, recorded.excitation, recorded.drive)
+            )
+            for i, channel in enumerate(recorded.channels)
         },
-        units={channel.name: channel.unit for channel in channels},
+        units={channel.name: channel.unit for channel in recorded.channels},
         energy=_ledger(record.energy[:samples], time) if block.ledger else None,
         snapshots=_snapshots(record, system, shown) if record.fields.shape[0] > 0 else None,
-        base=excitation,
+        base=recorded.excitation,
     )
 
 

@@ -7,12 +7,13 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from femimpact.excitation import Excitation, RecordedBase
+from femimpact.integrators.channel_rows import ChannelRows
+from femimpact.integrators.driving import Drive
 from femimpact.integrators.memory import check_memory, first_steps, kept_rows, modes_kept
 from femimpact.integrators.stepping import layout
 from femimpact.integrators.stepping.newmark import SteppingMethod
 from femimpact.response.columns import ENERGY_COLUMNS, IMPACT_COLUMNS
-from femimpact.response.response import Channel, Recorder
+from femimpact.response.response import Recorder
 from femimpact.system.system import System
 
 __all__ = ["piece_ends", "record_of"]
@@ -29,29 +30,28 @@ def piece_ends(recorder: Recorder, steps: int) -> Iterable[int]:
 def record_of(
     system: System,
     recorder: Recorder,
-    channels: tuple[Channel, ...],
+    rows: ChannelRows,
     steps: int,
     method: SteppingMethod,
-    excitation: Excitation,
+    drive: Drive,
 ) -> layout.Record:
     """Arrays for what is kept, refused before the run when they would not fit."""
     dt, modes = method.dt, modes_kept(system, recorder)
     # a recorded motion is spread over all fine steps before the first
-    drive = steps * method.refine + 1 if isinstance(excitation, RecordedBase) else 0
+    values = 0 if drive.is_sine else steps * method.refine + 1
     # with the base's displacement and velocity, where stops stand still in space
-    drive *= 3 if any(pair.fixed_to == "space" for pair in system.contacts) else 1
-    check_memory(system, recorder, len(channels), steps, dt, excitation.frequency, drive=drive)
+    values *= 3 if any(pair.fixed_to == "space" for pair in system.contacts) else 1
+    check_memory(system, recorder, rows.drive.size, steps, dt, drive.omega / (2.0 * np.pi), drive=values)
     samples, snapshots = kept_rows(recorder, steps, dt)
-    rows = [channel.row for channel in channels if channel.row is not None]
-    number = iter(range(len(rows)))
-    index = [channel.ball if channel.row is None else next(number) for channel in channels]
     balls = len(system.contacts)
     start, start_field = first_steps(recorder, steps, dt)
+    of_state = np.stack([rows.displacement, rows.velocity], axis=1)
+    of_pairs = np.stack([rows.ball_displacement, rows.ball_velocity, rows.pair_force, rows.contact_force], axis=1)
     return layout.Record(
-        kind=np.array([channel.kind for channel in channels], dtype=np.int64),
-        source=np.array(index, dtype=np.int64),
-        rows=np.array(rows).reshape(-1, system.dofs),
-        channels=np.zeros((samples, len(channels))),
+        used=np.column_stack([np.any(of_state, axis=2), np.any(of_pairs, axis=(1, 2))]).astype(np.int64),
+        rows=of_state,
+        pair_rows=of_pairs,
+        channels=np.zeros((samples, rows.drive.size)),
         energy=np.zeros((samples if recorder.ledger else 0, len(ENERGY_COLUMNS) + modes)),
         fields=np.zeros((snapshots, 2, system.dofs + balls)),
         forces=np.zeros((snapshots, balls)),

@@ -11,16 +11,19 @@ import numpy as np
 from femimpact.contact.formulas import RIGID
 from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation
-from femimpact.integrators.stepping.block import Block, prepare, run_block
+from femimpact.integrators.channel_rows import channel_rows
+from femimpact.integrators.driving import drive_of
+from femimpact.integrators.stepping.block import Block, Inputs, prepare, run_block
 from femimpact.integrators.stepping.entries import keep
 from femimpact.integrators.stepping.newmark import SteppingMethod, require_method
-from femimpact.integrators.stepping.reading import history_of, impacts_of, open_contacts, sticking_of
+from femimpact.integrators.stepping.reading import Recorded, history_of, impacts_of, open_contacts, sticking_of
 from femimpact.integrators.stepping.record import piece_ends, record_of
 from femimpact.integrators.stepping.step_size import check_sampling, check_step, step_notes
 from femimpact.integrators.threads import Progress
+from femimpact.response.channels import resolve_channels
 from femimpact.response.history import Stream
 from femimpact.response.impacts import impact_statistics
-from femimpact.response.response import Recorder, Response, resolve_channels
+from femimpact.response.response import Recorder, Response
 from femimpact.response.signals import no_steady_motion, steady_motion
 from femimpact.system.reduction import truncation_notes
 from femimpact.system.system import State, System
@@ -53,21 +56,19 @@ def run_steps(
     check_sampling(np.array([excitation.frequency]), method, "frequency")
     warnings = check_step(system, method)
     steps = round(duration / method.dt)
-    channels = resolve_channels(system, recorder.channels)
+    channels, drive = resolve_channels(system, recorder.channels), drive_of(system, excitation)
+    rows = channel_rows(system, drive, channels, springs_apart=False)
     block = prepare(
         system,
-        [excitation],
+        Inputs([excitation], [steps], [2 * steps // 3], initial),
         method,
-        steps=[steps],
-        window_start=[2 * steps // 3],
-        initial=initial,
         observed=system.point_row(system.default_place),
         ledger=recorder.ledger,
-        record=record_of(system, recorder, channels, steps, method, excitation),
+        record=record_of(system, recorder, rows, steps, method, drive),
     )
     _keep_first(block)
     stream = Stream(
-        read=partial(history_of, block, system, excitation, channels),
+        read=partial(history_of, block, system, Recorded(excitation, drive, channels, rows)),
         clear=partial(block.record.tally[1:3].fill, 0),
         sink=recorder.sink,
     )

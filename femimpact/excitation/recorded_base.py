@@ -1,12 +1,7 @@
-"""What drives a run: motions of the base, or a force at a place.
-
-Every excitation answers the same questions: the base's displacement, velocity and acceleration
-(consistent with one another), and the frequency that "a cycle" means in statistics.
-"""
+"""A motion of the base from samples of its acceleration."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -14,93 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import check_fields, place, quantity, real_array, require, require_type
+from femimpact.errors import check_fields, quantity, real_array, require
+from femimpact.excitation.excitation import BrokenLine, times
 
-__all__ = ["Excitation", "PointForce", "RecordedBase", "Sine"]
-
-
-@dataclass(frozen=True)
-class Sine:
-    """Steady sine of the base: ub(t) = amplitude sin(2 pi frequency t + phase).
-
-    Parameters
-    ----------
-    amplitude : float, m
-        As the history of a `PointForce`, in newtons.
-    frequency : float, Hz
-    phase : float, rad
-    """
-
-    amplitude: float = field(metadata=quantity("m", at_least=0.0))
-    frequency: float = field(metadata=quantity("Hz", above=0.0))
-    phase: float = field(default=0.0, metadata=quantity("rad"))
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-
-    @property
-    def omega(self) -> float:
-        """Angular frequency, rad/s."""
-        return 2.0 * math.pi * self.frequency
-
-    def displacement(self, time: ArrayLike) -> NDArray[Any]:
-        """Base displacement ub (m) at times in s."""
-        return np.asarray(self.amplitude * np.sin(self.omega * _times(time) + self.phase))
-
-    def velocity(self, time: ArrayLike) -> NDArray[Any]:
-        """Base velocity (m/s) at times in s."""
-        scale = self.amplitude * self.omega
-        return np.asarray(scale * np.cos(self.omega * _times(time) + self.phase))
-
-    def acceleration(self, time: ArrayLike) -> NDArray[Any]:
-        """Base acceleration (m/s^2) at times in s."""
-        return -(self.omega**2) * self.displacement(time)
-
-
-@dataclass(frozen=True)
-class PointForce:
-    """Force on the structure at one place, the base at rest: F(t) = history(t), read as newtons.
-
-    Parameters
-    ----------
-    at : str or float
-        Named place, or metres from the root.
-    history : Sine
-        Its amplitude is a force, N.
-    """
-
-    at: str | float = field(metadata=place())
-    history: Sine
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        require_type(self.history, Sine, "history")
-
-    @property
-    def frequency(self) -> float:
-        """Of the force, Hz."""
-        return self.history.frequency
-
-    @property
-    def phase(self) -> float:
-        """Of the force at t = 0, rad."""
-        return self.history.phase
-
-    @property
-    def amplitude(self) -> float:
-        """Of the base's motion: none, 0 m."""
-        return 0.0
-
-    def force(self, time: ArrayLike) -> NDArray[Any]:
-        """Force (N) at times in s."""
-        return self.history.displacement(time)
-
-    def displacement(self, time: ArrayLike) -> NDArray[Any]:
-        """Base displacement: zero, m."""
-        return np.zeros_like(_times(time))
-
-    velocity = displacement
-    acceleration = displacement
+__all__ = ["RecordedBase"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +28,11 @@ class RecordedBase:
     interval : float, s
         Between samples.
     initial_velocity : float, m/s
+
+    Raises
+    ------
+    InputError
+        If samples are fewer than two or not finite, the interval is not above zero, or the base moves beyond numbers.
     """
 
     samples: Any
@@ -146,7 +63,7 @@ class RecordedBase:
 
     def _locate(self, time: ArrayLike) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Sample before each time, time since then (s), acceleration there, and its slope."""
-        t = _times(time)
+        t = times(time)
         index = np.clip(np.floor(t / self.interval).astype(int), 0, self.samples.size - 1)
         padded = np.append(self.samples, self.samples[-1])
         beyond = index >= self.samples.size - 1
@@ -185,9 +102,7 @@ class RecordedBase:
         _, s, a, slope = self._locate(time)
         return np.asarray(a + s * slope)
 
-
-def _times(time: ArrayLike) -> NDArray[Any]:
-    return real_array("time", time, "s", "must be finite numbers")
-
-
-Excitation = Sine | PointForce | RecordedBase
+    @property
+    def closed_form(self) -> BrokenLine:
+        """Acceleration of the base, m/s^2."""
+        return BrokenLine(self.samples, self.interval, self.initial_velocity)

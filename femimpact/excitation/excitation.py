@@ -1,0 +1,99 @@
+"""What drives a run: an open protocol, and the closed forms that a history may have.
+
+Every excitation answers the same questions: the base's displacement, velocity and acceleration
+(consistent with one another), and the frequency that "a cycle" means in statistics.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+from numpy.typing import ArrayLike, NDArray
+
+from femimpact.errors import real_array, require
+
+__all__ = ["BrokenLine", "Excitation", "Harmonic", "require_excitation", "times"]
+
+
+@runtime_checkable
+class Excitation(Protocol):
+    """A motion of the base, or a force at a place; a class of one's own with these members serves every step method.
+
+    Two members more are optional:
+
+    - `closed_form`, a `Harmonic` or a `BrokenLine` of the base's acceleration (m/s^2) or of the force (N): the
+      event-driven method needs it.
+    - `at`, a place, with `force(time)` in N: the history acts there as a force. The base then stands still, so that its
+      motions are zero.
+    """
+
+    @property
+    def frequency(self) -> float:
+        """What a cycle means in statistics, Hz; > 0."""
+
+    @property
+    def phase(self) -> float:
+        """At t = 0, rad: that of an impact is counted from there."""
+
+    @property
+    def amplitude(self) -> float:
+        """Largest displacement of the base, m: the scale by which divergence is told."""
+
+    def displacement(self, time: ArrayLike) -> NDArray[Any]:
+        """Base displacement ub (m) at times in s."""
+
+    def velocity(self, time: ArrayLike) -> NDArray[Any]:
+        """Base velocity (m/s) at times in s."""
+
+    def acceleration(self, time: ArrayLike) -> NDArray[Any]:
+        """Base acceleration (m/s^2) at times in s."""
+
+
+@dataclass(frozen=True)
+class Harmonic:
+    """A history in closed form: s(t) = amplitude sin(omega t + phase).
+
+    Parameters
+    ----------
+    amplitude : float, m/s^2 or N
+    omega : float, rad/s
+    phase : float, rad
+    """
+
+    amplitude: float
+    omega: float
+    phase: float
+
+
+@dataclass(frozen=True, eq=False)
+class BrokenLine:
+    """A history in closed form: straight lines between samples from t = 0 on, zero beyond the last.
+
+    Parameters
+    ----------
+    samples : ndarray (n,), m/s^2 or N
+    interval : float, s
+        Between samples.
+    initial_velocity : float, m/s
+        Of the base, where s is its acceleration.
+    """
+
+    samples: NDArray[Any]
+    interval: float
+    initial_velocity: float = 0.0
+
+
+MEMBERS = ("frequency", "phase", "amplitude", "displacement", "velocity", "acceleration")
+
+
+def require_excitation(value: object, key: str = "excitation") -> None:
+    """Raise `InputError` unless a value answers what an excitation must."""
+    missing = [name for name in MEMBERS if not hasattr(value, name)]
+    allowed = "must be a Sine, a PointForce or a RecordedBase, or an object with all of " + ", ".join(MEMBERS)
+    require(not missing, key, type(value).__name__, "", allowed)
+
+
+def times(time: ArrayLike) -> NDArray[Any]:
+    """Times (s) as an array of float."""
+    return real_array("time", time, "s", "must be finite numbers")

@@ -1,0 +1,116 @@
+"""Channels as rows of what the time loops hold: coordinates, rates and contact forces; the rest is known beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse.linalg
+from numpy.typing import NDArray
+
+from femimpact.excitation import Excitation
+from femimpact.integrators.driving import Drive
+from femimpact.response.channels import Channel, Reading
+from femimpact.system.system import System
+
+__all__ = ["ChannelRows", "channel_rows"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelRows:
+    """R channels of a system with n dofs and B pairs under a drive s(t), free of accelerations.
+
+    Parameters
+    ----------
+    displacement, velocity : ndarray (R, n)
+        Of u and u'.
+    ball_displacement, ball_velocity : ndarray (R, B)
+        Of y and y'; zero for stops.
+    contact_force : ndarray (R, B)
+        Of the forces of contact on the structure along b_j.
+    pair_force : ndarray (R, B)
+        Of the same with those of centring springs; zero where the time loop holds these apart.
+    base : ndarray (R, 3)
+        Of ub, ub' and ub''.
+    drive : ndarray (R,)
+        Of s(t).
+    constant : ndarray (R,)
+    """
+
+    displacement: Array
+    velocity: Array
+    ball_displacement: Array
+    ball_velocity: Array
+    contact_force: Array
+    pair_force: Array
+    base: Array
+    drive: Array
+    constant: Array
+
+    def of_time(self, channel: int, time: Array, excitation: Excitation, drive: Drive) -> Array | float:
+        """What a channel reads of the base, of the drive and of nothing at times in s: the state has no part in it."""
+        total: Array | float = float(self.constant[channel])
+        motions = (excitation.displacement, excitation.velocity, excitation.acceleration)
+        for weight, motion in zip(self.base[channel], motions, strict=True):
+            if weight != 0.0:
+                total = total + weight * motion(time)
+        if self.drive[channel] != 0.0:
+            total = total + self.drive[channel] * drive.value(time)
+        return total
+
+
+def channel_rows(system: System, drive: Drive, channels: tuple[Channel, ...], *, springs_apart: bool) -> ChannelRows:
+    """Rows of channels; the accelerations are M^-1 (load s + constant load - C u' - K u + sum_j b_j F_j) and so on.
+
+    Parameters
+    ----------
+    system : System
+    drive : Drive
+    channels : tuple of Channel
+    springs_apart : bool
+        Whether the time loop holds no forces of pairs with those of their centring springs, k0 x_j, in them.
+
+    Returns
+    -------
+    ChannelRows
+    """
+    rows = [_row(system, drive, channel.reading(system), springs_apart) for channel in channels]
+    n, pairs = system.dofs, len(system.contacts)
+    # of no channels, arrays without rows
+    empty = (*[np.zeros(n)] * 2, *[np.zeros(pairs)] * 4, np.zeros(3), 0.0, 0.0)
+    columns = zip(*[empty, *rows], strict=True)
+    return ChannelRows(*(np.array(column, dtype=float)[1:] for column in columns))
+
+
+def _row(
+    system: System, drive: Drive, reading: Reading, springs_apart: bool
+) -> tuple[Array, Array, Array, Array, Array, Array, Array, float, float]:
+    """One channel, in the order of the fields of `ChannelRows`."""
+    displacement, velocity = reading.displacement.copy(), reading.velocity.copy()
+    balls = np.array([not pair.is_stop for pair in system.contacts], dtype=bool)
+    y, y_rate = reading.ball_displacement * balls, reading.ball_velocity * balls
+    driven, constant = 0.0, reading.constant
+    # what accelerations read of all that a pair does to structure and ball
+    whole = np.zeros(len(system.contacts))
+    if np.any(reading.acceleration):
+        z = np.atleast_1d(scipy.sparse.linalg.spsolve(system.M.tocsc(), reading.acceleration))
+        displacement -= system.K.T @ z
+        velocity -= system.C.T @ z
+        driven += float(drive.load @ z)
+        constant += float(np.asarray(system.constant_load) @ z)
+        whole += [float(pair.direction @ z) for pair in system.contacts]
+    for j, pair in enumerate(system.contacts):
+        if pair.is_stop:
+            continue
+        weight = reading.ball_acceleration[j]
+        whole[j] -= weight * pair.mobility
+        driven -= weight * drive.share
+        constant += weight * pair.acceleration
+        if springs_apart:
+            spring = pair.free_stiffness * whole[j]
+            y[j] += spring
+            displacement -= spring * pair.direction
+    contact, pairs = (reading.contact_force + whole, 0.0 * whole) if springs_apart else (reading.contact_force, whole)
+    return displacement, velocity, y, y_rate, contact, pairs, reading.base, driven, constant
