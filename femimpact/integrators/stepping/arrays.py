@@ -299,7 +299,7 @@ def limits_of(
 
 
 def _acceleration(system: System, drive: Drive, values: NDArray[Any] | None) -> float:
-    """Largest acceleration (m/s^2) that a force on the structure gives to its own place, by its values if not a sine."""
+    """Largest acceleration (m/s^2) that a force on the structure gives to its own place; by its values if no sine."""
     largest = abs(drive.sine.amplitude) if values is None else float(np.abs(values).max())
     free = scipy.sparse.linalg.spsolve(system.M.tocsc(), drive.load)
     return largest * float(np.atleast_1d(free) @ drive.load)
