@@ -171,9 +171,9 @@ def test_pieces_of_a_stream_are_the_whole():
     ("name", "words"),
     [
         ("tipp.velocity", r"did you mean 'tip'"),
-        ("tip.velocty", r"\.velocty of a place is unknown; did you mean 'velocity'"),
-        ("tip.gap", r"\.gap of a place is unknown"),
-        ("impactor.rotation", r"\.rotation of a ball is unknown"),
+        ("tip.velocty", r"unknown; did you mean 'tip\.velocity'"),
+        ("tip.gap", r"unknown.*tip\.rotation"),
+        ("impactor.rotation", r"unknown.*impactor\.gap"),
         ("", r"unknown"),
     ],
 )
@@ -200,3 +200,13 @@ def test_two_channels_of_one_name_are_refused():
 
     with pytest.raises(fi.InputError, match="one channel, not of two"):
         run(reduced(COMPLIANT), fi.Newmark(2e-5), channels=("tip", Other(0, "u")))
+
+
+def test_a_system_used_before_gives_the_bits_of_a_fresh_one():
+    # closed forms are kept with the system; other channels and another drive must not disturb them
+    used = reduced(COMPLIANT)
+    run(used, fi.EventDriven(), channels=("tip.acceleration",))
+    run(used, fi.EventDriven(), fi.PointForce("tip", fi.Sine(0.1, 9.0)), channels=("tip",))
+    one, other = (run(system, fi.EventDriven()) for system in (used, reduced(COMPLIANT)))
+    for name in READ:
+        np.testing.assert_array_equal(one[name], other[name])

@@ -44,7 +44,7 @@ def first_beyond(scalars, motion, horizon, points):
 def free_motion(system, drive):
     """Scalars of a system whose ball flies, and a motion of that size."""
     whole, rigid = equations_of(system, drive), np.ones(1, dtype=bool)
-    store = FormStore(whole, rigid, outputs_of(system, system.point_row("tip"), (), whole.in_space), broken=False)
+    store = FormStore(whole, rigid, outputs_of(system, system.point_row("tip")), broken=False)
     rest = np.zeros((1, system.dofs + 1))
     window = np.array([[0.0, np.inf]])
     inputs = Inputs([drive], [system.contacts], rest, rest, window)
@@ -81,7 +81,7 @@ def test_no_crossing_is_missed_in_thousands_of_random_motions(modes, cases):
         motion.entry[:modes] *= 10.0 ** rng.uniform(-3, 0, modes)
         motion.rigid_body[:] = rng.uniform(-1, 1) * scale / shape
         motion.rigid_body_rate[:] = 10.0 ** rng.uniform(-4, 0) * rng.choice([-1, 1]) / shape
-        motion.clock[:] = 0.0, drive.phase
+        motion.clock[:] = 0.0, drive.sine.phase
         expected, step = first_beyond(scalars, motion, horizon, points)
         if expected == 0.0:
             continue

@@ -438,6 +438,15 @@ class System:
         return self._known_rows[at]
 
     @cached_property
+    def derived(self) -> dict[Any, Any]:
+        """What was computed of this system before, under keys of those who computed it: it lives as long as the system.
+
+        A value follows from its key and the system alone, and is not changed once it is there, so that threads
+        may share it.
+        """
+        return {}
+
+    @cached_property
     def _known_rows(self) -> dict[Position, NDArray[Any]]:
         """Rows read before: every run asks for the same ones."""
         return {}

@@ -139,7 +139,7 @@ def _new_run(
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
     rows = channel_rows(system, drive, channels, springs_apart=True)
     outputs = outputs_of(system, system.point_row(system.default_place), rows)
-    store = FormStore(whole, rigid, outputs, broken=drive.line is not None)
+    store = FormStore(whole, rigid, outputs, broken=drive.line is not None, derived=system.derived)
     u, v, y, y_rate = initial.relative_to_base(system, excitation)
     balls = len(system.balls)
     inputs = Inputs(

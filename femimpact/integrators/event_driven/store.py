@@ -26,6 +26,9 @@ __all__ = ["FormStore", "Outputs", "outputs_of"]
 
 Array = NDArray[Any]
 
+MOST_KEPT = 256
+"""Closed forms, and what else is derived of a system, beyond which no more are kept with it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Outputs:
@@ -70,13 +73,18 @@ class FormStore:
     outputs : Outputs
     broken : bool
         Whether s(t) is a broken line.
+    derived : dict, optional
+        Where closed forms of the system were kept by earlier calls; see `System.derived`.
     """
 
-    def __init__(self, whole: Equations, rigid: Array, outputs: Outputs, broken: bool) -> None:
+    def __init__(
+        self, whole: Equations, rigid: Array, outputs: Outputs, broken: bool, derived: dict[Any, Any] | None = None
+    ) -> None:
         self.whole = whole
         self.rigid = rigid
         self.outputs = outputs
         self.broken = broken
+        self.derived: dict[Any, Any] = {} if derived is None else derived
         self.lock = threading.Lock()
         self.known: dict[tuple[bytes, int], int] = {}
         self.last: dict[bytes, tuple[int, int]] = {}
@@ -104,11 +112,22 @@ class FormStore:
         with self.lock:
             if (parameters, key) not in self.known:
                 active = np.array([bool(key >> j & 1) for j in range(self.rigid.size)], dtype=bool)
-                made = closed_form(self.whole, active, self.rigid, stiffness, damping)
+                made = self._closed_form(active, stiffness, damping)
                 allowed = "must have stiffness in every braked motion for this excitation or constant force"
                 require(not made.unheld[0] and not (self.broken and made.unheld[1]), "system", None, "", allowed)
                 self._add(made, active, key, parameters)
             return self.first[parameters]
+
+    def _closed_form(self, active: Array, stiffness: Array, damping: Array) -> ClosedForm:
+        """The closed form of some pairs in contact, made once for a system and the place where its drive acts."""
+        of_drive = self.whole.drive.tobytes(), self.whole.in_space.tobytes()
+        key = "closed form", *of_drive, active.tobytes(), stiffness.tobytes(), damping.tobytes()
+        made = self.derived.get(key)
+        if made is None:
+            made = closed_form(self.whole, active, self.rigid, stiffness, damping)
+            if len(self.derived) < MOST_KEPT:
+                self.derived[key] = made
+        return made
 
     def snapshot(self) -> Forms:
         """All forms known now."""

@@ -197,7 +197,7 @@ def _contacts_at_start(
                 if abs(depth) > ROUNDED:
                     continue
                 pairs.constants[gap, j, c] += depth - ROUNDED
-                pushes[j, c] = normal[j]
+                force = abs(normal[j])
             elif depth <= 0.0:
                 continue
             elif numbers.kind == KELVIN_VOIGT:

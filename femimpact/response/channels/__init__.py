@@ -95,15 +95,16 @@ def channel_of(shown: Any, channel: Position | Channel) -> Channel:
     stem, _, read = (channel, "", "displacement") if _kind(shown, channel) else channel.rpartition(".")
     kind = _kind(shown, stem)
     if kind is None:
-        known = [*shown.points, *(pair.name for pair in shown.contacts)]
+        alone = ["gap", "contact_force"] if len(shown.contacts) == 1 else []
+        known = [*shown.points, *(pair.name for pair in shown.contacts), *alone]
         behind = ", ".join(f".{name}" for name in QUANTITIES)
-        allowed = f"{suggestion(stem or channel, known)}, or metres from the root; behind it nothing or one of {behind}"
+        allowed = f"{suggestion(stem if read in QUANTITIES else channel, known)}, metres from the root, or one of these with one of {behind}"
         require(False, "channels", channel, "", allowed)
-        raise AssertionError("require raises")
-    moving = kind != "stop" or read not in QUANTITIES or "stop" in QUANTITIES[read].of
+    fitting = [f"{stem}.{name}" for name, entry in QUANTITIES.items() if kind in entry.of]
+    moving = kind != "stop" or read not in ("displacement", "velocity", "acceleration")
     require(moving, "channels", channel, "", "is a stop, which does not move: take its .gap or .contact_force")
-    fitting = [name for name, entry in QUANTITIES.items() if kind in entry.of]
-    require(read in fitting, "channels", channel, "", f".{read} of a {kind} is {suggestion(read, fitting)}")
+    if f"{stem}.{read}" not in fitting:
+        require(False, "channels", channel, "", suggestion(channel, fitting))
     return QUANTITIES[read].make(stem if stem in shown.points or kind != "place" else _metres(stem))
 
 

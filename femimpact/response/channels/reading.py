@@ -58,8 +58,11 @@ class Reading:
 
 def zero_reading(system: System) -> Reading:
     """The reading that is zero in every state of a system: others are made of it by `dataclasses.replace`."""
-    dofs, pairs = np.zeros(system.dofs), np.zeros(len(system.contacts))
-    return Reading(dofs, dofs, dofs, pairs, pairs, pairs, np.zeros(3), pairs)
+    if "zero reading" not in system.derived:
+        dofs, pairs, base = np.zeros(system.dofs), np.zeros(len(system.contacts)), np.zeros(3)
+        system.derived["zero reading"] = Reading(dofs, dofs, dofs, pairs, pairs, pairs, base, pairs)
+    zero: Reading = system.derived["zero reading"]
+    return zero
 
 
 @runtime_checkable
