@@ -86,15 +86,17 @@ MUTATIONS = (
     # excitation
     Mutation(
         "base_speed_sign",
-        "scale * np.cos(self.omega * _times(time)",
-        "-scale * np.cos(self.omega * _times(time)",
+        "scale * np.cos(self.omega * times(time)",
+        "-scale * np.cos(self.omega * times(time)",
     ),
-    Mutation("recorded_base", "        excitation.samples,\n", "        1.1 * excitation.samples,\n"),
+    Mutation("recorded_base", "BrokenLine(self.samples, self", "BrokenLine(1.1 * self.samples, self"),
     Mutation("recorded_displacement", "h * h * (2.0 * a[:-1] + a[1:]) / 6.0", "h * h * (a[:-1] + 2.0 * a[1:]) / 6.0"),
-    Mutation("force_phase", "history.amplitude, omega, history.phase)", "history.amplitude, omega, 0.0)"),
+    Mutation("force_phase", "self.history.omega, self.history.phase)", "self.history.omega, 0.0)"),
     Mutation("rest_in_space", "y, y_rate = y - offset, y_rate - speed", "y, y_rate = y - offset, y_rate + speed"),
     Mutation(
-        "absolute_displacement", "np.asarray(values + moved_by(self.time))", "np.asarray(values - moved_by(self.time))"
+        "absolute_displacement",
+        "np.asarray(values + moved_by[channel.unit](self.time))",
+        "np.asarray(values - moved_by[channel.unit](self.time))",
     ),
     # contact
     Mutation("restitution_of_ratio", "math.exp(-2.0 * z * linear_angle", "math.exp(-2.02 * z * linear_angle"),

@@ -89,18 +89,18 @@ def mean_forces(
     kind: int, before: float, after: float, travel: float, dt: float, stiffness: float, damping: float,
     exponent: float, approach: float, address: int,
 ) -> tuple[float, float]:  # fmt: skip
-    """Elastic and whole normal force (N) of a step, as means over its way.
+    """Elastic and whole normal force (N) of a step, as means over its displacement.
 
     mean = (1/travel) integral of N(p, travel/dt) dp from before to after: depths at both ends of the
-    step, no less than 0; the travel is that of the pair, in flight too. The elastic part is
+    step, no less than 0; the travel is that of the pair, between contacts too. The elastic part is
     [V(after) - V(before)]/travel: its work is what the potential changes by.
     """
-    way = after - before
+    increment = after - before
     # in contact at both ends both are the same; their quotient would be noise where the pair rests
-    inside = way / travel if travel != 0.0 and (before == 0.0 or after == 0.0) else 1.0
+    inside = increment / travel if travel != 0.0 and (before == 0.0 or after == 0.0) else 1.0
     rate = travel / dt
     middle = 0.5 * (before + after)
-    short = abs(way) <= SHORT * middle
+    short = abs(increment) <= SHORT * middle
     if kind == KELVIN_VOIGT:
         elastic = stiffness * middle * inside
         whole = elastic + damping * rate * inside
@@ -108,7 +108,7 @@ def mean_forces(
         if short:
             elastic = 0.0
             for i in range(NODES.size):
-                depth = before + NODES[i] * way
+                depth = before + NODES[i] * increment
                 elastic += WEIGHTS[i] * normal_force(kind, depth, 0.0, stiffness, 0.0, exponent, approach, address)
             elastic *= inside
         else:
@@ -120,7 +120,7 @@ def mean_forces(
             whole += elastic * damping * rate / approach if damping > 0.0 else 0.0
         else:
             for i in range(NODES.size):
-                depth = before + NODES[i] * way
+                depth = before + NODES[i] * increment
                 share = WEIGHTS[i] * inside
                 whole += share * normal_force(kind, depth, rate, 0.0, 0.0, 1.0, approach, address)
                 whole -= share * normal_force(kind, depth, 0.0, 0.0, 0.0, 1.0, approach, address)
@@ -129,16 +129,16 @@ def mean_forces(
 
 @called
 def elastic_mean(
-    kind: int, x_before: float, x: float, dt: float, plus: float, minus: float, stiffness: float, exponent: float,
-    approach: float, address: int,
+    kind: int, x_before: float, x: float, dt: float, gap_plus: float, gap_minus: float, stiffness: float,
+    exponent: float, approach: float, address: int,
 ) -> float:  # fmt: skip
-    """Mean elastic force (N) of both walls over the way of a step, positive at the + wall."""
+    """Mean elastic force (N) of both walls over the displacement of a step, positive at the + wall."""
     total = 0.0
     for k in range(2):
-        side, gap = (1.0, plus) if k == 0 else (-1.0, minus)
+        side, gap = (1.0, gap_plus) if k == 0 else (-1.0, gap_minus)
         before, after = max(side * x_before - gap, 0.0), max(side * x - gap, 0.0)
         if before > 0.0 or after > 0.0:
-            way = side * (x - x_before)
-            elastic, _ = mean_forces(kind, before, after, way, dt, stiffness, 0.0, exponent, approach, address)
+            increment = side * (x - x_before)
+            elastic, _ = mean_forces(kind, before, after, increment, dt, stiffness, 0.0, exponent, approach, address)
             total += side * elastic
     return total

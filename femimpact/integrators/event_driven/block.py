@@ -66,7 +66,7 @@ class Inputs:
 
 @dataclass(eq=False)
 class Block:
-    """Arrays of some cases on their way; the compiled loop writes into them. C cases.
+    """Arrays of some cases under way; the compiled loop writes into them. C cases.
 
     Parameters
     ----------

@@ -217,10 +217,10 @@ def _free_basis(whole: Equations, sticking: NDArray[np.intp]) -> Array:
     stops = sticking[whole.stop[sticking]]
     left = np.eye(n) if stops.size == 0 else scipy.linalg.null_space(-whole.force[:n, stops].T)
     held = set(sticking.tolist())
-    flying = [i for i in range(n, size) if i - n not in held]
-    basis = np.zeros((size, left.shape[1] + len(flying)))
+    moving = [i for i in range(n, size) if i - n not in held]
+    basis = np.zeros((size, left.shape[1] + len(moving)))
     basis[:n, : left.shape[1]] = left
-    basis[flying, left.shape[1] + np.arange(len(flying))] = 1.0
+    basis[moving, left.shape[1] + np.arange(len(moving))] = 1.0
     for j in sticking[~whole.stop[sticking]]:
         basis[n + j, : left.shape[1]] = whole.force[:n, j] @ left
     return basis

@@ -201,12 +201,12 @@ def _work_on_rigid_body(p: int, form: Form, mark: Motion, motion: Motion) -> flo
     """
     scalars, turned = form.scalars, form.rigid_body_sine[p]
     before, after = mark.rigid_body_rate[p], motion.rigid_body_rate[p]
-    way = motion.rigid_body[p] - mark.rigid_body[p]
+    increment = motion.rigid_body[p] - mark.rigid_body[p]
     if not scalars.broken:
         was, now = turned * unit_phase(scalars.omega, mark.clock), turned * unit_phase(scalars.omega, motion.clock)
         before, after = before - scalars.omega * was.imag, after - scalars.omega * now.imag
-        way += now.real - was.real
-    gained: float = 0.5 * (after * after - before * before) - form.load_on_rigid_body[p, 0] * way
+        increment += now.real - was.real
+    gained: float = 0.5 * (after * after - before * before) - form.load_on_rigid_body[p, 0] * increment
     return gained
 
 

@@ -33,7 +33,7 @@ class EventDriven:
     closure : float, m
         For rigid contacts. A bounce that would rise no higher is the last: the pair is captured, its momentum handed
         over, and sticks to its wall until the contact force changes sign. What is left out is a
-        displacement below the closure and the energy m_eff v^2/2 of that bounce, which is booked as
+        displacement below the closure and the energy m_eff v^2/2 of that bounce, which is counted as
         loss; the accumulation's end, 2 v/(a (1 - e)) later, is the start in the table of sticking phases.
     samples_per_cycle : int
         Grid on which channels, rms, harmonics and the ledger are read; neither events nor the peak of a cycle, which

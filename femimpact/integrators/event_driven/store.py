@@ -174,7 +174,7 @@ class FormStore:
         arrays |= {name: np.zeros(shape, dtype=complex) for name, shape in complexes.items()}
         return Forms(made=0, **arrays, together=np.zeros((f, entries, entries), dtype=bool))
 
-    def _make_room(self, needed: tuple[int, int, int]) -> None:
+    def _enlarge(self, needed: tuple[int, int, int]) -> None:
         """Larger arrays where a form more would not fit; those in use elsewhere stay as they are."""
         capacity = self.forms.key.size
         if self.count < capacity and all(n <= m for n, m in zip(needed, self.most, strict=True)):
@@ -187,7 +187,7 @@ class FormStore:
 
     def _add(self, made: ClosedForm, active: Array, key: int, parameters: bytes) -> None:
         modes, f = made.modes, self.count
-        self._make_room((modes.exponent.size, made.rigid_body_drive.size, len(modes.blocks)))
+        self._enlarge((modes.exponent.size, made.rigid_body_drive.size, len(modes.blocks)))
         used = (made.velocity.weight != 0.0) | (made.position.weight != 0.0)
         together = used.T.astype(int) @ used.astype(int) > 0
         if np.any(active & ~self.rigid):

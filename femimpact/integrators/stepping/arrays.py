@@ -276,7 +276,7 @@ def limits_of(
 ) -> NDArray[Any]:
     """Displacement (m) of the observed place beyond which a case counts as diverging.
 
-    A multiple of what the drive does at resonance, the initial state, and a ball's flight within
+    A multiple of what the drive does at resonance, the initial state, and a ball's motion within
     one radian of the first mode can amount to; without an elastic mode, within the whole run.
     """
     alpha, beta = system.rayleigh or (0.0, 0.0)

@@ -67,13 +67,13 @@ def _step(
         t, f, r6 = 12 * j, 4 * j, zero
         if j < n:
             rate, old = load(v, j, c, zero), load(a, j, c, zero)
-            way, gain = fma(s.dt, rate, product(s.predict_u, old)), product(s.predict_v, old)
-            u, rate = fma(1.0, way, load(q, j, c, zero)), fma(1.0, gain, rate)
+            increment, gain = fma(s.dt, rate, product(s.predict_u, old)), product(s.predict_v, old)
+            u, rate = fma(1.0, increment, load(q, j, c, zero)), fma(1.0, gain, rate)
             store(q, j, c, u)
             store(v, j, c, rate)
             r3 = fma(entry(drive, j), acting, r3)
             if averaged:
-                u, rate = fma(-s.alpha_f, way, u), fma(-s.alpha_f, gain, rate)
+                u, rate = fma(-s.alpha_f, increment, u), fma(-s.alpha_f, gain, rate)
                 r0, r1 = fma(entry(narrow, t + 11), old, r0), fma(entry(narrow, t + 22), old, r1)
                 r2, r3 = fma(entry(narrow, t + 33), old, r2), fma(entry(narrow, t + 44), old, r3)
                 r4, r5 = fma(entry(narrow, t + 45), old, r4), fma(entry(narrow, t + 46), old, r5)
@@ -109,11 +109,11 @@ def _step_wide(op: Operator, s: Scheme, m: Motion, c: int, acting: Any) -> None:
     rhs, u_felt, v_felt = m.scratch[0], m.scratch[1], m.scratch[2]
     for i in range(n):
         rate, old = load(m.v, i, c, acting), load(m.a, i, c, acting)
-        way, gain = fma(s.dt, rate, product(s.predict_u, old)), product(s.predict_v, old)
-        u, rate = fma(1.0, way, load(m.q, i, c, acting)), fma(1.0, gain, rate)
+        increment, gain = fma(s.dt, rate, product(s.predict_u, old)), product(s.predict_v, old)
+        u, rate = fma(1.0, increment, load(m.q, i, c, acting)), fma(1.0, gain, rate)
         store(m.q, i, c, u)
         store(m.v, i, c, rate)
-        store(u_felt, i, c, fma(-s.alpha_f, way, u))
+        store(u_felt, i, c, fma(-s.alpha_f, increment, u))
         store(v_felt, i, c, fma(-s.alpha_f, gain, rate))
     for i in range(n):
         value = product(op.load[i], acting)

@@ -32,8 +32,8 @@ __all__ = ["add_crests", "add_fine_step", "split_cycles"]
 @called
 def _cubic(w0: float, a: float, w1: float, b: float) -> tuple[float, float]:
     """Bend and twist of w0 + t (a + t (bend + t twist)), t from 0 to 1, that ends at w1 with the rate b."""
-    way = w1 - w0
-    return 3.0 * way - 2.0 * a - b, a + b - 2.0 * way
+    increment = w1 - w0
+    return 3.0 * increment - 2.0 * a - b, a + b - 2.0 * increment
 
 
 @called
@@ -64,7 +64,7 @@ def _extend(
 ) -> None:  # fmt: skip
     """Take one case from its last place on to w and w', a time h later (s), past an `impact` or none.
 
-    Two flights meet in an impact: each has one end of the step, and what lies between is no cubic.
+    Two motions meet in an impact: each has one end of the step, and what lies between is no cubic.
     """
     before, rate_before = last[LAST, c], last[LAST_RATE, c]
     if differ_in_sign(rate_before, rate):

@@ -225,7 +225,7 @@ def free_step_ball(
     j: int, s: Scheme, ball: NDArray[Any], constants: NDArray[Any], acting: NDArray[Any], w: NDArray[Any],
     busy: NDArray[Any],
 ) -> int:  # fmt: skip
-    """One step of a ball in free flight, and in how many cases its contact must be looked at.
+    """One step of a ball without contact, and in how many cases its contact must be looked at.
 
     `ball` and `constants` hold its rows, `w` is the place of its pair. A stop has no share in the drive
     and stays where it is, or goes on at its rate.
@@ -259,8 +259,11 @@ def _step_ball(
     x = fma(-1.0, w, y)
     store(ball, X_BEFORE * pairs + j, c, load(ball, X * pairs + j, c, acting))
     store(ball, X * pairs + j, c, x)
-    plus, minus = load(constants, GAP_PLUS * pairs + j, c, acting), load(constants, GAP_MINUS * pairs + j, c, acting)
-    looking: int = how_many_beyond(x, plus, minus, busy)
+    gap_plus, gap_minus = (
+        load(constants, GAP_PLUS * pairs + j, c, acting),
+        load(constants, GAP_MINUS * pairs + j, c, acting),
+    )
+    looking: int = how_many_beyond(x, gap_plus, gap_minus, busy)
     return looking
 
 

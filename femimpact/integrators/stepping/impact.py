@@ -47,13 +47,13 @@ from femimpact.integrators.stepping.layout import (
 
 
 @inlined
-def book_impact(
+def record_contact(
     j: int, c: int, time: float, gate: float, x_free: float, approach: float, normal: float, row: NDArray[Any],
     s: Scheme, pairs: Pairs, m: Motion, record: Record,
 ) -> None:  # fmt: skip
     """Open, follow and close the record of one contact.
 
-    It opens with the first force, even one that throws the ball back within the step, and closes
+    It opens with the first force, even one that turns the ball back within the step, and closes
     when the ball is off the wall and without force. A rigid contact closes with the first step
     without an impulse: impulses in consecutive steps, of a ball that sticks to its wall, are one
     contact, whose duration runs from the first to the last of them.
@@ -75,7 +75,7 @@ def book_impact(
     normal *= gate * touch[SIDE, j, c] if gate != 0.0 else 1.0
     closing = normal == 0.0 and (kind == RIGID or side != touch[SIDE, j, c])
     step = record.tally[0]
-    impulse, passed = _book_loss(j, c, normal, s, pairs, m)
+    impulse, passed = _add_contact_loss(j, c, normal, s, pairs, m)
     if m.window[0, c] <= step < m.window[1, c]:
         m.totals[4, j, c] = max(m.totals[4, j, c], normal)
         m.totals[5, j, c] += impulse
@@ -114,8 +114,8 @@ def _open(
 
 
 @inlined
-def _book_loss(j: int, c: int, normal: float, s: Scheme, pairs: Pairs, m: Motion) -> tuple[float, float]:
-    """Book what the contact dissipates in this step: its dissipative force over the way, as a sum of its own.
+def _add_contact_loss(j: int, c: int, normal: float, s: Scheme, pairs: Pairs, m: Motion) -> tuple[float, float]:
+    """Add what the contact dissipates in this step: its dissipative force times the relative displacement.
 
     Returns the impulse (N s) of the step and the mean force (N) on the structure.
     """
@@ -127,14 +127,14 @@ def _book_loss(j: int, c: int, normal: float, s: Scheme, pairs: Pairs, m: Motion
         loss = normal * s.dt * wall * 0.5 * (m.ball[RATE, j, c] + m.ball[RATE_BEFORE, j, c])
         impulse = s.dt * normal
     else:
-        dissipative, plus, minus = 0.0, constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c]
-        depth = max(wall * x - (plus if wall > 0.0 else minus), 0.0)
+        dissipative, gap_plus, gap_minus = 0.0, constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c]
+        depth = max(wall * x - (gap_plus if wall > 0.0 else gap_minus), 0.0)
         if kind == KELVIN_VOIGT and not s.mean:
             dissipative = normal - constants[STIFFNESS, j, c] * depth
         elif s.mean:
             if kind != SWITCHING_SPRING:
                 dissipative = normal - wall * elastic_mean(
-                    kind, before, x, s.dt, plus, minus, constants[STIFFNESS, j, c], constants[EXPONENT, j, c],
+                    kind, before, x, s.dt, gap_plus, gap_minus, constants[STIFFNESS, j, c], constants[EXPONENT, j, c],
                     touch[APPROACH, j, c], pairs.address[j],
                 )  # fmt: skip
         elif kind != SWITCHING_SPRING:

@@ -18,7 +18,7 @@ Y, Y_RATE, Y_ACCELERATION, X, X_BEFORE, FORCE, Y_BEFORE, RATE, RATE_BEFORE = ran
     SINE, COSINE, TURN_SINE, TURN_COSINE, PHASE, PHASE_STEP, SCALE, BASE, BASE_BEFORE, ACTING, TRAVEL, TRAVEL_RATE,
     OBSTACLE_RATE, OBSTACLE_RATE_BEFORE,
 ) = range(14)  # fmt: skip
-# rows of Motion.ledger (., cases); REFINED to OWN_LOSS set aside what a refined case has booked by itself; HELD is the
+# rows of Motion.ledger (., cases); REFINED to OWN_LOSS set aside what a refined case has summed by itself; HELD is the
 # potential of the constant load at the start
 WORK, STRUCTURE_LOSS, CONTACT_LOSS, LOAD, LOAD_BEFORE, REFINED, OWN_WORK, OWN_LOSS, HELD = range(9)
 # rows of Pairs.constants (., pairs, cases); a stop has no mass (its energy) and no mobility (1/m);

@@ -46,7 +46,7 @@ from femimpact.integrators.stepping.layout import (
 
 
 @inlined
-def book_loss_diagonal(
+def add_loss_diagonal(
     scale: NDArray[Any], weight: NDArray[Any], q: NDArray[Any], v: NDArray[Any], v_before: NDArray[Any],
     loss: NDArray[Any], load: NDArray[Any],
 ) -> None:  # fmt: skip
@@ -63,7 +63,7 @@ def book_loss_diagonal(
 
 
 @inlined
-def book_loss_single(
+def add_loss_single(
     scale: NDArray[Any], weight: NDArray[Any], q: NDArray[Any], v: NDArray[Any], v_before: NDArray[Any],
     loss_of_mode: NDArray[Any],
 ) -> float:  # fmt: skip
@@ -78,7 +78,7 @@ def book_loss_single(
 
 
 @called
-def book_loss_banded(op: Operator, s: Scheme, m: Motion) -> None:
+def add_loss_banded(op: Operator, s: Scheme, m: Motion) -> None:
     """The same in physical dofs: dt vbar^T C vbar with vbar the mean of both velocities."""
     n, cases = m.q.shape
     load, loss = m.ledger[LOAD], m.ledger[STRUCTURE_LOSS]
@@ -95,7 +95,7 @@ def book_loss_banded(op: Operator, s: Scheme, m: Motion) -> None:
 
 
 @inlined
-def book_work(base: NDArray[Any], base_before: NDArray[Any], ledger: NDArray[Any]) -> None:
+def add_work(base: NDArray[Any], base_before: NDArray[Any], ledger: NDArray[Any]) -> None:
     """Work of the drive on the structure over one step, by the trapezoidal rule.
 
     With the loss above it is the exact balance of the linear part for beta = 1/4, gamma = 1/2.
@@ -109,7 +109,7 @@ def book_work(base: NDArray[Any], base_before: NDArray[Any], ledger: NDArray[Any
 
 
 @inlined
-def book_work_on_ball(
+def add_work_on_ball(
     base: NDArray[Any], base_before: NDArray[Any], share: float, mass: NDArray[Any], given: NDArray[Any],
     y: NDArray[Any], y_before: NDArray[Any], work: NDArray[Any],
 ) -> None:  # fmt: skip
@@ -121,7 +121,7 @@ def book_work_on_ball(
 
 
 @called
-def book_case(c: int, base: float, before: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion) -> None:
+def write_ledger_of_case(c: int, base: float, before: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion) -> None:
     """All of the above for one case and one of its fine steps."""
     n, load, loss = m.q.shape[0], 0.0, 0.0
     for i in range(n):
@@ -149,8 +149,8 @@ def book_case(c: int, base: float, before: float, op: Operator, s: Scheme, pairs
 
 
 @inlined
-def keep_own_books(ledger: NDArray[Any]) -> None:
-    """Undo what the whole step has booked for the cases that took it in fine ones."""
+def restore_refined_cases(ledger: NDArray[Any]) -> None:
+    """Put back the sums of the cases that took the step in fine ones."""
     for c in range(ledger.shape[1]):
         if ledger[REFINED, c] > 0.0:
             ledger[REFINED, c] = 0.0
@@ -179,13 +179,13 @@ def write_energy(c: int, op: Operator, pairs: Pairs, m: Motion, out: NDArray[Any
     for j in range(pairs.row.size):
         out[2] += 0.5 * constants[MASS, j, c] * m.ball[Y_RATE, j, c] * m.ball[Y_RATE, j, c]
         x, spring, stiffness = m.ball[X, j, c], constants[FREE_STIFFNESS, j, c], constants[STIFFNESS, j, c]
-        plus, minus = constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c]
+        gap_plus, gap_minus = constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c]
         if pairs.kind[j] == SWITCHING_SPRING:
-            out[3] += switching_potential(x, plus, minus, spring, stiffness)
+            out[3] += switching_potential(x, gap_plus, gap_minus, spring, stiffness)
         else:
             out[3] += spring_potential(x, spring)
             out[3] += elastic_potential(
-                pairs.kind[j], penetration(x, plus, minus)[0], stiffness, constants[EXPONENT, j, c],
+                pairs.kind[j], penetration(x, gap_plus, gap_minus)[0], stiffness, constants[EXPONENT, j, c],
                 m.touch[APPROACH, j, c], pairs.address[j],
             )  # fmt: skip
     loss = m.ledger[STRUCTURE_LOSS, c]

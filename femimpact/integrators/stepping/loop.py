@@ -55,12 +55,12 @@ from femimpact.integrators.stepping.layout import (
     Y,
 )
 from femimpact.integrators.stepping.ledger import (
-    book_loss_banded,
-    book_loss_diagonal,
-    book_loss_single,
-    book_work,
-    book_work_on_ball,
-    keep_own_books,
+    add_loss_banded,
+    add_loss_diagonal,
+    add_loss_single,
+    add_work,
+    add_work_on_ball,
+    restore_refined_cases,
 )
 from femimpact.integrators.stepping.refine import in_reach, is_near, none_in_reach, redo_step, save_state
 from femimpact.integrators.stepping.touch import contact_step
@@ -91,22 +91,22 @@ def _free_step(op: Operator, s: Scheme, m: Motion, acting: NDArray[Any], physica
 
 
 @inlined
-def _book(op: Operator, s: Scheme, pairs: Pairs, m: Motion, physical: bool | None) -> None:
+def _write_ledger(op: Operator, s: Scheme, pairs: Pairs, m: Motion, physical: bool | None) -> None:
     """Work and losses of the step of every case."""
     base, before = m.drive[BASE], m.drive[BASE_BEFORE]
     if physical is not None:
-        book_loss_banded(op, s, m)
+        add_loss_banded(op, s, m)
     elif m.loss_of_mode.size > 0:
-        m.ledger[LOAD, 0] = book_loss_single(
+        m.ledger[LOAD, 0] = add_loss_single(
             m.scratch[0, :, 0], op.drive_load, m.q[:, 0], m.v[:, 0], m.v_before[:, 0], m.loss_of_mode
         )
     else:
-        book_loss_diagonal(
+        add_loss_diagonal(
             m.scratch[0, :, 0], op.drive_load, m.q, m.v, m.v_before, m.ledger[STRUCTURE_LOSS], m.ledger[LOAD]
         )
-    book_work(base, before, m.ledger)
+    add_work(base, before, m.ledger)
     for j in range(pairs.row.size):
-        book_work_on_ball(
+        add_work_on_ball(
             base, before, pairs.constants[SHARE, j, 0], pairs.constants[MASS, j], pairs.constants[ACCELERATION, j],
             m.ball[Y, j], m.ball[Y_BEFORE, j], m.ledger[WORK],
         )  # fmt: skip
@@ -143,7 +143,7 @@ def _look_ahead(s: Scheme, fine: Fine, pairs: Pairs, m: Motion) -> None:
 
 @inlined
 def _look_around(j: int, s: Scheme, fine: Fine, pairs: Pairs, m: Motion) -> int:
-    """After a step in flight: rates of a pair, and in how many cases a contact could have taken place."""
+    """After a step without contact: rates of a pair, and in how many cases a contact could have taken place."""
     keep_rate(m.ball[RATE, j], m.ball[RATE_BEFORE, j], m.ball[Y_RATE, j], m.w_rate[pairs.row[j]])
     if fine.parts == 1:
         return 0
@@ -225,12 +225,12 @@ def advance(
                 refined = _redo(s, fine, pairs, m, cycles, record, ledger, work, physical)
             _touch(looking, op, s, fine, pairs, m, record, work)
         if ledger and (refined == 0 or base.size > 1):
-            _book(op, s, pairs, m, physical)
+            _write_ledger(op, s, pairs, m, physical)
         step = record.tally[0] + 1
         if step == next_wrap:
             split_cycles(step, s, m, cycles)
         if refined > 0:
-            keep_own_books(m.ledger)
+            restore_refined_cases(m.ledger)
         observe(step, s, m, cycles)
         record.tally[0] = step
         if step == next_wrap:

@@ -32,14 +32,14 @@ class Newmark:
         Stop when a displacement exceeds this many times the resonant amplitude of the structure
         without balls (plus the initial displacement).
     contact : {"end", "energy-consistent"}
-        Where the law acts: on the state at the step's end, or as the mean over the step's way,
+        Where the law acts: on the state at the step's end, or as the mean over the displacement of the step,
         f = [V(p1) - V(p0)]/(p1 - p0) for a law with the potential V, its dissipative part at the
         step's mean rate. Then no contact force makes or loses energy that its law does not, at any
         step. It needs beta = 1/4, gamma = 1/2. (Discrete gradient: Gonzalez, 1996; of a penalty
         potential: Armero and Petocz, 1998.)
     refine : int
         Fine steps into which a step is divided in which a contact takes place, or could: dt is then
-        the step in flight.
+        the step without contact.
 
     Raises
     ------
@@ -165,7 +165,8 @@ class MoreauJean:
     Parameters
     ----------
     dt : float, s
-        Resolves the flight; a rigid contact has no time of its own. Instants of impact are met to a step.
+        Resolves the motion between impacts; a rigid contact has no time of its own. Instants of impact are met to
+        a step.
     theta : float, 1
         1/2 loses no energy beside the impacts; 1 is the implicit Euler rule.
     allow_coarse_step, divergence_limit
@@ -192,7 +193,7 @@ class MoreauJean:
 
 
 SteppingMethod = Newmark | HHT | WBZ | GeneralizedAlpha | MoreauJean
-"""The methods that take steps; `EventDriven` flies from event to event."""
+"""The methods that take steps; `EventDriven` goes from event to event."""
 
 
 def require_method(method: Any) -> None:

@@ -47,7 +47,7 @@ from femimpact.integrators.stepping.layout import (
     X,
     Y,
 )
-from femimpact.integrators.stepping.ledger import book_case
+from femimpact.integrators.stepping.ledger import write_ledger_of_case
 from femimpact.integrators.stepping.touch import contact_step
 from femimpact.integrators.stepping.watch import save
 
@@ -141,7 +141,7 @@ def _move_obstacles_within(
 
 
 @inlined
-def _fine_flight(
+def _fine_free_step(
     c: int, before: float, after: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion, physical: bool | None
 ) -> None:
     """One fine step of one case without contact force."""
@@ -183,7 +183,7 @@ def redo_step(
     c: int, parts: int, dt: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion, cycles: Cycles, record: Record,
     ledger: bool, work: NDArray[Any], physical: bool | None,
 ) -> None:  # fmt: skip
-    """Take one case through its step of dt again, in `parts` fine ones; its books and its crests are its own."""
+    """Take one case through its step of dt again, in `parts` fine ones; its ledger and its crests are its own."""
     step = record.tally[0]
     _restore(c, m)
     after = _drive_within(c, step, 0, parts, m)
@@ -191,11 +191,11 @@ def redo_step(
         before, after = after, _drive_within(c, step, part + 1, parts, m)
         if pairs.obstacles.size > 0:
             _move_obstacles_within(c, step, part + 1, parts, s, pairs, m)
-        _fine_flight(c, before, after, op, s, pairs, m, physical)
+        _fine_free_step(c, before, after, op, s, pairs, m, physical)
         if in_reach(c, pairs, m) > 0:
             contact_step(c, step * dt + (part + 1) * s.dt, op, s, pairs, m, record, work)
         add_fine_step(c, step, part, parts, dt, m, cycles)
         if ledger:
-            book_case(c, before, after, op, s, pairs, m)
+            write_ledger_of_case(c, before, after, op, s, pairs, m)
     m.ledger[REFINED, c] = 1.0
     m.ledger[OWN_WORK, c], m.ledger[OWN_LOSS, c] = m.ledger[WORK, c], m.ledger[STRUCTURE_LOSS, c]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import apart, compiled, inlined
 from femimpact.integrators.compiled.laws import RIGID, penetration
-from femimpact.integrators.stepping.impact import book_impact
+from femimpact.integrators.stepping.impact import record_contact
 from femimpact.integrators.stepping.layout import (
     APPROACH,
     DAMPING,
@@ -48,19 +48,19 @@ PAIR_TOLERANCE = 1e-15
 
 @inlined
 def _side_at_hand(
-    s: Scheme, kind: int, x: float, x_before: float, rate_before: float, plus: float, minus: float
+    s: Scheme, kind: int, x: float, x_before: float, rate_before: float, gap_plus: float, gap_minus: float
 ) -> float:
-    """Wall whose contact a step is about, from its contact-free end: +1, -1, or 0 in flight."""
+    """Wall whose contact a step is about, from its contact-free end: +1, -1, or 0 between contacts."""
     if kind == RIGID:
         # half a step on, from the state before the step
-        return penetration(x_before + 0.5 * s.dt * rate_before, plus, minus)[1]
-    side = penetration(x, plus, minus)[1]
-    return penetration(x_before, plus, minus)[1] if s.mean and side == 0.0 else side
+        return penetration(x_before + 0.5 * s.dt * rate_before, gap_plus, gap_minus)[1]
+    side = penetration(x, gap_plus, gap_minus)[1]
+    return penetration(x_before, gap_plus, gap_minus)[1] if s.mean and side == 0.0 else side
 
 
 @inlined
 def _approach_speed(gate: float, rate: float, x: float, x_before: float, dt: float) -> float:
-    """Speed (m/s) at which a contact opens: that of the flight, or of the way into the wall if that ends within."""
+    """Speed (m/s) at which a contact opens: that before the step, or of the motion into the wall if it ends within."""
     speed = gate * rate
     return speed if speed > 0.0 else max(gate * (x - x_before) / dt, 1e-300)
 
@@ -69,7 +69,7 @@ def _approach_speed(gate: float, rate: float, x: float, x_before: float, dt: flo
 def contact_step(
     c: int, time: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion, record: Record, work: NDArray[Any]
 ) -> None:
-    """Contact forces of one case, their effect on its state, and the bookkeeping of its impacts.
+    """Contact forces of one case, their effect on its state, and the record of its contacts.
 
     `time` is that of the step's end.
     """
@@ -123,7 +123,7 @@ def contact_step(
         if count == 1 or change <= PAIR_TOLERANCE * largest:
             break
     if pairs.obstacles.size > 0:
-        _book_work_of_obstacles(c, force, s, pairs, m)
+        _add_work_of_obstacles(c, force, s, pairs, m)
     for j in range(count):
         m.ball[FORCE, j, c] = force[j]
         if force[j] != 0.0:
@@ -131,24 +131,26 @@ def contact_step(
     for j in range(count):
         m.ball[X, j, c] = m.ball[Y, j, c] - m.w[pairs.row[j], c]
         m.ball[RATE, j, c] = m.ball[Y_RATE, j, c] - m.w_rate[pairs.row[j], c]
-        book_impact(j, c, time, gate[j], x_free[j], approach[j], normal[j], op.rows[pairs.row[j]], s, pairs, m, record)
+        record_contact(
+            j, c, time, gate[j], x_free[j], approach[j], normal[j], op.rows[pairs.row[j]], s, pairs, m, record
+        )
 
 
 @apart
-def _book_work_of_obstacles(c: int, force: NDArray[Any], s: Scheme, pairs: Pairs, m: Motion) -> None:
+def _add_work_of_obstacles(c: int, force: NDArray[Any], s: Scheme, pairs: Pairs, m: Motion) -> None:
     """Work of what holds a stop in space: relative to the base it moves at y' and pushes with F, a power F y'.
 
-    A mean force acts over the step's way, an impulse at the mean of the rates as its loss is booked, a force at the
-    step's end by the trapezoidal rule.
+    A mean force acts over the displacement of the step, an impulse at the mean of the rates as its loss is
+    summed, a force at the step's end by the trapezoidal rule.
     """
     for j in pairs.obstacles:
-        way = m.ball[Y, j, c] - m.ball[Y_BEFORE, j, c]
+        increment = m.ball[Y, j, c] - m.ball[Y_BEFORE, j, c]
         mean = force[j]
         if s.rigid:
-            way = 0.5 * s.dt * (m.drive[OBSTACLE_RATE, c] + m.drive[OBSTACLE_RATE_BEFORE, c])
+            increment = 0.5 * s.dt * (m.drive[OBSTACLE_RATE, c] + m.drive[OBSTACLE_RATE_BEFORE, c])
         elif not s.mean:
             mean = 0.5 * (m.ball[FORCE, j, c] + force[j])
-        m.ledger[WORK, c] += mean * way
+        m.ledger[WORK, c] += mean * increment
 
 
 @inlined
@@ -171,9 +173,9 @@ def collide(
     kind: int, stiffness: float, damping: float, exponent: float, restitution: float, address: int, mass: float,
     speed: float, start: float, s: Scheme,
 ) -> tuple[float, float]:  # fmt: skip
-    """Rebound over approach speed, and peak force (N), of one mass thrown at one wall with this step.
+    """Rebound over approach speed, and peak force (N), of one mass sent against one wall with this step.
 
-    The contact begins `start` (0 to 1) of a step after the last step in flight.
+    The contact begins `start` (0 to 1) of a step after the last step without contact.
     """
     x, rate, acceleration, before = -start * s.dt * speed, speed, 0.0, 0.0
     peak, approach = 0.0, 0.0

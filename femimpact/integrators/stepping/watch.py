@@ -1,4 +1,4 @@
-"""Which cases a contact concerns: cheap looks at every pair, in flight too."""
+"""Which cases a contact concerns: cheap looks at every pair, between contacts too."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def look_around(
     dt: float, x: NDArray[Any], x_before: NDArray[Any], rate: NDArray[Any], rate_before: NDArray[Any],
     gap_plus: NDArray[Any], gap_minus: NDArray[Any], opened: NDArray[Any], near: NDArray[Any],
 ) -> int:  # fmt: skip
-    """After a step in flight: mark the cases in which a contact lasts, or could have taken place within it.
+    """After a step without contact: mark the cases in which a contact lasts, or could have taken place within it.
 
     The cubic through both ends with their rates stays below max(x0, x1) + 4/27 dt (|x0'| + |x1'|).
     """

@@ -98,7 +98,8 @@ def channel_of(shown: Any, channel: Position | Channel) -> Channel:
         alone = ["gap", "contact_force"] if len(shown.contacts) == 1 else []
         known = [*shown.points, *(pair.name for pair in shown.contacts), *alone]
         behind = ", ".join(f".{name}" for name in QUANTITIES)
-        allowed = f"{suggestion(stem if read in QUANTITIES else channel, known)}, metres from the root, or one of these with one of {behind}"
+        words = suggestion(stem if read in QUANTITIES else channel, known)
+        allowed = f"{words}, metres from the root, or one of these with one of {behind}"
         require(False, "channels", channel, "", allowed)
     fitting = [f"{stem}.{name}" for name, entry in QUANTITIES.items() if kind in entry.of]
     moving = kind != "stop" or read not in ("displacement", "velocity", "acceleration")
