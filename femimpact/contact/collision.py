@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from femimpact.errors import check_fields, quantity, require
+from femimpact.errors import check_fields, checked, quantity, require
 
 __all__ = ["Collision", "collision_of", "crest", "integrated_collision"]
 
@@ -82,19 +82,25 @@ def integrated_collision(
     Raises
     ------
     InputError
-        If the contact does not end.
+        If the force is no function or gives no finite number, mass or speed are not > 0, or the contact does not end.
     """
     from scipy.integrate import solve_ivp
 
-    mass, speed = effective_mass, approach_speed
+    require(callable(force), "force", force, "", "must be a function of depth, rate")
+    mass = checked("effective_mass", effective_mass, quantity("kg", above=0.0))
+    speed = checked("approach_speed", approach_speed, quantity("m/s", above=0.0))
+
+    def push(depth: float, rate: float) -> float:
+        return float(checked("force", force(depth, rate), quantity("N")))
+
     # the depth at which the static force has taken up the energy
     depth, energy = 1e-9, 0.5 * mass * speed**2
-    while force(depth, 0.0) * depth < energy and depth < 1.0:
+    while push(depth, 0.0) * depth < energy and depth < 1.0:
         depth *= 2.0
     longest = 1e3 * depth / speed
 
     def rates(_: float, y: Any) -> list[float]:
-        return [y[1], -force(y[0], y[1]) / mass]
+        return [y[1], -push(y[0], y[1]) / mass]
 
     def off(_: float, y: Any) -> float:
         return float(y[0] if y[1] < 0.0 else 1.0)
@@ -106,7 +112,7 @@ def integrated_collision(
     )  # fmt: skip
     let_go = bool(run.t_events) and bool(run.t_events[0].size)
     require(let_go, "force", None, "N", f"must let the ball go: still in contact {longest:g} s after {speed:g} m/s")
-    loads = np.array([force(p, rate) for p, rate in run.y.T])
+    loads = np.array([push(p, rate) for p, rate in run.y.T])
     under_force = run.t[np.flatnonzero(loads > 0.0)[-1]] if np.any(loads > 0.0) else run.t[-1]
     return collision_of(
         -float(run.y[1, -1]) / speed, float(under_force), float(loads.max()), float(run.y[0].max()), mass, speed

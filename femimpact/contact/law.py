@@ -71,17 +71,24 @@ class ContactLaw(Protocol):
         ...
 
 
-MEMBERS = tuple(name for name in vars(ContactLaw) if not name.startswith("_"))
-METHODS = tuple(name for name in MEMBERS if not isinstance(vars(ContactLaw)[name], property))
+MEMBERS = {name: member for name, member in vars(ContactLaw).items() if not name.startswith("_")}
+VALUES = tuple(name for name, member in MEMBERS.items() if isinstance(member, property))
+METHODS = tuple(name for name in MEMBERS if name not in VALUES)
 
 
 def require_law(law: object, key: str = "law") -> None:
-    """Raise `InputError` unless the value is a contact law; what a law of the user's own misses is named."""
+    """Refuse what is no contact law, and name what a law of the user's own misses.
+
+    Raises
+    ------
+    InputError
+        If the value is no contact law.
+    """
+    missing = [name for name in VALUES if not hasattr(law, name)]
+    missing += [f"{name}()" for name in METHODS if not callable(getattr(law, name, None))]
     allowed = "must be a contact law (KelvinVoigt, ..., Rigid)"
-    missing = [name for name in MEMBERS if not hasattr(law, name)]
-    missing += [name for name in METHODS if hasattr(law, name) and not callable(getattr(law, name))]
-    if missing and len(missing) < len(MEMBERS):
-        allowed += f", or have all parts of one: without {', '.join(missing)}"
+    if missing and len(missing) < len(VALUES) + len(METHODS):
+        allowed += f"; as one of your own it has no {', '.join(missing)}"
     require(not missing and not isinstance(law, type), key, law, "", allowed)
 
 
