@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from femimpact.contact import (
         ALUMINIUM,
         STEEL,
+        Collision,
+        ContactLaw,
+        ContactParameters,
         CustomLaw,
         Flores,
         GonthierCarvalhoMartins,
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
         contact_force,
         contact_potential,
         hertz_stiffness,
+        integrated_collision,
     )
     from femimpact.convergence import ModeConvergence, converge_elements, converge_step, mode_convergence
     from femimpact.errors import DivergenceError, FemimpactError, InputError
@@ -73,6 +77,9 @@ _MODULES = {
     "contact": (
         "ALUMINIUM",
         "STEEL",
+        "Collision",
+        "ContactLaw",
+        "ContactParameters",
         "CustomLaw",
         "Flores",
         "GonthierCarvalhoMartins",
@@ -88,6 +95,7 @@ _MODULES = {
         "contact_force",
         "contact_potential",
         "hertz_stiffness",
+        "integrated_collision",
     ),
     "convergence": ("ModeConvergence", "converge_elements", "converge_step", "mode_convergence"),
     "structure.damping": ("Rayleigh",),

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.contact import KelvinVoigt, Rigid
 from femimpact.errors import (
     Fault,
     InputError,
@@ -109,17 +108,16 @@ def with_restitution(structure: Structure, restitution: float) -> Structure:
     Raises
     ------
     InputError
-        If a contact is neither `Rigid` nor a `KelvinVoigt` that was given a restitution.
+        If a contact cannot be given one: it is neither `Rigid` nor a `KelvinVoigt` that was given a restitution.
     """
     require_type(structure, Structure, "structure")
     impactors = []
     for ball in structure.impactors:
-        law = ball.contact
-        varied = isinstance(law, Rigid) or (isinstance(law, KelvinVoigt) and law.restitution is not None)
-        if not varied or not isinstance(law, KelvinVoigt | Rigid):
+        varied = ball.contact.with_restitution(restitution)
+        if varied is None:
             allowed = "must be rigid, or kelvin-voigt with a restitution, to be varied"
-            raise InputError([Fault(f"impactor.{ball.name}.contact", law.name, "", allowed)])
-        impactors.append(dataclasses.replace(ball, contact=dataclasses.replace(law, restitution=restitution)))
+            raise InputError([Fault(f"impactor.{ball.name}.contact", ball.contact.name, "", allowed)])
+        impactors.append(dataclasses.replace(ball, contact=varied))
     return dataclasses.replace(structure, impactors=tuple(impactors))
 
 
@@ -166,7 +164,7 @@ def scan_restitution(
     curves = []
     for i, restitution in enumerate(values):
         system = reduce(assemble(with_restitution(structure, float(restitution)), elements=elements), modes)
-        rigid = any(isinstance(pair.law, Rigid) for pair in system.contacts)
+        rigid = any(pair.parameters.is_rigid for pair in system.contacts)
         method = EventDriven() if rigid else Newmark(dt=recommended_step(system))
         curves.append(
             frequency_sweep(system, empty.amplitude, frequencies, method, cycles, initial=initial, ledger=False)

@@ -179,6 +179,9 @@ VERBS = {
     "contact_potential": (fi.contact_potential, lambda: {
         "law": LAW, "depth": 1e-4, "effective_mass": 3e-3, "approach_speed": 0.2
     }),
+    "integrated_collision": (fi.integrated_collision, lambda: {
+        "force": lambda depth, rate: 1e4 * depth, "effective_mass": 3e-3, "approach_speed": 0.2
+    }),
     "hertz_stiffness": (fi.hertz_stiffness, lambda: {"radius": 5e-3, "ball": fi.STEEL, "wall": fi.ALUMINIUM}),
     "converge_elements": (fi.converge_elements, lambda: {"structure": STRUCTURE, "elements": [2, 3, 4], "modes": 1}),
     "converge_step": (fi.converge_step, lambda: {
@@ -284,5 +287,8 @@ VERBS = {
 }  # fmt: skip
 """Every verb by its name: the function, and good arguments of it."""
 
-OTHERS = {"ALUMINIUM", "STEEL", "DivergenceError", "FemimpactError", "InputError", "StudyResults", "__version__"}
-"""Public names that take nothing from a user: constants, errors, and what only `load` makes."""
+OTHERS = {
+    "ALUMINIUM", "STEEL", "ContactLaw", "ContactParameters", "DivergenceError", "FemimpactError", "InputError",
+    "StudyResults", "__version__",
+}  # fmt: skip
+"""Public names that take nothing from a user: constants, errors, what only `load` makes, protocols and their tuples."""

@@ -288,7 +288,7 @@ def test_a_run_obeys_the_law(name):
 
 
 def test_a_law_of_ones_own_is_the_built_in_one():
-    k, d = 2.5e5, fi.contact.laws.loss_factor(LAWS["exact"])
+    k, d = 2.5e5, fi.contact.loss_factor(LAWS["exact"])
     own = fi.CustomLaw(lambda depth, rate, speed: k * depth**1.5 * (1.0 + d * rate / speed), reference_speed=0.1)
     method = fi.Newmark(5e-5)
     one, other = thrown(LAWS["exact"], method), thrown(own, method)

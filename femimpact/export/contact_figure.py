@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.contact import ContactLaw, Rigid, collide, contact_force
+from femimpact.contact import ContactLaw, collide, contact_force, resolve
 from femimpact.export.figures import COLOURS, GREY, STYLE
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def _loops(axis: Any, name: str, law: ContactLaw, mass: float, speeds: Sequence[
     axis.set_title(f"{name}: {law.name}, effective mass {1e3 * mass:.4g} g", loc="left")
     axis.set_xlabel("penetration (micrometres)")
     axis.set_ylabel("contact force (N)")
-    if isinstance(law, Rigid):
+    if resolve(law, mass).is_rigid:
         axis.set_xticks([])
         axis.set_yticks([])
         axis.annotate("an impulse only: no force, no penetration", (0.5, 0.5), xycoords="axes fraction",

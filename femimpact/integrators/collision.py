@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from femimpact.contact import CustomLaw
 from femimpact.errors import check_fields, checked, quantity, require_type
 from femimpact.integrators.compiled.custom import address_of
 from femimpact.integrators.stepping import touch
@@ -67,8 +66,8 @@ def achieved_restitution(
     phases = checked("phases", phases, quantity("1", at_least=1, at_most=1_000_000, integer=True))
     require_method(method)
     scheme = scheme_of(method, method.dt / method.refine)
-    law, force = pair.parameters, pair.law
-    address = address_of(force.force) if isinstance(force, CustomLaw) else 0
+    law, force = pair.parameters, pair.law.force_function(pair.effective_mass)
+    address = 0 if force is None else address_of(force)
     runs = [
         touch.collide(
             law.kind, law.stiffness, law.damping, law.exponent, law.restitution, address, pair.effective_mass,

@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from femimpact.contact import ContactLaw, SwitchingSpring, require_law
+from femimpact.contact import ContactLaw, require_law
 from femimpact.errors import (
     Fault,
     InputError,
@@ -58,7 +58,7 @@ def sound_gaps(gaps: tuple[float, ...]) -> bool:
 
 def require_preload(gaps: tuple[float, ...], law: ContactLaw) -> None:
     """Refuse a law that cannot be preloaded where one of the gaps (m) is negative."""
-    fits = min(gaps) >= 0.0 or not isinstance(law, SwitchingSpring)
+    fits = min(gaps) >= 0.0 or law.may_be_preloaded
     allowed = "must be another law for a preloaded stop: its spring acts from the middle of its gaps"
     require(fits, "contact", law.name, "", allowed)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.contact import ContactLaw, KelvinVoigt, PowerLaw, Rigid, collide
+from femimpact.contact import ContactLaw, collide
 from femimpact.errors import require
 from femimpact.export import contact_figure, figures, tables
 from femimpact.integrators.collision import achieved_restitution
@@ -118,19 +118,17 @@ def _row(pair: ContactPair, method: Method, speed: float) -> dict[str, Any]:
 
 
 def _asked(law: ContactLaw) -> float:
-    if isinstance(law, (KelvinVoigt, PowerLaw, Rigid)) and law.restitution is not None:
-        return law.restitution
-    return math.nan
+    return math.nan if law.restitution is None else law.restitution
 
 
 def _steps(pair: ContactPair, method: Method, contact_time: float) -> float:
-    if isinstance(method, EventDriven) or isinstance(pair.law, Rigid):
+    if isinstance(method, EventDriven) or pair.parameters.is_rigid:
         return math.nan
     return contact_time * method.refine / method.dt
 
 
 def _stepped(pair: ContactPair, method: Method, speed: float) -> float:
     """Mean restitution with the method's step; none where the method does not step, or not this law."""
-    if isinstance(method, EventDriven) or isinstance(pair.law, Rigid) != isinstance(method, MoreauJean):
+    if isinstance(method, EventDriven) or pair.parameters.is_rigid != isinstance(method, MoreauJean):
         return math.nan
     return achieved_restitution(pair, method, speed).mean

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.contact import Rigid
 from femimpact.errors import require
 from femimpact.excitation import Sine
 from femimpact.export import tables
@@ -194,7 +193,7 @@ def _about(structure: Structure, response: Response) -> dict[str, Any]:
     """All that pictures of a run show besides its arrays."""
     base, points = response.base, dict(response.system.points)
     contacts = [
-        {"name": p.name, "position": p.position, "mass": p.mass, "gaps": p.gaps, "rigid": isinstance(p.law, Rigid)}
+        {"name": p.name, "position": p.position, "mass": p.mass, "gaps": p.gaps, "rigid": p.parameters.is_rigid}
         for p in response.system.contacts
     ]
     return {

@@ -7,7 +7,6 @@ from typing import Any, cast
 
 import numpy as np
 
-from femimpact.contact import CustomLaw, PowerLaw, Rigid
 from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence, converge_elements, converge_step
 from femimpact.errors import require
 from femimpact.export import figures, tables
@@ -88,13 +87,9 @@ def plan_lines(study: Study) -> list[str]:
 
 
 def _numbers(pair: ContactPair) -> str:
-    """Stiffness and damping of a pair's law, in its units."""
-    law = pair.parameters
-    if isinstance(pair.law, PowerLaw):
-        return f"stiffness {law.stiffness:.5g} N/m^{law.exponent:g}, loss factor {law.damping:.5g}, "
-    if isinstance(pair.law, Rigid | CustomLaw):
-        return ""
-    return f"stiffness {law.stiffness:.5g} N/m, damping {law.damping:.5g} N s/m, "
+    """What characterises a pair's law, in its units."""
+    shown = pair.law.shown_numbers(pair.effective_mass)
+    return "".join(f"{name} {value:.5g}{unit and f' {unit}'}, " for name, value, unit in shown)
 
 
 def write_convergence(

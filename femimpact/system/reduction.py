@@ -11,7 +11,6 @@ import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from femimpact.contact import Rigid
 from femimpact.errors import checked, require, require_type, truth
 from femimpact.structure.damping import realised_damping_ratio
 from femimpact.system.modes import solve_modes, solve_stiffness
@@ -149,7 +148,7 @@ def truncation_notes(system: System) -> tuple[str, ...]:
     notes: list[str] = []
     stiff = [pair for pair in system.contacts if _is_short(pair, highest)]
     for pair in system.contacts:
-        if _is_short(pair, highest) and not isinstance(pair.law, Rigid):
+        if _is_short(pair, highest) and not pair.parameters.is_rigid:
             notes.append(
                 f"{pair.name}: {_modes(omega.size)} kept, up to {highest:.4g} Hz: below 1/(contact time) = "
                 f"{1.0 / pair.parameters.contact_time:.4g} Hz, so the course of the force is not resolved"
@@ -162,7 +161,7 @@ def truncation_notes(system: System) -> tuple[str, ...]:
 
 def _is_short(pair: ContactPair, highest: float) -> bool:
     """Whether a contact is rigid, or over before the fastest kept coordinate (Hz) has turned once."""
-    return isinstance(pair.law, Rigid) or 0.0 < highest * pair.parameters.contact_time < 1.0
+    return pair.parameters.is_rigid or 0.0 < highest * pair.parameters.contact_time < 1.0
 
 
 def _flexibility_note(pair: ContactPair, omega: NDArray[Any]) -> list[str]:

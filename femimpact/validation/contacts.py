@@ -13,6 +13,8 @@ from functools import partial
 
 from femimpact.contact import (
     STEEL,
+    Collision,
+    ContactLaw,
     CustomLaw,
     Flores,
     GonthierCarvalhoMartins,
@@ -25,8 +27,6 @@ from femimpact.contact import (
     contact_force,
     hertz_stiffness,
 )
-from femimpact.contact.collision import Collision
-from femimpact.contact.laws import ContactLaw
 from femimpact.excitation import Sine
 from femimpact.integrators.integrate import integrate
 from femimpact.integrators.stepping.newmark import Newmark

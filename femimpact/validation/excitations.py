@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.contact import KelvinVoigt, Rigid
-from femimpact.contact.laws import ContactLaw
+from femimpact.contact import ContactLaw, KelvinVoigt, Rigid
 from femimpact.excitation import PointForce, RecordedBase, Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate

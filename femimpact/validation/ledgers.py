@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact import (
+    ContactLaw,
     Hertz,
     KelvinVoigt,
     PowerLaw,
@@ -19,7 +20,6 @@ from femimpact.contact import (
     collide,
     contact_potential,
 )
-from femimpact.contact.laws import ContactLaw
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate

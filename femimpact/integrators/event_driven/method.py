@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from femimpact.contact import KelvinVoigt, Rigid
+from femimpact.contact.formulas import KELVIN_VOIGT, RIGID
 from femimpact.errors import check_fields, quantity, require
 from femimpact.system.system import System
 
@@ -70,6 +70,6 @@ def check_events(system: System) -> None:
     require(len(system.contacts) <= MOST_PAIRS, "system", f"{len(system.contacts)} contacts", "", allowed)
     for pair in system.contacts:
         allowed = "must be Rigid or KelvinVoigt for EventDriven; other laws are for Newmark and its family"
-        require(isinstance(pair.law, (Rigid, KelvinVoigt)), f"{pair.name}.contact", pair.law.name, "", allowed)
+        require(pair.parameters.kind in (RIGID, KELVIN_VOIGT), f"{pair.name}.contact", pair.law.name, "", allowed)
         clear = sum(pair.gaps) > 0.0
         require(clear, f"{pair.name}.gap", sum(pair.gaps), "m", "must leave some clearance between both walls")

@@ -12,7 +12,6 @@ import scipy.linalg
 import scipy.sparse.linalg
 from numpy.typing import NDArray
 
-from femimpact.contact import CustomLaw
 from femimpact.contact.formulas import KELVIN_VOIGT, RIGID, SWITCHING_SPRING, kelvin_voigt_force, power_force
 from femimpact.excitation import Excitation
 from femimpact.integrators.compiled.custom import address_of
@@ -78,12 +77,12 @@ def pairs_of(system: System, operator: layout.Operator, drive: Drive, lanes: int
         constants[layout.FREE_STIFFNESS, j] = pair.free_stiffness + getattr(pair.law, "free_stiffness", 0.0)
         constants[layout.ACCELERATION, j] = pair.acceleration
         constants[layout.SHARE, j] = 0.0 if pair.is_stop else drive.share
-    laws = [pair.law for pair in contacts]
+    forces = [pair.law.force_function(pair.effective_mass) for pair in contacts]
     obstacles = [j for j, pair in enumerate(contacts) if pair.fixed_to == "space" and drive.share != 0.0]
     return layout.Pairs(
         row=np.array(rows, dtype=np.int64),
         kind=np.array([pair.parameters.kind for pair in contacts], dtype=np.int64),
-        address=np.array([address_of(law.force) if isinstance(law, CustomLaw) else 0 for law in laws], dtype=np.int64),
+        address=np.array([0 if force is None else address_of(force) for force in forces], dtype=np.int64),
         constants=_placed(constants, 10),
         obstacles=np.array(obstacles, dtype=np.int64),
     )

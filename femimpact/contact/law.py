@@ -1,0 +1,199 @@
+"""What a contact law is, and what every law can be asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, runtime_checkable
+
+from femimpact.contact.collision import Collision
+from femimpact.contact.formulas import CUSTOM, KELVIN_VOIGT, POWER, RIGID, SWITCHING_SPRING
+from femimpact.contact.parameters import ContactParameters
+from femimpact.errors import checked, quantity, require
+
+__all__ = ["ContactLaw", "collide", "contact_force", "contact_potential", "require_law", "resolve"]
+
+KINDS = (KELVIN_VOIGT, SWITCHING_SPRING, POWER, CUSTOM, RIGID)
+
+
+@runtime_checkable
+class ContactLaw(Protocol):
+    """What a contact law answers: any object with these attributes is one.
+
+    Numbers are checked before they come here: `effective_mass` (kg) and `approach_speed` (m/s, at the start of the
+    contact) are > 0, `depth` (m) is the penetration, negative off the wall, and `rate` (m/s) is its rate.
+    """
+
+    @property
+    def name(self) -> str:
+        """As results and messages show it."""
+        ...
+
+    @property
+    def restitution(self) -> float | None:
+        """Restitution (1) that was asked for; None where it follows from other numbers."""
+        ...
+
+    @property
+    def may_be_preloaded(self) -> bool:
+        """Whether a stop may press on the structure at rest: not where a spring acts from the middle of the gaps."""
+        ...
+
+    def normal_force(self, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
+        """Force (N) that pushes the bodies apart, >= 0; not a number where the contact is an impulse."""
+        ...
+
+    def potential(self, depth: float, effective_mass: float, approach_speed: float) -> float:
+        """Energy (J) stored at a penetration: the part that the law gives back."""
+        ...
+
+    def collide(self, effective_mass: float, approach_speed: float) -> Collision:
+        """One collision in continuous time, from touch to zero force."""
+        ...
+
+    def parameters(self, effective_mass: float) -> ContactParameters:
+        """Numbers for the time loop; a law without a compiled branch gives `ContactParameters.of_function`."""
+        ...
+
+    def force_function(self, effective_mass: float) -> Callable[[float, float, float], float] | None:
+        """Plain function of depth, rate and approach speed to the force (N), which numba compiles for the time loop.
+
+        None where the kind of the parameters has a compiled branch. The same function object each time is compiled
+        once; a new one is compiled again.
+        """
+        ...
+
+    def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
+        """Name, value and unit of what characterises the contact; empty where no number does."""
+        ...
+
+    def with_restitution(self, restitution: float) -> ContactLaw | None:
+        """The same law with another restitution, which it then returns; None where it cannot be given one."""
+        ...
+
+
+MEMBERS = {name: member for name, member in vars(ContactLaw).items() if not name.startswith("_")}
+VALUES = tuple(name for name, member in MEMBERS.items() if isinstance(member, property))
+METHODS = tuple(name for name in MEMBERS if name not in VALUES)
+
+
+def require_law(law: object, key: str = "law") -> None:
+    """Refuse what is no contact law, and name what a law of the user's own misses.
+
+    Raises
+    ------
+    InputError
+        If the value is no contact law.
+    """
+    missing = [name for name in VALUES if not hasattr(law, name)]
+    missing += [f"{name}()" for name in METHODS if not callable(getattr(law, name, None))]
+    allowed = "must be a contact law (KelvinVoigt, ..., Rigid)"
+    if missing and len(missing) < len(VALUES) + len(METHODS):
+        allowed += f"; as one of your own it has no {', '.join(missing)}"
+    require(not missing and not isinstance(law, type), key, law, "", allowed)
+
+
+def resolve(law: ContactLaw, effective_mass: float) -> ContactParameters:
+    """Numbers of a law for the effective mass of its pair.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    effective_mass : float, kg
+        1/(1/m + phi1^2) of the pair.
+
+    Returns
+    -------
+    ContactParameters
+        Contact time (s) and restitution (1) are those at the law's reference speed where they
+        depend on speed.
+
+    Raises
+    ------
+    InputError
+        If the law is none, the mass is out of range, or a law of the user's own gives parameters of no kind, or
+        no function for the time loop.
+    """
+    require_law(law)
+    mass = _mass(effective_mass)
+    found = law.parameters(mass)
+    sound = isinstance(found, ContactParameters) and found.kind in KINDS
+    require(sound, f"{law.name}.parameters", found, "", "must be ContactParameters: see ContactParameters.of_function")
+    given = found.kind != CUSTOM or callable(law.force_function(mass))
+    allowed = "must give a function of depth, rate, approach_speed: the time loop has no branch for this law"
+    require(given, f"{law.name}.force_function", None, "", allowed)
+    return found
+
+
+def contact_force(law: ContactLaw, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
+    """Normal force of a law (N, pushing the bodies apart).
+
+    Parameters
+    ----------
+    law : ContactLaw
+        A Rigid one has no force: not a number. The switching spring's is beside its wall at gap 0.
+    depth : float, m
+    rate : float, m/s
+    approach_speed : float, m/s
+        At the start of the contact.
+    effective_mass : float, kg
+
+    Returns
+    -------
+    float, N
+
+    Raises
+    ------
+    InputError
+        If the law is none, a number is out of range, or a custom law's force is not finite.
+    """
+    require_law(law)
+    depth, rate = checked("depth", depth, quantity("m")), checked("rate", rate, quantity("m/s"))
+    approach_speed, effective_mass = _speed(approach_speed), _mass(effective_mass)
+    return law.normal_force(depth, rate, approach_speed, effective_mass)
+
+
+def contact_potential(law: ContactLaw, depth: float, effective_mass: float, approach_speed: float = 0.25) -> float:
+    """Energy (J) that a law has stored at a penetration (m): the part that it gives back.
+
+    A Rigid contact stores none; of a custom law it is the integral of force(p, 0, v0).
+
+    Raises
+    ------
+    InputError
+        If the law is none, or a number is out of range.
+    """
+    require_law(law)
+    depth = checked("depth", depth, quantity("m"))
+    approach_speed, effective_mass = _speed(approach_speed), _mass(effective_mass)
+    return law.potential(depth, effective_mass, approach_speed)
+
+
+def collide(law: ContactLaw, effective_mass: float, approach_speed: float) -> Collision:
+    """Throw a mass at a wall of the law: m p'' = -N(p, p'), p(0) = 0, p'(0) = v, until N is zero again.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    effective_mass : float, kg
+    approach_speed : float, m/s
+
+    Returns
+    -------
+    Collision
+        In closed form for the linear and the power laws, by integration for a custom one.
+
+    Raises
+    ------
+    InputError
+        If a number is not > 0, or a custom law never lets go.
+    """
+    require_law(law)
+    return law.collide(_mass(effective_mass), _speed(approach_speed))
+
+
+def _speed(value: object) -> float:
+    return float(checked("approach_speed", value, quantity("m/s", above=0.0)))
+
+
+def _mass(value: object) -> float:
+    return float(checked("effective_mass", value, quantity("kg", above=0.0)))

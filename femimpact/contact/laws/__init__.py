@@ -1,0 +1,1 @@
+"""The built-in contact laws, one in each file."""

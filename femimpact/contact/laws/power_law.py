@@ -1,0 +1,241 @@
+"""Hertz's power law, and the laws that brake it in proportion to its force."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from femimpact.contact.collision import Collision, collision_of, crest
+from femimpact.contact.formulas import POWER, power_force, power_potential
+from femimpact.contact.parameters import ContactParameters
+from femimpact.contact.restitution import loss_factor_for_restitution, restitution_of_loss_factor
+from femimpact.errors import check_fields, choice, quantity, require, require_type
+
+__all__ = [
+    "Flores",
+    "GonthierCarvalhoMartins",
+    "Hertz",
+    "HuntCrossley",
+    "LankaraniNikravesh",
+    "PowerLaw",
+    "loss_factor",
+    "power_contact_time",
+]
+
+QUADRATURE = 60
+"""Gauss points of the contact time's quadrature; its integrand is smooth after the change of variable."""
+
+LOSS_FACTORS: Mapping[str, Callable[[float], float]] = {
+    "none": lambda e: 0.0,
+    "hunt-crossley": lambda e: 1.5 * (1.0 - e),
+    "lankarani-nikravesh": lambda e: 0.75 * (1.0 - e * e),
+    "flores": lambda e: 1.6 * (1.0 - e) / e,
+    "exact": loss_factor_for_restitution,
+}
+"""Loss factor d (1) of each author for a restitution e."""
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """Force N = k p^n max(0, 1 + d p'/v0), v0 the approach speed at the start of each contact.
+
+    The common form of Hertz's law and of those that brake it in proportion to its force. They
+    differ in nothing but the loss factor d that each author takes for a restitution e:
+
+    =============================  =====================================
+    none (Hertz, 1882)             0
+    hunt-crossley (1975)           3 (1 - e)/2
+    lankarani-nikravesh (1990)     3 (1 - e^2)/4
+    flores (2011)                  8 (1 - e)/(5 e)
+    exact (Gonthier et al., 2004;  the root of
+    Carvalho and Martins, 2019)    d (1 + e) = ln[(1 + d)/(1 - e d)]
+    =============================  =====================================
+
+    Only the last returns the restitution asked for; `collide` gives what the others return.
+    `Hertz`, `HuntCrossley`, `LankaraniNikravesh`, `Flores` and `GonthierCarvalhoMartins` make one.
+
+    Parameters
+    ----------
+    stiffness : float, N/m^n
+        n = 3/2 for a sphere; see `hertz_stiffness`.
+    restitution : float, 1
+        As asked for.
+    loss : {"none", "hunt-crossley", "lankarani-nikravesh", "flores", "exact"}
+    exponent : float, 1
+    reference_speed : float, m/s
+        At which the contact time of step recommendations is taken; it goes with v^-1/5 for n = 3/2.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or a restitution other than 1 is given without a loss.
+    """
+
+    stiffness: float = field(metadata=quantity("N/m^1.5", above=0.0))
+    restitution: float = field(default=1.0, metadata=quantity("1", above=0.0, at_most=1.0))
+    loss: str = field(default="none", metadata=choice(*LOSS_FACTORS))
+    exponent: float = field(default=1.5, metadata=quantity("1", at_least=1.0, at_most=5.0))
+    reference_speed: float = field(default=0.25, metadata=quantity("m/s", above=0.0))
+    may_be_preloaded: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        lossless = self.loss != "none" or self.restitution == 1.0
+        require(lossless, "restitution", self.restitution, "", "must be 1 for Hertz: the elastic law loses nothing")
+
+    @property
+    def name(self) -> str:
+        """The author's name, as results show it."""
+        return {"none": "hertz", "exact": "gonthier-carvalho-martins"}.get(self.loss, self.loss)
+
+    def normal_force(self, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
+        """Force (N), never below zero."""
+        return power_force(depth, rate, self.stiffness, self.exponent, loss_factor(self), approach_speed)
+
+    def potential(self, depth: float, effective_mass: float, approach_speed: float) -> float:
+        """Energy (J) stored by the elastic part."""
+        return power_potential(depth, self.stiffness, self.exponent)
+
+    def collide(self, effective_mass: float, approach_speed: float) -> Collision:
+        """One collision in closed form, but for the quadrature of its contact time."""
+        mass, speed = effective_mass, approach_speed
+        d, k, n = loss_factor(self), self.stiffness, self.exponent
+        deepest = _depth(_potential_of_speed(d, 0.0) * mass * speed**2, k, n)
+        # the force k p^n (1 + d r) is largest before the deepest point
+        ratios = np.linspace(0.0, 1.0, 4001)[:-1]
+        depths = [_depth(_potential_of_speed(d, r) * mass * speed**2, k, n) for r in ratios]
+        force = k * np.array(depths) ** n * (1.0 + d * ratios)
+        time = power_contact_time(k, n, d, mass, speed)
+        return collision_of(restitution_of_loss_factor(d), time, crest(force), deepest, mass, speed)
+
+    def parameters(self, effective_mass: float) -> ContactParameters:
+        """Numbers for the time loop; the contact time is that at the reference speed."""
+        d = loss_factor(self)
+        time = power_contact_time(self.stiffness, self.exponent, d, effective_mass, self.reference_speed)
+        return ContactParameters(POWER, self.stiffness, d, time, restitution_of_loss_factor(d), self.exponent)
+
+    def force_function(self, effective_mass: float) -> None:
+        """None: the time loop has a branch for power laws."""
+
+    def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
+        """Stiffness and loss factor."""
+        return ("stiffness", self.stiffness, f"N/m^{self.exponent:g}"), ("loss factor", loss_factor(self), "")
+
+    def with_restitution(self, restitution: float) -> None:
+        """None: what most authors' loss factors return is not the restitution asked for."""
+
+
+def Hertz(stiffness: float, exponent: float = 1.5, reference_speed: float = 0.25) -> PowerLaw:  # noqa: N802
+    """Elastic sphere on a wall, N = k p^1.5: `PowerLaw` without loss; stiffness in N/m^1.5.
+
+    Hertz, 1882.
+    """
+    return PowerLaw(stiffness, 1.0, "none", exponent, reference_speed)
+
+
+def HuntCrossley(  # noqa: N802
+    stiffness: float, restitution: float, exponent: float = 1.5, reference_speed: float = 0.25
+) -> PowerLaw:
+    """`PowerLaw` with d = 3 (1 - e)/2: right near e = 1.
+
+    Hunt and Crossley, 1975.
+    """
+    return PowerLaw(stiffness, restitution, "hunt-crossley", exponent, reference_speed)
+
+
+def LankaraniNikravesh(  # noqa: N802
+    stiffness: float, restitution: float, exponent: float = 1.5, reference_speed: float = 0.25
+) -> PowerLaw:
+    """`PowerLaw` with d = 3 (1 - e^2)/4: right near e = 1.
+
+    Lankarani and Nikravesh, 1990.
+    """
+    return PowerLaw(stiffness, restitution, "lankarani-nikravesh", exponent, reference_speed)
+
+
+def Flores(  # noqa: N802
+    stiffness: float, restitution: float, exponent: float = 1.5, reference_speed: float = 0.25
+) -> PowerLaw:
+    """`PowerLaw` with d = 8 (1 - e)/(5 e): right at both ends.
+
+    Flores et al., 2011.
+    """
+    return PowerLaw(stiffness, restitution, "flores", exponent, reference_speed)
+
+
+def GonthierCarvalhoMartins(  # noqa: N802
+    stiffness: float, restitution: float, exponent: float = 1.5, reference_speed: float = 0.25
+) -> PowerLaw:
+    """`PowerLaw` with the exact d: every e comes back.
+
+    Gonthier et al., 2004; Carvalho and Martins, 2019.
+    """
+    return PowerLaw(stiffness, restitution, "exact", exponent, reference_speed)
+
+
+def loss_factor(law: PowerLaw) -> float:
+    """Loss factor d (1) of a power law, by its author's formula.
+
+    Raises
+    ------
+    InputError
+        If the law is of another kind.
+    """
+    require_type(law, PowerLaw, "law")
+    return LOSS_FACTORS[law.loss](law.restitution)
+
+
+def _potential_of_speed(loss: float, ratio: float) -> float:
+    """(Stored energy)/(m v0^2) when the relative speed is `ratio` times the approach speed, -e to 1.
+
+    m v dv/(1 + d v/v0) = -dU gives U/(m v0^2) = (1 - r)/d - ln[(1 + d)/(1 + d r)]/d^2, written
+    here without differences of near numbers.
+    """
+    v = (1.0 - ratio) / max(1.0 + loss * ratio, 1e-300)
+    u = loss * v
+    if u > 1.0:
+        # no near numbers here, and v may be huge next to the speed at which the force vanishes
+        return (1.0 - ratio) / loss - math.log1p(u) / loss**2
+    series = sum((-u) ** n / (n + 2.0) for n in range(8))
+    shape = series if abs(u) < 0.02 else (u - math.log1p(u)) / u**2
+    return ratio * v + v * v * shape
+
+
+def _depth(energy: float, stiffness: float, exponent: float) -> float:
+    return float(((exponent + 1.0) * max(energy, 0.0) / stiffness) ** (1.0 / (exponent + 1.0)))
+
+
+def power_contact_time(stiffness: float, exponent: float, loss: float, mass: float, speed: float) -> float:
+    """Contact time (s) of k p^n (1 + d p'/v0): the integral of -m dv/N over the speed, from v to -e v.
+
+    For d = 0 and n = 3/2 it is 2.9432 times the largest penetration over v (Hertz; Johnson, 1985).
+    """
+    e = restitution_of_loss_factor(loss)
+    x, w = np.polynomial.legendre.leggauss(QUADRATURE)
+    s, w = 0.5 * (x + 1.0), 0.5 * w
+    scale, q = mass * speed**2, exponent + 1.0
+    # coming: -m dv/N, clustered at the touch, where the force grows from zero
+    r = 1.0 - s**q
+    depth = np.array([_depth(_potential_of_speed(loss, value) * scale, stiffness, exponent) for value in r])
+    coming = mass * speed * q * s ** (q - 1.0) / (stiffness * depth**exponent * (1.0 + loss * r))
+    # leaving: dp/|v|, for a lossy contact creeps back at a speed that hardly changes; clustered where it turns
+    deepest = _depth(_potential_of_speed(loss, 0.0) * scale, stiffness, exponent)
+    back = [_leaving_speed(loss, e, value) for value in (1.0 - s * s) ** q * _potential_of_speed(loss, 0.0)]
+    leaving = 2.0 * s * deepest / (speed * np.array(back))
+    return float(np.sum(w * (coming + leaving)))
+
+
+def _leaving_speed(loss: float, restitution: float, potential: float) -> float:
+    """Relative speed over v0 on the way back, positive, where (stored energy)/(m v0^2) is `potential`."""
+    from scipy.optimize import brentq
+
+    def left(ratio: float) -> float:
+        return _potential_of_speed(loss, -ratio) - potential
+
+    if left(restitution) >= 0.0:
+        return restitution
+    return float(brentq(left, 0.0, restitution, xtol=1e-17, rtol=1e-14))
