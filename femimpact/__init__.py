@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from femimpact.errors import DivergenceError, FemimpactError, InputError
     from femimpact.excitation import PointForce, RecordedBase, Sine
     from femimpact.fem.assembly import assemble
+    from femimpact.fem.discretisation import Discretisation, discretise
     from femimpact.fem.mesh import Mesh, read_mesh, uniform_mesh
     from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
     from femimpact.integrators.collision import achieved_restitution
@@ -69,6 +70,7 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "fem.assembly": ("assemble",),
+    "fem.discretisation": ("Discretisation", "discretise"),
     "calibration": ("RestitutionScan", "scan_restitution"),
     "contact": (
         "ALUMINIUM",

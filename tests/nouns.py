@@ -44,6 +44,11 @@ def system() -> fi.System:
 
 
 @cache
+def grid() -> fi.Discretisation:
+    return fi.discretise(STRUCTURE, elements=4)
+
+
+@cache
 def small() -> fi.System:
     return fi.reduce(system(), 2)
 
@@ -95,6 +100,7 @@ NOUNS = {
     "Beam": lambda: STRUCTURE.beam,
     "ContactPair": lambda: system().contacts[0],
     "CustomLaw": lambda: fi.CustomLaw(lambda depth, rate, speed: 1e4 * depth),
+    "Discretisation": grid,
     "DampingEstimate": lambda: fi.DampingEstimate(0.01, 6.0, (0.009, 0.011), "fit", ("warning",)),
     "EnergyLedger": lambda: response().energy,
     "EventDriven": fi.EventDriven,
@@ -147,6 +153,8 @@ NOUNS = {
     "RegimeCriteria": RegimeCriteria,
     "StickingPhases": lambda: columns(StickingPhases, {"states": 1}, impactor=np.array(["ball"])),
     "Snapshots": lambda: response().snapshots,
+    "Section": lambda: grid().sections.section(0),
+    "SectionFields": lambda: grid().sections,
     "SteadyMotion": lambda: response().steady,
     "StepConvergence": lambda: columns(
         StepConvergence, {"steps": 3}, linear_order=2.0, first_impact_order=1.0, impacts=8, notes=("note",)
@@ -163,6 +171,9 @@ def no_beam(**given: object) -> fi.System:
 VERBS = {
     "assemble": (fi.assemble, lambda: {"structure": STRUCTURE, "elements": 4}),
     "assemble on a mesh": (fi.assemble, lambda: {"structure": STRUCTURE, "mesh": fi.uniform_mesh(STRUCTURE, 4)}),
+    "discretise": (fi.discretise, lambda: {"structure": STRUCTURE, "elements": 4}),
+    "Discretisation.at_quadrature": (lambda values: grid().at_quadrature(values), lambda: {"values": np.ones(4)}),
+    "Discretisation.position_of": (lambda at: grid().position_of(at), lambda: {"at": 0.1}),
     "scan_restitution": (fi.scan_restitution, lambda: {
         "structure": replace(STRUCTURE, stops=()), "restitutions": [0.5], "empty": curve(), "elements": 2, "modes": 2,
         "frequencies": [5.0, 5.5, 6.0, 6.5], "cycles": 3, "initial": fi.State(),
