@@ -122,6 +122,7 @@ NOUNS = {
     "PointMass": lambda: STRUCTURE.masses[0],
     "PowerLaw": lambda: fi.Flores(1e7, 0.7),
     "Rayleigh": lambda: fi.Rayleigh((0.01, 0.02), modes=(1, 2)),
+    "Reaction": lambda: system().reactions["root.force"],
     "RecordedBase": lambda: fi.RecordedBase([0.0, 1.0, 0.5], 0.1),
     "Recorder": lambda: fi.Recorder(("tip", 0.1)),
     "Response": response,
@@ -247,6 +248,12 @@ VERBS = {
     "System.deflection_rows": (lambda **given: system().deflection_rows(**given), lambda: {
         "positions": [0.1], "derivative": 1
     }),
+    "System.curvature_rows": (lambda **given: system().curvature_rows(**given), lambda: {
+        "positions": [0.1], "side": "left"
+    }),
+    "System.shear_rows": (lambda **given: system().shear_rows(**given), lambda: {"positions": [0.1], "side": "left"}),
+    "System.section_at": (lambda **given: system().section_at(**given), lambda: {"at": 0.1, "side": "left"}),
+    "System.held_shares": (lambda at: system().held_shares(at), lambda: {"at": 0.01}),
     "System.position_of": (lambda at: system().position_of(at), lambda: {"at": 0.1}),
     "System.point_row": (lambda at: system().point_row(at), lambda: {"at": 0.1}),
     "point_row without a beam": (lambda at: oscillators().point_row(at), lambda: {"at": "first"}),

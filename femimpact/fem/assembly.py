@@ -16,8 +16,9 @@ from femimpact.errors import require
 from femimpact.fem.discretisation import Discretisation, ElementLineHermiteReference, discretise, kind_of
 from femimpact.fem.mesh import Mesh
 from femimpact.structure.damping import Rayleigh, rayleigh_coefficients
-from femimpact.structure.structure import Impactor, Stop, Structure
+from femimpact.structure.structure import SUPPORTS, Impactor, Stop, Structure
 from femimpact.system.modes import solve_modes, solve_stiffness
+from femimpact.system.reactions import Reaction, damped_reactions
 from femimpact.system.system import System, contact_pair, hermite_rows
 
 __all__ = ["ElementLineHermiteReference", "assemble"]
@@ -84,6 +85,8 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
         first_frequency=math.nan,
         rayleigh=(0.0, 0.0),
         constant_load=_frozen(structure.gravity * momentum[free]),
+        reactions=_reactions(grid, M, K, momentum),
+        sections=grid.sections,
     )
     return _with_damping_and_contacts(system, grid)
 
@@ -107,6 +110,7 @@ def _with_damping_and_contacts(system: System, grid: Discretisation) -> System:
         system,
         C=sparse.csr_array(alpha * system.M + beta * system.K) if structure.damping else system.C,
         rayleigh=(alpha, beta),
+        reactions=damped_reactions(system.reactions, alpha, beta),
         first_frequency=float(modes.natural_frequency[0]),
         computed_together=None,
     )
@@ -119,6 +123,32 @@ def _with_damping_and_contacts(system: System, grid: Discretisation) -> System:
         for item, row, place, flexible in zip(items, rows, places, flexibility, strict=True)
     )
     return replace(system, contacts=contacts, computed_together=None)
+
+
+def _reactions(grid: Discretisation, M: Any, K: Any, momentum: NDArray[Any]) -> dict[str, Reaction]:
+    """Rows of the held dofs, by the name of their support; a dof that two supports hold has the first one's name."""
+    held: dict[int, str] = {}
+    for support in grid.structure.supports:
+        at = support.at if isinstance(support.at, str) else f"{support.at:.9g}"
+        node = grid.node_of(support)
+        for kind in SUPPORTS[support.kind]:
+            held.setdefault(*((2 * node, f"{at}.force") if kind == "w" else (2 * node + 1, f"{at}.moment")))
+    return {
+        name: Reaction(
+            dof=dof,
+            unit="N m" if dof % 2 else "N",
+            on_acceleration=_held_row(M, dof, grid.free),
+            on_velocity=_frozen(np.zeros(grid.free.size)),
+            on_displacement=_held_row(K, dof, grid.free),
+            on_base_acceleration=float(momentum[dof]),
+            constant=float(grid.structure.gravity * momentum[dof]),
+        )
+        for dof, name in sorted(held.items())
+    }
+
+
+def _held_row(matrix: Any, dof: int, free: NDArray[Any]) -> NDArray[Any]:
+    return _frozen(matrix[[dof]][:, free].toarray()[0])
 
 
 def _flexibility(system: System, rows: NDArray[Any]) -> NDArray[Any]:

@@ -26,7 +26,7 @@ from femimpact.errors import (
     suggestion,
 )
 from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
-from femimpact.structure.structure import SUPPORTS, Beam, Impactor, Position, Segment, Stop, Structure
+from femimpact.structure.structure import SUPPORTS, Beam, Impactor, Position, Segment, Stop, Structure, Support
 from femimpact.system.hermite import shape_functions
 from femimpact.system.sections import SectionFields
 
@@ -125,6 +125,10 @@ class Discretisation:
         """Metres from the root of a place that the mesh names, or of a number."""
         return _position(self.mesh, at, key)
 
+    def node_of(self, support: Support) -> int:
+        """Number of the node that a support holds."""
+        return _node(self.mesh, support)
+
 
 def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | None = None) -> Discretisation:
     """A structure on a mesh: the scikit-fem basis, the free dofs and the section in every element.
@@ -178,8 +182,8 @@ def _sections(beam: Beam, mesh: Mesh) -> SectionFields:
         values[:, members] = np.array(constants)[:, None]
         region[members] = segment.name
     values.setflags(write=False)
-    stiffness, mass, rotary, modulus, half = values
-    return SectionFields(stiffness, mass, rotary, modulus, half, region.astype(str))
+    stiffness, mass, inertia, moduli, half = values
+    return SectionFields(stiffness, mass, inertia, moduli, half, region.astype(str))
 
 
 def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray[Any]]]:
@@ -210,14 +214,19 @@ def _position(mesh: Mesh, at: Position, key: str) -> float:
     return float(mesh.points[at])
 
 
+def _node(mesh: Mesh, support: Support) -> int:
+    nodes = mesh.nodes
+    position = _position(mesh, support.at, "support.at")
+    node = int(np.argmin(np.abs(nodes - position)))
+    at_node = abs(nodes[node] - position) <= SAME_PLACE * nodes[-1]
+    require(at_node, "support.at", support.at, "", "must be a node of the mesh")
+    return node
+
+
 def _held_dofs(structure: Structure, mesh: Mesh) -> list[int]:
     held: set[int] = set()
-    nodes = mesh.nodes
     for support in structure.supports:
-        position = _position(mesh, support.at, "support.at")
-        node = int(np.argmin(np.abs(nodes - position)))
-        at_node = abs(nodes[node] - position) <= SAME_PLACE * nodes[-1]
-        require(at_node, "support.at", support.at, "", "must be a node of the mesh")
+        node = _node(mesh, support)
         held.update(2 * node + ("w", "slope").index(kind) for kind in SUPPORTS[support.kind])
     deflections = sum(dof % 2 == 0 for dof in held)
     stiff = deflections >= 2 or (deflections == 1 and len(held) >= 2)

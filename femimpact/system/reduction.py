@@ -15,6 +15,7 @@ from femimpact.contact import Rigid
 from femimpact.errors import checked, require, require_type, truth
 from femimpact.structure.damping import realised_damping_ratio
 from femimpact.system.modes import solve_modes, solve_stiffness
+from femimpact.system.reactions import reduced_reactions
 from femimpact.system.system import ContactPair, System
 
 __all__ = ["reduce", "truncation_notes"]
@@ -85,6 +86,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
         contacts=contacts,
         directions={name: _row(row @ phi) for name, row in system.directions.items()},
         constant_load=_row(phi.T @ system.constant_load),
+        reactions=reduced_reactions(system.reactions, phi),
         computed_together=None,
     )
 
