@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from femimpact.study.study_file import load_study
     from femimpact.sweep import FrequencyResponse, frequency_sweep
     from femimpact.system.modes import Modes, solve_modes
+    from femimpact.system.own_terms import add_terms
     from femimpact.system.reactions import Reaction
     from femimpact.system.reduction import reduce, truncation_notes
     from femimpact.system.static import static_state
@@ -109,6 +110,7 @@ _MODULES = {
     "system.modes": ("Modes", "solve_modes"),
     "system.reduction": ("reduce", "truncation_notes"),
     "response.response": ("Recorder", "Response"),
+    "system.own_terms": ("add_terms",),
     "system.reactions": ("Reaction",),
     "system.static": ("static_state",),
     "structure.structure": (

@@ -170,6 +170,10 @@ def no_beam(**given: object) -> fi.System:
 
 
 VERBS = {
+    "add_terms": (fi.add_terms, lambda: {
+        "system": system(), "stiffness": np.eye(10), "mass": 1e-3 * np.eye(10), "damping": np.eye(10),
+        "load": np.ones(10),
+    }),
     "assemble": (fi.assemble, lambda: {"structure": STRUCTURE, "elements": 4}),
     "assemble on a mesh": (fi.assemble, lambda: {"structure": STRUCTURE, "mesh": fi.uniform_mesh(STRUCTURE, 4)}),
     "discretise": (fi.discretise, lambda: {"structure": STRUCTURE, "elements": 4}),

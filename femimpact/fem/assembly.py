@@ -17,7 +17,7 @@ from femimpact.fem.discretisation import Discretisation, ElementLineHermiteRefer
 from femimpact.fem.mesh import Mesh
 from femimpact.structure.damping import Rayleigh, rayleigh_coefficients
 from femimpact.structure.structure import SUPPORTS, Impactor, Stop, Structure
-from femimpact.system.modes import solve_modes, solve_stiffness
+from femimpact.system.modes import flexibility, solve_modes
 from femimpact.system.reactions import Reaction, damped_reactions
 from femimpact.system.system import System, contact_pair, hermite_rows
 
@@ -117,10 +117,10 @@ def _with_damping_and_contacts(system: System, grid: Discretisation) -> System:
     items: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
     places = [grid.position_of(item.at, f"{kind_of(item)}.{item.name}.at") for item in items]
     rows = system.deflection_rows(places) if items else np.zeros((0, system.dofs))
-    flexibility = _flexibility(system, rows)
+    compliance = flexibility(system, rows)
     contacts = tuple(
         contact_pair(item, row, place, float(row @ modes.vectors[:, 0]), flexible, structure.gravity)
-        for item, row, place, flexible in zip(items, rows, places, flexibility, strict=True)
+        for item, row, place, flexible in zip(items, rows, places, compliance, strict=True)
     )
     return replace(system, contacts=contacts, computed_together=None)
 
@@ -149,14 +149,6 @@ def _reactions(grid: Discretisation, M: Any, K: Any, momentum: NDArray[Any]) -> 
 
 def _held_row(matrix: Any, dof: int, free: NDArray[Any]) -> NDArray[Any]:
     return _frozen(matrix[[dof]][:, free].toarray()[0])
-
-
-def _flexibility(system: System, rows: NDArray[Any]) -> NDArray[Any]:
-    """b^T K^-1 b (m/N) of every row, through the stiffness factor so that fine meshes keep their digits."""
-    if rows.size == 0:
-        return np.zeros(0)
-    solved = solve_stiffness(system, rows.T)
-    return np.asarray(np.einsum("ji,ij->j", rows, solved))
 
 
 def _rayleigh(damping: Rayleigh, omega: NDArray[Any]) -> tuple[float, float]:
