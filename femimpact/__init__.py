@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from femimpact.errors import DivergenceError, FemimpactError, InputError
     from femimpact.excitation import PointForce, RecordedBase, Sine
     from femimpact.fem.assembly import assemble
+    from femimpact.fem.discretisation import Discretisation, discretise
     from femimpact.fem.mesh import Mesh, read_mesh, uniform_mesh
     from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
     from femimpact.integrators.collision import achieved_restitution
@@ -67,12 +68,15 @@ if TYPE_CHECKING:
     from femimpact.study.study_file import load_study
     from femimpact.sweep import FrequencyResponse, frequency_sweep
     from femimpact.system.modes import Modes, solve_modes
+    from femimpact.system.own_terms import add_terms
+    from femimpact.system.reactions import Reaction
     from femimpact.system.reduction import reduce, truncation_notes
     from femimpact.system.static import static_state
     from femimpact.system.system import ContactPair, State, System, without_impactors
 
 _MODULES = {
     "fem.assembly": ("assemble",),
+    "fem.discretisation": ("Discretisation", "discretise"),
     "calibration": ("RestitutionScan", "scan_restitution"),
     "contact": (
         "ALUMINIUM",
@@ -114,6 +118,8 @@ _MODULES = {
     "system.modes": ("Modes", "solve_modes"),
     "system.reduction": ("reduce", "truncation_notes"),
     "response.response": ("Recorder", "Response"),
+    "system.own_terms": ("add_terms",),
+    "system.reactions": ("Reaction",),
     "system.static": ("static_state",),
     "structure.structure": (
         "Beam",

@@ -44,6 +44,11 @@ def system() -> fi.System:
 
 
 @cache
+def grid() -> fi.Discretisation:
+    return fi.discretise(STRUCTURE, elements=4)
+
+
+@cache
 def small() -> fi.System:
     return fi.reduce(system(), 2)
 
@@ -95,6 +100,7 @@ NOUNS = {
     "Beam": lambda: STRUCTURE.beam,
     "ContactPair": lambda: system().contacts[0],
     "CustomLaw": lambda: fi.CustomLaw(lambda depth, rate, speed: 1e4 * depth),
+    "Discretisation": grid,
     "DampingEstimate": lambda: fi.DampingEstimate(0.01, 6.0, (0.009, 0.011), "fit", ("warning",)),
     "EnergyLedger": lambda: response().energy,
     "EventDriven": fi.EventDriven,
@@ -116,6 +122,7 @@ NOUNS = {
     "PointMass": lambda: STRUCTURE.masses[0],
     "PowerLaw": lambda: fi.Flores(1e7, 0.7),
     "Rayleigh": lambda: fi.Rayleigh((0.01, 0.02), modes=(1, 2)),
+    "Reaction": lambda: system().reactions["root.force"],
     "RecordedBase": lambda: fi.RecordedBase([0.0, 1.0, 0.5], 0.1),
     "Recorder": lambda: fi.Recorder(("tip", 0.1)),
     "Response": response,
@@ -147,6 +154,8 @@ NOUNS = {
     "RegimeCriteria": RegimeCriteria,
     "StickingPhases": lambda: columns(StickingPhases, {"states": 1}, impactor=np.array(["ball"])),
     "Snapshots": lambda: response().snapshots,
+    "Section": lambda: grid().sections.section(0),
+    "SectionFields": lambda: grid().sections,
     "SteadyMotion": lambda: response().steady,
     "StepConvergence": lambda: columns(
         StepConvergence, {"steps": 3}, linear_order=2.0, first_impact_order=1.0, impacts=8, notes=("note",)
@@ -161,8 +170,15 @@ def no_beam(**given: object) -> fi.System:
 
 
 VERBS = {
+    "add_terms": (fi.add_terms, lambda: {
+        "system": system(), "stiffness": np.eye(10), "mass": 1e-3 * np.eye(10), "damping": np.eye(10),
+        "load": np.ones(10),
+    }),
     "assemble": (fi.assemble, lambda: {"structure": STRUCTURE, "elements": 4}),
     "assemble on a mesh": (fi.assemble, lambda: {"structure": STRUCTURE, "mesh": fi.uniform_mesh(STRUCTURE, 4)}),
+    "discretise": (fi.discretise, lambda: {"structure": STRUCTURE, "elements": 4}),
+    "Discretisation.at_quadrature": (lambda values: grid().at_quadrature(values), lambda: {"values": np.ones(4)}),
+    "Discretisation.position_of": (lambda at: grid().position_of(at), lambda: {"at": 0.1}),
     "scan_restitution": (fi.scan_restitution, lambda: {
         "structure": replace(STRUCTURE, stops=()), "restitutions": [0.5], "empty": curve(), "elements": 2, "modes": 2,
         "frequencies": [5.0, 5.5, 6.0, 6.5], "cycles": 3, "initial": fi.State(),
@@ -239,6 +255,12 @@ VERBS = {
     "System.deflection_rows": (lambda **given: system().deflection_rows(**given), lambda: {
         "positions": [0.1], "derivative": 1
     }),
+    "System.curvature_rows": (lambda **given: system().curvature_rows(**given), lambda: {
+        "positions": [0.1], "side": "left"
+    }),
+    "System.shear_rows": (lambda **given: system().shear_rows(**given), lambda: {"positions": [0.1], "side": "left"}),
+    "System.section_at": (lambda **given: system().section_at(**given), lambda: {"at": 0.1, "side": "left"}),
+    "System.held_shares": (lambda at: system().held_shares(at), lambda: {"at": 0.01}),
     "System.position_of": (lambda at: system().position_of(at), lambda: {"at": 0.1}),
     "System.point_row": (lambda at: system().point_row(at), lambda: {"at": 0.1}),
     "point_row without a beam": (lambda at: oscillators().point_row(at), lambda: {"at": "first"}),

@@ -3,47 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
-from skfem import Basis, BilinearForm, ElementLineHermite, MeshLine
-from skfem.element import DiscreteField
+from skfem import BilinearForm
 from skfem.helpers import dd, ddot
 
-from femimpact.errors import Fault, InputError, require, require_type, suggestion
-from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
+from femimpact.errors import require
+from femimpact.fem.discretisation import Discretisation, ElementLineHermiteReference, discretise, kind_of
+from femimpact.fem.mesh import Mesh
 from femimpact.structure.damping import Rayleigh, rayleigh_coefficients
-from femimpact.structure.structure import SUPPORTS, Beam, Impactor, Position, Segment, Stop, Structure
-from femimpact.system.hermite import shape_functions
-from femimpact.system.modes import solve_modes, solve_stiffness
+from femimpact.structure.structure import SUPPORTS, Impactor, Stop, Structure
+from femimpact.system.modes import flexibility, solve_modes
+from femimpact.system.reactions import Reaction, damped_reactions
 from femimpact.system.system import System, contact_pair, hermite_rows
 
 __all__ = ["ElementLineHermiteReference", "assemble"]
-
-
-class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
-    """Cubic Hermite line element in reference coordinates, dofs (u, u_x).
-
-    The stock element inverts a Vandermonde matrix in global coordinates and keeps it on the
-    instance: it loses digits on fine or graded meshes and is wrong on a second mesh.
-    """
-
-    def gbasis(self, mapping: Any, X: NDArray[Any], i: int, tind: Any = None) -> tuple[DiscreteField]:
-        """Basis function i and its derivatives by x at reference points X."""
-        mesh = mapping.mesh
-        t = mesh.t if tind is None else mesh.t[:, tind]
-        length = (mesh.p[0, t[1]] - mesh.p[0, t[0]])[:, None]  # signed, so reversed elements are right
-        s = X[0]
-        if s.ndim == 1:
-            s = np.broadcast_to(s, (t.shape[1], s.shape[0]))
-        scale = length if i % 2 else 1.0
-        value, slope, curvature, third = (scale * shape_functions(s, order)[i] / length**order for order in range(4))
-        field = DiscreteField(value=value, grad=slope[None], hess=curvature[None, None], grad3=third[None, None, None])
-        return (field,)
 
 
 @BilinearForm  # type: ignore[untyped-decorator]
@@ -86,39 +64,35 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     m N N^T + J N' N'^T; rotary inertia of the beam and shear are left out, as in the paper. Gravity is a constant
     acceleration of every mass: constant_load = base_load gravity.
     """
-    require_type(structure, Structure, "structure")
-    one = (elements is None) != (mesh is None)
-    require(one, "mesh", None, "", "give either elements (a whole number) or a mesh")
-    if mesh is not None:
-        require_type(mesh, Mesh, "mesh")
-    else:
-        mesh = uniform_mesh(structure, elements)  # type: ignore[arg-type]
-    _check_length(structure.beam, mesh)
-    K, M = _beam_matrices(structure.beam, mesh)
-    M = M + _lumped_mass(structure, mesh)
-    free = _free_dofs(structure, mesh)
-    rigid = np.zeros(2 * mesh.nodes.size)
+    grid = discretise(structure, elements, mesh)
+    K, M = _beam_matrices(grid)
+    M = M + _lumped_mass(grid)
+    free = grid.free
+    rigid = np.zeros(grid.dofs)
     rigid[0::2] = 1.0
     momentum = M @ rigid
     system = System(
         M=_free_block(M, free),
         C=sparse.csr_array((free.size, free.size)),
         K=_free_block(K, free),
-        stiffness_factor=_stiffness_factor(structure.beam, mesh)[:, free],
+        stiffness_factor=_stiffness_factor(grid)[:, free],
         base_load=_frozen(momentum[free]),
         rigid_translation=_frozen(rigid[free]),
-        nodes=mesh.nodes,
-        expansion=sparse.eye_array(2 * mesh.nodes.size, format="csr")[:, free],
-        points=_points(structure, mesh),
+        nodes=grid.mesh.nodes,
+        expansion=sparse.eye_array(grid.dofs, format="csr")[:, free],
+        points=_points(grid),
         total_mass=float(rigid @ momentum),
         first_frequency=math.nan,
         rayleigh=(0.0, 0.0),
         constant_load=_frozen(structure.gravity * momentum[free]),
+        reactions=_reactions(grid, M, K, momentum),
+        sections=grid.sections,
     )
-    return _with_damping_and_contacts(system, structure, mesh)
+    return _with_damping_and_contacts(system, grid)
 
 
-def _with_damping_and_contacts(system: System, structure: Structure, mesh: Mesh) -> System:
+def _with_damping_and_contacts(system: System, grid: Discretisation) -> System:
+    structure = grid.structure
     pair = structure.damping.modes if structure.damping else None
     count = max(pair) if pair else 1
     require(
@@ -136,30 +110,45 @@ def _with_damping_and_contacts(system: System, structure: Structure, mesh: Mesh)
         system,
         C=sparse.csr_array(alpha * system.M + beta * system.K) if structure.damping else system.C,
         rayleigh=(alpha, beta),
+        reactions=damped_reactions(system.reactions, alpha, beta),
         first_frequency=float(modes.natural_frequency[0]),
         computed_together=None,
     )
     items: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
-    places = [_position(item.at, mesh, f"{_kind(item)}.{item.name}.at") for item in items]
+    places = [grid.position_of(item.at, f"{kind_of(item)}.{item.name}.at") for item in items]
     rows = system.deflection_rows(places) if items else np.zeros((0, system.dofs))
-    flexibility = _flexibility(system, rows)
+    compliance = flexibility(system, rows)
     contacts = tuple(
         contact_pair(item, row, place, float(row @ modes.vectors[:, 0]), flexible, structure.gravity)
-        for item, row, place, flexible in zip(items, rows, places, flexibility, strict=True)
+        for item, row, place, flexible in zip(items, rows, places, compliance, strict=True)
     )
     return replace(system, contacts=contacts, computed_together=None)
 
 
-def _kind(item: Impactor | Stop) -> str:
-    return "stop" if isinstance(item, Stop) else "impactor"
+def _reactions(grid: Discretisation, M: Any, K: Any, momentum: NDArray[Any]) -> dict[str, Reaction]:
+    """Rows of the held dofs, by the name of their support; a dof that two supports hold has the first one's name."""
+    held: dict[int, str] = {}
+    for support in grid.structure.supports:
+        at = support.at if isinstance(support.at, str) else f"{support.at:.9g}"
+        node = grid.node_of(support)
+        for kind in SUPPORTS[support.kind]:
+            held.setdefault(*((2 * node, f"{at}.force") if kind == "w" else (2 * node + 1, f"{at}.moment")))
+    return {
+        name: Reaction(
+            dof=dof,
+            unit="N m" if dof % 2 else "N",
+            on_acceleration=_held_row(M, dof, grid.free),
+            on_velocity=_frozen(np.zeros(grid.free.size)),
+            on_displacement=_held_row(K, dof, grid.free),
+            on_base_acceleration=float(momentum[dof]),
+            constant=float(grid.structure.gravity * momentum[dof]),
+        )
+        for dof, name in sorted(held.items())
+    }
 
 
-def _flexibility(system: System, rows: NDArray[Any]) -> NDArray[Any]:
-    """b^T K^-1 b (m/N) of every row, through the stiffness factor so that fine meshes keep their digits."""
-    if rows.size == 0:
-        return np.zeros(0)
-    solved = solve_stiffness(system, rows.T)
-    return np.asarray(np.einsum("ji,ij->j", rows, solved))
+def _held_row(matrix: Any, dof: int, free: NDArray[Any]) -> NDArray[Any]:
+    return _frozen(matrix[[dof]][:, free].toarray()[0])
 
 
 def _rayleigh(damping: Rayleigh, omega: NDArray[Any]) -> tuple[float, float]:
@@ -171,79 +160,33 @@ def _rayleigh(damping: Rayleigh, omega: NDArray[Any]) -> tuple[float, float]:
     return rayleigh_coefficients((2 * math.pi * low, 2 * math.pi * high), ratio)
 
 
-def _sections(beam: Beam, mesh: Mesh) -> tuple[NDArray[Any], NDArray[Any]]:
-    """EI (N m^2) and rho A (kg/m) of every element."""
-    bending_stiffness, mass_per_length = np.empty(mesh.elements), np.empty(mesh.elements)
-    for segment, members in _segments_on_mesh(beam, mesh):
-        bending_stiffness[members] = segment.bending_stiffness
-        mass_per_length[members] = segment.mass_per_length
-    return bending_stiffness, mass_per_length
-
-
-def _stiffness_factor(beam: Beam, mesh: Mesh) -> Any:
+def _stiffness_factor(grid: Discretisation) -> Any:
     """G with K = G^T G: sqrt(EI h/2) w'' at the two Gauss points, which integrate w''^2 exactly."""
-    lengths = np.diff(mesh.nodes)
-    weight = np.sqrt(0.5 * lengths * _sections(beam, mesh)[0])
-    middles = 0.5 * (mesh.nodes[1:] + mesh.nodes[:-1])
+    nodes = grid.mesh.nodes
+    lengths = np.diff(nodes)
+    weight = np.sqrt(0.5 * lengths * grid.sections.bending_stiffness)
+    middles = 0.5 * (nodes[1:] + nodes[:-1])
     points = middles[:, None] + lengths[:, None] * np.array([-1.0, 1.0]) / (2.0 * math.sqrt(3.0))
-    curvature = hermite_rows(mesh.nodes, points.ravel(), derivative=2)
+    curvature = hermite_rows(nodes, points.ravel(), derivative=2)
     return sparse.csr_array(sparse.diags_array(np.repeat(weight, 2)) @ curvature)
 
 
-def _beam_matrices(beam: Beam, mesh: Mesh) -> tuple[Any, Any]:
+def _beam_matrices(grid: Discretisation) -> tuple[Any, Any]:
     """K and M of the bare beam over all dofs, held ones included."""
-    bending_stiffness, mass_per_length = _sections(beam, mesh)
-    # degree 6 integrates the product of two cubics exactly
-    basis = Basis(MeshLine(mesh.nodes), ElementLineHermiteReference(), intorder=6)
-    each = basis.zero_w()
-    K = bending.assemble(basis, bending_stiffness=bending_stiffness[:, None] + each)
-    M = inertia.assemble(basis, mass_per_length=mass_per_length[:, None] + each)
+    sections = grid.sections
+    K = bending.assemble(grid.basis, bending_stiffness=grid.at_quadrature(sections.bending_stiffness))
+    M = inertia.assemble(grid.basis, mass_per_length=grid.at_quadrature(sections.mass_per_length))
     return sparse.csr_array(K), sparse.csr_array(M)
 
 
-def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray[Any]]]:
-    """Each segment with the elements it fills, checked to cover the mesh once and to be as long."""
-    if len(beam.segments) == 1:
-        return [(beam.segments[0], np.arange(mesh.elements))]
-    result, lengths = [], np.diff(mesh.nodes)
-    for segment in beam.segments:
-        known = segment.name in mesh.regions
-        require(known, "mesh.regions", segment.name, "", suggestion(segment.name, mesh.regions))
-        members = mesh.regions[segment.name]
-        meshed = float(lengths[members].sum())
-        fits = abs(meshed - segment.length) <= 1e-6 * beam.length
-        allowed = f"must be the length of the mesh's region, {meshed:.9g} m"
-        require(fits, f"beam.{segment.name}.length", segment.length, "m", allowed)
-        result.append((segment, members))
-    covered = np.sort(np.concatenate([members for _, members in result]))
-    whole = bool(np.array_equal(covered, np.arange(mesh.elements)))
-    require(whole, "mesh.regions", None, "", "must cover every element once")
-    return result
-
-
-def _lumped_mass(structure: Structure, mesh: Mesh) -> Any:
+def _lumped_mass(grid: Discretisation) -> Any:
     """M N N^T + J N' N'^T for every point mass, over all dofs."""
-    size = 2 * mesh.nodes.size
-    total = sparse.csr_array((size, size))
-    for body in structure.masses:
-        place = [_position(body.at, mesh, f"mass.{body.name}.at")]
-        shape, slope = (hermite_rows(mesh.nodes, place, order) for order in (0, 1))
+    total = sparse.csr_array((grid.dofs, grid.dofs))
+    for body in grid.structure.masses:
+        place = [grid.position_of(body.at, f"mass.{body.name}.at")]
+        shape, slope = (hermite_rows(grid.mesh.nodes, place, order) for order in (0, 1))
         total = total + body.mass * (shape.T @ shape) + body.rotary_inertia * (slope.T @ slope)
     return total
-
-
-def _free_dofs(structure: Structure, mesh: Mesh) -> NDArray[Any]:
-    held: set[int] = set()
-    for support in structure.supports:
-        position = _position(support.at, mesh, "support.at")
-        node = int(np.argmin(np.abs(mesh.nodes - position)))
-        at_node = abs(mesh.nodes[node] - position) <= SAME_PLACE * mesh.nodes[-1]
-        require(at_node, "support.at", support.at, "", "must be a node of the mesh")
-        held.update(2 * node + ("w", "slope").index(kind) for kind in SUPPORTS[support.kind])
-    deflections = sum(dof % 2 == 0 for dof in held)
-    stiff = deflections >= 2 or (deflections == 1 and len(held) >= 2)
-    require(stiff, "supports", len(held), "held dofs", "must hold two places of the mesh, or one place and a slope")
-    return np.setdiff1d(np.arange(2 * mesh.nodes.size), sorted(held))
 
 
 def _free_block(matrix: Any, free: NDArray[Any]) -> Any:
@@ -252,31 +195,13 @@ def _free_block(matrix: Any, free: NDArray[Any]) -> Any:
     return block
 
 
-def _position(at: Position, mesh: Mesh, key: str) -> float:
-    if not isinstance(at, str):
-        return min(float(at), float(mesh.nodes[-1]))
-    require(at in mesh.points, key, at, "", suggestion(at, mesh.points))
-    return float(mesh.points[at])
-
-
-def _points(structure: Structure, mesh: Mesh) -> dict[str, float]:
-    """Named places of the mesh, and of every body and ball that is not itself such a name."""
-    pairs: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
-    for item in pairs:
-        free = item.name not in mesh.points
-        require(free, f"{_kind(item)}.{item.name}.name", item.name, "", "must not be the name of a point of the mesh")
-    places = dict(mesh.points)
-    for body in structure.masses:
+def _points(grid: Discretisation) -> dict[str, float]:
+    """Named places of the mesh, and of every body that is not itself such a name."""
+    places = dict(grid.mesh.points)
+    for body in grid.structure.masses:
         if body.name not in places:
-            places[body.name] = _position(body.at, mesh, f"mass.{body.name}.at")
+            places[body.name] = grid.position_of(body.at, f"mass.{body.name}.at")
     return places
-
-
-def _check_length(beam: Beam, mesh: Mesh) -> None:
-    meshed = float(mesh.nodes[-1])
-    if abs(meshed - beam.length) > 1e-6 * beam.length:
-        allowed = f"must be the mesh's length, {meshed:.9g} m"
-        raise InputError([Fault("beam.length", beam.length, "m", allowed)])
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:

@@ -14,6 +14,7 @@ import scipy.sparse as sparse
 
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type, suggestion
 from femimpact.system.matrices import check_semidefinite, checked_matrix, checked_row, same_product
+from femimpact.system.reactions import check_reactions
 
 __all__ = [
     "TOGETHER", "SystemOrigin", "check_contacts", "check_damping", "check_factor", "check_shapes", "check_unchanged",
@@ -21,7 +22,7 @@ __all__ = [
 
 TOGETHER = (
     "M", "C", "K", "stiffness_factor", "base_load", "rigid_translation", "nodes", "expansion", "points", "total_mass",
-    "first_frequency", "rayleigh", "directions",
+    "first_frequency", "rayleigh", "directions", "reactions", "sections",
 )  # fmt: skip
 """Fields of a system that are computed from one another."""
 
@@ -31,6 +32,7 @@ class SystemOrigin(NamedTuple):
 
     fields: tuple[Any, ...]
     contacts: tuple[Any, ...]
+    constant_load: Any
 
 
 def check_shapes(system: Any) -> None:
@@ -61,6 +63,11 @@ def check_shapes(system: Any) -> None:
     for name, row in system.directions.items():
         require(name in system.points, "directions", name, "", suggestion(str(name), system.points))
         checked_row(f"directions.{name}", row, n)
+    check_reactions(system.reactions, n)
+    if system.sections is not None:
+        elements = system.sections.region.size
+        allowed = f"must be those of the {max(nodes.size - 1, 0)} elements between the nodes"
+        require(elements == nodes.size - 1, "sections", elements, "", allowed)
     for pair_ in system.contacts:
         fits = pair_.direction.shape == (n,)
         require(fits, f"{pair_.name}.direction", pair_.direction.shape, "", f"must have {n} entries, one for each dof")

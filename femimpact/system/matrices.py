@@ -13,11 +13,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import real_array, require
 
-__all__ = ["check_semidefinite", "checked_matrix", "checked_row", "definite_factor", "same_product", "stiffness_solver"]
+__all__ = [
+    "banded_factor",
+    "check_semidefinite",
+    "checked_matrix",
+    "checked_row",
+    "definite_factor",
+    "same_product",
+    "stiffness_solver",
+]
 
 RANK_TOLERANCE = 1e-13
 """Eigenvalues below this share of the largest are taken as zero: rigid motions."""
 
+
+NEGLIGIBLE_ROW = 1e-12
+"""Of a matrix with ones on its diagonal: what is left of a row below this is taken as zero."""
 
 ROUNDING = 1e-8
 """Share of a row's sum by which two products of one matrix may differ."""
@@ -76,6 +87,40 @@ def definite_factor(name: str, matrix: NDArray[Any], strictly: bool = False) -> 
     require(bool(fine), name, float(values[0]), "", f"{allowed}; this is its lowest eigenvalue")
     values = np.where(values > RANK_TOLERANCE * largest, values, 0.0)
     return np.sqrt(values)[:, None] * vectors.T, int(np.count_nonzero(values))
+
+
+def banded_factor(matrix: Any, semidefinite: bool = False) -> Any:
+    """Upper triangular G (dofs, dofs) with A = G^T G of a sparse symmetric A, by Cholesky's method on its band.
+
+    None where A is not positive definite or, where that is enough, semidefinite: rows of a motion without stiffness
+    are then zero in G. Rounding is that of A with its diagonal scaled to ones.
+    """
+    size = matrix.shape[0]
+    entries = sparse.coo_array(sparse.triu(matrix))
+    scale = np.sqrt(np.maximum(matrix.diagonal(), 0.0))
+    offset = entries.coords[1] - entries.coords[0]
+    width = int(offset.max(initial=0))
+    # the rows below the last one stay empty
+    band = np.zeros((size + width, width + 1))
+    band[entries.coords[0], offset] = entries.data
+    unit = np.where(scale > 0.0, scale, 1.0)
+    column = np.minimum(np.arange(size)[:, None] + np.arange(width + 1), size - 1)
+    band[:size] /= unit[:, None] * unit[column]
+    for j in range(size):
+        pivot, row = band[j, 0], band[j, 1:].copy()
+        if semidefinite and pivot <= NEGLIGIBLE_ROW and np.abs(row).max(initial=0.0) <= NEGLIGIBLE_ROW:
+            if pivot < -NEGLIGIBLE_ROW:
+                return None
+            band[j] = 0.0
+            continue
+        if pivot <= 0.0:
+            return None
+        for i in np.flatnonzero(row):
+            band[j + 1 + i, : width - i] -= row[i] * row[i:] / pivot
+        band[j] /= math.sqrt(pivot)
+    rows, offsets = np.nonzero(band[:size])
+    values = band[rows, offsets] * unit[rows + offsets]
+    return sparse.csr_array((values, (rows, rows + offsets)), shape=(size, size))
 
 
 def check_semidefinite(name: str, matrix: Any) -> None:

@@ -15,7 +15,7 @@ from femimpact.structure.damping import realised_damping_ratio
 from femimpact.system.matrices import stiffness_solver
 from femimpact.system.system import System
 
-__all__ = ["Modes", "solve_modes", "solve_stiffness"]
+__all__ = ["Modes", "flexibility", "solve_modes", "solve_stiffness"]
 
 DENSE_LIMIT = 60
 """Up to this many dofs the dense solver is both exact and faster than shift-invert."""
@@ -136,6 +136,14 @@ def solve_stiffness(system: System, loads: NDArray[Any]) -> NDArray[Any]:
     fits = forces.ndim in (1, 2) and forces.shape[0] == system.dofs
     require(fits, "loads", f"array of shape {forces.shape}", "N", allowed)
     return stiffness_solver(system)(forces)
+
+
+def flexibility(system: System, rows: NDArray[Any]) -> NDArray[Any]:
+    """b^T K^-1 b (m/N) of every row (k, dofs), through the stiffness factor so that fine meshes keep their digits."""
+    if rows.size == 0:
+        return np.zeros(len(rows))
+    solved = solve_stiffness(system, rows.T)
+    return np.asarray(np.einsum("ji,ij->j", rows, solved))
 
 
 def _shift_invert_modes(system: System, count: int) -> NDArray[Any]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from femimpact.errors import checked, require, require_type, truth
 from femimpact.structure.damping import realised_damping_ratio
 from femimpact.system.modes import solve_modes, solve_stiffness
+from femimpact.system.reactions import reduced_reactions
 from femimpact.system.system import ContactPair, System
 
 __all__ = ["reduce", "truncation_notes"]
@@ -84,6 +85,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
         contacts=contacts,
         directions={name: _row(row @ phi) for name, row in system.directions.items()},
         constant_load=_row(phi.T @ system.constant_load),
+        reactions=reduced_reactions(system.reactions, phi),
         computed_together=None,
     )
 

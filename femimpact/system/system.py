@@ -20,11 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.contact import ContactLaw, ContactParameters, require_law, resolve
 from femimpact.errors import (
+    Fault,
+    InputError,
     check_fields,
     checked,
     choice,
     column,
     in_range,
+    instance,
     items,
     optional,
     quantity,
@@ -48,12 +51,21 @@ from femimpact.system.consistency import (
 )
 from femimpact.system.hermite import DERIVATIVE, shape_functions
 from femimpact.system.matrices import checked_matrix, checked_row, definite_factor
+from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reactions
+from femimpact.system.sections import Section, SectionFields
 from femimpact.system.static import StaticContacts, static_contacts
 
 __all__ = ["ContactPair", "State", "System", "SystemOrigin", "contact_pair", "hermite_rows", "without_impactors"]
 
 OFF_BEAM = 1e-6
 """Share of the length by which a position in single precision may lie off the beam."""
+
+
+AT_NODE = 1e-9
+"""Share of the length within which a position is at a node."""
+
+SIDE = choice("left", "right")
+"""Which of the two elements at a node: towards the root, or towards the tip."""
 
 
 ALIKE = 1e-6
@@ -243,6 +255,12 @@ class System:
     constant_load : ndarray (dofs,), N
         Constant force on the structure, as of gravity; None is none. It may be replaced: nothing else follows from
         it. Balls have an `acceleration`.
+    reactions : mapping of str to Reaction
+        Forces and moments of the supports, as "root.force" and "root.moment", read from the motion; none where the
+        rows of held dofs are not known: for matrices of other programs, and after the damping was replaced by one
+        without `rayleigh`. A replaced `constant_load` acts on the free dofs alone.
+    sections : SectionFields, optional
+        The section of every element; None for a system given by matrices.
     computed_together : SystemOrigin, optional
         What the fields were when they were computed from one another. It is made with the system and goes with
         its copies, so that a copy with another M, K or point is refused: what follows from them would be stale.
@@ -272,6 +290,8 @@ class System:
     )
     directions: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     constant_load: Any = field(default=None, metadata=column("N", "dofs", finite=True))
+    reactions: Mapping[str, Reaction] = field(default_factory=dict)
+    sections: SectionFields | None = field(default=None, metadata=optional(instance(SectionFields)))
     computed_together: SystemOrigin | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -287,6 +307,9 @@ class System:
             require_type(origin, SystemOrigin, "computed_together")
             if check_unchanged(self, origin):
                 check_damping(self)
+                self._set_reactions(damped_reactions(self.reactions, *self.rayleigh) if self.rayleigh else {})
+            if self.constant_load is not origin.constant_load:
+                self._set_reactions(unloaded_reactions(self.reactions))
             check_contacts(self, origin)
         names = [pair.name for pair in self.contacts]
         require(len(set(names)) == len(names), "contacts", names, "", "must have distinct names")
@@ -294,7 +317,10 @@ class System:
         require(stops == sorted(stops), "contacts", names, "", "must be balls first, then stops")
         kept = tuple(getattr(self, name) for name in TOGETHER)
         pairs = self.contacts if origin is None else origin.contacts
-        object.__setattr__(self, "computed_together", SystemOrigin(kept, pairs))
+        object.__setattr__(self, "computed_together", SystemOrigin(kept, pairs, self.constant_load))
+
+    def _set_reactions(self, reactions: Mapping[str, Reaction]) -> None:
+        object.__setattr__(self, "reactions", reactions)
 
     @classmethod
     def from_matrices(
@@ -421,9 +447,115 @@ class System:
         InputError
             If there is no beam, a position lies off it, or a cubic has no such derivative.
         """
+        return self._rows(positions, derivative, "right")
+
+    def curvature_rows(self, positions: ArrayLike, side: str = "right") -> NDArray[Any]:
+        """Rows that read the curvature w'' (1/m) at positions.
+
+        The bending moment is EI w'', the elastic part: what damping in proportion to the stiffness and terms of one's
+        own add to it is not in it. A surface strain is -+ half_height w'', a stress E times that; `section_at` has
+        the constants, and `femimpact.system.sections` the signs. w'' is linear in each element, with an error of the
+        second order of the element's length.
+
+        Parameters
+        ----------
+        positions : array_like (k,), m
+        side : {"left", "right"}
+            Which element is read at a node: towards the root, or towards the tip. Where the section jumps, both
+            moments tend to one value as the mesh is refined; curvature, strain and stress jump.
+
+        Returns
+        -------
+        ndarray (k, dofs), 1/m per unit of a dof
+
+        Raises
+        ------
+        InputError
+            If there is no beam, or a position lies off it.
+        """
+        return self._rows(positions, 2, side)
+
+    def shear_rows(self, positions: ArrayLike, side: str = "right") -> NDArray[Any]:
+        """Rows that read the shear force EI w''' (N) at positions.
+
+        A cubic element of constant section has one shear force, so that the reading jumps from element to element: its
+        error is of the first order of the element's length, and of the second at an element's middle.
+
+        Parameters
+        ----------
+        positions : array_like (k,), m
+        side : {"left", "right"}
+            Which element is read at a node.
+
+        Returns
+        -------
+        ndarray (k, dofs), N per unit of a dof
+
+        Raises
+        ------
+        InputError
+            If there is no beam with known sections, or a position lies off it.
+        """
+        stiffness = self._known_sections.bending_stiffness[self._element_of(positions, side)]
+        return np.asarray(stiffness[:, None] * self._rows(positions, 3, side))
+
+    def section_at(self, at: Position, side: str = "right") -> Section:
+        """The section at a place: bending stiffness, half height, Young's modulus, region.
+
+        Parameters
+        ----------
+        at : str or float
+            A named place, or metres from the root.
+        side : {"left", "right"}
+            Which element's at a node: towards the root, or towards the tip.
+
+        Returns
+        -------
+        Section
+
+        Raises
+        ------
+        InputError
+            If there is no beam with known sections, or no such place.
+        """
+        return self._known_sections.section(int(self._element_of([self.position_of(at)], side)[0]))
+
+    @property
+    def _known_sections(self) -> SectionFields:
+        if self.sections is None:
+            raise InputError([Fault("sections", None, "", "are not known of a system given by matrices")])
+        return self.sections
+
+    def _element_of(self, positions: ArrayLike, side: str) -> NDArray[Any]:
         self._require_beam(positions)
-        rows: Any = hermite_rows(self.nodes, positions, derivative) @ self.expansion
+        return element_of(self.nodes, np.atleast_1d(_on_beam(self.nodes, positions, "positions")), side)
+
+    def _rows(self, positions: ArrayLike, derivative: int, side: str) -> NDArray[Any]:
+        self._require_beam(positions)
+        rows: Any = hermite_rows(self.nodes, positions, derivative, side) @ self.expansion
         return np.asarray(rows if isinstance(rows, np.ndarray) else rows.toarray())
+
+    def held_shares(self, at: Position) -> NDArray[Any]:
+        """Share of a unit force at a place that acts on the held dof of each reaction, (reactions,).
+
+        It is 1 for a force on a support itself, and not 0 in the elements beside one. A reaction is less by this
+        times the force.
+        """
+        rows = hermite_rows(self.nodes, [self.position_of(at)]).toarray()[0] if self.reactions else np.zeros(0)
+        return np.array([0.0 if item.dof is None else rows[item.dof] for item in self.reactions.values()])
+
+    @cached_property
+    def contact_shares(self) -> NDArray[Any]:
+        """Share of each contact force F_j that acts on the held dof of each reaction, (reactions, contacts).
+
+        It is b_j at the held dof: a reaction is less by this times F_j.
+        """
+        shares = np.zeros((len(self.reactions), len(self.contacts)))
+        if self.reactions:
+            for j, pair in enumerate(self.contacts):
+                shares[:, j] = (-1.0 if pair.is_stop else 1.0) * self.held_shares(pair.position)
+        shares.setflags(write=False)
+        return shares
 
     def point_row(self, at: Position) -> NDArray[Any]:
         """Row (dofs,) that reads the deflection at one named or numbered place."""
@@ -493,7 +625,13 @@ def _on_beam(nodes: NDArray[Any], positions: ArrayLike, key: str) -> NDArray[Any
     return np.asarray(np.clip(x, root, tip))
 
 
-def hermite_rows(nodes: NDArray[Any], positions: ArrayLike, derivative: int = 0) -> Any:
+def element_of(nodes: NDArray[Any], positions: NDArray[Any], side: str) -> NDArray[Any]:
+    """Numbers of the elements that hold positions (k,) in m; at a node, to 1e-9 of the length, the one on a side."""
+    shift = (1.0 if checked("side", side, SIDE) == "right" else -1.0) * AT_NODE * (nodes[-1] - nodes[0])
+    return np.asarray(np.clip(np.searchsorted(nodes, positions + shift, side="right") - 1, 0, nodes.size - 2))
+
+
+def hermite_rows(nodes: NDArray[Any], positions: ArrayLike, derivative: int = 0, side: str = "right") -> Any:
     """Sparse rows from nodal (w, w') pairs to the deflection, or a derivative of it, at positions.
 
     Parameters
@@ -501,6 +639,8 @@ def hermite_rows(nodes: NDArray[Any], positions: ArrayLike, derivative: int = 0)
     nodes : ndarray (n,), m
     positions : array_like (k,), m
     derivative : int
+    side : {"left", "right"}
+        Which element is read at a node, where curvature and its slope jump.
 
     Returns
     -------
@@ -514,7 +654,7 @@ def hermite_rows(nodes: NDArray[Any], positions: ArrayLike, derivative: int = 0)
     x = np.atleast_1d(_on_beam(nodes, positions, "positions"))
     require(x.ndim == 1, "positions", f"array of shape {x.shape}", "m", "must be one place or a row of them")
     derivative = checked("derivative", derivative, DERIVATIVE)
-    element = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, nodes.size - 2)
+    element = element_of(nodes, x, side)
     length = nodes[element + 1] - nodes[element]
     values = shape_functions((x - nodes[element]) / length, derivative) / length**derivative
     values[[1, 3]] *= length

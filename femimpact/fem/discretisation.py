@@ -1,0 +1,248 @@
+"""A structure on its mesh: the scikit-fem basis, its dofs, the section in every element."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import Basis, ElementLineHermite, MeshLine
+from skfem.assembly import CellBasis
+from skfem.element import DiscreteField
+
+from femimpact.errors import (
+    Fault,
+    InputError,
+    check_fields,
+    checked,
+    column,
+    instance,
+    quantity,
+    real_array,
+    require,
+    require_type,
+    suggestion,
+)
+from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
+from femimpact.structure.structure import SUPPORTS, Beam, Impactor, Position, Segment, Stop, Structure, Support
+from femimpact.system.hermite import shape_functions
+from femimpact.system.sections import SectionFields
+
+__all__ = ["Discretisation", "ElementLineHermiteReference", "discretise", "kind_of"]
+
+OFF_MESH = 1e-6
+"""Share of the beam's length by which it and a mesh of single precision may differ."""
+
+
+class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
+    """Cubic Hermite line element in reference coordinates, dofs (u, u_x).
+
+    The stock element inverts a Vandermonde matrix in global coordinates and keeps it on the
+    instance: it loses digits on fine or graded meshes and is wrong on a second mesh.
+    """
+
+    def gbasis(self, mapping: Any, X: NDArray[Any], i: int, tind: Any = None) -> tuple[DiscreteField]:
+        """Basis function i and its derivatives by x at reference points X."""
+        mesh = mapping.mesh
+        t = mesh.t if tind is None else mesh.t[:, tind]
+        length = (mesh.p[0, t[1]] - mesh.p[0, t[0]])[:, None]  # signed, so reversed elements are right
+        s = X[0]
+        if s.ndim == 1:
+            s = np.broadcast_to(s, (t.shape[1], s.shape[0]))
+        scale = length if i % 2 else 1.0
+        value, slope, curvature, third = (scale * shape_functions(s, order)[i] / length**order for order in range(4))
+        field = DiscreteField(value=value, grad=slope[None], hess=curvature[None, None], grad3=third[None, None, None])
+        return (field,)
+
+
+@dataclass(frozen=True, eq=False)
+class Discretisation:
+    """A structure on a mesh, before any matrix: what weak forms of one's own are assembled on.
+
+    All matrices on the basis have the dofs (w1, w1', w2, w2', ...), nodes from root to tip, w in m and the slope
+    w' = dw/dx positive, held dofs included. `assemble` keeps those in `free`.
+
+    Parameters
+    ----------
+    structure : Structure
+    mesh : Mesh
+        Nodes, named points and regions; `basis.mesh` is scikit-fem's mesh of the same nodes.
+    basis : skfem.CellBasis
+        Cubic Hermite elements with a quadrature that is exact to degree 6, the product of two cubics.
+    free : ndarray (dofs,)
+        Numbers of the dofs that no support holds.
+    sections : SectionFields
+        Bending stiffness, mass per length and so on in every element.
+
+    Raises
+    ------
+    InputError
+        If a value is of another kind, or the arrays do not fit the mesh.
+    """
+
+    structure: Structure = field(metadata=instance(Structure))
+    mesh: Mesh = field(metadata=instance(Mesh))
+    basis: Any = field(metadata=instance(CellBasis))
+    free: NDArray[Any] = field(metadata=column("", "dofs", of="whole number"))
+    sections: SectionFields = field(metadata=instance(SectionFields))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        numbers = np.array(self.free)
+        within = numbers.size == 0 or (numbers.min() >= 0 and numbers.max() < self.dofs)
+        rising = bool(within) and bool(np.all(np.diff(numbers) > 0))
+        require(rising, "free", None, "", f"must be increasing numbers of dofs, 0 to {self.dofs - 1}")
+        numbers.setflags(write=False)
+        object.__setattr__(self, "free", numbers)
+        same = np.array_equal(self.basis.mesh.p[0], self.mesh.nodes) and self.dofs == self.basis.N
+        require(bool(same), "basis", None, "", "must be the Hermite basis on the nodes of the mesh")
+        fits = self.sections.bending_stiffness.size == self.mesh.elements
+        require(fits, "sections", self.sections.region.size, "", f"must be those of {self.mesh.elements} elements")
+
+    @property
+    def dofs(self) -> int:
+        """Number of dofs of the basis, those held by supports included."""
+        return 2 * self.mesh.nodes.size
+
+    @property
+    def held(self) -> NDArray[Any]:
+        """Numbers of the dofs that supports hold."""
+        return np.setdiff1d(np.arange(self.dofs), self.free)
+
+    def at_quadrature(self, values: Any) -> NDArray[Any]:
+        """One value of each element, (elements,), at the basis's quadrature points: (elements, points).
+
+        For coefficients of a form, as `form.assemble(d.basis, EI=d.at_quadrature(d.sections.bending_stiffness))`.
+        """
+        allowed = f"must hold {self.mesh.elements} finite numbers, one for each element"
+        given = real_array("values", values, "", allowed)
+        require(given.shape == (self.mesh.elements,), "values", f"array of shape {given.shape}", "", allowed)
+        return np.asarray(given[:, None] + self.basis.zero_w())
+
+    def position_of(self, at: Position, key: str = "at") -> float:
+        """Metres from the root of a place that the mesh names, or of a number."""
+        return _position(self.mesh, at, key)
+
+    def node_of(self, support: Support) -> int:
+        """Number of the node that a support holds."""
+        return _node(self.mesh, support)
+
+
+def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | None = None) -> Discretisation:
+    """A structure on a mesh: the scikit-fem basis, the free dofs and the section in every element.
+
+    Parameters
+    ----------
+    structure : Structure
+    elements : int
+        Number of elements of a mesh made here; or
+    mesh : Mesh
+        a mesh of one's own, from `read_mesh`.
+
+    Returns
+    -------
+    Discretisation
+
+    Raises
+    ------
+    InputError
+        If neither or both of elements and mesh are given, the mesh does not fit the beam, or a
+        name is unknown.
+    """
+    require_type(structure, Structure, "structure")
+    one = (elements is None) != (mesh is None)
+    require(one, "mesh", None, "", "give either elements (a whole number) or a mesh")
+    if mesh is not None:
+        require_type(mesh, Mesh, "mesh")
+    else:
+        mesh = uniform_mesh(structure, elements)  # type: ignore[arg-type]
+    _check_length(structure.beam, mesh)
+    _check_names(structure, mesh)
+    # degree 6 integrates the product of two cubics exactly
+    basis = Basis(MeshLine(mesh.nodes), ElementLineHermiteReference(), intorder=6)
+    free = np.setdiff1d(np.arange(2 * mesh.nodes.size), _held_dofs(structure, mesh))
+    return Discretisation(structure, mesh, basis, free, _sections(structure.beam, mesh))
+
+
+def kind_of(item: Impactor | Stop) -> str:
+    """The key of a ball or a stop in messages and study files."""
+    return "stop" if isinstance(item, Stop) else "impactor"
+
+
+def _sections(beam: Beam, mesh: Mesh) -> SectionFields:
+    """The section of every element."""
+    values = np.empty((5, mesh.elements))
+    region = np.empty(mesh.elements, dtype=object)
+    for segment, members in _segments_on_mesh(beam, mesh):
+        bending, modulus = segment.bending_stiffness, segment.young_modulus
+        rotary = segment.density * bending / modulus
+        constants = (bending, segment.mass_per_length, rotary, modulus, 0.5 * segment.rectangle[1])
+        values[:, members] = np.array(constants)[:, None]
+        region[members] = segment.name
+    values.setflags(write=False)
+    stiffness, mass, inertia, moduli, half = values
+    return SectionFields(stiffness, mass, inertia, moduli, half, region.astype(str))
+
+
+def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray[Any]]]:
+    """Each segment with the elements it fills, checked to cover the mesh once and to be as long."""
+    if len(beam.segments) == 1:
+        return [(beam.segments[0], np.arange(mesh.elements))]
+    result, lengths = [], np.diff(mesh.nodes)
+    for segment in beam.segments:
+        known = segment.name in mesh.regions
+        require(known, "mesh.regions", segment.name, "", suggestion(segment.name, mesh.regions))
+        members = mesh.regions[segment.name]
+        meshed = float(lengths[members].sum())
+        fits = abs(meshed - segment.length) <= OFF_MESH * beam.length
+        allowed = f"must be the length of the mesh's region, {meshed:.9g} m"
+        require(fits, f"beam.{segment.name}.length", segment.length, "m", allowed)
+        result.append((segment, members))
+    covered = np.sort(np.concatenate([members for _, members in result]))
+    whole = bool(np.array_equal(covered, np.arange(mesh.elements)))
+    require(whole, "mesh.regions", None, "", "must cover every element once")
+    return result
+
+
+def _position(mesh: Mesh, at: Position, key: str) -> float:
+    if not isinstance(at, str):
+        tip = float(mesh.nodes[-1])
+        return min(float(checked(key, at, quantity("m", at_least=0.0, at_most=tip * (1.0 + OFF_MESH)))), tip)
+    require(at in mesh.points, key, at, "", suggestion(at, mesh.points))
+    return float(mesh.points[at])
+
+
+def _node(mesh: Mesh, support: Support) -> int:
+    nodes = mesh.nodes
+    position = _position(mesh, support.at, "support.at")
+    node = int(np.argmin(np.abs(nodes - position)))
+    at_node = abs(nodes[node] - position) <= SAME_PLACE * nodes[-1]
+    require(at_node, "support.at", support.at, "", "must be a node of the mesh")
+    return node
+
+
+def _held_dofs(structure: Structure, mesh: Mesh) -> list[int]:
+    held: set[int] = set()
+    for support in structure.supports:
+        node = _node(mesh, support)
+        held.update(2 * node + ("w", "slope").index(kind) for kind in SUPPORTS[support.kind])
+    deflections = sum(dof % 2 == 0 for dof in held)
+    stiff = deflections >= 2 or (deflections == 1 and len(held) >= 2)
+    require(stiff, "supports", len(held), "held dofs", "must hold two places of the mesh, or one place and a slope")
+    return sorted(held)
+
+
+def _check_names(structure: Structure, mesh: Mesh) -> None:
+    pairs: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
+    for item in pairs:
+        free = item.name not in mesh.points
+        require(free, f"{kind_of(item)}.{item.name}.name", item.name, "", "must not be the name of a point of the mesh")
+
+
+def _check_length(beam: Beam, mesh: Mesh) -> None:
+    meshed = float(mesh.nodes[-1])
+    if abs(meshed - beam.length) > OFF_MESH * beam.length:
+        allowed = f"must be the mesh's length, {meshed:.9g} m"
+        raise InputError([Fault("beam.length", beam.length, "m", allowed)])
