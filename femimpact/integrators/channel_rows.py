@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse.linalg
@@ -76,12 +76,39 @@ def channel_rows(system: System, drive: Drive, channels: tuple[Channel, ...], *,
     -------
     ChannelRows
     """
-    rows = [_row(system, drive, channel.reading(system), springs_apart) for channel in channels]
+    readings = [_free_of_reactions(system, drive, channel.reading(system)) for channel in channels]
+    rows = [_row(system, drive, reading, springs_apart) for reading in readings]
     n, pairs = system.dofs, len(system.contacts)
     # of no channels, arrays without rows
     empty = (*[np.zeros(n)] * 2, *[np.zeros(pairs)] * 4, np.zeros(3), 0.0, 0.0)
     columns = zip(*[empty, *rows], strict=True)
     return ChannelRows(*(np.array(column, dtype=float)[1:] for column in columns))
+
+
+def _free_of_reactions(system: System, drive: Drive, reading: Reading) -> Reading:
+    """The same reading with reactions written by what they are read from: held rows, less the forces on held dofs."""
+    numbers = np.flatnonzero(reading.reaction)
+    if numbers.size == 0:
+        return reading
+    items = list(system.reactions.values())
+    applied = np.zeros(len(items)) if drive.at is None else system.held_shares(drive.at)
+    for i in numbers:
+        item, weight = items[i], reading.reaction[i]
+        contact = weight * system.contact_shares[i]
+        springs = contact * [pair.free_stiffness for pair in system.contacts]
+        own = [spring * pair.direction for spring, pair in zip(springs, system.contacts, strict=True)]
+        reading = replace(
+            reading,
+            displacement=reading.displacement + weight * item.on_displacement + np.sum(own, axis=0),
+            velocity=reading.velocity + weight * item.on_velocity,
+            acceleration=reading.acceleration + weight * item.on_acceleration,
+            ball_displacement=reading.ball_displacement - springs,
+            base=reading.base + np.array([0.0, 0.0, weight * item.on_base_acceleration]),
+            contact_force=reading.contact_force - contact,
+            point_force=reading.point_force - weight * applied[i],
+            constant=reading.constant - weight * item.constant,
+        )
+    return reading
 
 
 def _row(
@@ -91,7 +118,7 @@ def _row(
     displacement, velocity = reading.displacement.copy(), reading.velocity.copy()
     balls = np.array([not pair.is_stop for pair in system.contacts], dtype=bool)
     y, y_rate = reading.ball_displacement * balls, reading.ball_velocity * balls
-    driven, constant = 0.0, reading.constant
+    driven, constant = reading.point_force * (1.0 - drive.share), reading.constant
     # what accelerations read of all that a pair does to structure and ball
     whole = np.zeros(len(system.contacts))
     if np.any(reading.acceleration):

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import real_array, require
 from femimpact.excitation import BrokenLine, Excitation, Harmonic, require_excitation
+from femimpact.structure.structure import Position
 from femimpact.system.system import System
 
 __all__ = ["Drive", "drive_of"]
@@ -32,6 +33,8 @@ class Drive:
         s (m/s^2 or N) at times in s.
     closed_form : Harmonic, BrokenLine or None
         Of s(t), where it has one.
+    at : str, float or None
+        Place of a force; None where the base moves.
     """
 
     load: NDArray[Any]
@@ -39,6 +42,7 @@ class Drive:
     omega: float
     history: Callable[[NDArray[Any]], ArrayLike]
     closed_form: Harmonic | BrokenLine | None
+    at: Position | None = None
 
     @property
     def sine(self) -> Harmonic:
@@ -95,4 +99,4 @@ def drive_of(system: System, excitation: Excitation) -> Drive:
     if at is None:
         return Drive(-system.base_load, 1.0, omega, excitation.acceleration, closed_form)
     force: Any = excitation
-    return Drive(system.point_row(at), 0.0, omega, force.force, closed_form)
+    return Drive(system.point_row(at), 0.0, omega, force.force, closed_form, at)

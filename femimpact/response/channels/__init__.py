@@ -13,6 +13,9 @@ from femimpact.errors import in_range, quantity, require, suggestion
 from femimpact.response.channels.contact import ContactForce, Gap
 from femimpact.response.channels.motion import Motion, Rotation
 from femimpact.response.channels.reading import Channel, Reading, zero_reading
+from femimpact.response.channels.section import UNITS as SECTION_UNITS
+from femimpact.response.channels.section import SectionReading
+from femimpact.response.channels.support import ShakerForce, SupportReaction
 from femimpact.structure.structure import Position
 from femimpact.system.system import System
 
@@ -24,6 +27,9 @@ __all__ = [
     "Motion",
     "Reading",
     "Rotation",
+    "SectionReading",
+    "ShakerForce",
+    "SupportReaction",
     "channel_of",
     "resolve_channels",
     "zero_reading",
@@ -45,6 +51,13 @@ QUANTITIES: Mapping[str, Quantity] = {
     "absolute_velocity": Quantity(("place", "ball"), partial(Motion, derivative=1, absolute=True)),
     "absolute_acceleration": Quantity(("place", "ball"), partial(Motion, derivative=2, absolute=True)),
     "rotation": Quantity(("place",), Rotation),
+    **{name: Quantity(("place",), partial(SectionReading, quantity=name)) for name in SECTION_UNITS},
+    **{
+        f"{name}_left": Quantity(("place",), partial(SectionReading, quantity=name, side="left"))
+        for name in SECTION_UNITS
+    },
+    "reaction_force": Quantity(("place",), SupportReaction),
+    "reaction_moment": Quantity(("place",), partial(SupportReaction, quantity="moment")),
     "gap": Quantity(("ball", "stop"), Gap),
     "contact_force": Quantity(("ball", "stop"), ContactForce),
 }
@@ -52,7 +65,7 @@ QUANTITIES: Mapping[str, Quantity] = {
 
 
 def _kind(shown: Any, stem: str) -> str | None:
-    """Whether a name, or metres from the root, is that of a place, a ball or a stop."""
+    """Whether a name, or metres from the root, is that of a place, a ball or a stop; None of nothing known."""
     if stem in shown.points or _metres(stem) is not None:
         return "place"
     return next(("stop" if pair.is_stop else "ball" for pair in shown.contacts if pair.name == stem), None)
@@ -75,7 +88,8 @@ def channel_of(shown: Any, channel: Position | Channel) -> Channel:
         Or what else has `points` and `contacts`.
     channel : str, float or Channel
         A place ("tip", a point of the mesh, metres from the root) or a ball, with what is read of it behind a dot
-        (see `QUANTITIES`); "gap" and "contact_force" alone belong to the only contact.
+        (see `QUANTITIES`); "gap" and "contact_force" alone belong to the only contact; "shaker_force" is the force that
+        moves the base.
 
     Returns
     -------
@@ -90,13 +104,15 @@ def channel_of(shown: Any, channel: Position | Channel) -> Channel:
         return channel
     if not isinstance(channel, str):
         return Motion(channel)
+    if channel == "shaker_force":
+        return ShakerForce()
     if channel in ("gap", "contact_force") and len(shown.contacts) == 1:
         return QUANTITIES[channel].make(None)
     stem, _, read = (channel, "", "displacement") if _kind(shown, channel) else channel.rpartition(".")
     kind = _kind(shown, stem)
     if kind is None:
         alone = ["gap", "contact_force"] if len(shown.contacts) == 1 else []
-        known = [*shown.points, *(pair.name for pair in shown.contacts), *alone]
+        known = [*shown.points, *(pair.name for pair in shown.contacts), *alone, "shaker_force"]
         behind = ", ".join(f".{name}" for name in QUANTITIES)
         words = suggestion(stem if read in QUANTITIES else channel, known)
         allowed = f"{words}, metres from the root, or one of these with one of {behind}"

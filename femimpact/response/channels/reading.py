@@ -19,7 +19,7 @@ class Reading:
     """A scalar that is linear in the state of a system, in its accelerations, in the base's motion and in the forces.
 
     value = displacement u + velocity u' + acceleration u'' + ball_displacement y + ball_velocity y'
-    + ball_acceleration y'' + base (ub, ub', ub'') + contact_force F + constant
+    + ball_acceleration y'' + base (ub, ub', ub'') + contact_force F + point_force F(t) + reaction R + constant
 
     u and y are relative to the base, F_j acts on the structure along the direction b_j of its pair. Change a
     `zero_reading` with `dataclasses.replace`.
@@ -34,6 +34,10 @@ class Reading:
     contact_force : ndarray (pairs,)
         Per newton of each F_j, centring springs left out. Of a rigid pair this is the force while it sticks; an
         impact is an impulse, which no instant shows.
+    reaction : ndarray (reactions,)
+        Per unit of each of `System.reactions`, in their order.
+    point_force : float
+        Per newton of the force that drives, where one does.
     constant : float
 
     Raises
@@ -50,6 +54,8 @@ class Reading:
     ball_acceleration: NDArray[np.float64] = field(metadata=column("1", "pairs", finite=True))
     base: NDArray[np.float64] = field(metadata=column("1", 3, finite=True))
     contact_force: NDArray[np.float64] = field(metadata=column("1/N", "pairs", finite=True))
+    reaction: NDArray[np.float64] = field(metadata=column("1", "reactions", finite=True))
+    point_force: float = field(default=0.0, metadata=quantity("1"))
     constant: float = field(default=0.0, metadata=quantity("1"))
 
     def __post_init__(self) -> None:
@@ -60,7 +66,8 @@ def zero_reading(system: System) -> Reading:
     """The reading that is zero in every state of a system: others are made of it by `dataclasses.replace`."""
     if "zero reading" not in system.derived:
         dofs, pairs, base = np.zeros(system.dofs), np.zeros(len(system.contacts)), np.zeros(3)
-        system.derived["zero reading"] = Reading(dofs, dofs, dofs, pairs, pairs, pairs, base, pairs)
+        reactions = np.zeros(len(system.reactions))
+        system.derived["zero reading"] = Reading(dofs, dofs, dofs, pairs, pairs, pairs, base, pairs, reactions)
     zero: Reading = system.derived["zero reading"]
     return zero
 
