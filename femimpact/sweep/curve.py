@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.errors import check_fields, choice, column, optional, place, quantity, require, text
 from femimpact.identification import DampingEstimate, fit_one_pole, half_power
 from femimpact.structure.structure import Position
+from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
 
 __all__ = ["IMPACT_NAMES", "SWEEP_UNITS", "FrequencyResponse", "on_grid"]
@@ -60,9 +62,11 @@ def on_grid(frequency: ArrayLike, grid: ArrayLike) -> NDArray[Any]:
     return np.asarray(distance <= SAME_FREQUENCY + 1e-12 * np.abs(wanted))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FrequencyResponse:
     """Response curve over the base frequency, measured at the end of each dwell.
+
+    `curve["peak"]` reads a column.
 
     Parameters
     ----------
@@ -127,6 +131,23 @@ class FrequencyResponse:
         fits = self.window is None or (self.duration is not None and self.window <= self.duration)
         require(fits, "window", self.window, "s", "must be at most the duration, which it goes with")
 
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return named_column(self, name)
+
+    @property
+    def _head(self) -> Head:
+        size = self.frequency.size
+        span = f", {self.frequency.min():.5g} to {self.frequency.max():.5g} Hz" if size else ""
+        found = bool(np.any(np.isfinite(self.peak)))
+        highest = f", largest peak {self.peak_amplitude:.5g} m at {self.peak_frequency:.5g} Hz" if found else ""
+        return head_of_columns(f"FrequencyResponse: {size} frequencies{span}{highest}", *flat_columns(self))
+
+    def __repr__(self) -> str:
+        return self._head.text
+
+    def _repr_html_(self) -> str:
+        return self._head.html
+
     @cached_property
     def damping(self) -> DampingEstimate:
         """One-pole fit of the peak curve."""
@@ -151,6 +172,10 @@ class FrequencyResponse:
     def _dwell(self) -> dict[str, float]:
         given = {"cycles": self.cycles, "duration_s": self.duration, "window_s": self.window}
         return {name: value for name, value in given.items() if value is not None}
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The curve over frequency; units in `attrs["units"]`."""
+        return frame_of(*flat_columns(self), index="frequency")
 
     def to_xarray(self) -> xarray.Dataset:
         """The curve as a labelled dataset over frequency."""
