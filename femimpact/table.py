@@ -102,7 +102,7 @@ def frame_of(columns: Mapping[str, Any], units: Mapping[str, str], index: str | 
     """
     import pandas
 
-    frame = pandas.DataFrame({name: np.array(values) for name, values in columns.items()})
+    frame = pandas.DataFrame({name: np.asarray(values) for name, values in columns.items()}, copy=True)
     if index is not None:
         frame = frame.set_index(index)
     frame.attrs["units"] = {name: units[name] for name in columns}

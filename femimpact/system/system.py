@@ -411,7 +411,7 @@ class System:
         for pair in self.contacts:
             body = "stop" if pair.is_stop else f"{pair.mass:.5g} kg"
             values[pair.name] = f"{body}, gaps {pair.gaps[0]:.5g} and {pair.gaps[1]:.5g} m, {pair.law.name}"
-        return head_of_values(f"System: {self.dofs} dofs, {len(self.contacts)} contacts", values)
+        return head_of_values(f"System: {self.dofs} dofs, contacts: {len(self.contacts)}", values)
 
     def __repr__(self) -> str:
         return self._head.text
