@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import check_fields, choice, column, optional, place, quantity, require, text
+from femimpact.errors import check_fields, choice, column, optional, place, quantity, real_array, require, text
 from femimpact.identification import DampingEstimate, fit_one_pole, half_power
 from femimpact.structure.structure import Position
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column
@@ -52,8 +52,17 @@ def on_grid(frequency: ArrayLike, grid: ArrayLike) -> NDArray[Any]:
     ----------
     frequency : array_like (n,), Hz
     grid : array_like (m,), Hz
+
+    Raises
+    ------
+    InputError
+        If one of them holds anything but finite numbers.
     """
-    points, wanted = np.sort(np.asarray(grid, dtype=float)), np.asarray(frequency, dtype=float)
+    wanted, points = (
+        real_array(key, values, "Hz", "must be finite numbers")
+        for key, values in (("frequency", frequency), ("grid", grid))
+    )
+    points = np.sort(points, axis=None)
     if points.size == 0:
         return np.zeros(wanted.shape, dtype=bool)
     right = np.searchsorted(points, wanted)
