@@ -73,31 +73,6 @@ def curve() -> fi.FrequencyResponse:
     return fi.frequency_sweep(bare, 1e-4, np.linspace(5.0, 7.0, 5), fi.Newmark(1e-3, allow_coarse_step=True), 12)
 
 
-def impact_table(
-    frequency: float, time: object, side: object, speed: object, *, impactor: object = "ball",
-    to_modes: object = None, dropped: int = 0,
-) -> fi.Impacts:  # fmt: skip
-    """Impacts in order of time with the columns that decide a regime; phases of a frequency, the others zero."""
-    order = np.argsort(time, kind="stable")
-    side, speed, impactor = (np.broadcast_to(values, order.shape)[order] for values in (side, speed, impactor))
-    time, nothing = np.asarray(time, dtype=float)[order], np.zeros(order.size)
-    return fi.Impacts(
-        time=time,
-        phase=np.mod(2 * np.pi * frequency * time, 2 * np.pi),
-        impactor=impactor,
-        side=side.astype(float),
-        approach_speed=speed.astype(float),
-        rebound_speed=0.6 * speed,
-        impulse=5e-3 * speed,
-        peak_force=nothing,
-        duration=nothing,
-        energy_loss=nothing,
-        energy_to_modes=np.zeros((order.size, 0)) if to_modes is None else np.asarray(to_modes)[order],
-        law={"ball": "rigid"},
-        dropped=dropped,
-    )
-
-
 def columns(kind: type, sizes: dict[str | int, int], **given: object) -> object:
     """A record of a kind with arrays of ones, of the given length along each of its axes."""
     values = {}

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from nouns import impact_table
+from builders import impact_table, reduced, with_ball
 
 import femimpact as fi
 from femimpact.export import impact_figures, tables
@@ -49,7 +49,7 @@ def test_the_head_of_the_table_is_readable():
 
 @pytest.fixture(scope="module")
 def light(reference):
-    return fi.reduce(fi.assemble(reference, elements=10), modes=4)
+    return reduced(reference, 4, 10)
 
 
 @pytest.fixture(scope="module")
@@ -60,8 +60,7 @@ def response(light):
 
 @pytest.fixture(scope="module")
 def flown(reference):
-    ball = dataclasses.replace(reference.impactors[0], contact=fi.Rigid(restitution=0.6))
-    rigid = fi.reduce(fi.assemble(dataclasses.replace(reference, impactors=[ball]), elements=10), modes=4)
+    rigid = reduced(with_ball(reference, contact=fi.Rigid(restitution=0.6)), 4, 10)
     sine = fi.Sine(amplitude=3e-3, frequency=5.2)
     return fi.integrate(rigid, sine, fi.EventDriven(), 15.0, fi.Recorder(channels=("tip",)))
 

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from nouns import impact_table
+from builders import impact_table
 
 import femimpact as fi
 from femimpact.response.impacts import StickingPhases
