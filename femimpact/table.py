@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,16 @@ from femimpact.errors import require_name
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["Head", "column_units", "flat_columns", "frame_of", "head_of_columns", "head_of_values", "named_column"]
+__all__ = [
+    "Head",
+    "column_units",
+    "flat_columns",
+    "frame_of",
+    "head_of_columns",
+    "head_of_values",
+    "named_column",
+    "short_repr",
+]
 
 WIDTH = 80
 """Characters of a line of text."""
@@ -150,6 +159,23 @@ class Head(NamedTuple):
             kind = "th" if i < self.headings else "td"
             rows += f"<tr>{''.join(f'<{kind}>{html.escape(cell)}</{kind}>' for cell in row)}</tr>"
         return f"<table><caption>{html.escape(self.title)}</caption>{rows}</table>"
+
+
+Record = TypeVar("Record")
+
+
+def short_repr(kind: type[Record]) -> type[Record]:
+    """Class decorator: text and HTML of the record's `_head`, a `Head`, are its reprs."""
+    for name, form in (("__repr__", "text"), ("_repr_html_", "html")):
+        setattr(kind, name, _repr_of(form))
+    return kind
+
+
+def _repr_of(form: str) -> Callable[[Any], str]:
+    def shown(record: Any) -> str:
+        return str(getattr(record._head, form))
+
+    return shown
 
 
 def head_of_columns(title: str, columns: Mapping[str, NDArray[Any]], units: Mapping[str, str]) -> Head:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import Fault, InputError, checked, quantity, real_array, require, require_type
 from femimpact.structure.structure import Structure
-from femimpact.table import Head, head_of_values
+from femimpact.table import Head, head_of_values, short_repr
 
 __all__ = ["Mesh", "read_mesh", "uniform_mesh"]
 
@@ -26,7 +26,8 @@ MOST_ELEMENTS = 100_000
 """Of a mesh made here; more is taken for a mistake."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@short_repr
+@dataclass(frozen=True, eq=False)
 class Mesh:
     """Line elements between sorted nodes.
 
@@ -101,12 +102,6 @@ class Mesh:
             "regions": ", ".join(f"{name}: {members.size}" for name, members in self.regions.items()) or "none",
         }
         return head_of_values(f"Mesh: {self.elements} elements on {self.nodes[-1]:.5g} m", values)
-
-    def __repr__(self) -> str:
-        return self._head.text
-
-    def _repr_html_(self) -> str:
-        return self._head.html
 
     @property
     def elements(self) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, column
-from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column
+from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
     import pandas
@@ -91,7 +91,8 @@ def residual_warnings(frequency: NDArray[Any], residual: NDArray[Any], bound: ND
     ]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@short_repr
+@dataclass(frozen=True, eq=False)
 class EnergyLedger:
     """Energies (J) over time, relative to the base; the inertia forces of the base do the work.
 
@@ -137,12 +138,6 @@ class EnergyLedger:
     def _head(self) -> Head:
         closed = f", residual {self.residual:.2g} of the energy put in" if self.time.size else ""
         return head_of_columns(f"EnergyLedger: {self.time.size} samples{closed}", *flat_columns(self))
-
-    def __repr__(self) -> str:
-        return self._head.text
-
-    def _repr_html_(self) -> str:
-        return self._head.html
 
     def to_pandas(self) -> pandas.DataFrame:
         """The energies over time, those of modes as structure_loss_of_mode_1, ...; units in `attrs["units"]`."""

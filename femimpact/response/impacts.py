@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, column, quantity, require_type, text
-from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column
+from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
     import pandas
@@ -41,7 +41,8 @@ STICKING_UNITS = {"impactor": "", "side": "1", "start": "s", "end": "s", "impuls
 """Columns of the table of sticking phases and their units."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@short_repr
+@dataclass(frozen=True, eq=False)
 class Impacts:
     """Table of the finished impacts of a run, one entry each, in the order in which they ended.
 
@@ -108,12 +109,6 @@ class Impacts:
         shown = [name for name in shown if not len(self) or not np.all(self[name] != self[name])]
         title = f"Impacts: {len(self)}{lost}" + (f" (contact law of {laws})" if laws else "")
         return head_of_columns(title, {name: self[name] for name in shown}, IMPACT_UNITS)
-
-    def __repr__(self) -> str:
-        return self._head.text
-
-    def _repr_html_(self) -> str:
-        return self._head.html
 
     @property
     def contact_law(self) -> NDArray[Any]:
@@ -198,7 +193,8 @@ def impact_columns(impacts: Impacts) -> tuple[dict[str, Any], dict[str, str]]:
     return columns | shares, IMPACT_UNITS | dict.fromkeys(shares, "1")
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@short_repr
+@dataclass(frozen=True, eq=False)
 class StickingPhases:
     """Table of sticking phases: a ball and its wall, or the beam and a stop, moving together.
 
@@ -238,12 +234,6 @@ class StickingPhases:
         lasting = np.count_nonzero(np.isnan(self.end))
         title = f"StickingPhases: {len(self)}" + (f", {lasting} of them last" if lasting else "")
         return head_of_columns(title, *flat_columns(self))
-
-    def __repr__(self) -> str:
-        return self._head.text
-
-    def _repr_html_(self) -> str:
-        return self._head.html
 
     def to_pandas(self) -> pandas.DataFrame:
         """A row for every phase; units in `attrs["units"]`."""

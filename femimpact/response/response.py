@@ -33,7 +33,7 @@ from femimpact.response.regimes import Regime, classify
 from femimpact.response.signals import SteadyMotion
 from femimpact.structure.structure import Position
 from femimpact.system.system import System
-from femimpact.table import Head, frame_of, head_of_values
+from femimpact.table import Head, frame_of, head_of_values, short_repr
 
 if TYPE_CHECKING:
     import pandas
@@ -152,7 +152,8 @@ class ShownSystem(Protocol):
         """Rows that read the deflection at positions."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@short_repr
+@dataclass(frozen=True, eq=False)
 class Response:
     """Histories of one run; arrays are read-only.
 
@@ -238,12 +239,6 @@ class Response:
         for name, texts in (("warnings", self.warnings), ("notes", self.notes)):
             values[name] = f"{len(texts)}{f': {texts[0]}' if texts else ''}"
         return head_of_values(f"Response: {kept}", values)
-
-    def __repr__(self) -> str:
-        return self._head.text
-
-    def _repr_html_(self) -> str:
-        return self._head.html
 
     def __getitem__(self, name: Position) -> NDArray[Any]:
         key = str(name)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.errors import check_fields, choice, column, optional, place, quantity, real_array, require, text
 from femimpact.identification import DampingEstimate, fit_one_pole, half_power
 from femimpact.structure.structure import Position
-from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column
+from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
     import pandas
@@ -71,7 +71,8 @@ def on_grid(frequency: ArrayLike, grid: ArrayLike) -> NDArray[Any]:
     return np.asarray(distance <= SAME_FREQUENCY + 1e-12 * np.abs(wanted))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@short_repr
+@dataclass(frozen=True, eq=False)
 class FrequencyResponse:
     """Response curve over the base frequency, measured at the end of each dwell.
 
@@ -150,12 +151,6 @@ class FrequencyResponse:
         found = bool(np.any(np.isfinite(self.peak)))
         highest = f", largest peak {self.peak_amplitude:.5g} m at {self.peak_frequency:.5g} Hz" if found else ""
         return head_of_columns(f"FrequencyResponse: {size} frequencies{span}{highest}", *flat_columns(self))
-
-    def __repr__(self) -> str:
-        return self._head.text
-
-    def _repr_html_(self) -> str:
-        return self._head.html
 
     @cached_property
     def damping(self) -> DampingEstimate:

@@ -14,7 +14,7 @@ from femimpact.errors import check_fields, column, in_range, quantity, real_arra
 from femimpact.structure.damping import realised_damping_ratio
 from femimpact.system.matrices import stiffness_solver
 from femimpact.system.system import System
-from femimpact.table import Head, frame_of, head_of_columns
+from femimpact.table import Head, frame_of, head_of_columns, short_repr
 
 if TYPE_CHECKING:
     import pandas
@@ -25,7 +25,8 @@ DENSE_LIMIT = 60
 """Up to this many dofs the dense solver is both exact and faster than shift-invert."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@short_repr
+@dataclass(frozen=True, eq=False)
 class Modes:
     """Undamped modes of the structure, mass-normalised, positive at the tip.
 
@@ -67,12 +68,6 @@ class Modes:
     def _head(self) -> Head:
         dofs, count = self.vectors.shape
         return head_of_columns(f"Modes: {count} of {dofs} dofs", *self._table)
-
-    def __repr__(self) -> str:
-        return self._head.text
-
-    def _repr_html_(self) -> str:
-        return self._head.html
 
     def to_pandas(self) -> pandas.DataFrame:
         """A row for every mode by its number from 1, without the vectors; units in `attrs["units"]`."""

@@ -54,7 +54,7 @@ from femimpact.system.matrices import checked_matrix, checked_row, definite_fact
 from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reactions
 from femimpact.system.sections import Section, SectionFields
 from femimpact.system.static import StaticContacts, static_contacts
-from femimpact.table import Head, head_of_values
+from femimpact.table import Head, head_of_values, short_repr
 
 __all__ = ["ContactPair", "State", "System", "SystemOrigin", "contact_pair", "hermite_rows", "without_impactors"]
 
@@ -224,7 +224,8 @@ def _frozen(values: Any) -> NDArray[Any]:
     return array
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@short_repr
+@dataclass(frozen=True, eq=False)
 class System:
     """Semi-discrete equations of a structure, in free degrees of freedom or in modal ones.
 
@@ -412,12 +413,6 @@ class System:
             body = "stop" if pair.is_stop else f"{pair.mass:.5g} kg"
             values[pair.name] = f"{body}, gaps {pair.gaps[0]:.5g} and {pair.gaps[1]:.5g} m, {pair.law.name}"
         return head_of_values(f"System: {self.dofs} dofs, contacts: {len(self.contacts)}", values)
-
-    def __repr__(self) -> str:
-        return self._head.text
-
-    def _repr_html_(self) -> str:
-        return self._head.html
 
     @property
     def balls(self) -> tuple[ContactPair, ...]:
