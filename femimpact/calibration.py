@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,6 +32,10 @@ from femimpact.structure.structure import Structure
 from femimpact.sweep import FrequencyResponse, frequency_sweep
 from femimpact.system.reduction import reduce
 from femimpact.system.system import State
+from femimpact.table import flat_columns, frame_of, named_column
+
+if TYPE_CHECKING:
+    import pandas
 
 __all__ = ["RestitutionScan", "scan_restitution", "with_restitution"]
 
@@ -39,6 +43,8 @@ __all__ = ["RestitutionScan", "scan_restitution", "with_restitution"]
 @dataclass(frozen=True, eq=False)
 class RestitutionScan:
     """Resonance of the beam with its ball over the restitution of the contact.
+
+    `scan["peak_frequency"]` reads a column.
 
     Parameters
     ----------
@@ -67,6 +73,13 @@ class RestitutionScan:
         check_fields(self)
         each = len(self.curves) == self.restitution.size
         require(each, "curves", len(self.curves), "", f"must be {self.restitution.size}, one for each restitution")
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return named_column(self, name)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The columns over the restitution; units in `attrs["units"]`."""
+        return frame_of(*flat_columns(self), index="restitution")
 
     def misfit(self, peak_frequency: float, amplitude_ratio: float, frequency_scale: float = 0.1) -> NDArray[Any]:
         """Distance of each restitution from a published resonance.

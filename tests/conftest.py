@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
 import femimpact.system.modes
@@ -79,16 +80,7 @@ def _perturbed_modes(request):
 
 @pytest.fixture(scope="session")
 def reference() -> fi.Structure:
-    return fi.Structure(
-        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
-        masses=[fi.PointMass("box", at="tip", mass=0.02290976)],
-        impactors=[
-            fi.Impactor(
-                "ball", at="tip", mass=3.43e-3, gap=4e-3, contact=fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)
-            )
-        ],
-        damping=fi.Rayleigh(ratio=0.0029, modes=(1, 2)),
-    )
+    return REFERENCE
 
 
 @pytest.fixture(scope="session")
@@ -105,5 +97,4 @@ def small(system: fi.System) -> fi.System:
 def bouncing(reference: fi.Structure) -> fi.System:
     """A light ball that loses little: thrown between walls at rest it bounces regularly, and meets no chaos."""
     law = fi.KelvinVoigt(restitution=0.9, contact_time=2e-3)
-    ball = replace(reference.impactors[0], mass=1e-5, contact=law)
-    return fi.reduce(fi.assemble(replace(reference, impactors=(ball,)), elements=10), modes=4)
+    return reduced(with_ball(reference, mass=1e-5, contact=law), 4, 10)

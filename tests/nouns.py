@@ -21,6 +21,7 @@ from femimpact.response.signals import CycleStatistics, steady_motion
 from femimpact.structure.damping import rayleigh_coefficients, realised_damping_ratio
 from femimpact.study.demo import paper_study
 from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, SweepPlan
+from femimpact.sweep import on_grid
 from femimpact.system.hermite import shape_functions
 from femimpact.system.modes import solve_stiffness
 from femimpact.system.system import hermite_rows
@@ -302,6 +303,7 @@ VERBS = {
     "impacts_per_cycle": (impacts_per_cycle, lambda: {
         "impacts": response().impacts, "frequency": 5.0, "start": 0.0, "end": 1.0
     }),
+    "on_grid": (on_grid, lambda: {"frequency": [5.0, 5.5], "grid": [5.5, 6.0]}),
     "classify": (classify, lambda: {
         "impacts": response().impacts, "sticking": response().sticking, "frequency": 6.0, "start": 0.0, "end": 1.0,
         "criteria": RegimeCriteria(),

@@ -11,6 +11,7 @@ import time
 
 import numpy as np
 import pytest
+from builders import femimpact
 
 import femimpact as fi
 from femimpact.study.demo import paper_study_text
@@ -22,15 +23,6 @@ SMALL = (
     .replace("cycles = 600 ", "cycles = 60 ")
     .replace("frames = 160 ", "frames = 12 ")
 )
-
-
-def femimpact(*arguments, cwd, check=True):
-    done = subprocess.run(
-        [sys.executable, "-m", "femimpact", *map(str, arguments)], cwd=cwd, capture_output=True, text=True
-    )
-    if check:
-        assert done.returncode == 0, done.stderr
-    return done
 
 
 @pytest.fixture(scope="module")

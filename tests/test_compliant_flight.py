@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from builders import REFERENCE, reduced, with_ball
 from scipy.integrate import solve_ivp
 
 import femimpact as fi
@@ -16,16 +17,7 @@ AMPLITUDE, EXACT = 0.2037e-3, fi.EventDriven()
 
 def beam(modes=8, contact=None, **ball):
     """The reference beam with a ball of its own contact."""
-    numbers = {"at": "tip", "mass": 3.43e-3, "gap": 4e-3} | ball
-    structure = fi.Structure(
-        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
-        masses=[fi.PointMass("box", at="tip", mass=0.02290976)],
-        impactors=[
-            fi.Impactor("ball", contact=contact or fi.KelvinVoigt(restitution=0.6, contact_time=2e-3), **numbers)
-        ],
-        damping=fi.Rayleigh(ratio=0.0029, modes=(1, 2)),
-    )
-    return fi.reduce(fi.assemble(structure, elements=20), modes)
+    return reduced(with_ball(REFERENCE, **ball, **({} if contact is None else {"contact": contact})), modes)
 
 
 def by_runge_kutta(system, base, times):
@@ -103,7 +95,7 @@ def test_the_ledger_closes_over_thousands_of_contacts(modes):
 
 def test_stops_balls_springs_and_gravity_together_close_too():
     structure = fi.Structure(
-        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
+        beam=REFERENCE.beam,
         impactors=[
             fi.Impactor(
                 "sprung", at=0.15, mass=2e-3, gap=(1e-4, 2e-4), free_stiffness=3.0, acceleration=-9.81,
@@ -243,7 +235,7 @@ def test_a_grid_twice_as_fine_reads_the_same_flight_to_the_last_bit():
 
 def test_a_stop_on_one_side_has_no_other_wall():
     structure = fi.Structure(
-        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
+        beam=REFERENCE.beam,
         stops=[fi.Stop("stop", at="tip", gap=(1e-4, np.inf), contact=fi.KelvinVoigt(stiffness=1e4, restitution=0.6))],
         damping=fi.Rayleigh(ratio=0.01, modes=(1, 2)),
     )

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from builders import reduced, with_ball
 from scipy.integrate import quad, solve_ivp
 
 import femimpact as fi
@@ -148,8 +149,7 @@ def thrown(system, dt, speed=0.1, start=0.0, duration=0.06, every=1, **record):
 
 
 def with_law(structure, law):
-    ball = replace(structure.impactors[0], contact=law)
-    return fi.reduce(fi.assemble(replace(structure, impactors=(ball,)), elements=10), modes=1)
+    return reduced(with_ball(structure, contact=law), 1, 10)
 
 
 @pytest.mark.parametrize("restitution", [0.2, 0.6, 0.9])
@@ -266,8 +266,7 @@ def test_a_ball_thrown_at_the_wall_of_a_resting_structure_is_not_a_divergence(on
 
 
 def test_a_ball_that_falls_on_the_wall_of_a_resting_structure_is_not_a_divergence(reference):
-    ball = replace(reference.impactors[0], acceleration=9.81)
-    system = fi.reduce(fi.assemble(replace(reference, impactors=(ball,)), elements=10), modes=1)
+    system = reduced(with_ball(reference, acceleration=9.81), 1, 10)
     response = fi.integrate(system, fi.Sine(amplitude=0.0, frequency=5.0), fi.Newmark(1e-4), 0.1)
     # falls 4 mm under its own weight
     assert response.impacts.time[0] == pytest.approx(np.sqrt(2 * 4e-3 / 9.81), rel=1e-4)

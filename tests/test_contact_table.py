@@ -1,11 +1,11 @@
 """`femimpact contact`: the table is what one collision gives, and the figure is that collision."""
 
 import math
-import subprocess
-import sys
+from functools import partial
 
 import numpy as np
 import pytest
+from builders import femimpact
 
 import femimpact as fi
 from femimpact.export.contact_figure import collision_history, penetration_figure
@@ -29,17 +29,14 @@ contact = { law = "flores", stiffness = 1e7, restitution = 0.5 }
 STUDY = paper_study_text().replace("\n[damping] ", SECOND)
 
 
-def femimpact(*arguments, cwd):
-    return subprocess.run(
-        [sys.executable, "-m", "femimpact", "contact", *map(str, arguments)], cwd=cwd, capture_output=True, text=True
-    )
+contact = partial(femimpact, "contact", check=False)
 
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
     folder = tmp_path_factory.mktemp("contact")
     (folder / "two.toml").write_text(STUDY, encoding="utf-8")
-    done = femimpact("two.toml", cwd=folder)
+    done = contact("two.toml", cwd=folder)
     assert done.returncode == 0, done.stderr
     return folder, done.stdout
 
@@ -75,11 +72,11 @@ def test_the_table_read_back_is_one_collision_a_row(ran):
 def test_existing_results_are_kept_unless_forced_and_quiet_prints_nothing(ran):
     folder, _ = ran
     before = (folder / "two-contact" / "contact.csv").read_bytes()
-    refused = femimpact("two.toml", "--speed-max", 2, cwd=folder)
+    refused = contact("two.toml", "--speed-max", 2, cwd=folder)
     assert refused.returncode == 2
     assert "exists already" in refused.stderr
     assert (folder / "two-contact" / "contact.csv").read_bytes() == before
-    forced = femimpact("two.toml", "--speed-max", 2, "-o", "two-contact", "--force", "--quiet", cwd=folder)
+    forced = contact("two.toml", "--speed-max", 2, "-o", "two-contact", "--force", "--quiet", cwd=folder)
     assert (forced.returncode, forced.stdout) == (0, "")
     assert read_csv(folder / "two-contact" / "contact.csv")["approach_speed"].max() == pytest.approx(2.0, rel=1e-12)
 
@@ -95,7 +92,7 @@ def test_existing_results_are_kept_unless_forced_and_quiet_prints_nothing(ran):
 )
 def test_bad_speeds_exit_with_2_and_leave_nothing(tmp_path, arguments, words):
     (tmp_path / "two.toml").write_text(STUDY, encoding="utf-8")
-    done = femimpact("two.toml", *arguments, cwd=tmp_path)
+    done = contact("two.toml", *arguments, cwd=tmp_path)
     assert done.returncode == 2
     assert words in done.stderr
     assert "Traceback" not in done.stderr
@@ -106,7 +103,7 @@ def test_a_study_without_a_contact_is_refused(tmp_path):
     text = paper_study_text()
     start, end = text.index("[[impactor]]"), text.index("[damping]")
     (tmp_path / "empty.toml").write_text(text[:start] + text[end:], encoding="utf-8")
-    done = femimpact("empty.toml", cwd=tmp_path)
+    done = contact("empty.toml", cwd=tmp_path)
     assert done.returncode == 2
     assert "table [[impactor]] is missing from the study" in done.stderr
 

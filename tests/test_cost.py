@@ -7,6 +7,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from builders import NO_PICTURES, short_study
 
 import femimpact as fi
 from femimpact.study.cost import history_cost, mesh_memory, picture_seconds, sweep_cost
@@ -20,14 +21,7 @@ from femimpact.sweep import on_grid
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     """Without pictures; run once, so that libraries and compiled code are there before memory is measured."""
-    paper = paper_study()
-    output = dataclasses.replace(paper.output, every=1, frames=0, figures=False, paraview=False, movie=False)
-    study = dataclasses.replace(
-        paper,
-        base=dataclasses.replace(paper.base, duration=1.0),
-        sweep=SweepPlan(4.0, 6.0, points=4, cycles=24),
-        output=output,
-    )
+    study = short_study(1.0, points=4, every=1, **NO_PICTURES)
     for method in ("newmark", "event-driven"):
         one = dataclasses.replace(study, method={"name": method})
         run_study(one, tmp_path_factory.mktemp("warm") / "out")

@@ -2,34 +2,25 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import shutil
 import warnings
 
 import numpy as np
 import pytest
+from builders import NO_PICTURES, short_study
 
 import femimpact as fi
-from femimpact.study.demo import paper_study
 from femimpact.study.result_directory import ResultsWarning
 from femimpact.study.run import run_study
-from femimpact.study.study import SweepPlan
 
 FILES = ("summary.json", "modes.csv", "impacts.csv", "sweep.nc", "history.nc", "impacts.nc")
 
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory):
-    paper = paper_study()
-    study = dataclasses.replace(
-        paper,
-        base=dataclasses.replace(paper.base, duration=1.0),
-        sweep=SweepPlan(4.0, 6.0, points=5, cycles=24),
-        output=dataclasses.replace(paper.output, frames=0, figures=False, paraview=False, movie=False),
-    )
     out = tmp_path_factory.mktemp("damaged") / "out"
-    run_study(study, out)
+    run_study(short_study(1.0, **NO_PICTURES), out)
     return out
 
 

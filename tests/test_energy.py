@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from builders import reduced, with_ball
 
 import femimpact as fi
 from femimpact.response.energy import energy_residual
@@ -15,8 +16,7 @@ CONTACT_TIME = 2e-3
 
 
 def one_mode(reference, law, damping=None):
-    ball = replace(reference.impactors[0], contact=law)
-    return fi.reduce(fi.assemble(replace(reference, impactors=(ball,), damping=damping), elements=10), modes=1)
+    return reduced(with_ball(replace(reference, damping=damping), contact=law), 1, 10)
 
 
 def collision(system, dt, share=0.0, speed=0.1):
@@ -51,8 +51,7 @@ def test_a_ball_in_flight_keeps_the_balance_closed(reference):
 
 
 def test_a_falling_ball_turns_work_into_speed(reference):
-    ball = replace(reference.impactors[0], acceleration=9.81)
-    system = fi.reduce(fi.assemble(replace(reference, impactors=(ball,)), elements=10), modes=1)
+    system = reduced(with_ball(reference, acceleration=9.81), 1, 10)
     response = fi.integrate(system, STILL, fi.Newmark(1e-4), 0.02, fi.Recorder(channels=("ball",)))
     # m g y: constant acceleration is exact in every step
     np.testing.assert_allclose(response.energy.work, 3.43e-3 * 9.81 * response["ball"], rtol=1e-11, atol=1e-20)
@@ -127,8 +126,8 @@ def test_a_lossless_system_keeps_its_energy_over_many_impacts(reference):
 
 
 def test_a_switching_spring_is_an_energy_source_and_the_ledger_shows_it(reference):
-    ball = replace(reference.impactors[0], contact=fi.SwitchingSpring(free_stiffness=0.0, stiffness=1e3))
-    system = fi.reduce(fi.assemble(replace(reference, impactors=(ball,)), elements=10), modes=1)
+    spring = fi.SwitchingSpring(free_stiffness=0.0, stiffness=1e3)
+    system = reduced(with_ball(reference, contact=spring), 1, 10)
     response = fi.integrate(
         system, STILL, fi.Newmark(1e-4, divergence_limit=1e9), 0.5, initial=fi.State(ball_velocity=[0.1])
     )

@@ -1,9 +1,11 @@
 """Event-driven flight: exact orbits, exact rest times, a ledger closed to rounding."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
 from femimpact.integrators.driving import drive_of
@@ -15,23 +17,9 @@ pytestmark = pytest.mark.impacts
 EXACT = fi.EventDriven()
 
 
-def beam_with_ball(modes=4, restitution=0.7, *, at="tip", gap=4e-3, acceleration=0.0, damping=0.0029):
-    structure = fi.Structure(
-        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
-        masses=[fi.PointMass("box", at="tip", mass=0.02290976)],
-        impactors=[
-            fi.Impactor(
-                "ball",
-                at=at,
-                mass=3.43e-3,
-                gap=gap,
-                contact=fi.Rigid(restitution=restitution),
-                acceleration=acceleration,
-            )
-        ],
-        damping=fi.Rayleigh(ratio=damping, modes=(1, 2)),
-    )
-    return fi.reduce(fi.assemble(structure, elements=20), modes=modes)
+def beam_with_ball(modes=4, restitution=0.7, *, damping=0.0029, **ball):
+    structure = with_ball(REFERENCE, contact=fi.Rigid(restitution=restitution), **ball)
+    return reduced(replace(structure, damping=fi.Rayleigh(ratio=damping, modes=(1, 2))), modes)
 
 
 # ---- closed-form orbits ---------------------------------------------------------------------------
@@ -245,8 +233,8 @@ def test_a_sampled_sine_converges_to_the_sine_with_order_two():
 
 def test_stops_bound_the_beam_on_both_sides():
     structure = fi.Structure(
-        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
-        masses=[fi.PointMass("box", at="tip", mass=0.02290976)],
+        beam=REFERENCE.beam,
+        masses=REFERENCE.masses,
         stops=[fi.Stop("bumper", at="tip", gap=(1e-3, 2e-3), contact=fi.Rigid(restitution=0.5))],
         damping=fi.Rayleigh(ratio=0.0029, modes=(1, 2)),
     )
@@ -318,8 +306,8 @@ def test_the_force_of_a_stop_is_the_one_on_the_beam(method):
 def test_a_ball_that_accumulates_while_another_rides_comes_to_rest():
     # what presses the second ball to its wall is the first one's weight: seen only with the sticking ball in place
     structure = fi.Structure(
-        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
-        masses=[fi.PointMass("box", at="tip", mass=0.02290976)],
+        beam=REFERENCE.beam,
+        masses=REFERENCE.masses,
         impactors=[
             fi.Impactor("heavy", "tip", 4.33e-3, 45e-6, fi.Rigid(0.0), acceleration=-9.81, free_stiffness=2.0),
             fi.Impactor("light", 0.1, 2.1e-3, (48e-6, 480e-6), fi.Rigid(0.3), free_stiffness=2.0),

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import scipy.sparse as sparse
+from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
 from femimpact.response.energy import BALANCED, residual_warnings
@@ -91,18 +92,8 @@ def test_a_stepped_run_whose_energies_are_beyond_all_numbers_says_so():
 
 @pytest.mark.parametrize("contact_time", [2e-4, 1e-5])
 def test_stiff_walls_close_their_ledger_within_the_rounding_of_their_gap(contact_time):
-    structure = fi.Structure(
-        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
-        masses=[fi.PointMass("box", at="tip", mass=0.02290976)],
-        impactors=[
-            fi.Impactor(
-                "ball", at="tip", mass=3.43e-3, gap=4e-3,
-                contact=fi.KelvinVoigt(restitution=0.6, contact_time=contact_time),
-            )
-        ],
-        damping=fi.Rayleigh(ratio=0.0029, modes=(1, 2)),
-    )  # fmt: skip
-    system = fi.reduce(fi.assemble(structure, elements=10), modes=8)
+    law = fi.KelvinVoigt(restitution=0.6, contact_time=contact_time)
+    system = reduced(with_ball(REFERENCE, contact=law), 8, 10)
     run = fi.integrate(
         system, fi.Sine(0.2037e-3, 5.1), fi.EventDriven(), 20.0, fi.Recorder(channels=("tip",), every=64)
     )

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from builders import stepped_structure
 from skfem import Basis, ElementLineHermite, MeshLine
 
 import femimpact as fi
@@ -113,11 +114,7 @@ def test_stiffness_factor_times_its_transpose_is_the_stiffness(system, modes):
 
 
 def test_a_stepped_beam_is_the_sum_of_its_segments():
-    segments = (
-        fi.Segment(0.15, 70e9, 2700, 0.02, 2e-3, name="thick"),
-        fi.Segment(0.10, 70e9, 2700, 0.02, 1e-3, name="thin"),
-    )
-    system = fi.assemble(fi.Structure(fi.Beam(segments)), elements=10)
+    system = fi.assemble(stepped_structure(), elements=10)
     K, M = np.zeros((22, 22)), np.zeros((22, 22))
     for (first, last), bending_stiffness, mass_per_length in (
         ((0, 6), 70e9 * 0.02 * 2e-3**3 / 12, 2700 * 0.02 * 2e-3),

@@ -9,6 +9,7 @@ import tracemalloc
 import numpy as np
 import pytest
 import xarray
+from builders import reduced, with_ball
 
 import femimpact as fi
 from femimpact.export.history import history_writer
@@ -80,8 +81,8 @@ def test_pieces_hold_the_bits_in_physical_space_with_rigid_balls_and_with_stops(
     if case == "physical":
         chosen = system
     elif case == "rigid":
-        ball = dataclasses.replace(reference.impactors[0], contact=fi.Rigid(restitution=0.0))
-        chosen, method = fi.assemble(dataclasses.replace(reference, impactors=[ball]), elements=4), fi.MoreauJean(1e-4)
+        rigid = with_ball(reference, contact=fi.Rigid(restitution=0.0))
+        chosen, method = fi.assemble(rigid, elements=4), fi.MoreauJean(1e-4)
     else:
         # a stop's force along its direction has the other sign on the beam
         stop = fi.Stop("wall", at="tip", gap=1e-4, contact=fi.KelvinVoigt(restitution=0.6, contact_time=2e-3))
@@ -253,8 +254,7 @@ def test_a_run_that_diverges_in_a_later_piece_says_when(reference):
 
 
 def test_event_driven_runs_hand_over_whole_cycles(reference):
-    ball = dataclasses.replace(reference.impactors[0], contact=fi.Rigid(restitution=0.7))
-    rigid = fi.reduce(fi.assemble(dataclasses.replace(reference, impactors=[ball]), elements=8), modes=2)
+    rigid = reduced(with_ball(reference, contact=fi.Rigid(restitution=0.7)), 2, 8)
     pieces = []
     record = fi.Recorder(every=2, sink=pieces.append, piece_samples=100)
     streamed = fi.integrate(rigid, BASE, fi.EventDriven(), 4.0, record)
@@ -341,8 +341,7 @@ def test_several_runs_are_those_of_one_call_each_to_the_last_bit(small, threads)
 
 
 def test_event_driven_runs_go_side_by_side_too(reference):
-    ball = dataclasses.replace(reference.impactors[0], contact=fi.Rigid(restitution=0.7))
-    rigid = fi.reduce(fi.assemble(dataclasses.replace(reference, impactors=[ball]), elements=8), modes=3)
+    rigid = reduced(with_ball(reference, contact=fi.Rigid(restitution=0.7)), 3, 8)
     one, two = (fi.integrate(rigid, SEVERAL, fi.EventDriven(), 5.0, threads=threads) for threads in (1, 2))
     for a, b in zip(one, two, strict=True):
         np.testing.assert_array_equal(a.impacts.time, b.impacts.time)

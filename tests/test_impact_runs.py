@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from builders import reduced, with_ball
 
 import femimpact as fi
 
@@ -12,14 +13,6 @@ pytestmark = pytest.mark.impacts
 
 BASE = fi.Sine(amplitude=0.2037e-3, frequency=5.2)
 STILL = fi.Sine(amplitude=0.0, frequency=5.2)
-
-
-def reduced(structure, modes=8, elements=20):
-    return fi.reduce(fi.assemble(structure, elements=elements), modes=modes)
-
-
-def with_ball(structure, **changes):
-    return replace(structure, impactors=(replace(structure.impactors[0], **changes),))
 
 
 def newmark(system):

@@ -5,18 +5,11 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from builders import stepped_structure
 
 import femimpact as fi
 
 DATA = Path(__file__).parent / "data"
-
-
-def stepped_structure(**attachments):
-    segments = (
-        fi.Segment(0.15, 70e9, 2700, 0.02, 2e-3, name="thick"),
-        fi.Segment(0.10, 70e9, 2700, 0.02, 1e-3, name="thin"),
-    )
-    return fi.Structure(fi.Beam(segments), **attachments)
 
 
 @pytest.mark.parametrize("elements", [5, 6, 7, 40, 101])

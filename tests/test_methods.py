@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from builders import oscillator, reduced, with_ball
 
 import femimpact as fi
 from femimpact.integrators.stepping.newmark import scheme_of
@@ -27,11 +28,6 @@ FAMILY = [
     fi.MoreauJean(1.0, theta=0.6),
 ]
 SECOND_ORDER = [method for method in FAMILY if getattr(method, "gamma", 0.5) == 0.5 and method != FAMILY[-1]]
-
-
-def oscillator(damping_ratio=0.0, omega=1.0, **more):
-    """One mode of 1 kg, given by matrices."""
-    return fi.System.from_matrices([[1.0]], [[2 * damping_ratio * omega]], [[omega**2]], points={"mass": [1.0]}, **more)
 
 
 def amplification(method, omega, damping_ratio=0.0):
@@ -66,7 +62,7 @@ def steps_of(method, system, dt, count, displacement=1.0, velocity=0.3):
 @pytest.mark.parametrize("damping_ratio", [0.0, 0.07])
 @pytest.mark.parametrize("method", FAMILY, ids=repr)
 def test_every_step_is_the_amplification_matrix_of_the_textbook(method, damping_ratio):
-    system, dt = oscillator(damping_ratio), 0.11
+    system, dt = oscillator(damping=2 * damping_ratio), 0.11
     run = steps_of(method, system, dt, 40)
     A = amplification(replace(method, dt=dt), 1.0, damping_ratio)
     state = np.array([1.0, 0.3, -1.0 - 2 * damping_ratio * 0.3])
@@ -115,7 +111,7 @@ def test_the_highest_modes_are_damped_as_published(method, radius):
 
 @pytest.mark.parametrize("method", SECOND_ORDER, ids=repr)
 def test_the_methods_converge_with_the_square_of_the_step(method):
-    system = oscillator(0.05)
+    system = oscillator(damping=2 * 0.05)
     base = fi.Sine(amplitude=0.1, frequency=0.13)
     steps, ends = 1 / np.array([16, 32, 64]), []
     for dt in [*steps, 1 / 1024]:
@@ -185,7 +181,7 @@ def test_something_else_than_a_method_is_refused(small):
 def thrown_at(restitution, method, mass=0.3, speed=0.7, duration=0.4):
     """A ball thrown at the wall of a heavier oscillator."""
     ball = fi.Impactor("ball", "mass", mass, 0.1, fi.Rigid(restitution))
-    system = oscillator(omega=2.0, impactors=[ball])
+    system = oscillator(2.0**2, impactors=[ball])
     return fi.integrate(system, STILL, method, duration, initial=fi.State(ball_velocity=[speed]))
 
 
@@ -261,8 +257,7 @@ def test_an_elastic_ball_bounces_for_ever():
 
 
 def test_moreau_jean_and_the_event_driven_method_agree_before_chaos(reference):
-    ball = replace(reference.impactors[0], contact=fi.Rigid(0.6))
-    system = fi.reduce(fi.assemble(replace(reference, impactors=(ball,)), elements=10), modes=3)
+    system = reduced(with_ball(reference, contact=fi.Rigid(0.6)), 3, 10)
     base, start = fi.Sine(1e-3, 5.2), fi.State(ball_velocity=[0.3])
     exact = fi.integrate(system, base, fi.EventDriven(), 0.25, initial=start).impacts
     error = []
@@ -299,8 +294,8 @@ def test_impulses_want_a_rigid_contact(small):
 
 
 def test_a_sweep_takes_every_method(reference):
-    rigid = replace(reference, impactors=(replace(reference.impactors[0], contact=fi.Rigid(0.6)),))
-    compliant, stiff = (fi.reduce(fi.assemble(structure, elements=5), modes=2) for structure in (reference, rigid))
+    rigid = with_ball(reference, contact=fi.Rigid(0.6))
+    compliant, stiff = (reduced(structure, 2, 5) for structure in (reference, rigid))
     for method in [*FAMILY, fi.Newmark(1.0, refine=10), fi.EventDriven()]:
         impulsive = isinstance(method, fi.MoreauJean | fi.EventDriven)
         used = method if isinstance(method, fi.EventDriven) else replace(method, dt=1e-3 if method.refine > 1 else 1e-4)

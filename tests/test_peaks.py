@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from builders import oscillator
 
 import femimpact as fi
 from femimpact.integrators.stepping.block import Inputs, prepare, run_block
@@ -27,9 +28,9 @@ def extremes(system, bases, method, cycles, start=None):
     return np.where(own, found.maximum, np.nan), np.where(own, found.minimum, np.nan)
 
 
-def oscillator(damping=2.0, stiffness=100.0, **more):
+def damped(damping=2.0, **more):
     """1 kg on 100 N/m, 10 % of critical damping: no transient is left after 60 s."""
-    return fi.System.from_matrices([[1.0]], [[damping]], [[stiffness]], points={"mass": [1.0]}, **more)
+    return oscillator(100.0, damping, **more)
 
 
 # ---- between samples ---------------------------------------------------------------------------------
@@ -52,7 +53,7 @@ def steady_start(n, late):
 @pytest.mark.parametrize("n", [16, 40, 100])
 def test_the_crest_is_that_of_the_cubic_through_both_ends_with_their_rates(n):
     base, method, start, amplitude = steady_start(n, 0.5)
-    high, low = extremes(oscillator(), [base], method, 6, start)
+    high, low = extremes(damped(), [base], method, 6, start)
     # half-way between two samples at A c, c = cos(w dt/2), with rates +-(2/dt) A tan sin: A c + (A/2) tan sin
     c = math.cos(np.pi / n)
     crest = amplitude * (1 + c * c) / (2 * c)
@@ -67,7 +68,7 @@ def test_interpolation_alone_is_of_order_four_wherever_the_samples_lie():
         error, missed = [], []
         for n in counts:
             base, method, start, amplitude = steady_start(int(n), late)
-            error.append(extremes(oscillator(), [base], method, 6, start)[0][5, 0] / amplitude - 1)
+            error.append(extremes(damped(), [base], method, 6, start)[0][5, 0] / amplitude - 1)
             missed.append(1 - math.cos(2 * np.pi * min(late, 1 - late) / n))
         assert np.polyfit(np.log(counts), np.log(np.abs(error)), 1)[0] == pytest.approx(-4, abs=0.1)
         # the largest sample is off by far more, and by order two
@@ -83,7 +84,7 @@ def test_peaks_of_smooth_motion_are_of_the_order_of_the_method(method):
     error = []
     for n in counts:
         curve = fi.frequency_sweep(
-            oscillator(), 1e-3, [FREQUENCY], replace(method, dt=1 / (FREQUENCY * n)), 60, at="mass", ledger=False
+            damped(), 1e-3, [FREQUENCY], replace(method, dt=1 / (FREQUENCY * n)), 60, at="mass", ledger=False
         )
         error.append(curve.peak[0] / exact - 1)
     # steps that divide no cycle: with bare samples the errors would be those of chance, (w dt)^2/8 at most
@@ -95,7 +96,7 @@ def test_peaks_of_smooth_motion_are_of_the_order_of_the_method(method):
 
 @pytest.mark.parametrize("method", [fi.Newmark(7.3e-3), fi.MoreauJean(7.3e-3), fi.HHT(7.3e-3)], ids=repr)
 def test_a_cycle_begins_and_ends_between_samples(method):
-    free, speed = oscillator(0.0, 0.0), 0.3
+    free, speed = oscillator(0.0), 0.3
     bases = [fi.Sine(0.0, f) for f in (1.37, 1.0, 2.1)]
     for beside in (bases, bases[:1]):
         high, low = extremes(free, beside, method, 20, fi.State(velocity=[speed]))
@@ -111,7 +112,7 @@ def test_a_mirrored_motion_has_mirrored_extremes():
     other = replace(wall, gap=(6e-3, 4e-3))
     bases, method = [fi.Sine(0.0, FREQUENCY)], fi.Newmark(1.7e-3, refine=4)
     found = [
-        extremes(oscillator(0.2, stops=[stop]), bases, method, 8, fi.State(velocity=[sign * 0.3]))
+        extremes(damped(0.2, stops=[stop]), bases, method, 8, fi.State(velocity=[sign * 0.3]))
         for stop, sign in ((wall, 1), (other, -1))
     ]
     np.testing.assert_array_equal(found[0][0], -found[1][1])
@@ -124,7 +125,7 @@ def test_a_mirrored_motion_has_mirrored_extremes():
 def test_a_refined_step_has_the_crest_of_its_fine_steps():
     # in flight without force every step is exact: what the coarse run does in touch is what the fine one does
     law = fi.KelvinVoigt(restitution=0.7, contact_time=0.02)
-    system = oscillator(0.0, 0.0, stops=[fi.Stop("wall", "mass", (0.1, 0.1), law)])
+    system = oscillator(0.0, stops=[fi.Stop("wall", "mass", (0.1, 0.1), law)])
     bases, start = [fi.Sine(0.0, f) for f in (1.0, 1.37)], fi.State(velocity=[0.5])
     coarse = extremes(system, bases, fi.Newmark(8e-3, refine=16), 3, start)
     fine = extremes(system, bases, fi.Newmark(5e-4), 3, start)
@@ -138,7 +139,7 @@ def test_a_refined_step_has_the_crest_of_its_fine_steps():
 
 @pytest.mark.parametrize("n", [30.7, 211.3])
 def test_the_peak_at_a_rigid_stop_is_its_gap(n):
-    system = oscillator(0.4, stops=[fi.Stop("wall", "mass", (math.inf, 1e-3), fi.Rigid(0.6))])
+    system = damped(0.4, stops=[fi.Stop("wall", "mass", (math.inf, 1e-3), fi.Rigid(0.6))])
     high, low = extremes(system, [fi.Sine(1e-3, FREQUENCY)], fi.MoreauJean(1 / (FREQUENCY * n)), 40)
     # whether the samples fall short of it or lie beyond; x = w, so that its instant is met to rounding
     np.testing.assert_allclose(low[20:40, 0], -1e-3, rtol=1e-11)
@@ -168,7 +169,7 @@ def zigzag(mass, e, speeds, gap, cycles):
 @pytest.mark.parametrize("dt", [1.3e-2, 3.1e-3, 7.7e-4])
 def test_peaks_at_impacts_of_a_ball_are_of_order_one(dt):
     ball = fi.Impactor("ball", "mass", 1.5, 0.05, fi.Rigid(0.9))
-    system = oscillator(0.0, 0.0, impactors=[ball])
+    system = oscillator(0.0, impactors=[ball])
     start, cycles = fi.State(velocity=[0.1], ball_velocity=[-0.3]), 3
     high, low = extremes(system, [fi.Sine(0.0, 1.0)], fi.MoreauJean(dt), cycles, start)
     exact_high, exact_low, impacts = zigzag(1.5, 0.9, (0.1, -0.3), 0.05, cycles)
@@ -184,7 +185,7 @@ def test_peaks_at_impacts_of_a_ball_are_of_order_one(dt):
 def test_peaks_in_a_compliant_contact_are_of_order_two():
     # energy-consistent, without loss: the deepest point is gap + v sqrt(m/k), at a rate that is continuous
     law = fi.KelvinVoigt(restitution=1.0, contact_time=0.05)
-    system = oscillator(0.0, 0.0, stops=[fi.Stop("wall", "mass", (0.1, 0.1), law)])
+    system = oscillator(0.0, stops=[fi.Stop("wall", "mass", (0.1, 0.1), law)])
     stiffness = system.contacts[0].parameters.stiffness
     exact, steps = 0.1 + 0.5 / math.sqrt(stiffness), 0.05 / np.array([11.3, 22.9, 46.1, 93.7, 187.1])
     for dt in steps:
@@ -200,7 +201,7 @@ def test_peaks_in_a_compliant_contact_are_of_order_two():
 )  # fmt: skip
 def test_no_sample_lies_beyond_the_extremes_of_its_cycle(method):
     ball = fi.Impactor("ball", "mass", 0.4, 2e-3, fi.KelvinVoigt(0.6, 0.03))
-    system, base, start = oscillator(0.5, impactors=[ball]), fi.Sine(3e-3, 2.31), fi.State(ball_velocity=[0.2])
+    system, base, start = damped(0.5, impactors=[ball]), fi.Sine(3e-3, 2.31), fi.State(ball_velocity=[0.2])
     high, low = extremes(system, [base], method, 20, start)
     run = fi.integrate(system, base, method, 20 / 2.31 + method.dt, fi.Recorder(channels=("mass",)), initial=start)
     assert len(run.impacts.time) > 0
@@ -213,7 +214,7 @@ def test_no_sample_lies_beyond_the_extremes_of_its_cycle(method):
 @pytest.mark.parametrize("method", [fi.Newmark(1e-3), fi.Newmark(4e-3, refine=8), fi.MoreauJean(1e-3)], ids=repr)
 def test_a_case_has_the_same_peaks_alone_and_beside_others(method):
     law = fi.Rigid(0.7) if isinstance(method, fi.MoreauJean) else fi.KelvinVoigt(0.7, 0.02)
-    system = oscillator(0.4, impactors=[fi.Impactor("ball", "mass", 0.2, 2e-3, law)])
+    system = damped(0.4, impactors=[fi.Impactor("ball", "mass", 0.2, 2e-3, law)])
     bases = [fi.Sine(2e-3, f) for f in (1.2, FREQUENCY, 1.5)]
     beside = extremes(system, bases, method, 8)
     for c, base in enumerate(bases):

@@ -12,15 +12,14 @@ import time
 
 import numpy as np
 import pytest
+from builders import short_study
 
 import femimpact as fi
 from femimpact.export import movie
 from femimpact.study import pictures
-from femimpact.study.demo import paper_study
 from femimpact.study.picture_data import read_curves, read_film, read_last_cycles, read_mode_shapes
 from femimpact.study.results import FILES, read_summary
 from femimpact.study.run import run_simulation, run_study, run_sweep
-from femimpact.study.study import SweepPlan
 
 FIGURES = ("mode_figure", "response_figure", "force_figure", "portrait_figure", "impact_histograms", "impulse_phase")
 
@@ -31,13 +30,7 @@ def no_report(_what, _share):
 
 @pytest.fixture(scope="module")
 def study():
-    paper = paper_study()
-    return dataclasses.replace(
-        paper,
-        base=dataclasses.replace(paper.base, duration=3.0),
-        sweep=SweepPlan(4.0, 6.0, points=5, cycles=24),
-        output=dataclasses.replace(paper.output, frames=4, paraview=False),
-    )
+    return short_study(3.0, frames=4, paraview=False)
 
 
 @pytest.fixture(scope="module")

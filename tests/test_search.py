@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
 from femimpact.integrators.compiled.compiling import entry
@@ -15,16 +16,6 @@ from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
 
 next_event = entry(search.next_event)
-
-
-def beam_with_ball(modes):
-    structure = fi.Structure(
-        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
-        masses=[fi.PointMass("box", at="tip", mass=0.02290976)],
-        impactors=[fi.Impactor("ball", at="tip", mass=3.43e-3, gap=4e-3, contact=fi.Rigid(restitution=0.7))],
-        damping=fi.Rayleigh(ratio=0.0029, modes=(1, 2)),
-    )
-    return fi.reduce(fi.assemble(structure, elements=20), modes=modes)
 
 
 def first_beyond(scalars, motion, horizon, points):
@@ -67,7 +58,7 @@ def free_motion(system, drive):
 def test_no_crossing_is_missed_in_thousands_of_random_motions(modes, cases):
     rng = np.random.default_rng(modes)
     horizon, points = 0.05, 40_001
-    base = beam_with_ball(modes)
+    base = reduced(with_ball(REFERENCE, contact=fi.Rigid(restitution=0.7)), modes)
     met = 0
     for _ in range(cases):
         gap = 10.0 ** rng.uniform(-6, -2)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from builders import oscillator
 
 import femimpact as fi
 from femimpact.study.study import build
@@ -27,8 +28,8 @@ def beam(*, elements=16, modes=None, **more):
     return full if modes is None else fi.reduce(full, modes)
 
 
-def oscillator(stiffness=400.0, damping=0.0, **more):
-    return fi.System.from_matrices([[1.0]], [[damping]], [[stiffness]], points={"mass": [1.0]}, **more)
+def sprung(stiffness=400.0, damping=0.0, **more):
+    return oscillator(stiffness, damping, **more)
 
 
 # ---- the static state -------------------------------------------------------------------------------
@@ -75,7 +76,7 @@ def test_a_ball_hands_its_weight_on():
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_ball_rests_on_spring_or_wall(law, spring, gap, expected, sign):
     ball = fi.Impactor("ball", "mass", 0.01, gap, law, free_stiffness=spring, acceleration=sign * 3.0)
-    system = oscillator(impactors=[ball])
+    system = sprung(impactors=[ball])
     u, y = fi.static_state(system)
     assert u[0] == pytest.approx(sign * 0.03 / 400.0, rel=1e-14)
     assert sign * (y[0] - u[0]) == pytest.approx(expected, rel=1e-12)
@@ -83,7 +84,7 @@ def test_a_ball_rests_on_spring_or_wall(law, spring, gap, expected, sign):
 
 def test_a_spring_and_a_hertz_wall_share_a_weight():
     ball = fi.Impactor("ball", "mass", 0.01, 1e-3, fi.Hertz(1e6), free_stiffness=20.0, acceleration=3.0)
-    found = static_contacts(oscillator(impactors=[ball]))
+    found = static_contacts(sprung(impactors=[ball]))
     depth = found.other[0] - found.displacement[0] - 1e-3
     assert 1e6 * depth**1.5 + 20.0 * (1e-3 + depth) == pytest.approx(0.03, rel=1e-12)
     assert found.normal[0] == pytest.approx(1e6 * depth**1.5, rel=1e-10)
@@ -231,7 +232,7 @@ def test_a_preloaded_start_without_displacements_is_the_static_state():
 def test_free_vibration_about_a_static_state_has_the_stiffness_of_both(contact):
     spring, wall, speed = 400.0, 2500.0, 0.02
     stop = fi.Stop("wall", "mass", (-5e-3, math.inf), fi.KelvinVoigt(stiffness=wall, damping=0.0))
-    system = oscillator(spring, stops=[stop], constant_load=[2.0])
+    system = sprung(spring, stops=[stop], constant_load=[2.0])
     omega = math.sqrt(spring + wall)
     rest = (2.0 - wall * 5e-3) / (spring + wall)
     start = fi.State(velocity=[speed])
@@ -250,7 +251,7 @@ def test_free_vibration_about_a_static_state_has_the_stiffness_of_both(contact):
 
 def test_a_contact_from_the_start_on_ends_as_an_impact_without_approach():
     stop = fi.Stop("wall", "mass", (-1e-3, math.inf), fi.KelvinVoigt(stiffness=2500.0, damping=0.0))
-    run = fi.integrate(oscillator(stops=[stop]), STILL, fi.Newmark(1e-4), 0.5, initial=fi.State(velocity=[-0.2]))
+    run = fi.integrate(sprung(stops=[stop]), STILL, fi.Newmark(1e-4), 0.5, initial=fi.State(velocity=[-0.2]))
     first = run.impacts
     assert first.time[0] == 0.0
     assert first.approach_speed[0] == 0.0
@@ -261,7 +262,7 @@ def test_a_contact_from_the_start_on_ends_as_an_impact_without_approach():
 @pytest.mark.parametrize("phase", [0.0, 1.0])
 def test_a_ball_stays_on_its_floor_while_the_base_shakes_with_less_than_gravity(phase):
     ball = fi.Impactor("ball", "mass", 0.1, 1e-3, fi.Rigid(0.6), acceleration=GRAVITY)
-    system = oscillator(4e4, 2.0, impactors=[ball], constant_load=[GRAVITY])
+    system = sprung(4e4, 2.0, impactors=[ball], constant_load=[GRAVITY])
     base, dt = fi.Sine(-0.5 * GRAVITY / (10 * math.pi) ** 2, 5.0, phase), 5e-5
     record = fi.Recorder(("mass", "mass.velocity", "ball", "ball.contact_force"))
     run = fi.integrate(system, base, fi.MoreauJean(dt), 1.0, record, fi.State.static())
@@ -379,8 +380,8 @@ def test_what_has_no_static_state_is_refused():
         fi.static_state(loose)
     walls = [fi.Stop("a", "mass", (-1e-3, math.inf), STIFF), fi.Stop("b", "mass", (math.inf, 0.0), STIFF)]
     with pytest.raises(fi.InputError, match="rigid stops among a, b leave the structure no place"):
-        fi.static_state(oscillator(stops=walls))
-    ball = oscillator(impactors=[fi.Impactor("ball", "mass", 0.1, 1.0, STIFF, acceleration=1.0)])
+        fi.static_state(sprung(stops=walls))
+    ball = sprung(impactors=[fi.Impactor("ball", "mass", 0.1, 1.0, STIFF, acceleration=1.0)])
     open_box = replace(ball, contacts=(replace(ball.contacts[0], gaps=(math.inf, 1.0)),))
     with pytest.raises(fi.InputError, match=r"ball\.gaps = .*: must be finite where a constant force presses the ball"):
         fi.static_state(open_box)
@@ -392,13 +393,13 @@ def test_a_static_start_is_one_relative_to_the_base():
     words = "frame = 'space': must be 'base' for a static start"
     with pytest.raises(fi.InputError, match=words):
         fi.State(frame="space", equilibrium=True)
-    preloaded = oscillator(stops=[fi.Stop("wall", "mass", (-1e-3, math.inf), SOFT)])
+    preloaded = sprung(stops=[fi.Stop("wall", "mass", (-1e-3, math.inf), SOFT)])
     with pytest.raises(fi.InputError, match=f"initial.{words}"):
         fi.State.at_rest("space").relative_to_base(preloaded, STILL)
 
 
 def test_a_start_inside_a_wall_is_refused_beyond_the_static_penetration():
-    preloaded = oscillator(stops=[fi.Stop("wall", "mass", (-1e-3, math.inf), SOFT)])
+    preloaded = sprung(stops=[fi.Stop("wall", "mass", (-1e-3, math.inf), SOFT)])
     rest = fi.static_state(preloaded)[0]
     fi.State(displacement=rest, equilibrium=True).relative_to_base(preloaded, STILL)
     for start in (fi.State(displacement=rest), fi.State(displacement=0.9 * rest, equilibrium=True)):
@@ -419,7 +420,7 @@ def test_a_constant_load_may_be_replaced_and_must_fit():
         with pytest.raises(fi.InputError, match="constant_load"):
             replace(system, constant_load=wrong)
     with pytest.raises(fi.InputError, match="constant_load"):
-        oscillator(constant_load=[1.0, 2.0])
+        sprung(constant_load=[1.0, 2.0])
     with pytest.raises(fi.InputError, match="gravity = 'down'"):
         fi.Structure(BEAM, gravity="down")
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from builders import cantilever
 
 import femimpact as fi
 from femimpact.system.modes import solve_stiffness
@@ -11,19 +12,6 @@ from femimpact.system.modes import solve_stiffness
 SOFT = fi.KelvinVoigt(stiffness=40.0, restitution=0.6)
 
 STEEL = fi.KelvinVoigt(stiffness=1e6, restitution=0.6)
-
-
-def beam(law=None, *, box=0.0229, places=("tip",), stops=(), damping=0.0029, elements=30):
-    structure = fi.Structure(
-        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
-        masses=[fi.PointMass("box", at="tip", mass=box)] if box else [],
-        impactors=[
-            fi.Impactor(f"ball {i}", place, 3.43e-3, 4e-3, law or fi.Rigid(0.6)) for i, place in enumerate(places)
-        ],
-        stops=[fi.Stop(f"stop {i}", place, 1e-3, law or fi.Rigid(0.6)) for i, place in enumerate(stops)],
-        damping=fi.Rayleigh(ratio=damping, modes=(1, 2)),
-    )
-    return fi.assemble(structure, elements=elements)
 
 
 def static_flexibility(system):
@@ -34,7 +22,7 @@ def static_flexibility(system):
 @pytest.mark.parametrize("modes", [1, 3, 8])
 @pytest.mark.parametrize("elements", [30, 400])
 def test_static_flexibility_is_exact_with_correction(places, modes, elements):
-    full = beam(places=places, stops=("tip",), elements=elements)
+    full = cantilever(places=places, stops=("tip",), elements=elements)
     exact = np.array([pair.flexibility for pair in full.contacts])
     corrected = fi.reduce(full, modes, static_correction=True)
     np.testing.assert_allclose(static_flexibility(corrected), exact, rtol=1e-10)
@@ -47,7 +35,7 @@ def test_static_flexibility_is_exact_with_correction(places, modes, elements):
 
 @pytest.mark.parametrize(("places", "more"), [(("tip",), 1), (("tip", "tip", 0.1), 2), (("root",), 0), ((), 0)])
 def test_the_corrected_system_is_diagonal_and_keeps_its_modes(places, more):
-    full = beam(places=places)
+    full = cantilever(places=places)
     plain, corrected = fi.reduce(full, 4), fi.reduce(full, 4, static_correction=True)
     assert corrected.dofs == 4 + more
     assert corrected.is_diagonal
@@ -69,7 +57,7 @@ def test_the_corrected_system_is_diagonal_and_keeps_its_modes(places, more):
 
 
 def test_a_slow_force_bends_the_corrected_system_as_statics_say():
-    full = beam(places=(0.1,), damping=0.05)
+    full = cantilever(places=(0.1,), damping=0.05)
     push = fi.PointForce(0.1, fi.Sine(1e-3, 0.01, math.pi / 2))
     exact = 1e-3 * full.contacts[0].flexibility
     deflection = {}
@@ -84,7 +72,7 @@ def test_a_slow_force_bends_the_corrected_system_as_statics_say():
 
 
 def test_all_modes_leave_nothing_to_correct():
-    full = beam(elements=5)
+    full = cantilever(elements=5)
     assert fi.reduce(full, full.dofs, static_correction=True).dofs == full.dofs
 
 
@@ -98,7 +86,7 @@ def test_a_structure_that_is_not_held_has_no_static_correction():
 
 
 def test_notes_name_both_frequencies_of_a_short_contact():
-    system = fi.reduce(beam(STEEL), 4)
+    system = fi.reduce(cantilever(STEEL), 4)
     highest = math.sqrt(system.K.diagonal().max()) / (2 * math.pi)
     contact = 1.0 / system.contacts[0].parameters.contact_time
     assert highest < contact
@@ -109,7 +97,7 @@ def test_notes_name_both_frequencies_of_a_short_contact():
 
 
 def test_notes_name_both_flexibilities():
-    full = beam(SOFT, places=(0.1,))
+    full = cantilever(SOFT, places=(0.1,))
     system = fi.reduce(full, 1)
     missing = [note for note in fi.truncation_notes(system) if "m/N" in note]
     assert len(missing) == 1
@@ -120,7 +108,7 @@ def test_notes_name_both_flexibilities():
 
 
 def test_a_rigid_contact_has_one_note_with_the_modes_and_the_mass_that_is_felt():
-    system = fi.reduce(beam(places=("tip", "tip")), 6)
+    system = fi.reduce(cantilever(places=("tip", "tip")), 6)
     (note,) = fi.truncation_notes(system)
     assert note.startswith("6 modes kept")
     felt = 1.0 / float(system.contacts[0].direction @ system.contacts[0].direction)
@@ -128,9 +116,9 @@ def test_a_rigid_contact_has_one_note_with_the_modes_and_the_mass_that_is_felt()
 
 
 def test_nothing_is_noted_where_nothing_is_cut():
-    assert fi.truncation_notes(fi.reduce(beam(SOFT), 4)) == ()
-    assert fi.truncation_notes(beam()) == ()
-    assert fi.truncation_notes(fi.reduce(beam(places=()), 2)) == ()
+    assert fi.truncation_notes(fi.reduce(cantilever(SOFT), 4)) == ()
+    assert fi.truncation_notes(cantilever()) == ()
+    assert fi.truncation_notes(fi.reduce(cantilever(places=()), 2)) == ()
     # one mass on one spring is diagonal, and whole
     oscillator = fi.System.from_matrices(
         [[1.0]], [[0.1]], [[1.0]], points={"mass": [1.0]}, impactors=[fi.Impactor("ball", "mass", 0.1, 1.0, STEEL)]

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from builders import reduced, with_ball
 
 import femimpact as fi
 from femimpact.sweep import SWEEP_UNITS
@@ -186,8 +187,8 @@ def test_progress_runs_to_one(empty):
 
 
 def switching(reference, stiffness):
-    ball = replace(reference.impactors[0], contact=fi.SwitchingSpring(free_stiffness=0.0, stiffness=stiffness))
-    return fi.reduce(fi.assemble(replace(reference, impactors=(ball,)), elements=10), modes=2)
+    spring = fi.SwitchingSpring(free_stiffness=0.0, stiffness=stiffness)
+    return reduced(with_ball(reference, contact=spring), 2, 10)
 
 
 def test_a_case_that_diverges_is_a_failed_row_with_its_reason(reference):

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from builders import reduced, with_ball
 
 import femimpact as fi
 from femimpact.study.demo import paper_study, paper_study_text
@@ -15,14 +16,6 @@ from femimpact.study.summary import summary_of
 pytestmark = pytest.mark.impacts
 
 BASE = fi.Sine(amplitude=0.2037e-3, frequency=4.9)
-
-
-def with_ball(structure, **changes):
-    return dataclasses.replace(structure, impactors=(dataclasses.replace(structure.impactors[0], **changes),))
-
-
-def reduced(structure, modes=8):
-    return fi.reduce(fi.assemble(structure, elements=20), modes)
 
 
 def test_a_ball_that_rides_on_its_wall_weighs_on_it(reference):

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from builders import cantilever
 
 import femimpact as fi
 from femimpact.export.figures import save_figure
@@ -12,22 +13,9 @@ from femimpact.export.truncation_figure import mode_convergence_figure
 pytestmark = pytest.mark.impacts
 
 
-def beam(law=None, *, box=0.0229, places=("tip",), stops=(), damping=0.0029, elements=30):
-    structure = fi.Structure(
-        beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
-        masses=[fi.PointMass("box", at="tip", mass=box)] if box else [],
-        impactors=[
-            fi.Impactor(f"ball {i}", place, 3.43e-3, 4e-3, law or fi.Rigid(0.6)) for i, place in enumerate(places)
-        ],
-        stops=[fi.Stop(f"stop {i}", place, 1e-3, law or fi.Rigid(0.6)) for i, place in enumerate(stops)],
-        damping=fi.Rayleigh(ratio=damping, modes=(1, 2)),
-    )
-    return fi.assemble(structure, elements=elements)
-
-
 @pytest.fixture(scope="module")
 def study():
-    return fi.mode_convergence(beam(), fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 24.0, [1, 2, 4, 8, 16])
+    return fi.mode_convergence(cantilever(), fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 24.0, [1, 2, 4, 8, 16])
 
 
 def test_the_first_impact_converges_over_the_modes(study):
@@ -42,7 +30,7 @@ def test_the_first_impact_converges_over_the_modes(study):
 
 def test_the_loss_of_the_first_impact_is_newtons(study):
     # one rigid impact on the mass that n modes show: (1 - e^2) m_eff v^2/2
-    full = beam()
+    full = cantilever()
     speed = 8e-3 * full.first_frequency
     for i, n in enumerate(study.counts):
         row = fi.reduce(full, int(n)).contacts[0].direction
@@ -64,7 +52,7 @@ def test_columns_of_a_study(study):
 
 
 def test_equivalent_damping_is_the_modes_own_where_nothing_touches():
-    full = beam(damping=0.02)
+    full = cantilever(damping=0.02)
     f1 = full.first_frequency
     # phase: the ball starts at rest in space, and stays
     quiet = fi.mode_convergence(full, fi.Sine(1e-5, f1, math.pi / 2), fi.EventDriven(), 150.0, [1, 2, 3])
@@ -76,7 +64,7 @@ def test_equivalent_damping_is_the_modes_own_where_nothing_touches():
 
 
 def test_without_a_body_at_the_contact_the_loss_goes_to_the_structure():
-    full = beam(box=0.0)
+    full = cantilever(box=0.0)
     bare = fi.mode_convergence(full, fi.Sine(0.2e-3, full.first_frequency), fi.EventDriven(), 2.0, [1, 4, 12])
     assert bare.first_loss[-1, 0] < 0.5 * bare.first_loss[0, 0]
     assert bare.displacement_error[-1, 0] < 1e-2
@@ -84,7 +72,7 @@ def test_without_a_body_at_the_contact_the_loss_goes_to_the_structure():
 
 
 def test_a_compliant_contact_has_its_peak_force_in_a_column_and_in_a_note():
-    full = beam(fi.KelvinVoigt(stiffness=2e3, restitution=0.6), elements=10)
+    full = cantilever(fi.KelvinVoigt(stiffness=2e3, restitution=0.6), elements=10)
     result = fi.mode_convergence(full, fi.Sine(0.2037e-3, 5.0), fi.Newmark(fi.recommended_step(full)), 6.0, [1, 2, 4])
     assert np.all(result.peak_force > 0.0)
     assert any("peak force (kelvin-voigt)" in note for note in result.notes)
@@ -92,20 +80,20 @@ def test_a_compliant_contact_has_its_peak_force_in_a_column_and_in_a_note():
 
 
 def test_a_stop_is_met_in_the_first_mode():
-    full = beam(places=(), stops=("tip",))
+    full = cantilever(places=(), stops=("tip",))
     result = fi.mode_convergence(full, fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 6.0, [1, 2, 4])
     assert np.all(result.first_loss > 0.0)
     assert result.displacement_error[1, 0] < result.displacement_error[0, 0]
 
 
 def test_a_study_that_says_nothing_is_refused():
-    full, base = beam(), fi.Sine(0.2037e-3, 5.0)
+    full, base = cantilever(), fi.Sine(0.2037e-3, 5.0)
     with pytest.raises(fi.InputError, match="counts"):
         fi.mode_convergence(full, base, fi.EventDriven(), 6.0, [2, 1, 3])
     with pytest.raises(fi.InputError, match="duration"):
         fi.mode_convergence(full, base, fi.EventDriven(), 1.0, [1, 2, 3])
     with pytest.raises(fi.InputError, match=r"system\.contacts"):
-        fi.mode_convergence(beam(places=()), base, fi.EventDriven(), 6.0, [1, 2, 3])
+        fi.mode_convergence(cantilever(places=()), base, fi.EventDriven(), 6.0, [1, 2, 3])
 
 
 def test_the_figure_has_three_panels(study, tmp_path):

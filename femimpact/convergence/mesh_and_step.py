@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,10 @@ from femimpact.response.response import Recorder
 from femimpact.structure.structure import Structure
 from femimpact.system.modes import solve_modes
 from femimpact.system.system import System, without_impactors
+from femimpact.table import flat_columns, frame_of, named_column
+
+if TYPE_CHECKING:
+    import pandas
 
 __all__ = ["MeshConvergence", "StepConvergence", "converge_elements", "converge_step"]
 
@@ -34,6 +38,8 @@ PHASES = 8
 @dataclass(frozen=True, eq=False)
 class MeshConvergence:
     """Natural frequencies over the number of elements.
+
+    `convergence["error"]` reads a column.
 
     Parameters
     ----------
@@ -60,6 +66,13 @@ class MeshConvergence:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return named_column(self, name)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Columns natural_frequency_1, ..., error_1, ... over the elements; units in `attrs["units"]`."""
+        return frame_of(*flat_columns(self), index="elements")
 
 
 def converge_elements(structure: Structure, elements: Sequence[int], modes: int = 4) -> MeshConvergence:
@@ -132,6 +145,8 @@ def _order(size: NDArray[Any], error: NDArray[Any], floor: float) -> float:
 class StepConvergence:
     """Response over the step of the method.
 
+    `convergence["linear_error"]` reads a column.
+
     Parameters
     ----------
     dt : ndarray (n,), s
@@ -160,6 +175,13 @@ class StepConvergence:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return named_column(self, name)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The errors over the step; units in `attrs["units"]`."""
+        return frame_of(*flat_columns(self), index="dt")
 
 
 def converge_step(system: System, excitation: Sine, method: Newmark, halvings: int = 5) -> StepConvergence:

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, checked, column, quantity, require, require_type, text
+from femimpact.table import column_units, frame_of, named_column
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
 
 __all__ = ["OTHERS", "STATISTICS", "ModeConvergence"]
@@ -40,6 +42,8 @@ OTHERS = {
 @dataclass(frozen=True, eq=False)
 class ModeConvergence:
     """Response over the number of normal modes; columns are (n, 2): without and with static correction.
+
+    `convergence["rms"]` reads a column.
 
     Parameters
     ----------
@@ -103,6 +107,21 @@ class ModeConvergence:
             known = name in STATISTICS
             require(known, "scatter", name, "", f"must be of {', '.join(STATISTICS)}")
             checked(f"scatter.{name}", values, column(STATISTICS[name], self.counts.size, 2))
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return named_column(self, name)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Two rows for every count, without and with static correction; units in `attrs["units"]`."""
+        units = {name: unit for name, unit in column_units(self).items() if name != "counts"}
+        columns: dict[str, Any] = {
+            "modes": np.repeat(self.counts, 2),
+            "static_correction": np.tile([False, True], self.counts.size),
+        }
+        columns |= {name: getattr(self, name).ravel() for name in units}
+        columns |= {f"{name}_scatter": values.ravel() for name, values in self.scatter.items()}
+        units |= {f"{name}_scatter": units[name] for name in self.scatter}
+        return frame_of(columns, {"modes": "1", "static_correction": "", **units}, index="modes")
 
     def to_xarray(self) -> xarray.Dataset:
         """All columns as a labelled dataset over the count and the static correction."""

@@ -34,7 +34,7 @@ class Excitation(Protocol):
 
     @property
     def phase(self) -> float:
-        """At t = 0, rad: that of an impact is counted from there."""
+        """At t = 0, rad: that of an impact is counted from there. Not a number where the excitation has none."""
 
     @property
     def amplitude(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -78,8 +79,8 @@ class RecordedBase:
 
     @property
     def phase(self) -> float:
-        """Reference of phases: the cycles begin at t = 0, rad."""
-        return 0.0
+        """Not a number: a record has no phase, and no impact has one in it."""
+        return math.nan
 
     @cached_property
     def amplitude(self) -> float:

@@ -59,24 +59,32 @@ def impact_histogram_figure(response: Response) -> Figure:
 
 
 def impulse_phase_figure(response: Response) -> Figure:
-    """Impulse of each impact over the base's phase, last third of the run, with the regime in the title."""
+    """Impulse of each impact over the base's phase, last third of the run, with the regime in the title.
+
+    Of an excitation that has no phase it is over time.
+    """
     impacts = response.impacts
     start, end = response.window
     inside = (impacts.time >= start) & (impacts.time < end)
     impulse, unit = _scaled(np.abs(impacts.impulse[inside]), "N s")
     phase, sides = np.degrees(impacts.phase[inside]), impacts.side[inside]
+    has_phase = bool(np.all(np.isfinite(phase)))
+    when = phase if has_phase else impacts.time[inside]
     figure, axes = _figure(8.0, 5.0)
     axis = axes[0, 0]
     for side, colour, marker, label in WALLS:
         chosen = sides == side
         axis.plot(
-            phase[chosen], impulse[chosen], marker, color=colour, markersize=5.0, alpha=0.6, markeredgewidth=0.0,
+            when[chosen], impulse[chosen], marker, color=colour, markersize=5.0, alpha=0.6, markeredgewidth=0.0,
             clip_on=False, label=f"{label}: {np.count_nonzero(chosen)} impacts",
         )  # fmt: skip
-    axis.set_xlim(0.0, 360.0)
-    axis.set_xticks(np.arange(0.0, 361.0, 45.0))
+    if has_phase:
+        axis.set_xlim(0.0, 360.0)
+        axis.set_xticks(np.arange(0.0, 361.0, 45.0))
+    else:
+        axis.set_xlim(start, end)
     axis.set_ylim(0.0, 1.2 * (impulse.max(initial=0.0) or 1.0))
-    axis.set_xlabel("phase of the base (degrees)")
+    axis.set_xlabel("phase of the base (degrees)" if has_phase else "time (s)")
     axis.set_ylabel(f"impulse ({unit})")
     label = response.regime.label.replace(": ", ":\n", 1)
     axis.set_title(f"{response.base.frequency:.4g} Hz, {start:.4g} to {end:.4g} s: {label}", loc="left")

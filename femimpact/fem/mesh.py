@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import Fault, InputError, checked, quantity, real_array, require, require_type
 from femimpact.structure.structure import Structure
+from femimpact.table import Head, head_of_values, short_repr
 
 __all__ = ["Mesh", "read_mesh", "uniform_mesh"]
 
@@ -25,6 +26,7 @@ MOST_ELEMENTS = 100_000
 """Of a mesh made here; more is taken for a mistake."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """Line elements between sorted nodes.
@@ -90,6 +92,16 @@ class Mesh:
             require(whole and np.unique(members).size == members.size, key, None, "", allowed)
             regions[name] = members.astype(int)
         return regions
+
+    @property
+    def _head(self) -> Head:
+        lengths = np.diff(self.nodes)
+        values = {
+            "element lengths": f"{lengths.min():.5g} to {lengths.max():.5g} m",
+            "points": ", ".join(f"{name} at {x:.5g} m" for name, x in self.points.items()),
+            "regions": ", ".join(f"{name}: {members.size}" for name, members in self.regions.items()) or "none",
+        }
+        return head_of_values(f"Mesh: {self.elements} elements on {self.nodes[-1]:.5g} m", values)
 
     @property
     def elements(self) -> int:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, column
+from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
+
+if TYPE_CHECKING:
+    import pandas
 
 __all__ = ["BALANCED", "CLOSED", "EnergyLedger", "energy_residual", "largest_input", "residual_warnings", "unbalanced"]
 
@@ -87,9 +91,12 @@ def residual_warnings(frequency: NDArray[Any], residual: NDArray[Any], bound: ND
     ]
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class EnergyLedger:
     """Energies (J) over time, relative to the base; the inertia forces of the base do the work.
+
+    `energy["kinetic"]` reads a column.
 
     Parameters
     ----------
@@ -123,6 +130,18 @@ class EnergyLedger:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return named_column(self, name)
+
+    @property
+    def _head(self) -> Head:
+        closed = f", residual {self.residual:.2g} of the energy put in" if self.time.size else ""
+        return head_of_columns(f"EnergyLedger: {self.time.size} samples{closed}", *flat_columns(self))
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The energies over time, those of modes as structure_loss_of_mode_1, ...; units in `attrs["units"]`."""
+        return frame_of(*flat_columns(self), index="time")
 
     @property
     def stored(self) -> NDArray[Any]:

@@ -10,17 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, column, quantity, require_type, text
+from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
 
 __all__ = [
     "IMPACT_UNITS", "STICKING_UNITS", "ImpactStatistics", "Impacts", "StickingPhases", "impact_columns",
     "impact_statistics", "statistics_of_cases",
 ]  # fmt: skip
-
-SHOWN = 5
-"""Rows of a table that its repr shows."""
 
 IMPACT_UNITS = {
     "time": "s",
@@ -42,16 +41,19 @@ STICKING_UNITS = {"impactor": "", "side": "1", "start": "s", "end": "s", "impuls
 """Columns of the table of sticking phases and their units."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@short_repr
+@dataclass(frozen=True, eq=False)
 class Impacts:
     """Table of the finished impacts of a run, one entry each, in the order in which they ended.
+
+    `impacts["time"]` reads a column of `IMPACT_UNITS`.
 
     Parameters
     ----------
     time : ndarray (n,), s
         Instant of touch.
     phase : ndarray (n,), rad
-        Of the excitation at that instant, 0 to 2 pi.
+        Of the excitation at that instant, 0 to 2 pi; not a number where the excitation has none (`RecordedBase`).
     impactor : ndarray (n,) of str
     side : ndarray (n,), 1
         +1 or -1: which wall.
@@ -95,18 +97,18 @@ class Impacts:
     def __len__(self) -> int:
         return int(self.time.size)
 
-    def __repr__(self) -> str:
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return named_column(self, name, IMPACT_UNITS)
+
+    @property
+    def _head(self) -> Head:
         lost = f", {self.dropped} more not kept" if self.dropped else ""
         laws = ", ".join(f"{name}: {law}" for name, law in self.law.items())
+        # what no impact has, as a phase without a sine, is left out
+        shown = [name for name in IMPACT_UNITS if name not in ("contact_law", "energy_to_higher_modes")]
+        shown = [name for name in shown if not len(self) or not np.all(self[name] != self[name])]
         title = f"Impacts: {len(self)}{lost}" + (f" (contact law of {laws})" if laws else "")
-        names = [name for name in IMPACT_UNITS if name not in ("contact_law", "energy_to_higher_modes")]
-        table = [names, [IMPACT_UNITS[name] for name in names]]
-        for i in range(min(len(self), SHOWN)):
-            cells = (getattr(self, name)[i] for name in names)
-            table.append([str(cell) if isinstance(cell, str) else f"{cell:.5g}" for cell in cells])
-        widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-        rows = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in table]
-        return "\n".join([title, *rows, *(["..."] if len(self) > SHOWN else [])])
+        return head_of_columns(title, {name: self[name] for name in shown}, IMPACT_UNITS)
 
     @property
     def contact_law(self) -> NDArray[Any]:
@@ -146,6 +148,10 @@ class Impacts:
         return np.asarray(
             np.divide(self.rebound_speed, self.approach_speed, out=unknown, where=self.approach_speed != 0.0)
         )
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A row for every impact, with the columns of `impact_columns`; units in `attrs["units"]`."""
+        return frame_of(*impact_columns(self))
 
     def to_xarray(self) -> xarray.Dataset:
         """The table as a labelled dataset over impacts and, where their energies were kept, modes."""
@@ -187,9 +193,12 @@ def impact_columns(impacts: Impacts) -> tuple[dict[str, Any], dict[str, str]]:
     return columns | shares, IMPACT_UNITS | dict.fromkeys(shares, "1")
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class StickingPhases:
     """Table of sticking phases: a ball and its wall, or the beam and a stop, moving together.
+
+    `sticking["start"]` reads a column of `STICKING_UNITS`.
 
     Parameters
     ----------
@@ -216,6 +225,19 @@ class StickingPhases:
 
     def __len__(self) -> int:
         return int(self.start.size)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return named_column(self, name)
+
+    @property
+    def _head(self) -> Head:
+        lasting = np.count_nonzero(np.isnan(self.end))
+        title = f"StickingPhases: {len(self)}" + (f", {lasting} of them last" if lasting else "")
+        return head_of_columns(title, *flat_columns(self))
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A row for every phase; units in `attrs["units"]`."""
+        return frame_of(*flat_columns(self))
 
     @classmethod
     def none(cls) -> StickingPhases:

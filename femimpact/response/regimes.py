@@ -1,4 +1,4 @@
-"""Which kind of motion a window of impacts shows: k impacts in n cycles, sticking, chatter, or nothing that repeats."""
+"""Which kind of motion a window of impacts shows: k impacts in n cycles, sticking, chatter, or no period up to n."""
 
 from __future__ import annotations
 
@@ -61,13 +61,14 @@ class Regime:
     Parameters
     ----------
     kind : str
-        "no impacts", "periodic", "sticking", "chatter", "chaotic", or "undecided" where the window is
-        too short or its table incomplete.
+        "no impacts", "periodic", "sticking", "chatter", "chaotic" where no period was found up to the
+        longest one that was tested (a longer period, a transient and noise get this name too), or "undecided"
+        where the window is too short or its table incomplete.
     impacts, cycles : int
         Significant impacts in that many base cycles, after which they repeat; 0 where nothing repeats.
         Sticking and chattering motions may repeat too.
     label : str
-        In words, as "2:1 periodic".
+        In words, and what was tested: "2:1 periodic", "no period up to 8 cycles".
     criterion : str
         What was asked of the motion, with the numbers.
     """
@@ -138,9 +139,10 @@ def classify(
     k significant impacts repeat in count, impactor, side, phase and approach speed, over at least
     `repeats` repeats. Sticking is looked for first, then chatter, then plain periodicity: a ball that
     sticks or chatters in every cycle in the same way is called after that, and its label and counts
-    say that it repeats. What does not repeat is called chaotic by this criterion alone: a long
-    period, a transient and noise look the same. A soft contact never sticks here: a ball that lies
-    on its wall there is one long contact.
+    say that it repeats. Of what does not repeat the label says up to how many cycles a period was
+    looked for; its kind is "chaotic" by this criterion alone, for a longer period, a transient and
+    noise look the same. Where the excitation has no phase (`RecordedBase`), 2 pi frequency time takes
+    its place. A soft contact never sticks here: a ball that lies on its wall there is one long contact.
 
     Parameters
     ----------
@@ -196,8 +198,8 @@ def _without_period(impacts: Impacts, window: _Window, rules: RegimeCriteria) ->
         words = f"a period needs {rules.repeats + 1} cycles to show {rules.repeats} repeats"
         return Regime("undecided", 0, 0, f"undecided: {cycles} whole cycles are too few", words)
     asked = f"no period up to {testable} cycle{'s' if testable > 1 else ''}"
-    words = f"irregular, and called chaotic because it has {asked}, where {_period_words(rules)}"
-    return Regime("chaotic", 0, 0, f"chaotic ({asked})", words)
+    words = f"{asked}, where {_period_words(rules)}; a longer period, a transient and chaos are not told apart"
+    return Regime("chaotic", 0, 0, asked, words)
 
 
 def _period_words(rules: RegimeCriteria) -> str:
@@ -233,7 +235,9 @@ def _window(impacts: Impacts, frequency: float, start: float, end: float) -> _Wi
     order = np.argsort(impacts.time, kind="stable")
     order = order[(impacts.time[order] >= start) & (impacts.time[order] < end)]
     names = ("time", "phase", "impactor", "side", "approach_speed", "impulse")
-    return _Window(start, end, frequency, *(np.asarray(getattr(impacts, name))[order] for name in names))
+    time, phase, *others = (np.asarray(getattr(impacts, name))[order] for name in names)
+    phase = np.where(np.isnan(phase), 2.0 * np.pi * frequency * time, phase)
+    return _Window(start, end, frequency, time, phase, *others)
 
 
 def _at_least(impulse: NDArray[Any], share: float) -> NDArray[Any]:

@@ -33,8 +33,10 @@ from femimpact.response.regimes import Regime, classify
 from femimpact.response.signals import SteadyMotion
 from femimpact.structure.structure import Position
 from femimpact.system.system import System
+from femimpact.table import Head, frame_of, head_of_values, short_repr
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
 
 __all__ = ["Recorder", "Response", "Snapshots"]
@@ -150,7 +152,8 @@ class ShownSystem(Protocol):
         """Rows that read the deflection at positions."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@short_repr
+@dataclass(frozen=True, eq=False)
 class Response:
     """Histories of one run; arrays are read-only.
 
@@ -219,11 +222,23 @@ class Response:
             unknown = sorted(set(table.impactor.tolist()) - set(contacts))
             require(not unknown, key, unknown, "", f"must be of the contacts, {list(contacts)}")
 
-    def __repr__(self) -> str:
-        if self.streamed_to is not None:
-            return f"Response({', '.join(self.units)}; streamed to {self.streamed_to:g} s, {len(self.impacts)} impacts)"
-        span = f"{self.time[0]:g} to {self.time[-1]:g} s" if self.time.size else "no samples"
-        return f"Response({', '.join(self.channels)}; {span}, {self.time.size} samples, {len(self.impacts)} impacts)"
+    @property
+    def _head(self) -> Head:
+        span = f"{self.time[0]:.5g} to {self.time[-1]:.5g} s, " if self.time.size else ""
+        kept = (
+            f"{span}{self.time.size} samples" if self.streamed_to is None else f"streamed to {self.streamed_to:.5g} s"
+        )
+        rate = f"{self.statistics.impacts_per_cycle:.5g} per base cycle over the last third"
+        values = {
+            "channels": ", ".join(f"{name} ({unit})" for name, unit in self.units.items()),
+            "impacts": f"{len(self.impacts)}, {rate}",
+            "sticking phases": str(len(self.sticking)),
+        }
+        if self.energy is not None:
+            values["energy residual"] = f"{self.energy.residual:.5g} of the energy put in"
+        for name, texts in (("warnings", self.warnings), ("notes", self.notes)):
+            values[name] = f"{len(texts)}{f': {texts[0]}' if texts else ''}"
+        return head_of_values(f"Response: {kept}", values)
 
     def __getitem__(self, name: Position) -> NDArray[Any]:
         key = str(name)
@@ -256,6 +271,17 @@ class Response:
         require(moving, "channel", str(name), self.units[str(name)], allowed)
         moved_by = {"m": self.base.displacement, "m/s": self.base.velocity, "m/s^2": self.base.acceleration}
         return np.asarray(values + moved_by[channel.unit](self.time))
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """All channels over time; units in `attrs["units"]`.
+
+        Raises
+        ------
+        InputError
+            If the history went to `Recorder.sink`.
+        """
+        columns = {"time": self.time} | {name: self[name] for name in self.units}
+        return frame_of(columns, {"time": "s", **self.units}, index="time")
 
     def to_xarray(self) -> xarray.Dataset:
         """All channels, energies and the base's motion as a labelled dataset over time."""

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import check_fields, choice, column, optional, place, quantity, require, text
+from femimpact.errors import check_fields, choice, column, optional, place, quantity, real_array, require, text
 from femimpact.identification import DampingEstimate, fit_one_pole, half_power
 from femimpact.structure.structure import Position
+from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
 
 __all__ = ["IMPACT_NAMES", "SWEEP_UNITS", "FrequencyResponse", "on_grid"]
@@ -50,8 +52,17 @@ def on_grid(frequency: ArrayLike, grid: ArrayLike) -> NDArray[Any]:
     ----------
     frequency : array_like (n,), Hz
     grid : array_like (m,), Hz
+
+    Raises
+    ------
+    InputError
+        If one of them holds anything but finite numbers.
     """
-    points, wanted = np.sort(np.asarray(grid, dtype=float)), np.asarray(frequency, dtype=float)
+    wanted, points = (
+        real_array(key, values, "Hz", "must be finite numbers")
+        for key, values in (("frequency", frequency), ("grid", grid))
+    )
+    points = np.sort(points, axis=None)
     if points.size == 0:
         return np.zeros(wanted.shape, dtype=bool)
     right = np.searchsorted(points, wanted)
@@ -60,9 +71,12 @@ def on_grid(frequency: ArrayLike, grid: ArrayLike) -> NDArray[Any]:
     return np.asarray(distance <= SAME_FREQUENCY + 1e-12 * np.abs(wanted))
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
     """Response curve over the base frequency, measured at the end of each dwell.
+
+    `curve["peak"]` reads a column.
 
     Parameters
     ----------
@@ -127,6 +141,17 @@ class FrequencyResponse:
         fits = self.window is None or (self.duration is not None and self.window <= self.duration)
         require(fits, "window", self.window, "s", "must be at most the duration, which it goes with")
 
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return named_column(self, name)
+
+    @property
+    def _head(self) -> Head:
+        size = self.frequency.size
+        span = f", {self.frequency.min():.5g} to {self.frequency.max():.5g} Hz" if size else ""
+        found = bool(np.any(np.isfinite(self.peak)))
+        highest = f", largest peak {self.peak_amplitude:.5g} m at {self.peak_frequency:.5g} Hz" if found else ""
+        return head_of_columns(f"FrequencyResponse: {size} frequencies{span}{highest}", *flat_columns(self))
+
     @cached_property
     def damping(self) -> DampingEstimate:
         """One-pole fit of the peak curve."""
@@ -151,6 +176,10 @@ class FrequencyResponse:
     def _dwell(self) -> dict[str, float]:
         given = {"cycles": self.cycles, "duration_s": self.duration, "window_s": self.window}
         return {name: value for name, value in given.items() if value is not None}
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The curve over frequency; units in `attrs["units"]`."""
+        return frame_of(*flat_columns(self), index="frequency")
 
     def to_xarray(self) -> xarray.Dataset:
         """The curve as a labelled dataset over frequency."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
@@ -14,6 +14,10 @@ from femimpact.errors import check_fields, column, in_range, quantity, real_arra
 from femimpact.structure.damping import realised_damping_ratio
 from femimpact.system.matrices import stiffness_solver
 from femimpact.system.system import System
+from femimpact.table import Head, frame_of, head_of_columns, short_repr
+
+if TYPE_CHECKING:
+    import pandas
 
 __all__ = ["Modes", "flexibility", "solve_modes", "solve_stiffness"]
 
@@ -21,6 +25,7 @@ DENSE_LIMIT = 60
 """Up to this many dofs the dense solver is both exact and faster than shift-invert."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Modes:
     """Undamped modes of the structure, mass-normalised, positive at the tip.
@@ -48,6 +53,25 @@ class Modes:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+    @property
+    def _table(self) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+        """A row for every mode, and units."""
+        units = {
+            "mode": "1", "natural_frequency": "Hz", "damping_ratio": "1", "participation_factor": "kg^0.5",
+            "effective_mass": "kg",
+        }  # fmt: skip
+        numbers = {"mode": np.arange(1, self.natural_frequency.size + 1)}
+        return numbers | {name: getattr(self, name) for name in units if name not in numbers}, units
+
+    @property
+    def _head(self) -> Head:
+        dofs, count = self.vectors.shape
+        return head_of_columns(f"Modes: {count} of {dofs} dofs", *self._table)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A row for every mode by its number from 1, without the vectors; units in `attrs["units"]`."""
+        return frame_of(*self._table, index="mode")
 
     @property
     def effective_mass(self) -> NDArray[Any]:

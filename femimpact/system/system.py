@@ -54,6 +54,7 @@ from femimpact.system.matrices import checked_matrix, checked_row, definite_fact
 from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reactions
 from femimpact.system.sections import Section, SectionFields
 from femimpact.system.static import StaticContacts, static_contacts
+from femimpact.table import Head, head_of_values, short_repr
 
 __all__ = ["ContactPair", "State", "System", "SystemOrigin", "contact_pair", "hermite_rows", "without_impactors"]
 
@@ -223,6 +224,7 @@ def _frozen(values: Any) -> NDArray[Any]:
     return array
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class System:
     """Semi-discrete equations of a structure, in free degrees of freedom or in modal ones.
@@ -394,6 +396,23 @@ class System:
         )
         first, contacts = _contacts_of_matrices(bare, dense, rank, (*impactors, *stops))
         return replace(bare, first_frequency=first, contacts=contacts, computed_together=None)
+
+    @property
+    def _head(self) -> Head:
+        values = {
+            "first frequency": f"{self.first_frequency:.5g} Hz",
+            "total mass": f"{self.total_mass:.5g} kg",
+            "damping": "a matrix of its own",
+            "points": ", ".join(name if math.isnan(x) else f"{name} at {x:.5g} m" for name, x in self.points.items()),
+        }
+        if self.rayleigh is not None:
+            values["damping"] = f"Rayleigh, alpha = {self.rayleigh[0]:.5g} 1/s, beta = {self.rayleigh[1]:.5g} s"
+        if self.nodes.size:
+            values["nodes"] = f"{self.nodes.size} from {self.nodes[0]:.5g} to {self.nodes[-1]:.5g} m"
+        for pair in self.contacts:
+            body = "stop" if pair.is_stop else f"{pair.mass:.5g} kg"
+            values[pair.name] = f"{body}, gaps {pair.gaps[0]:.5g} and {pair.gaps[1]:.5g} m, {pair.law.name}"
+        return head_of_values(f"System: {self.dofs} dofs, contacts: {len(self.contacts)}", values)
 
     @property
     def balls(self) -> tuple[ContactPair, ...]:

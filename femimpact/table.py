@@ -1,0 +1,215 @@
+"""Records as tables: a column by its name, a pandas frame with units, and a short repr as text and as HTML."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.errors import require_name
+
+if TYPE_CHECKING:
+    import pandas
+
+__all__ = [
+    "Head",
+    "column_units",
+    "flat_columns",
+    "frame_of",
+    "head_of_columns",
+    "head_of_values",
+    "named_column",
+    "short_repr",
+]
+
+WIDTH = 80
+"""Characters of a line of text."""
+
+GAP = "  "
+"""Between two columns."""
+
+FIRST, LAST = 3, 2
+"""Rows of a longer table that its head shows, from its beginning and from its end."""
+
+LINES = 9
+"""Named values that are shown at most."""
+
+
+def column_units(table: Any) -> dict[str, str]:
+    """Units by name of a record's columns: its array fields along the axis of the first one, which is the rows'."""
+    arrays = [item for item in fields(table) if "axes" in item.metadata]
+    rows = arrays[0].metadata["axes"][0]
+    return {item.name: item.metadata["unit"] for item in arrays if item.metadata["axes"][0] == rows}
+
+
+def named_column(table: Any, name: str, units: Mapping[str, str] | None = None) -> NDArray[Any]:
+    """The column of a record that has this name.
+
+    Parameters
+    ----------
+    table : dataclass
+    name : str
+    units : mapping of str to str, optional
+        Its columns and their units, where they are not those of `column_units`.
+
+    Returns
+    -------
+    ndarray (n, ...)
+        The very array that the record holds.
+
+    Raises
+    ------
+    InputError
+        If there is no such column, with the closest name.
+    """
+    require_name(name, column_units(table) if units is None else units, "column")
+    values: NDArray[Any] = getattr(table, name)
+    return values
+
+
+def flat_columns(table: Any) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+    """Columns of a record and their units, those of two axes as many, numbered from 1: error_1, error_2.
+
+    Parameters
+    ----------
+    table : dataclass
+
+    Returns
+    -------
+    columns : dict of str to ndarray (n,)
+    units : dict of str to str
+    """
+    columns: dict[str, NDArray[Any]] = {}
+    units: dict[str, str] = {}
+    for name, unit in column_units(table).items():
+        values = getattr(table, name)
+        parts = {name: values} if values.ndim == 1 else {f"{name}_{i + 1}": part for i, part in enumerate(values.T)}
+        columns |= parts
+        units |= dict.fromkeys(parts, unit)
+    return columns, units
+
+
+def frame_of(columns: Mapping[str, Any], units: Mapping[str, str], index: str | None = None) -> pandas.DataFrame:
+    """Columns as a pandas frame.
+
+    Parameters
+    ----------
+    columns : mapping of str to array_like (n,)
+    units : mapping of str to str
+        Of every column, the index among them; "" for text.
+    index : str, optional
+        The column that becomes the index; the rows are numbered without one.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Copies of the columns; `attrs["units"]` holds the units by name.
+    """
+    import pandas
+
+    frame = pandas.DataFrame({name: np.asarray(values) for name, values in columns.items()}, copy=True)
+    if index is not None:
+        frame = frame.set_index(index)
+    frame.attrs["units"] = {name: units[name] for name in columns}
+    return frame
+
+
+class Head(NamedTuple):
+    """What the repr of a table, or of a few named values, shows.
+
+    Parameters
+    ----------
+    title : str
+    rows : tuple of tuple of str
+        Cells, equally many in every row.
+    headings : int
+        How many of the rows are headings: 0 of named values, else the names and the units of columns.
+    """
+
+    title: str
+    rows: tuple[tuple[str, ...], ...]
+    headings: int
+
+    @property
+    def text(self) -> str:
+        """Lines of at most 80 characters; the last one names the columns that do not fit."""
+        # a number stands under the end of its column's name, a value behind its own name
+        justify = str.rjust if self.headings else str.ljust
+        columns = list(zip(*self.rows, strict=True))
+        widths = [max(map(len, column)) for column in columns]
+        fitting = len(widths)
+        while self.headings and sum(widths[:fitting]) + len(GAP) * (fitting - 1) > WIDTH:
+            fitting -= 1
+        rows = [
+            GAP.join(justify(cell, width) for cell, width in zip(row[:fitting], widths[:fitting], strict=True)).rstrip()
+            for row in self.rows
+        ]
+        left_out = ", ".join(column[0] for column in columns[fitting:])
+        return "\n".join(map(_cut, (self.title, *rows, *([f"also: {left_out}"] if left_out else []))))
+
+    @property
+    def html(self) -> str:
+        """All rows and columns as a table of HTML; what is a sign of HTML is escaped."""
+        rows = ""
+        for i, row in enumerate(self.rows):
+            kind = "th" if i < self.headings else "td"
+            rows += f"<tr>{''.join(f'<{kind}>{html.escape(cell)}</{kind}>' for cell in row)}</tr>"
+        return f"<table><caption>{html.escape(self.title)}</caption>{rows}</table>"
+
+
+Record = TypeVar("Record")
+
+
+def short_repr(kind: type[Record]) -> type[Record]:
+    """Class decorator: text and HTML of the record's `_head`, a `Head`, are its reprs."""
+    for name, form in (("__repr__", "text"), ("_repr_html_", "html")):
+        setattr(kind, name, _repr_of(form))
+    return kind
+
+
+def _repr_of(form: str) -> Callable[[Any], str]:
+    def shown(record: Any) -> str:
+        return str(getattr(record._head, form))
+
+    return shown
+
+
+def head_of_columns(title: str, columns: Mapping[str, NDArray[Any]], units: Mapping[str, str]) -> Head:
+    """The first three and the last two rows of a table, or all where they are six or fewer.
+
+    Parameters
+    ----------
+    title : str
+    columns : mapping of str to ndarray (n,)
+    units : mapping of str to str
+        Of the columns; "" for text.
+
+    Returns
+    -------
+    Head
+    """
+    count = min((values.shape[0] for values in columns.values()), default=0)
+    whole = count <= FIRST + LAST + 1
+    shown = [*range(count)] if whole else [*range(FIRST), *range(count - LAST, count)]
+    rows = [tuple(_cell(values[i]) for values in columns.values()) for i in shown]
+    if not whole:
+        rows.insert(FIRST, ("...",) * len(columns))
+    return Head(title, (tuple(columns), tuple(units[name] for name in columns), *rows), 2)
+
+
+def head_of_values(title: str, values: Mapping[str, str]) -> Head:
+    """A few named values, the first nine."""
+    rows = [*values.items()]
+    return Head(title, tuple(rows if len(rows) <= LINES else [*rows[: LINES - 1], ("...", "")]), 0)
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+def _cut(line: str) -> str:
+    return line if len(line) <= WIDTH else f"{line[: WIDTH - 3]}..."

@@ -1,0 +1,116 @@
+"""What several tests build: the reference structure and its variants, an oscillator, tables of impacts, studies."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import femimpact as fi
+from femimpact.study.demo import paper_study
+from femimpact.study.study import SweepPlan
+
+REFERENCE = fi.Structure(
+    beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),
+    masses=[fi.PointMass("box", at="tip", mass=0.02290976)],
+    impactors=[
+        fi.Impactor(
+            "ball", at="tip", mass=3.43e-3, gap=4e-3, contact=fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)
+        )
+    ],
+    damping=fi.Rayleigh(ratio=0.0029, modes=(1, 2)),
+)
+"""The structure behind the published 5.30 and 4.98 Hz."""
+
+
+def with_ball(structure: fi.Structure, **changes: object) -> fi.Structure:
+    """The structure with one ball, its first one changed."""
+    return replace(structure, impactors=(replace(structure.impactors[0], **changes),))
+
+
+def reduced(structure: fi.Structure, modes: int = 8, elements: int = 20) -> fi.System:
+    """The structure assembled and reduced to its first modes."""
+    return fi.reduce(fi.assemble(structure, elements=elements), modes=modes)
+
+
+def cantilever(
+    law: object = None, *, box: float = 0.0229, places: tuple[object, ...] = ("tip",), stops: tuple[object, ...] = (),
+    damping: float = 0.0029, elements: int = 30,
+) -> fi.System:  # fmt: skip
+    """The reference beam with a ball at each place and a stop at each other one, all of one law."""
+    law = law or fi.Rigid(0.6)
+    structure = fi.Structure(
+        beam=REFERENCE.beam,
+        masses=[fi.PointMass("box", at="tip", mass=box)] if box else [],
+        impactors=[fi.Impactor(f"ball {i}", place, 3.43e-3, 4e-3, law) for i, place in enumerate(places)],
+        stops=[fi.Stop(f"stop {i}", place, 1e-3, law) for i, place in enumerate(stops)],
+        damping=fi.Rayleigh(ratio=damping, modes=(1, 2)),
+    )
+    return fi.assemble(structure, elements=elements)
+
+
+def stepped_structure(**attachments: object) -> fi.Structure:
+    """A cantilever of 0.25 m in two sections."""
+    segments = (
+        fi.Segment(0.15, 70e9, 2700, 0.02, 2e-3, name="thick"),
+        fi.Segment(0.10, 70e9, 2700, 0.02, 1e-3, name="thin"),
+    )
+    return fi.Structure(fi.Beam(segments), **attachments)
+
+
+def oscillator(stiffness: float = 1.0, damping: float = 0.0, **more: object) -> fi.System:
+    """One mass of 1 kg on a spring (N/m) and a dashpot (N s/m), given by matrices; its place is "mass"."""
+    return fi.System.from_matrices([[1.0]], [[damping]], [[stiffness]], points={"mass": [1.0]}, **more)
+
+
+def impact_table(
+    frequency: float, time: object, side: object, speed: object, *, impactor: object = "ball",
+    to_modes: object = None, dropped: int = 0,
+) -> fi.Impacts:  # fmt: skip
+    """Impacts in order of time with the columns that decide a regime; phases of a frequency, the others zero."""
+    order = np.argsort(time, kind="stable")
+    side, speed, impactor = (np.broadcast_to(values, order.shape)[order] for values in (side, speed, impactor))
+    time, nothing = np.asarray(time, dtype=float)[order], np.zeros(order.size)
+    return fi.Impacts(
+        time=time,
+        phase=np.mod(2 * np.pi * frequency * time, 2 * np.pi),
+        impactor=impactor,
+        side=side.astype(float),
+        approach_speed=speed.astype(float),
+        rebound_speed=0.6 * speed,
+        impulse=5e-3 * speed,
+        peak_force=nothing,
+        duration=nothing,
+        energy_loss=nothing,
+        energy_to_modes=np.zeros((order.size, 0)) if to_modes is None else np.asarray(to_modes)[order],
+        law={"ball": "rigid"},
+        dropped=dropped,
+    )
+
+
+def short_study(duration: float, points: int = 5, **output: object) -> fi.Study:
+    """The paper's study with a run of some seconds, a coarse sweep, and other output."""
+    paper = paper_study()
+    return replace(
+        paper,
+        base=replace(paper.base, duration=duration),
+        sweep=SweepPlan(4.0, 6.0, points=points, cycles=24),
+        output=replace(paper.output, **output),
+    )
+
+
+NO_PICTURES = {"frames": 0, "figures": False, "paraview": False, "movie": False}
+"""Output of a study that draws nothing."""
+
+
+def femimpact(*arguments: object, cwd: Path, check: bool = True) -> subprocess.CompletedProcess[str]:
+    """The command line in a process of its own; it must end well unless told otherwise."""
+    done = subprocess.run(
+        [sys.executable, "-m", "femimpact", *map(str, arguments)], cwd=cwd, capture_output=True, text=True
+    )
+    if check:
+        assert done.returncode == 0, done.stderr
+    return done
