@@ -1,4 +1,4 @@
-"""Moments, stresses, reactions and the force of the shaker in runs: sums of forces, statics, and the balance of power."""
+"""Moments, stresses, reactions and the shaker in runs: sums of forces, statics, and the balance of power."""
 
 from dataclasses import replace
 
