@@ -64,12 +64,12 @@ MUTATIONS = (
     Mutation("consistent_mass", "w.mass_per_length * u * v", "1.001 * w.mass_per_length * u * v"),
     Mutation(
         "second_section",
-        "bending_stiffness[members] = segment.bending",
-        "bending_stiffness[members] = beam.segments[0].bending",
+        "bending, modulus = segment.bending_stiffness",
+        "bending, modulus = beam.segments[0].bending_stiffness",
     ),
     Mutation("pinned_is_clamped", '"pinned": ("w",)', '"pinned": ("w", "slope")'),
     Mutation("rotary_inertia", "body.rotary_inertia * (slope.T", "0.5 * body.rotary_inertia * (slope.T"),
-    Mutation("base_load", "momentum = M @ rigid", "momentum = (M - _lumped_mass(structure, mesh)) @ rigid"),
+    Mutation("base_load", "momentum = M @ rigid", "momentum = (M - _lumped_mass(grid)) @ rigid"),
     Mutation(
         "glued_place",
         "PointMass(ball.name, ball.at, ball.mass) for ball",

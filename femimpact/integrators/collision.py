@@ -8,6 +8,7 @@ import numpy as np
 
 from femimpact.errors import check_fields, checked, quantity, require_type
 from femimpact.integrators.compiled.custom import address_of
+from femimpact.integrators.compiled.laws import LawNumbers
 from femimpact.integrators.stepping import touch
 from femimpact.integrators.stepping.newmark import SteppingMethod, require_method, scheme_of
 from femimpact.system.system import ContactPair
@@ -68,13 +69,11 @@ def achieved_restitution(
     scheme = scheme_of(method, method.dt / method.refine)
     law, force = pair.parameters, pair.law.force_function(pair.effective_mass)
     address = 0 if force is None else address_of(force)
-    runs = [
-        touch.collide(
-            law.kind, law.stiffness, law.damping, law.exponent, law.restitution, address, pair.effective_mass,
-            approach_speed, start, scheme,
-        )
-        for start in (np.arange(phases) + 0.5) / phases
-    ]  # fmt: skip
+    numbers = LawNumbers(
+        law.kind, 0.0, np.inf, law.stiffness, law.damping, law.exponent, law.restitution, 0.0, approach_speed, address
+    )
+    starts = (np.arange(phases) + 0.5) / phases
+    runs = [touch.collide(numbers, pair.effective_mass, approach_speed, start, scheme) for start in starts]
     rebound, peak = (np.array(column) for column in zip(*runs, strict=True))
     return AchievedRestitution(
         law.restitution, float(rebound.mean()), float(rebound.min()), float(rebound.max()), float(peak.max())

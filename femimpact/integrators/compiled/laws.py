@@ -5,6 +5,8 @@ A law here is (kind, stiffness, damping, exponent, approach speed, address); a r
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from femimpact.contact import formulas
@@ -17,6 +19,7 @@ __all__ = [
     "POWER",
     "RIGID",
     "SWITCHING_SPRING",
+    "LawNumbers",
     "elastic_mean",
     "elastic_potential",
     "kelvin_voigt_force",
@@ -84,17 +87,30 @@ def elastic_potential(
     return 0.0
 
 
+class LawNumbers(NamedTuple):
+    """What the law of one pair says of a contact."""
+
+    kind: int
+    gap_plus: float  # m
+    gap_minus: float  # m
+    stiffness: float  # N/m, or N/m^n
+    damping: float  # N s/m; of a power law its loss factor, 1
+    exponent: float
+    restitution: float
+    spring: float  # N/m, of the centring spring
+    approach: float  # m/s, speed at which the contact opened
+    address: int  # of a custom law's compiled function
+
+
 @called
-def mean_forces(
-    kind: int, before: float, after: float, travel: float, dt: float, stiffness: float, damping: float,
-    exponent: float, approach: float, address: int,
-) -> tuple[float, float]:  # fmt: skip
+def mean_forces(law: LawNumbers, before: float, after: float, travel: float, dt: float) -> tuple[float, float]:
     """Elastic and whole normal force (N) of a step, as means over its displacement.
 
     mean = (1/travel) integral of N(p, travel/dt) dp from before to after: depths at both ends of the
     step, no less than 0; the travel is that of the pair, between contacts too. The elastic part is
     [V(after) - V(before)]/travel: its work is what the potential changes by.
     """
+    kind, approach, address = law.kind, law.approach, law.address
     increment = after - before
     # in contact at both ends both are the same; their quotient would be noise where the pair rests
     inside = increment / travel if travel != 0.0 and (before == 0.0 or after == 0.0) else 1.0
@@ -102,22 +118,23 @@ def mean_forces(
     middle = 0.5 * (before + after)
     short = abs(increment) <= SHORT * middle
     if kind == KELVIN_VOIGT:
-        elastic = stiffness * middle * inside
-        whole = elastic + damping * rate * inside
+        elastic = law.stiffness * middle * inside
+        whole = elastic + law.damping * rate * inside
     else:
         if short:
             elastic = 0.0
             for i in range(NODES.size):
                 depth = before + NODES[i] * increment
-                elastic += WEIGHTS[i] * normal_force(kind, depth, 0.0, stiffness, 0.0, exponent, approach, address)
+                force = normal_force(kind, depth, 0.0, law.stiffness, 0.0, law.exponent, approach, address)
+                elastic += WEIGHTS[i] * force
             elastic *= inside
         else:
-            gained = elastic_potential(kind, after, stiffness, exponent, approach, address)
-            gained -= elastic_potential(kind, before, stiffness, exponent, approach, address)
+            gained = elastic_potential(kind, after, law.stiffness, law.exponent, approach, address)
+            gained -= elastic_potential(kind, before, law.stiffness, law.exponent, approach, address)
             elastic = gained / travel
         whole = elastic
         if kind == POWER:
-            whole += elastic * damping * rate / approach if damping > 0.0 else 0.0
+            whole += elastic * law.damping * rate / approach if law.damping > 0.0 else 0.0
         else:
             for i in range(NODES.size):
                 depth = before + NODES[i] * increment
@@ -128,17 +145,13 @@ def mean_forces(
 
 
 @called
-def elastic_mean(
-    kind: int, x_before: float, x: float, dt: float, gap_plus: float, gap_minus: float, stiffness: float,
-    exponent: float, approach: float, address: int,
-) -> float:  # fmt: skip
+def elastic_mean(law: LawNumbers, x_before: float, x: float, dt: float) -> float:
     """Mean elastic force (N) of both walls over the displacement of a step, positive at the + wall."""
     total = 0.0
     for k in range(2):
-        side, gap = (1.0, gap_plus) if k == 0 else (-1.0, gap_minus)
+        side, gap = (1.0, law.gap_plus) if k == 0 else (-1.0, law.gap_minus)
         before, after = max(side * x_before - gap, 0.0), max(side * x - gap, 0.0)
         if before > 0.0 or after > 0.0:
-            increment = side * (x - x_before)
-            elastic, _ = mean_forces(kind, before, after, increment, dt, stiffness, 0.0, exponent, approach, address)
+            elastic, _ = mean_forces(law, before, after, side * (x - x_before), dt)
             total += side * elastic
     return total

@@ -12,6 +12,7 @@ from femimpact.integrators.compiled.laws import (
     KELVIN_VOIGT,
     RIGID,
     SWITCHING_SPRING,
+    LawNumbers,
     elastic_mean,
     normal_force,
     penetration,
@@ -20,6 +21,7 @@ from femimpact.integrators.stepping.layout import (
     APPROACH,
     BUSY,
     CONTACT_LOSS,
+    DAMPING,
     DISSIPATIVE,
     DURATION,
     EXPONENT,
@@ -34,6 +36,7 @@ from femimpact.integrators.stepping.layout import (
     RATE,
     RATE_BEFORE,
     REBOUND,
+    RESTITUTION,
     SIDE,
     START,
     STIFFNESS,
@@ -44,6 +47,17 @@ from femimpact.integrators.stepping.layout import (
     Scheme,
     X,
 )
+
+
+@inlined
+def law_numbers(j: int, c: int, approach: float, pairs: Pairs) -> LawNumbers:
+    """Numbers of one pair's law in one case, for a contact that opened at this speed (m/s)."""
+    constants = pairs.constants
+    return LawNumbers(
+        pairs.kind[j], constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c], constants[STIFFNESS, j, c],
+        constants[DAMPING, j, c], constants[EXPONENT, j, c], constants[RESTITUTION, j, c],
+        constants[FREE_STIFFNESS, j, c], approach, pairs.address[j],
+    )  # fmt: skip
 
 
 @inlined
@@ -133,10 +147,8 @@ def _add_contact_loss(j: int, c: int, normal: float, s: Scheme, pairs: Pairs, m:
             dissipative = normal - constants[STIFFNESS, j, c] * depth
         elif s.mean:
             if kind != SWITCHING_SPRING:
-                dissipative = normal - wall * elastic_mean(
-                    kind, before, x, s.dt, gap_plus, gap_minus, constants[STIFFNESS, j, c], constants[EXPONENT, j, c],
-                    touch[APPROACH, j, c], pairs.address[j],
-                )  # fmt: skip
+                law = law_numbers(j, c, touch[APPROACH, j, c], pairs)
+                dissipative = normal - wall * elastic_mean(law, before, x, s.dt)
         elif kind != SWITCHING_SPRING:
             dissipative = normal - normal_force(
                 kind, depth, 0.0, constants[STIFFNESS, j, c], 0.0, constants[EXPONENT, j, c],

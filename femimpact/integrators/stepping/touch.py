@@ -8,14 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import apart, compiled, inlined
-from femimpact.integrators.compiled.laws import RIGID, penetration
-from femimpact.integrators.stepping.impact import record_contact
+from femimpact.integrators.compiled.laws import RIGID, LawNumbers, penetration
+from femimpact.integrators.stepping.impact import law_numbers, record_contact
 from femimpact.integrators.stepping.layout import (
     APPROACH,
-    DAMPING,
-    EXPONENT,
     FORCE,
-    FREE_STIFFNESS,
     GAP_MINUS,
     GAP_PLUS,
     MOBILITY,
@@ -24,8 +21,6 @@ from femimpact.integrators.stepping.layout import (
     OPEN,
     RATE,
     RATE_BEFORE,
-    RESTITUTION,
-    STIFFNESS,
     WORK,
     X_BEFORE,
     Y_ACCELERATION,
@@ -39,7 +34,7 @@ from femimpact.integrators.stepping.layout import (
     X,
     Y,
 )
-from femimpact.integrators.stepping.pair import pair_force
+from femimpact.integrators.stepping.pair import FreePair, pair_force
 
 PAIR_ITERATIONS = 200
 PAIR_TOLERANCE = 1e-15
@@ -109,14 +104,12 @@ def contact_step(
                     approach[j] = _approach_speed(
                         gate[j], rate_free[j] - others_v, x_free[j] - others_u, m.ball[X_BEFORE, j, c], s.dt
                     )
-            new, normal[j] = pair_force(
-                s, pairs.kind[j], gate[j], x_free[j] - others_u, rate_free[j] - others_v,
-                m.ball[X_BEFORE, j, c], m.ball[RATE_BEFORE, j, c],
-                op.compliance_u[r, j] + s.give_u * mobility, op.compliance_v[r, j] + s.give_v * mobility,
-                constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c], constants[STIFFNESS, j, c],
-                constants[DAMPING, j, c], constants[EXPONENT, j, c], constants[RESTITUTION, j, c],
-                constants[FREE_STIFFNESS, j, c], approach[j], pairs.address[j],
+            free = FreePair(
+                gate[j], x_free[j] - others_u, rate_free[j] - others_v, m.ball[X_BEFORE, j, c],
+                m.ball[RATE_BEFORE, j, c], op.compliance_u[r, j] + s.give_u * mobility,
+                op.compliance_v[r, j] + s.give_v * mobility,
             )  # fmt: skip
+            new, normal[j] = pair_force(s, law_numbers(j, c, approach[j], pairs), free)
             change = max(change, abs(new - force[j]))
             largest = max(largest, abs(new))
             force[j] = new
@@ -169,13 +162,11 @@ def _apply_force(j: int, c: int, force: float, op: Operator, s: Scheme, mobility
 
 
 @compiled
-def collide(
-    kind: int, stiffness: float, damping: float, exponent: float, restitution: float, address: int, mass: float,
-    speed: float, start: float, s: Scheme,
-) -> tuple[float, float]:  # fmt: skip
+def collide(law: LawNumbers, mass: float, speed: float, start: float, s: Scheme) -> tuple[float, float]:
     """Rebound over approach speed, and peak force (N), of one mass sent against one wall with this step.
 
-    The contact begins `start` (0 to 1) of a step after the last step without contact.
+    The wall of the + side stands at gap 0, the contact begins `start` (0 to 1) of a step after the last step without
+    contact, and the law's approach speed is that of this collision.
     """
     x, rate, acceleration, before = -start * s.dt * speed, speed, 0.0, 0.0
     peak, approach = 0.0, 0.0
@@ -185,18 +176,19 @@ def collide(
         acceleration = -s.alpha_m / (1.0 - s.alpha_m) * old - s.give_a * s.carry * before / mass
         x += s.dt * rate + s.predict_u * old + s.correct_u * acceleration
         rate += s.predict_v * old + s.correct_v * acceleration
-        gate = _side_at_hand(s, kind, x, x_before, rate_before, 0.0, np.inf)
+        gate = _side_at_hand(s, law.kind, x, x_before, rate_before, 0.0, np.inf)
         if approach == 0.0 and gate != 0.0:
             approach = _approach_speed(gate, rate, x, x_before, s.dt)
-        force, normal = pair_force(
-            s, kind, gate, x, rate, x_before, rate_before, s.give_u / mass, s.give_v / mass, 0.0, np.inf,
-            stiffness, damping, exponent, restitution, 0.0, approach, address,
-        )  # fmt: skip
+        numbers = LawNumbers(
+            law.kind, 0.0, np.inf, law.stiffness, law.damping, law.exponent, law.restitution, 0.0, approach, law.address
+        )
+        free = FreePair(gate, x, rate, x_before, rate_before, s.give_u / mass, s.give_v / mass)
+        force, normal = pair_force(s, numbers, free)
         peak = max(peak, normal)
         x -= s.give_u * force / mass
         rate -= s.give_v * force / mass
         acceleration -= s.give_a * force / mass
-        left = x <= 0.0 or kind == RIGID
+        left = x <= 0.0 or law.kind == RIGID
         # an algorithmic acceleration may linger after the force
         if left and rate <= 0.0 and force == 0.0 and abs(rate - rate_before) <= 1e-13 * speed:
             break
