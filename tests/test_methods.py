@@ -8,7 +8,7 @@ import pytest
 from builders import oscillator, reduced, with_ball
 
 import femimpact as fi
-from femimpact.integrators.stepping.newmark import scheme_of
+from femimpact.integrators.stepping.scheme import scheme_of
 
 pytestmark = pytest.mark.impacts
 
