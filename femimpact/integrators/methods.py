@@ -19,16 +19,6 @@ from femimpact.system.system import ContactPair, State, System
 
 __all__ = ["METHODS", "Method", "require_method"]
 
-METHODS: Mapping[str, Any] = {
-    "newmark": Newmark,
-    "hht": HHT,
-    "wbz": WBZ,
-    "generalized-alpha": GeneralizedAlpha,
-    "moreau-jean": MoreauJean,
-    "event-driven": EventDriven,
-}
-"""Methods by the name that a study file gives them."""
-
 
 class Method(Protocol):
     """A way from a system and an excitation to a response, which answers for itself.
@@ -90,7 +80,18 @@ class Method(Protocol):
         """Many dwells, read at a place by its row (dofs,), on so many threads; see `frequency_sweep`."""
 
 
+METHODS: Mapping[str, type[Method]] = {
+    "newmark": Newmark,
+    "hht": HHT,
+    "wbz": WBZ,
+    "generalized-alpha": GeneralizedAlpha,
+    "moreau-jean": MoreauJean,
+    "event-driven": EventDriven,
+}
+"""Methods by the name that a study file gives them."""
+
 ANSWERS = tuple(name for name in vars(Method) if not name.startswith("_"))
+"""What a value must have to be a method."""
 
 
 def require_method(method: object) -> None:
