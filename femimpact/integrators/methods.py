@@ -96,7 +96,8 @@ ANSWERS = tuple(name for name in vars(Method) if not name.startswith("_"))
 
 def require_method(method: object) -> None:
     """Raise `InputError` unless the value answers as a method does, and name what one of the user's own lacks."""
-    allowed = "must be a Newmark, HHT, WBZ, GeneralizedAlpha, MoreauJean or EventDriven"
+    *others, last = (noun.__name__ for noun in METHODS.values())
+    allowed = f"must be a {', '.join(others)} or {last}"
     missing = [name for name in ANSWERS if not hasattr(method, name)]
     if missing and len(missing) < len(ANSWERS):
         allowed += f", or a method of your own that also has {', '.join(missing)}"
