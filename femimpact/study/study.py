@@ -137,7 +137,7 @@ class Study:
     output : Output
     path : Path
     text : str
-        The file as read, kept with the results.
+        The file as read; what is kept with the results is `study_text.study_text`.
     """
 
     structure: Structure = field(metadata=instance(Structure))
