@@ -316,6 +316,8 @@ def _draw_again(directory: Path, kind: str, quiet: bool) -> None:
 
 
 def _print_results(study: Study, results: StudyResults) -> None:
+    from femimpact.study.summary import contacts_of
+
     console, summary = _console(), results.summary
     if results.modes is not None:
         columns = list(results.modes)
@@ -334,7 +336,7 @@ def _print_results(study: Study, results: StudyResults) -> None:
             f"{_number(history['rms'], 1e3)} mm, {history['steadiness']}; {history['impacts']} impacts, "
             f"{history['regime']['label']}"
         )
-        for name, contact in summary.get("contacts", {}).items():
+        for name, contact in contacts_of(summary).items():
             console.print(
                 f"{name} ({contact['law']}): peak force {_number(contact['peak_force'])} N, mean impulse "
                 f"{1e3 * contact['mean_impulse']:.4g} mN s, cycle-averaged force {contact['cycle_mean_force']:.4g} N; "

@@ -13,8 +13,9 @@ import femimpact as fi
 from femimpact.study.cost import history_cost, mesh_memory, picture_seconds, sweep_cost
 from femimpact.study.demo import paper_study
 from femimpact.study.plan import plan_lines
-from femimpact.study.run import history_record, preflight, run_modes, run_study
-from femimpact.study.study import MeshChoice, Reduction, SweepPlan, build_systems
+from femimpact.study.prepared import prepare
+from femimpact.study.run import run_modes, run_study
+from femimpact.study.study import MeshChoice, Reduction, SweepPlan
 from femimpact.sweep import on_grid
 
 
@@ -42,8 +43,8 @@ def peak_of(work):
 def test_memory_of_a_history_is_met_within_a_factor_of_two(tmp_path, study, method, duration):
     base = dataclasses.replace(study.base, duration=duration)
     study = dataclasses.replace(study, base=base, method={"name": method})
-    _, small, chosen = preflight(study, ("simulate",))
-    asked = history_cost(study, small, chosen, history_record(study, small, chosen)).memory
+    ready = prepare(study, ("simulate",))
+    asked = history_cost(study, ready.small, ready.method, ready.record).memory
     taken = peak_of(lambda: run_study(study, tmp_path / "out", parts=("simulate",)))
     assert 0.5 < taken / asked < 2.0
 
@@ -51,23 +52,23 @@ def test_memory_of_a_history_is_met_within_a_factor_of_two(tmp_path, study, meth
 @pytest.mark.parametrize(("method", "points", "cycles"), [("newmark", 40, 1000), ("event-driven", 400, 60)])
 def test_memory_of_a_sweep_is_met_within_a_factor_of_two(tmp_path, study, method, points, cycles):
     study = dataclasses.replace(study, sweep=SweepPlan(4.0, 6.0, points, cycles), method={"name": method})
-    _, small, chosen = preflight(study, ("sweep",))
+    ready = prepare(study, ("sweep",))
     taken = peak_of(lambda: run_study(study, tmp_path / "out", parts=("sweep",)))
-    assert 0.5 < taken / sweep_cost(study, small, chosen).memory < 2.0
+    assert 0.5 < taken / sweep_cost(study, ready.small, ready.method).memory < 2.0
 
 
 @pytest.mark.parametrize(("elements", "modes"), [(4000, None), (300, 300), (1000, 150)])
 def test_memory_of_mesh_and_modes_is_met_within_a_factor_of_two(study, elements, modes):
     reduction = None if modes is None else Reduction(modes)
     study = dataclasses.replace(study, mesh=MeshChoice(elements=elements), reduction=reduction)
-    taken = peak_of(lambda: build_systems(study) if modes else run_modes(study))
+    taken = peak_of(lambda: prepare(study, ()) if modes else run_modes(prepare(study, ("modes",))))
     assert 0.5 < taken / max(mesh_memory(elements, modes).values()) < 2.0
 
 
 def test_what_does_not_fit_is_one_line_before_any_work(study, monkeypatch):
     monkeypatch.setattr("femimpact.study.study.assemble", lambda *_a, **_k: pytest.fail("must not be assembled"))
     large = dataclasses.replace(study, mesh=MeshChoice(elements=20_000), reduction=Reduction(20_000))
-    for work in (plan_lines, preflight, lambda study: run_study(study, "never")):
+    for work in (plan_lines, prepare, lambda study: run_study(study, "never")):
         with pytest.raises(fi.InputError, match=r"memory_limit = 1e9|memory_limit = 1000000000.0") as caught:
             work(large)
         assert len(str(caught.value).splitlines()) == 1
@@ -77,7 +78,7 @@ def test_what_does_not_fit_is_one_line_before_any_work(study, monkeypatch):
 def test_a_sweep_that_does_not_fit_is_refused(study):
     long = dataclasses.replace(study, sweep=SweepPlan(4.0, 6.0, points=1000, cycles=10_000_000))
     with pytest.raises(fi.InputError, match="what the sweep takes: take fewer points or cycles"):
-        preflight(long)
+        prepare(long)
 
 
 def test_the_plan_names_memory_time_and_compilation(study):

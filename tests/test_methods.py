@@ -1,14 +1,16 @@
 """The step methods against the exact analysis of their amplification matrices, and Moreau-Jean against ballistics."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from builders import oscillator, reduced, with_ball
 
 import femimpact as fi
-from femimpact.integrators.stepping.newmark import scheme_of
+from femimpact.integrators.methods import ANSWERS, METHODS, require_method
+from femimpact.integrators.stepping.answers import SteppingAnswers
+from femimpact.integrators.stepping.scheme import family_scheme, scheme_of
 
 pytestmark = pytest.mark.impacts
 
@@ -303,3 +305,105 @@ def test_a_sweep_takes_every_method(reference):
         assert np.all(curve.impacts_per_cycle > 0)
         assert np.all(np.isnan(curve.peak_force) == impulsive)
         assert np.all(curve.peak > 0)
+
+
+# ---- methods answer for themselves -----------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class LinearAcceleration(SteppingAnswers):
+    """A method of the user's own, here one that is known: linear acceleration, Newmark with beta = 1/6."""
+
+    dt: float
+    refine: int = 1
+    allow_coarse_step: bool = False
+    divergence_limit: float = 1000.0
+
+    @property
+    def stability_limit(self):
+        """Largest dt omega."""
+        return math.sqrt(12.0)
+
+    def scheme(self, step):
+        """Constants for a step."""
+        return family_scheme(step, 0.0, 0.0, beta=1 / 6, gamma=0.5)
+
+
+class Renamed:
+    """A method that has only its answers, and no class in common with others."""
+
+    def __init__(self, inner):
+        for name in ANSWERS:
+            setattr(self, name, getattr(inner, name))
+
+
+def own_methods(system):
+    dt = fi.recommended_step(system)
+    return [
+        (LinearAcceleration(dt), fi.Newmark(dt, beta=1 / 6)),
+        (Renamed(fi.HHT(dt)), fi.HHT(dt)),
+        (Renamed(fi.EventDriven()), fi.EventDriven()),
+    ]
+
+
+@pytest.mark.parametrize("which", range(3))
+def test_a_method_of_ones_own_runs_and_sweeps_like_one_of_ours(small, which):
+    own, ours = own_methods(small)[which]
+    base, frequencies = fi.Sine(0.2e-3, 5.0), [4.9, 5.3]
+    runs = [fi.integrate(small, base, method, 1.0) for method in (own, ours)]
+    np.testing.assert_array_equal(runs[0]["tip"], runs[1]["tip"])
+    curves = [fi.frequency_sweep(small, 0.2e-3, frequencies, method, 12) for method in (own, ours)]
+    np.testing.assert_array_equal(curves[0].peak, curves[1].peak)
+    assert curves[0].warnings == curves[1].warnings
+
+
+def test_a_method_of_ones_own_that_cannot_answer_is_refused_by_what_it_lacks(small):
+    half = Renamed(fi.HHT(1e-4))
+    del half.run_dwells
+    for work in (
+        lambda method: fi.integrate(small, STILL, method, 1.0),
+        lambda method: fi.frequency_sweep(small, 1e-4, [5.0], method, 12),
+        lambda method: fi.achieved_restitution(small.contacts[0], method, 0.1),
+    ):
+        with pytest.raises(fi.InputError, match=r"must be a Newmark, .* or a method of your own .* has run_dwells$"):
+            work(half)
+        for nothing in ("newmark", None, fi.Newmark, 1.0):
+            with pytest.raises(fi.InputError, match=r"must be a Newmark, .* or EventDriven$"):
+                work(nothing)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_every_method_of_a_study_file_has_every_answer(small, name):
+    method = METHODS[name].for_system(small)
+    require_method(method)
+    # the noun itself is no method
+    with pytest.raises(fi.InputError, match="must be a Newmark"):
+        require_method(METHODS[name])
+    assert method.time_grid(5.0) > 0.0
+    assert method.read_at_least(1) == method
+    # a finer grid is never coarser, and its instants are whole parts of a cycle or the step
+    assert method.read_at_least(1024).time_grid(5.0) <= method.time_grid(5.0)
+    cost = method.cost(small, 5.0)
+    assert 0.0 < cost.history_seconds < 1.0
+    assert cost.sweep_seconds > 0.0
+
+
+def test_a_method_without_a_step_for_a_law_has_no_restitution_of_its_own(small):
+    pair = small.contacts[0]
+    for method in (fi.EventDriven(), fi.MoreauJean(1e-4)):
+        assert method.achieved_restitution(pair, 0.1) is None
+        with pytest.raises(fi.InputError, match="must be a method with a step for the law kelvin-voigt"):
+            fi.achieved_restitution(pair, method, 0.1)
+
+
+def test_a_conditionally_stable_step_is_refused_beyond_its_limit():
+    # central differences of one mode: dt omega <= 2
+    system = oscillator(stiffness=9.0)
+    for dt, fine in ((0.6666, True), (0.6667, False)):
+        method = fi.Newmark(dt, beta=0.0, gamma=0.5)
+        assert method.stability_limit == pytest.approx(2.0, rel=1e-15)
+        if fine:
+            assert method.check(system) == ()
+        else:
+            with pytest.raises(fi.InputError, match="only conditionally stable"):
+                method.check(system)

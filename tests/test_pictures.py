@@ -18,6 +18,7 @@ import femimpact as fi
 from femimpact.export import movie
 from femimpact.study import pictures
 from femimpact.study.picture_data import read_curves, read_film, read_last_cycles, read_mode_shapes
+from femimpact.study.prepared import prepare
 from femimpact.study.results import FILES, read_summary
 from femimpact.study.run import run_simulation, run_study, run_sweep
 
@@ -64,7 +65,8 @@ def test_pictures_stand_in_the_summary_and_are_all_there(ran):
 
 def test_what_is_stored_is_what_was_computed(ran, study):
     # the same call gives the same bits: a round trip through the files
-    summary, response, sweeps = read_summary(ran), run_simulation(study), run_sweep(study)
+    prepared = prepare(study)
+    summary, response, sweeps = read_summary(ran), run_simulation(prepared), run_sweep(prepared)
     film, (run, end) = read_film(ran, summary), read_last_cycles(ran, summary)
     for field in dataclasses.fields(response.snapshots):
         stored, computed = (getattr(of.snapshots, field.name) for of in (film.response, response))

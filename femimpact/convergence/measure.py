@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,9 +10,8 @@ import numpy as np
 from femimpact.convergence.result import STATISTICS
 from femimpact.errors import require
 from femimpact.excitation import Sine
-from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate
-from femimpact.integrators.stepping.newmark import SteppingMethod
+from femimpact.integrators.methods import Method, require_method
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import Position
 from femimpact.system.system import State, System
@@ -26,14 +24,16 @@ PARTS = 8
 POINTS_PER_CYCLE = 64
 """Samples of a stepped run in a base cycle: a sine's peak is met to 0.1 %."""
 
+POINTS_OF_AN_IMPACT = 256
+"""Samples in a cycle of the first mode, at least, between which the first impact is looked for."""
+
 
 def run_statistics(
-    system: System, excitation: Sine, method: EventDriven | SteppingMethod, duration: float, at: Position, cycles: int
+    system: System, excitation: Sine, method: Method, duration: float, at: Position, cycles: int
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Values over the last `cycles` of a run, and their scatter between parts of it."""
-    every = 1
-    if not isinstance(method, EventDriven):
-        every = max(math.floor(1.0 / (POINTS_PER_CYCLE * excitation.frequency * method.dt)), 1)
+    require_method(method)
+    every = method.stride(excitation.frequency, POINTS_PER_CYCLE)
     keep = Recorder(channels=(at,), every=every, impacts=1_000_000)
     run = integrate(system, excitation, method, duration, keep)
     period = 1.0 / excitation.frequency
@@ -75,13 +75,12 @@ def _over(run: Response, at: Position, start: float, end: float, cycles: int) ->
     }
 
 
-def first_impact(system: System, method: EventDriven | SteppingMethod, at: Position) -> dict[str, float]:
+def first_impact(system: System, method: Method, at: Position) -> dict[str, float]:
     """Displacement and loss a quarter of the first period after one impact from a given state."""
     quiet = Sine(0.0, system.first_frequency)
     state, until = _before_impact(system)
-    if isinstance(method, EventDriven):
-        method = replace(method, samples_per_cycle=max(256, method.samples_per_cycle))
-    run = integrate(system, quiet, method, until + 0.5 / quiet.frequency, Recorder(channels=(at,)), state)
+    finely = method.read_at_least(POINTS_OF_AN_IMPACT)
+    run = integrate(system, quiet, finely, until + 0.5 / quiet.frequency, Recorder(channels=(at,)), state)
     require(len(run.impacts) > 0, "system.contacts", system.contacts[0].name, "", "is not met by the first impact")
     after = float(run.impacts.time[0]) + 0.25 / quiet.frequency
     assert run.energy is not None

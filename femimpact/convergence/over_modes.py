@@ -13,8 +13,7 @@ from femimpact.convergence.measure import PARTS, first_impact, run_statistics
 from femimpact.convergence.result import OTHERS, STATISTICS, ModeConvergence
 from femimpact.errors import DivergenceError, checked, quantity, require, require_type, rising_numbers
 from femimpact.excitation import Sine
-from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.stepping.newmark import SteppingMethod
+from femimpact.integrators.methods import Method
 from femimpact.structure.structure import Position
 from femimpact.system.reduction import reduce
 from femimpact.system.system import System
@@ -28,7 +27,7 @@ UNSETTLED = 0.1
 def mode_convergence(
     system: System,
     excitation: Sine,
-    method: EventDriven | SteppingMethod,
+    method: Method,
     duration: float,
     counts: Sequence[int],
     *,

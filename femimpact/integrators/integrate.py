@@ -7,23 +7,20 @@ from typing import Any, cast, overload
 
 from femimpact.errors import require, require_type
 from femimpact.excitation import Excitation, require_excitation
-from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.event_driven.run import run_events
 from femimpact.integrators.memory import check_memory, memory_needed
-from femimpact.integrators.stepping.newmark import SteppingMethod
-from femimpact.integrators.stepping.run import divergence_message, run_steps
+from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.threads import Progress, check_progress, run_each, workers_of
 from femimpact.response.response import Recorder, Response
 from femimpact.system.system import State, System
 
-__all__ = ["check_memory", "divergence_message", "integrate", "memory_needed"]
+__all__ = ["check_memory", "integrate", "memory_needed"]
 
 
 @overload
 def integrate(
     system: System,
     excitation: Excitation,
-    method: SteppingMethod | EventDriven,
+    method: Method,
     duration: float,
     record: Recorder | None = None,
     initial: State | None = None,
@@ -37,7 +34,7 @@ def integrate(
 def integrate(
     system: System,
     excitation: Sequence[Excitation],
-    method: SteppingMethod | EventDriven,
+    method: Method,
     duration: float,
     record: Recorder | None = None,
     initial: State | None = None,
@@ -50,7 +47,7 @@ def integrate(
 def integrate(
     system: System,
     excitation: Excitation | Sequence[Excitation],
-    method: SteppingMethod | EventDriven,
+    method: Method,
     duration: float,
     record: Recorder | None = None,
     initial: State | None = None,
@@ -69,6 +66,7 @@ def integrate(
     excitation : Sine, PointForce, RecordedBase or another `Excitation`, or a sequence of them
         Each of a sequence has a run of its own.
     method : Newmark, HHT, WBZ, GeneralizedAlpha, MoreauJean or EventDriven
+        Or any other that has the answers of `methods.Method`.
     duration : float, s
         Rounded to whole steps, or to whole samples.
     record : Recorder, optional
@@ -100,6 +98,7 @@ def integrate(
     given: tuple[tuple[Any, Any], ...] = ((system, System), (recorder, Recorder), (start, State))
     for value, kind in given:
         require_type(value, kind, kind.__name__.lower())
+    require_method(method)
     check_progress(progress)
     workers = workers_of(threads)
     several = isinstance(excitation, Sequence) and not isinstance(excitation, (str, bytes))
@@ -111,9 +110,7 @@ def integrate(
     require(alone, "record.sink", None, "", f"must serve one run, of {len(drives)} the pieces could not be told apart")
 
     def run(drive: Excitation, report: Progress | None) -> Response:
-        if isinstance(method, EventDriven):
-            return run_events(system, drive, method, duration, recorder, start, report)
-        return run_steps(system, drive, method, duration, recorder, start, report)
+        return method.run(system, drive, duration, recorder, start, report)
 
     responses = run_each(run, drives, workers, progress)
     return responses if several else responses[0]

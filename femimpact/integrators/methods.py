@@ -1,22 +1,86 @@
-"""What every method has in common for those who choose one: its check, its time grid, its notes."""
+"""What a method answers for itself, and the methods by the names of a study file."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Protocol, Self
 
+import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.integrators.event_driven import EventDriven, check_events
-from femimpact.integrators.stepping.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark, SteppingMethod
-from femimpact.integrators.stepping.step_size import check_sampling, check_step, step_notes
-from femimpact.system.system import System
+from femimpact.errors import require
+from femimpact.excitation import Excitation
+from femimpact.integrators.answers import AchievedRestitution, MethodCost, SineDwellResults, SineDwells
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.stepping.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
+from femimpact.integrators.threads import Progress
+from femimpact.response.response import Recorder, Response
+from femimpact.system.system import ContactPair, State, System
 
-__all__ = ["METHODS", "Method", "check_method", "check_resolution", "method_notes", "time_grid"]
+__all__ = ["METHODS", "Method", "require_method"]
 
-Method = SteppingMethod | EventDriven
 
-METHODS: Mapping[str, Any] = {
+class Method(Protocol):
+    """A way from a system and an excitation to a response, which answers for itself.
+
+    A class of one's own with these answers is a method like those of `METHODS`; one with steps of the Newmark
+    family has them all from `stepping.answers.SteppingAnswers` but its scheme.
+    """
+
+    @classmethod
+    def for_system(cls, system: System, **settings: Any) -> Self:
+        """The method with some of its fields given, and the others as they suit the system."""
+
+    @property
+    def unit(self) -> str:
+        """What the instants are called at which a run can be read: "steps" or "samples"."""
+
+    def description(self, frequency: float, origin: str) -> str:
+        """How it meets time under a drive of a frequency (Hz), in words; `origin` says where fields come from."""
+
+    def check(self, system: System) -> tuple[str, ...]:
+        """Warnings on a system; `InputError` for one that the method does not take."""
+
+    def check_drive(self, frequencies: NDArray[np.float64], key: str) -> None:
+        """Raise `InputError`, naming the key, for frequencies of the drive (Hz) that the method does not see."""
+
+    def notes(self, system: System) -> tuple[str, ...]:
+        """Notes on what of a system the method does not follow."""
+
+    def time_grid(self, frequency: float) -> float:
+        """Time (s) between the instants at which a run under a drive of a frequency (Hz) can be read."""
+
+    def stride(self, frequency: float, points: int) -> int:
+        """Every how many of these instants are kept where about so many points of a cycle are wanted."""
+
+    def read_at_least(self, samples: int) -> Self:
+        """The same motion, read at so many instants of a base cycle or more where they can be chosen."""
+
+    def steps_in(self, duration: float) -> float:
+        """Steps in a contact of so long (s); not a number where there are none."""
+
+    def achieved_restitution(
+        self, pair: ContactPair, approach_speed: float, phases: int = 32
+    ) -> AchievedRestitution | None:
+        """Restitution of a collision at a speed (m/s) with the method's step; None where it has none for the law."""
+
+    def cost(self, system: System, frequency: float) -> MethodCost:
+        """What one cycle of a frequency (Hz) takes on a system."""
+
+    def run(
+        self, system: System, excitation: Excitation, duration: float, recorder: Recorder, initial: State,
+        progress: Progress | None = None,
+    ) -> Response:  # fmt: skip
+        """One run of a duration (s); see `integrate`."""
+
+    def run_dwells(
+        self, system: System, dwells: SineDwells, initial: State, observed: NDArray[np.float64], ledger: bool,
+        workers: int, progress: Progress | None = None,
+    ) -> SineDwellResults:  # fmt: skip
+        """Many dwells, read at a place by its row (dofs,), on so many threads; see `frequency_sweep`."""
+
+
+METHODS: Mapping[str, type[Method]] = {
     "newmark": Newmark,
     "hht": HHT,
     "wbz": WBZ,
@@ -26,32 +90,15 @@ METHODS: Mapping[str, Any] = {
 }
 """Methods by the name that a study file gives them."""
 
-
-def check_method(system: System, method: Method) -> tuple[str, ...]:
-    """Warnings of a method on a system; an error for one that cannot do what the system asks.
-
-    Raises
-    ------
-    InputError
-        If the step does not resolve the contact, or the method is not made for a contact's law.
-    """
-    if isinstance(method, EventDriven):
-        check_events(system)
-        return ()
-    return check_step(system, method)
+ANSWERS = tuple(name for name in vars(Method) if not name.startswith("_"))
+"""What a value must have to be a method."""
 
 
-def check_resolution(frequencies: NDArray[Any], method: Method, key: str) -> None:
-    """Refuse frequencies of the drive (Hz) that a step does not see."""
-    if not isinstance(method, EventDriven):
-        check_sampling(frequencies, method, key)
-
-
-def method_notes(system: System, method: Method) -> tuple[str, ...]:
-    """Notes on modes that a step does not follow."""
-    return () if isinstance(method, EventDriven) else step_notes(system, method)
-
-
-def time_grid(method: Method, frequency: float) -> float:
-    """Time (s) between the instants at which a run under a drive of this frequency (Hz) can be read."""
-    return 1.0 / (frequency * method.samples_per_cycle) if isinstance(method, EventDriven) else method.dt
+def require_method(method: object) -> None:
+    """Raise `InputError` unless the value answers as a method does, and name what one of the user's own lacks."""
+    *others, last = (noun.__name__ for noun in METHODS.values())
+    allowed = f"must be a {', '.join(others)} or {last}"
+    missing = [name for name in ANSWERS if not hasattr(method, name)]
+    if missing and len(missing) < len(ANSWERS):
+        allowed += f", or a method of your own that also has {', '.join(missing)}"
+    require(not missing and not isinstance(method, type), "method", type(method).__name__, "", allowed)

@@ -12,12 +12,9 @@ from numpy.typing import NDArray
 from femimpact.contact import ContactLaw, collide
 from femimpact.errors import require
 from femimpact.export import contact_figure, figures, tables
-from femimpact.integrators.collision import achieved_restitution
-from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method
-from femimpact.integrators.stepping.newmark import MoreauJean
-from femimpact.study.results import prepare_directory
-from femimpact.study.study import Study, build_systems, method_for
+from femimpact.study.results import FILES, OTHER_FILES, prepare_directory
+from femimpact.study.study import Study, build_systems, method_for, read_mesh_of
 from femimpact.system.system import ContactPair
 
 __all__ = ["UNITS", "approach_speeds", "contact_table", "write_contact_table"]
@@ -72,32 +69,37 @@ def contact_table(study: Study, speed_min: float = 0.01, speed_max: float = 1.0)
         If the speeds are no range, or the study has no contact.
     """
     speeds = approach_speeds(speed_min, speed_max)
-    pairs, method = _contacts(study)
-    rows = [_row(pair, method, float(speed)) for pair in pairs for speed in speeds]
-    return {name: [row[name] for row in rows] for name in rows[0]}
+    return _table(*_contacts(study), speeds)
 
 
 def write_contact_table(
     study: Study, directory: Path, force: bool = False, speed_min: float = 0.01, speed_max: float = 1.0
 ) -> dict[str, list[Any]]:
     """Write the table as `contact.csv`, and force over penetration as `contact_force.png`."""
-    columns = contact_table(study, speed_min, speed_max)
-    contacts = [(pair.name, pair.law, pair.effective_mass) for pair in _contacts(study)[0]]
+    speeds = approach_speeds(speed_min, speed_max)
+    pairs, method = _contacts(study)
+    columns = _table(pairs, method, speeds)
+    contacts = [(pair.name, pair.law, pair.effective_mass) for pair in pairs]
     # speeds far apart would leave the slow loops too small to see
     shown = np.linspace(max(speed_min, 0.25 * speed_max), speed_max, 3)
     with prepare_directory(directory, force) as staging:
-        tables.write_csv(staging.folder / "contact.csv", columns, UNITS)
+        tables.write_csv(staging.folder / OTHER_FILES["contact_table"], columns, UNITS)
         staging.finish_part("table")
         figure = contact_figure.penetration_figure(contacts, shown.tolist())
-        figures.save_figure(figure, staging.folder / "contact_force.png")
+        figures.save_figure(figure, staging.folder / FILES["force_figure"])
     return columns
 
 
 def _contacts(study: Study) -> tuple[tuple[ContactPair, ...], Method]:
     """The pairs of the integrated system, and the study's method with its step."""
-    _, system = build_systems(study)
+    _, system = build_systems(study, read_mesh_of(study))
     require(bool(system.contacts), "impactor", None, "", "table [[impactor]] is missing from the study")
     return tuple(system.contacts), method_for(study, system)
+
+
+def _table(pairs: tuple[ContactPair, ...], method: Method, speeds: NDArray[Any]) -> dict[str, list[Any]]:
+    rows = [_row(pair, method, float(speed)) for pair in pairs for speed in speeds]
+    return {name: [row[name] for row in rows] for name in rows[0]}
 
 
 def _row(pair: ContactPair, method: Method, speed: float) -> dict[str, Any]:
@@ -122,13 +124,10 @@ def _asked(law: ContactLaw) -> float:
 
 
 def _steps(pair: ContactPair, method: Method, contact_time: float) -> float:
-    if isinstance(method, EventDriven) or pair.parameters.is_rigid:
-        return math.nan
-    return contact_time * method.refine / method.dt
+    return math.nan if pair.parameters.is_rigid else method.steps_in(contact_time)
 
 
 def _stepped(pair: ContactPair, method: Method, speed: float) -> float:
     """Mean restitution with the method's step; none where the method does not step, or not this law."""
-    if isinstance(method, EventDriven) or pair.parameters.is_rigid != isinstance(method, MoreauJean):
-        return math.nan
-    return achieved_restitution(pair, method, speed).mean
+    achieved = method.achieved_restitution(pair, speed)
+    return math.nan if achieved is None else achieved.mean

@@ -9,9 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from femimpact.errors import require
-from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.integrate import memory_needed
-from femimpact.integrators.methods import Method, time_grid
+from femimpact.integrators.memory import memory_needed
+from femimpact.integrators.methods import Method
 from femimpact.integrators.threads import workers_of
 from femimpact.response.response import Recorder
 from femimpact.study.study import Study
@@ -32,23 +31,11 @@ DENSE_MATRICES = 8
 COPIES = 2.3
 """Histories in memory while one is labelled and written."""
 
-CYCLE = {"stepped": 170.0, "event-driven": 150.0}
-"""Bytes of a base cycle of a case of a sweep."""
-
-AT_ONCE = {"stepped": 64, "event-driven": 64}
-"""Cases of a sweep that are in memory together on each thread."""
-
 POINT = 1200.0
 """Bytes of a frequency of a sweep in its tables."""
 
 LEAST = 1e6
 """Bytes of any part."""
-
-NANOSECONDS = {"modal alone": 9.0, "modal beside others": 2.5, "physical": 20.0}
-"""Rough cost of one dof and step on one core of a 2024 server."""
-
-EVENT_DRIVEN_CYCLE = 5e-5
-"""Rough cost of one base cycle event-driven with a few modes, s."""
 
 START = 1.5
 """What a command takes besides, s: starting, systems, summary, reading back."""
@@ -125,17 +112,15 @@ def check_sweep(study: Study, small: System, method: Method) -> None:
 
 def history_cost(study: Study, small: System, method: Method, record: Recorder) -> Cost:
     """Of one history, until it is written."""
-    grid = time_grid(method, study.base.frequency)
+    grid = method.time_grid(study.base.frequency)
     steps = round(study.base.duration / grid)
     parts: Mapping[str, int] = memory_needed(
         small, record, len(record.channels or ()), steps, grid, study.base.frequency
     )
     kept = parts["channels"] + parts["energies"]
     rest = sum(parts.values()) - kept
-    if isinstance(method, EventDriven):
-        seconds = EVENT_DRIVEN_CYCLE * study.base.duration * study.base.frequency
-    else:
-        seconds = 1e-9 * NANOSECONDS["modal alone" if small.is_diagonal else "physical"] * steps * max(small.dofs, 4)
+    cycles = study.base.duration * study.base.frequency
+    seconds = method.cost(small, study.base.frequency).history_seconds * cycles
     return Cost(LEAST + COPIES * kept + rest, START + seconds + WRITING * kept)
 
 
@@ -145,13 +130,7 @@ def sweep_cost(study: Study, small: System, method: Method) -> Cost:
     if plan is None:
         return Cost(0.0, 0.0)
     cases = plan.points + 2 * plan.refine
-    if isinstance(method, EventDriven):
-        kind = "event-driven"
-        seconds = EVENT_DRIVEN_CYCLE * cases * plan.cycles
-    else:
-        kind = "stepped"
-        steps = cases * plan.cycles / (0.5 * (plan.start + plan.stop)) / method.dt
-        each = NANOSECONDS["modal beside others" if small.is_diagonal else "physical"]
-        seconds = 1.5e-9 * each * steps * max(small.dofs, 4)
-    memory = CYCLE[kind] * min(cases, AT_ONCE[kind] * workers_of(None)) * plan.cycles + POINT * cases
-    return Cost(LEAST + memory, START + seconds)
+    cost = method.cost(small, 0.5 * (plan.start + plan.stop))
+    at_once = min(cases, cost.cases_at_once * workers_of(None))
+    memory = cost.sweep_memory * at_once * plan.cycles + POINT * cases
+    return Cost(LEAST + memory, START + cost.sweep_seconds * cases * plan.cycles)

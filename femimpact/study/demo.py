@@ -18,7 +18,8 @@ import numpy as np
 from femimpact.calibration import RestitutionScan, scan_restitution
 from femimpact.errors import Fault, InputError
 from femimpact.export import figures, tables
-from femimpact.study.results import StudyResults, load, prepare_directory
+from femimpact.study.prepared import PreparedStudy, prepare, with_base
+from femimpact.study.results import OTHER_FILES, StudyResults, load, prepare_directory
 from femimpact.study.run import (
     Found,
     Report,
@@ -31,11 +32,11 @@ from femimpact.study.run import (
     run_simulation,
     run_sweep,
 )
-from femimpact.study.study import Study, build, method_for
+from femimpact.study.study import Study
 from femimpact.study.study_file import load_study
 from femimpact.study.summary import Spread, SweepPair, spread_of, summary_of
 from femimpact.sweep import FrequencyResponse, frequency_sweep
-from femimpact.system.system import State, without_impactors
+from femimpact.system.system import State
 
 __all__ = ["PUBLISHED", "Demo", "ScanPlan", "median_scan", "paper_study", "paper_study_text", "run_demo"]
 
@@ -149,22 +150,22 @@ def run_demo(
     Demo
     """
     report = report or (lambda _what, _share: None)
-    study = paper_study()
+    prepared = prepare(paper_study())
     with prepare_directory(directory, force) as staging:
-        modes = run_modes(study)
-        keep_study(staging, study)
-        keep_modes(staging, study, Found(modes), ("sweep", "history"))
-        samples = scan_both_starts(study, scan or ScanPlan(), report)
+        modes = run_modes(prepared)
+        keep_study(staging, prepared.study)
+        keep_modes(staging, prepared, Found(modes), ("sweep", "history"))
+        samples = _scans(prepared, scan or ScanPlan(), report)
         scans = {start: median_scan(found) for start, found in samples.items()}
-        sweeps = {start: _sweep_from(study, start, report) for start in STARTS}
-        keep_sweeps(staging, study, Found(modes, None, sweeps["base"]), ("history",))
+        sweeps = {start: _sweep_from(prepared, start, report) for start in STARTS}
+        keep_sweeps(staging, prepared, Found(modes, None, sweeps["base"]), ("history",))
         _write_scans(staging.folder, scans, sweeps)
-        spreads = {start: sample_starts(study, start, sweeps["base"].empty, report) for start in STARTS}
-        study = _at_resonance(study, sweeps["base"])
-        keep_study(staging, study)
-        found = Found(modes, run_simulation(study, report), sweeps["base"])
-        keep_history(staging, study, found)
-        summary = summary_of(study, modes, found.response, found.sweeps)
+        spreads = {start: sample_starts(prepared, start, sweeps["base"].empty, report) for start in STARTS}
+        prepared = _at_resonance(prepared, sweeps["base"])
+        keep_study(staging, prepared.study)
+        found = Found(modes, run_simulation(prepared, report), sweeps["base"])
+        keep_history(staging, prepared, found)
+        summary = summary_of(prepared, modes, found.response, found.sweeps)
         comparison = compare(summary, spreads)
         remarks = remark(summary["restitution"], scans, spreads)
         _write_comparison(staging.folder, comparison)
@@ -174,22 +175,21 @@ def run_demo(
             start: {name: dataclasses.asdict(spread) for name, spread in samples_of.items()}
             for start, samples_of in spreads.items()
         }
-        keep_pictures(staging, study, found, report, more)
+        keep_pictures(staging, prepared, found, report, more)
     restitution = float(summary["restitution"])
     return Demo(load(directory), comparison, scans, _scan_rows(samples), restitution, remarks)
 
 
-def _sweep_from(study: Study, start: str, report: Report) -> SweepPair:
-    return run_sweep(study, lambda what, share: report(f"{what}, {STARTS[start]}", share), State.at_rest(start))
+def _sweep_from(prepared: PreparedStudy, start: str, report: Report) -> SweepPair:
+    return run_sweep(prepared, lambda what, share: report(f"{what}, {STARTS[start]}", share), State.at_rest(start))
 
 
-def _at_resonance(study: Study, sweeps: SweepPair) -> Study:
+def _at_resonance(prepared: PreparedStudy, sweeps: SweepPair) -> PreparedStudy:
     """The same study with its history at the resonance with the ball, as the even grid sees it."""
     curve = sweeps.ball or sweeps.empty
     on_grid = np.isin(curve.frequency, np.round(sweeps.coarse, 9))
     peak = float(curve.frequency[on_grid][np.argmax(curve.peak[on_grid])])
-    text = study.text.replace("frequency = 4.9 ", f"frequency = {peak:.6g} ")
-    return dataclasses.replace(study, base=dataclasses.replace(study.base, frequency=peak), text=text)
+    return with_base(prepared, dataclasses.replace(prepared.study.base, frequency=peak))
 
 
 def states(start: str, count: int) -> tuple[State, ...]:
@@ -200,14 +200,19 @@ def states(start: str, count: int) -> tuple[State, ...]:
 
 def scan_both_starts(study: Study, plan: ScanPlan, report: Report) -> dict[str, tuple[RestitutionScan, ...]]:
     """Restitution scans from rest on the base and from rest in space, one for each start in a frame."""
+    return _scans(prepare(study, ("sweep",)), plan, report)
+
+
+def _scans(prepared: PreparedStudy, plan: ScanPlan, report: Report) -> dict[str, tuple[RestitutionScan, ...]]:
+    study, small = prepared.study, prepared.small
     if study.sweep is None:
         raise InputError([Fault("sweep", None, "", "table [sweep] is missing")])
-    _, small, _ = build(study)
-    bare = without_impactors(small)
     frequencies = np.linspace(study.sweep.start, study.sweep.stop, plan.points)
     width = small.first_frequency * 0.02
     fine = np.unique(np.concatenate([frequencies, np.linspace(-width, width, 41) + small.first_frequency]))
-    empty = frequency_sweep(bare, study.base.amplitude, fine, method_for(study, bare), study.sweep.cycles, ledger=False)
+    empty = frequency_sweep(
+        prepared.bare, study.base.amplitude, fine, prepared.bare_method, study.sweep.cycles, ledger=False
+    )
 
     def scan_from(start: str) -> tuple[RestitutionScan, ...]:
         return tuple(
@@ -256,15 +261,15 @@ def _scan_rows(samples: Mapping[str, Sequence[RestitutionScan]]) -> tuple[tuple[
     return tuple(rows)
 
 
-def sample_starts(study: Study, start: str, empty: FrequencyResponse, report: Report) -> dict[str, Spread]:
+def sample_starts(prepared: PreparedStudy, start: str, empty: FrequencyResponse, report: Report) -> dict[str, Spread]:
     """Resonance and impacts at it over several starts in one frame: Hz, 1, N and N s.
 
     Every start has a sweep of its own, on a grid twice as fine as the study's.
     """
+    study, small, method = prepared.study, prepared.small, prepared.method
     plan = study.sweep
     if plan is None:
         raise InputError([Fault("sweep", None, "", "table [sweep] is missing")])
-    _, small, method = build(study)
     frequencies = np.linspace(plan.start, plan.stop, 2 * plan.points - 1)
     step = float(frequencies[1] - frequencies[0])
     curves = [
@@ -368,13 +373,13 @@ def _write_scans(folder: Path, scans: Mapping[str, RestitutionScan], sweeps: Map
     for start, scan in scans.items():
         columns |= {f"{start}_{name}": getattr(scan, name) for name in names}
     units = {name: "Hz" if "frequency" in name else "m" if "peak_amplitude" in name else "1" for name in columns}
-    tables.write_csv(folder / "restitution.csv", columns, units)
+    tables.write_csv(folder / OTHER_FILES["restitution"], columns, units)
     labelled = [(STARTS[start], scan) for start, scan in scans.items()]
     figure = figures.restitution_figure(labelled, PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"])
-    figures.save_figure(figure, folder / "restitution.png")
+    figures.save_figure(figure, folder / OTHER_FILES["restitution_figure"])
     balls = [(f"with ball, {STARTS[start]}", pair.ball) for start, pair in sweeps.items() if pair.ball is not None]
     figure = figures.response_figure(sweeps["base"].empty, balls, coarse=sweeps["base"].coarse)
-    figures.save_figure(figure, folder / "response_of_starts.png")
+    figures.save_figure(figure, folder / OTHER_FILES["response_of_starts"])
 
 
 def _write_comparison(folder: Path, comparison: tuple[tuple[Any, ...], ...]) -> None:
@@ -388,4 +393,4 @@ def _write_comparison(folder: Path, comparison: tuple[tuple[Any, ...], ...]) -> 
         "method",
     )
     rows = [["" if value is None else value for value in row] for row in comparison]
-    tables.write_csv(folder / "comparison.csv", dict(zip(names, zip(*rows, strict=True), strict=True)), {})
+    tables.write_csv(folder / OTHER_FILES["comparison"], dict(zip(names, zip(*rows, strict=True), strict=True)), {})

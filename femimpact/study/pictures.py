@@ -20,7 +20,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from femimpact.errors import Fault, InputError, require
 from femimpact.study.picture_data import read_curves, read_film, read_last_cycles, read_mode_shapes
-from femimpact.study.results import FILES, read_summary, update_results, write_summary
+from femimpact.study.results import FILES, OTHER_FILES, read_summary, update_results, write_summary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -264,7 +264,7 @@ def draw_again(directory: str | Path, kind: str, report: Report) -> tuple[str, .
     """
     folder = Path(directory)
     read_summary(folder)
-    movies = (FILES["movie"], str(Path(FILES["movie"]).with_suffix(".gif"))) if kind == "movie" else ()
+    movies = (FILES["movie"], OTHER_FILES["movie_without_encoder"]) if kind == "movie" else ()
     with update_results(folder, movies) as staging:
         # again, under the lock
         summary = read_summary(folder)

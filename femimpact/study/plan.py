@@ -10,13 +10,12 @@ import numpy as np
 from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence, converge_elements, converge_step
 from femimpact.errors import require
 from femimpact.export import figures, tables
-from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.methods import check_method, method_notes, time_grid
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.integrators.stepping.step_size import shortest_contact
 from femimpact.study.cost import history_cost, mesh_memory, picture_seconds, sweep_cost
-from femimpact.study.results import prepare_directory
-from femimpact.study.run import Report, history_record, preflight
+from femimpact.study.prepared import prepare
+from femimpact.study.results import OTHER_FILES, prepare_directory
+from femimpact.study.run import Report
 from femimpact.study.study import Study, build
 from femimpact.system.system import ContactPair
 
@@ -33,11 +32,10 @@ def plan_lines(study: Study) -> list[str]:
     InputError
         For everything that would stop the run before it starts.
     """
-    full, small, method = preflight(study)
-    warnings = check_method(small, method)
-    grid = time_grid(method, study.base.frequency)
+    prepared = prepare(study)
+    full, small, method = prepared.full, prepared.small, prepared.method
+    grid = method.time_grid(study.base.frequency)
     steps = round(study.base.duration / grid)
-    record = history_record(study, small, method)
     contact_time = shortest_contact(small)
     kind = "modal" if small.is_diagonal else "physical"
     lines = [
@@ -56,16 +54,12 @@ def plan_lines(study: Study) -> list[str]:
             f"effective mass {1e3 * pair.effective_mass:.4g} g, total clearance {1e3 * sum(pair.gaps):.4g} mm"
             f"{preload}{fixed}"
         )
-    if isinstance(method, EventDriven):
-        lines.append(f"method: event-driven, exact between impacts and through compliant ones, read every {grid:.4g} s")
-    else:
-        origin = "given" if "dt" in study.method else "recommended"
-        refined = f", divided by {method.refine} in contact" if method.refine > 1 else ""
-        lines.append(f"method: {study.method.get('name', 'newmark')}; step: {method.dt:.4g} s ({origin}){refined}")
-    unit = "samples" if isinstance(method, EventDriven) else "steps"
-    history = history_cost(study, small, method, record)
+    origin = "given" if "dt" in study.method else "recommended"
+    described = method.description(study.base.frequency, origin)
+    lines.append(f"method: {study.method.get('name', 'newmark')}; {described}")
+    history = history_cost(study, small, method, prepared.record)
     lines.append(
-        f"history: {steps} {unit}, {study.base.duration:g} s at {study.base.frequency:g} Hz, "
+        f"history: {steps} {method.unit}, {study.base.duration:g} s at {study.base.frequency:g} Hz, "
         f"takes about {history.memory / 1e6:.3g} MB and {history.seconds:.2g} s"
     )
     if study.sweep is not None:
@@ -75,15 +69,15 @@ def plan_lines(study: Study) -> list[str]:
         swept = sweep_cost(study, small, method)
         lines.append(
             f"sweep: up to {cases} frequencies from {plan.start:g} to {plan.stop:g} Hz, {plan.cycles} cycles each, "
-            f"{total:.3g} {unit}, takes about {swept.memory / 1e6:.3g} MB and {swept.seconds:.2g} s on one core"
+            f"{total:.3g} {method.unit}, takes about {swept.memory / 1e6:.3g} MB and {swept.seconds:.2g} s on one core"
         )
     if picture_seconds(study) > 0.0:
         lines.append(f"figures and movie: about {picture_seconds(study):.2g} s, when the rest is done")
     mesh = mesh_memory(full.nodes.size - 1, small.dofs if study.reduction else None)
     lines.append(f"mesh and modes: take about {max(mesh.values()) / 1e6:.3g} MB")
     lines.append("besides: some 200 MB for the libraries; the first run on a machine compiles for 15 to 60 s")
-    lines += [f"note: {text}" for text in method_notes(small, method)]
-    return lines + [f"warning: {text}" for text in warnings]
+    lines += [f"note: {text}" for text in method.notes(small)]
+    return lines + [f"warning: {text}" for text in prepared.warnings]
 
 
 def _numbers(pair: ContactPair) -> str:
@@ -98,8 +92,8 @@ def write_convergence(
     """Run both convergence studies and write their tables and figures."""
     _, small, method = build(study)
     allowed = "must be 'newmark' for a study over the step"
-    require(isinstance(method, Newmark), "method.name", study.method.get("name"), "", allowed)
-    check_method(small, method)
+    require(study.method.get("name", "newmark") == "newmark", "method.name", study.method.get("name"), "", allowed)
+    method.check(small)
     require(study.mesh.file is None, "mesh.file", study.mesh.file, "", "convergence needs [mesh] elements, not a file")
     least = len(set(small.points.values())) - 1
     counts = [n for n in MESHES if n >= least]
@@ -113,7 +107,7 @@ def write_convergence(
             columns[f"natural_frequency_{i + 1}"] = mesh.natural_frequency[:, i]
             columns[f"error_{i + 1}"] = mesh.error[:, i]
         units = {name: "Hz" if "frequency" in name else "1" for name in columns if name != "elements"}
-        tables.write_csv(folder / "mesh_convergence.csv", columns, units)
+        tables.write_csv(folder / OTHER_FILES["mesh_convergence"], columns, units)
         staging.finish_part("meshes")
         report("steps", 0.0)
         step = converge_step(small, study.sine, cast(Newmark, method))
@@ -121,8 +115,8 @@ def write_convergence(
         columns = {
             name: getattr(step, name) for name in ("dt", "linear_error", "first_impact_error", "energy_residual")
         }
-        tables.write_csv(folder / "step_convergence.csv", columns, {"dt": "s"})
+        tables.write_csv(folder / OTHER_FILES["step_convergence"], columns, {"dt": "s"})
         staging.finish_part("steps")
-        figures.save_figure(figures.mesh_convergence_figure(mesh), folder / "mesh_convergence.png")
-        figures.save_figure(figures.step_convergence_figure(step), folder / "step_convergence.png")
+        figures.save_figure(figures.mesh_convergence_figure(mesh), folder / OTHER_FILES["mesh_convergence_figure"])
+        figures.save_figure(figures.step_convergence_figure(step), folder / OTHER_FILES["step_convergence_figure"])
     return mesh, step, directory

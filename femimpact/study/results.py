@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FILES",
+    "OTHER_FILES",
     "STICKING_FILE",
     "StudyResults",
     "checksum",
@@ -60,15 +61,24 @@ FILES = {
 }
 """Every file that a study can leave behind."""
 
-STICKING_FILE, OLD_STICKING_FILE = "sticking.csv", "riding.csv"
-"""Left only by a history in which something stuck to its wall; and its name in results of earlier versions."""
+OTHER_FILES = {
+    "sticking": "sticking.csv",
+    "old_sticking": "riding.csv",
+    "contact_table": "contact.csv",
+    "movie_without_encoder": "deflection.gif",
+    "comparison": "comparison.csv",
+    "restitution": "restitution.csv",
+    "restitution_figure": "restitution.png",
+    "response_of_starts": "response_of_starts.png",
+    "mesh_convergence": "mesh_convergence.csv",
+    "mesh_convergence_figure": "mesh_convergence.png",
+    "step_convergence": "step_convergence.csv",
+    "step_convergence_figure": "step_convergence.png",
+}
+"""What is left besides by a history in which something stuck (and its name in results of earlier versions), by a
+table of contacts, a movie without an encoder, the demo and a convergence study."""
 
-OTHER_FILES = (
-    STICKING_FILE, OLD_STICKING_FILE, "contact.csv",
-    "deflection.gif", "comparison.csv", "restitution.csv", "restitution.png", "response_of_starts.png",
-    "mesh_convergence.csv", "mesh_convergence.png", "step_convergence.csv", "step_convergence.png",
-)  # fmt: skip
-"""What a sticking ball, a table of contacts, the demo and a convergence study leave besides."""
+STICKING_FILE = OTHER_FILES["sticking"]
 
 T = TypeVar("T")
 
@@ -109,7 +119,7 @@ class StudyResults:
 def read_sticking(folder: Path, summary: Mapping[str, Any]) -> Mapping[str, Any] | None:
     """Table of sticking phases, also of an earlier version; None where nothing stuck."""
     table = read_table(folder, STICKING_FILE, summary)
-    return read_table(folder, OLD_STICKING_FILE, summary) if table is None else table
+    return read_table(folder, OTHER_FILES["old_sticking"], summary) if table is None else table
 
 
 def load(directory: str | Path) -> StudyResults:
@@ -156,7 +166,7 @@ def load(directory: str | Path) -> StudyResults:
     )
     read = {
         STICKING_FILE,
-        OLD_STICKING_FILE,
+        OTHER_FILES["old_sticking"],
         *(FILES[name] for name in ("modes", "impacts", "sweep_data", "history", "impact_data")),
     }
     _check_others(folder, summary, read)
@@ -319,7 +329,7 @@ def write_summary(folder: Path, summary: Mapping[str, Any], earlier: Path | None
 
 def _earlier_results(target: Path) -> list[str]:
     """Names of results in a directory: all that a study can leave, with the frames of its collections."""
-    names = [*FILES.values(), *OTHER_FILES]
+    names = [*FILES.values(), *OTHER_FILES.values()]
     frames = [path for name in names if name.endswith(".pvd") for path in (target / name[:-4]).glob("[0-9]*.vtu")]
     return [name for name in names if (target / name).is_file()] + [str(path.relative_to(target)) for path in frames]
 

@@ -13,42 +13,38 @@ import numpy as np
 from femimpact.errors import checked, require, require_name, require_type, truth
 from femimpact.export import tables
 from femimpact.export.files import atomic_write
-from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.integrate import check_memory, integrate
-from femimpact.integrators.methods import Method, check_method, check_resolution, time_grid
+from femimpact.integrators.integrate import integrate
+from femimpact.integrators.memory import first_steps
+from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.step_size import shortest_contact
 from femimpact.response.impacts import STICKING_UNITS, impact_columns
-from femimpact.response.response import Recorder, Response
+from femimpact.response.response import Response
 from femimpact.structure.structure import glue_impactors
-from femimpact.study.cost import check_mesh, check_sweep
 from femimpact.study.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
 from femimpact.study.pictures import draw_in_child, with_pictures
+from femimpact.study.prepared import PARTS, PreparedStudy, prepare
 from femimpact.study.result_directory import Staging
 from femimpact.study.results import FILES, STICKING_FILE, StudyResults, load, prepare_directory, write_summary
-from femimpact.study.study import Study, build, method_for, read_mesh_of
+from femimpact.study.study import Study, assemble_on
+from femimpact.study.study_text import study_text
 from femimpact.study.summary import SweepPair, summary_of
 from femimpact.sweep import SWEEP_UNITS, frequency_sweep, on_grid
 from femimpact.system.modes import Modes, solve_modes
-from femimpact.system.system import State, System, without_impactors
+from femimpact.system.system import State, System
 
 __all__ = [
     "Found",
     "Report",
-    "history_record",
     "keep_history",
     "keep_modes",
     "keep_pictures",
     "keep_study",
     "keep_sweeps",
-    "preflight",
     "run_modes",
     "run_simulation",
     "run_study",
     "run_sweep",
 ]
-
-PARTS = ("modes", "simulate", "sweep")
-"""What `run_study` does, each part by its name."""
 
 MODES_LISTED = 4
 FIGURE_CYCLES = 40
@@ -64,110 +60,60 @@ def _silent(_what: str, _share: float) -> None:
     pass
 
 
-def run_modes(study: Study) -> tuple[System, Modes, Modes | None]:
-    """The full system, its modes without balls, and those with every ball glued on."""
-    full = build(study)[0]
+def run_modes(prepared: PreparedStudy) -> tuple[Modes, Modes | None]:
+    """Modes of the full system without balls, and those with every ball glued on."""
+    study, full = prepared.study, prepared.full
     count = min(MODES_LISTED, full.dofs)
     glued = None
     if study.structure.impactors:
-        glued = solve_modes(build(study, glue_impactors(study.structure))[0], count)
-    return full, solve_modes(full, count), glued
+        glued = solve_modes(assemble_on(study, glue_impactors(study.structure), prepared.mesh), count)
+    return solve_modes(full, count), glued
 
 
-def history_record(study: Study, small: System, method: Method) -> Recorder:
-    """What the study's history keeps: every place that carries a ball, the balls, the last cycles whole."""
-    output = study.output
-    kept, grid = _frames_duration(study), time_grid(method, study.base.frequency)
-    channels: list[str | float] = ["tip", "tip.velocity", "mid"]
-    for pair in small.contacts:
-        place = next((name for name, x in small.points.items() if x == pair.position), None)
-        if place not in (None, "tip"):
-            channels += [str(place), f"{place}.velocity"]
-        moving = [] if pair.is_stop else [pair.name, f"{pair.name}.velocity"]
-        channels += [*moving, f"{pair.name}.contact_force"]
-    return Recorder(
-        channels=tuple(channels),
-        every=output.every,
-        snapshots=max(round(kept / (output.frames * grid)), 1) if output.frames else 0,
-        snapshots_start=max(study.base.duration - kept, 0.0),
-        memory_limit=output.memory_limit,
-    )
-
-
-def preflight(study: Study, parts: tuple[str, ...] = PARTS) -> tuple[System, System, Method]:
-    """Find all that can be wrong with a run before its first long step.
-
-    Returns
-    -------
-    full, small : System
-    method : Method
-
-    Raises
-    ------
-    InputError
-        If the step does not resolve contact or base, or the history would keep too much.
-    """
-    mesh = read_mesh_of(study)
-    elements = study.mesh.elements if mesh is None else mesh.nodes.size - 1
-    check_mesh(study, elements or 1)
-    full, small, method = build(study)
-    check_method(small, method)
-    bare = method_for(study, without_impactors(small))
-    if "simulate" in parts:
-        check_resolution(np.array([study.base.frequency]), method, "base.frequency")
-        record = history_record(study, small, method)
-        grid = time_grid(method, study.base.frequency)
-        channels, key = len(record.channels or ()), "output.memory_limit"
-        check_memory(small, record, channels, round(study.base.duration / grid), grid, study.base.frequency, key)
-    if "sweep" in parts and study.sweep is not None:
-        check_sweep(study, small, method)
-        for each in (method, bare):
-            check_resolution(np.array([study.sweep.stop]), each, "sweep.stop")
-    return full, small, method
-
-
-def _frames_duration(study: Study) -> float:
-    return min(study.output.frame_cycles / study.base.frequency, study.base.duration)
-
-
-def run_simulation(study: Study, report: Report = _silent) -> Response:
+def run_simulation(prepared: PreparedStudy, report: Report = _silent) -> Response:
     """The history that the study asks for, with snapshots over its last cycles."""
-    _, small, method = build(study)
-    record = history_record(study, small, method)
+    study, record = prepared.study, prepared.record
     return integrate(
-        small, study.sine, method, study.base.duration, record, study.initial, lambda share: report("history", share)
-    )
+        prepared.small, study.sine, prepared.method, study.base.duration, record, study.initial,
+        lambda share: report("history", share),
+    )  # fmt: skip
 
 
-def run_end(study: Study) -> Response:
-    """The study's history once more, bit for bit, with every step of its last 40 cycles kept: for figures."""
-    _, small, method = build(study)
-    record = history_record(study, small, method)
+def last_cycles(prepared: PreparedStudy, response: Response) -> Response:
+    """The last 40 cycles of the study's history with every step kept, bit for bit as in the run: for figures.
+
+    Where the history kept every step itself these are its last rows; else the run is made once more.
+    """
+    study, method, record = prepared.study, prepared.method, prepared.record
     start = max(study.base.duration - FIGURE_CYCLES / study.base.frequency, 0.0)
+    finely = _read_within_contacts(method, prepared.small, study.base.frequency)
+    if record.every == 1 and finely == method:
+        grid = method.time_grid(study.base.frequency)
+        first = first_steps(replace(record, start=start), round(study.base.duration / grid), grid)[0]
+        channels = {name: values[first:] for name, values in response.channels.items()}
+        return replace(response, time=response.time[first:], channels=channels, energy=None, snapshots=None)
     record = replace(record, every=1, start=start, snapshots=0, ledger=False)
-    if isinstance(method, EventDriven):
-        method = _read_within_contacts(method, small, study.base.frequency)
-    return integrate(small, study.sine, method, study.base.duration, record, study.initial)
+    return integrate(prepared.small, study.sine, finely, study.base.duration, record, study.initial)
 
 
-def _read_within_contacts(method: EventDriven, system: System, frequency: float) -> EventDriven:
-    """The same flights, read often enough to show the course of a compliant contact's force."""
-    samples, contact_time = method.samples_per_cycle, shortest_contact(system)
-    # doubled, the grid keeps its instants to the last bit, and with them the pieces in which a run is flown
+def _read_within_contacts(method: Method, system: System, frequency: float) -> Method:
+    """The same motion, read often enough to show the course of a compliant contact's force where that can be chosen."""
+    contact_time = shortest_contact(system)
+    samples = round(1.0 / (frequency * method.time_grid(frequency)))
+    # doubled, the grid keeps its instants to the last bit, and with them the pieces in which a run is computed
     while math.isfinite(contact_time) and samples * frequency * contact_time < SAMPLES_PER_CONTACT:
         samples *= 2
-    return replace(method, samples_per_cycle=samples)
+    return method.read_at_least(samples)
 
 
-def run_sweep(study: Study, report: Report = _silent, initial: State | None = None) -> SweepPair:
+def run_sweep(prepared: PreparedStudy, report: Report = _silent, initial: State | None = None) -> SweepPair:
     """Sweeps without and with balls: the even grid, refined around both resonances."""
+    study, small, bare = prepared.study, prepared.small, prepared.bare
     plan = study.sweep
     require(plan is not None, "sweep", None, "", "table [sweep] is missing")
     if plan is None:
         raise AssertionError("require raises")
-    _, small, method = build(study)
-    bare = without_impactors(small)
-    bare_method = method_for(study, bare)
+    method, bare_method = prepared.method, prepared.bare_method
     coarse = np.linspace(plan.start, plan.stop, plan.points)
     state = initial or study.initial
     frequencies = coarse
@@ -207,13 +153,13 @@ class Found:
 
     Parameters
     ----------
-    modes : (System, Modes, Modes or None), optional
+    modes : (Modes, Modes or None), optional
         As of `run_modes`.
     response : Response, optional
     sweeps : SweepPair, optional
     """
 
-    modes: tuple[System, Modes, Modes | None] | None = None
+    modes: tuple[Modes, Modes | None] | None = None
     response: Response | None = None
     sweeps: SweepPair | None = None
 
@@ -252,21 +198,21 @@ def run_study(
     for part in parts:
         require_name(part, PARTS, "parts")
     force = checked("force", force, truth())
-    preflight(study, parts)
+    prepared = prepare(study, parts)
     wanted = [part for part in parts if part != "sweep" or study.sweep is not None]
     with prepare_directory(directory, force) as staging:
         found = Found()
         keep_study(staging, study)
         if "modes" in wanted:
-            found = replace(found, modes=run_modes(study))
-            keep_modes(staging, study, found, [part for part in wanted if part != "modes"])
+            found = replace(found, modes=run_modes(prepared))
+            keep_modes(staging, prepared, found, [part for part in wanted if part != "modes"])
         if "simulate" in wanted:
-            found = replace(found, response=run_simulation(study, report))
-            keep_history(staging, study, found, [part for part in wanted if part == "sweep"])
+            found = replace(found, response=run_simulation(prepared, report))
+            keep_history(staging, prepared, found, [part for part in wanted if part == "sweep"])
         if "sweep" in wanted:
-            found = replace(found, sweeps=run_sweep(study, report))
-            keep_sweeps(staging, study, found)
-        keep_pictures(staging, study, found, report)
+            found = replace(found, sweeps=run_sweep(prepared, report))
+            keep_sweeps(staging, prepared, found)
+        keep_pictures(staging, prepared, found, report)
     return load(directory)
 
 
@@ -274,54 +220,58 @@ def run_study(
 
 
 def keep_study(staging: Staging, study: Study) -> None:
-    """Write the study file."""
-    atomic_write(staging.folder / FILES["study"], study.text)
+    """Write the study file: that of the study as it is run."""
+    atomic_write(staging.folder / FILES["study"], study_text(study))
 
 
-def keep_modes(staging: Staging, study: Study, found: Found, left: Sequence[str] = ()) -> None:
+def keep_modes(staging: Staging, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> None:
     """Write what `run_modes` found; `left` names the parts of the run that are still to come."""
     if found.modes is None:
         raise AssertionError("there are modes to keep")
-    full, modes, glued = found.modes
-    _write_modes(study, staging.folder, full, modes, glued)
-    _finish(staging, study, found, "modes", left)
+    _write_modes(prepared, staging.folder, *found.modes)
+    _finish(staging, prepared, found, "modes", left)
 
 
-def keep_history(staging: Staging, study: Study, found: Found, left: Sequence[str] = ()) -> None:
+def keep_history(staging: Staging, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> None:
     """Write what `run_simulation` found."""
     if found.response is None:
         raise AssertionError("there is a history to keep")
-    _write_history(study, staging.folder, found.response)
-    _finish(staging, study, found, "history", left)
+    _write_history(prepared.study, staging.folder, found.response)
+    _finish(staging, prepared, found, "history", left)
 
 
-def keep_sweeps(staging: Staging, study: Study, found: Found, left: Sequence[str] = ()) -> None:
+def keep_sweeps(staging: Staging, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> None:
     """Write what `run_sweep` found."""
     if found.sweeps is None:
         raise AssertionError("there are sweeps to keep")
     _write_sweeps(staging.folder, found.sweeps)
-    _finish(staging, study, found, "sweep", left)
+    _finish(staging, prepared, found, "sweep", left)
 
 
 def keep_pictures(
-    staging: Staging, study: Study, found: Found, report: Report = _silent, more: Mapping[str, Any] | None = None
+    staging: Staging,
+    prepared: PreparedStudy,
+    found: Found,
+    report: Report = _silent,
+    more: Mapping[str, Any] | None = None,
 ) -> None:
     """Write what the figures show besides, draw, and write the summary of it all.
 
     Parameters
     ----------
     staging : Staging
-    study : Study
+    prepared : PreparedStudy
     found : Found
     report : callable, optional
     more : mapping, optional
         What the summary says besides.
     """
-    folder, output = staging.folder, study.output
-    summary = summary_of(study, found.modes, found.response, found.sweeps) | dict(more or {})
+    folder, study, output = staging.folder, prepared.study, prepared.study.output
+    summary = summary_of(prepared, found.modes, found.response, found.sweeps) | dict(more or {})
     if output.figures and found.response is not None and found.response.system.contacts:
         report("last cycles, for figures", 0.0)
-        write_last_cycles(folder / FILES["last_cycles"], study.structure, found.response, run_end(study))
+        end = last_cycles(prepared, found.response)
+        write_last_cycles(folder / FILES["last_cycles"], study.structure, found.response, end)
         report("last cycles, for figures", 1.0)
     filmed = found.response is not None and found.response.snapshots is not None
     kinds = [*(["figures"] if output.figures else []), *(["movie"] if output.movie and filmed else [])]
@@ -334,9 +284,9 @@ def keep_pictures(
     write_summary(folder, summary)
 
 
-def _finish(staging: Staging, study: Study, found: Found, part: str, left: Sequence[str]) -> None:
+def _finish(staging: Staging, prepared: PreparedStudy, found: Found, part: str, left: Sequence[str]) -> None:
     """Write the summary of what there is so far, and note that the part is on disk."""
-    summary = summary_of(study, found.modes, found.response, found.sweeps)
+    summary = summary_of(prepared, found.modes, found.response, found.sweeps)
     if left:
         summary["unfinished"] = list(left)
         text = f"the run was ended before its part{'s' if len(left) > 1 else ''} {' and '.join(left)}"
@@ -345,7 +295,8 @@ def _finish(staging: Staging, study: Study, found: Found, part: str, left: Seque
     staging.finish_part(part)
 
 
-def _write_modes(study: Study, folder: Path, full: System, modes: Modes, glued: Modes | None) -> None:
+def _write_modes(prepared: PreparedStudy, folder: Path, modes: Modes, glued: Modes | None) -> None:
+    full, study = prepared.full, prepared.study
     columns: dict[str, Any] = {
         "mode": list(range(1, modes.natural_frequency.size + 1)),
         "natural_frequency": modes.natural_frequency,

@@ -11,9 +11,7 @@ from femimpact.errors import check_fields, choice, instance, optional, quantity,
 from femimpact.excitation import Sine
 from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import Mesh, read_mesh
-from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import METHODS, Method
-from femimpact.integrators.stepping.step_size import recommended_step
 from femimpact.structure.structure import Structure
 from femimpact.system.reduction import reduce
 from femimpact.system.system import State, System
@@ -26,6 +24,7 @@ __all__ = [
     "Reduction",
     "Study",
     "SweepPlan",
+    "assemble_on",
     "build",
     "build_systems",
     "method_for",
@@ -138,7 +137,7 @@ class Study:
     output : Output
     path : Path
     text : str
-        The file as read, kept with the results.
+        The file as read; what is kept with the results is `study_text.study_text`.
     """
 
     structure: Structure = field(metadata=instance(Structure))
@@ -166,45 +165,42 @@ class Study:
         return State.static() if self.base.start == "static" else State.at_rest(self.base.start)
 
 
-def build(study: Study, structure: Structure | None = None) -> tuple[System, System, Method]:
+def build(study: Study) -> tuple[System, System, Method]:
     """The full system, the one that is integrated, and the method with its step.
 
     Parameters
     ----------
     study : Study
-    structure : Structure, optional
-        Another structure on the study's mesh and reduction.
 
     Returns
     -------
     full, small : System
     method : Method
     """
-    full, small = build_systems(study, structure)
+    full, small = build_systems(study, read_mesh_of(study))
     return full, small, method_for(study, small)
 
 
-def build_systems(study: Study, structure: Structure | None = None) -> tuple[System, System]:
-    """The full system and the one that is integrated."""
-    mesh = read_mesh_of(study)
-    full = assemble(structure or study.structure, mesh=mesh, elements=None if mesh else study.mesh.elements)
-    small = full
-    if study.reduction is not None:
-        kept = study.reduction.modes
-        fits = kept <= full.dofs
-        require(fits, "reduction.modes", kept, "", f"must be <= {full.dofs}, the dofs of this mesh")
-        small = reduce(full, kept)
-    return full, small
+def build_systems(study: Study, mesh: Mesh | None) -> tuple[System, System]:
+    """The full system on a mesh of `read_mesh_of`, and the one that is integrated."""
+    full = assemble_on(study, study.structure, mesh)
+    if study.reduction is None:
+        return full, full
+    kept = study.reduction.modes
+    require(kept <= full.dofs, "reduction.modes", kept, "", f"must be <= {full.dofs}, the dofs of this mesh")
+    return full, reduce(full, kept)
+
+
+def assemble_on(study: Study, structure: Structure, mesh: Mesh | None) -> System:
+    """A structure on the study's mesh: that of its file, or one of as many elements as it asks for."""
+    return assemble(structure, mesh=mesh, elements=None if mesh else study.mesh.elements)
 
 
 def method_for(study: Study, system: System) -> Method:
     """The study's method for a system: with the step recommended for it unless the study gives one."""
     settings = dict(study.method)
-    noun = METHODS[settings.pop("name", "newmark")]
-    if noun is not EventDriven and "dt" not in settings:
-        settings["dt"] = recommended_step(system, settings.get("refine", 1))
-    made: Method = noun(**settings)
-    return made
+    method: Method = METHODS[settings.pop("name", "newmark")].for_system(system, **settings)
+    return method
 
 
 def read_mesh_of(study: Study) -> Mesh | None:

@@ -16,13 +16,12 @@ from pydantic_core import PydanticCustomError
 from femimpact.contact import KelvinVoigt, PowerLaw, Rigid, SwitchingSpring
 from femimpact.errors import Fault, InputError, allowed_range, in_range, require, suggestion
 from femimpact.fem.mesh import uniform_mesh
-from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import METHODS
 from femimpact.structure.damping import Rayleigh
 from femimpact.structure.structure import Beam, Impactor, PointMass, Segment, Stop, Structure, Support
 from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
 
-__all__ = ["load_study"]
+__all__ = ["load_study", "read_study"]
 
 LAWS: Mapping[str, tuple[Any, Mapping[str, Any]]] = {
     "kelvin-voigt": (KelvinVoigt, {}),
@@ -58,8 +57,32 @@ def load_study(path: str | Path) -> Study:
     require(path.is_file(), "study", str(path), "", "must be an existing TOML file ('femimpact init FILE' writes one)")
     try:
         text = path.read_text(encoding="utf-8-sig")
+    except (UnicodeDecodeError, OSError) as error:
+        raise InputError([Fault("study", str(path), "", f"must be readable TOML: {error}")]) from None
+    return read_study(text, path)
+
+
+def read_study(text: str, path: Path) -> Study:
+    """Validate the text of a study file.
+
+    Parameters
+    ----------
+    text : str
+    path : Path
+        Of the file: a mesh file is looked for beside it.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    InputError
+        As of `load_study`.
+    """
+    try:
         data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+    except tomllib.TOMLDecodeError as error:
         raise InputError([Fault("study", str(path), "", f"must be readable TOML: {error}")]) from None
     return _from_tables(data, path, text)
 
@@ -221,13 +244,18 @@ def _method(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
         faults.append(Fault(f"{prefix}.name", name, "", allowed))
         return None
     noun = METHODS[name]
-    found = _model_faults(_model_of(noun, optional=("dt",)), noun, prefix, settings)
-    # dt is chosen later: any will do to check the rest together
-    stand_in = {} if noun is EventDriven else {"dt": 1.0}
+    found = _model_faults(_model_of(noun, optional=_chosen(noun)), noun, prefix, settings)
+    # what may be left out is chosen later: any will do to check the rest together
+    stand_in = dict.fromkeys(_chosen(noun), 1.0)
     if not found:
         _collected(prefix, lambda: noun(**{**stand_in, **settings}), found)
     faults += found
     return {"name": name, **settings}
+
+
+def _chosen(noun: Any) -> tuple[str, ...]:
+    """Fields of a method that a study may leave to `Method.for_system`: those without a default."""
+    return tuple(item.name for item in dataclasses.fields(noun) if item.default is dataclasses.MISSING)
 
 
 TABLES: Mapping[str, _Table] = {

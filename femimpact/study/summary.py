@@ -5,22 +5,21 @@ from __future__ import annotations
 import importlib.metadata
 import math
 import platform
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
-from femimpact.integrators.collision import achieved_restitution
-from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.methods import Method, check_method
+from femimpact.integrators.methods import Method
 from femimpact.response.response import Response
-from femimpact.study.study import Study, build
+from femimpact.study.prepared import PreparedStudy
 from femimpact.sweep import FrequencyResponse, on_grid
 from femimpact.system.modes import Modes
-from femimpact.system.system import ContactPair, System
+from femimpact.system.system import ContactPair
 
-__all__ = ["Spread", "SweepPair", "spread_of", "summary_of"]
+__all__ = ["Spread", "SweepPair", "contacts_of", "spread_of", "summary_of"]
 
 RESTITUTION_MISSED = 0.1
 """Difference between a law's restitution and the median seen in a run that is warned of."""
@@ -137,14 +136,14 @@ def _estimate_warnings(fit: DampingEstimate, half: DampingEstimate) -> list[str]
 
 
 def summary_of(
-    study: Study,
-    modes: tuple[System, Modes, Modes | None] | None = None,
+    prepared: PreparedStudy,
+    modes: tuple[Modes, Modes | None] | None = None,
     response: Response | None = None,
     sweeps: SweepPair | None = None,
 ) -> dict[str, Any]:
     """Machine-readable summary: plain numbers in Hz, m, N, N s and 1."""
-    _, small, method = build(study)
-    warnings = list(check_method(small, method))
+    study, small, method = prepared.study, prepared.small, prepared.method
+    warnings = list(prepared.warnings)
     summary: dict[str, Any] = {
         "study": str(study.path.name),
         "versions": _versions(),
@@ -152,17 +151,19 @@ def summary_of(
         "step": getattr(method, "dt", math.nan),
     }
     if modes is not None:
-        _, empty, glued = modes
+        empty, glued = modes
         summary["natural_frequency"] = {"empty": empty.natural_frequency}
         summary["damping_ratio"] = empty.damping_ratio
         if glued is not None:
             summary["natural_frequency"]["glued"] = glued.natural_frequency
     if small.contacts:
-        first = small.contacts[0]
-        summary["restitution"] = first.parameters.restitution
-        summary["contacts"] = {pair.name: _contact_summary(pair, method, response) for pair in small.contacts}
-        summary["contact"] = summary["contacts"][first.name]
-        warnings += _restitution_warnings(summary["contacts"])
+        contacts = {pair.name: _contact_summary(pair, method, response) for pair in small.contacts}
+        first, *others = contacts
+        summary["restitution"] = contacts[first]["restitution"]
+        summary["contact"] = {"name": first, **contacts[first]}
+        if others:
+            summary["further_contacts"] = {name: contacts[name] for name in others}
+        warnings += _restitution_warnings(contacts)
     if sweeps is not None:
         summary["sweep"] = {"empty": _curve_summary(sweeps.empty, sweeps.coarse)}
         warnings += [f"sweep without ball: {text}" for text in summary["sweep"]["empty"]["warnings"]]
@@ -194,14 +195,20 @@ def summary_of(
     return summary
 
 
+def contacts_of(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """What a summary says of every contact, by name: none where the study has none."""
+    first = summary.get("contact")
+    return {} if first is None else {first["name"]: first, **summary.get("further_contacts", {})}
+
+
 def _contact_summary(pair: ContactPair, method: Method, response: Response | None) -> dict[str, Any]:
     """Law, achieved restitution and statistics of one ball; N, N s, m/s and 1."""
     statistics = response.statistics_of[pair.name] if response is not None else None
     speed = statistics.mean_approach_speed if statistics is not None and statistics.count else 0.1
     exact = pair.parameters.restitution
     achieved = {"mean": exact, "lowest": exact, "highest": exact}
-    if not isinstance(method, EventDriven):
-        stepped = achieved_restitution(pair, method, speed)
+    stepped = method.achieved_restitution(pair, speed)
+    if stepped is not None:
         achieved = {"mean": stepped.mean, "lowest": stepped.lowest, "highest": stepped.highest}
     result: dict[str, Any] = {
         "law": pair.law.name,

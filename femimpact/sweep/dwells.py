@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from femimpact.errors import checked, in_range, quantity, real_array, require
+from femimpact.integrators.answers import SineDwells
 
-__all__ = ["LEAST_CYCLES", "Dwells", "dwells_of"]
+__all__ = ["LEAST_CYCLES", "dwells_of"]
 
 LEAST_CYCLES = 3
 """Fewest base cycles of a dwell: the last third is measured."""
@@ -23,31 +23,15 @@ ROUNDING = 1e-9
 """Of a number of cycles: 4.1 Hz for 10 s are 41 of them."""
 
 
-@dataclass(frozen=True, eq=False)
-class Dwells:
-    """Whole base cycles run and measured at each frequency.
-
-    Parameters
-    ----------
-    frequency : ndarray (n,), Hz
-    cycles : ndarray (n,) of int
-        Run.
-    measured : ndarray (n,) of int
-        Of these at the end.
-    """
-
-    frequency: NDArray[Any]
-    cycles: NDArray[Any]
-    measured: NDArray[Any]
-
-
-def dwells_of(frequencies: ArrayLike, cycles: Any, duration: Any, window: Any) -> Dwells:
+def dwells_of(amplitude: float, frequencies: ArrayLike, cycles: Any, duration: Any, window: Any) -> SineDwells:
     """Dwells from a number of cycles, or from a duration and the window at its end.
 
     Of a duration the whole cycles from t = 0 are run, of a window those that lie within the last of it.
 
     Parameters
     ----------
+    amplitude : float, m
+        Of the base.
     frequencies : array_like (n,), Hz
     cycles : int or None
         The last third is measured.
@@ -56,7 +40,7 @@ def dwells_of(frequencies: ArrayLike, cycles: Any, duration: Any, window: Any) -
 
     Returns
     -------
-    Dwells
+    SineDwells
 
     Raises
     ------
@@ -72,7 +56,7 @@ def dwells_of(frequencies: ArrayLike, cycles: Any, duration: Any, window: Any) -
     if duration is None:
         require(window is None, "window", window, "s", "goes with a duration, not with cycles")
         count = checked("cycles", cycles, quantity("1", at_least=LEAST_CYCLES, at_most=MOST_CYCLES, integer=True))
-        return Dwells(f, np.full(f.size, count), np.full(f.size, count // 3))
+        return SineDwells(amplitude, f, np.full(f.size, count), np.full(f.size, count // 3))
     least = LEAST_CYCLES / float(f.min())
     allowed = f"must be a finite number >= {LEAST_CYCLES} base cycles, {least:g} s"
     whole = in_range(duration, quantity("s", at_least=least - ROUNDING, at_most=MOST_CYCLES / float(f.max())))
@@ -88,4 +72,4 @@ def dwells_of(frequencies: ArrayLike, cycles: Any, duration: Any, window: Any) -
         slowest = float(f[short].min())
         allowed = f"must hold a whole base cycle of every frequency; {math.ceil(2e3 / slowest) / 1e3:g} s always does"
         require(False, "window", last, "s", allowed)
-    return Dwells(f, run, measured)
+    return SineDwells(amplitude, f, run, measured)

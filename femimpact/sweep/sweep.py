@@ -5,17 +5,19 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import checked, quantity, require_type, truth
-from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.stepping.newmark import SteppingMethod, require_method
-from femimpact.integrators.stepping.step_size import step_notes
+from femimpact.errors import DivergenceError, checked, quantity, require_type, truth
+from femimpact.integrators.answers import SineDwellResults, SineDwells
+from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.threads import Progress, check_progress, workers_of
+from femimpact.response.energy import residual_warnings
+from femimpact.response.impacts import statistics_of_cases
 from femimpact.structure.damping import realised_damping_ratio
 from femimpact.structure.structure import Position
-from femimpact.sweep.curve import FrequencyResponse
-from femimpact.sweep.dwells import Dwells, dwells_of
+from femimpact.sweep.curve import IMPACT_NAMES, SWEEP_UNITS, FrequencyResponse
+from femimpact.sweep.dwells import dwells_of
 from femimpact.system.system import State, System
 
 __all__ = ["frequency_sweep"]
@@ -28,7 +30,7 @@ def frequency_sweep(
     system: System,
     amplitude: float,
     frequencies: ArrayLike,
-    method: SteppingMethod | EventDriven,
+    method: Method,
     cycles: int | None = None,
     *,
     duration: float | None = None,
@@ -82,27 +84,14 @@ def frequency_sweep(
     given: tuple[tuple[Any, Any], ...] = ((system, System), (state, State))
     for value, kind in given:
         require_type(value, kind, kind.__name__.lower())
+    require_method(method)
     check_progress(progress)
     amplitude = checked("amplitude", amplitude, quantity("m", at_least=0.0))
     ledger = checked("ledger", ledger, truth())
-    dwells = dwells_of(frequencies, cycles, duration, window)
+    dwells = dwells_of(amplitude, frequencies, cycles, duration, window)
     workers, observed = workers_of(threads), system.point_row(at)
-    # each kind of method brings compiled code along that the other does not need
-    if isinstance(method, EventDriven):
-        from femimpact.sweep.event_driven import event_driven_columns
-
-        notes: tuple[str, ...] = ()
-        columns, warnings = event_driven_columns(
-            system, amplitude, dwells, method, state, observed, ledger, workers, progress
-        )
-    else:
-        from femimpact.sweep.stepped import stepped_columns
-
-        require_method(method)
-        notes = step_notes(system, method)
-        columns, warnings = stepped_columns(
-            system, amplitude, dwells, method, state, observed, ledger, workers, progress
-        )
+    found = method.run_dwells(system, dwells, state, observed, ledger, workers, progress)
+    columns, warnings = _columns(found, dwells.frequency, ledger)
     warnings += _steadiness_warnings(dwells.frequency, columns["steadiness"]) + _dwell_warnings(system, dwells)
     return FrequencyResponse(
         frequency=_read_only(dwells.frequency),
@@ -113,10 +102,39 @@ def frequency_sweep(
         start=_start(state, system),
         law=", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none",
         warnings=tuple(warnings),
-        notes=notes,
+        notes=method.notes(system),
         duration=duration,
         window=window,
     )
+
+
+def _columns(
+    found: SineDwellResults, f: NDArray[np.float64], ledger: bool
+) -> tuple[dict[str, NDArray[Any]], list[str]]:
+    """Columns of all cases that have come to their end, and warnings of those that have not.
+
+    Raises
+    ------
+    DivergenceError
+        If none has.
+    """
+    columns: dict[str, NDArray[Any]] = {name: np.full(f.size, np.nan) for name in SWEEP_UNITS}
+    columns["steadiness"] = np.full(f.size, "failed", dtype="<U11")
+    statistics = statistics_of_cases(found.totals, found.duration, f)
+    fine = np.array([not failure for failure in found.failures])
+    for name in ("peak", "rms", "first_harmonic", "phase", "steadiness"):
+        columns[name][fine] = getattr(found.motion, name)[fine]
+    for name in IMPACT_NAMES:
+        columns[name][fine] = statistics[name][fine]
+    columns["energy_residual"][fine] = found.residual[fine]
+    failures = [failure for failure in found.failures if failure]
+    if not fine.any():
+        raise DivergenceError(failures[0])
+    warnings = [*found.warnings, *failures]
+    if ledger:
+        # those that failed have said so
+        warnings += residual_warnings(f, np.where(fine, found.residual, 0.0), found.bound)
+    return columns, warnings
 
 
 def _start(state: State, system: System) -> str:
@@ -136,7 +154,7 @@ def _steadiness_warnings(f: NDArray[Any], steadiness: NDArray[Any]) -> list[str]
     ]
 
 
-def _dwell_warnings(system: System, dwells: Dwells) -> list[str]:
+def _dwell_warnings(system: System, dwells: SineDwells) -> list[str]:
     """What is left of the structure's own transient where measuring begins, when that is much."""
     if system.rayleigh is None:
         return []

@@ -28,8 +28,8 @@ from femimpact.integrators.event_driven.loop_data import (
     Space,
     Tables,
 )
-from femimpact.integrators.event_driven.method import EventDriven
 from femimpact.integrators.event_driven.motion import Motion, Search
+from femimpact.integrators.event_driven.settings import EventSettings
 from femimpact.integrators.event_driven.store import FormStore
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.system.system import ContactPair, System
@@ -92,7 +92,7 @@ class Block:
 
 
 def new_block(
-    system: System, store: FormStore, inputs: Inputs, method: EventDriven, ledger: bool | None, most_rows: int = 0
+    system: System, store: FormStore, inputs: Inputs, method: EventSettings, ledger: bool | None, most_rows: int = 0
 ) -> Block:  # fmt: skip
     """Cases at t = 0.
 

@@ -16,7 +16,7 @@ from femimpact.integrators.event_driven.block import Block, Inputs, new_block, n
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop import DONE
 from femimpact.integrators.event_driven.loop_data import Ledger
-from femimpact.integrators.event_driven.method import EventDriven
+from femimpact.integrators.event_driven.settings import EventSettings
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.integrators.threads import Progress, run_each
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS
@@ -85,7 +85,7 @@ class DwellStatistics:
 
 
 def run_dwells(
-    system: System, cases: DwellCases, method: EventDriven, observed: Array, ledger: bool, workers: int,
+    system: System, cases: DwellCases, method: EventSettings, observed: Array, ledger: bool, workers: int,
     progress: Progress | None,
 ) -> DwellStatistics:  # fmt: skip
     """Run many cases through whole cycles and keep the statistics of the last ones.
@@ -95,7 +95,7 @@ def run_dwells(
     system : System
         Checked before; see `check_events`.
     cases : DwellCases
-    method : EventDriven
+    method : EventSettings
     observed : ndarray (dofs,)
         Row of the observed place.
     ledger : bool
@@ -122,7 +122,7 @@ def run_dwells(
 
 
 def _run_block(
-    system: System, store: FormStore, cases: DwellCases, members: NDArray[np.intp], method: EventDriven, ledger: bool
+    system: System, store: FormStore, cases: DwellCases, members: NDArray[np.intp], method: EventSettings, ledger: bool
 ) -> DwellStatistics:  # fmt: skip
     own, per_cycle, count = members.tolist(), method.samples_per_cycle, members.size
     cycles, measured, most_measured = cases.cycles[members], cases.measured[members], int(cases.measured.max())

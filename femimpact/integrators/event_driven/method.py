@@ -1,17 +1,34 @@
-"""The event-driven method as a value, and what it takes."""
+"""The event-driven method as a value, and its answers; see `integrators.methods.Method` for the questions."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
-from femimpact.contact.formulas import KELVIN_VOIGT, RIGID
-from femimpact.errors import check_fields, quantity, require
-from femimpact.system.system import System
+import numpy as np
+from numpy.typing import NDArray
 
-__all__ = ["EventDriven", "check_events"]
+from femimpact.errors import check_fields, quantity
+from femimpact.excitation import Excitation
+from femimpact.integrators.answers import AchievedRestitution, MethodCost, SineDwellResults, SineDwells
+from femimpact.integrators.event_driven.run import run_events
+from femimpact.integrators.event_driven.settings import check_events
+from femimpact.integrators.event_driven.sine_dwells import event_driven_dwells
+from femimpact.integrators.threads import Progress
+from femimpact.response.response import Recorder, Response
+from femimpact.system.system import ContactPair, State, System
 
-MOST_PAIRS = 60
-"""Contact pairs of one system: the set of those in contact is a number of 64 bits."""
+__all__ = ["EventDriven"]
+
+CYCLE_SECONDS = 5e-5
+"""Rough cost of one base cycle with a few modes, on one core of a 2024 server."""
+
+CYCLE = 150.0
+"""Bytes of a base cycle of a case of a sweep."""
+
+AT_ONCE = 64
+"""Cases of a sweep that are in memory together on each thread."""
 
 
 @dataclass(frozen=True)
@@ -55,21 +72,68 @@ class EventDriven:
     def __post_init__(self) -> None:
         check_fields(self)
 
+    @classmethod
+    def for_system(cls, system: System, **settings: Any) -> Self:
+        """The method with these settings: nothing in it depends on the system."""
+        return cls(**settings)
 
-def check_events(system: System) -> None:
-    """Refuse what the method cannot compute exactly, and say what does.
+    @property
+    def unit(self) -> str:
+        """What the instants are called at which a run can be read."""
+        return "samples"
 
-    Raises
-    ------
-    InputError
-        If the system is not on its modes, or a contact is neither rigid nor Kelvin-Voigt, or leaves no clearance.
-    """
-    allowed = "must be on its normal modes for EventDriven: use reduce(system, modes=n)"
-    require(system.is_diagonal, "system", f"{system.dofs} coupled dofs", "", allowed)
-    allowed = f"must be at most {MOST_PAIRS} contacts for EventDriven; Newmark takes any number"
-    require(len(system.contacts) <= MOST_PAIRS, "system", f"{len(system.contacts)} contacts", "", allowed)
-    for pair in system.contacts:
-        allowed = "must be Rigid or KelvinVoigt for EventDriven; other laws are for Newmark and its family"
-        require(pair.parameters.kind in (RIGID, KELVIN_VOIGT), f"{pair.name}.contact", pair.law.name, "", allowed)
-        clear = sum(pair.gaps) > 0.0
-        require(clear, f"{pair.name}.gap", sum(pair.gaps), "m", "must leave some clearance between both walls")
+    def description(self, frequency: float, origin: str) -> str:
+        """How motion and time are met, in words, under a drive of a frequency (Hz)."""
+        return f"exact between impacts and through compliant ones, read every {self.time_grid(frequency):.4g} s"
+
+    def check(self, system: System) -> tuple[str, ...]:
+        """No warnings; an error for a system that cannot be computed exactly."""
+        check_events(system)
+        return ()
+
+    def check_drive(self, frequencies: NDArray[np.float64], key: str) -> None:
+        """Any frequency of the drive will do."""
+
+    def notes(self, system: System) -> tuple[str, ...]:
+        """None: every mode is followed."""
+        return ()
+
+    def time_grid(self, frequency: float) -> float:
+        """Time (s) between readings under a drive of a frequency (Hz)."""
+        return 1.0 / (frequency * self.samples_per_cycle)
+
+    def stride(self, frequency: float, points: int) -> int:
+        """One: the grid of readings is chosen, and all of it is wanted."""
+        return 1
+
+    def read_at_least(self, samples: int) -> Self:
+        """The same motion, read at so many instants of a base cycle or more."""
+        return replace(self, samples_per_cycle=max(samples, self.samples_per_cycle))
+
+    def steps_in(self, duration: float) -> float:
+        """Not a number: there are no steps."""
+        return math.nan
+
+    def achieved_restitution(
+        self, pair: ContactPair, approach_speed: float, phases: int = 32
+    ) -> AchievedRestitution | None:
+        """None: the law's, no step comes between."""
+        return None
+
+    def cost(self, system: System, frequency: float) -> MethodCost:
+        """What a cycle takes on a system."""
+        return MethodCost(CYCLE_SECONDS, CYCLE_SECONDS, CYCLE, AT_ONCE)
+
+    def run(
+        self, system: System, excitation: Excitation, duration: float, recorder: Recorder, initial: State,
+        progress: Progress | None = None,
+    ) -> Response:  # fmt: skip
+        """One run; see `integrate`."""
+        return run_events(system, excitation, self, duration, recorder, initial, progress)
+
+    def run_dwells(
+        self, system: System, dwells: SineDwells, initial: State, observed: NDArray[np.float64], ledger: bool,
+        workers: int, progress: Progress | None = None,
+    ) -> SineDwellResults:  # fmt: skip
+        """Many dwells side by side; see `frequency_sweep`."""
+        return event_driven_dwells(system, dwells, self, initial, observed, ledger, workers, progress)

@@ -20,7 +20,7 @@ from femimpact.integrators.event_driven.block import Block, Inputs, new_block, n
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop import UNENDING
 from femimpact.integrators.event_driven.loop_data import BEGUN, CONTACT, FREE, PUSHED
-from femimpact.integrators.event_driven.method import EventDriven, check_events
+from femimpact.integrators.event_driven.settings import EventSettings, check_events
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.integrators.memory import check_memory
 from femimpact.integrators.threads import Progress
@@ -58,7 +58,7 @@ class _Run:
 
     system: System
     excitation: Excitation
-    method: EventDriven
+    method: EventSettings
     drive: Drive
     channels: tuple[Channel, ...]
     rows: ChannelRows
@@ -81,7 +81,7 @@ class _Run:
 def run_events(
     system: System,
     excitation: Excitation,
-    method: EventDriven,
+    method: EventSettings,
     duration: float,
     recorder: Recorder,
     initial: State,
@@ -123,7 +123,7 @@ def run_events(
 
 
 def _new_run(
-    system: System, excitation: Excitation, method: EventDriven, channels: tuple[Channel, ...], recorder: Recorder,
+    system: System, excitation: Excitation, method: EventSettings, channels: tuple[Channel, ...], recorder: Recorder,
     keep: _Keep, begin: float, initial: State,
 ) -> _Run:  # fmt: skip
     drive = drive_of(system, excitation)
@@ -228,7 +228,7 @@ def _call(run: _Run, done: int, count: int, kept: Array, shown: Array) -> None:
     run.cycles.append(block.grid.cycles[0])
 
 
-def unending(time: float, method: EventDriven) -> str:
+def unending(time: float, method: EventSettings) -> str:
     """Words for events that do not end."""
     return (
         f"impacts and changes of contact at t = {time:.6g} s do not resolve within {method.most_events} events a "

@@ -17,7 +17,7 @@ from femimpact.excitation import Excitation
 from femimpact.integrators.compiled.custom import address_of
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.stepping import layout
-from femimpact.integrators.stepping.newmark import SteppingMethod, scheme_of
+from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, MAXIMUM, MINIMUM, TOTAL_COLUMNS
 from femimpact.system.system import ROUNDED, State, System
 

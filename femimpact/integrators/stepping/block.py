@@ -15,8 +15,8 @@ from femimpact.integrators.driving import drive_of
 from femimpact.integrators.stepping import layout, loop
 from femimpact.integrators.stepping.arrays import Inputs, cycles_of, empty_record, limits_of, motion_of, pairs_of
 from femimpact.integrators.stepping.entries import write_energy
-from femimpact.integrators.stepping.newmark import SteppingMethod, scheme_of
 from femimpact.integrators.stepping.operators import operator_of
+from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
 from femimpact.integrators.threads import Progress
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.response.signals import CycleStatistics

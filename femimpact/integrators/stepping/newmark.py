@@ -1,4 +1,4 @@
-"""The Newmark family and its relative with impulses, as values, and the constants of their step.
+"""The Newmark family and its relative with impulses, as values, with the constants of their step.
 
 All of them are u1 = u0 + dt v0 + dt^2 [(1/2 - beta) a0 + beta a1], v1 = v0 + dt [(1 - gamma) a0 + gamma a1]
 with one balance of forces per step; they differ in where within the step it is taken.
@@ -6,17 +6,19 @@ with one balance of forces per step; they differ in where within the step it is 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import Any
 
-from femimpact.errors import check_fields, checked, choice, quantity, require, truth
+from femimpact.errors import check_fields, choice, quantity, require, truth
+from femimpact.integrators.stepping.answers import SteppingAnswers
 from femimpact.integrators.stepping.layout import Scheme
+from femimpact.integrators.stepping.scheme import family_scheme, mean_scheme, newmark_weights
 
-__all__ = ["HHT", "WBZ", "GeneralizedAlpha", "MoreauJean", "Newmark", "SteppingMethod", "require_method", "scheme_of"]
+__all__ = ["HHT", "WBZ", "GeneralizedAlpha", "MoreauJean", "Newmark"]
 
 
 @dataclass(frozen=True)
-class Newmark:
+class Newmark(SteppingAnswers):
     """Newmark's method: M a1 + C v1 + K u1 = F1 + b f1.
 
     The defaults are the constant average acceleration. (Newmark, 1959.)
@@ -62,9 +64,20 @@ class Newmark:
                 given = getattr(self, name)
                 require(given == value, name, given, "", f"must be {value:g} for an energy-consistent contact")
 
+    @property
+    def stability_limit(self) -> float:
+        """Largest dt omega (1) that is stable: infinite where 2 beta >= gamma."""
+        return 1.0 / math.sqrt(0.5 * self.gamma - self.beta) if 2.0 * self.beta < self.gamma else math.inf
+
+    def scheme(self, step: float) -> Scheme:
+        """Constants for a step in s."""
+        if self.contact == "energy-consistent":
+            return mean_scheme(step, newmark_weights(step, self.beta, self.gamma), 0.5, rigid=False)
+        return family_scheme(step, 0.0, 0.0, self.beta, self.gamma)
+
 
 @dataclass(frozen=True)
-class HHT:
+class HHT(SteppingAnswers):
     """Hilber, Hughes and Taylor: M a1 + (1 + alpha)(C v1 + K u1 - F1) = alpha (C v0 + K u0 - F0), contacts included.
 
     gamma = 1/2 - alpha, beta = (1 - alpha)^2/4: order 2, with high modes damped. (Hilber et al., 1977.)
@@ -92,9 +105,13 @@ class HHT:
     def __post_init__(self) -> None:
         check_fields(self)
 
+    def scheme(self, step: float) -> Scheme:
+        """Constants for a step in s."""
+        return family_scheme(step, alpha_m=0.0, alpha_f=-self.alpha)
+
 
 @dataclass(frozen=True)
-class WBZ:
+class WBZ(SteppingAnswers):
     """Wood, Bossak and Zienkiewicz: M [(1 - alpha) a1 + alpha a0] + C v1 + K u1 = F1 + b f1.
 
     gamma = 1/2 - alpha, beta = (1 - alpha)^2/4: order 2, with high modes damped. (Wood et al., 1980.)
@@ -122,9 +139,13 @@ class WBZ:
     def __post_init__(self) -> None:
         check_fields(self)
 
+    def scheme(self, step: float) -> Scheme:
+        """Constants for a step in s."""
+        return family_scheme(step, alpha_m=self.alpha, alpha_f=0.0)
+
 
 @dataclass(frozen=True)
-class GeneralizedAlpha:
+class GeneralizedAlpha(SteppingAnswers):
     """Generalised alpha: M a_m + C v_f + K u_f = F_f + b f_f, each taken within the step.
 
     alpha_m = (2 r - 1)/(r + 1), alpha_f = r/(r + 1), gamma = 1/2 - alpha_m + alpha_f,
@@ -153,9 +174,15 @@ class GeneralizedAlpha:
     def __post_init__(self) -> None:
         check_fields(self)
 
+    def scheme(self, step: float) -> Scheme:
+        """Constants for a step in s."""
+        r = self.spectral_radius
+        alpha_m, alpha_f = (2.0 * r - 1.0) / (r + 1.0), r / (r + 1.0)
+        return family_scheme(step, alpha_m, alpha_f)
+
 
 @dataclass(frozen=True)
-class MoreauJean:
+class MoreauJean(SteppingAnswers):
     """Time stepping with impulses for rigid contacts: velocities jump, no impact is an event of its own.
 
     M (v1 - v0) = dt (F - C v - K u)_theta + b P, u1 = u0 + dt v_theta, with ._theta = theta .1 + (1 - theta) .0;
@@ -191,55 +218,8 @@ class MoreauJean:
         """A rigid contact has nothing to resolve: 1."""
         return 1
 
-
-SteppingMethod = Newmark | HHT | WBZ | GeneralizedAlpha | MoreauJean
-"""The methods that take steps; `EventDriven` goes from event to event."""
-
-
-def require_method(method: Any) -> None:
-    """Raise `InputError` unless the value is one of the methods."""
-    allowed = "must be a Newmark, HHT, WBZ, GeneralizedAlpha, MoreauJean or EventDriven"
-    require(isinstance(method, SteppingMethod), "method", type(method).__name__, "", allowed)
-
-
-def scheme_of(method: SteppingMethod, dt: float | None = None) -> Scheme:
-    """Constants of a method for its own step (s), or for a finer one."""
-    require_method(method)
-    h = method.dt if dt is None else checked("dt", dt, quantity("s", above=0.0))
-    if isinstance(method, MoreauJean):
-        th = method.theta
+    def scheme(self, step: float) -> Scheme:
+        """Constants for a step in s."""
+        h, th = step, self.theta
         weights = h * h * th * (1.0 - th), h * (1.0 - th), h * h * th * th, h * th
-        return _mean_scheme(h, weights, th, rigid=True)
-    alpha_m, alpha_f = _shifts(method)
-    gamma, beta = 0.5 - alpha_m + alpha_f, 0.25 * (1.0 - alpha_m + alpha_f) ** 2
-    if isinstance(method, Newmark):
-        beta, gamma = method.beta, method.gamma
-    weights = h * h * (0.5 - beta), h * (1.0 - gamma), h * h * beta, h * gamma
-    if isinstance(method, Newmark) and method.contact == "energy-consistent":
-        return _mean_scheme(h, weights, 0.5, rigid=False)
-    give = (1.0 - alpha_f) / (1.0 - alpha_m)
-    return Scheme(
-        h, *weights, alpha_f, alpha_m,
-        carry=alpha_f / (1.0 - alpha_f), give_a=give, give_u=give * weights[2], give_v=give * weights[3],
-        spring_now=1.0, mean=False, rigid=False,
-    )  # fmt: skip
-
-
-def _shifts(method: Newmark | HHT | WBZ | GeneralizedAlpha) -> tuple[float, float]:
-    """alpha_m and alpha_f: where within the step inertia and the other forces are taken."""
-    if isinstance(method, HHT):
-        return 0.0, -method.alpha
-    if isinstance(method, WBZ):
-        return method.alpha, 0.0
-    if isinstance(method, GeneralizedAlpha):
-        r = method.spectral_radius
-        return (2.0 * r - 1.0) / (r + 1.0), r / (r + 1.0)
-    return 0.0, 0.0
-
-
-def _mean_scheme(h: float, weights: tuple[float, float, float, float], theta: float, rigid: bool) -> Scheme:
-    """Constants where one mean contact force per step is kept out of the acceleration."""
-    return Scheme(
-        h, *weights, 0.0, 0.0,
-        carry=0.0, give_a=0.0, give_u=h * h * theta, give_v=h, spring_now=theta, mean=True, rigid=rigid,
-    )  # fmt: skip
+        return mean_scheme(h, weights, th, rigid=True)

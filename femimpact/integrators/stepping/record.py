@@ -11,7 +11,7 @@ from femimpact.integrators.channel_rows import ChannelRows
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.memory import check_memory, first_steps, kept_rows, modes_kept
 from femimpact.integrators.stepping import layout
-from femimpact.integrators.stepping.newmark import SteppingMethod
+from femimpact.integrators.stepping.scheme import SteppingMethod
 from femimpact.response.columns import ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.response.response import Recorder
 from femimpact.system.system import System

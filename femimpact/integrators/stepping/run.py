@@ -15,9 +15,9 @@ from femimpact.integrators.channel_rows import channel_rows
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.stepping.block import Block, Inputs, prepare, run_block
 from femimpact.integrators.stepping.entries import keep
-from femimpact.integrators.stepping.newmark import SteppingMethod, require_method
 from femimpact.integrators.stepping.reading import Recorded, history_of, impacts_of, open_contacts, sticking_of
 from femimpact.integrators.stepping.record import piece_ends, record_of
+from femimpact.integrators.stepping.scheme import SteppingMethod
 from femimpact.integrators.stepping.step_size import check_sampling, check_step, step_notes
 from femimpact.integrators.threads import Progress
 from femimpact.response.channels import resolve_channels
@@ -50,7 +50,6 @@ def run_steps(
     DivergenceError
         If the motion is not finite or grows without bound.
     """
-    require_method(method)
     fits = in_range(duration, quantity("s", at_least=method.dt))
     require(fits, "duration", duration, "s", f"must be a finite number >= one step, {method.dt:g} s")
     check_sampling(np.array([excitation.frequency]), method, "frequency")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type
-from femimpact.integrators.stepping.newmark import MoreauJean, Newmark, SteppingMethod
+from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
 from femimpact.system.system import System
 
 __all__ = ["check_sampling", "check_step", "recommended_step", "shortest_contact", "step_notes"]
@@ -68,9 +68,8 @@ def check_step(system: System, method: SteppingMethod) -> tuple[str, ...]:
         unstable at dt, or the method is not made for a contact's law.
     """
     _check_laws(system, method)
-    if isinstance(method, Newmark) and 2.0 * method.beta < method.gamma:
-        omega = _highest_omega(system)
-        limit = 1.0 / (omega * math.sqrt(0.5 * method.gamma - method.beta))
+    if math.isfinite(method.stability_limit):
+        limit = method.stability_limit / _highest_omega(system)
         if method.dt > limit:
             allowed = f"must be <= {limit:.3g} s: with 2 beta < gamma the method is only conditionally stable"
             raise InputError([Fault("method.dt", method.dt, "s", allowed)])
@@ -95,10 +94,10 @@ def check_step(system: System, method: SteppingMethod) -> tuple[str, ...]:
 
 def _check_laws(system: System, method: SteppingMethod) -> None:
     """Refuse a rigid contact without impulses, and a compliant one with them."""
-    name = type(method).__name__
+    name, impulses = type(method).__name__, scheme_of(method).rigid
     for pair in system.contacts:
         rigid = pair.parameters.kind == RIGID
-        if isinstance(method, MoreauJean):
+        if impulses:
             allowed = f"must be Rigid(restitution) for {name}; compliant laws are for Newmark and its family"
             require(rigid, f"{pair.name}.contact", pair.law.name, "", allowed)
         else:

@@ -1,0 +1,45 @@
+"""One collision, stepped as the time loop steps it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from femimpact.integrators.answers import AchievedRestitution
+from femimpact.integrators.compiled.custom import address_of
+from femimpact.integrators.compiled.laws import LawNumbers
+from femimpact.integrators.stepping import touch
+from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
+from femimpact.system.system import ContactPair
+
+__all__ = ["stepped_restitution"]
+
+
+def stepped_restitution(
+    pair: ContactPair, method: SteppingMethod, approach_speed: float, phases: int
+) -> AchievedRestitution:
+    """Send the pair's effective mass against a wall with the method's own step, and look at the rebound.
+
+    Parameters
+    ----------
+    pair : ContactPair
+    method : SteppingMethod
+    approach_speed : float, m/s
+    phases : int
+        At how many instants within a step the touch is tried.
+
+    Returns
+    -------
+    AchievedRestitution
+    """
+    scheme = scheme_of(method, method.dt / method.refine)
+    law, force = pair.parameters, pair.law.force_function(pair.effective_mass)
+    address = 0 if force is None else address_of(force)
+    numbers = LawNumbers(
+        law.kind, 0.0, np.inf, law.stiffness, law.damping, law.exponent, law.restitution, 0.0, approach_speed, address
+    )
+    starts = (np.arange(phases) + 0.5) / phases
+    runs = [touch.collide(numbers, pair.effective_mass, approach_speed, start, scheme) for start in starts]
+    rebound, peak = (np.array(column) for column in zip(*runs, strict=True))
+    return AchievedRestitution(
+        law.restitution, float(rebound.mean()), float(rebound.min()), float(rebound.max()), float(peak.max())
+    )

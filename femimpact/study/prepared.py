@@ -1,0 +1,131 @@
+"""A study made ready, once: its mesh, its systems, its methods and the record of its history."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from femimpact.fem.mesh import Mesh
+from femimpact.integrators.memory import check_memory
+from femimpact.integrators.methods import Method
+from femimpact.response.response import Recorder
+from femimpact.study.cost import check_mesh, check_sweep
+from femimpact.study.study import BaseMotion, Study, build_systems, method_for, read_mesh_of
+from femimpact.system.system import System, without_impactors
+
+__all__ = ["PARTS", "PreparedStudy", "history_record", "prepare", "with_base"]
+
+PARTS = ("modes", "simulate", "sweep")
+"""What `run_study` does, each part by its name."""
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedStudy:
+    """A study with all that its run is made of.
+
+    Parameters
+    ----------
+    study : Study
+    mesh : Mesh or None
+        Of the study's file; None where it asks for a number of elements.
+    full, small : System
+        That of the mesh, and the one that is integrated.
+    bare : System
+        The one that is integrated, without its balls.
+    method, bare_method : Method
+        With the steps for `small` and `bare`.
+    record : Recorder
+        What the history keeps.
+    warnings : tuple of str
+        Of the method on the system.
+    """
+
+    study: Study
+    mesh: Mesh | None
+    full: System
+    small: System
+    bare: System
+    method: Method
+    bare_method: Method
+    record: Recorder
+    warnings: tuple[str, ...]
+
+
+def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
+    """Make a study ready, and find all that can be wrong with a run before its first long step.
+
+    Parameters
+    ----------
+    study : Study
+    parts : tuple of str
+        Of `PARTS`: which of them will run.
+
+    Returns
+    -------
+    PreparedStudy
+
+    Raises
+    ------
+    InputError
+        If mesh or sweep would not fit, the step does not resolve contact or base, or the history would keep too much.
+    """
+    mesh = read_mesh_of(study)
+    elements = study.mesh.elements if mesh is None else mesh.nodes.size - 1
+    check_mesh(study, elements or 1)
+    full, small = build_systems(study, mesh)
+    method = method_for(study, small)
+    warnings = method.check(small)
+    bare = without_impactors(small)
+    record = history_record(study, small, method)
+    prepared = PreparedStudy(
+        study, mesh, full, small, bare, method, method_for(study, bare), record=record, warnings=warnings
+    )
+    _check_drives(prepared, parts)
+    return prepared
+
+
+def with_base(prepared: PreparedStudy, base: BaseMotion) -> PreparedStudy:
+    """The same study with another motion of its base: the systems and methods stay, the record is made anew."""
+    study = replace(prepared.study, base=base)
+    return replace(prepared, study=study, record=history_record(study, prepared.small, prepared.method))
+
+
+def history_record(study: Study, small: System, method: Method) -> Recorder:
+    """What the study's history keeps: every place that carries a ball, the balls, the last cycles whole."""
+    output = study.output
+    kept, grid = min(output.frame_cycles / study.base.frequency, study.base.duration), _grid(study, method)
+    channels: list[str | float] = ["tip", "tip.velocity", "mid"]
+    for pair in small.contacts:
+        place = next((name for name, x in small.points.items() if x == pair.position), None)
+        if place not in (None, "tip"):
+            channels += [str(place), f"{place}.velocity"]
+        moving = [] if pair.is_stop else [pair.name, f"{pair.name}.velocity"]
+        channels += [*moving, f"{pair.name}.contact_force"]
+    return Recorder(
+        channels=tuple(channels),
+        every=output.every,
+        snapshots=max(round(kept / (output.frames * grid)), 1) if output.frames else 0,
+        snapshots_start=max(study.base.duration - kept, 0.0),
+        memory_limit=output.memory_limit,
+    )
+
+
+def _grid(study: Study, method: Method) -> float:
+    """Time (s) between instants at which the history can be read."""
+    return method.time_grid(study.base.frequency)
+
+
+def _check_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> None:
+    """Refuse a history or a sweep that the methods do not resolve, or that would keep too much."""
+    study, small, method, record = prepared.study, prepared.small, prepared.method, prepared.record
+    base = study.base
+    if "simulate" in parts:
+        method.check_drive(np.array([base.frequency]), "base.frequency")
+        grid = _grid(study, method)
+        channels, key = len(record.channels or ()), "output.memory_limit"
+        check_memory(small, record, channels, round(base.duration / grid), grid, base.frequency, key)
+    if "sweep" in parts and study.sweep is not None:
+        check_sweep(study, small, method)
+        for each in (method, prepared.bare_method):
+            each.check_drive(np.array([study.sweep.stop]), "sweep.stop")

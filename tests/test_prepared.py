@@ -1,0 +1,228 @@
+"""A study is made ready once, is written down as it was run, and its summary says everything once."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+import femimpact as fi
+from femimpact.study import demo
+from femimpact.study import study as studies
+from femimpact.study.demo import paper_study
+from femimpact.study.plan import plan_lines
+from femimpact.study.prepared import prepare, with_base
+from femimpact.study.results import FILES, OTHER_FILES
+from femimpact.study.run import last_cycles, run_simulation, run_study
+from femimpact.study.study import Gravity, MeshChoice, Output, Reduction, SweepPlan
+from femimpact.study.study_file import LAWS, TABLES, load_study, read_study
+from femimpact.study.study_text import same_study, study_text
+from femimpact.study.summary import contacts_of, summary_of
+
+
+@pytest.fixture(scope="module")
+def study():
+    """The paper's case in seconds: figures, no frames."""
+    paper = paper_study()
+    return dataclasses.replace(
+        paper,
+        base=dataclasses.replace(paper.base, duration=2.0),
+        sweep=SweepPlan(4.0, 6.0, points=4, cycles=24, refine=2),
+        output=Output(frames=0, paraview=False, movie=False),
+    )
+
+
+@pytest.fixture
+def assembled(monkeypatch):
+    """The structures that are assembled while a test runs, one for each time."""
+    found, assemble = [], studies.assemble
+
+    def counted(structure, **more):
+        found.append(structure)
+        return assemble(structure, **more)
+
+    monkeypatch.setattr(studies, "assemble", counted)
+    return found
+
+
+def test_a_run_assembles_the_structure_once_and_the_glued_one_once(study, assembled, tmp_path):
+    run_study(study, tmp_path / "out")
+    assert sorted(map(len, ([s.impactors for s in assembled]))) == [0, 1]
+    assert assembled == [study.structure, fi.glue_impactors(study.structure)]
+
+
+@pytest.mark.parametrize("parts", [("simulate",), ("sweep",), ("simulate", "sweep")])
+def test_without_modes_nothing_is_glued(study, assembled, tmp_path, parts):
+    run_study(study, tmp_path / "out", parts=parts)
+    assert assembled == [study.structure]
+
+
+def test_a_plan_assembles_once(study, assembled):
+    plan_lines(study)
+    assert assembled == [study.structure]
+
+
+def test_the_demo_assembles_once_beside_its_scans(study, assembled, tmp_path, monkeypatch):
+    short = dataclasses.replace(study, output=dataclasses.replace(study.output, figures=False))
+    monkeypatch.setattr(demo, "paper_study", lambda: short)
+    demo.run_demo(tmp_path / "out", scan=demo.ScanPlan((0.7,), points=4, cycles=24, starts=1))
+    assert assembled == [short.structure, fi.glue_impactors(short.structure)]
+
+
+def test_another_base_motion_leaves_systems_and_methods_as_they_are(study):
+    one = prepare(study)
+    other = with_base(one, dataclasses.replace(study.base, duration=1.0, frequency=5.0))
+    fresh = prepare(other.study)
+    assert other.small is one.small
+    assert other.method == fresh.method
+    assert other.record == fresh.record != one.record
+
+
+@pytest.mark.parametrize("method", [{"name": "newmark"}, {"name": "event-driven", "samples_per_cycle": 4096}])
+def test_the_last_cycles_are_those_of_the_run_to_the_last_bit(study, method):
+    output = dataclasses.replace(study.output, every=1)
+    base = dataclasses.replace(study.base, duration=50 / study.base.frequency)
+    ready = prepare(dataclasses.replace(study, base=base, method=method, output=output), ("simulate",))
+    response = run_simulation(ready)
+    cut = last_cycles(ready, response)
+    # with another stride of the history they come from a second run
+    again = last_cycles(dataclasses.replace(ready, record=dataclasses.replace(ready.record, every=7)), response)
+    assert cut.time.size < response.time.size
+    np.testing.assert_array_equal(cut.time, again.time)
+    assert set(cut.channels) == set(again.channels)
+    for name, values in cut.channels.items():
+        np.testing.assert_array_equal(values, again.channels[name])
+
+
+# ---- the study as text ----------------------------------------------------------------------------
+
+LAW_OF = {
+    "kelvin-voigt": fi.KelvinVoigt(stiffness=1.0 / 3.0 * 1e4, damping=0.0),
+    "switching-spring": fi.SwitchingSpring(0.0, 1e4),
+    "hertz": fi.Hertz(1e7, exponent=1.7),
+    "hunt-crossley": fi.HuntCrossley(1e7, 0.9),
+    "lankarani-nikravesh": fi.LankaraniNikravesh(1e7, 0.9),
+    "flores": fi.Flores(1e7, 0.1, reference_speed=0.1),
+    "gonthier-carvalho-martins": fi.GonthierCarvalhoMartins(1e7, 1.0),
+    "rigid": fi.Rigid(0.0),
+}
+
+
+def structure_with(law):
+    segments = (
+        fi.Segment(0.1, 70e9, 2700.0, width=0.02, thickness=0.1 + 0.2, name="thick"),
+        fi.Segment(0.2, 70e9, 2700.0, area=1e-5, second_moment=1e-12, name="thin"),
+    )
+    return fi.Structure(
+        beam=fi.Beam(segments),
+        masses=(fi.PointMass("box", "tip", 0.02, rotary_inertia=1e-7), fi.PointMass("clip", 0.1, 0.0)),
+        impactors=(fi.Impactor("ball", "tip", 3e-3, (1e-3, 2e-3), law, free_stiffness=1.0, acceleration=-0.5),),
+        stops=(fi.Stop("wall", "mid", (5e-3, math.inf), fi.Rigid(0.5), fixed_to="space"),),
+        supports=(fi.Support("pinned", "root"), fi.Support("pinned", 0.2)),
+        damping=fi.Rayleigh((0.01, 0.02), frequencies=(5.0, 30.0)),
+        gravity=-9.81,
+    )
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_study_is_what_its_text_says_to_the_last_bit(study, name):
+    changed = dataclasses.replace(
+        study,
+        structure=structure_with(LAW_OF[name]),
+        mesh=MeshChoice(elements=12),
+        method={"name": "newmark", "contact": "energy-consistent", "allow_coarse_step": True, "dt": 1e-4 / 3},
+        reduction=None,
+        output=Output(every=3, memory_limit=2e9, exaggeration=2.5, movie=False),
+    )
+    back = read_study(study_text(changed), changed.path)
+    assert same_study(back, changed)
+    assert not same_study(back, study)
+    # what the text gives is written as it is
+    assert study_text(back) == back.text
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"base": dataclasses.replace(paper_study().base, frequency=math.pi, start="static", phase=-1.0)},
+        {"sweep": None},
+        {"method": {"name": "event-driven", "samples_per_cycle": 128}},
+        {"method": {}},
+        {"reduction": Reduction(3)},
+        {"mesh": MeshChoice(file='a "b".msh')},
+    ],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_one_change_is_in_the_text_and_nothing_else_is(changes):
+    changed = dataclasses.replace(paper_study(), **changes)
+    assert same_study(read_study(study_text(changed), changed.path), changed)
+
+
+def test_every_table_of_a_study_file_can_be_written(study):
+    everything = dataclasses.replace(study, structure=structure_with(fi.Rigid(0.5)), method={"name": "event-driven"})
+    text = study_text(everything)
+    for table in TABLES:
+        assert f"[{table}]" in text or f"[[{table}]]" in text or f"[{table}.segment]" in text
+    assert Gravity(everything.structure.gravity).acceleration == -9.81
+
+
+def test_a_study_that_was_not_changed_keeps_its_text_and_comments():
+    paper = paper_study()
+    assert study_text(paper) == paper.text
+    assert study_text(dataclasses.replace(paper, base=dataclasses.replace(paper.base))) == paper.text
+
+
+def test_a_law_without_a_name_in_study_files_is_named_and_not_taken_for_another(study):
+    law = fi.CustomLaw(lambda depth, rate, speed: 1e4 * depth, name="rigid")
+    ball = dataclasses.replace(study.structure.impactors[0], contact=law)
+    text = study_text(dataclasses.replace(study, structure=dataclasses.replace(study.structure, impactors=(ball,))))
+    with pytest.raises(fi.InputError, match=r"impactor\.ball\.contact\.law"):
+        read_study(text, study.path)
+    assert "'rigid' (CustomLaw) has no name in study files" in text
+
+
+def test_results_hold_the_study_that_was_run_not_the_file_it_came_from(study, tmp_path):
+    changed = dataclasses.replace(study, base=dataclasses.replace(study.base, frequency=5.1))
+    run_study(changed, tmp_path / "out", parts=("simulate",))
+    left = load_study(tmp_path / "out" / FILES["study"])
+    assert same_study(left, changed)
+    assert left.base.frequency == json.loads((tmp_path / "out" / FILES["summary"]).read_text())["history"]["frequency"]
+
+
+# ---- what is said once ----------------------------------------------------------------------------
+
+
+def blocks(value, path=""):
+    """Every mapping of three keys or more within a summary, by its path."""
+    if isinstance(value, dict):
+        if len(value) >= 3:
+            yield path, value
+        for key, inner in value.items():
+            yield from blocks(inner, f"{path}/{key}")
+
+
+def test_no_block_of_a_summary_is_repeated(study, tmp_path):
+    law = fi.KelvinVoigt(restitution=0.5, contact_time=2e-3)
+    second = fi.Impactor("second", "mid", 1e-3, 2e-3, law)
+    structure = dataclasses.replace(study.structure, impactors=(*study.structure.impactors, second))
+    run_study(dataclasses.replace(study, structure=structure), tmp_path / "out")
+    summary = fi.load(tmp_path / "out").summary
+    for (one, first), (other, twin) in combinations(blocks(summary), 2):
+        assert first != twin, f"{one} is {other}"
+    assert list(contacts_of(summary)) == ["ball", "second"]
+    assert summary["contact"]["name"] == "ball"
+    assert summary["further_contacts"]["second"]["law"] == "kelvin-voigt"
+
+
+def test_a_study_without_a_contact_has_none_in_its_summary(study):
+    empty = dataclasses.replace(study, structure=dataclasses.replace(study.structure, impactors=()))
+    assert contacts_of(summary_of(prepare(empty))) == {}
+
+
+def test_one_file_name_has_one_key():
+    names = [*FILES.values(), *OTHER_FILES.values()]
+    assert len(set(names)) == len(names)
