@@ -146,7 +146,9 @@ MUTATIONS = (
     ),
     Mutation("mean_rate", "give_u=h * h * theta, give_v=h,", "give_u=h * h * theta, give_v=1.1 * h,"),
     Mutation(
-        "jean_restitution", "gate * (rate + restitution * rate_before) / give_v", "gate * (rate + rate_before) / give_v"
+        "jean_restitution",
+        "(rate + law.restitution * free.rate_before) / give_v",
+        "(rate + 1.02 * law.restitution * free.rate_before) / give_v",
     ),
     Mutation("stepped_contact_loss", "m.ledger[CONTACT_LOSS, c] += loss", "m.ledger[CONTACT_LOSS, c] += 0.0"),
     Mutation("stepped_ball_work", "work[c] += mass[c] * acting * (", "work[c] += 0.0 * acting * ("),
