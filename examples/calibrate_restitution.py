@@ -6,8 +6,8 @@ the ball. For every e of a scan the contact is a Kelvin-Voigt pair with the same
     e = exp(-2 z acos z / sqrt(1 - z^2)),   z = c / (2 sqrt(k m_eff)),
 
 and the sweep of the paper is run from rest. Each e is judged by the distance of its largest peak from
-the published 4.95 Hz and a five-fold drop of the amplitude. Two starts, at rest on the base and at
-rest in space, are scanned: where several motions exist, the start chooses between them. The motions are
+the published 4.95 Hz and a five-fold drop of the amplitude. Two starts, at rest relative to the base and at
+rest in the inertial frame, are scanned: where several motions exist, the start chooses between them. The motions are
 chaotic: what is shown are medians over several places of the ball in its box.
 """
 

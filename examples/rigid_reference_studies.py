@@ -101,7 +101,7 @@ LARGE = 5.5e-3
 
 
 def large_motions(restitution: float, frequency: float, cycles: int, starts: int = 60, modes: int = 4) -> int:
-    """How many starts, of the theory's beam at rest on the base, end a dwell in the large motion.
+    """How many starts, of the theory's beam at rest relative to the base, end a dwell in the large motion.
 
     The starts differ by the phase of the base, in equal steps over a turn; the last third of the dwell decides.
     """
@@ -179,14 +179,14 @@ if __name__ == "__main__":
         "wrote", figures.save_figure(figures.restitution_figure(labelled, PEAK, RATIO), "rigid_reference_studies.png")
     )
     for count, scan in on_grids("experiment").items():
-        print(f"\nexperiment, from rest on the base, {count} frequencies")
+        print(f"\nexperiment, from rest relative to the base, {count} frequencies")
         rows = [
             (f"{e:.2f}", f"{peak:.2f}", f"{ratio:.2f}")
             for e, peak, ratio in zip(scan.restitution, scan.peak_frequency, scan.amplitude_ratio, strict=True)
         ]
         _print_rows(("restitution", "peak (Hz)", "amplitude ratio"), rows)
         print(f"closest: {scan.restitution[scan.best(PEAK, RATIO)]:.2f}")
-    print("\ntheory, from rest on the base: of 60 starts, those that end a dwell in the large motion")
+    print("\ntheory, from rest relative to the base: of 60 starts, those that end a dwell in the large motion")
     dwells = (300, 600, 1200)
     rows = [
         (f"{e:g}", f"{f:g}", *(str(large_motions(e, f, cycles)) for cycles in dwells))
@@ -195,7 +195,9 @@ if __name__ == "__main__":
     ]
     _print_rows(("restitution", "base (Hz)", *(f"{cycles} cycles" for cycles in dwells)), rows)
     for study, restitution in (("experiment", 0.3), ("theory", 0.78)):
-        print(f"\n{study}, restitution {restitution}, 4.8 to 5.1 Hz from rest on the base: means over the sweep")
+        print(
+            f"\n{study}, restitution {restitution}, 4.8 to 5.1 Hz from rest relative to the base: means over the sweep"
+        )
         rows = [
             (
                 row.method, f"{1e3 * row.contact_time:g}", f"{1e3 * row.curve.peak_amplitude:.3f}",

@@ -1,6 +1,6 @@
 """Vibro-impact dynamics of beams, and the design of impact dampers on them.
 
-Public names are loaded from their rooms on first use, so that `import femimpact` costs nothing.
+Public names are loaded from their modules on first use, so that `import femimpact` costs nothing.
 """
 
 from __future__ import annotations

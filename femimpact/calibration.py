@@ -1,4 +1,4 @@
-"""The restitution that a published resonance asks for: a scan, since it is the one unknown that decides the curve."""
+"""The restitution that a published resonance implies: a scan, since it is the one unknown that decides the curve."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def scan_restitution(
     Parameters
     ----------
     structure : Structure
-        Its contacts are Rigid, flown by the event-driven method, or Kelvin-Voigt with a restitution,
+        Its contacts are Rigid, run by the event-driven method, or Kelvin-Voigt with a restitution,
         stepped by Newmark.
     restitutions : array_like (n,), 1
     empty : FrequencyResponse

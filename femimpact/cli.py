@@ -116,16 +116,16 @@ def demo(*, output: Output = None, force: Force = False, quiet: Quiet = False) -
         "unit",
         "paper theory",
         "paper experiment",
-        "femimpact, rest on base",
-        "rest in space",
+        "rest relative to base",
+        "rest in inertial frame",
         "method",
     )
     _print_table(console, header, found.comparison, "The paper beside femimpact")
     columns = (
         "restitution",
-        "peak (Hz), rest on base",
+        "peak (Hz), relative to base",
         "amplitude ratio",
-        "peak (Hz), rest in space",
+        "peak (Hz), inertial frame",
         "amplitude ratio",
     )
     _print_table(console, columns, found.scan_rows, "Restitution scan")

@@ -60,7 +60,7 @@ def random_case(seed: int) -> RandomCase:
     Excitations: half a sine of the base, a quarter a force at a place, a quarter a broken line of random
     accelerations of the base; 60 % of the sines within 20 % of the first frequency, else 0.2 to 3 times it; they
     keep 5 % away from natural frequencies where there is no damping, and from those of balls on centring springs.
-    Phases are random. Starts: rest in the base, rest in space, or given positions and velocities.
+    Phases are random. Starts: rest in the base, rest in the inertial frame, or given positions and velocities.
 
     Durations aim at 100 to 2000 impacts by a rough count, within 6 and 200 cycles (of a sine, or of the
     structure under a broken line).

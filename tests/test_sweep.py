@@ -192,7 +192,8 @@ def switching(reference, stiffness):
 
 
 def test_a_case_that_diverges_is_a_failed_row_with_its_reason(reference):
-    # the paper's own step and spring: an energy source. At rest in space and at 4 Hz the beam never reaches the ball
+    # the paper's own step and spring: an energy source. From rest in the inertial frame, at 4 Hz, the beam never
+    # reaches the ball
     system = switching(reference, 1e5)
     method = fi.Newmark(1 / (20 * system.first_frequency), allow_coarse_step=True, divergence_limit=2.0)
     curve = fi.frequency_sweep(system, AMPLITUDE, [4.0, 5.3], method, cycles=100, initial=fi.State.at_rest("space"))

@@ -54,7 +54,7 @@ def test_columns_of_a_study(study):
 def test_equivalent_damping_is_the_modes_own_where_nothing_touches():
     full = cantilever(damping=0.02)
     f1 = full.first_frequency
-    # phase: the ball starts at rest in space, and stays
+    # phase: the ball starts at rest in the inertial frame, and stays
     quiet = fi.mode_convergence(full, fi.Sine(1e-5, f1, math.pi / 2), fi.EventDriven(), 150.0, [1, 2, 3])
     assert np.all(quiet.contact_loss == 0.0)
     assert np.all(np.isnan(quiet.mean_impulse))

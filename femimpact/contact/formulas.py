@@ -27,7 +27,7 @@ KELVIN_VOIGT, SWITCHING_SPRING, POWER, CUSTOM, RIGID = range(5)
 
 
 def penetration(x: float, gap_plus: float, gap_minus: float) -> tuple[float, float]:
-    """Penetration (m) and side (+1, -1, or 0 in flight) of a ball at x = y_ball - w_structure."""
+    """Penetration (m) and side (+1, -1, or 0 between contacts) of a ball at x = y_ball - w_structure."""
     if x > gap_plus:
         return x - gap_plus, 1.0
     if x < -gap_minus:

@@ -169,7 +169,7 @@ def contact_potential(law: ContactLaw, depth: float, effective_mass: float, appr
 
 
 def collide(law: ContactLaw, effective_mass: float, approach_speed: float) -> Collision:
-    """Throw a mass at a wall of the law: m p'' = -N(p, p'), p(0) = 0, p'(0) = v, until N is zero again.
+    """Send a mass against a wall of the law: m p'' = -N(p, p'), p(0) = 0, p'(0) = v, until N is zero again.
 
     Parameters
     ----------

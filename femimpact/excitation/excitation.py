@@ -38,7 +38,7 @@ class Excitation(Protocol):
 
     @property
     def amplitude(self) -> float:
-        """Largest displacement of the base, m: the scale by which divergence is told."""
+        """Largest displacement of the base, m: the scale by which divergence is recognised."""
 
     def displacement(self, time: ArrayLike) -> NDArray[Any]:
         """Base displacement ub (m) at times in s."""

@@ -192,7 +192,7 @@ class Stream:
     streamed_to: float | None = None
 
     def hand_over(self) -> None:
-        """Give the sink, if there is one, what has come together in the run, and make room there."""
+        """Give the sink, if there is one, what has come together in the run, and free the arrays there."""
         if self.sink is None:
             return
         found = self.read(self.samples, self.snapshots)

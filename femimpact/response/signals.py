@@ -24,7 +24,7 @@ class CycleStatistics:
     Maximum and minimum are those of the motion w(t) from the cycle's begin to its end, both included, not of
     samples: crests between samples and instants of impact count. `EventDriven` has them to 1e-9 of the peak. The
     step methods take them from the cubic through both ends of a step with their rates, and at a rigid impact from
-    the flight before it, so that they are of the order of the method: 2 for smooth motion, where the cubic alone
+    the motion before it, so that they are of the order of the method: 2 for smooth motion, where the cubic alone
     has order 4, and 1 after rigid impacts with `MoreauJean`. The sums are over samples.
 
     Parameters

@@ -52,7 +52,7 @@ PUBLISHED: Mapping[str, float] = {
 }
 """The paper's Table 1 and section 5: Hz, 1 and N."""
 
-STARTS = {"base": "at rest on the base", "space": "at rest in space"}
+STARTS = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
 
 OFF_CENTRE = 0.1e-3
 """The starts of one frame differ by where the ball lies: up to so far (m) from the middle of its box."""
@@ -93,12 +93,14 @@ class Demo:
     ----------
     results : StudyResults
     comparison : tuple of rows
-        (quantity, unit, paper theory, paper experiment, femimpact from rest on the base,
-        from rest in space, method): femimpact's in words, a median with its range where the motion is chaotic.
+        (quantity, unit, paper theory, paper experiment, femimpact from rest relative to the base,
+        from rest in the inertial frame, method): femimpact's in words, a median with its range where the motion is
+        chaotic.
     scans : mapping of str to RestitutionScan
         By start: medians over several starts in one frame.
     scan_rows : tuple of rows
-        (restitution, then peak in Hz and amplitude ratio from rest on the base, and from rest in space), in words.
+        (restitution, then peak in Hz and amplitude ratio from rest relative to the base, and from rest in the inertial
+        frame), in words.
     restitution : float, 1
         Of the study.
     remarks : tuple of str
@@ -199,7 +201,7 @@ def states(start: str, count: int) -> tuple[State, ...]:
 
 
 def scan_both_starts(study: Study, plan: ScanPlan, report: Report) -> dict[str, tuple[RestitutionScan, ...]]:
-    """Restitution scans from rest on the base and from rest in space, one for each start in a frame."""
+    """Restitution scans from rest relative to the base and from rest in the inertial frame."""
     return _scans(prepare(study, ("sweep",)), plan, report)
 
 
@@ -350,11 +352,11 @@ def remark(
     )
     return (
         f"the restitution is the study's, {restitution:.2f}; near the published resonance (misfit below {NEAR:g}) come "
-        f"from rest on the base: {near}; from rest in space the peak stays at "
+        f"from rest relative to the base: {near}; from rest in the inertial frame the peak stays at "
         f"{space.peak_frequency.min():.2f} Hz or above",
-        f"the start decides the headline: peak at {peak['base']} Hz with a ratio of {ratio['base']} from rest on the "
-        f"base, at {peak['space']} Hz with a ratio of {ratio['space']} from rest in space; the paper does not say "
-        "which it took",
+        f"the start decides the headline: peak at {peak['base']} Hz with a ratio of {ratio['base']} from rest "
+        f"relative to the base, at {peak['space']} Hz with a ratio of {ratio['space']} from rest in the inertial "
+        "frame; the paper does not say which it took",
         f"medians and ranges are those of {SAMPLES} starts in each frame, the ball up to {1e3 * OFF_CENTRE:g} mm off "
         "the middle of its box: the motion is chaotic, and one run is a sample",
         "the experiment's 5.05 Hz without ball and the theory's 5.30 Hz cannot both be met: the shifts to 4.95 and "

@@ -28,7 +28,7 @@ class PreparedStudy:
     ----------
     study : Study
     mesh : Mesh or None
-        Of the study's file; None where it asks for a number of elements.
+        Of the study's file; None where it gives a number of elements.
     full, small : System
         That of the mesh, and the one that is integrated.
     bare : System

@@ -69,7 +69,7 @@ class Gravity:
 class BaseMotion:
     """`[base]`: amplitude of the sine; frequency, phase and duration of the simulated history; start.
 
-    The start is at rest relative to the base, at rest in space, or the static state (`State.static`).
+    The start is at rest relative to the base, at rest in the inertial frame, or the static state (`State.static`).
     """
 
     amplitude: float = field(metadata=quantity("m", above=0.0))
@@ -192,7 +192,7 @@ def build_systems(study: Study, mesh: Mesh | None) -> tuple[System, System]:
 
 
 def assemble_on(study: Study, structure: Structure, mesh: Mesh | None) -> System:
-    """A structure on the study's mesh: that of its file, or one of as many elements as it asks for."""
+    """A structure on the study's mesh: that of its file, or one of as many elements as it gives."""
     return assemble(structure, mesh=mesh, elements=None if mesh else study.mesh.elements)
 
 
@@ -204,5 +204,5 @@ def method_for(study: Study, system: System) -> Method:
 
 
 def read_mesh_of(study: Study) -> Mesh | None:
-    """The mesh of the study's file; None where it asks for a number of elements."""
+    """The mesh of the study's file; None where it gives a number of elements."""
     return read_mesh(study.path.parent / study.mesh.file) if study.mesh.file else None

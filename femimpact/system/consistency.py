@@ -1,7 +1,7 @@
 """Whether the fields of a system go together: cheap to see of one made anew, at no cost of a copy.
 
 Stiffness factor, modes, base load, masses and contacts follow from M, C, K and the points. A system remembers the
-very objects that were computed together, so that a copy with another one of them is told from a sound copy.
+very objects that were computed together, so that a copy with another one of them is distinguished from a sound copy.
 """
 
 from __future__ import annotations

@@ -710,7 +710,7 @@ class State:
     Raises
     ------
     InputError
-        If a value is out of range, or a static state is asked for at rest in space.
+        If a value is out of range, or a static state is asked for at rest in the inertial frame.
     """
 
     displacement: Any = field(default=None, metadata=column("m", "dofs", finite=True))

@@ -1,4 +1,4 @@
-"""Motions under each kind of excitation in closed form: sines, forces, recorded bases, rest in space."""
+"""Motions under each kind of excitation in closed form: sines, forces, recorded bases, rest in the inertial frame."""
 
 from __future__ import annotations
 
@@ -38,23 +38,25 @@ def _oscillator(damping: float = DAMPING) -> System:
 
 
 def _resting_ball(law: ContactLaw, method: Any) -> Response:
-    """A ball at rest in space, between walls that the base's motion does not reach."""
+    """A ball at rest in the inertial frame, between walls that the base's motion does not reach."""
     ball = Impactor("ball", "tip", 0.1, 1.0, law)
     system = System.from_matrices([[1.0]], [[0.1]], [[OMEGA**2]], points={"tip": [1.0]}, impactors=[ball])
     base = Sine(1e-3, 1.3, 0.4)
     return integrate(system, base, method, 5.0, Recorder(("ball", "ball.velocity")), State.at_rest("space"))
 
 
-def ball_stays(flown: bool) -> Case:
+def ball_stays(event_driven: bool) -> Case:
     """A ball that nothing touches stays where it is in space, however the base moves."""
     soft = KelvinVoigt(restitution=0.5, contact_time=0.1)
-    run = _resting_ball(Rigid(0.5), EventDriven()) if flown else _resting_ball(soft, Newmark(1e-3))
+    run = _resting_ball(Rigid(0.5), EventDriven()) if event_driven else _resting_ball(soft, Newmark(1e-3))
     largest = float(np.max(np.abs(run.absolute("ball"))))
     return Case(
-        f"ball at rest in space on a shaken base, {'event-driven' if flown else 'Newmark'}",
+        f"ball at rest in the inertial frame on a shaken base, {'event-driven' if event_driven else 'Newmark'}",
         "derived here (no force, no motion)", "largest displacement in space", "m", 0.0, largest,
-        1e-14 if flown else 4e-7,
-        "rounding" if flown else "(omega dt)^2/12 = 5.6e-6 of the drift of 38 mm that the sine's own speed cancels",
+        1e-14 if event_driven else 4e-7,
+        "rounding"
+        if event_driven
+        else "(omega dt)^2/12 = 5.6e-6 of the drift of 38 mm that the sine's own speed cancels",
     )  # fmt: skip
 
 
@@ -62,7 +64,8 @@ def ball_keeps_its_speed() -> Case:
     """The same, its velocity in space."""
     speed = float(np.max(np.abs(_resting_ball(Rigid(0.5), EventDriven()).absolute("ball.velocity"))))
     return Case(
-        "ball at rest in space on a shaken base, event-driven: speed", "derived here (no force, no motion)",
+        "ball at rest in the inertial frame on a shaken base, event-driven: speed",
+        "derived here (no force, no motion)",
         "largest speed in space", "m/s", 0.0, speed, 1e-13, "rounding",
     )  # fmt: skip
 
@@ -164,7 +167,7 @@ def recorded_displacement() -> Case:
     )  # fmt: skip
 
 
-def recorded_flight() -> Case:
+def recorded_free_motion() -> Case:
     """Duhamel's integral of a recorded base, event-driven."""
     run = integrate(_oscillator(0.0), RAMP, EventDriven(), 1.5, Recorder(("tip",)))
     return Case(
@@ -210,14 +213,14 @@ def steady(column: str) -> Case:
 
 
 CASES: tuple[Callable[[], Case], ...] = (
-    *(partial(ball_stays, flown) for flown in (True, False)),
+    *(partial(ball_stays, event_driven) for event_driven in (True, False)),
     ball_keeps_its_speed,
     pushed,
     shaken,
     partial(stepped_drive, "Newmark 1/4, 1/2", Newmark(0.02), 0.0, 0.0),
     partial(stepped_drive, "generalised alpha, r = 0.5", GeneralizedAlpha(0.02, 0.5), 0.0, 1 / 3),
     recorded_displacement,
-    recorded_flight,
+    recorded_free_motion,
     recorded_steps,
     *(partial(steady, column) for column in ("rms", "first_harmonic", "phase")),
 )

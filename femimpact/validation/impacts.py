@@ -40,8 +40,8 @@ def shaken_floor(restitution: float, gap: tuple[float, float], acceleration: flo
     return System.from_matrices([[1.0]], [[0.1]], [[1.0]], points={"floor": [0.0]}, impactors=[ball])
 
 
-def _thrown(masses: list[float], restitution: float) -> Response:
-    """The first body thrown at the others with 2 m/s from 1 m away."""
+def _collision_run(masses: list[float], restitution: float) -> Response:
+    """The first body sent against the others with 2 m/s from 1 m away."""
     n = len(masses)
     start = State(displacement=[-1.0] + [0.0] * (n - 1), velocity=[2.0] + [0.0] * (n - 1))
     channels = tuple(f"mass {i}.velocity" for i in range(n))
@@ -59,13 +59,13 @@ def collision(body: int, restitution: float) -> Case:
     return Case(
         f"collision of 0.3 and 0.7 kg, e = {restitution:g}, body {body + 1}",
         "derived here (momentum and restitution)", "velocity after", "m/s", reference,
-        float(_thrown(m, restitution)[f"mass {body}.velocity"][-1]), 1e-12, "rounding",
+        float(_collision_run(m, restitution)[f"mass {body}.velocity"][-1]), 1e-12, "rounding",
     )  # fmt: skip
 
 
 def cradle() -> Case:
     """Newton's cradle: the last of five equal bodies in touch leaves with the first one's speed."""
-    run = _thrown([1.0] * 5, 1.0)
+    run = _collision_run([1.0] * 5, 1.0)
     final = np.array([run[f"mass {i}.velocity"][-1] for i in range(5)])
     return Case(
         "Newton's cradle of five", "derived here (momentum and energy)", "largest error of the five velocities", "m/s",
@@ -104,8 +104,8 @@ def ball_leaves_the_table() -> Case:
 def ball_bounces_once_a_cycle(restitution: float) -> Case:
     """One bounce in each cycle: cos(theta) = pi g (1 - e)/((1 + e) A w^2).
 
-    A flight of one period from and to the same height starts with v = g T/2 and ends with -v. The
-    impact asks v - A w cos(theta) = e (v + A w cos(theta)).
+    A free motion of one period from and to the same height starts with v = g T/2 and ends with -v. The
+    impact demands v - A w cos(theta) = e (v + A w cos(theta)).
     """
     pull = math.pi * GRAVITY * (1 - restitution) / (1 + restitution)
     # 1.3: theta = 0.69, where the bounce is stable

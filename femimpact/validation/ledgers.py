@@ -40,8 +40,10 @@ STILL = Sine(0.0, 50.0)
 # ---- one collision with a wall that does not move ------------------------------------------------
 
 
-def _thrown(law: ContactLaw, method: Any, gap: float | tuple[float, float] = 1e-3, speed: float = SPEED) -> Response:
-    """A ball thrown from the centre at a wall: the structure's row is zero."""
+def _collision_run(
+    law: ContactLaw, method: Any, gap: float | tuple[float, float] = 1e-3, speed: float = SPEED
+) -> Response:
+    """A ball sent from the centre against a wall: the structure's row is zero."""
     ball = Impactor("ball", "tip", MASS, gap, law)
     system = System.from_matrices([[1.0]], [[0.0]], [[1.0]], points={"tip": [0.0]}, impactors=[ball])
     far = max(gap) if isinstance(gap, tuple) else gap
@@ -91,9 +93,9 @@ def linear_collision(quantity: str) -> Case:
     )  # fmt: skip
 
 
-def flown_collision(quantity: str) -> Case:
+def event_driven_collision(quantity: str) -> Case:
     """The same contact event-driven: its row in the table of impacts."""
-    impacts = _thrown(SOFT, EventDriven()).impacts
+    impacts = _collision_run(SOFT, EventDriven()).impacts
     computed = {
         "restitution": impacts.restitution, "contact time": impacts.duration, "peak force": impacts.peak_force,
         "energy loss": impacts.energy_loss,
@@ -106,7 +108,7 @@ def flown_collision(quantity: str) -> Case:
 
 def rigid_steps() -> Case:
     """Moreau and Jean's rule returns e v."""
-    impacts = _thrown(Rigid(0.6), MoreauJean(1e-4)).impacts
+    impacts = _collision_run(Rigid(0.6), MoreauJean(1e-4)).impacts
     return Case(
         "rigid contact, Moreau-Jean", "derived here (Newton's restitution)", "restitution", "1", 0.6,
         float(impacts.restitution[0]), 1e-12, "rounding",
@@ -129,7 +131,7 @@ def stepped_momentum(body: str) -> Case:
 
 def unequal_gaps(side: int) -> Case:
     """The instant of the first touch with a gap of 2 mm on the + side and of 5 mm on the - side."""
-    impacts = _thrown(Rigid(0.6), EventDriven(), (2e-3, 5e-3), side * SPEED).impacts
+    impacts = _collision_run(Rigid(0.6), EventDriven(), (2e-3, 5e-3), side * SPEED).impacts
     return Case(
         f"gaps of 2 mm and 5 mm: first touch on the {'+' if side > 0 else '-'} side", "derived here (gap over speed)",
         "time", "s", (2e-3 if side > 0 else 5e-3) / SPEED, float(impacts.time[0]), 1e-12, "rounding",
@@ -145,7 +147,7 @@ def power_peak(exponent: float) -> Case:
     depth = (0.5 * (exponent + 1) * MASS * SPEED**2 / stiffness) ** (1 / (exponent + 1))
     return Case(
         f"contact force k p^{exponent:g}, Newmark T_c/{steps}", "derived here (energy)", "peak force", "N",
-        stiffness * depth**exponent, float(_thrown(law, method).impacts.peak_force[0]), 2e-5,
+        stiffness * depth**exponent, float(_collision_run(law, method).impacts.peak_force[0]), 2e-5,
         f"second order: (2 pi/{steps})^2, for the period and for the largest of the steps",
     )  # fmt: skip
 
@@ -165,9 +167,9 @@ def hertz_energy() -> Case:
 def switching_energy() -> Case:
     """Energy stored by the switching spring: the work of k_free x up to the wall, of k x beyond it."""
     gap, free, stiffness = 1e-3, 100.0, 2000.0
-    run = _thrown(SwitchingSpring(free, stiffness), Newmark(1e-5))
+    run = _collision_run(SwitchingSpring(free, stiffness), Newmark(1e-5))
     energy = np.asarray(run.energy.contact) if run.energy is not None else np.zeros(1)
-    # the ball's own kinetic energy tells nothing here: this law makes energy; its deepest place does
+    # the ball's own kinetic energy says nothing here: this law makes energy; its deepest place does
     x = float(np.max(np.abs(run["ball"])))
     work = 0.5 * free * gap**2 + 0.5 * stiffness * (x**2 - gap**2)
     return Case(
@@ -223,18 +225,19 @@ def energy_of_modes(mode: int) -> Case:
     )  # fmt: skip
 
 
-def centring_spring(flown: bool) -> Case:
+def centring_spring(event_driven: bool) -> Case:
     """A ball on its spring between walls out of reach: x0 cos(sqrt(k/m) t)."""
     stiffness, start, time = 40.0, 1e-3, 1.0
-    law = Rigid(0.6) if flown else KelvinVoigt(restitution=0.6, contact_time=0.1)
+    law = Rigid(0.6) if event_driven else KelvinVoigt(restitution=0.6, contact_time=0.1)
     ball = Impactor("ball", "tip", MASS, 1.0, law, stiffness)
     system = System.from_matrices([[1.0]], [[0.1]], [[1.0]], points={"tip": [0.0]}, impactors=[ball])
-    method = EventDriven() if flown else Newmark(1e-4)
+    method = EventDriven() if event_driven else Newmark(1e-4)
     run = integrate(system, STILL, method, time, Recorder(("ball",)), State(ball_displacement=[start]))
     return Case(
-        f"ball on a centring spring, {'event-driven' if flown else 'Newmark'}", "derived here (cosine)",
+        f"ball on a centring spring, {'event-driven' if event_driven else 'Newmark'}", "derived here (cosine)",
         "displacement after 1 s", "m", start * math.cos(math.sqrt(stiffness / MASS) * time), float(run["ball"][-1]),
-        1e-12 if flown else 1e-5, "rounding" if flown else "(omega dt)^2/12 = 7e-7 a radian over 28 of them, over 2",
+        1e-12 if event_driven else 1e-5,
+        "rounding" if event_driven else "(omega dt)^2/12 = 7e-7 a radian over 28 of them, over 2",
     )  # fmt: skip
 
 
@@ -252,7 +255,7 @@ def sticking_impulse() -> Case:
 
 
 CASES: tuple[Callable[[], Case], ...] = (
-    *(partial(check, quantity) for check in (linear_collision, flown_collision) for quantity in UNITS),
+    *(partial(check, quantity) for check in (linear_collision, event_driven_collision) for quantity in UNITS),
     rigid_steps,
     *(partial(stepped_momentum, body) for body in ("ball", "tip")),
     *(partial(unequal_gaps, side) for side in (1, -1)),
@@ -261,7 +264,7 @@ CASES: tuple[Callable[[], Case], ...] = (
     switching_energy,
     *(partial(balance, name) for name in BALANCED),
     *(partial(energy_of_modes, mode) for mode in (1, 2)),
-    *(partial(centring_spring, flown) for flown in (True, False)),
+    *(partial(centring_spring, event_driven) for event_driven in (True, False)),
     sticking_impulse,
 )
 """The cases of this subject, in the order of the table."""

@@ -106,7 +106,7 @@ def _approach_speeds(orbit: Orbit, off: float, cycles: int) -> NDArray[np.float6
 
 
 def _settled_speed(orbit: Orbit) -> float:
-    """Ball's speed of the run: a stable orbit is found from 1 % off, the unstable one is flown for ten impacts."""
+    """Ball's speed of the run: a stable orbit is found from 1 % off, the unstable one is followed for ten impacts."""
     mu, e, *_, growth = orbit
     speeds = _approach_speeds(orbit, 0.01, 200) if growth < 1 else _approach_speeds(orbit, 0.0, 5)
     return float(speeds[-1]) * (1 + e) / (2 * (1 + mu))

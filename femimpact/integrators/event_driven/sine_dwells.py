@@ -50,7 +50,7 @@ def _cases(system: System, dwells: SineDwells, initial: State) -> DwellCases:
     """Every frequency from the state of its own that the initial one means under it."""
     bases = [Sine(dwells.amplitude, float(frequency)) for frequency in dwells.frequency]
     balls = len(system.balls)
-    # at rest in space means a speed of its own at every frequency, and a stop fixed there a place of its own
+    # at rest in the inertial frame means a speed of its own at every frequency, a stop fixed there a place of its own
     alike = initial.frame == "base" and all(pair.fixed_to == "base" for pair in system.contacts)
     starts = [initial.relative_to_base(system, base) for base in (bases[:1] if alike else bases)]
     starts = starts * (len(bases) if alike else 1)
