@@ -1,0 +1,159 @@
+"""Figures over a parameter: response curves over the frequency, and the resonance over the restitution."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femimpact.calibration import RestitutionScan
+from femimpact.errors import require, require_type
+from femimpact.export.figures.look import COLOURS, GREY, OffScreen, panel, panels, plain_log_ticks
+from femimpact.sweep import FrequencyResponse, on_grid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
+
+__all__ = ["response_curve", "restitution_scan"]
+
+NEIGHBOURS = 2
+"""Samples on each side whose peaks a band of chaotic motion encloses."""
+
+
+def response_curve(
+    curves: FrequencyResponse | Mapping[str, FrequencyResponse],
+    title: str = "",
+    coarse: ArrayLike | None = None,
+    *,
+    published: Sequence[tuple[str, float, float]] = (),
+    join_all: bool = False,
+    ax: Axes | OffScreen | None = None,
+) -> Axes:
+    """Response curves over the base frequency on one logarithmic axis (the paper's Fig. 6 and 7).
+
+    A line joins the peaks of motions that repeat ("periodic" in `FrequencyResponse.steadiness`). The peak of a
+    motion that does not repeat is one sample of a scatter and a dot of its own; a band encloses it and
+    its neighbours within two samples. The rms, which scatters little, is a dotted line where there are impacts.
+
+    Parameters
+    ----------
+    curves : FrequencyResponse or mapping of str to FrequencyResponse
+        By label, the first one's largest peak is annotated.
+    title : str
+    coarse : array_like of Hz, optional
+        Frequencies marked on the curves, to show what a coarse grid sees.
+    published : sequence of (label, Hz, m)
+        Peaks to compare with, marked by stars; an amplitude that is not a number marks the frequency only.
+    join_all : bool
+        Join all peaks by lines, also those that scatter.
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If there is no curve, or something else than one.
+    """
+    named = {"": curves} if isinstance(curves, FrequencyResponse) else curves
+    require_type(named, Mapping, "curves")
+    require(len(named) > 0, "curves", "none", "", "must be one or more response curves")
+    for label, curve in named.items():
+        require_type(curve, FrequencyResponse, f"curves.{label}")
+    axis = panel(ax, 8.0, 5.0)
+    axis.set_yscale("log")
+    for colour, (label, curve) in zip(COLOURS, named.items(), strict=False):
+        prefix = f"{label}: " if label else ""
+        _peaks(axis, curve, colour, f"{prefix}peak", join_all)
+        if len(named) <= 3 and np.nansum(curve.impacts_per_cycle) > 0.0:
+            axis.plot(curve.frequency, 1e3 * curve.rms, color=colour, linestyle=":", label=f"{prefix}rms")
+        if coarse is not None:
+            seen = on_grid(curve.frequency, coarse)
+            axis.plot(curve.frequency[seen], 1e3 * curve.peak[seen], "o", color=colour, markersize=4.5)
+    for marker, mark in zip("*PX", published, strict=False):
+        _mark(axis, marker, *mark)
+    first = next(iter(named.values()))
+    peak = (first.peak_frequency, 1e3 * first.peak_amplitude)
+    axis.annotate(f"{peak[1]:.3g} mm at {peak[0]:.4g} Hz", peak, xytext=(8, -2), textcoords="offset points",
+                  color=COLOURS[0])  # fmt: skip
+    note = "" if coarse is None else f"\ndots: the {len(np.asarray(coarse))} points of the coarse grid"
+    axis.set_title((title or f"base amplitude {1e3 * first.amplitude:.4g} mm") + note, loc="left")
+    axis.set_xlabel("base frequency (Hz)")
+    place = first.at if isinstance(first.at, str) else f"{1e3 * first.at:.4g} mm from the root,"
+    axis.set_ylabel(f"{place} displacement relative to the base (mm)")
+    plain_log_ticks(axis.yaxis)
+    axis.legend(loc="upper left", frameon=False)
+    return axis
+
+
+def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_all: bool) -> None:
+    """Peaks of one curve: lines through motions that repeat, dots and a band where single samples scatter."""
+    frequency, peak = curve.frequency, 1e3 * curve.peak
+    scatter = np.zeros(peak.shape, dtype=bool) if join_all else curve.steadiness != "periodic"
+    axis.plot(frequency, np.where(scatter, np.nan, peak), color=colour, label=None if scatter.all() else label)
+    if not scatter.any():
+        return
+    # a sample that repeats between two that do not would be a line of no length
+    alone = ~scatter & np.append(True, scatter[:-1]) & np.append(scatter[1:], True)
+    axis.plot(frequency[alone], peak[alone], ".", color=colour, markersize=6.0)
+    text = label if scatter.all() else f"{label}, not periodic"
+    axis.plot(frequency[scatter], peak[scatter], ".", color=colour, markersize=6.0, alpha=0.55, label=text)
+    around = np.pad(np.where(scatter, peak, np.nan), NEIGHBOURS, constant_values=np.nan)
+    window = np.lib.stride_tricks.sliding_window_view(around, 2 * NEIGHBOURS + 1)
+    low, high = np.fmin.reduce(window, axis=1), np.fmax.reduce(window, axis=1)
+    axis.fill_between(frequency, low, high, where=scatter, color=colour, alpha=0.15, linewidth=0.0)
+
+
+def _mark(axis: Any, marker: str, label: str, frequency: float, amplitude: float) -> None:
+    """A published peak, or its frequency alone."""
+    if np.isfinite(amplitude):
+        axis.plot(frequency, 1e3 * amplitude, marker, color="black", markersize=11.0, linestyle="none", label=label)
+    else:
+        axis.axvline(frequency, color=GREY, linestyle="--", linewidth=1.2, label=label)
+
+
+def restitution_scan(
+    scans: Sequence[tuple[str, RestitutionScan]],
+    peak_frequency: float,
+    amplitude_ratio: float,
+    figure: FigureBase | OffScreen | None = None,
+) -> NDArray[Any]:
+    """What the restitution does to the resonance, for one or more starts, beside the published values.
+
+    Parameters
+    ----------
+    scans : sequence of (label, RestitutionScan)
+    peak_frequency : float, Hz
+        Published.
+    amplitude_ratio : float, 1
+        Published.
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray (2,) of Axes
+    """
+    axes = panels(figure, 8.0, 6.4, 2, 1, sharex=True)[:, 0]
+    for colour, marker, (label, scan) in zip(COLOURS, "os^D", scans, strict=False):
+        # hollow, so that curves that coincide are both seen
+        style: Any = {"color": colour, "marker": marker, "label": label, "markersize": 6.0, "markerfacecolor": "none"}
+        axes[0].plot(scan.restitution, scan.peak_frequency, **style)
+        axes[1].plot(scan.restitution, scan.amplitude_ratio, **style)
+    for axis, published in ((axes[0], peak_frequency), (axes[1], amplitude_ratio)):
+        axis.axhline(published, color=GREY, linestyle="--", linewidth=1.2)
+        axis.annotate(f"published {published:g}", (0.01, published), xycoords=("axes fraction", "data"),
+                      xytext=(0, -14), textcoords="offset points", color=GREY)  # fmt: skip
+    axes[0].set_ylabel("frequency of the largest peak (Hz)")
+    axes[1].set_ylabel("amplitude ratio without / with ball")
+    axes[1].set_xlabel("restitution of the contact")
+    axes[1].set_ylim(bottom=0.0)
+    # above the axes: no corner is free for every scan
+    axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False)
+    return axes
