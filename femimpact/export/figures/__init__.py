@@ -7,7 +7,7 @@ place gives a figure that is not shown, for a file. matplotlib is loaded by the 
 
 from femimpact.export.figures.contact_laws import collision_history, contact_laws
 from femimpact.export.figures.convergence import mesh_convergence, mode_convergence, step_convergence
-from femimpact.export.figures.curves import response_curve, restitution_scan
+from femimpact.export.figures.curves import response_curve, restitution_scan, value_map
 from femimpact.export.figures.histories import (
     amplitude_spectrum,
     contact_force,
@@ -25,7 +25,7 @@ __all__ = [
     "OffScreen", "amplitude_spectrum", "bifurcation", "collision_history", "contact_force", "contact_laws",
     "cycle_averaged_force", "energies", "impact_histograms", "impulse_phase", "mesh_convergence", "mode_convergence",
     "mode_shapes", "motion", "phase_portrait", "response_curve", "restitution_scan", "save_figure", "spectrum",
-    "step_convergence",
+    "step_convergence", "value_map",
 ]  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from femimpact.export.figures.look import (
     panel,
     panels,
     plain_log_ticks,
-    scaled,
+    prefixed,
 )
 
 if TYPE_CHECKING:
@@ -135,8 +135,7 @@ def _draw(axis: Any, result: ModeConvergence, rows: tuple[tuple[str, str, str], 
     largest = max(float(np.nanmax(np.abs(getattr(result, name)))) for name, *_ in rows)
     scale = 100.0
     if unit != "%":
-        shown, unit = scaled(largest, unit)
-        scale = shown / largest if largest else 1.0
+        scale, unit = prefixed(largest, unit)
     for name, line, what in rows:
         values, bars = scale * getattr(result, name), scale * result.scatter[name]
         for k, colour, marker, shift, case in CASES:

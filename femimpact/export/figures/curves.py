@@ -1,4 +1,4 @@
-"""Figures over a parameter: response curves over the frequency, and the resonance over the restitution."""
+"""Figures over parameters: response curves, the resonance over the restitution, values over two parameters."""
 
 from __future__ import annotations
 
@@ -17,10 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
 
-__all__ = ["response_curve", "restitution_scan"]
-
-NEIGHBOURS = 2
-"""Samples on each side whose peaks a band of chaotic motion encloses."""
+__all__ = ["response_curve", "restitution_scan", "value_map"]
 
 
 def response_curve(
@@ -34,9 +31,9 @@ def response_curve(
 ) -> Axes:
     """Response curves over the base frequency on one logarithmic axis (the paper's Fig. 6 and 7).
 
-    A line joins the peaks of motions that repeat ("periodic" in `FrequencyResponse.steadiness`). The peak of a
-    motion that does not repeat is one sample of a scatter and a dot of its own; a band encloses it and
-    its neighbours within two samples. The rms, which scatters little, is a dotted line where there are impacts.
+    A line joins the peaks of motions that repeat ("periodic" in `FrequencyResponse.steadiness`) and of those
+    without impacts. With impacts the peak of a motion that does not repeat is one sample of a scatter: a dot of its
+    own. The rms, which scatters less, is a dotted line where there are impacts.
 
     Parameters
     ----------
@@ -93,21 +90,20 @@ def response_curve(
 
 
 def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_all: bool) -> None:
-    """Peaks of one curve: lines through motions that repeat, dots and a band where single samples scatter."""
+    """Peaks of one curve: lines through motions that repeat or are linear, dots where single samples scatter."""
     frequency, peak = curve.frequency, 1e3 * curve.peak
-    scatter = np.zeros(peak.shape, dtype=bool) if join_all else curve.steadiness != "periodic"
-    axis.plot(frequency, np.where(scatter, np.nan, peak), color=colour, label=None if scatter.all() else label)
-    if not scatter.any():
-        return
-    # a sample that repeats between two that do not would be a line of no length
-    alone = ~scatter & np.append(True, scatter[:-1]) & np.append(scatter[1:], True)
-    axis.plot(frequency[alone], peak[alone], ".", color=colour, markersize=6.0)
-    text = label if scatter.all() else f"{label}, not periodic"
-    axis.plot(frequency[scatter], peak[scatter], ".", color=colour, markersize=6.0, alpha=0.55, label=text)
-    around = np.pad(np.where(scatter, peak, np.nan), NEIGHBOURS, constant_values=np.nan)
-    window = np.lib.stride_tricks.sliding_window_view(around, 2 * NEIGHBOURS + 1)
-    low, high = np.fmin.reduce(window, axis=1), np.fmax.reduce(window, axis=1)
-    axis.fill_between(frequency, low, high, where=scatter, color=colour, alpha=0.15, linewidth=0.0)
+    # without impacts the motion is linear: it may still beat at the end of a dwell, and does not scatter
+    scatter = (curve.steadiness != "periodic") & (curve.impacts_per_cycle > 0.0) & (not join_all)
+    joined = np.where(scatter, np.nan, peak)
+    if not scatter.all():
+        axis.plot(frequency, joined, color=colour, label=label)
+        # between two samples that scatter a line would have no length
+        alone = ~scatter & np.append(True, scatter[:-1]) & np.append(scatter[1:], True) & (scatter.size > 1)
+        axis.plot(frequency[alone], joined[alone], "_", color=colour, markersize=7.0)
+    if scatter.any():
+        text = label if scatter.all() else f"{label}, not periodic"
+        dots: Any = {"color": colour, "markersize": 7.0, "alpha": 0.7, "markeredgewidth": 0.0, "linestyle": "none"}
+        axis.plot(frequency[scatter], peak[scatter], ".", label=text, **dots)
 
 
 def _mark(axis: Any, marker: str, label: str, frequency: float, amplitude: float) -> None:
@@ -157,3 +153,40 @@ def restitution_scan(
     # above the axes: no corner is free for every scan
     axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False)
     return axes
+
+
+def value_map(x: ArrayLike, y: ArrayLike, values: ArrayLike, ax: Axes | OffScreen | None = None) -> Axes:
+    """Values over two parameters as coloured cells with their numbers; the caller names the axes.
+
+    Parameters
+    ----------
+    x : array_like (m,)
+        Ascending.
+    y : array_like (n,)
+        Ascending.
+    values : array_like (n, m)
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit.
+    """
+    columns, rows, shown = np.asarray(x, dtype=float), np.asarray(y, dtype=float), np.asarray(values, dtype=float)
+    fits = shown.shape == (rows.size, columns.size)
+    require(fits, "values", f"array of shape {shown.shape}", "", f"must be of shape ({rows.size}, {columns.size})")
+    axis = panel(ax, 8.0, 5.6)
+    low, high = np.nanmin(shown), np.nanmax(shown)
+    axis.imshow(shown, cmap="cividis", origin="lower", aspect="auto", vmin=low, vmax=high)
+    axis.grid(False)
+    axis.set_xticks(np.arange(columns.size), [f"{value:.3g}" for value in columns])
+    axis.set_yticks(np.arange(rows.size), [f"{value:.3g}" for value in rows])
+    for (i, j), value in np.ndenumerate(shown):
+        colour = "white" if value < 0.5 * (low + high) else "black"
+        axis.annotate(f"{value:.2g}", (j, i), ha="center", va="center", color=colour, fontsize=9.0)
+    return axis

@@ -19,6 +19,7 @@ from femimpact.export.figures.look import (
     OffScreen,
     panel,
     panels,
+    prefixed,
     require_history,
     scaled,
 )
@@ -71,8 +72,7 @@ def energies(response: Response, figure: FigureBase | OffScreen | None = None) -
     )
     for axis, rows in ((axes[0], stored), (axes[1], since)):
         largest = max(float(np.abs(values).max()) for _, values, _ in rows)
-        shown, unit = scaled(largest, "J")
-        factor = shown / largest if largest else 1.0
+        factor, unit = prefixed(largest, "J")
         for label, values, colour in rows:
             axis.plot(ledger.time, factor * values, color=colour, linewidth=1.2, label=label)
         axis.set_ylabel(f"energy ({unit})")
@@ -153,8 +153,7 @@ def spectrum(
     shown = frequency <= top
     axis = panel(ax, 8.0, 4.4)
     largest = float(amplitude[shown].max())
-    _, unit = scaled(largest, response.units[name])
-    factor = scaled(largest, "")[0] / largest if largest else 1.0
+    factor, unit = prefixed(largest, response.units[name])
     axis.axvline(base, color=GREY, linestyle="--", linewidth=1.2, label=f"base, {base:.4g} Hz")
     axis.semilogy(frequency[shown], factor * amplitude[shown], color=BLUE, linewidth=1.2, label=name)
     axis.set_ylim(bottom=max(factor * largest * 1e-6, float((factor * amplitude[shown]).min()) or 1e-300))
@@ -257,7 +256,7 @@ def _last_cycles(axis: Any, response: Response, names: list[str], cycles: int) -
     law = response.statistics.law
     axis.set_title(f"last {cycles} cycles at {response.base.frequency:.4g} Hz, law: {law}", loc="left")
     if len(names) > 1:
-        axis.legend(loc="upper right", frameon=False)
+        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1)
 
 
 def _averages(axis: Any, response: Response) -> None:

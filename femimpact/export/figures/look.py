@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BLUE", "COLOURS", "GREEN", "GREY", "ORANGE", "PURPLE", "SKY", "STYLE", "WALLS", "OffScreen", "ball_of",
-    "beam_at", "panel", "panels", "place_of", "plain_log_ticks", "require_history", "save_figure", "scaled",
+    "beam_at", "panel", "panels", "place_of", "plain_log_ticks", "prefixed", "require_history", "save_figure", "scaled",
 ]  # fmt: skip
 
 BLUE, ORANGE, GREEN, PURPLE, SKY, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#666666"
@@ -39,7 +39,9 @@ STYLE: Any = {
     "lines.linewidth": 1.6,
     "savefig.dpi": 150,
 }
-PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+SMALLEST_IN_MM = 1e-5
+"""Metres."""
+PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))
 
 
 @dataclass(frozen=True)
@@ -137,11 +139,19 @@ def plain_log_ticks(axis: Any) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
+def prefixed(largest: float, unit: str) -> tuple[float, str]:
+    """Factor and unit with the prefix in which the largest value is at least 1; lengths from 0.01 mm on in mm."""
+    if unit == "m" and largest >= SMALLEST_IN_MM:
+        # as on every axis of a displacement, so that figures can be laid side by side
+        return 1e3, "mm"
+    found = next(((f, p) for f, p in PREFIXES if f * largest >= 1.0), PREFIXES[-1] if largest else PREFIXES[0])
+    return found[0], found[1] + unit
+
+
 def scaled(values: Any, unit: str) -> tuple[Any, str]:
-    """Values and unit with the prefix in which the largest is at least 1."""
-    largest = np.abs(values).max(initial=0.0)
-    scale, prefix = next(((s, p) for s, p in PREFIXES if largest >= s), PREFIXES[-1] if largest else PREFIXES[0])
-    return values / scale, prefix + unit
+    """Values and unit with the prefix of the largest."""
+    factor, shown = prefixed(float(np.abs(values).max(initial=0.0)), unit)
+    return factor * values, shown
 
 
 # ---- what is read of a response -------------------------------------------------------------------

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import checked, quantity
-from femimpact.export.figures.look import BLUE, ORANGE, OffScreen, beam_at, panels, place_of, require_history, scaled
+from femimpact.export.figures.look import BLUE, ORANGE, OffScreen, beam_at, panels, place_of, prefixed, require_history
 from femimpact.response.response import Response
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["motion"]
 
-BEAM, FREE = "#555b63", "#e6eaee"
+BEAM, FREE, WALL = "#555b63", "#e6eaee", "#9aa5b1"
 
 
 def motion(response: Response, cycles: float = 4.0, figure: FigureBase | OffScreen | None = None) -> NDArray[Any]:
@@ -78,8 +78,7 @@ class _Row:
         moving = pair is not None and not pair.is_stop
         self.ball = response[pair.name] if moving else None
         largest = float(np.abs(self.beam if self.ball is None else self.ball).max())
-        shown, self.unit = scaled(largest, response.units[first] if pair is None else "m")
-        self.factor = shown / largest if largest else 1.0
+        self.factor, self.unit = prefixed(largest, response.units[first] if pair is None else "m")
         self.title = self.place if pair is None else f"{pair.name}, {self.place}" if moving else f"stop {pair.name}"
 
     def draw(self, axis: Any, inside: NDArray[Any], close: bool) -> None:
@@ -87,7 +86,7 @@ class _Row:
         width = 1.6 if close else 0.8
         if self.pair is not None:
             self._walls(axis, inside)
-        axis.plot(time, factor * self.beam[inside], color=BEAM, linewidth=width, label=self.place)
+        axis.plot(time, factor * self.beam[inside], color=BEAM, linewidth=width, zorder=3.0, label=self.place)
         if self.ball is not None:
             axis.plot(time, factor * self.ball[inside], color=BLUE, linewidth=width, label=self.pair.name)
         if close and self.pair is not None:
@@ -101,11 +100,13 @@ class _Row:
         if self.ball is None and getattr(self.pair, "fixed_to", "base") == "space":
             middle = -self.response.base.displacement(time)
         edges = [self.factor * (middle + gap) for gap in (plus, -minus)]
-        if all(map(math.isfinite, (plus, minus))):
+        both = all(map(math.isfinite, (plus, minus)))
+        if both:
             axis.fill_between(time, *edges, color=FREE, linewidth=0.0, label="between the walls")
         for edge, gap in zip(edges, (plus, minus), strict=True):
             if math.isfinite(gap):
-                axis.plot(time, edge, color="#9aa5b1", linewidth=0.8)
+                label = None if both else self.pair.name
+                axis.plot(time, edge, color=WALL, linewidth=0.8 if both else 2.0, label=label)
 
     def _impacts(self, axis: Any, start: float) -> None:
         impacts, time = self.response.impacts, self.response.time

@@ -79,13 +79,15 @@ def phase_portrait(
     last = response.time >= response.time[-1] - cycles / response.base.frequency
     axis = panel(ax, 6.4, 5.6)
     axis.plot(x[last], rate[last], color=BLUE, linewidth=0.7)
+    if pair is None:
+        _stops(axis, response, names[0])
     if phase is not None:
         section = response.stroboscopic(phase)
         once = section.time >= response.time[-1] - cycles / response.base.frequency
         points = [values[once] for values in _pair(section.channels, names, minus)]
         label = f"once per cycle, base at {math.degrees(section.phase):.4g} degrees"
         axis.plot(*points, "o", color=ORANGE, markersize=4.5, linestyle="none", label=label)
-        axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.1)
+        axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1)
     shown = f"last {cycles} cycles at {response.base.frequency:.4g} Hz"
     if pair is None:
         title, to = f"{names[0]}, {shown}", "the base"
@@ -112,6 +114,15 @@ def _walls(axis: Any, pair: Any, largest: float) -> None:
         axis.axvspan(min(wall, outer), max(wall, outer), color="#dddddd", zorder=0)
         axis.axvline(wall, color="black", linewidth=1.4)
     axis.set_xlim(-reach, reach)
+
+
+def _stops(axis: Any, response: Response, place: str) -> None:
+    """Stops that move with the base at a place."""
+    for pair in response.system.contacts:
+        if pair.is_stop and pair.fixed_to == "base" and place_of(response, pair) == place:
+            for wall in (1e3 * pair.gaps[0], -1e3 * pair.gaps[1]):
+                if math.isfinite(wall):
+                    axis.axvline(wall, color="black", linewidth=1.4, label=pair.name)
 
 
 def bifurcation(
