@@ -38,7 +38,7 @@ def response_curve(
     Parameters
     ----------
     curves : FrequencyResponse or mapping of str to FrequencyResponse
-        By label, the first one's largest peak is annotated.
+        By label. The first one's largest peak is annotated, unless it is one sample of a scatter.
     title : str
     coarse : array_like of Hz, optional
         Frequencies marked on the curves, to show what a coarse grid sees.
@@ -76,9 +76,10 @@ def response_curve(
     for marker, mark in zip("*PX", published, strict=False):
         _mark(axis, marker, *mark)
     first = next(iter(named.values()))
-    peak = (first.peak_frequency, 1e3 * first.peak_amplitude)
-    axis.annotate(f"{peak[1]:.3g} mm at {peak[0]:.4g} Hz", peak, xytext=(8, -2), textcoords="offset points",
-                  color=COLOURS[0])  # fmt: skip
+    if not _scatter(first, join_all)[np.nanargmax(first.peak)]:
+        peak = (first.peak_frequency, 1e3 * first.peak_amplitude)
+        axis.annotate(f"{peak[1]:.3g} mm at {peak[0]:.4g} Hz", peak, xytext=(8, -2), textcoords="offset points",
+                      color=COLOURS[0])  # fmt: skip
     note = "" if coarse is None else f"\ndots: the {len(np.asarray(coarse))} points of the coarse grid"
     axis.set_title((title or f"base amplitude {1e3 * first.amplitude:.4g} mm") + note, loc="left")
     axis.set_xlabel("base frequency (Hz)")
@@ -92,8 +93,7 @@ def response_curve(
 def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_all: bool) -> None:
     """Peaks of one curve: lines through motions that repeat or are linear, dots where single samples scatter."""
     frequency, peak = curve.frequency, 1e3 * curve.peak
-    # without impacts the motion is linear: it may still beat at the end of a dwell, and does not scatter
-    scatter = (curve.steadiness != "periodic") & (curve.impacts_per_cycle > 0.0) & (not join_all)
+    scatter = _scatter(curve, join_all)
     joined = np.where(scatter, np.nan, peak)
     if not scatter.all():
         axis.plot(frequency, joined, color=colour, label=label)
@@ -104,6 +104,12 @@ def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_al
         text = label if scatter.all() else f"{label}, not periodic"
         dots: Any = {"color": colour, "markersize": 7.0, "alpha": 0.7, "markeredgewidth": 0.0, "linestyle": "none"}
         axis.plot(frequency[scatter], peak[scatter], ".", label=text, **dots)
+
+
+def _scatter(curve: FrequencyResponse, join_all: bool) -> NDArray[Any]:
+    """Which peaks are single samples of a motion that does not repeat."""
+    # without impacts the motion is linear: it may still beat at the end of a dwell, and does not scatter
+    return np.asarray((curve.steadiness != "periodic") & (curve.impacts_per_cycle > 0.0) & (not join_all))
 
 
 def _mark(axis: Any, marker: str, label: str, frequency: float, amplitude: float) -> None:
