@@ -222,7 +222,7 @@ def contact_force(
         If the run holds no history of a contact force.
     """
     require_history(response)
-    names = [name for name, unit in response.units.items() if unit == "N"]
+    names = [name for name in response.channels if name.rpartition(".")[2] == "contact_force"]
     require(bool(names), "channels", list(response.channels), "", "must hold a contact force")
     axes = panels(figure, 8.0, 8.0 if averaged else 5.6, 3 if averaged else 2, 1)[:, 0]
     _last_cycles(axes[0], response, names, cycles)
