@@ -153,7 +153,7 @@ def test_figures_show_units_walls_and_regime(run, request):
 def test_impulses_without_a_phase_are_drawn_over_time(response):
     phase = np.full(len(response.impacts), math.nan)
     unknown = dataclasses.replace(response, impacts=dataclasses.replace(response.impacts, phase=phase))
-    axis = impact_figures.impulse_phase_figure(unknown).axes[0]
+    axis = fi.figures.impulse_phase(unknown, fi.figures.OffScreen())
     assert axis.get_xlabel() == "time (s)"
     assert axis.get_xlim() == unknown.window
     start, end = unknown.window

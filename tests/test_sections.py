@@ -81,6 +81,17 @@ def test_a_run_gives_its_section(small):
         section["top"]
 
 
+def test_a_record_has_no_phase_and_no_section_and_still_a_portrait(small):
+    pytest.importorskip("matplotlib")
+    base = fi.RecordedBase(np.sin(np.arange(400) / 6.0), interval=5e-3)
+    record = fi.Recorder(channels=("tip", "tip.velocity"))
+    response = fi.integrate(fi.without_impactors(small), base, fi.EventDriven(), 1.0, record)
+    with pytest.raises(fi.InputError, match=r"base\.phase = nan rad: must be finite"):
+        response.stroboscopic()
+    (portrait,) = fi.figures.phase_portrait(response, ax=fi.figures.OffScreen()).lines
+    np.testing.assert_allclose(portrait.get_ydata(), 1e3 * response["tip.velocity"])
+
+
 def test_a_streamed_run_has_no_cycles(small):
     record = fi.Recorder(sink=lambda piece: None)
     response = fi.integrate(small, fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 1.0, record)

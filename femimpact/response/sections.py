@@ -80,9 +80,10 @@ def stroboscopic(
     Raises
     ------
     InputError
-        If the phase is no finite number.
+        If the phase is no finite number, or the base has none, as a record.
     """
     wanted = checked("phase", phase, quantity("rad")) % (2.0 * math.pi)
+    require(math.isfinite(base.phase), "base.phase", base.phase, "rad", "must be finite: a record has no phase")
     instants = _instants(time, base, wanted)
     right = np.clip(np.searchsorted(time, instants), 1, max(time.size - 1, 1))
     read = {}

@@ -49,7 +49,8 @@ def phase_portrait(
     cycles : int
         Base cycles that are drawn.
     phase : float, rad, optional
-        Of the base at which the section is taken; see `Response.stroboscopic`. None draws no section.
+        Of the base at which the section is taken; see `Response.stroboscopic`. None draws no section,
+        nor does a base without a phase, as a record.
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
 
@@ -77,12 +78,13 @@ def phase_portrait(
         require(name in response.channels, "channels", list(response.channels), "", f"must hold {name!r}")
     x, rate = _pair(response.channels, names, minus)
     last = response.time >= response.time[-1] - cycles / response.base.frequency
+    drawn = phase if np.isfinite(response.base.phase) else None
     axis = panel(ax, 6.4, 5.6)
     axis.plot(x[last], rate[last], color=BLUE, linewidth=0.7)
     if pair is None:
         _stops(axis, response, names[0])
-    if phase is not None:
-        section = response.stroboscopic(phase)
+    if drawn is not None:
+        section = response.stroboscopic(drawn)
         once = section.time >= response.time[-1] - cycles / response.base.frequency
         points = [values[once] for values in _pair(section.channels, names, minus)]
         label = f"once per cycle, base at {math.degrees(section.phase):.4g} degrees"
@@ -94,7 +96,7 @@ def phase_portrait(
     else:
         _walls(axis, pair, float(np.abs(x[last]).max()))
         title, to = f"{pair.name} in its box, {shown}; grey: inside the walls", "the box"
-    axis.set_title(title, loc="left", pad=26.0 if phase is not None else None)
+    axis.set_title(title, loc="left", pad=26.0 if drawn is not None else None)
     axis.set_xlabel(f"{'ball' if pair else names[0]} relative to {to} (mm)")
     axis.set_ylabel(f"velocity relative to {to} (mm/s)")
     return axis
