@@ -25,6 +25,7 @@ import numpy as np
 
 import femimpact as fi
 from femimpact.contact import resolve
+from femimpact.export.figures.look import COLOURS, GREY, panels
 
 DURATION, FREQUENCY, AMPLITUDE, MODES, RESTITUTION = 0.801, 5.2, 0.2037e-3, 8, 0.7
 SINE = fi.Sine(AMPLITUDE, FREQUENCY)
@@ -163,14 +164,9 @@ def flight_cost():
 
 def figure_of(points, path):
     """Error over cost, one panel a problem."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(1, 2, figsize=(11.0, 5.0), sharey=True)
+    axes = panels(fi.figures.OffScreen(), 11.0, 5.0, 1, 2, sharey=True)[0]
     titles = {"rigid": "rigid impacts, e = 0.7", "compliant": "Kelvin-Voigt walls, contact time 2 ms"}
-    colours = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#56B4E9"]
+    colours = (*COLOURS, "black", GREY)
     for axis, problem in zip(axes, titles, strict=True):
         mine = [point for point in points if point.problem == problem]
         names = dict.fromkeys(point.method for point in mine)
@@ -182,11 +178,9 @@ def figure_of(points, path):
         axis.set_xlim(0.8, 60.0)
         axis.set_xlabel("CPU time for 0.8 s of motion (ms)")
         axis.set_title(titles[problem], loc="left")
-        axis.grid(True, which="major", color="0.9")
         axis.legend(frameon=False, fontsize=9)
     axes[0].set_ylabel("error of the tip, share of its largest")
-    figure.tight_layout()
-    figure.savefig(path, dpi=130)
+    fi.figures.save_figure(axes, path)
 
 
 def main() -> None:

@@ -24,8 +24,6 @@ def main(plan: ScanPlan | None = None) -> dict[str, fi.RestitutionScan]:
 
 
 if __name__ == "__main__":
-    from femimpact.export import figures
-
     scans = main()
     target = (PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"])
     for start, scan in scans.items():
@@ -37,4 +35,5 @@ if __name__ == "__main__":
         near = ", ".join(f"{e:.2f}" for e in scan.restitution[scan.misfit(*target) < NEAR])
         print(f"  near the published resonance (misfit below {NEAR:g}): {near or 'none'}")
     labelled = [(f"at rest, frame of the {start}", scan) for start, scan in scans.items()]
-    print("wrote", figures.save_figure(figures.restitution_figure(labelled, *target), "calibrate_restitution.png"))
+    axes = fi.figures.restitution_scan(labelled, *target)
+    print("wrote", fi.figures.save_figure(axes, "calibrate_restitution.png"))

@@ -45,11 +45,9 @@ def main(points: int = 201, cycles: int = 600, duration: float = 20.0) -> Result
 
 
 if __name__ == "__main__":
-    from femimpact.export import figures
-
     result = main()
     print("without ball:", result.empty.damping)
     print("with ball:   ", result.ball.damping)
     print("amplitude ratio:", round(result.empty.peak_amplitude / result.ball.peak_amplitude, 2))
-    figure = figures.response_figure(result.empty, [("with ball", result.ball)])
-    print("wrote", figures.save_figure(figure, "damped_resonance.png"))
+    axes = fi.figures.response_curve({"without ball": result.empty, "with ball": result.ball})
+    print("wrote", fi.figures.save_figure(axes, "damped_resonance.png"))

@@ -21,10 +21,8 @@ def main(elements: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 102
 
 
 if __name__ == "__main__":
-    from femimpact.export import figures
-
     result = main()
     for count, errors in zip(result.elements, result.error, strict=True):
         print(f"N = {count:5d}   relative errors " + "  ".join(f"{error:9.2e}" for error in errors))
     print("orders", "  ".join(f"{order:.2f}" for order in result.order))
-    print("wrote", figures.save_figure(figures.mesh_convergence_figure(result), "mesh_convergence.png"))
+    print("wrote", fi.figures.save_figure(fi.figures.mesh_convergence(result), "mesh_convergence.png"))

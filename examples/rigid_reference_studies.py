@@ -160,8 +160,6 @@ def _print_rows(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
 
 
 if __name__ == "__main__":
-    from femimpact.export import figures
-
     scans = main()
     for found in scans:
         scan, misfit = found.scan, found.scan.misfit(PEAK, RATIO)
@@ -175,9 +173,8 @@ if __name__ == "__main__":
         )
         print(f"closest: {scan.restitution[scan.best(PEAK, RATIO)]:.2f}")
     labelled = [(f"{found.study}, rest {START_WORDS[found.start]}", found.scan) for found in scans]
-    print(
-        "wrote", figures.save_figure(figures.restitution_figure(labelled, PEAK, RATIO), "rigid_reference_studies.png")
-    )
+    axes = fi.figures.restitution_scan(labelled, PEAK, RATIO)
+    print("wrote", fi.figures.save_figure(axes, "rigid_reference_studies.png"))
     for count, scan in on_grids("experiment").items():
         print(f"\nexperiment, from rest relative to the base, {count} frequencies")
         rows = [

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from femimpact.convergence import ModeConvergence, converge_elements, converge_step, mode_convergence
     from femimpact.errors import DivergenceError, FemimpactError, InputError
     from femimpact.excitation import PointForce, RecordedBase, Sine
+    from femimpact.export import figures
     from femimpact.fem.assembly import assemble
     from femimpact.fem.discretisation import Discretisation, discretise
     from femimpact.fem.mesh import Mesh, read_mesh, uniform_mesh
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from femimpact.response.history import HistoryPiece
     from femimpact.response.impacts import Impacts, ImpactStatistics
     from femimpact.response.response import Recorder, Response
+    from femimpact.response.sections import StroboscopicSection
     from femimpact.structure.damping import Rayleigh
     from femimpact.structure.structure import (
         Beam,
@@ -118,6 +120,7 @@ _MODULES = {
     "system.modes": ("Modes", "solve_modes"),
     "system.reduction": ("reduce", "truncation_notes"),
     "response.response": ("Recorder", "Response"),
+    "response.sections": ("StroboscopicSection",),
     "system.own_terms": ("add_terms",),
     "system.reactions": ("Reaction",),
     "system.static": ("static_state",),
@@ -139,17 +142,22 @@ _MODULES = {
     "system.system": ("ContactPair", "State", "System", "without_impactors"),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
+_SUBMODULES = {"figures": "export.figures"}
 
-__all__ = ["__version__", *sorted(_MODULE_OF)]  # pyright: ignore[reportUnsupportedDunderAll]
+__all__ = ["__version__", *sorted({*_MODULE_OF, *_SUBMODULES})]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _MODULE_OF:
+    value: Any
+    if name in _SUBMODULES:
+        value = importlib.import_module(f"femimpact.{_SUBMODULES[name]}")
+    elif name in _MODULE_OF:
+        value = getattr(importlib.import_module(f"femimpact.{_MODULE_OF[name]}"), name)
+    else:
         raise AttributeError(f"module 'femimpact' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"femimpact.{_MODULE_OF[name]}"), name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_MODULE_OF})
+    return sorted({*globals(), *_MODULE_OF, *_SUBMODULES})

@@ -8,7 +8,7 @@ import pytest
 from builders import femimpact
 
 import femimpact as fi
-from femimpact.export.contact_figure import collision_history, penetration_figure
+from femimpact.export.figures import OffScreen, collision_history, contact_laws
 from femimpact.export.tables import read_csv
 from femimpact.study.contact_table import UNITS, approach_speeds, contact_table
 from femimpact.study.demo import paper_study_text
@@ -152,8 +152,8 @@ def test_the_loop_drawn_is_the_collision_of_the_table(law, speed):
 
 def test_a_figure_has_one_panel_a_contact_and_labels_every_loop():
     laws = [fi.KelvinVoigt(restitution=0.6, contact_time=2e-3), fi.Rigid(0.5), fi.Hertz(1e9)]
-    figure = penetration_figure([(law.name, law, MASS) for law in laws], [0.25, 0.5, 1.0])
-    texts = [[text.get_text() for text in axis.texts] for axis in figure.axes]
+    axes = contact_laws([(law.name, law, MASS) for law in laws], [0.25, 0.5, 1.0], OffScreen())
+    texts = [[text.get_text() for text in axis.texts] for axis in axes]
     assert texts == [
         ["1 m/s", "0.5 m/s", "0.25 m/s"],
         ["an impulse only: no force, no penetration"],

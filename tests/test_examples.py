@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import femimpact as fi
 from femimpact.study.demo import PUBLISHED, ScanPlan
 
 pytestmark = pytest.mark.impacts
@@ -105,6 +107,90 @@ def test_a_stiff_compliant_wall_has_the_statistics_of_the_rigid_one():
     assert stiff.curve.rms.mean() == pytest.approx(rigid.curve.rms.mean(), rel=0.05)
     assert stiff.curve.impacts_per_cycle.mean() == pytest.approx(rigid.curve.impacts_per_cycle.mean(), rel=0.1)
     assert stiff.curve.mean_approach_speed.mean() == pytest.approx(rigid.curve.mean_approach_speed.mean(), rel=0.05)
+
+
+def code_lines(path):
+    """Lines that are neither blank nor of a docstring."""
+    text = path.read_text(encoding="utf-8")
+    places = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Expr)]
+    quoted = [node for node in places if isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)]
+    left_out = {line for node in quoted for line in range(node.lineno, node.end_lineno + 1)}
+    return [line for i, line in enumerate(text.splitlines(), 1) if line.strip() and i not in left_out]
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["clearance_restitution_map", "best_ball_mass", "two_laws", "base_from_csv", "two_balls", "bifurcation"],
+)
+def test_a_short_example_is_short(name):
+    assert len(code_lines(EXAMPLES / f"{name}.py")) <= 25
+
+
+def test_only_clearance_over_base_amplitude_matters_for_rigid_impacts():
+    module = load("clearance_restitution_map")
+    # everything is linear between impacts: lengths scale together; few cycles, so that rounding is not amplified
+    few = {"restitutions": (0.3, 0.6), "cycles": 6}
+    once = module.main(gaps=(1e-3, 2e-3), amplitude=0.2e-3, **few)
+    twice = module.main(gaps=(2e-3, 4e-3), amplitude=0.4e-3, **few)
+    assert once.shape == (2, 2)
+    np.testing.assert_allclose(twice, once, rtol=1e-6)
+    # a ball that is hit takes energy: 0.03 to 0.1 of the motion remain near the best clearance
+    assert module.main(gaps=(3e-3,), restitutions=(0.3,), cycles=100).item() < 0.3
+
+
+def test_a_ball_without_mass_changes_nothing_and_one_of_some_grams_does():
+    empty, massless, some = load("best_ball_mass").main(masses=(1e-12, 4e-3), points=11, cycles=120)
+    # its force is of the order of its mass over that of the beam, 1e-10, times the number of impacts
+    np.testing.assert_allclose(massless.peak, empty.peak, rtol=1e-6)
+    assert some.rms.max() < 0.25 * empty.rms.max()
+
+
+def test_two_laws_of_one_restitution_and_contact_time_damp_alike():
+    module = load("two_laws")
+    hunt, dashpot = (fi.collide(law, module.MASS, module.SPEED) for law in module.laws())
+    assert dashpot.restitution == pytest.approx(hunt.restitution, rel=1e-6)
+    assert dashpot.contact_time == pytest.approx(hunt.contact_time, rel=1e-6)
+    curves = module.main(points=9, cycles=100)
+    hunt, dashpot = curves["hunt-crossley"], curves["kelvin-voigt"]
+    # means of chaotic runs: each rms scatters by some 15 %, their mean over nine frequencies by a third of that
+    assert dashpot.rms.mean() == pytest.approx(hunt.rms.mean(), rel=0.2)
+
+
+def test_the_base_moves_as_the_file_says():
+    module = load("base_from_csv")
+    responses = module.main()
+    time = np.array([0.25, 3.5, 9.75])
+    sweep = 0.2 * np.sin(2 * np.pi * (4 * time + time**2 / 12))
+    for response in responses.values():
+        # samples of the file, which has five decimals
+        np.testing.assert_allclose(response.base.acceleration(time), sweep, atol=1e-5)
+    assert len(responses["without ball"].impacts) == 0
+    assert len(responses["with ball"].impacts) > 50
+    assert abs(responses["with ball"]["tip"]).max() < abs(responses["without ball"]["tip"]).max()
+
+
+def test_both_balls_hit_and_no_energy_is_missing():
+    response = load("two_balls").main(duration=10.0)
+    lost = [
+        response.impacts.energy_loss[response.impacts.impactor == pair.name].sum() for pair in response.system.balls
+    ]
+    assert min(lost) > 0.0
+    # a closed form: rounding only
+    assert response.energy.residual < 1e-9
+    # an impact that has not ended is in the ledger and not yet in the table
+    assert sum(lost) == pytest.approx(response.energy.contact_loss[-1], rel=0.05)
+
+
+def test_a_beam_at_a_stop_repeats_after_two_cycles_at_45_hz_and_not_at_37():
+    repeats, chaotic = load("bifurcation").main(frequencies=(45.0, 37.0))
+    tip = repeats.stroboscopic()["tip"][-40:]
+    # 1e-6 of the motion, some millimetres: what is left of the transient after 270 cycles
+    assert np.ptp(tip[::2]) < 1e-8
+    assert np.ptp(tip[1::2]) < 1e-8
+    assert abs(tip[0] - tip[1]) > 1e-3
+    cloud = chaotic.stroboscopic()["tip"][-60:]
+    # no period up to eight
+    assert min(abs(cloud[k:] - cloud[:-k]).max() for k in range(1, 9)) > 1e-3
 
 
 def test_a_law_of_ones_own_is_stepped_like_the_others():

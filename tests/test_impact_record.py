@@ -8,7 +8,7 @@ import pytest
 from builders import impact_table, reduced, with_ball
 
 import femimpact as fi
-from femimpact.export import impact_figures, tables
+from femimpact.export import tables
 from femimpact.response.impacts import IMPACT_UNITS, STICKING_UNITS, impact_columns
 from femimpact.response.regimes import classify, impacts_per_cycle
 
@@ -133,16 +133,16 @@ def test_a_run_knows_its_regime_over_its_last_third(flown):
 @pytest.mark.parametrize("run", ["response", "flown"])
 def test_figures_show_units_walls_and_regime(run, request):
     result = request.getfixturevalue(run)
-    histograms = impact_figures.impact_histogram_figure(result)
-    labels = [axis.get_xlabel() for axis in histograms.axes]
+    histograms = fi.figures.impact_histograms(result, fi.figures.OffScreen())
+    labels = [axis.get_xlabel() for axis in histograms]
     assert [label.partition(" (")[0] for label in labels] == ["approach speed", "impulse", "energy loss"]
     assert all(unit in label for unit, label in zip(("m/s)", "N s)", "J)"), labels, strict=True))
     start, end = result.window
     inside = np.count_nonzero((result.impacts.time >= start) & (result.impacts.time <= end))
-    for axis in histograms.axes:
+    for axis in histograms:
         bars = [bar.get_height() for group in axis.containers for bar in group]
         assert sum(bars) == inside
-    axis = impact_figures.impulse_phase_figure(result).axes[0]
+    axis = fi.figures.impulse_phase(result, fi.figures.OffScreen())
     walls = [line for line in axis.lines if "wall" in line.get_label()]
     assert sum(line.get_xdata().size for line in walls) == inside
     for look in ("marker", "color"):
@@ -153,7 +153,7 @@ def test_figures_show_units_walls_and_regime(run, request):
 def test_impulses_without_a_phase_are_drawn_over_time(response):
     phase = np.full(len(response.impacts), math.nan)
     unknown = dataclasses.replace(response, impacts=dataclasses.replace(response.impacts, phase=phase))
-    axis = impact_figures.impulse_phase_figure(unknown).axes[0]
+    axis = fi.figures.impulse_phase(unknown, fi.figures.OffScreen())
     assert axis.get_xlabel() == "time (s)"
     assert axis.get_xlim() == unknown.window
     start, end = unknown.window
@@ -166,8 +166,9 @@ def test_figures_of_a_run_without_impacts(light):
     method = fi.Newmark(dt=fi.recommended_step(light))
     quiet = fi.integrate(light, fi.Sine(1e-9, 3.0), method, 0.5)
     assert quiet.regime.label == "no impacts"
-    assert impact_figures.impact_histogram_figure(quiet).axes
-    assert impact_figures.impulse_phase_figure(quiet).axes
+    histograms = fi.figures.impact_histograms(quiet, fi.figures.OffScreen())
+    assert not any(bar.get_height() for axis in histograms for group in axis.containers for bar in group)
+    assert not any(line.get_xdata().size for line in fi.figures.impulse_phase(quiet, fi.figures.OffScreen()).lines)
 
 
 @pytest.mark.parametrize("run", ["response", "flown"])

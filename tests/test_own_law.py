@@ -13,7 +13,7 @@ import pytest
 import femimpact as fi
 from femimpact.calibration import with_restitution
 from femimpact.contact import require_law, resolve
-from femimpact.export.contact_figure import collision_history
+from femimpact.export.figures import collision_history
 
 pytestmark = pytest.mark.impacts
 

@@ -47,7 +47,11 @@ def test_the_script_of_the_readme_runs_as_it_stands(monkeypatch, tmp_path, capsy
 
 
 def test_the_script_of_the_page_on_scripting_runs_as_it_stands(capsys):
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("agg")
     names = ran("docs/python.md")
+    drawn = len(pyplot.get_fignums())
+    pyplot.close("all")
     # the shapes and names are the public interface
     assert names["modes"].natural_frequency.shape == (4,)
     assert names["small"].dofs == 8
@@ -60,6 +64,10 @@ def test_the_script_of_the_page_on_scripting_runs_as_it_stands(capsys):
     rigid = names["response"]
     assert len(rigid.impacts) > 100
     assert rigid.energy.residual < 1e-10
+    # four figures of their own and one with two panels
+    assert drawn == 5
+    np.testing.assert_array_equal(names["motion"][0, 0].lines[2].get_ydata(), 1e3 * names["run"]["tip"])
+    assert names["section"]["tip"].shape == (151,)
 
 
 @pytest.mark.parametrize(("page", "link"), LINKS)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import require
-from femimpact.export.figures import BLUE, ORANGE
+from femimpact.export.figures.look import BLUE, ORANGE
 from femimpact.export.files import atomic_path
 from femimpact.export.scene import BALL, BEAM, BOX, ball_radius, build_scene, snapshots_of, thinned
 from femimpact.export.sheet import HEIGHT, VIEWS, WIDTH, Film, sheets

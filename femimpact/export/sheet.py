@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.export.figures import BLUE, GREY, ORANGE, STYLE
+from femimpact.export.figures.look import BLUE, GREY, ORANGE, STYLE
 from femimpact.export.scene import BALL, BEAM, BOX, Scene, ball_radius
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response

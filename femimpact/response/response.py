@@ -30,6 +30,7 @@ from femimpact.response.energy import EnergyLedger
 from femimpact.response.history import HistoryPiece, Snapshots, check_histories, history_dataset
 from femimpact.response.impacts import Impacts, ImpactStatistics, StickingPhases
 from femimpact.response.regimes import Regime, classify
+from femimpact.response.sections import StroboscopicSection, stroboscopic
 from femimpact.response.signals import SteadyMotion
 from femimpact.structure.structure import Position
 from femimpact.system.system import System
@@ -282,6 +283,13 @@ class Response:
         """
         columns = {"time": self.time} | {name: self[name] for name in self.units}
         return frame_of(columns, {"time": "s", **self.units}, index="time")
+
+    def stroboscopic(self, phase: float = 0.0) -> StroboscopicSection:
+        """Every channel once per base cycle, at a phase (rad) of the base: the Poincare section of the run.
+
+        `sections.stroboscopic` says how values between samples are read. No cycles of a streamed run.
+        """
+        return stroboscopic(self.time, self.channels, self.units, self.base, phase)
 
     def to_xarray(self) -> xarray.Dataset:
         """All channels, energies and the base's motion as a labelled dataset over time."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from femimpact.contact import ContactLaw, collide
 from femimpact.errors import require
-from femimpact.export import contact_figure, figures, tables
+from femimpact.export import figures, tables
 from femimpact.integrators.methods import Method
 from femimpact.study.results import FILES, OTHER_FILES, prepare_directory
 from femimpact.study.study import Study, build_systems, method_for, read_mesh_of
@@ -85,8 +85,8 @@ def write_contact_table(
     with prepare_directory(directory, force) as staging:
         tables.write_csv(staging.folder / OTHER_FILES["contact_table"], columns, UNITS)
         staging.finish_part("table")
-        figure = contact_figure.penetration_figure(contacts, shown.tolist())
-        figures.save_figure(figure, staging.folder / FILES["force_figure"])
+        drawn = figures.contact_laws(contacts, shown.tolist(), figures.OffScreen())
+        figures.save_figure(drawn, staging.folder / FILES["force_figure"])
     return columns
 
 

@@ -377,11 +377,14 @@ def _write_scans(folder: Path, scans: Mapping[str, RestitutionScan], sweeps: Map
     units = {name: "Hz" if "frequency" in name else "m" if "peak_amplitude" in name else "1" for name in columns}
     tables.write_csv(folder / OTHER_FILES["restitution"], columns, units)
     labelled = [(STARTS[start], scan) for start, scan in scans.items()]
-    figure = figures.restitution_figure(labelled, PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"])
-    figures.save_figure(figure, folder / OTHER_FILES["restitution_figure"])
-    balls = [(f"with ball, {STARTS[start]}", pair.ball) for start, pair in sweeps.items() if pair.ball is not None]
-    figure = figures.response_figure(sweeps["base"].empty, balls, coarse=sweeps["base"].coarse)
-    figures.save_figure(figure, folder / OTHER_FILES["response_of_starts"])
+    published = (PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"])
+    off_screen = figures.OffScreen()
+    drawn: Any = figures.restitution_scan(labelled, *published, figure=off_screen)
+    figures.save_figure(drawn, folder / OTHER_FILES["restitution_figure"])
+    curves = {f"with ball, {STARTS[start]}": pair.ball for start, pair in sweeps.items() if pair.ball is not None}
+    named = {"without ball": sweeps["base"].empty, **curves}
+    drawn = figures.response_curve(named, coarse=sweeps["base"].coarse, join_all=True, ax=off_screen)
+    figures.save_figure(drawn, folder / OTHER_FILES["response_of_starts"])
 
 
 def _write_comparison(folder: Path, comparison: tuple[tuple[Any, ...], ...]) -> None:

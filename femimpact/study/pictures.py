@@ -16,14 +16,11 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 from femimpact.errors import Fault, InputError, require
 from femimpact.study.picture_data import read_curves, read_film, read_last_cycles, read_mode_shapes
 from femimpact.study.results import FILES, OTHER_FILES, read_summary, update_results, write_summary
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["KINDS", "child", "draw", "draw_again", "draw_in_child", "with_pictures"]
 
@@ -95,42 +92,44 @@ def _in_words(error: Exception) -> str:
 
 
 def _drawn_figures(source: Path, target: Path, summary: Mapping[str, Any]) -> Iterator[str | None]:
-    from femimpact.export.figures import save_figure
+    from femimpact.export import figures
 
     plans = list(_figures(source, summary))
     require(bool(plans), "figures", None, "", "the results hold no data for any")
     for name, make in plans:
         try:
-            save_figure(make(), target / FILES[name])
+            figures.save_figure(make(), target / FILES[name])
             yield None
         except Exception as error:
             yield f"{FILES[name]}: {_in_words(error)}"
 
 
-def _figures(source: Path, summary: Mapping[str, Any]) -> Iterator[tuple[str, Callable[[], Figure]]]:
+def _figures(source: Path, summary: Mapping[str, Any]) -> Iterator[tuple[str, Callable[[], Any]]]:
     """The figures that the results have data for: a key of `FILES`, and what makes it."""
-    from femimpact.export import figures, impact_figures
+    from femimpact.export import figures
 
+    off_screen = figures.OffScreen()
     modes = read_mode_shapes(source, summary)
     if modes is not None:
-        yield "mode_figure", lambda: figures.mode_shape_figure(*modes)
+        yield "mode_figure", lambda: figures.mode_shapes(*modes, figure=off_screen)
     swept = read_curves(source, summary)
     if swept is not None:
         curves, coarse = swept
-        balls = [("with ball", curves["ball"])] if "ball" in curves else []
-        yield "response_figure", lambda: figures.response_figure(curves["empty"], balls, coarse=coarse)
+        labels = {"empty": "without ball", "ball": "with ball"}
+        named = {label: curves[case] for case, label in labels.items() if case in curves}
+        yield "response_figure", lambda: figures.response_curve(named, coarse=coarse, join_all=True, ax=off_screen)
     last = read_last_cycles(source, summary)
     if last is None:
         return
     run, end = last
-    yield "impact_histograms", lambda: impact_figures.impact_histogram_figure(run)
-    yield "impulse_phase", lambda: impact_figures.impulse_phase_figure(run)
+    yield "impact_histograms", lambda: figures.impact_histograms(run, off_screen)
+    yield "impulse_phase", lambda: figures.impulse_phase(run, off_screen)
     contacts: Any = end.system.contacts
     if not all(contact.rigid for contact in contacts):
         # a rigid impact has an impulse and no force to draw
-        yield "force_figure", lambda: figures.contact_force_figure(end)
+        yield "force_figure", lambda: figures.contact_force(end, averaged=False, figure=off_screen)
     if end.system.balls:
-        yield "portrait_figure", lambda: figures.phase_portrait_figure(end)
+        yield "portrait_figure", lambda: figures.phase_portrait(end, phase=None, ax=off_screen)
 
 
 def _draw_movie(source: Path, target: Path, summary: Mapping[str, Any]) -> None:

@@ -117,6 +117,9 @@ def write_convergence(
         }
         tables.write_csv(folder / OTHER_FILES["step_convergence"], columns, {"dt": "s"})
         staging.finish_part("steps")
-        figures.save_figure(figures.mesh_convergence_figure(mesh), folder / OTHER_FILES["mesh_convergence_figure"])
-        figures.save_figure(figures.step_convergence_figure(step), folder / OTHER_FILES["step_convergence_figure"])
+        off_screen = figures.OffScreen()
+        drawn = figures.mesh_convergence(mesh, slope=None, ax=off_screen)
+        figures.save_figure(drawn, folder / OTHER_FILES["mesh_convergence_figure"])
+        drawn = figures.step_convergence(step, slope=None, ax=off_screen)
+        figures.save_figure(drawn, folder / OTHER_FILES["step_convergence_figure"])
     return mesh, step, directory

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact import ContactLaw, collide, contact_force, resolve
-from femimpact.export.figures import COLOURS, GREY, STYLE
+from femimpact.errors import require
+from femimpact.export.figures.look import COLOURS, GREY, OffScreen, panels
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import FigureBase
 
-__all__ = ["collision_history", "penetration_figure"]
+__all__ = ["collision_history", "contact_laws"]
 
 POINTS = 400
 """Instants of one collision that are drawn."""
@@ -58,7 +59,11 @@ def collision_history(
     return depth, rate, np.array(force)
 
 
-def penetration_figure(contacts: Sequence[tuple[str, ContactLaw, float]], speeds: Sequence[float]) -> Figure:
+def contact_laws(
+    contacts: Sequence[tuple[str, ContactLaw, float]],
+    speeds: Sequence[float],
+    figure: FigureBase | OffScreen | None = None,
+) -> NDArray[Any]:
     """Force over penetration of every contact: one loop for each approach speed, whose area is the energy lost.
 
     Parameters
@@ -66,26 +71,29 @@ def penetration_figure(contacts: Sequence[tuple[str, ContactLaw, float]], speeds
     contacts : sequence of (name, ContactLaw, effective mass in kg)
     speeds : sequence of float, m/s
         Ascending.
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
 
     Returns
     -------
-    Figure
-    """
-    import matplotlib
-    from matplotlib.figure import Figure
+    ndarray (contacts,) of Axes
 
+    Raises
+    ------
+    InputError
+        If there is no contact.
+    """
+    require(len(contacts) > 0, "contacts", "none", "", "must be one or more of (name, law, effective mass)")
     columns = min(len(contacts), 2)
     rows = -(-len(contacts) // columns)
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(7.2 if columns == 1 else 11.0, 4.4 * rows + 0.3), layout="constrained")
-        axes = figure.subplots(rows, columns, squeeze=False).ravel()
-        caption = "one collision; solid: loading, dashed: unloading, area between them: energy lost"
-        figure.suptitle(caption, fontsize=11.0, color=GREY)
+    axes = panels(figure, 7.2 if columns == 1 else 11.0, 4.4 * rows + 0.3, rows, columns).ravel()
+    caption = "one collision; solid: loading, dashed: unloading, area between them: energy lost"
+    axes[0].figure.suptitle(caption, fontsize=11.0, color=GREY)
     for axis, contact in zip(axes, contacts, strict=False):
         _loops(axis, *contact, speeds)
     for axis in axes[len(contacts) :]:
         axis.remove()
-    return figure
+    return axes[: len(contacts)]
 
 
 def _loops(axis: Any, name: str, law: ContactLaw, mass: float, speeds: Sequence[float]) -> None:

@@ -5,42 +5,44 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from femimpact.export.figures import BLUE, GREY, ORANGE, _figure
+from femimpact.export.figures.look import GREY, WALLS, OffScreen, panel, panels, scaled
 from femimpact.response.response import Response
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
 
-__all__ = ["impact_histogram_figure", "impulse_phase_figure"]
-
-WALLS: tuple[tuple[int, str, str, str], ...] = ((1, BLUE, "o", "+ wall"), (-1, ORANGE, "^", "- wall"))
-PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+__all__ = ["impact_histograms", "impulse_phase"]
 
 
-def _scaled(values: Any, unit: str) -> tuple[Any, str]:
-    """Values and unit with the prefix in which the largest is at least 1."""
-    largest = np.abs(values).max(initial=0.0)
-    scale, prefix = next(((s, p) for s, p in PREFIXES if largest >= s), PREFIXES[-1] if largest else PREFIXES[0])
-    return values / scale, prefix + unit
-
-
-def impact_histogram_figure(response: Response) -> Figure:
+def impact_histograms(response: Response, figure: FigureBase | OffScreen | None = None) -> NDArray[Any]:
     """How often impacts of a size happen in the last third of a run: approach speed, impulse, energy loss.
 
     Both walls are stacked; the dashed line is the mean.
+
+    Parameters
+    ----------
+    response : Response
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray (3,) of Axes
     """
     impacts = response.impacts
     start, end = response.window
     inside = (impacts.time >= start) & (impacts.time < end)
-    figure, axes = _figure(10.0, 3.9, 1, 3, sharey=True)
+    axes: NDArray[Any] = panels(figure, 10.0, 3.9, 1, 3, sharey=True)[0]
     columns = (
         ("approach speed", impacts.approach_speed, "m/s"),
         ("impulse", np.abs(impacts.impulse), "N s"),
         ("energy loss", impacts.energy_loss, "J"),
     )
-    for axis, (name, column, unit) in zip(axes[0], columns, strict=True):
-        values, unit = _scaled(column[inside], unit)
+    for axis, (name, column, unit) in zip(axes, columns, strict=True):
+        values, unit = scaled(column[inside], unit)
         bins = np.linspace(min(values.min(initial=0.0), 0.0), values.max(initial=0.0) or 1.0, 31)
         walls = [values[impacts.side[inside] == side] for side, *_ in WALLS]
         axis.hist(walls, bins=bins, stacked=True, color=[w[1] for w in WALLS], label=[w[3] for w in WALLS])
@@ -48,30 +50,39 @@ def impact_histogram_figure(response: Response) -> Figure:
             axis.axvline(values.mean(), color=GREY, linestyle="--", linewidth=1.2)
             axis.set_title(f"mean {values.mean():.3g} {unit}", loc="left")
         axis.set_xlabel(f"{name} ({unit})")
-    axes[0, 0].set_ylabel("impacts")
-    axes[0, 2].legend(loc="upper right", frameon=False)
+    axes[0].set_ylabel("impacts")
+    axes[2].legend(loc="upper right", frameon=False)
     count = int(np.count_nonzero(inside))
-    figure.suptitle(
+    axes[0].figure.suptitle(
         f"{count} impacts from {start:.4g} to {end:.4g} s, base at {response.base.frequency:.4g} Hz",
         x=0.01, ha="left", fontsize=11.0,
     )  # fmt: skip
-    return figure
+    return axes
 
 
-def impulse_phase_figure(response: Response) -> Figure:
+def impulse_phase(response: Response, ax: Axes | OffScreen | None = None) -> Axes:
     """Impulse of each impact over the base's phase, last third of the run, with the regime in the title.
 
     Of an excitation that has no phase it is over time.
+
+    Parameters
+    ----------
+    response : Response
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
     """
     impacts = response.impacts
     start, end = response.window
     inside = (impacts.time >= start) & (impacts.time < end)
-    impulse, unit = _scaled(np.abs(impacts.impulse[inside]), "N s")
+    impulse, unit = scaled(np.abs(impacts.impulse[inside]), "N s")
     phase, sides = np.degrees(impacts.phase[inside]), impacts.side[inside]
     has_phase = bool(np.all(np.isfinite(phase)))
     when = phase if has_phase else impacts.time[inside]
-    figure, axes = _figure(8.0, 5.0)
-    axis = axes[0, 0]
+    axis = panel(ax, 8.0, 5.0)
     for side, colour, marker, label in WALLS:
         chosen = sides == side
         axis.plot(
@@ -89,4 +100,4 @@ def impulse_phase_figure(response: Response) -> Figure:
     label = response.regime.label.replace(": ", ":\n", 1)
     axis.set_title(f"{response.base.frequency:.4g} Hz, {start:.4g} to {end:.4g} s: {label}", loc="left")
     axis.legend(loc="upper right", ncols=2, frameon=False)
-    return figure
+    return axis

@@ -1,0 +1,44 @@
+r"""What does a measured motion of the base do to the beam, and how much of it does the ball take away?
+
+The base's acceleration a(t) comes from a file of two columns, time (s) and acceleration (m/s^2). Between samples it is
+straight, so that velocity and displacement of the base are its exact integrals and the relative motion
+
+    M u'' + C u' + K u = -M r a(t) + b F,    m (y'' + a(t)) = -F
+
+has a closed form between impacts. The file of this example is a sweep over 12 s from 4 to 6 Hz,
+a(t) = 0.2 sin(2 pi (4 t + t^2 / 12)); a file from an accelerometer takes its place.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+import femimpact as fi
+
+FILE = Path(__file__).with_name("base_acceleration.csv")
+
+
+def main(path=FILE) -> dict[str, fi.Response]:
+    """The run without and with the ball."""
+    time, acceleration = np.loadtxt(path, delimiter=",", skiprows=1).T
+    base = fi.RecordedBase(acceleration, interval=time[1] - time[0])
+    box, wall = fi.PointMass("box", at="tip", mass=0.023), fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)
+    ball = fi.Impactor("ball", at="tip", mass=3.4e-3, gap=2e-3, contact=wall)
+    beam = fi.Beam.uniform(length=0.23, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700)
+    damping = fi.Rayleigh(ratio=0.0029, modes=(1, 2))
+    system = fi.reduce(fi.assemble(fi.Structure(beam, [box], [ball], damping), elements=20), modes=3)
+    systems = {"without ball": fi.without_impactors(system), "with ball": system}
+    return {name: fi.integrate(s, base, fi.EventDriven(), duration=time[-1]) for name, s in systems.items()}
+
+
+if __name__ == "__main__":
+    import matplotlib.pyplot as plt
+
+    axes = plt.figure(figsize=(9.0, 4.0), layout="constrained").subplots()
+    for name, response in main().items():
+        axes.plot(response.time, 1e3 * response["tip"], label=name)
+    axes.set(xlabel="time (s)", ylabel="tip relative to the base (mm)")
+    axes.legend()
+    print("wrote", fi.figures.save_figure(axes, "base_from_csv.png"))

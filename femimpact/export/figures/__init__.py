@@ -1,0 +1,33 @@
+"""Figures of results, one look for all of femimpact: every figure is a function of a result.
+
+A figure of one panel takes `ax=None` and returns axes; one of several panels takes `figure=None` and returns
+its axes as an array. Without them it is drawn on a new pyplot figure, which a notebook shows. `OffScreen()` in their
+place gives a figure that is not shown, for a file. matplotlib is loaded by the first figure.
+"""
+
+from femimpact.export.figures.contact_laws import collision_history, contact_laws
+from femimpact.export.figures.convergence import mesh_convergence, mode_convergence, step_convergence
+from femimpact.export.figures.curves import response_curve, restitution_scan, value_map
+from femimpact.export.figures.histories import (
+    amplitude_spectrum,
+    contact_force,
+    cycle_averaged_force,
+    energies,
+    spectrum,
+)
+from femimpact.export.figures.impacts import impact_histograms, impulse_phase
+from femimpact.export.figures.look import OffScreen, save_figure
+from femimpact.export.figures.motion import motion
+from femimpact.export.figures.portraits import bifurcation, phase_portrait
+from femimpact.export.figures.shapes import mode_shapes
+
+__all__ = [
+    "OffScreen", "amplitude_spectrum", "bifurcation", "collision_history", "contact_force", "contact_laws",
+    "cycle_averaged_force", "energies", "impact_histograms", "impulse_phase", "mesh_convergence", "mode_convergence",
+    "mode_shapes", "motion", "phase_portrait", "response_curve", "restitution_scan", "save_figure", "spectrum",
+    "step_convergence", "value_map",
+]  # fmt: skip
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,161 @@
+"""Figures of convergence: over the mesh and the step with reference slopes, and over the number of modes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.convergence import MeshConvergence, ModeConvergence, StepConvergence
+from femimpact.export.figures.look import (
+    BLUE,
+    COLOURS,
+    GREY,
+    ORANGE,
+    OffScreen,
+    panel,
+    panels,
+    plain_log_ticks,
+    prefixed,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
+
+__all__ = ["mesh_convergence", "mode_convergence", "step_convergence"]
+
+CASES = ((0, BLUE, "o", 0.97, "modes only"), (1, ORANGE, "s", 1.03, "with static correction"))
+"""Column, colour, marker, shift along the axis so that bars do not hide one another, label."""
+
+
+def mesh_convergence(result: MeshConvergence, slope: float | None = 4.0, ax: Axes | OffScreen | None = None) -> Axes:
+    """Relative error of the natural frequencies over the number of elements.
+
+    Parameters
+    ----------
+    result : MeshConvergence
+    slope : float, 1, optional
+        Order of the dashed reference line: 4 for the frequencies of cubic Hermite elements. None draws none.
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
+    """
+    axis = panel(ax, 7.0, 5.0)
+    for i in range(result.reference.size):
+        label = f"mode {i + 1}, {result.reference[i]:.5g} Hz: order {result.order[i]:.2f}"
+        axis.loglog(result.elements, np.maximum(result.error[:, i], 1e-16), "o-", color=COLOURS[i % 5], label=label)
+    if slope is not None:
+        _reference(axis, result.elements, result.error[:, :1], -slope, 0.3, f"reference: order {slope:g}")
+    axis.axhspan(1e-16, 1e-12, color="#eeeeee", zorder=0)
+    axis.annotate("round-off floor", (0.02, 1.5e-13), xycoords=("axes fraction", "data"), color=GREY)
+    axis.set_ylim(bottom=1e-16)
+    axis.set_xlabel("elements")
+    axis.set_ylabel("relative error of the natural frequency")
+    axis.legend(loc="upper right", frameon=False)
+    return axis
+
+
+def step_convergence(result: StepConvergence, slope: float | None = 2.0, ax: Axes | OffScreen | None = None) -> Axes:
+    """Error of the response and of the energy over the step.
+
+    Parameters
+    ----------
+    result : StepConvergence
+    slope : float, 1, optional
+        Order of the dashed reference line: 2 for the Newmark family. None draws none.
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
+    """
+    axis = panel(ax, 7.0, 5.0)
+    rows = (
+        (result.linear_error, f"without ball, 3 cycles: order {result.linear_order:.2f}", "o-"),
+        (result.first_impact_error, f"after the first impact: order {result.first_impact_order:.2f}", "s-"),
+        (result.energy_residual, "energy residual of these runs", "^--"),
+    )
+    for colour, (values, label, style) in zip(COLOURS, rows, strict=False):
+        if np.any(np.isfinite(values)):
+            axis.loglog(1e6 * result.dt, values, style, color=colour, label=label)
+    if slope is not None:
+        _reference(axis, 1e6 * result.dt, result.linear_error[:, None], slope, 0.5, f"reference: order {slope:g}")
+    axis.set_xlabel("step dt (microseconds)")
+    axis.set_ylabel("relative error")
+    axis.legend(loc="lower right", frameon=False)
+    return axis
+
+
+def _reference(axis: Any, x: NDArray[Any], errors: NDArray[Any], slope: float, below: float, label: str) -> None:
+    """A line of a slope below the errors (n, curves), from the largest one to where the errors end."""
+    worst = int(np.nanargmax(errors.max(axis=1)))
+    line = below * np.nanmin(errors[worst]) * (x / x[worst]) ** slope
+    kept = line >= 0.1 * np.nanmin(errors[errors > 0.0], initial=np.nanmax(errors))
+    axis.loglog(x[kept], line[kept], "--", color=GREY, linewidth=1.2, label=label)
+
+
+def mode_convergence(result: ModeConvergence, figure: FigureBase | OffScreen | None = None) -> NDArray[Any]:
+    """Displacement, losses and equivalent damping over the number of modes, with and without correction.
+
+    Bars are the scatter between eight parts of the window; differences within them mean nothing.
+
+    Parameters
+    ----------
+    result : ModeConvergence
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray (3,) of Axes
+    """
+    axes: NDArray[Any] = panels(figure, 12.0, 4.6, 1, 3)[0]
+    displacement, loss, damping = axes
+    _draw(displacement, result, (("rms", "-", ""),), "m", "displacement")
+    _draw(loss, result, (("contact_loss", "-", "contact"), ("structure_loss", ":", "structure")), "J", "loss per cycle")
+    _draw(damping, result, (("damping", "-", ""),), "%", "equivalent damping ratio")
+    displacement.set_title(f"rms displacement: {result.at}", loc="left")
+    loss.set_title("loss per cycle", loc="left")
+    damping.set_title("equivalent damping ratio", loc="left")
+    axes[0].figure.suptitle(
+        f"law: {result.law}; bars: scatter between 8 parts of the last {result.cycles} base cycles\n" + _first(result),
+        x=0.01, ha="left", fontsize=11.0,
+    )  # fmt: skip
+    return axes
+
+
+def _draw(axis: Any, result: ModeConvergence, rows: tuple[tuple[str, str, str], ...], unit: str, label: str) -> None:
+    """Each row of the result, without and with correction, in a unit that reads well."""
+    largest = max(float(np.nanmax(np.abs(getattr(result, name)))) for name, *_ in rows)
+    scale = 100.0
+    if unit != "%":
+        scale, unit = prefixed(largest, unit)
+    for name, line, what in rows:
+        values, bars = scale * getattr(result, name), scale * result.scatter[name]
+        for k, colour, marker, shift, case in CASES:
+            axis.errorbar(
+                shift * result.counts, values[:, k], bars[:, k], color=colour, marker=marker, linestyle=line,
+                capsize=3.0, markersize=5.0, markerfacecolor=colour if line == "-" else "white",
+                label=f"{what}, {case}" if what else case,
+            )  # fmt: skip
+    axis.set_xscale("log")
+    plain_log_ticks(axis.xaxis)
+    axis.set_ylim(bottom=0.0, top=(1.2 + 0.15 * len(rows)) * axis.get_ylim()[1])
+    axis.set_xlabel("normal modes kept")
+    axis.set_ylabel(f"{label} ({unit})")
+    axis.legend(loc="upper right", frameon=False, fontsize=9.0)
+
+
+def _first(result: ModeConvergence) -> str:
+    """The part that converges, in words."""
+    cells = [
+        f"{result.displacement_error[-2, k]:.1g} {case} (order {result.displacement_order[k]:.2g})"
+        for k, *_, case in CASES
+    ]
+    return f"displacement after one first impact, error at {result.counts[-2]} modes: " + ", ".join(cells)

@@ -1,0 +1,198 @@
+"""Figures over parameters: response curves, the resonance over the restitution, values over two parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femimpact.calibration import RestitutionScan
+from femimpact.errors import require, require_type
+from femimpact.export.figures.look import COLOURS, GREY, OffScreen, panel, panels, plain_log_ticks
+from femimpact.sweep import FrequencyResponse, on_grid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
+
+__all__ = ["response_curve", "restitution_scan", "value_map"]
+
+
+def response_curve(
+    curves: FrequencyResponse | Mapping[str, FrequencyResponse],
+    title: str = "",
+    coarse: ArrayLike | None = None,
+    *,
+    published: Sequence[tuple[str, float, float]] = (),
+    join_all: bool = False,
+    ax: Axes | OffScreen | None = None,
+) -> Axes:
+    """Response curves over the base frequency on one logarithmic axis (the paper's Fig. 6 and 7).
+
+    A line joins the peaks of motions that repeat ("periodic" in `FrequencyResponse.steadiness`) and of those
+    without impacts. With impacts the peak of a motion that does not repeat is one sample of a scatter: a dot of its
+    own. The rms, which scatters less, is a dotted line where there are impacts.
+
+    Parameters
+    ----------
+    curves : FrequencyResponse or mapping of str to FrequencyResponse
+        By label. The first one's largest peak is annotated, unless it is one sample of a scatter.
+    title : str
+    coarse : array_like of Hz, optional
+        Frequencies marked on the curves, to show what a coarse grid sees.
+    published : sequence of (label, Hz, m)
+        Peaks to compare with, marked by stars; an amplitude that is not a number marks the frequency only.
+    join_all : bool
+        Join all peaks by lines, also those that scatter.
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If there is no curve, or something else than one.
+    """
+    named = {"": curves} if isinstance(curves, FrequencyResponse) else curves
+    require_type(named, Mapping, "curves")
+    require(len(named) > 0, "curves", "none", "", "must be one or more response curves")
+    for label, curve in named.items():
+        require_type(curve, FrequencyResponse, f"curves.{label}")
+    axis = panel(ax, 8.0, 5.0)
+    axis.set_yscale("log")
+    for colour, (label, curve) in zip(COLOURS, named.items(), strict=False):
+        prefix = f"{label}: " if label else ""
+        _peaks(axis, curve, colour, f"{prefix}peak", join_all)
+        if len(named) <= 3 and np.nansum(curve.impacts_per_cycle) > 0.0:
+            axis.plot(curve.frequency, 1e3 * curve.rms, color=colour, linestyle=":", label=f"{prefix}rms")
+        if coarse is not None:
+            seen = on_grid(curve.frequency, coarse)
+            axis.plot(curve.frequency[seen], 1e3 * curve.peak[seen], "o", color=colour, markersize=4.5)
+    for marker, mark in zip("*PX", published, strict=False):
+        _mark(axis, marker, *mark)
+    first = next(iter(named.values()))
+    if not _scatter(first, join_all)[np.nanargmax(first.peak)]:
+        peak = (first.peak_frequency, 1e3 * first.peak_amplitude)
+        axis.annotate(f"{peak[1]:.3g} mm at {peak[0]:.4g} Hz", peak, xytext=(8, -2), textcoords="offset points",
+                      color=COLOURS[0])  # fmt: skip
+    note = "" if coarse is None else f"\ndots: the {len(np.asarray(coarse))} points of the coarse grid"
+    axis.set_title((title or f"base amplitude {1e3 * first.amplitude:.4g} mm") + note, loc="left")
+    axis.set_xlabel("base frequency (Hz)")
+    place = first.at if isinstance(first.at, str) else f"{1e3 * first.at:.4g} mm from the root,"
+    axis.set_ylabel(f"{place} displacement relative to the base (mm)")
+    plain_log_ticks(axis.yaxis)
+    axis.legend(loc="upper left", frameon=False)
+    return axis
+
+
+def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_all: bool) -> None:
+    """Peaks of one curve: lines through motions that repeat or are linear, dots where single samples scatter."""
+    frequency, peak = curve.frequency, 1e3 * curve.peak
+    scatter = _scatter(curve, join_all)
+    joined = np.where(scatter, np.nan, peak)
+    if not scatter.all():
+        axis.plot(frequency, joined, color=colour, label=label)
+        # between two samples that scatter a line would have no length
+        alone = ~scatter & np.append(True, scatter[:-1]) & np.append(scatter[1:], True) & (scatter.size > 1)
+        axis.plot(frequency[alone], joined[alone], "_", color=colour, markersize=7.0)
+    if scatter.any():
+        text = label if scatter.all() else f"{label}, not periodic"
+        dots: Any = {"color": colour, "markersize": 7.0, "alpha": 0.7, "markeredgewidth": 0.0, "linestyle": "none"}
+        axis.plot(frequency[scatter], peak[scatter], ".", label=text, **dots)
+
+
+def _scatter(curve: FrequencyResponse, join_all: bool) -> NDArray[Any]:
+    """Which peaks are single samples of a motion that does not repeat."""
+    # without impacts the motion is linear: it may still beat at the end of a dwell, and does not scatter
+    return np.asarray((curve.steadiness != "periodic") & (curve.impacts_per_cycle > 0.0) & (not join_all))
+
+
+def _mark(axis: Any, marker: str, label: str, frequency: float, amplitude: float) -> None:
+    """A published peak, or its frequency alone."""
+    if np.isfinite(amplitude):
+        axis.plot(frequency, 1e3 * amplitude, marker, color="black", markersize=11.0, linestyle="none", label=label)
+    else:
+        axis.axvline(frequency, color=GREY, linestyle="--", linewidth=1.2, label=label)
+
+
+def restitution_scan(
+    scans: Sequence[tuple[str, RestitutionScan]],
+    peak_frequency: float,
+    amplitude_ratio: float,
+    figure: FigureBase | OffScreen | None = None,
+) -> NDArray[Any]:
+    """What the restitution does to the resonance, for one or more starts, beside the published values.
+
+    Parameters
+    ----------
+    scans : sequence of (label, RestitutionScan)
+    peak_frequency : float, Hz
+        Published.
+    amplitude_ratio : float, 1
+        Published.
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray (2,) of Axes
+    """
+    axes = panels(figure, 8.0, 6.4, 2, 1, sharex=True)[:, 0]
+    for colour, marker, (label, scan) in zip(COLOURS, "os^D", scans, strict=False):
+        # hollow, so that curves that coincide are both seen
+        style: Any = {"color": colour, "marker": marker, "label": label, "markersize": 6.0, "markerfacecolor": "none"}
+        axes[0].plot(scan.restitution, scan.peak_frequency, **style)
+        axes[1].plot(scan.restitution, scan.amplitude_ratio, **style)
+    for axis, published in ((axes[0], peak_frequency), (axes[1], amplitude_ratio)):
+        axis.axhline(published, color=GREY, linestyle="--", linewidth=1.2)
+        axis.annotate(f"published {published:g}", (0.01, published), xycoords=("axes fraction", "data"),
+                      xytext=(0, -14), textcoords="offset points", color=GREY)  # fmt: skip
+    axes[0].set_ylabel("frequency of the largest peak (Hz)")
+    axes[1].set_ylabel("amplitude ratio without / with ball")
+    axes[1].set_xlabel("restitution of the contact")
+    axes[1].set_ylim(bottom=0.0)
+    # above the axes: no corner is free for every scan
+    axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False)
+    return axes
+
+
+def value_map(x: ArrayLike, y: ArrayLike, values: ArrayLike, ax: Axes | OffScreen | None = None) -> Axes:
+    """Values over two parameters as coloured cells with their numbers; the caller names the axes.
+
+    Parameters
+    ----------
+    x : array_like (m,)
+        Ascending.
+    y : array_like (n,)
+        Ascending.
+    values : array_like (n, m)
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit.
+    """
+    columns, rows, shown = np.asarray(x, dtype=float), np.asarray(y, dtype=float), np.asarray(values, dtype=float)
+    fits = shown.shape == (rows.size, columns.size)
+    require(fits, "values", f"array of shape {shown.shape}", "", f"must be of shape ({rows.size}, {columns.size})")
+    axis = panel(ax, 8.0, 5.6)
+    low, high = np.nanmin(shown), np.nanmax(shown)
+    axis.imshow(shown, cmap="cividis", origin="lower", aspect="auto", vmin=low, vmax=high)
+    axis.grid(False)
+    axis.set_xticks(np.arange(columns.size), [f"{value:.3g}" for value in columns])
+    axis.set_yticks(np.arange(rows.size), [f"{value:.3g}" for value in rows])
+    for (i, j), value in np.ndenumerate(shown):
+        colour = "white" if value < 0.5 * (low + high) else "black"
+        axis.annotate(f"{value:.2g}", (j, i), ha="center", va="center", color=colour, fontsize=9.0)
+    return axis

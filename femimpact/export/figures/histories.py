@@ -1,0 +1,272 @@
+"""Figures over time: the motion between its walls, the energies, the contact force; and spectra."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.errors import Fault, InputError, checked, quantity, require
+from femimpact.export.figures.look import (
+    BLUE,
+    COLOURS,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    WALLS,
+    OffScreen,
+    panel,
+    panels,
+    prefixed,
+    require_history,
+    scaled,
+)
+from femimpact.response.response import Response
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
+
+__all__ = ["amplitude_spectrum", "contact_force", "cycle_averaged_force", "energies", "spectrum"]
+
+
+# ---- energies -------------------------------------------------------------------------------------
+
+
+def energies(response: Response, figure: FigureBase | OffScreen | None = None) -> NDArray[Any]:
+    """The energy ledger: what is stored, what was put in and lost, and the residual.
+
+    Parameters
+    ----------
+    response : Response
+        With a ledger.
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray (3,) of Axes
+
+    Raises
+    ------
+    InputError
+        If the ledger was switched off, or went with its history to `Recorder.sink`.
+    """
+    require_history(response)
+    ledger = response.energy
+    if ledger is None:
+        raise InputError([Fault("response.energy", None, "", "must be kept: Recorder(ledger=True)")])
+    axes = panels(figure, 8.0, 7.4, 3, 1, sharex=True)[:, 0]
+    stored = (
+        ("beam: kinetic + strain", ledger.kinetic + ledger.strain, COLOURS[0]),
+        ("balls", ledger.ball, ORANGE),
+        ("contacts", ledger.contact, GREEN),
+    )
+    since = (
+        ("work put in", ledger.work, "black"),
+        ("stored", ledger.stored - ledger.stored[0], GREY),
+        ("lost in the structure", ledger.structure_loss, COLOURS[0]),
+        ("lost in the contacts", ledger.contact_loss, ORANGE),
+    )
+    for axis, rows in ((axes[0], stored), (axes[1], since)):
+        largest = max(float(np.abs(values).max()) for _, values, _ in rows)
+        factor, unit = prefixed(largest, "J")
+        for label, values, colour in rows:
+            axis.plot(ledger.time, factor * values, color=colour, linewidth=1.2, label=label)
+        axis.set_ylabel(f"energy ({unit})")
+        axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1)
+    axes[2].plot(ledger.time, ledger.residual_history, color=PURPLE, linewidth=1.2)
+    axes[2].set_ylabel("residual (1)")
+    axes[2].set_title(f"energy unaccounted for over the energy put in: at most {ledger.residual:.2g}", loc="left")
+    axes[2].set_xlabel("time (s)")
+    return axes
+
+
+# ---- spectrum -------------------------------------------------------------------------------------
+
+
+def amplitude_spectrum(time: NDArray[Any], values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Single-sided amplitudes of a history under a Hann window.
+
+    A sine of amplitude A whose periods fill the history reads A.
+
+    Parameters
+    ----------
+    time : ndarray (n,), s
+        Ascending; samples that are not evenly spaced are read from the straight lines between them.
+    values : ndarray (n,)
+
+    Returns
+    -------
+    frequency : ndarray (n // 2 + 1,), Hz
+    amplitude : ndarray (n // 2 + 1,), as the values
+    """
+    even = np.linspace(time[0], time[-1], time.size)
+    window = np.hanning(time.size + 1)[:-1]
+    lines = np.abs(np.fft.rfft(np.interp(even, time, values) * window)) / window.sum()
+    # of every line but the mean and the last of an even count there are two, at +f and -f
+    lines[1 : (time.size + 1) // 2] *= 2.0
+    return np.fft.rfftfreq(time.size, even[1] - even[0]), lines
+
+
+def spectrum(
+    response: Response,
+    channel: str | float | None = None,
+    highest: float | None = None,
+    ax: Axes | OffScreen | None = None,
+) -> Axes:
+    """Amplitude spectrum of a channel over the whole base cycles of the last third of a run.
+
+    Parameters
+    ----------
+    response : Response
+    channel : str or float, optional
+        The first one recorded by default.
+    highest : float, Hz, optional
+        End of the axis; the lower of 20 base frequencies and half the sampling rate by default.
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If the run holds no history, no such channel, or not one base cycle in its last third.
+    """
+    require_history(response)
+    name = str(next(iter(response.channels)) if channel is None else channel)
+    values, base = response[name], response.base.frequency
+    start, end = max(response.window[0], float(response.time[0])), float(response.time[-1])
+    cycles = int((end - start) * base + 1e-9)
+    require(cycles >= 1, "response.time", end - start, "s", f"must hold a base cycle, {1.0 / base:.3g} s, in its end")
+    # the sample at the end of the last cycle would be the first of the next
+    inside = (response.time >= end - cycles / base * (1.0 + 1e-9)) & (response.time < end)
+    frequency, amplitude = amplitude_spectrum(response.time[inside], values[inside])
+    top = min(20.0 * base, frequency[-1])
+    if highest is not None:
+        top = checked("highest", highest, quantity("Hz", above=0.0))
+    shown = frequency <= top
+    axis = panel(ax, 8.0, 4.4)
+    largest = float(amplitude[shown].max())
+    factor, unit = prefixed(largest, response.units[name])
+    axis.axvline(base, color=GREY, linestyle="--", linewidth=1.2, label=f"base, {base:.4g} Hz")
+    axis.semilogy(frequency[shown], factor * amplitude[shown], color=BLUE, linewidth=1.2, label=name)
+    axis.set_ylim(bottom=max(factor * largest * 1e-6, float((factor * amplitude[shown]).min()) or 1e-300))
+    axis.set_xlim(0.0, top)
+    axis.set_xlabel("frequency (Hz)")
+    axis.set_ylabel(f"amplitude of {name.replace('_', ' ')} ({unit})")
+    axis.set_title(f"last {cycles} cycles, lines {base / cycles:.3g} Hz apart, Hann window", loc="left")
+    axis.legend(loc="upper right", frameon=False)
+    return axis
+
+
+# ---- contact force --------------------------------------------------------------------------------
+
+
+def cycle_averaged_force(response: Response) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Normal force between balls, stops and beam, averaged over each whole base cycle of a run.
+
+    The average of a cycle is the sum of the impulses of the impacts that touch in it, and of the sticking phases
+    by the time that they share with it, times the base's frequency.
+
+    Parameters
+    ----------
+    response : Response
+
+    Returns
+    -------
+    time : ndarray (cycles,), s
+        Middle of each cycle.
+    force : ndarray (cycles,), N
+    """
+    period, impacts, sticking = 1.0 / response.base.frequency, response.impacts, response.sticking
+    edges = period * np.arange(int(response.window[1] / period + 1e-9) + 1)
+    impulse = (
+        np.histogram(impacts.time, bins=edges, weights=np.abs(impacts.impulse))[0] if edges.size > 1 else edges[1:]
+    )
+    for start, end, force in zip(sticking.start, sticking.end, sticking.mean_force, strict=True):
+        last = edges[-1] if np.isnan(end) else end
+        shared = np.minimum(edges[1:], last) - np.maximum(edges[:-1], start)
+        impulse = impulse + np.nan_to_num(abs(force)) * np.maximum(shared, 0.0)
+    return edges[:-1] + 0.5 * period, np.asarray(impulse / period)
+
+
+def contact_force(
+    response: Response, cycles: int = 8, *, averaged: bool = True, figure: FigureBase | OffScreen | None = None
+) -> NDArray[Any]:
+    """Contact force over time (the paper's Fig. 8): last cycles, peak of every impact, average of every cycle.
+
+    Parameters
+    ----------
+    response : Response
+        With a contact force among its channels.
+    cycles : int
+        Base cycles whose force is drawn.
+    averaged : bool
+        Give the cycle-averaged force a panel of its own, instead of a line among the peaks.
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray (3,) or (2,) of Axes
+
+    Raises
+    ------
+    InputError
+        If the run holds no history of a contact force.
+    """
+    require_history(response)
+    names = [name for name in response.channels if name.rpartition(".")[2] == "contact_force"]
+    require(bool(names), "channels", list(response.channels), "", "must hold a contact force")
+    axes = panels(figure, 8.0, 8.0 if averaged else 5.6, 3 if averaged else 2, 1)[:, 0]
+    _last_cycles(axes[0], response, names, cycles)
+    impacts, statistics = response.impacts, response.statistics
+    for side, colour, _, label in WALLS:
+        chosen = impacts.side == side
+        axes[1].plot(impacts.time[chosen], impacts.peak_force[chosen], "o", markersize=3.0, color=colour, label=label)
+    title = "peak of each impact; "
+    if averaged:
+        _averages(axes[2], response)
+        axes[1].set_xlim(axes[2].get_xlim())
+    else:
+        axes[1].axhline(statistics.cycle_mean_force, color=GREY, linestyle="--", linewidth=1.2)
+        title += f"dashed: cycle-averaged force {1e3 * statistics.cycle_mean_force:.3g} mN;\n"
+    axes[1].set_title(f"{title}mean impulse {1e3 * statistics.mean_impulse:.3g} mN s", loc="left")
+    axes[1].set_ylim(0.0, 1.25 * (np.nanmax(impacts.peak_force, initial=0.0) or 1.0))
+    axes[1].set_ylabel("peak force (N)")
+    axes[1].set_xlabel("time (s)")
+    axes[1].legend(loc="upper left", ncols=2, frameon=False)
+    return axes
+
+
+def _last_cycles(axis: Any, response: Response, names: list[str], cycles: int) -> None:
+    period = 1.0 / response.base.frequency
+    cycles = min(cycles, max(round((response.time[-1] - response.time[0]) / period), 1))
+    last = response.time >= response.time[-1] - cycles * period
+    for colour, name in zip(COLOURS, names, strict=False):
+        axis.plot(response.time[last], response[name][last], color=colour, label=name.replace("_", " "))
+    axis.set_ylabel("force on the beam (N)")
+    axis.set_xlabel("time (s)")
+    law = response.statistics.law
+    axis.set_title(f"last {cycles} cycles at {response.base.frequency:.4g} Hz, law: {law}", loc="left")
+    if len(names) > 1:
+        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1)
+
+
+def _averages(axis: Any, response: Response) -> None:
+    time, force = cycle_averaged_force(response)
+    shown, unit = scaled(force, "N")
+    mean, mean_unit = scaled(response.statistics.cycle_mean_force, "N")
+    axis.plot(time, shown, color=BLUE, linewidth=1.0, marker=".", markersize=4.0)
+    axis.set_ylim(0.0, 1.15 * (shown.max(initial=0.0) or 1.0))
+    axis.set_ylabel(f"average force ({unit})")
+    axis.set_xlabel("time (s)")
+    axis.set_title(
+        f"normal force averaged over each base cycle; over the last third {mean:.3g} {mean_unit}", loc="left"
+    )

@@ -1,0 +1,206 @@
+"""One look for all figures of femimpact, and where they are drawn: on axes given, in a notebook, or for a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.errors import Fault, InputError, require, require_type, suggestion
+from femimpact.export.files import atomic_path
+from femimpact.response.response import Response
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, FigureBase
+
+__all__ = [
+    "BLUE", "COLOURS", "GREEN", "GREY", "ORANGE", "PURPLE", "SKY", "STYLE", "WALLS", "OffScreen", "ball_of",
+    "beam_at", "panel", "panels", "place_of", "plain_log_ticks", "prefixed", "require_history", "save_figure", "scaled",
+]  # fmt: skip
+
+BLUE, ORANGE, GREEN, PURPLE, SKY, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#666666"
+"""Okabe and Ito's colours, which most colour-blind readers can tell apart."""
+COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY)
+WALLS: tuple[tuple[int, str, str, str], ...] = ((1, BLUE, "o", "+ wall"), (-1, ORANGE, "^", "- wall"))
+"""Side, colour, marker and label."""
+STYLE: Any = {
+    "font.size": 11.0,
+    "axes.titlesize": 11.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "lines.linewidth": 1.6,
+    "savefig.dpi": 150,
+}
+SMALLEST_IN_MM = 1e-5
+"""Metres."""
+PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))
+
+
+@dataclass(frozen=True)
+class OffScreen:
+    """In the place of axes or of a figure: a new figure that no window and no notebook shows, for a file."""
+
+
+# ---- where a figure is drawn ----------------------------------------------------------------------
+
+
+def panel(ax: Axes | OffScreen | None, width: float, height: float) -> Axes:
+    """The axes to draw on: those given, or those of a new figure of this size (inches).
+
+    Raises
+    ------
+    InputError
+        If `ax` is neither axes, nor `OffScreen`, nor None.
+    """
+    if ax is None or isinstance(ax, OffScreen):
+        made: Axes = panels(ax, width, height)[0, 0]
+        return made
+    from matplotlib.axes import Axes
+
+    require_type(ax, Axes, "ax")
+    return ax
+
+
+def panels(
+    figure: FigureBase | OffScreen | None,
+    width: float,
+    height: float,
+    rows: int = 1,
+    columns: int = 1,
+    **options: Any,
+) -> NDArray[Any]:
+    """Axes (rows, columns) on a figure given, or on a new one of this size (inches).
+
+    Without a figure it is one of pyplot's, which a notebook shows.
+
+    Raises
+    ------
+    InputError
+        If `figure` is neither a figure, nor `OffScreen`, nor None.
+    """
+    import matplotlib
+    from matplotlib.figure import Figure, FigureBase
+
+    with matplotlib.rc_context(STYLE):
+        if isinstance(figure, OffScreen):
+            figure = Figure(figsize=(width, height), layout="constrained")
+        elif figure is None:
+            import matplotlib.pyplot as plt
+
+            figure = plt.figure(figsize=(width, height), layout="constrained")
+        require_type(figure, FigureBase, "figure")
+        axes: NDArray[Any] = figure.subplots(rows, columns, squeeze=False, **options)
+    return axes
+
+
+def save_figure(drawn: Axes | NDArray[Any] | Figure, path: str | Path) -> Path:
+    """Write the figure of axes, whole or not at all; the suffix chooses the format.
+
+    Parameters
+    ----------
+    drawn : Axes, ndarray of Axes, or Figure
+        What a function of `femimpact.figures` returned.
+    path : str or Path
+
+    Returns
+    -------
+    Path
+    """
+    import matplotlib
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    path, first = Path(path), drawn.flat[0] if isinstance(drawn, np.ndarray) and drawn.size else drawn
+    # axes of a part of a figure have that part for a figure, which has the whole one
+    whole: Any = first.figure.figure if isinstance(first, Axes) else first
+    require_type(whole, Figure, "drawn")
+    with matplotlib.rc_context(STYLE), atomic_path(path) as temporary:
+        whole.savefig(temporary, format=path.suffix.lstrip("."))
+    return path
+
+
+# ---- axes -----------------------------------------------------------------------------------------
+
+
+def plain_log_ticks(axis: Any) -> None:
+    """Label a logarithmic axis 1, 2, 5, 10, ... instead of by powers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def prefixed(largest: float, unit: str) -> tuple[float, str]:
+    """Factor and unit with the prefix in which the largest value is at least 1; lengths from 0.01 mm on in mm."""
+    if unit == "m" and largest >= SMALLEST_IN_MM:
+        # as on every axis of a displacement, so that figures can be laid side by side
+        return 1e3, "mm"
+    found = next(((f, p) for f, p in PREFIXES if f * largest >= 1.0), PREFIXES[-1] if largest else PREFIXES[0])
+    return found[0], found[1] + unit
+
+
+def scaled(values: Any, unit: str) -> tuple[Any, str]:
+    """Values and unit with the prefix of the largest."""
+    factor, shown = prefixed(float(np.abs(values).max(initial=0.0)), unit)
+    return factor * values, shown
+
+
+# ---- what is read of a response -------------------------------------------------------------------
+
+
+def require_history(response: Response) -> None:
+    """Raise `InputError` for a response without samples."""
+    require_type(response, Response, "response")
+    allowed = "must hold a history; that of a run with Recorder.sink is in the pieces"
+    require(response.time.size > 0, "response.time", "no samples", "", allowed)
+
+
+def ball_of(response: Response, name: str | None) -> Any:
+    """The contact pair of a ball by its name; the first for None."""
+    balls = {pair.name: pair for pair in response.system.balls}
+    require(bool(balls), "ball", name, "", "must be of a system with balls")
+    require(name is None or name in balls, "ball", name, "", suggestion(str(name), balls))
+    return balls[next(iter(balls)) if name is None else name]
+
+
+def place_of(response: Response, pair: Any) -> str | None:
+    """Name of the recorded channel that is the beam's displacement where a pair is; None if there is none."""
+    points = response.system.points
+    for name, unit in response.units.items():
+        if unit == "m" and pair.position == (points[name] if name in points else _number(name)):
+            return name
+    return None
+
+
+def _number(name: str) -> float | None:
+    try:
+        return float(name)
+    except ValueError:
+        return None
+
+
+def beam_at(response: Response, pair: Any) -> NDArray[Any]:
+    """Displacement (m) of the beam where a pair is, from its channel or from ball and gap.
+
+    Raises
+    ------
+    InputError
+        If neither was recorded.
+    """
+    place = place_of(response, pair)
+    if place is not None:
+        return response[place]
+    for gap in (f"{pair.name}.gap", "gap"):
+        if gap in response.channels and pair.name in response.channels:
+            return np.asarray(response[pair.name] - response[gap])
+    at = next((name for name, x in response.system.points.items() if x == pair.position), f"{pair.position:g}")
+    raise InputError([Fault("channels", list(response.channels), "", f"must hold {at!r}, where {pair.name!r} is")])

@@ -1,0 +1,115 @@
+"""Figure of beam, balls and stops over time: the whole run, and a close-up with walls and impacts."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.errors import checked, quantity
+from femimpact.export.figures.look import BLUE, ORANGE, OffScreen, beam_at, panels, place_of, prefixed, require_history
+from femimpact.response.response import Response
+
+if TYPE_CHECKING:
+    from matplotlib.figure import FigureBase
+
+__all__ = ["motion"]
+
+BEAM, FREE, WALL = "#555b63", "#e6eaee", "#9aa5b1"
+
+
+def motion(response: Response, cycles: float = 4.0, figure: FigureBase | OffScreen | None = None) -> NDArray[Any]:
+    """Beam and balls over time: a row for every ball and stop, the whole run beside its last cycles.
+
+    The shaded band is where the ball may move: the beam where the ball is, with the gap to either wall. Of a stop it is
+    where the beam may move. Dots in the close-up are impacts.
+
+    Parameters
+    ----------
+    response : Response
+        With every ball among its channels, and the beam where each ball or stop is (or the gap there).
+    cycles : float
+        Base cycles of the close-up.
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray (contacts, 2) of Axes
+        One row, of the first channel, without contacts.
+
+    Raises
+    ------
+    InputError
+        If the run holds no history, or a channel is missing, which is named.
+    """
+    require_history(response)
+    shown = checked("cycles", cycles, quantity("1", above=0.0))
+    pairs = response.system.contacts or (None,)
+    # before a figure is made: a channel may be missing
+    rows = [_Row(response, pair) for pair in pairs]
+    axes = panels(figure, 11.0, 2.5 * len(rows) + 0.8, len(rows), 2, sharex="col", width_ratios=(1.0, 1.3))
+    end = float(response.time[-1])
+    start = max(end - shown / response.base.frequency, float(response.time[0]))
+    for i, (row, pair_of_axes) in enumerate(zip(rows, axes, strict=True)):
+        for axis, inside, close in zip(
+            pair_of_axes, (response.time >= -1.0, response.time >= start), (False, True), strict=True
+        ):
+            row.draw(axis, inside, close)
+        pair_of_axes[0].set_title(row.title, loc="left")
+        pair_of_axes[0].set_ylabel(f"relative to the base ({row.unit})")
+        pair_of_axes[1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1)
+        if i == len(rows) - 1:
+            pair_of_axes[0].set_xlabel("time (s)")
+            pair_of_axes[1].set_xlabel(f"time (s), last {shown:g} cycles at {response.base.frequency:.4g} Hz")
+    return axes
+
+
+class _Row:
+    """Curves of one contact in a unit that reads well: the beam, the ball where there is one, and the walls."""
+
+    def __init__(self, response: Response, pair: Any) -> None:
+        self.response, self.pair = response, pair
+        first = next(iter(response.channels))
+        self.place = first if pair is None else place_of(response, pair) or f"beam at {pair.name}"
+        self.beam = response[first] if pair is None else beam_at(response, pair)
+        moving = pair is not None and not pair.is_stop
+        self.ball = response[pair.name] if moving else None
+        largest = float(np.abs(self.beam if self.ball is None else self.ball).max())
+        self.factor, self.unit = prefixed(largest, response.units[first] if pair is None else "m")
+        self.title = self.place if pair is None else f"{pair.name}, {self.place}" if moving else f"stop {pair.name}"
+
+    def draw(self, axis: Any, inside: NDArray[Any], close: bool) -> None:
+        time, factor = self.response.time[inside], self.factor
+        width = 1.6 if close else 0.8
+        if self.pair is not None:
+            self._walls(axis, inside)
+        axis.plot(time, factor * self.beam[inside], color=BEAM, linewidth=width, zorder=3.0, label=self.place)
+        if self.ball is not None:
+            axis.plot(time, factor * self.ball[inside], color=BLUE, linewidth=width, label=self.pair.name)
+        if close and self.pair is not None:
+            self._impacts(axis, float(time[0]))
+        axis.set_xlim(time[0], max(time[-1], time[0] + 1e-9))
+
+    def _walls(self, axis: Any, inside: NDArray[Any]) -> None:
+        """Walls of a box move with the beam, stops stand still relative to the base or in space."""
+        time, (plus, minus) = self.response.time[inside], self.pair.gaps
+        middle = self.beam[inside] if self.ball is not None else np.zeros(time.size)
+        if self.ball is None and getattr(self.pair, "fixed_to", "base") == "space":
+            middle = -self.response.base.displacement(time)
+        edges = [self.factor * (middle + gap) for gap in (plus, -minus)]
+        both = all(map(math.isfinite, (plus, minus)))
+        if both:
+            axis.fill_between(time, *edges, color=FREE, linewidth=0.0, label="between the walls")
+        for edge, gap in zip(edges, (plus, minus), strict=True):
+            if math.isfinite(gap):
+                label = None if both else self.pair.name
+                axis.plot(time, edge, color=WALL, linewidth=0.8 if both else 2.0, label=label)
+
+    def _impacts(self, axis: Any, start: float) -> None:
+        impacts, time = self.response.impacts, self.response.time
+        at = impacts.time[(impacts.impactor == self.pair.name) & (impacts.time >= start) & (impacts.time <= time[-1])]
+        curve = self.beam if self.ball is None else self.ball
+        axis.plot(at, self.factor * np.interp(at, time, curve), "o", color=ORANGE, markersize=5.0, label="impact")

@@ -1,0 +1,114 @@
+"""Figure of mode shapes, with the bodies on the beam and its supports."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.errors import require, require_type
+from femimpact.export.figures.look import BLUE, COLOURS, GREY, OffScreen, panels
+from femimpact.structure.structure import Structure
+from femimpact.system.modes import Modes
+from femimpact.system.system import System
+
+if TYPE_CHECKING:
+    from matplotlib.figure import FigureBase
+
+__all__ = ["mode_shapes"]
+
+BOX = "#7b8a9a"
+SUPPORT_MARKS: dict[str, tuple[Any, float, str]] = {
+    "clamped": ("|", 34.0, "clamped"),
+    "pinned": ((3, 0, 0), 12.0, "pinned: no deflection"),
+    "guided": ("_", 26.0, "guided: no slope"),
+}
+"""Marker, its size in points, and its label."""
+MOST = 4
+"""Modes that are drawn."""
+
+
+def mode_shapes(
+    system: System,
+    modes: Modes,
+    points: int = 200,
+    structure: Structure | None = None,
+    figure: FigureBase | OffScreen | None = None,
+) -> NDArray[Any]:
+    """Mode shapes along the beam, each scaled to 1, with frequency, damping and share of the moving mass.
+
+    Parameters
+    ----------
+    system : System
+    modes : Modes
+        The first four are drawn.
+    points : int
+        Along the beam.
+    structure : Structure, optional
+        Its bodies, balls and supports are drawn on the shapes.
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray (modes,) of Axes
+
+    Raises
+    ------
+    InputError
+        If the system has no beam to draw a shape of.
+    """
+    require(system.nodes.size > 1, "system.nodes", system.nodes.size, "", "must be 2 or more: a shape needs a beam")
+    if structure is not None:
+        require_type(structure, Structure, "structure")
+    count = min(modes.natural_frequency.size, MOST)
+    axes = panels(figure, 8.0, 1.55 * count + 0.6, count, 1, sharex=True)[:, 0]
+    x = np.linspace(0.0, float(system.nodes[-1]), points)
+    shapes = system.deflection_rows(x) @ modes.vectors[:, :count]
+    for i, axis in enumerate(axes):
+        largest = np.abs(shapes[:, i]).max()
+        axis.axhline(0.0, color=GREY, linewidth=0.8)
+        axis.plot(1e3 * x, shapes[:, i] / largest, color=COLOURS[i % len(COLOURS)], linewidth=2.2)
+        if structure is not None:
+            _parts(axis, system, structure, modes.vectors[:, i] / largest)
+        axis.set_ylim(-1.25, 1.25)
+        axis.set_ylabel("w / max |w|")
+        mass = 100.0 * modes.effective_mass[i] / system.total_mass
+        axis.set_title(
+            f"mode {i + 1}: {modes.natural_frequency[i]:.5g} Hz, damping ratio "
+            f"{100 * modes.damping_ratio[i]:.3g} %, {mass:.1f} % of the moving mass",
+            loc="left",
+        )
+    axes[-1].set_xlabel("distance from the root (mm)")
+    if structure is not None:
+        _legend(axes[0])
+    return axes
+
+
+def _parts(axis: Any, system: System, structure: Structure, vector: NDArray[Any]) -> None:
+    """Bodies, balls and supports where the shape puts them."""
+
+    def mark(at: Any, marker: Any, size: float, **style: Any) -> None:
+        x = system.position_of(at)
+        y = float(np.asarray(system.deflection_rows([x]) @ vector)[0])
+        axis.plot([1e3 * x], [y], linestyle="none", marker=marker, markersize=size, clip_on=False, **style)
+
+    for body in structure.masses:
+        mark(body.at, "s", 15.0, markerfacecolor="white", markeredgecolor=BOX, markeredgewidth=2.5, label=body.name)
+    for ball in structure.impactors:
+        mark(ball.at, "o", 7.0, color=BLUE, label=ball.name)
+    for support in structure.supports:
+        marker, size, label = SUPPORT_MARKS[support.kind]
+        mark(support.at, marker, size, color="black", markeredgewidth=4.0 if size > 20.0 else 1.0, label=label)
+
+
+def _legend(axis: Any) -> None:
+    """Names of the parts, outside the axes: no corner is free for every shape."""
+    handles, labels = axis.get_legend_handles_labels()
+    named = dict(zip(labels, handles, strict=True))
+    legend = axis.figure.legend(
+        list(named.values()), list(named), loc="outside lower center", ncols=len(named), frameon=False
+    )
+    for handle in legend.legend_handles:
+        handle.set_markersize(min(handle.get_markersize(), 12.0))

@@ -1,0 +1,387 @@
+"""Figures hold the data of the result, with quantities and units, on the axes given or on a new pyplot figure."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import femimpact as fi
+
+plt = pytest.importorskip("matplotlib.pyplot")
+
+pytestmark = pytest.mark.impacts
+
+CHANNELS = ("tip", "tip.velocity", "ball", "ball.velocity", "contact_force")
+FREQUENCIES = np.linspace(4.6, 5.6, 11)
+
+
+@pytest.fixture(autouse=True)
+def _closed():
+    plt.switch_backend("agg")
+    plt.close("all")
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def run(small):
+    return fi.integrate(small, fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 6.0, fi.Recorder(channels=CHANNELS))
+
+
+@pytest.fixture(scope="module")
+def two_balls():
+    wall = fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)
+    structure = fi.Structure(
+        fi.Beam.uniform(length=0.23, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700),
+        [fi.PointMass("midbox", at="mid", mass=0.01), fi.PointMass("tipbox", at="tip", mass=0.023)],
+        [fi.Impactor("left", "mid", 2e-3, 1e-3, wall), fi.Impactor("right", "tip", 3.4e-3, 4e-3, wall)],
+        fi.Rayleigh(ratio=0.0029, modes=(1, 2)),
+    )
+    system = fi.assemble(structure, elements=10)
+    record = fi.Recorder(channels=("mid", "tip", "left", "right"))
+    response = fi.integrate(fi.reduce(system, modes=3), fi.Sine(0.2e-3, 5.0), fi.EventDriven(), 4.0, record)
+    return structure, system, response
+
+
+@pytest.fixture(scope="module")
+def curves(small):
+    with_ball = fi.frequency_sweep(small, 0.2037e-3, FREQUENCIES, fi.EventDriven(), 60)
+    empty = fi.frequency_sweep(fi.without_impactors(small), 0.2037e-3, FREQUENCIES, fi.EventDriven(), 60)
+    return empty, with_ball
+
+
+@pytest.fixture(scope="module")
+def mesh(reference):
+    return fi.converge_elements(reference, (2, 4, 8), modes=2)
+
+
+def line(axis, label):
+    """The one line of a label."""
+    (found,) = [line for line in axis.lines if line.get_label() == label]
+    return found
+
+
+def has_line(axis, x, y):
+    """Whether a line of the axes goes through just these points."""
+    return any(
+        found.get_xdata().shape == np.shape(x)
+        and np.allclose(found.get_xdata(), x)
+        and np.allclose(found.get_ydata(), y, equal_nan=True)
+        for found in axis.lines
+    )
+
+
+# ---- where a figure is drawn ----------------------------------------------------------------------
+
+
+def panels(run, curves, mesh, two_balls):
+    """Every figure of one panel, as functions of axes, with what it draws."""
+    figures = fi.figures
+    return {
+        "spectrum": lambda ax: figures.spectrum(run, ax=ax),
+        "phase portrait": lambda ax: figures.phase_portrait(run, ax=ax),
+        "bifurcation": lambda ax: figures.bifurcation([run], ax=ax),
+        "response curve": lambda ax: figures.response_curve(curves[1], ax=ax),
+        "impulse phase": lambda ax: figures.impulse_phase(run, ax=ax),
+        "mesh convergence": lambda ax: figures.mesh_convergence(mesh, ax=ax),
+        "value map": lambda ax: figures.value_map([1, 2], [1, 2, 3], np.ones((3, 2)), ax=ax),
+    }
+
+
+def several(run, two_balls):
+    """Every figure of several panels, as functions of a figure."""
+    figures, (structure, system, response) = fi.figures, two_balls
+    modes = fi.solve_modes(system, count=3)
+    wall = structure.impactors[0].contact
+    return {
+        "motion": lambda figure: figures.motion(response, figure=figure),
+        "energies": lambda figure: figures.energies(run, figure=figure),
+        "contact force": lambda figure: figures.contact_force(run, figure=figure),
+        "mode shapes": lambda figure: figures.mode_shapes(system, modes, structure=structure, figure=figure),
+        "impact histograms": lambda figure: figures.impact_histograms(run, figure=figure),
+        "contact laws": lambda figure: figures.contact_laws([("ball", wall, 3e-3)], [0.1], figure=figure),
+    }
+
+
+def test_one_panel_is_drawn_on_the_axes_given_and_opens_no_figure(run, curves, mesh, two_balls):
+    for name, draw in panels(run, curves, mesh, two_balls).items():
+        plt.close("all")
+        ax = plt.figure().subplots()
+        assert draw(ax) is ax, name
+        assert ax.has_data(), name
+        assert len(plt.get_fignums()) == 1, name
+        with pytest.raises(fi.InputError, match="ax = "):
+            draw(ax.figure)
+
+
+def test_several_panels_are_drawn_on_the_figure_given_and_open_none(run, two_balls):
+    for name, draw in several(run, two_balls).items():
+        plt.close("all")
+        figure = plt.figure()
+        axes = draw(figure)
+        assert isinstance(axes, np.ndarray), name
+        assert list(axes.flat) == figure.axes, name
+        assert all(axis.has_data() for axis in axes.flat), name
+        assert len(plt.get_fignums()) == 1, name
+        with pytest.raises(fi.InputError, match="figure = "):
+            draw(axes.flat[0])
+
+
+def test_without_axes_it_is_a_figure_of_pyplot_and_off_screen_it_is_none(run, curves, mesh, two_balls, tmp_path):
+    for name, draw in (panels(run, curves, mesh, two_balls) | several(run, two_balls)).items():
+        plt.close("all")
+        drawn = draw(None)
+        assert len(plt.get_fignums()) == 1, name
+        first = drawn.flat[0] if isinstance(drawn, np.ndarray) else drawn
+        assert first.figure is plt.gcf(), name
+        plt.close("all")
+        drawn = draw(fi.figures.OffScreen())
+        assert not plt.get_fignums(), name
+        path = fi.figures.save_figure(drawn, tmp_path / f"{name}.png")
+        assert path.read_bytes().startswith(b"\x89PNG"), name
+
+
+def test_every_axis_names_its_quantity_and_its_unit(run, curves, mesh, two_balls):
+    pictures = panels(run, curves, mesh, two_balls) | several(run, two_balls)
+    # values of a map are whatever its caller computed; numbers have no unit
+    del pictures["value map"]
+    plain = {"elements", "impacts", "w / max |w|", "relative error of the natural frequency", ""}
+    for name, draw in pictures.items():
+        drawn = draw(fi.figures.OffScreen())
+        for axis in drawn.flat if isinstance(drawn, np.ndarray) else [drawn]:
+            for label in (axis.get_xlabel(), axis.get_ylabel()):
+                # a shared axis is labelled once
+                assert label in plain or ("(" in label and ")" in label), (name, label)
+
+
+def test_figures_are_found_and_load_matplotlib_when_the_first_is_drawn():
+    assert "figures" in dir(fi)
+    assert set(fi.figures.__all__) == set(dir(fi.figures))
+    code = "import sys, femimpact as fi; fi.figures.motion; print([n for n in sys.modules if n == 'matplotlib'])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_what_is_no_figure_is_not_saved(tmp_path):
+    with pytest.raises(fi.InputError, match="drawn"):
+        fi.figures.save_figure("picture", tmp_path / "a.png")
+
+
+# ---- what it holds --------------------------------------------------------------------------------
+
+
+def test_motion_holds_beam_ball_walls_and_impacts(run):
+    whole, close = fi.figures.motion(run, cycles=10)[0]
+    assert has_line(whole, run.time, 1e3 * run["tip"])
+    assert has_line(whole, run.time, 1e3 * run["ball"])
+    # gap 4 mm to either side of the beam
+    assert has_line(whole, run.time, 1e3 * run["tip"] + 4.0)
+    assert has_line(whole, run.time, 1e3 * run["tip"] - 4.0)
+    start = run.time[-1] - 10 / 5.0
+    np.testing.assert_allclose(close.get_xlim(), [start, run.time[-1]], atol=1.0 / 5.0 / 64)
+    dots = line(close, "impact")
+    times = run.impacts.time[run.impacts.time >= start]
+    assert times.size > 5
+    np.testing.assert_allclose(dots.get_xdata(), times)
+    # a ball touches where its box is: the straight line between samples of a path with a kink is off by at most
+    # half a sample times the change of speed, 0.5 (1/320 s) (0.4 m/s), and what the wall yields
+    wall = np.interp(times, run.time, 1e3 * run["tip"]) + 4.0 * run.impacts.side[-times.size :]
+    np.testing.assert_allclose(dots.get_ydata(), wall, atol=0.7)
+
+
+def test_every_ball_has_its_trace_and_its_close_up(two_balls):
+    response = two_balls[2]
+    axes = fi.figures.motion(response)
+    assert axes.shape == (2, 2)
+    for row, (ball, place) in zip(axes, (("left", "mid"), ("right", "tip")), strict=True):
+        np.testing.assert_allclose(row[0].lines[2].get_ydata(), 1e3 * response[place])
+        np.testing.assert_allclose(row[0].lines[3].get_ydata(), 1e3 * response[ball])
+        end = line(row[1], ball).get_ydata()
+        np.testing.assert_allclose(end, 1e3 * response[ball][-end.size :])
+
+
+def test_a_box_whose_place_was_not_recorded_is_named_and_its_gap_will_do(two_balls, small):
+    response = two_balls[2]
+    left_out = {name: values for name, values in response.channels.items() if name != "mid"}
+    units = {name: response.units[name] for name in left_out}
+    with pytest.raises(fi.InputError, match="must hold 'mid', where 'left' is"):
+        fi.figures.motion(dataclasses.replace(response, channels=left_out, units=units))
+    record = fi.Recorder(channels=("ball", "gap", "tip.velocity"))
+    run = fi.integrate(small, fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 1.0, record)
+    whole = fi.figures.motion(run)[0, 0]
+    assert has_line(whole, run.time, 1e3 * (run["ball"] - run["gap"]))
+
+
+def test_a_stop_stands_where_it_is_and_in_space_moves_against_the_base():
+    beam = fi.Beam.uniform(length=0.23, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)
+    for fixed_to, moves in (("base", 0.0), ("space", 1.0)):
+        stop = fi.Stop("stop", at="tip", gap=(1e-3, math.inf), contact=fi.Rigid(0.7), fixed_to=fixed_to)
+        structure = fi.Structure(beam, stops=[stop], damping=fi.Rayleigh(ratio=0.02, modes=(1, 2)))
+        system = fi.reduce(fi.assemble(structure, elements=10), modes=2)
+        response = fi.integrate(system, fi.Sine(1e-4, 14.0), fi.EventDriven(), 1.0, fi.Recorder(channels=("tip",)))
+        wall = line(fi.figures.motion(response)[0, 0], "stop").get_ydata()
+        np.testing.assert_allclose(wall, 1.0 - moves * 1e3 * response.base.displacement(response.time))
+
+
+def test_energies_hold_the_ledger_and_its_residual(run):
+    stored, since, residual = fi.figures.energies(run)
+    ledger = run.energy
+    assert "µJ" in stored.get_ylabel()
+    np.testing.assert_allclose(line(stored, "balls").get_ydata(), 1e6 * ledger.ball)
+    work, kept, structure, contacts = (found.get_ydata() for found in since.lines)
+    # what the curves say balances as the ledger does
+    np.testing.assert_allclose(work, kept + structure + contacts, atol=1e-9 * np.abs(work).max())
+    np.testing.assert_array_equal(residual.lines[0].get_ydata(), ledger.residual_history)
+    with pytest.raises(fi.InputError, match="ledger=True"):
+        fi.figures.energies(dataclasses.replace(run, energy=None))
+
+
+@pytest.mark.parametrize("samples", [400, 401])
+def test_a_sine_has_its_amplitude_in_the_spectrum(samples):
+    time = np.arange(samples) / samples
+    values = 0.25 + 3.0 * np.sin(2 * np.pi * 20.0 * time + 0.4) + 0.5 * np.cos(2 * np.pi * 70.0 * time)
+    frequency, amplitude = fi.figures.amplitude_spectrum(time, values)
+    np.testing.assert_allclose(frequency[[20, 70]], [20.0, 70.0])
+    np.testing.assert_allclose(amplitude[[0, 20, 70]], [0.25, 3.0, 0.5], rtol=1e-9)
+    # a Hann window widens a line by one to either side
+    others = np.delete(amplitude, [0, 1, 19, 20, 21, 69, 70, 71])
+    assert others.max() < 1e-9
+
+
+def test_the_spectrum_of_a_linear_run_has_the_first_harmonic_of_its_steady_motion(small):
+    # far below the resonance and strongly damped: steady after 100 cycles
+    damped = fi.without_impactors(small)
+    response = fi.integrate(
+        damped, fi.Sine(1e-3, 2.0), fi.EventDriven(), 300.0, fi.Recorder(channels=("tip",), every=4)
+    )
+    axis = fi.figures.spectrum(response)
+    assert axis.get_ylabel() == "amplitude of tip (mm)"
+    found = line(axis, "tip")
+    at = np.argmin(np.abs(found.get_xdata() - 2.0))
+    # exp(-0.0029 * 2 pi * 5.3 Hz * 200 s): 4e-9 of the transient is left
+    assert found.get_ydata()[at] == pytest.approx(1e3 * response.steady.first_harmonic[0], rel=1e-6)
+
+
+def test_the_portrait_holds_the_motion_in_the_box_with_its_section(run):
+    axis = fi.figures.phase_portrait(run, cycles=10)
+    last = run.time >= run.time[-1] - 10 / 5.0
+    relative = (run["ball"] - run["tip"])[last]
+    np.testing.assert_allclose(axis.lines[0].get_xdata(), 1e3 * relative)
+    np.testing.assert_allclose(axis.lines[0].get_ydata(), 1e3 * (run["ball.velocity"] - run["tip.velocity"])[last])
+    section = run.stroboscopic(0.0)
+    points = line(axis, "once per cycle, base at 0 degrees")
+    np.testing.assert_allclose(points.get_xdata(), 1e3 * (section["ball"] - section["tip"])[-points.get_xdata().size :])
+    assert points.get_xdata().size in (10, 11)
+    assert {found.get_xdata()[0] for found in axis.lines if len(found.get_xdata()) == 2} == {4.0, -4.0}
+    tip = fi.figures.phase_portrait(run, "tip", phase=None)
+    np.testing.assert_allclose(tip.lines[0].get_xdata(), 1e3 * run["tip"])
+    with pytest.raises(fi.InputError, match=r"must hold 'contact_force\.velocity'"):
+        fi.figures.phase_portrait(run, "contact_force")
+
+
+def test_a_bifurcation_has_the_sections_of_every_run(small):
+    bases = [fi.Sine(0.2037e-3, frequency) for frequency in (4.8, 5.0)]
+    runs = fi.integrate(small, bases, fi.EventDriven(), 6.0, fi.Recorder(channels=("tip",)))
+    axis = fi.figures.bifurcation(runs)
+    drawn = axis.lines[0]
+    for response in runs:
+        section = response.stroboscopic()
+        own = drawn.get_xdata() == response.base.frequency
+        np.testing.assert_allclose(drawn.get_ydata()[own], 1e3 * section["tip"][section.time >= response.window[0]])
+
+
+def test_a_line_joins_what_repeats_and_what_scatters_is_dots(curves):
+    empty, with_ball = curves
+    steadiness = np.array(["periodic"] * 4 + ["statistical"] * 5 + ["failed", "periodic"])
+    peak = np.where(steadiness == "failed", np.nan, with_ball.peak)
+    mixed = dataclasses.replace(with_ball, steadiness=steadiness, peak=peak, impacts_per_cycle=np.ones(11))
+    axis = fi.figures.response_curve({"without ball": empty, "with ball": mixed}, published=[("paper", 4.95, 7e-3)])
+    # linear: no scatter, whatever its transient
+    np.testing.assert_allclose(line(axis, "without ball: peak").get_ydata(), 1e3 * empty.peak)
+    joined = line(axis, "with ball: peak").get_ydata()
+    np.testing.assert_allclose(joined[steadiness == "periodic"], 1e3 * peak[steadiness == "periodic"])
+    assert np.isnan(joined[steadiness != "periodic"]).all()
+    dots = line(axis, "with ball: peak, not periodic")
+    assert dots.get_linestyle() == "None"
+    np.testing.assert_allclose(dots.get_xdata()[:5], FREQUENCIES[4:9])
+    np.testing.assert_allclose(dots.get_ydata()[:5], 1e3 * peak[4:9])
+    assert (*line(axis, "paper").get_xdata(), *line(axis, "paper").get_ydata()) == (4.95, 7.0)
+    whole = fi.figures.response_curve(mixed, join_all=True)
+    np.testing.assert_allclose(line(whole, "peak").get_ydata(), 1e3 * peak)
+    with pytest.raises(fi.InputError, match="curves"):
+        fi.figures.response_curve({})
+
+
+def test_the_averages_of_all_cycles_are_the_impulses_of_the_run(run):
+    time, force = fi.figures.cycle_averaged_force(run)
+    assert time.size == 30
+    np.testing.assert_allclose(time[:2], [0.1, 0.3])
+    inside = run.impacts.time < 6.0
+    assert force.sum() * 0.2 == pytest.approx(run.impacts.impulse[inside].sum(), rel=1e-12)
+    # over the whole cycles of the last third it is the mean force of the statistics; contacts over an edge count whole
+    assert force[20:].mean() == pytest.approx(run.statistics.cycle_mean_force, rel=0.1)
+    peaks, averages = fi.figures.contact_force(run)[1:]
+    np.testing.assert_allclose(averages.lines[0].get_ydata(), 1e3 * force)
+    assert "mN" in averages.get_ylabel()
+    assert sum(found.get_xdata().size for found in peaks.lines) == len(run.impacts)
+
+
+def test_a_force_that_sticks_is_averaged_over_the_cycles_it_shares(run):
+    """A ball pressed to its wall by 2 N from 0.3 to 0.5 s: half of the second and half of the third cycle of 0.2 s."""
+    sticking = type(run.sticking)(
+        impactor=np.array(["ball"]), side=np.array([1]), start=np.array([0.3]), end=np.array([0.5]),
+        impulse=np.array([0.4]), mean_force=np.array([2.0]),
+    )  # fmt: skip
+    force = fi.figures.cycle_averaged_force(run)[1]
+    pressed = fi.figures.cycle_averaged_force(dataclasses.replace(run, sticking=sticking))[1]
+    np.testing.assert_allclose((pressed - force)[:4], [0.0, 1.0, 1.0, 0.0], atol=1e-12)
+
+
+def test_mode_shapes_carry_boxes_balls_and_supports_where_the_shape_is(two_balls):
+    structure, system, _ = two_balls
+    modes = fi.solve_modes(system, count=3)
+    axes = fi.figures.mode_shapes(system, modes, structure=structure)
+    for i, axis in enumerate(axes):
+        shape = axis.lines[1]
+        assert np.abs(shape.get_ydata()).max() == pytest.approx(1.0)
+        for name, x in (("midbox", 115.0), ("tipbox", 230.0), ("left", 115.0), ("right", 230.0), ("clamped", 0.0)):
+            mark = line(axis, name)
+            assert mark.get_xdata()[0] == pytest.approx(x)
+            # the shape is drawn at 200 places, between which it is straight
+            on_shape = np.interp(x, shape.get_xdata(), shape.get_ydata())
+            assert mark.get_ydata()[0] == pytest.approx(on_shape, abs=1e-3)
+        assert f"{modes.natural_frequency[i]:.5g} Hz" in axis.get_title(loc="left")
+    # without the structure there is the shape and the line of rest
+    assert all(len(axis.lines) == 2 for axis in fi.figures.mode_shapes(system, modes))
+
+
+def test_a_reference_slope_has_its_order(mesh):
+    axis = fi.figures.mesh_convergence(mesh)
+    np.testing.assert_allclose(line(axis, axis.lines[0].get_label()).get_ydata(), mesh.error[:, 0])
+    slope = line(axis, "reference: order 4")
+    x, y = np.log(slope.get_xdata()), np.log(slope.get_ydata())
+    np.testing.assert_allclose(np.diff(y) / np.diff(x), -4.0)
+    assert not [found for found in fi.figures.mesh_convergence(mesh, slope=None).lines if found.get_linestyle() == "--"]
+
+
+def test_a_map_shows_every_value_in_its_cell():
+    values = np.array([[0.1, 0.25], [0.5, 1.0], [2.0, 4.0]])
+    axis = fi.figures.value_map([1.0, 2.0], [5.0, 6.0, 7.0], values)
+    assert [text.get_text() for text in axis.texts] == ["0.1", "0.25", "0.5", "1", "2", "4"]
+    np.testing.assert_array_equal(axis.images[0].get_array(), values)
+    with pytest.raises(fi.InputError, match="values"):
+        fi.figures.value_map([1.0, 2.0, 3.0], [5.0, 6.0, 7.0], values)
+
+
+def test_a_streamed_run_has_no_history_to_draw(small):
+    run = fi.integrate(small, fi.Sine(1e-4, 5.0), fi.EventDriven(), 1.0, fi.Recorder(sink=lambda piece: None))
+    for draw in (fi.figures.motion, fi.figures.energies, fi.figures.spectrum, fi.figures.phase_portrait):
+        with pytest.raises(fi.InputError, match=r"response\.time"):
+            draw(run)
+    # nor is a figure opened
+    assert not plt.get_fignums()
