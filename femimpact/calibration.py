@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 __all__ = ["RestitutionScan", "scan_restitution", "with_restitution"]
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True, eq=False)
 class RestitutionScan:
@@ -60,13 +62,13 @@ class RestitutionScan:
     curves : tuple of FrequencyResponse
     """
 
-    restitution: NDArray[Any] = field(metadata=column("1", "restitutions"))
-    peak_frequency: NDArray[Any] = field(metadata=column("Hz", "restitutions"))
-    peak_amplitude: NDArray[Any] = field(metadata=column("m", "restitutions"))
-    amplitude_ratio: NDArray[Any] = field(metadata=column("1", "restitutions"))
-    damping_fit: NDArray[Any] = field(metadata=column("1", "restitutions"))
-    damping_half_power: NDArray[Any] = field(metadata=column("1", "restitutions"))
-    damping_amplitude_ratio: NDArray[Any] = field(metadata=column("1", "restitutions"))
+    restitution: Array = field(metadata=column("1", "restitutions"))
+    peak_frequency: Array = field(metadata=column("Hz", "restitutions"))
+    peak_amplitude: Array = field(metadata=column("m", "restitutions"))
+    amplitude_ratio: Array = field(metadata=column("1", "restitutions"))
+    damping_fit: Array = field(metadata=column("1", "restitutions"))
+    damping_half_power: Array = field(metadata=column("1", "restitutions"))
+    damping_amplitude_ratio: Array = field(metadata=column("1", "restitutions"))
     curves: tuple[FrequencyResponse, ...] = field(metadata=items(FrequencyResponse))
 
     def __post_init__(self) -> None:
@@ -74,14 +76,14 @@ class RestitutionScan:
         each = len(self.curves) == self.restitution.size
         require(each, "curves", len(self.curves), "", f"must be {self.restitution.size}, one for each restitution")
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
+    def __getitem__(self, name: str) -> Array:
         return named_column(self, name)
 
     def to_pandas(self) -> pandas.DataFrame:
         """The columns over the restitution; units in `attrs["units"]`."""
         return frame_of(*flat_columns(self), index="restitution")
 
-    def misfit(self, peak_frequency: float, amplitude_ratio: float, frequency_scale: float = 0.1) -> NDArray[Any]:
+    def misfit(self, peak_frequency: float, amplitude_ratio: float, frequency_scale: float = 0.1) -> Array:
         """Distance of each restitution from a published resonance.
 
         sqrt[((f - f_published)/frequency_scale)^2 + ln(R/R_published)^2/ln(1.25)^2]

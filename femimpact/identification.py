@@ -13,6 +13,8 @@ from femimpact.errors import check_fields, checked, quantity, real_array, requir
 
 __all__ = ["DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power", "one_pole_amplitude"]
 
+Array = NDArray[np.float64]
+
 RESOLVED = 4.0
 """A half-power width counts as resolved when it holds this many frequency steps."""
 
@@ -72,7 +74,7 @@ class DampingEstimate:
         return text + "".join(f"\n  warning: {warning}" for warning in self.warnings)
 
 
-def one_pole_amplitude(frequency: ArrayLike, scale: float, natural_frequency: float, ratio: float) -> NDArray[Any]:
+def one_pole_amplitude(frequency: ArrayLike, scale: float, natural_frequency: float, ratio: float) -> Array:
     """Relative displacement amplitude of one mode under a sine of the base.
 
     |X| = scale f^2 / sqrt((f0^2 - f^2)^2 + (2 zeta f0 f)^2)
@@ -100,11 +102,11 @@ def one_pole_amplitude(frequency: ArrayLike, scale: float, natural_frequency: fl
     return _one_pole(f, scale, natural_frequency, checked("ratio", ratio, quantity("1", above=0.0)))
 
 
-def _one_pole(f: NDArray[Any], scale: float, natural_frequency: float, ratio: float) -> NDArray[Any]:
+def _one_pole(f: Array, scale: float, natural_frequency: float, ratio: float) -> Array:
     return np.asarray(scale * f**2 / np.hypot(natural_frequency**2 - f**2, 2.0 * ratio * natural_frequency * f))
 
 
-def _checked(frequency: ArrayLike, amplitude: ArrayLike, least: int) -> tuple[NDArray[Any], NDArray[Any]]:
+def _checked(frequency: ArrayLike, amplitude: ArrayLike, least: int) -> tuple[Array, Array]:
     # a case that failed is not a number and left out; a masked one says nothing of why it is masked
     f = real_array("frequency", frequency, "Hz", "must be a row of numbers", finite=False)
     x = real_array("amplitude", amplitude, "m", "must be a row of numbers", finite=False)
@@ -161,7 +163,7 @@ def half_power(frequency: ArrayLike, amplitude: ArrayLike) -> DampingEstimate:
     return DampingEstimate(value, float(f[top]), interval, "half-power", warnings)
 
 
-def _resolution_warnings(f: NDArray[Any], top: int, width: float) -> tuple[str, ...]:
+def _resolution_warnings(f: Array, top: int, width: float) -> tuple[str, ...]:
     step = float(np.max(np.diff(f[max(top - 1, 0) : top + 2])))
     if width >= RESOLVED * step:
         return ()
@@ -206,7 +208,7 @@ def fit_one_pole(
     # both as shares of the peak's: the fit does not hang on units
     f_fit, x_fit = f[chosen] / f[top], x[chosen] / x[top]
 
-    def misfit_of(p: NDArray[Any]) -> NDArray[Any]:
+    def misfit_of(p: Array) -> Array:
         return np.asarray(_one_pole(f_fit, math.exp(p[0]), p[1], math.exp(p[2])) - x_fit)
 
     # the residual has several valleys when the grid is coarse: start from narrow and wide peaks
@@ -222,9 +224,7 @@ def fit_one_pole(
     return _judged(f, float(f[top]), f_fit, x_fit, best, misfit_limit)
 
 
-def _judged(
-    f: NDArray[Any], at: float, f_fit: NDArray[Any], x_fit: NDArray[Any], best: Any, misfit_limit: float
-) -> DampingEstimate:
+def _judged(f: Array, at: float, f_fit: Array, x_fit: Array, best: Any, misfit_limit: float) -> DampingEstimate:
     """The estimate of the best fit, as far as its points determine it: they are shares of the peak, which lies at `at`.
 
     `f` are all frequencies (Hz).
@@ -259,7 +259,7 @@ def _judged(
     return DampingEstimate(ratio, frequency_found, interval, "one-pole least squares", tuple(warnings))
 
 
-def _spread_of_logarithm(jacobian: NDArray[Any], squares: float, quantile: Any) -> float:
+def _spread_of_logarithm(jacobian: Array, squares: float, quantile: Any) -> float:
     """Half-width of the 95 % interval of log(ratio), the third parameter; infinite where nothing depends on it."""
     points = jacobian.shape[0]
     freedom = max(points - 3, 1)
@@ -275,14 +275,14 @@ def _spread_of_logarithm(jacobian: NDArray[Any], squares: float, quantile: Any) 
     return float(quantile(freedom, 0.975)) * math.sqrt(variance)
 
 
-def _is_systematic(misfit: NDArray[Any]) -> bool:
+def _is_systematic(misfit: Array) -> bool:
     """Whether neighbouring misfits are alike: their correlation beyond what independent ones would have."""
     size = float(misfit @ misfit)
     alike = float(misfit[1:] @ misfit[:-1]) / size if size > 0.0 else 0.0
     return alike > min(SYSTEMATIC / math.sqrt(misfit.size), 0.8)
 
 
-def _no_interval(f: NDArray[Any], x: NDArray[Any], pole: Any, large: bool, resolved: bool) -> str:
+def _no_interval(f: Array, x: Array, pole: Any, large: bool, resolved: bool) -> str:
     """Why the misfit is not to be taken for noise, or nothing."""
     if f.size < ENOUGH_POINTS or not resolved:
         return f"may be noise or a second pole: {f.size} points of this grid do not tell"
@@ -291,18 +291,18 @@ def _no_interval(f: NDArray[Any], x: NDArray[Any], pole: Any, large: bool, resol
     return ""
 
 
-def _is_more_than_a_pole(f: NDArray[Any], x: NDArray[Any], pole: Any) -> bool:
+def _is_more_than_a_pole(f: Array, x: Array, pole: Any) -> bool:
     """Whether a constant, or a second pole, beside the pole explains much more than noise would let it (F test)."""
     from scipy.optimize import least_squares
     from scipy.special import fdtri
 
-    def first(p: NDArray[Any]) -> NDArray[Any]:
+    def first(p: Array) -> Array:
         return np.asarray(math.exp(p[0]) * f**2 / (p[1] ** 2 - f**2 + 2j * math.exp(p[2]) * p[1] * f))
 
-    def with_constant(p: NDArray[Any]) -> NDArray[Any]:
+    def with_constant(p: Array) -> Array:
         return np.asarray(np.abs(first(p) + p[3] + 1j * p[4]) - x)
 
-    def with_pole(p: NDArray[Any]) -> NDArray[Any]:
+    def with_pole(p: Array) -> Array:
         # as wide as the first: one parameter less to find
         second = p[3] * f**2 / (p[4] ** 2 - f**2 + 2j * math.exp(p[2]) * p[4] * f)
         return np.asarray(np.abs(first(p) + second) - x)

@@ -7,13 +7,16 @@ Every excitation answers the same questions: the base's displacement, velocity a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import real_array, require
 
 __all__ = ["BrokenLine", "Excitation", "Harmonic", "require_excitation", "times"]
+
+Array = NDArray[np.float64]
 
 
 @runtime_checkable
@@ -40,13 +43,13 @@ class Excitation(Protocol):
     def amplitude(self) -> float:
         """Largest displacement of the base, m: the scale by which divergence is recognised."""
 
-    def displacement(self, time: ArrayLike) -> NDArray[Any]:
+    def displacement(self, time: ArrayLike) -> Array:
         """Base displacement ub (m) at times in s."""
 
-    def velocity(self, time: ArrayLike) -> NDArray[Any]:
+    def velocity(self, time: ArrayLike) -> Array:
         """Base velocity (m/s) at times in s."""
 
-    def acceleration(self, time: ArrayLike) -> NDArray[Any]:
+    def acceleration(self, time: ArrayLike) -> Array:
         """Base acceleration (m/s^2) at times in s."""
 
 
@@ -79,7 +82,7 @@ class BrokenLine:
         Of the base, where s is its acceleration.
     """
 
-    samples: NDArray[Any]
+    samples: Array
     interval: float
     initial_velocity: float = 0.0
 
@@ -94,6 +97,6 @@ def require_excitation(value: object, key: str = "excitation") -> None:
     require(not missing, key, type(value).__name__, "", allowed)
 
 
-def times(time: ArrayLike) -> NDArray[Any]:
+def times(time: ArrayLike) -> Array:
     """Times (s) as an array of float."""
     return real_array("time", time, "s", "must be finite numbers")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -54,11 +53,11 @@ class PointForce:
         """Of the base's motion: none, 0 m."""
         return 0.0
 
-    def force(self, time: ArrayLike) -> NDArray[Any]:
+    def force(self, time: ArrayLike) -> NDArray[np.float64]:
         """Force (N) at times in s."""
         return self.history.displacement(time)
 
-    def displacement(self, time: ArrayLike) -> NDArray[Any]:
+    def displacement(self, time: ArrayLike) -> NDArray[np.float64]:
         """Base displacement: zero, m."""
         return np.zeros_like(times(time))
 

@@ -15,6 +15,8 @@ from femimpact.excitation.excitation import BrokenLine, times
 
 __all__ = ["RecordedBase"]
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True, eq=False)
 class RecordedBase:
@@ -55,14 +57,14 @@ class RecordedBase:
         )
 
     @cached_property
-    def _knots(self) -> tuple[NDArray[Any], NDArray[Any]]:
+    def _knots(self) -> tuple[Array, Array]:
         """Velocity and displacement at the samples: exact integrals of the broken line."""
         a, h = self.samples, self.interval
         v = self.initial_velocity + np.concatenate([[0.0], np.cumsum(0.5 * h * (a[1:] + a[:-1]))])
         steps = h * v[:-1] + h * h * (2.0 * a[:-1] + a[1:]) / 6.0
         return v, np.concatenate([[0.0], np.cumsum(steps)])
 
-    def _locate(self, time: ArrayLike) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
+    def _locate(self, time: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """Sample before each time, time since then (s), acceleration there, and its slope."""
         t = times(time)
         index = np.clip(np.floor(t / self.interval).astype(int), 0, self.samples.size - 1)
@@ -87,18 +89,18 @@ class RecordedBase:
         """Largest displacement, m."""
         return float(np.max(np.abs(self._knots[1])))
 
-    def displacement(self, time: ArrayLike) -> NDArray[Any]:
+    def displacement(self, time: ArrayLike) -> Array:
         """Base displacement ub (m) at times in s."""
         index, s, a, slope = self._locate(time)
         v, u = self._knots
         return np.asarray(u[index] + s * v[index] + s * s * a / 2.0 + s**3 * slope / 6.0)
 
-    def velocity(self, time: ArrayLike) -> NDArray[Any]:
+    def velocity(self, time: ArrayLike) -> Array:
         """Base velocity (m/s) at times in s."""
         index, s, a, slope = self._locate(time)
         return np.asarray(self._knots[0][index] + s * a + s * s * slope / 2.0)
 
-    def acceleration(self, time: ArrayLike) -> NDArray[Any]:
+    def acceleration(self, time: ArrayLike) -> Array:
         """Base acceleration (m/s^2) at times in s."""
         _, s, a, slope = self._locate(time)
         return np.asarray(a + s * slope)

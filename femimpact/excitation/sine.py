@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,16 +43,16 @@ class Sine:
         """Angular frequency, rad/s."""
         return 2.0 * math.pi * self.frequency
 
-    def displacement(self, time: ArrayLike) -> NDArray[Any]:
+    def displacement(self, time: ArrayLike) -> NDArray[np.float64]:
         """Base displacement ub (m) at times in s."""
         return np.asarray(self.amplitude * np.sin(self.omega * times(time) + self.phase))
 
-    def velocity(self, time: ArrayLike) -> NDArray[Any]:
+    def velocity(self, time: ArrayLike) -> NDArray[np.float64]:
         """Base velocity (m/s) at times in s."""
         scale = self.amplitude * self.omega
         return np.asarray(scale * np.cos(self.omega * times(time) + self.phase))
 
-    def acceleration(self, time: ArrayLike) -> NDArray[Any]:
+    def acceleration(self, time: ArrayLike) -> NDArray[np.float64]:
         """Base acceleration (m/s^2) at times in s."""
         return -(self.omega**2) * self.displacement(time)
 

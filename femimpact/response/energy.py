@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 __all__ = ["BALANCED", "CLOSED", "EnergyLedger", "energy_residual", "largest_input", "residual_warnings", "unbalanced"]
 
+Array = NDArray[np.float64]
+
 CLOSED = 1e-9
 """Residual that rounding leaves of a ledger in closed form, unless contacts are so stiff that it leaves more."""
 
@@ -23,7 +25,7 @@ BALANCED = 1e-2
 """Residual beyond which a run is not to be believed without a reason."""
 
 
-def largest_input(stored: NDArray[Any], work: NDArray[Any]) -> NDArray[Any]:
+def largest_input(stored: Array, work: Array) -> Array:
     """Initial energy plus the largest work put in, J: what residuals are shares of.
 
     Parameters
@@ -37,7 +39,7 @@ def largest_input(stored: NDArray[Any], work: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(stored[0] + np.max(np.abs(work - work[0]), axis=0))
 
 
-def energy_residual(stored: NDArray[Any], work: NDArray[Any], dissipated: NDArray[Any]) -> NDArray[Any]:
+def energy_residual(stored: Array, work: Array, dissipated: Array) -> Array:
     """Energy that appears from nowhere, over the initial energy plus the largest work put in.
 
     r(t) = [E(t) - E(0) - (W(t) - W(0)) + D(t) - D(0)] / (E(0) + max |W - W(0)|)
@@ -65,7 +67,7 @@ def unbalanced(residual: float) -> str:
     )
 
 
-def residual_warnings(frequency: NDArray[Any], residual: NDArray[Any], bound: NDArray[Any]) -> list[str]:
+def residual_warnings(frequency: Array, residual: Array, bound: Array) -> list[str]:
     """One warning for all runs of a sweep whose ledger is off by more than a bound.
 
     Parameters
@@ -118,20 +120,20 @@ class EnergyLedger:
         The same as `structure_loss`, mode by mode; no columns for physical dofs.
     """
 
-    time: NDArray[Any] = field(metadata=column("s", "samples"))
-    kinetic: NDArray[Any] = field(metadata=column("J", "samples"))
-    strain: NDArray[Any] = field(metadata=column("J", "samples"))
-    ball: NDArray[Any] = field(metadata=column("J", "samples"))
-    contact: NDArray[Any] = field(metadata=column("J", "samples"))
-    work: NDArray[Any] = field(metadata=column("J", "samples"))
-    structure_loss: NDArray[Any] = field(metadata=column("J", "samples"))
-    contact_loss: NDArray[Any] = field(metadata=column("J", "samples"))
-    structure_loss_of_mode: NDArray[Any] = field(metadata=column("J", "samples", "modes"))
+    time: Array = field(metadata=column("s", "samples"))
+    kinetic: Array = field(metadata=column("J", "samples"))
+    strain: Array = field(metadata=column("J", "samples"))
+    ball: Array = field(metadata=column("J", "samples"))
+    contact: Array = field(metadata=column("J", "samples"))
+    work: Array = field(metadata=column("J", "samples"))
+    structure_loss: Array = field(metadata=column("J", "samples"))
+    contact_loss: Array = field(metadata=column("J", "samples"))
+    structure_loss_of_mode: Array = field(metadata=column("J", "samples", "modes"))
 
     def __post_init__(self) -> None:
         check_fields(self)
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
+    def __getitem__(self, name: str) -> Array:
         return named_column(self, name)
 
     @property
@@ -144,12 +146,12 @@ class EnergyLedger:
         return frame_of(*flat_columns(self), index="time")
 
     @property
-    def stored(self) -> NDArray[Any]:
+    def stored(self) -> Array:
         """Sum of kinetic, strain, ball and contact energy, J."""
         return np.asarray(self.kinetic + self.strain + self.ball + self.contact)
 
     @property
-    def residual_history(self) -> NDArray[Any]:
+    def residual_history(self) -> Array:
         """Signed residual over time; see `energy_residual`."""
         return energy_residual(self.stored, self.work, self.structure_loss + self.contact_loss)
 

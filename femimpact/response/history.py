@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = ["HistoryPiece", "Snapshots", "Stream", "check_histories", "deciding_rows", "history_dataset"]
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True, eq=False)
 class Snapshots:
@@ -34,12 +36,12 @@ class Snapshots:
         On the beam, balls first, then stops.
     """
 
-    time: NDArray[Any] = field(metadata=column("s", "snapshots", finite=True))
-    displacement: NDArray[Any] = field(metadata=column("m", "snapshots", "nodal values"))
-    velocity: NDArray[Any] = field(metadata=column("m/s", "snapshots", "nodal values"))
-    ball_displacement: NDArray[Any] = field(metadata=column("m", "snapshots", "balls"))
-    ball_velocity: NDArray[Any] = field(metadata=column("m/s", "snapshots", "balls"))
-    contact_force: NDArray[Any] = field(metadata=column("N", "snapshots", "pairs"))
+    time: Array = field(metadata=column("s", "snapshots", finite=True))
+    displacement: Array = field(metadata=column("m", "snapshots", "nodal values"))
+    velocity: Array = field(metadata=column("m/s", "snapshots", "nodal values"))
+    ball_displacement: Array = field(metadata=column("m", "snapshots", "balls"))
+    ball_velocity: Array = field(metadata=column("m/s", "snapshots", "balls"))
+    contact_force: Array = field(metadata=column("N", "snapshots", "pairs"))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -64,8 +66,8 @@ class HistoryPiece:
     base : Excitation
     """
 
-    time: NDArray[Any] = field(metadata=column("s", "samples", finite=True))
-    channels: Mapping[str, NDArray[Any]]
+    time: Array = field(metadata=column("s", "samples", finite=True))
+    channels: Mapping[str, Array]
     units: Mapping[str, str]
     energy: EnergyLedger | None = field(metadata=optional(instance(EnergyLedger)))
     snapshots: Snapshots | None = field(metadata=optional(instance(Snapshots)))
@@ -104,8 +106,8 @@ def check_histories(kept: Any) -> None:
 
 
 def history_dataset(
-    time: NDArray[Any],
-    channels: Mapping[str, NDArray[Any]],
+    time: Array,
+    channels: Mapping[str, Array],
     units: Mapping[str, str],
     energy: EnergyLedger | None,
     base: Excitation,

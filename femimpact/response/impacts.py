@@ -21,6 +21,8 @@ __all__ = [
     "impact_statistics", "statistics_of_cases",
 ]  # fmt: skip
 
+Array = NDArray[np.float64]
+
 IMPACT_UNITS = {
     "time": "s",
     "phase": "rad",
@@ -74,17 +76,17 @@ class Impacts:
         Impacts that met a full table and were counted only.
     """
 
-    time: NDArray[Any] = field(metadata=column("s", "impacts"))
-    phase: NDArray[Any] = field(metadata=column("rad", "impacts"))
-    impactor: NDArray[Any] = field(metadata=column("", "impacts", of="text"))
-    side: NDArray[Any] = field(metadata=column("1", "impacts"))
-    approach_speed: NDArray[Any] = field(metadata=column("m/s", "impacts"))
-    rebound_speed: NDArray[Any] = field(metadata=column("m/s", "impacts"))
-    impulse: NDArray[Any] = field(metadata=column("N s", "impacts"))
-    peak_force: NDArray[Any] = field(metadata=column("N", "impacts"))
-    duration: NDArray[Any] = field(metadata=column("s", "impacts"))
-    energy_loss: NDArray[Any] = field(metadata=column("J", "impacts"))
-    energy_to_modes: NDArray[Any] = field(metadata=column("J", "impacts", "modes"))
+    time: Array = field(metadata=column("s", "impacts"))
+    phase: Array = field(metadata=column("rad", "impacts"))
+    impactor: NDArray[np.str_] = field(metadata=column("", "impacts", of="text"))
+    side: Array = field(metadata=column("1", "impacts"))
+    approach_speed: Array = field(metadata=column("m/s", "impacts"))
+    rebound_speed: Array = field(metadata=column("m/s", "impacts"))
+    impulse: Array = field(metadata=column("N s", "impacts"))
+    peak_force: Array = field(metadata=column("N", "impacts"))
+    duration: Array = field(metadata=column("s", "impacts"))
+    energy_loss: Array = field(metadata=column("J", "impacts"))
+    energy_to_modes: Array = field(metadata=column("J", "impacts", "modes"))
     law: Mapping[str, str]
     dropped: int = field(default=0, metadata=quantity("1", at_least=0, integer=True))
 
@@ -111,14 +113,14 @@ class Impacts:
         return head_of_columns(title, {name: self[name] for name in shown}, IMPACT_UNITS)
 
     @property
-    def contact_law(self) -> NDArray[Any]:
+    def contact_law(self) -> NDArray[np.str_]:
         """Law behind the peak force of each impact, (n,) of str."""
         laws = np.array([self.law.get(str(name), "") for name in self.impactor], dtype=str)
         laws.setflags(write=False)
         return laws
 
     @property
-    def energy_to_higher_modes(self) -> NDArray[Any]:
+    def energy_to_higher_modes(self) -> Array:
         """Energy (J) that each impact scatters to the modes above the first; negative where it takes some.
 
         Not a number where the energies of the modes were not kept: nothing is known, which is not zero.
@@ -129,7 +131,7 @@ class Impacts:
         return np.asarray(energy)
 
     @property
-    def mode_share(self) -> NDArray[Any]:
+    def mode_share(self) -> Array:
         """Share (n, modes) of each mode in the energy that an impact moves: |E_k| over the sum of all |E|.
 
         The shares of an impact sum to 1, or are all 0 where it moved no energy.
@@ -139,7 +141,7 @@ class Impacts:
         return np.asarray(np.divide(size, total, out=np.zeros_like(size), where=total > 0.0))
 
     @property
-    def restitution(self) -> NDArray[Any]:
+    def restitution(self) -> Array:
         """Rebound over approach speed of each impact, 1 (the structure's own motion included).
 
         Not a number for a contact that the run began in: it had no approach.
@@ -213,12 +215,12 @@ class StickingPhases:
     mean_force : ndarray (n,), N
     """
 
-    impactor: NDArray[Any] = field(metadata=column("", "states", of="text"))
-    side: NDArray[Any] = field(metadata=column("1", "states"))
-    start: NDArray[Any] = field(metadata=column("s", "states"))
-    end: NDArray[Any] = field(metadata=column("s", "states"))
-    impulse: NDArray[Any] = field(metadata=column("N s", "states"))
-    mean_force: NDArray[Any] = field(metadata=column("N", "states"))
+    impactor: NDArray[np.str_] = field(metadata=column("", "states", of="text"))
+    side: Array = field(metadata=column("1", "states"))
+    start: Array = field(metadata=column("s", "states"))
+    end: Array = field(metadata=column("s", "states"))
+    impulse: Array = field(metadata=column("N s", "states"))
+    mean_force: Array = field(metadata=column("N", "states"))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -278,7 +280,7 @@ class ImpactStatistics:
         check_fields(self)
 
 
-def impact_statistics(totals: NDArray[Any], duration: float, frequency: float, law: str) -> ImpactStatistics:
+def impact_statistics(totals: Array, duration: float, frequency: float, law: str) -> ImpactStatistics:
     """Statistics from the sums that the time loop keeps over a window.
 
     Parameters
@@ -302,9 +304,7 @@ def impact_statistics(totals: NDArray[Any], duration: float, frequency: float, l
     return ImpactStatistics(count=count, law=law, **{name: float(column[0]) for name, column in columns.items()})
 
 
-def statistics_of_cases(
-    totals: NDArray[Any], duration: NDArray[Any], frequency: NDArray[Any]
-) -> dict[str, NDArray[Any]]:
+def statistics_of_cases(totals: Array, duration: Array, frequency: Array) -> dict[str, Array]:
     """The same of many cases: columns (cases,) by the names of `ImpactStatistics`.
 
     Parameters

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,8 @@ from femimpact.errors import check_fields, checked, choice, quantity, require, r
 from femimpact.response.impacts import Impacts, StickingPhases
 
 __all__ = ["Regime", "RegimeCriteria", "classify", "impacts_per_cycle", "significant"]
+
+Array = NDArray[np.float64]
 
 
 MOST_CYCLES = 1e8
@@ -90,12 +91,12 @@ class _Window:
     start: float
     end: float
     frequency: float
-    time: NDArray[Any]
-    phase: NDArray[Any]
-    impactor: NDArray[Any]
-    side: NDArray[Any]
-    speed: NDArray[Any]
-    impulse: NDArray[Any]
+    time: Array
+    phase: Array
+    impactor: NDArray[np.str_]
+    side: Array
+    speed: Array
+    impulse: Array
 
     @property
     def cycles(self) -> int:
@@ -103,15 +104,15 @@ class _Window:
         # a window meant as ten cycles must not count nine by rounding
         return math.floor((self.end - self.start) * self.frequency + 1e-6)
 
-    def only(self, chosen: NDArray[Any]) -> _Window:
-        columns = (self.time, self.phase, self.impactor, self.side, self.speed, self.impulse)
-        return _Window(self.start, self.end, self.frequency, *(column[chosen] for column in columns))
+    def only(self, chosen: NDArray[np.bool_]) -> _Window:
+        names = ("time", "phase", "impactor", "side", "speed", "impulse")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
     def cycle_of(self, time: float) -> int:
         return min(max(math.floor((time - self.start) * self.frequency), 0), max(self.cycles - 1, 0))
 
 
-def significant(impacts: Impacts, share: float = 0.1) -> NDArray[Any]:
+def significant(impacts: Impacts, share: float = 0.1) -> NDArray[np.bool_]:
     """Mask (n,) of the impacts whose impulse is at least a share (1) of the largest; 0 keeps all."""
     _require_table(impacts, Impacts, "impacts")
     return _at_least(impacts.impulse, checked("share", share, quantity("1", at_least=0.0, at_most=1.0)))
@@ -240,7 +241,7 @@ def _window(impacts: Impacts, frequency: float, start: float, end: float) -> _Wi
     return _Window(start, end, frequency, time, phase, *others)
 
 
-def _at_least(impulse: NDArray[Any], share: float) -> NDArray[Any]:
+def _at_least(impulse: Array, share: float) -> NDArray[np.bool_]:
     size = np.abs(impulse)
     return np.asarray(size >= share * size.max(initial=0.0))
 

@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Recorder", "Response", "Snapshots"]
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class Recorder:
@@ -134,7 +136,7 @@ class ShownSystem(Protocol):
     """What a response shows of a system: places, contacts and the curves between its nodes; a `System` is one."""
 
     @property
-    def nodes(self) -> NDArray[Any]:
+    def nodes(self) -> Array:
         """Positions of the nodes, m."""
 
     @property
@@ -149,7 +151,7 @@ class ShownSystem(Protocol):
     def balls(self) -> tuple[Any, ...]:
         """The contacts that are balls."""
 
-    def deflection_rows(self, positions: ArrayLike) -> NDArray[Any]:
+    def deflection_rows(self, positions: ArrayLike) -> Array:
         """Rows that read the deflection at positions."""
 
 
@@ -193,8 +195,8 @@ class Response:
         If a field is of the wrong kind, or its samples, pairs or dofs are not those of the others.
     """
 
-    time: NDArray[Any] = field(metadata=column("s", "samples", finite=True))
-    channels: Mapping[str, NDArray[Any]]
+    time: Array = field(metadata=column("s", "samples", finite=True))
+    channels: Mapping[str, Array]
     units: Mapping[str, str]
     impacts: Impacts = field(metadata=instance(Impacts))
     sticking: StickingPhases = field(metadata=instance(StickingPhases))
@@ -241,7 +243,7 @@ class Response:
             values[name] = f"{len(texts)}{f': {texts[0]}' if texts else ''}"
         return head_of_values(f"Response: {kept}", values)
 
-    def __getitem__(self, name: Position) -> NDArray[Any]:
+    def __getitem__(self, name: Position) -> Array:
         key = str(name)
         require(self.streamed_to is None, "channel", key, "", "went to Recorder.sink: its pieces hold the history")
         require(key in self.channels, "channel", key, "", suggestion(key, self.channels))
@@ -264,7 +266,7 @@ class Response:
         """Kind of motion over the last third of the run; `regimes.classify` says by which criterion."""
         return classify(self.impacts, self.sticking, self.base.frequency, *self.window)
 
-    def absolute(self, name: Position) -> NDArray[Any]:
+    def absolute(self, name: Position) -> Array:
         """A displacement (m), velocity (m/s) or acceleration (m/s^2) channel in space: relative plus the base's."""
         values, channel = self[name], channel_of(self.system, name)
         moving = isinstance(channel, Motion) and not channel.absolute

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,8 @@ from femimpact.excitation import Excitation
 from femimpact.structure.structure import Position
 
 __all__ = ["StroboscopicSection", "stroboscopic"]
+
+Array = NDArray[np.float64]
 
 SAME_INSTANT = 1e-9
 """Cycles by which an instant may differ from that of a sample and still be it: rounding of long times."""
@@ -35,22 +36,22 @@ class StroboscopicSection:
     """
 
     phase: float = field(metadata=quantity("rad"))
-    time: NDArray[Any] = field(metadata=column("s", "cycles", finite=True))
-    channels: Mapping[str, NDArray[Any]]
+    time: Array = field(metadata=column("s", "cycles", finite=True))
+    channels: Mapping[str, Array]
     units: Mapping[str, str]
 
     def __post_init__(self) -> None:
         check_fields(self)
 
-    def __getitem__(self, name: Position) -> NDArray[Any]:
+    def __getitem__(self, name: Position) -> Array:
         key = str(name)
         require(key in self.channels, "channel", key, "", suggestion(key, self.channels))
         return self.channels[key]
 
 
 def stroboscopic(
-    time: NDArray[Any],
-    channels: Mapping[str, NDArray[Any]],
+    time: Array,
+    channels: Mapping[str, Array],
     units: Mapping[str, str],
     base: Excitation,
     phase: float = 0.0,
@@ -93,7 +94,7 @@ def stroboscopic(
     return StroboscopicSection(wanted, instants, read, dict(units))
 
 
-def _instants(time: NDArray[Any], base: Excitation, phase: float) -> NDArray[Any]:
+def _instants(time: Array, base: Excitation, phase: float) -> Array:
     """Instants (s) at which the base has the phase, within the samples."""
     if time.size == 0:
         return np.zeros(0)
@@ -104,13 +105,13 @@ def _instants(time: NDArray[Any], base: Excitation, phase: float) -> NDArray[Any
 
 
 def _read(
-    time: NDArray[Any],
-    values: NDArray[Any],
-    rate: NDArray[Any] | None,
-    instants: NDArray[Any],
-    right: NDArray[Any],
+    time: Array,
+    values: Array,
+    rate: Array | None,
+    instants: Array,
+    right: NDArray[np.int64],
     same: float,
-) -> NDArray[Any]:
+) -> Array:
     """Values at instants from their neighbours, of which `right` is the number of the later one."""
     if time.size < 2 or instants.size == 0:
         return np.asarray(values[np.zeros(instants.size, dtype=int)])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,8 @@ from numpy.typing import NDArray
 from femimpact.errors import check_fields, checked, column, quantity, real_array, require, require_type
 
 __all__ = ["CycleStatistics", "SteadyMotion", "no_steady_motion", "steady_motion"]
+
+Array = NDArray[np.float64]
 
 
 PARTS = 8
@@ -37,12 +38,12 @@ class CycleStatistics:
     samples : ndarray (cycles, cases), 1
     """
 
-    maximum: NDArray[Any] = field(metadata=column("m", "cycles", "cases"))
-    minimum: NDArray[Any] = field(metadata=column("m", "cycles", "cases"))
-    square: NDArray[Any] = field(metadata=column("m^2", "cycles", "cases"))
-    sine: NDArray[Any] = field(metadata=column("m", "cycles", "cases"))
-    cosine: NDArray[Any] = field(metadata=column("m", "cycles", "cases"))
-    samples: NDArray[Any] = field(metadata=column("1", "cycles", "cases"))
+    maximum: Array = field(metadata=column("m", "cycles", "cases"))
+    minimum: Array = field(metadata=column("m", "cycles", "cases"))
+    square: Array = field(metadata=column("m^2", "cycles", "cases"))
+    sine: Array = field(metadata=column("m", "cycles", "cases"))
+    cosine: Array = field(metadata=column("m", "cycles", "cases"))
+    samples: Array = field(metadata=column("1", "cycles", "cases"))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -66,11 +67,11 @@ class SteadyMotion:
         "periodic", "statistical" or "transient".
     """
 
-    peak: NDArray[Any] = field(metadata=column("m", "cases"))
-    rms: NDArray[Any] = field(metadata=column("m", "cases"))
-    first_harmonic: NDArray[Any] = field(metadata=column("m", "cases"))
-    phase: NDArray[Any] = field(metadata=column("rad", "cases"))
-    steadiness: NDArray[Any] = field(metadata=column("", "cases", of="text"))
+    peak: Array = field(metadata=column("m", "cases"))
+    rms: Array = field(metadata=column("m", "cases"))
+    first_harmonic: Array = field(metadata=column("m", "cases"))
+    phase: Array = field(metadata=column("rad", "cases"))
+    steadiness: NDArray[np.str_] = field(metadata=column("", "cases", of="text"))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -78,7 +79,7 @@ class SteadyMotion:
 
 def steady_motion(
     cycles: CycleStatistics,
-    window: NDArray[Any],
+    window: NDArray[np.int64],
     periodic_tolerance: float = 1e-3,
     statistical_tolerance: float = 0.05,
     standard_errors: float = 3.0,
@@ -153,12 +154,12 @@ def no_steady_motion() -> SteadyMotion:
     return SteadyMotion(nothing, nothing, nothing, nothing, np.array(["transient"]))
 
 
-def _total(values: NDArray[Any]) -> NDArray[Any]:
+def _total(values: Array) -> Array:
     """Sum over rows one after the other: the same bits whatever cases stand beside."""
     return np.asarray(np.cumsum(values, axis=0)[-1])
 
 
-def _repeats(maximum: NDArray[Any], own: NDArray[Any], tolerance: float, longest_period: int) -> NDArray[Any]:
+def _repeats(maximum: Array, own: NDArray[np.bool_], tolerance: float, longest_period: int) -> NDArray[np.bool_]:
     """Which cases repeat their maxima after a few cycles; rows lead back from the end."""
     scale = tolerance * np.max(np.abs(maximum), axis=0)
     found = np.zeros(maximum.shape[1], dtype=bool)
@@ -173,9 +174,7 @@ def _repeats(maximum: NDArray[Any], own: NDArray[Any], tolerance: float, longest
     return found
 
 
-def _halves_agree(
-    mean_square: NDArray[Any], length: NDArray[Any], tolerance: float, standard_errors: float
-) -> NDArray[Any]:
+def _halves_agree(mean_square: Array, length: Array, tolerance: float, standard_errors: float) -> NDArray[np.bool_]:
     """In which cases the two halves of the window are one population of cycles; rows lead back from the end."""
     place = length - 1 - np.arange(mean_square.shape[0])[:, None]
     whole, longer = np.divmod(length, PARTS)

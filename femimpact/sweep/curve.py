@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["IMPACT_NAMES", "SWEEP_UNITS", "FrequencyResponse", "on_grid"]
 
+Array = NDArray[np.float64]
+
 SAME_FREQUENCY = 2e-9
 """Difference (Hz) up to which two frequencies are one: they are rounded to nine digits behind the point."""
 
@@ -45,7 +47,7 @@ IMPACT_NAMES = (
 """Those of them that are statistics of impacts."""
 
 
-def on_grid(frequency: ArrayLike, grid: ArrayLike) -> NDArray[Any]:
+def on_grid(frequency: ArrayLike, grid: ArrayLike) -> NDArray[np.bool_]:
     """Which frequencies are points of a grid, (n,) of bool.
 
     Parameters
@@ -111,19 +113,19 @@ class FrequencyResponse:
         Whole dwell at each frequency and the measured end of it; None where it is a number of cycles.
     """
 
-    frequency: NDArray[Any] = field(metadata=column("Hz", "frequencies", finite=True))
-    peak: NDArray[Any] = field(metadata=column("m", "frequencies"))
-    rms: NDArray[Any] = field(metadata=column("m", "frequencies"))
-    first_harmonic: NDArray[Any] = field(metadata=column("m", "frequencies"))
-    phase: NDArray[Any] = field(metadata=column("rad", "frequencies"))
-    steadiness: NDArray[Any] = field(metadata=column("", "frequencies", of="text"))
-    impacts_per_cycle: NDArray[Any] = field(metadata=column("1", "frequencies"))
-    mean_approach_speed: NDArray[Any] = field(metadata=column("m/s", "frequencies"))
-    largest_approach_speed: NDArray[Any] = field(metadata=column("m/s", "frequencies"))
-    mean_impulse: NDArray[Any] = field(metadata=column("N s", "frequencies"))
-    peak_force: NDArray[Any] = field(metadata=column("N", "frequencies"))
-    cycle_mean_force: NDArray[Any] = field(metadata=column("N", "frequencies"))
-    energy_residual: NDArray[Any] = field(metadata=column("1", "frequencies"))
+    frequency: Array = field(metadata=column("Hz", "frequencies", finite=True))
+    peak: Array = field(metadata=column("m", "frequencies"))
+    rms: Array = field(metadata=column("m", "frequencies"))
+    first_harmonic: Array = field(metadata=column("m", "frequencies"))
+    phase: Array = field(metadata=column("rad", "frequencies"))
+    steadiness: NDArray[np.str_] = field(metadata=column("", "frequencies", of="text"))
+    impacts_per_cycle: Array = field(metadata=column("1", "frequencies"))
+    mean_approach_speed: Array = field(metadata=column("m/s", "frequencies"))
+    largest_approach_speed: Array = field(metadata=column("m/s", "frequencies"))
+    mean_impulse: Array = field(metadata=column("N s", "frequencies"))
+    peak_force: Array = field(metadata=column("N", "frequencies"))
+    cycle_mean_force: Array = field(metadata=column("N", "frequencies"))
+    energy_residual: Array = field(metadata=column("1", "frequencies"))
     amplitude: float = field(metadata=quantity("m", at_least=0.0))
     cycles: int | None = field(metadata=optional(quantity("1", at_least=1, integer=True)))
     at: Position = field(metadata=place())

@@ -22,6 +22,8 @@ from femimpact.system.system import State, System
 
 __all__ = ["frequency_sweep"]
 
+Array = NDArray[np.float64]
+
 TRANSIENT_LEFT = 0.03
 """Share of the first mode's transient that may be left where measuring begins without a warning."""
 
@@ -108,9 +110,7 @@ def frequency_sweep(
     )
 
 
-def _columns(
-    found: SineDwellResults, f: NDArray[np.float64], ledger: bool
-) -> tuple[dict[str, NDArray[Any]], list[str]]:
+def _columns(found: SineDwellResults, f: Array, ledger: bool) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """Columns of all cases that have come to their end, and warnings of those that have not.
 
     Raises
@@ -144,7 +144,7 @@ def _start(state: State, system: System) -> str:
     return "static" if state.is_static_on(system) else state.frame
 
 
-def _steadiness_warnings(f: NDArray[Any], steadiness: NDArray[Any]) -> list[str]:
+def _steadiness_warnings(f: Array, steadiness: NDArray[np.str_]) -> list[str]:
     moving = f[steadiness == "transient"]
     if moving.size == 0:
         return []
