@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from femimpact.response.response import Recorder, Response
     from femimpact.response.sections import StroboscopicSection
     from femimpact.structure.damping import Rayleigh
+    from femimpact.structure.springs import Dashpot, Spring
     from femimpact.structure.structure import (
         Beam,
         Impactor,
@@ -124,6 +125,7 @@ _MODULES = {
     "system.own_terms": ("add_terms",),
     "system.reactions": ("Reaction",),
     "system.static": ("static_state",),
+    "structure.springs": ("Dashpot", "Spring"),
     "structure.structure": (
         "Beam",
         "Impactor",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,8 +17,10 @@ from femimpact.errors import require
 from femimpact.fem.discretisation import Discretisation, ElementLineHermiteReference, discretise, kind_of
 from femimpact.fem.mesh import Mesh
 from femimpact.structure.damping import Rayleigh, rayleigh_coefficients
+from femimpact.structure.springs import Dashpot, Spring
 from femimpact.structure.structure import SUPPORTS, Impactor, Stop, Structure
 from femimpact.system.modes import flexibility, solve_modes
+from femimpact.system.own_terms import add_terms
 from femimpact.system.reactions import Reaction, damped_reactions
 from femimpact.system.system import System, contact_pair, hermite_rows
 
@@ -67,6 +70,9 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     grid = discretise(structure, elements, mesh)
     K, M = _beam_matrices(grid)
     M = M + _lumped_mass(grid)
+    springs = _connection_rows(grid, structure.springs, "spring")
+    pulls = np.sqrt([spring.stiffness for spring in structure.springs])[:, None] * springs
+    K = K + sparse.csr_array(pulls.T @ pulls)
     free = grid.free
     rigid = np.zeros(grid.dofs)
     rigid[0::2] = 1.0
@@ -75,7 +81,7 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
         M=_free_block(M, free),
         C=sparse.csr_array((free.size, free.size)),
         K=_free_block(K, free),
-        stiffness_factor=_stiffness_factor(grid)[:, free],
+        stiffness_factor=sparse.csr_array(sparse.vstack([_stiffness_factor(grid), pulls])[:, free]),
         base_load=_frozen(momentum[free]),
         rigid_translation=_frozen(rigid[free]),
         nodes=grid.mesh.nodes,
@@ -85,10 +91,10 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
         first_frequency=math.nan,
         rayleigh=(0.0, 0.0),
         constant_load=_frozen(structure.gravity * momentum[free]),
-        reactions=_reactions(grid, M, K, momentum),
+        reactions=_reactions(grid, M, K, momentum, springs),
         sections=grid.sections,
     )
-    return _with_damping_and_contacts(system, grid)
+    return _with_dashpots(_with_damping_and_contacts(system, grid), grid)
 
 
 def _with_damping_and_contacts(system: System, grid: Discretisation) -> System:
@@ -125,20 +131,63 @@ def _with_damping_and_contacts(system: System, grid: Discretisation) -> System:
     return replace(system, contacts=contacts, computed_together=None)
 
 
-def _reactions(grid: Discretisation, M: Any, K: Any, momentum: NDArray[Any]) -> dict[str, Reaction]:
-    """Rows of the held dofs, by the name of their support; a dof that two supports hold has the first one's name."""
+def _with_dashpots(system: System, grid: Discretisation) -> System:
+    """The system with the dashpots' damping, and the forces of those to the base."""
+    dashpots = grid.structure.dashpots
+    if not dashpots:
+        return system
+    rows = _connection_rows(grid, dashpots, "dashpot")
+    sizes = sparse.diags_array([dashpot.damping for dashpot in dashpots])
+    damped = add_terms(system, damping=rows.T @ sizes @ rows)
+    still = _frozen(np.zeros(system.dofs))
+    forces = {
+        f"{dashpot.name}.force": Reaction(None, "N", still, _frozen(-dashpot.damping * row), still, 0.0)
+        for dashpot, row in zip(dashpots, rows[:, grid.free].toarray(), strict=True)
+        if dashpot.to is None
+    }
+    return replace(damped, reactions={**damped.reactions, **forces}, computed_together=None)
+
+
+def _connection_rows(grid: Discretisation, items: Sequence[Spring | Dashpot], kind: str) -> Any:
+    """Rows (items, all dofs) that read the elongation w(at) - w(to) of springs or dashpots; w of the base is zero."""
+
+    def ends(field: str) -> Any:
+        places = [
+            (i, grid.position_of(place, f"{kind}.{item.name}.{field}"))
+            for i, item in enumerate(items)
+            if (place := getattr(item, field)) is not None
+        ]
+        chosen = sparse.csr_array(
+            (np.ones(len(places)), ([i for i, _ in places], range(len(places)))), shape=(len(items), len(places))
+        )
+        return chosen @ hermite_rows(grid.mesh.nodes, [x for _, x in places])
+
+    return sparse.csr_array(ends("at") - ends("to"))
+
+
+def _reactions(grid: Discretisation, M: Any, K: Any, momentum: NDArray[Any], springs: Any) -> dict[str, Reaction]:
+    """Rows of the held dofs, by the name of their support; a dof that two supports hold has the first one's name.
+
+    Springs to the base, with the rows of their elongation, pull the beam back: theirs is a force on it, too.
+    """
     held: dict[int, str] = {}
     for support in grid.structure.supports:
         at = support.at if isinstance(support.at, str) else f"{support.at:.9g}"
         node = grid.node_of(support)
         for kind in SUPPORTS[support.kind]:
             held.setdefault(*((2 * node, f"{at}.force") if kind == "w" else (2 * node + 1, f"{at}.moment")))
-    return {
+    still = _frozen(np.zeros(grid.free.size))
+    forces = {
+        f"{spring.name}.force": Reaction(None, "N", still, still, _frozen(-spring.stiffness * row), 0.0)
+        for spring, row in zip(grid.structure.springs, springs[:, grid.free].toarray(), strict=True)
+        if spring.to is None
+    }
+    return forces | {
         name: Reaction(
             dof=dof,
             unit="N m" if dof % 2 else "N",
             on_acceleration=_held_row(M, dof, grid.free),
-            on_velocity=_frozen(np.zeros(grid.free.size)),
+            on_velocity=still,
             on_displacement=_held_row(K, dof, grid.free),
             on_base_acceleration=float(momentum[dof]),
             constant=float(grid.structure.gravity * momentum[dof]),

@@ -228,8 +228,10 @@ def _held_dofs(structure: Structure, mesh: Mesh) -> list[int]:
     for support in structure.supports:
         node = _node(mesh, support)
         held.update(2 * node + ("w", "slope").index(kind) for kind in SUPPORTS[support.kind])
-    deflections = sum(dof % 2 == 0 for dof in held)
-    stiff = deflections >= 2 or (deflections == 1 and len(held) >= 2)
+    pinned = [float(mesh.nodes[dof // 2]) for dof in held if dof % 2 == 0]
+    pinned += [_position(mesh, spring.at, f"spring.{spring.name}.at") for spring in structure.springs_to_base]
+    apart = bool(pinned) and max(pinned) - min(pinned) > SAME_PLACE * mesh.nodes[-1]
+    stiff = apart or (bool(pinned) and any(dof % 2 for dof in held))
     require(stiff, "supports", len(held), "held dofs", "must hold two places of the mesh, or one place and a slope")
     return sorted(held)
 
