@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from femimpact.response.impacts import Impacts, ImpactStatistics
     from femimpact.response.response import Recorder, Response
     from femimpact.response.sections import StroboscopicSection
-    from femimpact.structure.damping import Rayleigh
+    from femimpact.structure.damping import ModalDamping, Rayleigh
     from femimpact.structure.springs import Dashpot, Spring
     from femimpact.structure.structure import (
         Beam,
@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from femimpact.study.study import Study
     from femimpact.study.study_file import load_study
     from femimpact.sweep import FrequencyResponse, frequency_sweep
+    from femimpact.system.damped import with_damping
     from femimpact.system.modes import Modes, solve_modes
     from femimpact.system.own_terms import add_terms
     from femimpact.system.reactions import Reaction
@@ -105,7 +106,7 @@ _MODULES = {
         "integrated_collision",
     ),
     "convergence": ("ModeConvergence", "converge_elements", "converge_step", "mode_convergence"),
-    "structure.damping": ("Rayleigh",),
+    "structure.damping": ("ModalDamping", "Rayleigh"),
     "response.energy": ("EnergyLedger",),
     "errors": ("DivergenceError", "FemimpactError", "InputError"),
     "excitation": ("PointForce", "RecordedBase", "Sine"),
@@ -118,6 +119,7 @@ _MODULES = {
     "integrators.stepping.newmark": ("HHT", "WBZ", "GeneralizedAlpha", "MoreauJean", "Newmark"),
     "integrators.stepping.step_size": ("recommended_step",),
     "fem.mesh": ("Mesh", "read_mesh", "uniform_mesh"),
+    "system.damped": ("with_damping",),
     "system.modes": ("Modes", "solve_modes"),
     "system.reduction": ("reduce", "truncation_notes"),
     "response.response": ("Recorder", "Response"),

@@ -116,6 +116,7 @@ NOUNS = {
     "KelvinVoigt": lambda: LAW,
     "Material": lambda: fi.STEEL,
     "Mesh": lambda: fi.Mesh([0.0, 0.1, 0.2], {"sensor": 0.1}, {"root half": [0]}),
+    "ModalDamping": lambda: fi.ModalDamping((0.01, 0.02)),
     "ModeConvergence": mode_convergence,
     "Modes": lambda: fi.solve_modes(system(), 2),
     "MoreauJean": lambda: fi.MoreauJean(1e-4),
@@ -228,6 +229,7 @@ VERBS = {
     "reduce": (fi.reduce, lambda: {"system": system(), "modes": 2, "static_correction": True}),
     "truncation_notes": (fi.truncation_notes, lambda: {"system": small()}),
     "glue_impactors": (fi.glue_impactors, lambda: {"structure": STRUCTURE}),
+    "with_damping": (fi.with_damping, lambda: {"system": system(), "damping": fi.ModalDamping((0.01, 0.02))}),
     "without_impactors": (fi.without_impactors, lambda: {"system": small()}),
     "frequency_sweep": (fi.frequency_sweep, lambda: {
         "system": fi.without_impactors(small()), "amplitude": 1e-4, "frequencies": [5.0, 6.0],

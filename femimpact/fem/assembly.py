@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 from skfem import BilinearForm
 from skfem.helpers import dd, ddot
 
-from femimpact.errors import require
 from femimpact.fem.discretisation import Discretisation, ElementLineHermiteReference, discretise, kind_of
 from femimpact.fem.mesh import Mesh
-from femimpact.structure.damping import Rayleigh, rayleigh_coefficients
 from femimpact.structure.springs import Dashpot, Spring
 from femimpact.structure.structure import SUPPORTS, Impactor, Stop, Structure
-from femimpact.system.modes import flexibility, solve_modes
+from femimpact.system.damped import damped_with_modes
+from femimpact.system.modes import flexibility
 from femimpact.system.own_terms import add_terms
-from femimpact.system.reactions import Reaction, damped_reactions
+from femimpact.system.reactions import Reaction
 from femimpact.system.system import System, contact_pair, hermite_rows
 
 __all__ = ["ElementLineHermiteReference", "assemble"]
@@ -99,27 +98,8 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
 
 def _with_damping_and_contacts(system: System, grid: Discretisation) -> System:
     structure = grid.structure
-    pair = structure.damping.modes if structure.damping else None
-    count = max(pair) if pair else 1
-    require(
-        count <= system.dofs,
-        "damping.modes",
-        pair,
-        "",
-        f"must be at most {system.dofs}, the dofs of this mesh: use more elements",
-    )
-    modes = solve_modes(system, count)
-    alpha, beta = 0.0, 0.0
-    if structure.damping is not None:
-        alpha, beta = _rayleigh(structure.damping, 2.0 * math.pi * modes.natural_frequency)
-    system = replace(
-        system,
-        C=sparse.csr_array(alpha * system.M + beta * system.K) if structure.damping else system.C,
-        rayleigh=(alpha, beta),
-        reactions=damped_reactions(system.reactions, alpha, beta),
-        first_frequency=float(modes.natural_frequency[0]),
-        computed_together=None,
-    )
+    system, modes = damped_with_modes(system, structure.damping)
+    system = replace(system, first_frequency=float(modes.natural_frequency[0]), computed_together=None)
     items: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
     places = [grid.position_of(item.at, f"{kind_of(item)}.{item.name}.at") for item in items]
     rows = system.deflection_rows(places) if items else np.zeros((0, system.dofs))
@@ -198,15 +178,6 @@ def _reactions(grid: Discretisation, M: Any, K: Any, momentum: NDArray[Any], spr
 
 def _held_row(matrix: Any, dof: int, free: NDArray[Any]) -> NDArray[Any]:
     return _frozen(matrix[[dof]][:, free].toarray()[0])
-
-
-def _rayleigh(damping: Rayleigh, omega: NDArray[Any]) -> tuple[float, float]:
-    ratio = damping.ratio if isinstance(damping.ratio, tuple) else (damping.ratio, damping.ratio)
-    if damping.modes:
-        first, second = damping.modes
-        return rayleigh_coefficients((omega[first - 1], omega[second - 1]), ratio)
-    low, high = damping.frequencies or (0.0, 0.0)
-    return rayleigh_coefficients((2 * math.pi * low, 2 * math.pi * high), ratio)
 
 
 def _stiffness_factor(grid: Discretisation) -> Any:

@@ -19,7 +19,7 @@ from femimpact.errors import (
     require_type,
     text,
 )
-from femimpact.structure.damping import Rayleigh
+from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.springs import Dashpot, Spring
 
 __all__ = [
@@ -313,7 +313,7 @@ class Structure:
     beam : Beam
     masses : sequence of PointMass
     impactors : sequence of Impactor
-    damping : Rayleigh, optional
+    damping : Rayleigh or ModalDamping, optional
         None means undamped.
     supports : sequence of Support
         The default clamps the root.
@@ -334,7 +334,7 @@ class Structure:
     beam: Beam
     masses: tuple[PointMass, ...] = ()
     impactors: tuple[Impactor, ...] = ()
-    damping: Rayleigh | None = None
+    damping: Rayleigh | ModalDamping | None = None
     supports: tuple[Support, ...] = (Support("clamped", "root"),)
     stops: tuple[Stop, ...] = ()
     gravity: float = field(default=0.0, metadata=quantity("m/s^2"))
@@ -361,8 +361,8 @@ class Structure:
             plain = isinstance(name, str) and re.fullmatch(r"[A-Za-z][\w -]*", name) and name not in RESERVED
             allowed = f"must be letters, digits, spaces, - and _, and none of {', '.join(RESERVED)}"
             require(bool(plain), "name", name, "", allowed)
-        damped = self.damping is None or isinstance(self.damping, Rayleigh)
-        require(damped, "damping", self.damping, "", "must be a Rayleigh or None")
+        damped = self.damping is None or isinstance(self.damping, (Rayleigh, ModalDamping))
+        require(damped, "damping", self.damping, "", "must be a Rayleigh, a ModalDamping or None")
         allowed = f"must be within the beam, 0 to {self.beam.length:g} m"
         places = [(f"{key}.at", item.at) for key, item in self.attachments]
         places += [(f"{key}.{end}", place) for key, _, ends in self.connections for end, place in ends.items()]
