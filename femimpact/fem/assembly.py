@@ -63,8 +63,9 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     Notes
     -----
     Sections: Hermite cubic interpolation, K = int EI w'' v'', M = int rho A w v + lumped terms
-    m N N^T + J N' N'^T; rotary inertia of the beam and shear are left out, as in the paper. Gravity is a constant
-    acceleration of every mass: constant_load = base_load gravity.
+    m N N^T + J N' N'^T, with N + e N' for N where a body's centre is offset by e; rotary inertia of the beam and
+    shear are left out, as in the paper. Gravity is a constant acceleration of every mass: constant_load = base_load
+    gravity.
     """
     grid = discretise(structure, elements, mesh)
     K, M = _beam_matrices(grid)
@@ -200,12 +201,13 @@ def _beam_matrices(grid: Discretisation) -> tuple[Any, Any]:
 
 
 def _lumped_mass(grid: Discretisation) -> Any:
-    """M N N^T + J N' N'^T for every point mass, over all dofs."""
+    """M (N + e N')(N + e N')^T + J N' N'^T for every body with its centre at e from its place, over all dofs."""
     total = sparse.csr_array((grid.dofs, grid.dofs))
     for body in grid.structure.masses:
         place = [grid.position_of(body.at, f"mass.{body.name}.at")]
         shape, slope = (hermite_rows(grid.mesh.nodes, place, order) for order in (0, 1))
-        total = total + body.mass * (shape.T @ shape) + body.rotary_inertia * (slope.T @ slope)
+        centre = shape + body.offset * slope
+        total = total + body.mass * (centre.T @ centre) + body.rotary_inertia * (slope.T @ slope)
     return total
 
 

@@ -37,7 +37,7 @@ __all__ = [
 ]
 
 Position = str | float
-"""A place on the beam: "root", "tip", "mid", a name that the mesh gives, or metres from the root."""
+"""A place on the beam: "root", "tip", "mid", a name that the mesh gives, a body's name, or metres from the root."""
 
 RESERVED = ("root", "tip", "mid", "time", "base", "gap", "contact_force", "frequency", "grid")
 """Names that mean something else in channels and result files."""
@@ -191,13 +191,22 @@ class PointMass:
         Place on the beam; see `Position`.
     mass : float, kg
     rotary_inertia : float, kg m^2
-        About the body's own centre, which lies on the beam's axis.
+        About the body's own centre.
+    offset : float, m
+        Of the body's centre from its place along the beam, positive towards the tip, also beyond it: the body is
+        fixed to the section at its place, and its centre moves by w + offset dw/dx.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     name: str = field(metadata=text())
     at: Position = field(metadata=place())
     mass: float = field(metadata=quantity("kg", at_least=0.0))
     rotary_inertia: float = field(default=0.0, metadata=quantity("kg m^2", at_least=0.0))
+    offset: float = field(default=0.0, metadata=quantity("m"))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -385,6 +394,11 @@ class Structure:
             *((f"stop.{stop.name}", stop) for stop in self.stops),
         )
 
+    def place_of(self, at: Position) -> Position:
+        """The place itself, where it is given as the name of a body."""
+        places: dict[Position, Position] = {body.name: body.at for body in self.masses}
+        return places.get(at, at) if isinstance(at, str) else at
+
     @property
     def connections(self) -> tuple[tuple[str, Spring | Dashpot, dict[str, Position]], ...]:
         """Springs and dashpots, each with its key path and its places on the beam by the field's name."""
@@ -404,7 +418,8 @@ class Structure:
         held = [kind for support in self.supports for kind in SUPPORTS[support.kind]]
         standard = {"root": 0.0, "tip": self.beam.length, "mid": 0.5 * self.beam.length}
         holding: tuple[Any, ...] = tuple(s for s in self.supports if "w" in SUPPORTS[s.kind])
-        places = [standard.get(str(s.at), s.at) for s in (*holding, *self.springs_to_base)]
+        given = [self.place_of(s.at) for s in (*holding, *self.springs_to_base)]
+        places = [standard.get(str(at), at) for at in given]
         metres = [place for place in places if not isinstance(place, str)]
         apart = bool(metres) and max(metres) - min(metres) > 1e-6 * self.beam.length
         # a name that only the mesh knows counts as a place of its own here; assembly looks again
