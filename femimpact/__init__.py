@@ -36,7 +36,7 @@ if TYPE_CHECKING:
         integrated_collision,
     )
     from femimpact.convergence import ModeConvergence, converge_elements, converge_step, mode_convergence
-    from femimpact.errors import DivergenceError, FemimpactError, InputError
+    from femimpact.errors import DivergenceError, FemimpactError, InputError, InputWarning
     from femimpact.excitation import PointForce, RecordedBase, Sine
     from femimpact.export import figures
     from femimpact.fem.assembly import assemble
@@ -108,7 +108,7 @@ _MODULES = {
     "convergence": ("ModeConvergence", "converge_elements", "converge_step", "mode_convergence"),
     "structure.damping": ("ModalDamping", "Rayleigh"),
     "response.energy": ("EnergyLedger",),
-    "errors": ("DivergenceError", "FemimpactError", "InputError"),
+    "errors": ("DivergenceError", "FemimpactError", "InputError", "InputWarning"),
     "excitation": ("PointForce", "RecordedBase", "Sine"),
     "response.history": ("HistoryPiece",),
     "identification": ("DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power"),

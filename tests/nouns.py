@@ -317,6 +317,6 @@ VERBS = {
 
 OTHERS = {
     "ALUMINIUM", "STEEL", "ContactLaw", "ContactParameters", "DivergenceError", "FemimpactError", "InputError",
-    "StudyResults", "__version__",
+    "InputWarning", "StudyResults", "__version__",
 }  # fmt: skip
 """Public names that take nothing from a user: constants, errors, what only `load` makes, protocols and their tuples."""

@@ -17,6 +17,9 @@ EI, RHO_A = BEAM.segments[0].bending_stiffness, BEAM.segments[0].mass_per_length
 RIGID = fi.Beam.uniform(length=LENGTH, width=0.02, thickness=0.3, young_modulus=210e9, density=1000.0)
 
 
+UNSLENDER = pytest.mark.filterwarnings("ignore:beam.length:femimpact.errors.InputWarning")
+
+
 def bending(x, force_at):
     """Deflection (m/N) of a cantilever at x under a unit force at a place, in closed form."""
     low, high = min(x, force_at), max(x, force_at)
@@ -77,6 +80,7 @@ def test_a_spring_stays_at_its_place_between_nodes():
     assert abs(moved.first_frequency / exact - 1.0) > 100.0 * errors[-1]
 
 
+@UNSLENDER
 def test_a_rigid_beam_on_two_springs_bounces_and_pitches():
     # w = a + b (x - L/2): m a'' = -(k1 + k2) a, I b'' = -(k1 + k2) (L/2)^2 b for equal springs at the ends
     stiffness = 200.0
@@ -120,6 +124,7 @@ def test_a_spring_is_the_stiffness_of_ones_own():
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(other).max())
 
 
+@UNSLENDER
 def test_a_dashpot_to_the_base_damps_a_rigid_beam_as_one_mass():
     # equal springs and equal dashpots at both ends: zeta = c/(2 sqrt(k m)) of the bounce, sqrt(3) times it of the pitch
     stiffness, damping = 200.0, 0.4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from skfem import BilinearForm
 from skfem.helpers import dd, ddot
 
+from femimpact.errors import InputWarning
 from femimpact.fem.discretisation import Discretisation, ElementLineHermiteReference, discretise, kind_of
 from femimpact.fem.mesh import Mesh
 from femimpact.structure.springs import Dashpot, Spring
@@ -24,6 +26,15 @@ from femimpact.system.reactions import Reaction
 from femimpact.system.system import System, contact_pair, hermite_rows
 
 __all__ = ["ElementLineHermiteReference", "assemble"]
+
+HEAVY = 1e3
+"""Mass of a beam (kg) above which millimetres may have been typed as metres."""
+
+SLENDER = 5.0
+"""Length over thickness below which a beam is none of Euler and Bernoulli's."""
+
+USUAL_FREQUENCY = (0.01, 1e5)
+"""First natural frequency (Hz) of structures that are meant."""
 
 
 @BilinearForm  # type: ignore[untyped-decorator]
@@ -60,6 +71,11 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
         If neither or both of elements and mesh are given, the mesh does not fit the beam, or a
         name is unknown.
 
+    Warns
+    -----
+    InputWarning
+        Of a beam of more than a tonne or less slender than 5, or a first mode outside 0.01 Hz to 100 kHz.
+
     Notes
     -----
     Sections: Hermite cubic interpolation, K = int EI w'' v'', M = int rho A w v + lumped terms
@@ -94,7 +110,28 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
         reactions=_reactions(grid, M, K, momentum, springs),
         sections=grid.sections,
     )
-    return _with_dashpots(_with_damping_and_contacts(system, grid), grid)
+    whole = _with_dashpots(_with_damping_and_contacts(system, grid), grid)
+    _warn_of_unusual(structure, whole.first_frequency)
+    return whole
+
+
+def _warn_of_unusual(structure: Structure, first_frequency: float) -> None:
+    """Warn where a number of the beam is so unusual that another unit may have been meant."""
+    beam = structure.beam
+    slenderness = beam.length / max(segment.rectangle[1] for segment in beam.segments)
+    low, high = USUAL_FREQUENCY
+    found = []
+    if beam.mass > HEAVY:
+        found.append(f"beam.mass = {beam.mass:.4g} kg: more than {HEAVY:g} kg; are lengths in metres?")
+    if slenderness < SLENDER:
+        found.append(
+            f"beam.length = {slenderness:.3g} times the thickness: below {SLENDER:g}, where shear and rotary inertia, "
+            "which are left out, are no longer small"
+        )
+    if not low <= first_frequency <= high:
+        found.append(f"first mode at {first_frequency:.4g} Hz: outside {low:g} to {high:g} Hz; are units SI?")
+    for words in found:
+        warnings.warn(words, InputWarning, stacklevel=3)
 
 
 def _with_damping_and_contacts(system: System, grid: Discretisation) -> System:
