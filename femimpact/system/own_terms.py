@@ -121,7 +121,7 @@ def _stiffness_factor(system: System, added: Any, K: Any) -> Any:
         return system.stiffness_factor
     own = banded_factor(added, semidefinite=True)
     if own is not None:
-        return sparse.csr_array(sparse.vstack([system.stiffness_factor, own]))
+        return sparse.csr_array(sparse.vstack([system.stiffness_factor, own], format="csr"))
     whole = banded_factor(K)
     allowed = "must leave the stiffness positive definite: under this one the structure has buckled"
     require(whole is not None, "stiffness", None, "", allowed)
