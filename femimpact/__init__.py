@@ -36,7 +36,7 @@ if TYPE_CHECKING:
         integrated_collision,
     )
     from femimpact.convergence import ModeConvergence, converge_elements, converge_step, mode_convergence
-    from femimpact.errors import DivergenceError, FemimpactError, InputError
+    from femimpact.errors import DivergenceError, FemimpactError, InputError, InputWarning
     from femimpact.excitation import PointForce, RecordedBase, Sine
     from femimpact.export import figures
     from femimpact.fem.assembly import assemble
@@ -53,7 +53,8 @@ if TYPE_CHECKING:
     from femimpact.response.impacts import Impacts, ImpactStatistics
     from femimpact.response.response import Recorder, Response
     from femimpact.response.sections import StroboscopicSection
-    from femimpact.structure.damping import Rayleigh
+    from femimpact.structure.damping import ModalDamping, Rayleigh
+    from femimpact.structure.springs import Dashpot, Spring
     from femimpact.structure.structure import (
         Beam,
         Impactor,
@@ -69,6 +70,7 @@ if TYPE_CHECKING:
     from femimpact.study.study import Study
     from femimpact.study.study_file import load_study
     from femimpact.sweep import FrequencyResponse, frequency_sweep
+    from femimpact.system.damped import with_damping
     from femimpact.system.modes import Modes, solve_modes
     from femimpact.system.own_terms import add_terms
     from femimpact.system.reactions import Reaction
@@ -104,9 +106,9 @@ _MODULES = {
         "integrated_collision",
     ),
     "convergence": ("ModeConvergence", "converge_elements", "converge_step", "mode_convergence"),
-    "structure.damping": ("Rayleigh",),
+    "structure.damping": ("ModalDamping", "Rayleigh"),
     "response.energy": ("EnergyLedger",),
-    "errors": ("DivergenceError", "FemimpactError", "InputError"),
+    "errors": ("DivergenceError", "FemimpactError", "InputError", "InputWarning"),
     "excitation": ("PointForce", "RecordedBase", "Sine"),
     "response.history": ("HistoryPiece",),
     "identification": ("DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power"),
@@ -117,6 +119,7 @@ _MODULES = {
     "integrators.stepping.newmark": ("HHT", "WBZ", "GeneralizedAlpha", "MoreauJean", "Newmark"),
     "integrators.stepping.step_size": ("recommended_step",),
     "fem.mesh": ("Mesh", "read_mesh", "uniform_mesh"),
+    "system.damped": ("with_damping",),
     "system.modes": ("Modes", "solve_modes"),
     "system.reduction": ("reduce", "truncation_notes"),
     "response.response": ("Recorder", "Response"),
@@ -124,6 +127,7 @@ _MODULES = {
     "system.own_terms": ("add_terms",),
     "system.reactions": ("Reaction",),
     "system.static": ("static_state",),
+    "structure.springs": ("Dashpot", "Spring"),
     "structure.structure": (
         "Beam",
         "Impactor",

@@ -18,6 +18,7 @@ __all__ = [
     "Fault",
     "FemimpactError",
     "InputError",
+    "InputWarning",
     "allowed_range",
     "check_fields",
     "checked",
@@ -101,6 +102,10 @@ class Fault:
     def under(self, prefix: str) -> Fault:
         """The same fault with its key below a table's path."""
         return dataclasses.replace(self, key=f"{prefix}.{self.key}" if prefix else self.key)
+
+
+class InputWarning(UserWarning):
+    """An input that is allowed, and so unusual that another unit may have been meant."""
 
 
 class InputError(FemimpactError, ValueError):

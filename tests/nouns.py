@@ -102,6 +102,7 @@ NOUNS = {
     "ContactPair": lambda: system().contacts[0],
     "CustomLaw": lambda: fi.CustomLaw(lambda depth, rate, speed: 1e4 * depth),
     "Discretisation": grid,
+    "Dashpot": lambda: fi.Dashpot("dashpot", "mid", 1.0, to=0.05),
     "DampingEstimate": lambda: fi.DampingEstimate(0.01, 6.0, (0.009, 0.011), "fit", ("warning",)),
     "EnergyLedger": lambda: response().energy,
     "EventDriven": fi.EventDriven,
@@ -115,6 +116,7 @@ NOUNS = {
     "KelvinVoigt": lambda: LAW,
     "Material": lambda: fi.STEEL,
     "Mesh": lambda: fi.Mesh([0.0, 0.1, 0.2], {"sensor": 0.1}, {"root half": [0]}),
+    "ModalDamping": lambda: fi.ModalDamping((0.01, 0.02)),
     "ModeConvergence": mode_convergence,
     "Modes": lambda: fi.solve_modes(system(), 2),
     "MoreauJean": lambda: fi.MoreauJean(1e-4),
@@ -131,6 +133,7 @@ NOUNS = {
     "Rigid": lambda: fi.Rigid(0.7),
     "Segment": lambda: STRUCTURE.beam.segments[0],
     "Sine": lambda: BASE,
+    "Spring": lambda: fi.Spring("spring", "mid", 100.0, to="tip"),
     "State": lambda: STATE,
     "Stop": lambda: STRUCTURE.stops[0],
     "Structure": lambda: STRUCTURE,
@@ -226,6 +229,7 @@ VERBS = {
     "reduce": (fi.reduce, lambda: {"system": system(), "modes": 2, "static_correction": True}),
     "truncation_notes": (fi.truncation_notes, lambda: {"system": small()}),
     "glue_impactors": (fi.glue_impactors, lambda: {"structure": STRUCTURE}),
+    "with_damping": (fi.with_damping, lambda: {"system": system(), "damping": fi.ModalDamping((0.01, 0.02))}),
     "without_impactors": (fi.without_impactors, lambda: {"system": small()}),
     "frequency_sweep": (fi.frequency_sweep, lambda: {
         "system": fi.without_impactors(small()), "amplitude": 1e-4, "frequencies": [5.0, 6.0],
@@ -313,6 +317,6 @@ VERBS = {
 
 OTHERS = {
     "ALUMINIUM", "STEEL", "ContactLaw", "ContactParameters", "DivergenceError", "FemimpactError", "InputError",
-    "StudyResults", "__version__",
+    "InputWarning", "StudyResults", "__version__",
 }  # fmt: skip
 """Public names that take nothing from a user: constants, errors, what only `load` makes, protocols and their tuples."""

@@ -146,7 +146,10 @@ def test_numpy_scalars_and_arrays_are_numbers_too(small):
         (lambda s, m, r: dataclasses.replace(r, masses=r.masses[0]), "masses = 'PointMass': must be a tuple"),
         (lambda s, m, r: dataclasses.replace(r, masses=["box"]), "masses = 'str': must be a PointMass"),
         (lambda s, m, r: fi.Beam(r.beam.segments[0]), "segments = 'Segment': must be a tuple"),
-        (lambda s, m, r: dataclasses.replace(r, damping=0.01), "damping = 0.01: must be a Rayleigh or None"),
+        (
+            lambda s, m, r: dataclasses.replace(r, damping=0.01),
+            "damping = 0.01: must be a Rayleigh, a Mod",
+        ),
     ],
 )
 def test_a_thing_of_the_wrong_kind_is_named(small, reference, call, words):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,16 +14,27 @@ from numpy.typing import NDArray
 from skfem import BilinearForm
 from skfem.helpers import dd, ddot
 
-from femimpact.errors import require
+from femimpact.errors import InputWarning
 from femimpact.fem.discretisation import Discretisation, ElementLineHermiteReference, discretise, kind_of
 from femimpact.fem.mesh import Mesh
-from femimpact.structure.damping import Rayleigh, rayleigh_coefficients
+from femimpact.structure.springs import Dashpot, Spring
 from femimpact.structure.structure import SUPPORTS, Impactor, Stop, Structure
-from femimpact.system.modes import flexibility, solve_modes
-from femimpact.system.reactions import Reaction, damped_reactions
+from femimpact.system.damped import damped_with_modes
+from femimpact.system.modes import flexibility
+from femimpact.system.own_terms import add_terms
+from femimpact.system.reactions import Reaction
 from femimpact.system.system import System, contact_pair, hermite_rows
 
 __all__ = ["ElementLineHermiteReference", "assemble"]
+
+HEAVY = 1e3
+"""Mass of a beam (kg) above which millimetres may have been typed as metres."""
+
+SLENDER = 5.0
+"""Length over thickness below which a beam is none of Euler and Bernoulli's."""
+
+USUAL_FREQUENCY = (0.01, 1e5)
+"""First natural frequency (Hz) of structures that are meant."""
 
 
 @BilinearForm  # type: ignore[untyped-decorator]
@@ -58,15 +71,25 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
         If neither or both of elements and mesh are given, the mesh does not fit the beam, or a
         name is unknown.
 
+    Warns
+    -----
+    InputWarning
+        Of a beam of more than a tonne or less slender than 5, or a first mode outside 0.01 Hz to 100 kHz.
+
     Notes
     -----
     Sections: Hermite cubic interpolation, K = int EI w'' v'', M = int rho A w v + lumped terms
-    m N N^T + J N' N'^T; rotary inertia of the beam and shear are left out, as in the paper. Gravity is a constant
-    acceleration of every mass: constant_load = base_load gravity.
+    m N N^T + J N' N'^T, with N + e N' for N where a body's centre is offset by e; rotary inertia of the beam and
+    shear are left out, as in the paper. Gravity is a constant acceleration of every mass: constant_load = base_load
+    gravity.
     """
     grid = discretise(structure, elements, mesh)
     K, M = _beam_matrices(grid)
     M = M + _lumped_mass(grid)
+    springs = _connection_rows(grid, structure.springs, "spring")
+    weight = np.sqrt([spring.stiffness for spring in structure.springs])
+    pulls = sparse.csr_array(springs.multiply(weight[:, None]))
+    K = K + sparse.csr_array(pulls.T @ pulls)
     free = grid.free
     rigid = np.zeros(grid.dofs)
     rigid[0::2] = 1.0
@@ -75,7 +98,7 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
         M=_free_block(M, free),
         C=sparse.csr_array((free.size, free.size)),
         K=_free_block(K, free),
-        stiffness_factor=_stiffness_factor(grid)[:, free],
+        stiffness_factor=sparse.vstack([_stiffness_factor(grid), pulls], format="csr")[:, free],
         base_load=_frozen(momentum[free]),
         rigid_translation=_frozen(rigid[free]),
         nodes=grid.mesh.nodes,
@@ -85,35 +108,37 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
         first_frequency=math.nan,
         rayleigh=(0.0, 0.0),
         constant_load=_frozen(structure.gravity * momentum[free]),
-        reactions=_reactions(grid, M, K, momentum),
+        reactions=_reactions(grid, M, K, momentum, springs),
         sections=grid.sections,
     )
-    return _with_damping_and_contacts(system, grid)
+    whole = _with_dashpots(_with_damping_and_contacts(system, grid), grid)
+    _warn_of_unusual(structure, whole.first_frequency)
+    return whole
+
+
+def _warn_of_unusual(structure: Structure, first_frequency: float) -> None:
+    """Warn where a number of the beam is so unusual that another unit may have been meant."""
+    beam = structure.beam
+    slenderness = beam.length / max(segment.rectangle[1] for segment in beam.segments)
+    low, high = USUAL_FREQUENCY
+    found = []
+    if beam.mass > HEAVY:
+        found.append(f"beam.mass = {beam.mass:.4g} kg: more than {HEAVY:g} kg; are lengths in metres?")
+    if slenderness < SLENDER:
+        found.append(
+            f"beam.length = {slenderness:.3g} times the thickness: below {SLENDER:g}, where shear and rotary inertia, "
+            "which are left out, are no longer small"
+        )
+    if not low <= first_frequency <= high:
+        found.append(f"first mode at {first_frequency:.4g} Hz: outside {low:g} to {high:g} Hz; are units SI?")
+    for words in found:
+        warnings.warn(words, InputWarning, stacklevel=3)
 
 
 def _with_damping_and_contacts(system: System, grid: Discretisation) -> System:
     structure = grid.structure
-    pair = structure.damping.modes if structure.damping else None
-    count = max(pair) if pair else 1
-    require(
-        count <= system.dofs,
-        "damping.modes",
-        pair,
-        "",
-        f"must be at most {system.dofs}, the dofs of this mesh: use more elements",
-    )
-    modes = solve_modes(system, count)
-    alpha, beta = 0.0, 0.0
-    if structure.damping is not None:
-        alpha, beta = _rayleigh(structure.damping, 2.0 * math.pi * modes.natural_frequency)
-    system = replace(
-        system,
-        C=sparse.csr_array(alpha * system.M + beta * system.K) if structure.damping else system.C,
-        rayleigh=(alpha, beta),
-        reactions=damped_reactions(system.reactions, alpha, beta),
-        first_frequency=float(modes.natural_frequency[0]),
-        computed_together=None,
-    )
+    system, modes = damped_with_modes(system, structure.damping)
+    system = replace(system, first_frequency=float(modes.natural_frequency[0]), computed_together=None)
     items: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
     places = [grid.position_of(item.at, f"{kind_of(item)}.{item.name}.at") for item in items]
     rows = system.deflection_rows(places) if items else np.zeros((0, system.dofs))
@@ -125,20 +150,63 @@ def _with_damping_and_contacts(system: System, grid: Discretisation) -> System:
     return replace(system, contacts=contacts, computed_together=None)
 
 
-def _reactions(grid: Discretisation, M: Any, K: Any, momentum: NDArray[Any]) -> dict[str, Reaction]:
-    """Rows of the held dofs, by the name of their support; a dof that two supports hold has the first one's name."""
+def _with_dashpots(system: System, grid: Discretisation) -> System:
+    """The system with the dashpots' damping, and the forces of those to the base."""
+    dashpots = grid.structure.dashpots
+    if not dashpots:
+        return system
+    rows = _connection_rows(grid, dashpots, "dashpot")
+    sizes = sparse.diags_array([dashpot.damping for dashpot in dashpots])
+    damped = add_terms(system, damping=rows.T @ sizes @ rows)
+    still = _frozen(np.zeros(system.dofs))
+    forces = {
+        f"{dashpot.name}.force": Reaction(None, "N", still, _frozen(-dashpot.damping * row), still, 0.0)
+        for dashpot, row in zip(dashpots, rows[:, grid.free].toarray(), strict=True)
+        if dashpot.to is None
+    }
+    return replace(damped, reactions={**damped.reactions, **forces}, computed_together=None)
+
+
+def _connection_rows(grid: Discretisation, items: Sequence[Spring | Dashpot], kind: str) -> Any:
+    """Rows (items, all dofs) that read the elongation w(at) - w(to) of springs or dashpots; w of the base is zero."""
+
+    def ends(field: str) -> Any:
+        places = [
+            (i, grid.position_of(place, f"{kind}.{item.name}.{field}"))
+            for i, item in enumerate(items)
+            if (place := getattr(item, field)) is not None
+        ]
+        chosen = sparse.csr_array(
+            (np.ones(len(places)), ([i for i, _ in places], range(len(places)))), shape=(len(items), len(places))
+        )
+        return chosen @ hermite_rows(grid.mesh.nodes, [x for _, x in places])
+
+    return sparse.csr_array(ends("at") - ends("to"))
+
+
+def _reactions(grid: Discretisation, M: Any, K: Any, momentum: NDArray[Any], springs: Any) -> dict[str, Reaction]:
+    """Rows of the held dofs, by the name of their support; a dof that two supports hold has the first one's name.
+
+    Springs to the base, with the rows of their elongation, pull the beam back: theirs is a force on it, too.
+    """
     held: dict[int, str] = {}
     for support in grid.structure.supports:
         at = support.at if isinstance(support.at, str) else f"{support.at:.9g}"
         node = grid.node_of(support)
         for kind in SUPPORTS[support.kind]:
             held.setdefault(*((2 * node, f"{at}.force") if kind == "w" else (2 * node + 1, f"{at}.moment")))
-    return {
+    still = _frozen(np.zeros(grid.free.size))
+    forces = {
+        f"{spring.name}.force": Reaction(None, "N", still, still, _frozen(-spring.stiffness * row), 0.0)
+        for spring, row in zip(grid.structure.springs, springs[:, grid.free].toarray(), strict=True)
+        if spring.to is None
+    }
+    return forces | {
         name: Reaction(
             dof=dof,
             unit="N m" if dof % 2 else "N",
             on_acceleration=_held_row(M, dof, grid.free),
-            on_velocity=_frozen(np.zeros(grid.free.size)),
+            on_velocity=still,
             on_displacement=_held_row(K, dof, grid.free),
             on_base_acceleration=float(momentum[dof]),
             constant=float(grid.structure.gravity * momentum[dof]),
@@ -149,15 +217,6 @@ def _reactions(grid: Discretisation, M: Any, K: Any, momentum: NDArray[Any]) -> 
 
 def _held_row(matrix: Any, dof: int, free: NDArray[Any]) -> NDArray[Any]:
     return _frozen(matrix[[dof]][:, free].toarray()[0])
-
-
-def _rayleigh(damping: Rayleigh, omega: NDArray[Any]) -> tuple[float, float]:
-    ratio = damping.ratio if isinstance(damping.ratio, tuple) else (damping.ratio, damping.ratio)
-    if damping.modes:
-        first, second = damping.modes
-        return rayleigh_coefficients((omega[first - 1], omega[second - 1]), ratio)
-    low, high = damping.frequencies or (0.0, 0.0)
-    return rayleigh_coefficients((2 * math.pi * low, 2 * math.pi * high), ratio)
 
 
 def _stiffness_factor(grid: Discretisation) -> Any:
@@ -180,12 +239,13 @@ def _beam_matrices(grid: Discretisation) -> tuple[Any, Any]:
 
 
 def _lumped_mass(grid: Discretisation) -> Any:
-    """M N N^T + J N' N'^T for every point mass, over all dofs."""
+    """M (N + e N')(N + e N')^T + J N' N'^T for every body with its centre at e from its place, over all dofs."""
     total = sparse.csr_array((grid.dofs, grid.dofs))
     for body in grid.structure.masses:
         place = [grid.position_of(body.at, f"mass.{body.name}.at")]
         shape, slope = (hermite_rows(grid.mesh.nodes, place, order) for order in (0, 1))
-        total = total + body.mass * (shape.T @ shape) + body.rotary_inertia * (slope.T @ slope)
+        centre = shape + body.offset * slope
+        total = total + body.mass * (centre.T @ centre) + body.rotary_inertia * (slope.T @ slope)
     return total
 
 

@@ -122,12 +122,12 @@ class Discretisation:
         return np.asarray(given[:, None] + self.basis.zero_w())
 
     def position_of(self, at: Position, key: str = "at") -> float:
-        """Metres from the root of a place that the mesh names, or of a number."""
-        return _position(self.mesh, at, key)
+        """Metres from the root of a place that the mesh names, of a body's name, or of a number."""
+        return _position(self.structure, self.mesh, at, key)
 
     def node_of(self, support: Support) -> int:
         """Number of the node that a support holds."""
-        return _node(self.mesh, support)
+        return _node(self.structure, self.mesh, support)
 
 
 def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | None = None) -> Discretisation:
@@ -206,17 +206,21 @@ def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray
     return result
 
 
-def _position(mesh: Mesh, at: Position, key: str) -> float:
+def _position(structure: Structure, mesh: Mesh, at: Position, key: str) -> float:
+    # a name of the mesh is its place, also where a body has the same one
+    if isinstance(at, str) and at not in mesh.points:
+        at = structure.place_of(at)
     if not isinstance(at, str):
         tip = float(mesh.nodes[-1])
         return min(float(checked(key, at, quantity("m", at_least=0.0, at_most=tip * (1.0 + OFF_MESH)))), tip)
-    require(at in mesh.points, key, at, "", suggestion(at, mesh.points))
+    known = [*mesh.points, *(body.name for body in structure.masses)]
+    require(at in mesh.points, key, at, "", suggestion(at, known))
     return float(mesh.points[at])
 
 
-def _node(mesh: Mesh, support: Support) -> int:
+def _node(structure: Structure, mesh: Mesh, support: Support) -> int:
     nodes = mesh.nodes
-    position = _position(mesh, support.at, "support.at")
+    position = _position(structure, mesh, support.at, "support.at")
     node = int(np.argmin(np.abs(nodes - position)))
     at_node = abs(nodes[node] - position) <= SAME_PLACE * nodes[-1]
     require(at_node, "support.at", support.at, "", "must be a node of the mesh")
@@ -226,10 +230,14 @@ def _node(mesh: Mesh, support: Support) -> int:
 def _held_dofs(structure: Structure, mesh: Mesh) -> list[int]:
     held: set[int] = set()
     for support in structure.supports:
-        node = _node(mesh, support)
+        node = _node(structure, mesh, support)
         held.update(2 * node + ("w", "slope").index(kind) for kind in SUPPORTS[support.kind])
-    deflections = sum(dof % 2 == 0 for dof in held)
-    stiff = deflections >= 2 or (deflections == 1 and len(held) >= 2)
+    pinned = [float(mesh.nodes[dof // 2]) for dof in held if dof % 2 == 0]
+    pinned += [
+        _position(structure, mesh, spring.at, f"spring.{spring.name}.at") for spring in structure.springs_to_base
+    ]
+    apart = bool(pinned) and max(pinned) - min(pinned) > SAME_PLACE * mesh.nodes[-1]
+    stiff = apart or (bool(pinned) and any(dof % 2 for dof in held))
     require(stiff, "supports", len(held), "held dofs", "must hold two places of the mesh, or one place and a slope")
     return sorted(held)
 

@@ -145,13 +145,11 @@ def uniform_mesh(structure: Structure, elements: int) -> Mesh:
     elements = checked("mesh.elements", elements, quantity("1", at_least=1, at_most=MOST_ELEMENTS, integer=True))
     beam = structure.beam
     named = Mesh(np.array([0.0, beam.length])).points
-    allowed = f"must be one of {', '.join(named)}, or metres from the root"
-    unknown = [
-        (key, item.at) for key, item in structure.attachments if isinstance(item.at, str) and item.at not in named
-    ]
+    places = [(key, item.at, structure.place_of(item.at)) for key, item in structure.attachments]
+    unknown = [(key, at) for key, at, place in places if isinstance(place, str) and place not in named]
     if unknown:
-        raise InputError([Fault(f"{key}.at", at, "", allowed) for key, at in unknown])
-    attached = [named[item.at] if isinstance(item.at, str) else float(item.at) for _, item in structure.attachments]
+        raise InputError([Fault(f"{key}.at", at, "", _places_for(key, named, structure)) for key, at in unknown])
+    attached = [named[place] if isinstance(place, str) else float(place) for _, _, place in places]
     breaks = np.array(_distinct([*beam.joints, *attached], beam.length))
     stretches = np.diff(breaks)
     wanted = f"must be >= {stretches.size}: one for each stretch between joints and attachments"
@@ -163,6 +161,12 @@ def uniform_mesh(structure: Structure, elements: int) -> Mesh:
     owner = np.searchsorted(np.array(beam.joints[1:-1]), middles)
     regions = {segment.name: np.flatnonzero(owner == i) for i, segment in enumerate(beam.segments)}
     return Mesh(nodes, regions=regions)
+
+
+def _places_for(key: str, named: Mapping[str, float], structure: Structure) -> str:
+    """Places that one item of a structure may have on a mesh made here; a body's own name is none for itself."""
+    bodies = [body.name for body in structure.masses if key != f"mass.{body.name}"]
+    return f"must be one of {', '.join([*named, *bodies])}, or metres from the root"
 
 
 def _share(lengths: NDArray[Any], total: int) -> NDArray[Any]:

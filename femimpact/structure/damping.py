@@ -1,4 +1,4 @@
-"""Damping of the structure: Rayleigh coefficients from target ratios."""
+"""Damping of the structure: Rayleigh coefficients from target ratios, or ratios mode by mode."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import check_fields, checked, quantity, real_array, require
 
-__all__ = ["Rayleigh", "rayleigh_coefficients", "realised_damping_ratio"]
+__all__ = ["ModalDamping", "Rayleigh", "rayleigh_coefficients", "realised_damping_ratio"]
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,41 @@ class Rayleigh:
         pair, name = (self.modes, "modes") if self.modes else (self.frequencies, "frequencies")
         distinct = isinstance(pair, tuple) and len(pair) == 2 and pair[0] != pair[1]
         require(distinct, name, pair, "", "must be two different values")
+
+
+@dataclass(frozen=True)
+class ModalDamping:
+    """Given damping ratios of the lowest modes, and damping in proportion to the stiffness above them.
+
+    C = beta K + sum_k (2 ratio_k omega_k - beta omega_k^2) (M phi_k)(M phi_k)^T over the given modes, with
+    beta = 2 ratio_n/omega_n of the last one. Every given mode has its ratio exactly; a mode above has
+    ratio_n omega/omega_n, the last ratio times its frequency over the last one's. Modes stay decoupled, so that the
+    system may be reduced. C is a full matrix: on physical dofs of a fine mesh, reduce first.
+
+    Parameters
+    ----------
+    ratios : float or tuple of float, 1
+        Of modes 1, 2, ...; one number is that of the first mode.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+
+    Notes
+    -----
+    Clough and Penzien, Dynamics of Structures, on damping matrices by modal superposition.
+    """
+
+    ratios: float | tuple[float, ...] = field(metadata=quantity("1", at_least=0.0, below=1.0, several=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @property
+    def each(self) -> tuple[float, ...]:
+        """The ratios, one for each given mode."""
+        return self.ratios if isinstance(self.ratios, tuple) else (self.ratios,)
 
 
 def rayleigh_coefficients(omega: tuple[float, float], ratio: tuple[float, float]) -> tuple[float, float]:

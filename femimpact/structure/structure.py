@@ -19,7 +19,8 @@ from femimpact.errors import (
     require_type,
     text,
 )
-from femimpact.structure.damping import Rayleigh
+from femimpact.structure.damping import ModalDamping, Rayleigh
+from femimpact.structure.springs import Dashpot, Spring
 
 __all__ = [
     "Beam",
@@ -36,7 +37,7 @@ __all__ = [
 ]
 
 Position = str | float
-"""A place on the beam: "root", "tip", "mid", a name that the mesh gives, or metres from the root."""
+"""A place on the beam: "root", "tip", "mid", a name that the mesh gives, a body's name, or metres from the root."""
 
 RESERVED = ("root", "tip", "mid", "time", "base", "gap", "contact_force", "frequency", "grid")
 """Names that mean something else in channels and result files."""
@@ -190,13 +191,22 @@ class PointMass:
         Place on the beam; see `Position`.
     mass : float, kg
     rotary_inertia : float, kg m^2
-        About the body's own centre, which lies on the beam's axis.
+        About the body's own centre.
+    offset : float, m
+        Of the body's centre from its place along the beam, positive towards the tip, also beyond it: the body is
+        fixed to the section at its place, and its centre moves by w + offset dw/dx.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     name: str = field(metadata=text())
     at: Position = field(metadata=place())
     mass: float = field(metadata=quantity("kg", at_least=0.0))
     rotary_inertia: float = field(default=0.0, metadata=quantity("kg m^2", at_least=0.0))
+    offset: float = field(default=0.0, metadata=quantity("m"))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -312,7 +322,7 @@ class Structure:
     beam : Beam
     masses : sequence of PointMass
     impactors : sequence of Impactor
-    damping : Rayleigh, optional
+    damping : Rayleigh or ModalDamping, optional
         None means undamped.
     supports : sequence of Support
         The default clamps the root.
@@ -320,6 +330,9 @@ class Structure:
     gravity : float, m/s^2
         Constant acceleration along the deflection of everything that moves: beam, bodies and balls. A ball's own
         `acceleration` adds to it.
+    springs : sequence of Spring
+        Those to the base hold the beam like supports do, so that there may be no others.
+    dashpots : sequence of Dashpot
 
     Raises
     ------
@@ -330,34 +343,42 @@ class Structure:
     beam: Beam
     masses: tuple[PointMass, ...] = ()
     impactors: tuple[Impactor, ...] = ()
-    damping: Rayleigh | None = None
+    damping: Rayleigh | ModalDamping | None = None
     supports: tuple[Support, ...] = (Support("clamped", "root"),)
     stops: tuple[Stop, ...] = ()
     gravity: float = field(default=0.0, metadata=quantity("m/s^2"))
+    springs: tuple[Spring, ...] = ()
+    dashpots: tuple[Dashpot, ...] = ()
 
     def __post_init__(self) -> None:
-        _as_tuple(self, "masses", "impactors", "supports", "stops")
+        kinds = {
+            "masses": PointMass, "impactors": Impactor, "supports": Support, "stops": Stop, "springs": Spring,
+            "dashpots": Dashpot,
+        }  # fmt: skip
+        _as_tuple(self, *kinds)
         check_fields(self)
         require_type(self.beam, Beam, "beam")
-        kinds = (("masses", PointMass), ("impactors", Impactor), ("supports", Support), ("stops", Stop))
-        for key, kind in kinds:
+        for key, kind in kinds.items():
             require_type(getattr(self, key), tuple, key)
             for item in getattr(self, key):
                 require_type(item, kind, key)
-        named: tuple[PointMass | Impactor | Stop, ...] = (*self.masses, *self.impactors, *self.stops)
+        named: tuple[Any, ...] = (*self.masses, *self.impactors, *self.stops, *self.springs, *self.dashpots)
         names = [item.name for item in named]
-        require(len(set(names)) == len(names), "name", names, "", "must be distinct among masses, impactors and stops")
+        allowed = "must be distinct among masses, impactors, stops, springs and dashpots"
+        require(len(set(names)) == len(names), "name", names, "", allowed)
         for name in names:
             plain = isinstance(name, str) and re.fullmatch(r"[A-Za-z][\w -]*", name) and name not in RESERVED
             allowed = f"must be letters, digits, spaces, - and _, and none of {', '.join(RESERVED)}"
             require(bool(plain), "name", name, "", allowed)
-        damped = self.damping is None or isinstance(self.damping, Rayleigh)
-        require(damped, "damping", self.damping, "", "must be a Rayleigh or None")
+        damped = self.damping is None or isinstance(self.damping, (Rayleigh, ModalDamping))
+        require(damped, "damping", self.damping, "", "must be a Rayleigh, a ModalDamping or None")
         allowed = f"must be within the beam, 0 to {self.beam.length:g} m"
+        places = [(f"{key}.at", item.at) for key, item in self.attachments]
+        places += [(f"{key}.{end}", place) for key, _, ends in self.connections for end, place in ends.items()]
         beyond = [
-            Fault(f"{key}.at", item.at, "m", allowed)
-            for key, item in self.attachments
-            if not isinstance(item.at, str) and item.at > self.beam.length * (1 + 1e-9)
+            Fault(key, place, "m", allowed)
+            for key, place in places
+            if not isinstance(place, str) and place > self.beam.length * (1 + 1e-9)
         ]
         if beyond:
             raise InputError(beyond)
@@ -365,7 +386,7 @@ class Structure:
 
     @property
     def attachments(self) -> tuple[tuple[str, PointMass | Impactor | Support | Stop], ...]:
-        """Everything that has a place on the beam, each with its key path."""
+        """Everything that sits on a node of the beam, each with its key path."""
         return (
             *((f"mass.{body.name}", body) for body in self.masses),
             *((f"impactor.{ball.name}", ball) for ball in self.impactors),
@@ -373,17 +394,42 @@ class Structure:
             *((f"stop.{stop.name}", stop) for stop in self.stops),
         )
 
+    def place_of(self, at: Position) -> Position:
+        """The place itself, where it is given as the name of a body."""
+        places: dict[Position, Position] = {body.name: body.at for body in self.masses}
+        return places.get(at, at) if isinstance(at, str) else at
+
+    @property
+    def connections(self) -> tuple[tuple[str, Spring | Dashpot, dict[str, Position]], ...]:
+        """Springs and dashpots, each with its key path and its places on the beam by the field's name."""
+        items: list[tuple[str, Spring | Dashpot]] = []
+        items += [(f"spring.{spring.name}", spring) for spring in self.springs]
+        items += [(f"dashpot.{dashpot.name}", dashpot) for dashpot in self.dashpots]
+        return tuple(
+            (key, item, {"at": item.at} if item.to is None else {"at": item.at, "to": item.to}) for key, item in items
+        )
+
+    @property
+    def springs_to_base(self) -> tuple[Spring, ...]:
+        """Springs between the beam and the base, of a stiffness that holds."""
+        return tuple(spring for spring in self.springs if spring.to is None and spring.stiffness > 0.0)
+
     def _check_supports(self) -> None:
         held = [kind for support in self.supports for kind in SUPPORTS[support.kind]]
         standard = {"root": 0.0, "tip": self.beam.length, "mid": 0.5 * self.beam.length}
-        places = [standard.get(str(s.at), s.at) for s in self.supports if "w" in SUPPORTS[s.kind]]
+        holding: tuple[Any, ...] = tuple(s for s in self.supports if "w" in SUPPORTS[s.kind])
+        given = [self.place_of(s.at) for s in (*holding, *self.springs_to_base)]
+        places = [standard.get(str(at), at) for at in given]
         metres = [place for place in places if not isinstance(place, str)]
         apart = bool(metres) and max(metres) - min(metres) > 1e-6 * self.beam.length
         # a name that only the mesh knows counts as a place of its own here; assembly looks again
         named = {place for place in places if isinstance(place, str)}
-        stiff = apart or len(named) + bool(metres) >= 2 or ("w" in held and "slope" in held)
+        stiff = apart or len(named) + bool(metres) >= 2 or (bool(places) and "slope" in held)
         kinds = [f"{support.kind} at {support.at}" for support in self.supports]
-        allowed = "must hold the beam: one clamped end, two pinned places, or a pinned and a guided one"
+        allowed = (
+            "must hold the beam: one clamped end, two pinned places, or a pinned and a guided one; a spring to "
+            "the base counts as a pinned place"
+        )
         require(stiff, "supports", ", ".join(kinds) or "none", "", allowed)
 
 

@@ -57,7 +57,8 @@ def add_terms(
     Notes
     -----
     Rayleigh coefficients stay what they are and hold for the sums: C = alpha M + beta K + damping, so that own mass
-    and stiffness have their share of the damping. Damping by modes stays the matrix it is.
+    and stiffness have their share of the damping. Damping by modes (`ModalDamping`) stays the matrix it is. Where the
+    ratios are to be those of the new modes, `with_damping` computes the damping anew.
 
     The stiffness factor G, K = G^T G, carries the digits of fine meshes (`solve_modes`). A positive semidefinite
     stiffness, as of a foundation or of tension, has a factor of its own, and both are stacked: no digit is lost. An
@@ -120,7 +121,7 @@ def _stiffness_factor(system: System, added: Any, K: Any) -> Any:
         return system.stiffness_factor
     own = banded_factor(added, semidefinite=True)
     if own is not None:
-        return sparse.csr_array(sparse.vstack([system.stiffness_factor, own]))
+        return sparse.csr_array(sparse.vstack([system.stiffness_factor, own], format="csr"))
     whole = banded_factor(K)
     allowed = "must leave the stiffness positive definite: under this one the structure has buckled"
     require(whole is not None, "stiffness", None, "", allowed)
