@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from femimpact.errors import InputError
 from femimpact.fem.mesh import Mesh
 from femimpact.integrators.memory import check_memory
 from femimpact.integrators.methods import Method
+from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder
 from femimpact.study.cost import check_mesh, check_sweep
 from femimpact.study.study import BaseMotion, Study, build_systems, method_for, read_mesh_of
@@ -78,6 +80,7 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     warnings = method.check(small)
     bare = without_impactors(small)
     record = history_record(study, small, method)
+    _check_channels(study, small)
     prepared = PreparedStudy(
         study, mesh, full, small, bare, method, method_for(study, bare), record=record, warnings=warnings
     )
@@ -103,7 +106,7 @@ def history_record(study: Study, small: System, method: Method) -> Recorder:
         moving = [] if pair.is_stop else [pair.name, f"{pair.name}.velocity"]
         channels += [*moving, f"{pair.name}.contact_force"]
     return Recorder(
-        channels=tuple(channels),
+        channels=tuple(dict.fromkeys([*channels, *output.channels])),
         every=output.every,
         snapshots=max(round(kept / (output.frames * grid)), 1) if output.frames else 0,
         snapshots_start=max(study.base.duration - kept, 0.0),
@@ -114,6 +117,15 @@ def history_record(study: Study, small: System, method: Method) -> Recorder:
 def _grid(study: Study, method: Method) -> float:
     """Time (s) between instants at which the history can be read."""
     return method.time_grid(study.base.frequency)
+
+
+def _check_channels(study: Study, small: System) -> None:
+    """Refuse a channel of the study that the system cannot read."""
+    try:
+        for channel in resolve_channels(small, study.output.channels):
+            channel.reading(small)
+    except InputError as error:
+        raise InputError([fault.under("output") for fault in error.faults]) from None
 
 
 def _check_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> None:

@@ -101,13 +101,15 @@ class SweepPlan:
 class Output:
     """`[output]`: what is written.
 
-    `every` is the stride of the history in steps; `frames` whole deflections are kept over the last
-    `frame_cycles` base cycles for ParaView and the movie; `exaggeration` scales the motion there
-    (absent: chosen by the movie, 1 for ParaView); a run that would keep more than `memory_limit`
-    is refused.
+    `every` is the stride of the history in steps; `channels` are kept in it besides those of the tip, the middle, the
+    balls and the contacts, by their names (see `response.channels.QUANTITIES`), as "root.reaction_force"; `frames`
+    whole deflections are kept over the last `frame_cycles` base cycles for ParaView and the movie; `exaggeration`
+    scales the motion there (absent: chosen by the movie, 1 for ParaView); a run that would keep more than
+    `memory_limit` is refused.
     """
 
     every: int = field(default=10, metadata=quantity("steps", at_least=1, integer=True))
+    channels: tuple[str, ...] = field(default=(), metadata=text(several=True))
     frames: int = field(default=160, metadata=quantity("1", at_least=0, at_most=5000, integer=True))
     frame_cycles: float = field(default=3.0, metadata=quantity("1", above=0.0))
     exaggeration: float | None = field(default=None, metadata=quantity("1", above=0.0))

@@ -17,7 +17,8 @@ from femimpact.contact import KelvinVoigt, PowerLaw, Rigid, SwitchingSpring
 from femimpact.errors import Fault, InputError, allowed_range, in_range, require, suggestion
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
-from femimpact.structure.damping import Rayleigh
+from femimpact.structure.damping import ModalDamping, Rayleigh
+from femimpact.structure.springs import Dashpot, Spring
 from femimpact.structure.structure import Beam, Impactor, PointMass, Segment, Stop, Structure, Support
 from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
 
@@ -103,8 +104,10 @@ def _from_tables(data: Mapping[str, Any], path: Path, text: str) -> Study:
     structure = None
     if made.get("beam") is not None:
         # with what is sound of the rest, so that faults between tables are found in the same pass
-        parts = {"masses": "mass", "impactors": "impactor", "stops": "stop", "supports": "support"}
-        parts["damping"] = "damping"
+        parts = {
+            "masses": "mass", "impactors": "impactor", "stops": "stop", "supports": "support", "springs": "spring",
+            "dashpots": "dashpot", "damping": "damping",
+        }  # fmt: skip
         given = {key: made[name] for key, name in parts.items() if made.get(name) is not None}
         if made.get("gravity") is not None:
             given["gravity"] = made["gravity"].acceleration
@@ -236,6 +239,11 @@ def _with_contact(noun: Any, prefix: str, values: Mapping[str, Any], faults: lis
     return _noun(noun, prefix, rest, faults, contact=law)
 
 
+def _damping(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    """Ratios mode by mode, or Rayleigh's coefficients from two of them."""
+    return _noun(ModalDamping if "ratios" in values else Rayleigh, prefix, values, faults)
+
+
 def _method(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
     settings = {key: value for key, value in values.items() if key != "name"}
     name = values.get("name", "newmark")
@@ -265,7 +273,9 @@ TABLES: Mapping[str, _Table] = {
     "impactor": _Table(partial(_with_contact, Impactor), many=True),
     "stop": _Table(partial(_with_contact, Stop), many=True),
     "support": _Table(partial(_noun, Support), many=True),
-    "damping": _Table(partial(_noun, Rayleigh)),
+    "spring": _Table(partial(_noun, Spring), many=True),
+    "dashpot": _Table(partial(_noun, Dashpot), many=True),
+    "damping": _Table(_damping),
     "gravity": _Table(partial(_noun, Gravity)),
     "reduction": _Table(partial(_noun, Reduction)),
     "base": _Table(partial(_noun, BaseMotion), required=True),

@@ -52,7 +52,8 @@ def _lines(study: Study) -> Iterator[str]:
         yield from _table("[[beam.segment]]", {"name": segment.name, **_given(segment)})
     yield from _table("[mesh]", _given(study.mesh))
     for name, parts in (("mass", structure.masses), ("impactor", structure.impactors), ("stop", structure.stops),
-                        ("support", structure.supports)):  # fmt: skip
+                        ("support", structure.supports), ("spring", structure.springs),
+                        ("dashpot", structure.dashpots)):  # fmt: skip
         for part in parts:
             yield from _table(f"[[{name}]]", _given(part))
     if structure.damping is not None:
