@@ -71,6 +71,7 @@ if TYPE_CHECKING:
     from femimpact.study.study_file import load_study
     from femimpact.sweep import FrequencyResponse, frequency_sweep
     from femimpact.system.damped import with_damping
+    from femimpact.system.matrix_files import read_matrix
     from femimpact.system.modes import Modes, solve_modes
     from femimpact.system.own_terms import add_terms
     from femimpact.system.reactions import Reaction
@@ -120,6 +121,7 @@ _MODULES = {
     "integrators.stepping.step_size": ("recommended_step",),
     "fem.mesh": ("Mesh", "read_mesh", "uniform_mesh"),
     "system.damped": ("with_damping",),
+    "system.matrix_files": ("read_matrix",),
     "system.modes": ("Modes", "solve_modes"),
     "system.reduction": ("reduce", "truncation_notes"),
     "response.response": ("Recorder", "Response"),

@@ -18,6 +18,7 @@ __all__ = [
     "check_semidefinite",
     "checked_matrix",
     "checked_row",
+    "checked_shapes",
     "definite_factor",
     "same_product",
     "stiffness_solver",
@@ -69,6 +70,31 @@ def checked_row(key: str, value: ArrayLike, dofs: int) -> NDArray[Any]:
     require(row.shape == (dofs,), key, f"array of shape {row.shape}", "", allowed)
     row.setflags(write=False)
     return row
+
+
+def checked_shapes(nodes: ArrayLike | None, expansion: Any, dofs: int) -> tuple[NDArray[Any], Any]:
+    """Nodes (n,) and the matrix (2 n, dofs) that reads w and w' there; none of either where none is given.
+
+    Raises
+    ------
+    InputError
+        If one is given without the other, or they do not fit.
+    """
+    both = (nodes is None) == (expansion is None)
+    require(both, "nodes", None, "m", "must be given with expansion, the rows that read w and w' there")
+    if nodes is None:
+        return np.zeros(0), sparse.csr_array((0, dofs))
+    places = np.atleast_1d(real_array("nodes", nodes, "m", FINITE))
+    rising = places.ndim == 1 and places.size >= 2 and bool(np.all(np.diff(places) > 0.0))
+    require(rising, "nodes", f"array of shape {places.shape}", "m", "must be two or more increasing positions")
+    given: Any = expansion
+    if sparse.issparse(expansion):
+        given = given.toarray()
+    rows = np.atleast_2d(real_array("expansion", given, "", FINITE))
+    allowed = f"must have the shape ({2 * places.size}, {dofs}): w and w' at every node, by the dofs"
+    require(rows.shape == (2 * places.size, dofs), "expansion", rows.shape, "", allowed)
+    places.setflags(write=False)
+    return places, sparse.csr_array(rows)
 
 
 def definite_factor(name: str, matrix: NDArray[Any], strictly: bool = False) -> tuple[NDArray[Any], int]:

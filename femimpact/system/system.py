@@ -50,7 +50,7 @@ from femimpact.system.consistency import (
     check_unchanged,
 )
 from femimpact.system.hermite import DERIVATIVE, shape_functions
-from femimpact.system.matrices import checked_matrix, checked_row, definite_factor
+from femimpact.system.matrices import checked_matrix, checked_row, checked_shapes, definite_factor
 from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reactions
 from femimpact.system.sections import Section, SectionFields
 from femimpact.system.static import StaticContacts, static_contacts
@@ -336,6 +336,8 @@ class System:
         impactors: Sequence[Impactor] = (),
         stops: Sequence[Stop] = (),
         constant_load: ArrayLike | None = None,
+        nodes: ArrayLike | None = None,
+        expansion: Any = None,
     ) -> System:
         """Any linear structure by its matrices: M u'' + C u' + K u = -base_load ub'' + constant_load + sum_j b_j F_j.
 
@@ -351,6 +353,11 @@ class System:
             Their `at` is a name among the points.
         constant_load : array_like (dofs,), N
             Constant force on the structure; the default is none. Balls have an `acceleration` of their own.
+        nodes : array_like (n,), m
+            Increasing positions along a line, for pictures: mode shapes and deflections are drawn there.
+        expansion : array_like or sparse (2 n, dofs)
+            From the dofs to (w1, w1', w2, w2', ...) at the nodes; given with `nodes`. A point whose row is that of
+            w at a node is at this node in pictures, others have no position.
 
         Returns
         -------
@@ -380,15 +387,16 @@ class System:
         definite_factor("C", dense["C"])
         factor, rank = definite_factor("K", dense["K"])
         load = dense["M"].sum(axis=1) if base_load is None else checked_row("base_load", base_load, dofs)
+        places, shapes = checked_shapes(nodes, expansion, dofs)
         rigid = np.linalg.solve(dense["M"], load)
         bare = cls(
             **matrices,
             stiffness_factor=sparse.csr_array(factor),
             base_load=_frozen(load),
             rigid_translation=_frozen(rigid),
-            nodes=np.zeros(0),
-            expansion=sparse.csr_array((0, dofs)),
-            points=dict.fromkeys(rows, math.nan),
+            nodes=places,
+            expansion=shapes,
+            points={name: _place_of_row(row, places, shapes) for name, row in rows.items()},
             total_mass=float(rigid @ load),
             first_frequency=0.0,
             directions=rows,
@@ -601,6 +609,12 @@ class System:
     def _known_rows(self) -> dict[Position, NDArray[Any]]:
         """Rows read before: every run asks for the same ones."""
         return {}
+
+
+def _place_of_row(row: NDArray[Any], nodes: NDArray[Any], expansion: Any) -> float:
+    """Position (m) of the node whose deflection a row reads; not a number where there is none."""
+    same = np.flatnonzero(np.all(np.abs(expansion[0::2].toarray() - row) <= 1e-9 * np.abs(row).max(), axis=1))
+    return float(nodes[same[0]]) if same.size else math.nan
 
 
 def _contacts_of_matrices(
