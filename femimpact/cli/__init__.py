@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, CycloptsError, Parameter
 
 from femimpact import __version__
+from femimpact.cli.tables import console, print_table
 from femimpact.errors import FemimpactError, InputError, require
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ def demo(*, output: Output = None, force: Force = False, quiet: Quiet = False) -
         found = run_demo(directory, force=force, report=report)
     if quiet:
         return
-    console = _console()
+    where = console()
     header = (
         "quantity",
         "unit",
@@ -120,7 +121,7 @@ def demo(*, output: Output = None, force: Force = False, quiet: Quiet = False) -
         "rest in inertial frame",
         "method",
     )
-    _print_table(console, header, found.comparison, "The paper beside femimpact")
+    print_table(where, header, found.comparison, "The paper beside femimpact")
     columns = (
         "restitution",
         "peak (Hz), relative to base",
@@ -128,10 +129,10 @@ def demo(*, output: Output = None, force: Force = False, quiet: Quiet = False) -
         "peak (Hz), inertial frame",
         "amplitude ratio",
     )
-    _print_table(console, columns, found.scan_rows, "Restitution scan")
+    print_table(where, columns, found.scan_rows, "Restitution scan")
     for text in found.remarks:
-        console.print(f"- {text}")
-    _print_closing(console, found.results)
+        where.print(f"- {text}")
+    _print_closing(where, found.results)
 
 
 @app.command
@@ -194,18 +195,18 @@ def converge(study: Path, *, output: Output = None, force: Force = False, quiet:
         mesh, step, directory = write_convergence(plan, output or _directory(study, "converge"), force, report)
     if quiet:
         return
-    console = _console()
+    where = console()
     columns = range(mesh.reference.size)
     header = ("elements", *(f"f{i + 1} (Hz)" for i in columns), *(f"error {i + 1}" for i in columns))
     rows = [(n, *f, *e) for n, f, e in zip(mesh.elements, mesh.natural_frequency, mesh.error, strict=True)]
-    _print_table(console, header, rows, "Mesh; orders " + ", ".join(f"{order:.2f}" for order in mesh.order))
+    print_table(where, header, rows, "Mesh; orders " + ", ".join(f"{order:.2f}" for order in mesh.order))
     header = ("dt (s)", "error without ball", "error after the first impact", "energy residual")
     rows = list(zip(step.dt, step.linear_error, step.first_impact_error, step.energy_residual, strict=True))
     title = f"Step; orders {step.linear_order:.2f} without ball, {step.first_impact_order:.2f} after an impact"
-    _print_table(console, header, rows, title)
+    print_table(where, header, rows, title)
     for note in (*mesh.notes, *step.notes):
-        console.print(f"- {note}")
-    console.print(f"results in {directory}")
+        where.print(f"- {note}")
+    where.print(f"results in {directory}")
 
 
 @app.command
@@ -242,16 +243,15 @@ def contact(
     columns = write_contact_table(load_study(study), directory, force, speed_min, speed_max)
     if quiet:
         return
-    console = _console()
-    # eleven columns: one word a line
+    where = console()
     units = [f" ({UNITS[name]})" if UNITS.get(name, "1") != "1" else "" for name in columns]
-    header = [name.replace("_", "\n") + unit for name, unit in zip(columns, units, strict=True)]
+    header = [name.replace("_", " ") + unit for name, unit in zip(columns, units, strict=True)]
     rows = zip(*columns.values(), strict=True)
     # what is not a number is a dash
-    _print_table(
-        console, header, ([None if v != v else v for v in row] for row in rows), "One collision, by its approach speed"
+    print_table(
+        where, header, ([None if v != v else v for v in row] for row in rows), "One collision, by its approach speed"
     )
-    console.print(f"results in {directory}")
+    where.print(f"results in {directory}")
 
 
 @app.command
@@ -274,9 +274,9 @@ def validate(
         write_csv(output, case_columns(cases), {})
     failed = [case for case in cases if not case.passes]
     if not quiet:
-        console = _console()
-        _print_table(console, HEADER, [table_row(case) for case in cases], "Validation")
-        console.print(f"{len(cases) - len(failed)} of {len(cases)} pass")
+        where = console()
+        print_table(where, HEADER, [table_row(case) for case in cases], "Validation")
+        where.print(f"{len(cases) - len(failed)} of {len(cases)} pass")
     if failed:
         _fail("\n".join(f"{case.name}: error {case.error:.2g}, bound {case.bound:.2g}" for case in failed), 1)
 
@@ -318,32 +318,32 @@ def _draw_again(directory: Path, kind: str, quiet: bool) -> None:
 def _print_results(study: Study, results: StudyResults) -> None:
     from femimpact.study.summary import contacts_of
 
-    console, summary = _console(), results.summary
+    where, summary = console(), results.summary
     if results.modes is not None:
         columns = list(results.modes)
-        _print_table(console, columns, zip(*results.modes.values(), strict=True), "Modes (Hz, 1, kg^0.5, kg)")
+        print_table(where, columns, zip(*results.modes.values(), strict=True), "Modes (Hz, 1, kg^0.5, kg)")
     for label, curve in summary.get("sweep", {}).items():
-        console.print(
+        where.print(
             f"sweep, {label}: peak {_number(curve['peak_amplitude'], 1e3)} mm at {curve['peak_frequency']:.5g} Hz; "
             f"damping {_percent(curve['damping_fit'])} by fit, {_percent(curve['damping_half_power'])} by half-power"
         )
     if "amplitude_ratio" in summary:
-        console.print(f"amplitude ratio without / with ball: {summary['amplitude_ratio']:.4g}")
+        where.print(f"amplitude ratio without / with ball: {summary['amplitude_ratio']:.4g}")
     if "history" in summary:
         history = summary["history"]
-        console.print(
+        where.print(
             f"history at {history['frequency']:.5g} Hz: peak {_number(history['peak'], 1e3)} mm, rms "
             f"{_number(history['rms'], 1e3)} mm, {history['steadiness']}; {history['impacts']} impacts, "
             f"{history['regime']['label']}"
         )
         for name, contact in contacts_of(summary).items():
-            console.print(
+            where.print(
                 f"{name} ({contact['law']}): peak force {_number(contact['peak_force'])} N, mean impulse "
                 f"{1e3 * contact['mean_impulse']:.4g} mN s, cycle-averaged force {contact['cycle_mean_force']:.4g} N; "
                 f"restitution {contact['restitution']:.4g} asked, {contact['achieved_restitution']['mean']:.4g} with "
                 f"this step, {_number(contact['observed_restitution'])} seen (median of {contact['impacts']} impacts)"
             )
-    _print_closing(console, results)
+    _print_closing(where, results)
 
 
 def _number(value: float | None, scale: float = 1.0) -> str:
@@ -354,43 +354,15 @@ def _percent(value: float | None) -> str:
     return "none" if value is None else f"{100 * value:.3g} %"
 
 
-def _print_closing(console: Console, results: StudyResults) -> None:
+def _print_closing(where: Console, results: StudyResults) -> None:
     residual = results.summary.get("energy_residual")
     if residual is not None:
-        console.print(f"energy unaccounted for: {residual:.2g} of the energy put in")
+        where.print(f"energy unaccounted for: {residual:.2g} of the energy put in")
     for text in results.summary.get("notes", []):
-        console.print(f"note: {text}")
+        where.print(f"note: {text}")
     for text in results.summary.get("warnings", []):
-        console.print(f"warning: {text}", style="yellow")
-    console.print(f"results in {results.directory}")
-
-
-def _console() -> Console:
-    from rich.console import Console
-
-    # a pipe has no width: wide enough that no table is cut
-    return Console(highlight=False, width=None if sys.stdout.isatty() else 180)
-
-
-def _print_table(console: Console, header: Any, rows: Any, title: str) -> None:
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left")
-    lines = [tuple(row) for row in rows]
-    for i, name in enumerate(header):
-        words = i == 0 or any(isinstance(row[i], str) for row in lines)
-        table.add_column(str(name).replace("_", " "), justify="left" if words else "right")
-    for row in lines:
-        table.add_row(*(_cell(value) for value in row))
-    console.print(table)
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return "-"
-    if isinstance(value, str):
-        return value
-    return f"{value:.5g}"
+        where.print(f"warning: {text}", style="yellow")
+    where.print(f"results in {results.directory}")
 
 
 @contextmanager
