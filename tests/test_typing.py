@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -50,9 +49,3 @@ def test_completion_offers_the_public_names_only():
 
 def test_the_package_says_that_it_has_types():
     assert (Path(fi.__file__).parent / "py.typed").is_file()
-
-
-def test_the_version_is_one():
-    version = re.search(r'^version = "(.+)"$', (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.MULTILINE)
-    citation = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
-    assert version[1] == citation[1] == fi.__version__
