@@ -11,73 +11,99 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from femimpact.calibration import RestitutionScan, scan_restitution
-    from femimpact.contact import (
-        ALUMINIUM,
-        STEEL,
-        Collision,
-        ContactLaw,
-        ContactParameters,
-        CustomLaw,
-        Flores,
-        GonthierCarvalhoMartins,
-        Hertz,
-        HuntCrossley,
-        KelvinVoigt,
-        LankaraniNikravesh,
-        Material,
-        PowerLaw,
-        Rigid,
-        SwitchingSpring,
-        collide,
-        contact_force,
-        contact_potential,
-        hertz_stiffness,
-        integrated_collision,
-    )
-    from femimpact.convergence import ModeConvergence, converge_elements, converge_step, mode_convergence
-    from femimpact.errors import DivergenceError, FemimpactError, InputError, InputWarning
-    from femimpact.excitation import PointForce, RecordedBase, Sine
-    from femimpact.export import figures
-    from femimpact.fem.assembly import assemble
-    from femimpact.fem.discretisation import Discretisation, discretise
-    from femimpact.fem.mesh import Mesh, read_mesh, uniform_mesh
-    from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
-    from femimpact.integrators.collision import achieved_restitution
-    from femimpact.integrators.event_driven import EventDriven
-    from femimpact.integrators.integrate import integrate
-    from femimpact.integrators.stepping.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
-    from femimpact.integrators.stepping.step_size import recommended_step
-    from femimpact.response.energy import EnergyLedger
-    from femimpact.response.history import HistoryPiece
-    from femimpact.response.impacts import Impacts, ImpactStatistics
-    from femimpact.response.response import Recorder, Response
-    from femimpact.response.sections import StroboscopicSection
-    from femimpact.structure.damping import ModalDamping, Rayleigh
-    from femimpact.structure.springs import Dashpot, Spring
-    from femimpact.structure.structure import (
-        Beam,
-        Impactor,
-        PointMass,
-        Segment,
-        Stop,
-        Structure,
-        Support,
-        glue_impactors,
-    )
-    from femimpact.study.results import StudyResults, load
-    from femimpact.study.run import run_study
-    from femimpact.study.study import Study
-    from femimpact.study.study_file import load_study
-    from femimpact.sweep import FrequencyResponse, frequency_sweep
-    from femimpact.system.damped import with_damping
-    from femimpact.system.matrix_files import read_matrix
-    from femimpact.system.modes import Modes, solve_modes
-    from femimpact.system.own_terms import add_terms
-    from femimpact.system.reactions import Reaction
-    from femimpact.system.reduction import reduce, truncation_notes
-    from femimpact.system.static import static_state
-    from femimpact.system.system import ContactPair, State, System, without_impactors
+    from femimpact.calibration import RestitutionScan as RestitutionScan
+    from femimpact.calibration import scan_restitution as scan_restitution
+    from femimpact.contact import ALUMINIUM as ALUMINIUM
+    from femimpact.contact import STEEL as STEEL
+    from femimpact.contact import Collision as Collision
+    from femimpact.contact import ContactLaw as ContactLaw
+    from femimpact.contact import ContactParameters as ContactParameters
+    from femimpact.contact import CustomLaw as CustomLaw
+    from femimpact.contact import Flores as Flores
+    from femimpact.contact import GonthierCarvalhoMartins as GonthierCarvalhoMartins
+    from femimpact.contact import Hertz as Hertz
+    from femimpact.contact import HuntCrossley as HuntCrossley
+    from femimpact.contact import KelvinVoigt as KelvinVoigt
+    from femimpact.contact import LankaraniNikravesh as LankaraniNikravesh
+    from femimpact.contact import Material as Material
+    from femimpact.contact import PowerLaw as PowerLaw
+    from femimpact.contact import Rigid as Rigid
+    from femimpact.contact import SwitchingSpring as SwitchingSpring
+    from femimpact.contact import collide as collide
+    from femimpact.contact import contact_force as contact_force
+    from femimpact.contact import contact_potential as contact_potential
+    from femimpact.contact import hertz_stiffness as hertz_stiffness
+    from femimpact.contact import integrated_collision as integrated_collision
+    from femimpact.convergence import ModeConvergence as ModeConvergence
+    from femimpact.convergence import converge_elements as converge_elements
+    from femimpact.convergence import converge_step as converge_step
+    from femimpact.convergence import mode_convergence as mode_convergence
+    from femimpact.errors import DivergenceError as DivergenceError
+    from femimpact.errors import FemimpactError as FemimpactError
+    from femimpact.errors import InputError as InputError
+    from femimpact.errors import InputWarning as InputWarning
+    from femimpact.excitation import PointForce as PointForce
+    from femimpact.excitation import RecordedBase as RecordedBase
+    from femimpact.excitation import Sine as Sine
+    from femimpact.export import figures as figures
+    from femimpact.fem.assembly import assemble as assemble
+    from femimpact.fem.discretisation import Discretisation as Discretisation
+    from femimpact.fem.discretisation import discretise as discretise
+    from femimpact.fem.mesh import Mesh as Mesh
+    from femimpact.fem.mesh import read_mesh as read_mesh
+    from femimpact.fem.mesh import uniform_mesh as uniform_mesh
+    from femimpact.identification import DampingEstimate as DampingEstimate
+    from femimpact.identification import amplitude_ratio_damping as amplitude_ratio_damping
+    from femimpact.identification import fit_one_pole as fit_one_pole
+    from femimpact.identification import half_power as half_power
+    from femimpact.integrators.collision import achieved_restitution as achieved_restitution
+    from femimpact.integrators.event_driven import EventDriven as EventDriven
+    from femimpact.integrators.integrate import integrate as integrate
+    from femimpact.integrators.stepping.newmark import HHT as HHT
+    from femimpact.integrators.stepping.newmark import WBZ as WBZ
+    from femimpact.integrators.stepping.newmark import GeneralizedAlpha as GeneralizedAlpha
+    from femimpact.integrators.stepping.newmark import MoreauJean as MoreauJean
+    from femimpact.integrators.stepping.newmark import Newmark as Newmark
+    from femimpact.integrators.stepping.step_size import recommended_step as recommended_step
+    from femimpact.response.energy import EnergyLedger as EnergyLedger
+    from femimpact.response.history import HistoryPiece as HistoryPiece
+    from femimpact.response.impacts import Impacts as Impacts
+    from femimpact.response.impacts import ImpactStatistics as ImpactStatistics
+    from femimpact.response.response import Recorder as Recorder
+    from femimpact.response.response import Response as Response
+    from femimpact.response.sections import StroboscopicSection as StroboscopicSection
+    from femimpact.structure.damping import ModalDamping as ModalDamping
+    from femimpact.structure.damping import Rayleigh as Rayleigh
+    from femimpact.structure.springs import Dashpot as Dashpot
+    from femimpact.structure.springs import Spring as Spring
+    from femimpact.structure.structure import Beam as Beam
+    from femimpact.structure.structure import Impactor as Impactor
+    from femimpact.structure.structure import PointMass as PointMass
+    from femimpact.structure.structure import Segment as Segment
+    from femimpact.structure.structure import Stop as Stop
+    from femimpact.structure.structure import Structure as Structure
+    from femimpact.structure.structure import Support as Support
+    from femimpact.structure.structure import glue_impactors as glue_impactors
+    from femimpact.study.results import StudyResults as StudyResults
+    from femimpact.study.results import load as load
+    from femimpact.study.run import run_study as run_study
+    from femimpact.study.study import Study as Study
+    from femimpact.study.study_file import load_study as load_study
+    from femimpact.sweep import FrequencyResponse as FrequencyResponse
+    from femimpact.sweep import frequency_sweep as frequency_sweep
+    from femimpact.system.damped import with_damping as with_damping
+    from femimpact.system.matrix_files import read_matrix as read_matrix
+    from femimpact.system.modes import Modes as Modes
+    from femimpact.system.modes import solve_modes as solve_modes
+    from femimpact.system.own_terms import add_terms as add_terms
+    from femimpact.system.reactions import Reaction as Reaction
+    from femimpact.system.reduction import reduce as reduce
+    from femimpact.system.reduction import truncation_notes as truncation_notes
+    from femimpact.system.static import static_state as static_state
+    from femimpact.system.system import ContactPair as ContactPair
+    from femimpact.system.system import State as State
+    from femimpact.system.system import System as System
+    from femimpact.system.system import without_impactors as without_impactors
 
 _MODULES = {
     "fem.assembly": ("assemble",),
@@ -153,17 +179,19 @@ _SUBMODULES = {"figures": "export.figures"}
 __all__ = ["__version__", *sorted({*_MODULE_OF, *_SUBMODULES})]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
-def __getattr__(name: str) -> Any:
-    value: Any
-    if name in _SUBMODULES:
-        value = importlib.import_module(f"femimpact.{_SUBMODULES[name]}")
-    elif name in _MODULE_OF:
-        value = getattr(importlib.import_module(f"femimpact.{_MODULE_OF[name]}"), name)
-    else:
-        raise AttributeError(f"module 'femimpact' has no attribute {name!r}")
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:
+    # seen by a type checker, it would give a type to every misspelt name
+
+    def __getattr__(name: str) -> Any:
+        if name in _SUBMODULES:
+            value = importlib.import_module(f"femimpact.{_SUBMODULES[name]}")
+        elif name in _MODULE_OF:
+            value = getattr(importlib.import_module(f"femimpact.{_MODULE_OF[name]}"), name)
+        else:
+            raise AttributeError(f"module 'femimpact' has no attribute {name!r}")
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_MODULE_OF, *_SUBMODULES})
+    return __all__

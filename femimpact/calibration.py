@@ -60,6 +60,11 @@ class RestitutionScan:
     damping_amplitude_ratio : ndarray (n,), 1
         Damping without balls times the amplitude ratio.
     curves : tuple of FrequencyResponse
+
+    Raises
+    ------
+    InputError
+        If the columns are not of one length, or there is not one curve for each restitution.
     """
 
     restitution: Array = field(metadata=column("1", "restitutions"))

@@ -54,6 +54,12 @@ class MeshConvergence:
     floor : ndarray (modes,), 1
         Relative error below which rounding, not the mesh, decides.
     notes : tuple of str
+
+    Raises
+    ------
+    InputError
+        If the arrays do not have one row for each mesh and one column for each mode, or a number of elements
+        is not whole.
     """
 
     elements: NDArray[Any] = field(metadata=column("1", "meshes", of="whole number"))
@@ -162,6 +168,12 @@ class StepConvergence:
     impacts : int
         First impacts that were compared; later chaos makes histories incomparable.
     notes : tuple of str
+
+    Raises
+    ------
+    InputError
+        If the columns do not have one value for each step, a step is not finite, or `impacts` is no whole
+        number from 0.
     """
 
     dt: NDArray[Any] = field(metadata=column("s", "steps", finite=True))

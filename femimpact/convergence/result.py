@@ -77,6 +77,11 @@ class ModeConvergence:
     cycles : int
         In the window of the statistics.
     notes : tuple of str
+
+    Raises
+    ------
+    InputError
+        If a column is not of shape (n, 2), a count is not whole, or `scatter` names none of these columns.
     """
 
     counts: NDArray[Any] = field(metadata=column("1", "counts", of="whole number"))

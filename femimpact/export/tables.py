@@ -82,7 +82,11 @@ def plain(value: Any) -> Any:
 
 def write_netcdf(path: str | Path, dataset: xarray.Dataset) -> Path:
     """Write a labelled dataset as netCDF 4, whole or not at all."""
+    import h5netcdf
+    from xarray.backends import H5NetCDFStore
+
     path = Path(path)
-    with atomic_path(path) as temporary, GuardedFile(temporary) as file:
-        dataset.to_netcdf(file, engine="h5netcdf")
+    # `Dataset.to_netcdf` of earlier versions takes no open file for this engine, and writes another format
+    with atomic_path(path) as temporary, GuardedFile(temporary) as file, h5netcdf.File(file, "w") as root:
+        dataset.dump_to_store(H5NetCDFStore(root))
     return path

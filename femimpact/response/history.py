@@ -34,6 +34,11 @@ class Snapshots:
     ball_displacement, ball_velocity : ndarray (snapshots, balls), m and m/s
     contact_force : ndarray (snapshots, pairs), N
         On the beam, balls first, then stops.
+
+    Raises
+    ------
+    InputError
+        If an array does not have one row for each snapshot, or a time is not finite.
     """
 
     time: Array = field(metadata=column("s", "snapshots", finite=True))
@@ -64,6 +69,11 @@ class HistoryPiece:
     snapshots : Snapshots or None
         Those due between the same steps.
     base : Excitation
+
+    Raises
+    ------
+    InputError
+        If a channel or the ledger does not have the samples of `time`, or a channel has no unit.
     """
 
     time: Array = field(metadata=column("s", "samples", finite=True))

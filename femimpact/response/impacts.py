@@ -74,6 +74,12 @@ class Impacts:
         Contact law of each impactor.
     dropped : int
         Impacts that met a full table and were counted only.
+
+    Raises
+    ------
+    InputError
+        If the columns are not of one length, `impactor` is not text, `law` is no mapping of names to names, or
+        `dropped` is no whole number from 0.
     """
 
     time: Array = field(metadata=column("s", "impacts"))
@@ -213,6 +219,11 @@ class StickingPhases:
     impulse : ndarray (n,), N s
         Integral of the normal force, with which wall and ball push each other apart.
     mean_force : ndarray (n,), N
+
+    Raises
+    ------
+    InputError
+        If the columns are not of one length, or `impactor` is not text.
     """
 
     impactor: NDArray[np.str_] = field(metadata=column("", "states", of="text"))
@@ -265,6 +276,11 @@ class ImpactStatistics:
         The contact law behind the peak force.
     cycle_mean_force : float, N
         Integral of the normal force over the window's length, a ball that sticks to its wall included.
+
+    Raises
+    ------
+    InputError
+        If `count` is no whole number from 0, or one of the others is no number.
     """
 
     count: int = field(metadata=quantity("1", at_least=0, integer=True))

@@ -41,6 +41,12 @@ class RegimeCriteria:
         make a chatter.
     cycle_share : float, 1
         Share of the cycles in which something must stick, or chatter.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range: periods and repeats are whole numbers from 1, the impacts of a chatter from
+        3, tolerances are not negative, and shares are at most 1.
     """
 
     longest_period: int = field(default=8, metadata=quantity("1", at_least=1, integer=True))
@@ -72,6 +78,11 @@ class Regime:
         In words, and what was tested: "2:1 periodic", "no period up to 8 cycles".
     criterion : str
         What was asked of the motion, with the numbers.
+
+    Raises
+    ------
+    InputError
+        If the kind is none of these, or `impacts` or `cycles` is no whole number from 0.
     """
 
     kind: str = field(metadata=choice("no impacts", "periodic", "sticking", "chatter", "chaotic", "undecided"))

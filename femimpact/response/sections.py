@@ -33,6 +33,11 @@ class StroboscopicSection:
     channels : mapping of str to ndarray (cycles,)
         As `Response.channels` has them; `section["tip"]` reads one.
     units : mapping of str to str
+
+    Raises
+    ------
+    InputError
+        If the phase is not finite, or `time` is no array of finite numbers.
     """
 
     phase: float = field(metadata=quantity("rad"))

@@ -36,6 +36,11 @@ class CycleStatistics:
     sine, cosine : ndarray (cycles, cases), m
         Sums of w sin(phase) and w cos(phase), phase being that of the base.
     samples : ndarray (cycles, cases), 1
+
+    Raises
+    ------
+    InputError
+        If the arrays are not all of one shape (cycles, cases).
     """
 
     maximum: Array = field(metadata=column("m", "cycles", "cases"))
@@ -65,6 +70,11 @@ class SteadyMotion:
         Of that component, relative to the base's displacement.
     steadiness : ndarray (cases,) of str
         "periodic", "statistical" or "transient".
+
+    Raises
+    ------
+    InputError
+        If the columns do not have one value for each case, or `steadiness` is not text.
     """
 
     peak: Array = field(metadata=column("m", "cases"))

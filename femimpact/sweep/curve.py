@@ -111,6 +111,12 @@ class FrequencyResponse:
     warnings, notes : tuple of str
     duration, window : float or None, s
         Whole dwell at each frequency and the measured end of it; None where it is a number of cycles.
+
+    Raises
+    ------
+    InputError
+        If the columns do not have one value for each frequency, a frequency is not finite, not exactly one of
+        `cycles` and `duration` is given, or the window is longer than the duration.
     """
 
     frequency: Array = field(metadata=column("Hz", "frequencies", finite=True))

@@ -1,0 +1,42 @@
+"""What is promised to a package manager: lower bounds that are tried, and versions that agree."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import femimpact
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+OF_THEIR_TIME = {"vtk", "pandas"}
+"""Needed by dependencies that name no newest version of them: held, without being asked for by us."""
+
+
+def _versions(lines: list[str], relation: str) -> dict[str, str]:
+    """Version of each package, from lines such as numpy>=2.0.2."""
+    pairs = [re.fullmatch(rf"([a-z0-9-]+){relation}([\d.]+)", line) for line in lines]
+    assert None not in pairs, lines
+    return {pair[1]: pair[2] for pair in pairs}
+
+
+def test_the_lowest_versions_that_are_tried_are_the_lower_bounds():
+    extras = PROJECT["optional-dependencies"]
+    bounds = _versions([*PROJECT["dependencies"], *extras["movie"], *extras["test"]], ">=")
+    lines = (ROOT / ".ci" / "lowest.txt").read_text(encoding="utf-8").splitlines()
+    tried = _versions([line for line in lines if not line.startswith("#")], "==")
+    assert set(tried) - set(bounds) == OF_THEIR_TIME
+    assert {name: tried[name] for name in bounds} == bounds
+
+
+def test_the_version_is_the_same_everywhere():
+    stated = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
+    assert stated[1] == PROJECT["version"] == femimpact.__version__
+
+
+def test_every_python_that_is_named_is_allowed():
+    lowest = tuple(map(int, PROJECT["requires-python"].removeprefix(">=").split(".")))
+    named = [re.fullmatch(r"Programming Language :: Python :: (3)\.(\d+)", line) for line in PROJECT["classifiers"]]
+    assert min(tuple(map(int, match.groups())) for match in named if match) == lowest
