@@ -163,7 +163,9 @@ def test_one_change_is_in_the_text_and_nothing_else_is(changes):
 
 
 def test_every_table_of_a_study_file_can_be_written(study):
-    everything = dataclasses.replace(study, structure=structure_with(fi.Rigid(0.5)), method={"name": "event-driven"})
+    springs, dashpots = (fi.Spring("stay", 0.05, 20.0),), (fi.Dashpot("damper", 0.05, 0.1),)
+    structure = dataclasses.replace(structure_with(fi.Rigid(0.5)), springs=springs, dashpots=dashpots)
+    everything = dataclasses.replace(study, structure=structure, method={"name": "event-driven"})
     text = study_text(everything)
     for table in TABLES:
         assert f"[{table}]" in text or f"[[{table}]]" in text or f"[{table}.segment]" in text

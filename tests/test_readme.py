@@ -36,8 +36,8 @@ def test_the_script_of_the_readme_runs_as_it_stands(monkeypatch, tmp_path, capsy
     assert (tmp_path / "response.png").stat().st_size > 10_000
     assert len(list((tmp_path / "modes").iterdir())) == 4
     # some millimetres: without the ball the resonance has some centimetres
-    assert 2e-3 < names["curve"].peak_amplitude < 2e-2
-    assert 4.5 < names["curve"].peak_frequency < 5.7
+    assert 2e-3 < names["curves"]["with ball"].peak_amplitude < 2e-2
+    assert 4.5 < names["curves"]["with ball"].peak_frequency < 5.7
     assert names["run"].energy.residual < 1e-10
     # the errors of the first frequency fall with the fourth power of the element's length
     lines = [line for line in capsys.readouterr().out.splitlines() if re.match(r"\d+ \[", line)]

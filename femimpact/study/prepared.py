@@ -21,6 +21,9 @@ __all__ = ["PARTS", "PreparedStudy", "history_record", "prepare", "with_base"]
 PARTS = ("modes", "simulate", "sweep")
 """What `run_study` does, each part by its name."""
 
+LEAST_SAMPLES = 20
+"""Of a base cycle, below which a history is warned of: half the spacing then hides 1 % of a sine's maximum."""
+
 
 @dataclass(frozen=True, eq=False)
 class PreparedStudy:
@@ -82,8 +85,9 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     record = history_record(study, small, method)
     _check_channels(study, small)
     prepared = PreparedStudy(
-        study, mesh, full, small, bare, method, method_for(study, bare), record=record, warnings=warnings
-    )
+        study, mesh, full, small, bare, method, method_for(study, bare), record=record,
+        warnings=(*warnings, *_coarse_history(study, method)),
+    )  # fmt: skip
     _check_drives(prepared, parts)
     return prepared
 
@@ -117,6 +121,17 @@ def history_record(study: Study, small: System, method: Method) -> Recorder:
 def _grid(study: Study, method: Method) -> float:
     """Time (s) between instants at which the history can be read."""
     return method.time_grid(study.base.frequency)
+
+
+def _coarse_history(study: Study, method: Method) -> tuple[str, ...]:
+    """A warning where the history keeps so few samples of a base cycle that its maxima are not those of the motion."""
+    samples = 1.0 / (study.base.frequency * _grid(study, method) * study.output.every)
+    if samples >= LEAST_SAMPLES:
+        return ()
+    return (
+        f"output.every = {study.output.every}: the history keeps {samples:.3g} samples of a base cycle, below "
+        f"{LEAST_SAMPLES}, and misses the extremes between them; take a smaller one",
+    )
 
 
 def _check_channels(study: Study, small: System) -> None:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from femimpact.errors import Fault, InputError, require
 from femimpact.export import tables
 from femimpact.study.result_directory import SUMMARY, ResultsWarning, Staging, complete_move, stage, unfinished_state
+from femimpact.table import Head, head_of_values, short_repr
 
 if TYPE_CHECKING:
     import xarray
@@ -86,6 +87,7 @@ CHECKSUMS, OWN_CHECKSUM = "checksums", "checksum"
 """Keys of the summary: of every other file, and of the summary without this key (SHA-256)."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class StudyResults:
     """Results of a study, read back from its directory.
@@ -109,6 +111,15 @@ class StudyResults:
     history: xarray.Dataset | None
     impact_data: xarray.Dataset | None
     sticking: Mapping[str, Any] | None
+
+    @property
+    def _head(self) -> Head:
+        tables = {name: getattr(self, name) for name in ("modes", "impacts", "sticking")}
+        data = {name: getattr(self, name) for name in ("sweep", "history", "impact_data")}
+        values = {name: ", ".join(table) for name, table in tables.items() if table is not None}
+        values |= {name: ", ".join(map(str, found.data_vars)) for name, found in data.items() if found is not None}
+        values["warnings"] = "; ".join(self.summary.get("warnings", [])) or "none"
+        return head_of_values(f"StudyResults: {self.directory}", values)
 
     @property
     def riding(self) -> Mapping[str, Any] | None:

@@ -230,7 +230,8 @@ def _with_contact(noun: Any, prefix: str, values: Mapping[str, Any], faults: lis
     law = None
     if not isinstance(contact, dict) or str(contact.get("law")) not in LAWS:
         named = contact.get("law") if isinstance(contact, dict) else contact
-        allowed = f"must be a table with law = one of {', '.join(repr(name) for name in LAWS)}"
+        table = "" if isinstance(contact, dict) else "a table with law = "
+        allowed = f"must be {table}one of {', '.join(repr(name) for name in LAWS)}"
         faults.append(Fault(f"{prefix}.contact.law", named, "", allowed))
     else:
         numbers = {key: value for key, value in contact.items() if key != "law"}

@@ -155,10 +155,11 @@ class FrequencyResponse:
     @property
     def _head(self) -> Head:
         size = self.frequency.size
-        span = f", {self.frequency.min():.5g} to {self.frequency.max():.5g} Hz" if size else ""
+        span = f" at {self.frequency.min():.5g} to {self.frequency.max():.5g} Hz" if size else ""
         found = bool(np.any(np.isfinite(self.peak)))
-        highest = f", largest peak {self.peak_amplitude:.5g} m at {self.peak_frequency:.5g} Hz" if found else ""
-        return head_of_columns(f"FrequencyResponse: {size} frequencies{span}{highest}", *flat_columns(self))
+        highest = f", peak {self.peak_amplitude:.5g} m at {self.peak_frequency:.5g} Hz" if found else ""
+        title = f"FrequencyResponse: {size}{span}{highest}, {len(self.warnings)} in .warnings"
+        return head_of_columns(title, *flat_columns(self))
 
     @cached_property
     def damping(self) -> DampingEstimate:
