@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femimpact.excitation import Excitation
 
@@ -22,8 +24,8 @@ class Continuation:
         Equal for methods that can go on from `held`.
     held : object
         Arrays of the method's own.
-    values : tuple of ndarray
-        u (dofs,), u' (dofs,), y (balls,), y' (balls,) relative to the base at that time, m and m/s.
+    displacements, velocities : pair of ndarray
+        Of the dofs (dofs,) and of the balls (balls,) relative to the base at that time, m and m/s.
     time : float, s
     system : System
     excitation : Excitation
@@ -33,7 +35,8 @@ class Continuation:
 
     kind: object
     held: Any
-    values: tuple[Any, ...]
+    displacements: tuple[NDArray[Any], NDArray[Any]]
+    velocities: tuple[NDArray[Any], NDArray[Any]]
     time: float
     system: Any
     excitation: Excitation
@@ -55,13 +58,14 @@ class Continuation:
         return time == self.time and same_excitation(self.excitation, excitation)
 
 
-def begun_anew(left: Continuation | None, *, goes_on: bool) -> tuple[str, ...]:
-    """A note on contacts in progress at the end of a run that do not go on in the one that began there."""
-    if left is None or goes_on or not left.touching:
+def begun_anew(left: Continuation | None, going_on: Collection[str]) -> tuple[str, ...]:
+    """A note on contacts in progress at the end of a run, but for those that go on in the one that began there."""
+    names = [] if left is None else [name for name in left.touching if name not in going_on]
+    if not names:
         return ()
     return (
-        f"the initial state is inside a contact of {', '.join(left.touching)}, which begins anew: it was left by "
-        "another method or on another system, or its values were changed",
+        f"the initial state is inside a contact of {', '.join(names)}, which begins anew: the state was left by "
+        "another method, on another system or under another excitation, or its values were changed",
     )
 
 

@@ -40,7 +40,6 @@ from femimpact.errors import (
 )
 from femimpact.excitation import Excitation
 from femimpact.structure.structure import Impactor, Position, Stop, require_preload, sound_gaps
-from femimpact.system.continuation import Continuation
 from femimpact.system.consistency import (
     TOGETHER,
     SystemOrigin,
@@ -50,6 +49,7 @@ from femimpact.system.consistency import (
     check_shapes,
     check_unchanged,
 )
+from femimpact.system.continuation import Continuation
 from femimpact.system.hermite import DERIVATIVE, shape_functions
 from femimpact.system.matrices import checked_matrix, checked_row, checked_shapes, definite_factor
 from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reactions
@@ -789,12 +789,16 @@ class State:
 
     def left_by_run(self, system: System, base: Excitation) -> Continuation | None:
         """What the run that ended here has left, where the values are still its own and its contacts the system's."""
+        left = self._left_there(system, base)
+        same = left is not None and _are_equal((self.velocity, self.ball_velocity), left.velocities)
+        return left if same else None
+
+    def _left_there(self, system: System, base: Excitation) -> Continuation | None:
+        """The same whatever the velocities are now."""
         left = self.continuation
-        if left is None or self.frame != "base":
+        if left is None or self.frame != "base" or not left.has_contacts_of(system, base, self.time):
             return None
-        given = (self.displacement, self.velocity, self.ball_displacement, self.ball_velocity)
-        unchanged = all(values is not None and np.array_equal(values, own) for values, own in zip(given, left.values))
-        return left if unchanged and left.has_contacts_of(system, base, self.time) else None
+        return left if _are_equal((self.displacement, self.ball_displacement), left.displacements) else None
 
     def relative_to_base(
         self, system: System, base: Excitation
@@ -803,7 +807,8 @@ class State:
 
         y and y' have one entry for each contact pair: zero for stops that are fixed to the base, ub and ub' for
         those fixed in space. Rigid contacts start between their walls, to 1e-12 m; compliant ones no deeper than
-        in the static state where the start refers to it (`State`). What a run has left is where it is.
+        in the static state where the start refers to it (`State`). Where a run has left it
+        a contact may be anywhere.
         """
         balls, stops = len(system.balls), system.contacts[len(system.balls) :]
         rest = self.static_contacts(system, base)
@@ -819,7 +824,7 @@ class State:
         in_space = np.array([float(pair.fixed_to == "space") for pair in stops])
         y = np.concatenate([y, in_space * float(base.displacement(self.time))])
         y_rate = np.concatenate([y_rate, in_space * float(base.velocity(self.time))])
-        if self.left_by_run(system, base) is not None:
+        if self._left_there(system, base) is not None:
             return u, v, y, y_rate
         for j, pair in enumerate(system.contacts):
             x = float(y[j] - pair.direction @ u)
@@ -828,6 +833,10 @@ class State:
             inside = min(deep, 0.0) - pair.gaps[1] - ROUNDED <= x <= pair.gaps[0] + max(deep, 0.0) + ROUNDED
             require(inside, f"initial.{pair.name}.gap", x, "m", allowed)
         return u, v, y, y_rate
+
+
+def _are_equal(given: tuple[Any, ...], own: tuple[NDArray[Any], ...]) -> bool:
+    return all(values is not None and np.array_equal(values, left) for values, left in zip(given, own, strict=True))
 
 
 def _vector(

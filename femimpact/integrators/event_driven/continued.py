@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
 from femimpact.excitation import Excitation
-from femimpact.integrators.event_driven.loop_data import FREE, STARTED, Cases
+from femimpact.integrators.event_driven.loop_data import BEGUN, FREE, STARTED, Cases
 from femimpact.system.continuation import Continuation
 from femimpact.system.system import State, System
 
-__all__ = ["Held", "final_state", "held_by", "resume_contacts"]
+__all__ = ["Held", "final_state", "held_by", "resume_contacts", "touching"]
 
 Array = NDArray[Any]
 
@@ -56,8 +56,11 @@ def held_by(initial: State, system: System, excitation: Excitation) -> Held | No
     held: Held = left.held
     if left.has_equations_of(system, excitation, initial.time):
         return held
+    # where the time was set anew, touches are as long ago as they were
+    touch = held.touch.copy()
+    touch[BEGUN] += initial.time - left.time
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
-    return Held(np.where(rigid, FREE, held.state), held.touch, held.to_modes, np.zeros_like(held.leaving))
+    return Held(np.where(rigid, FREE, held.state), touch, held.to_modes, np.zeros_like(held.leaving))
 
 
 def resume_contacts(held: Held, cases: Cases) -> None:
@@ -77,9 +80,15 @@ def final_state(
     """Where a case alone stands at a time (s) with its coordinates (2, d), and its contacts."""
     n = system.dofs
     held = Held(*(_copy(getattr(cases, name)[0]) for name in ("state", "touch", "to_modes", "leaving")))
-    values = tuple(_copy(coordinates[k, part]) for part in (slice(0, n), slice(n, None)) for k in (0, 1))
-    touching = tuple(pair.name for pair, state in zip(system.contacts, held.state, strict=True) if state != FREE)
-    return State(*values, time=time, continuation=Continuation(KIND, held, values, time, system, excitation, touching))
+    places, rates = ((_copy(row[:n]), _copy(row[n:])) for row in coordinates)
+    left = Continuation(KIND, held, places, rates, time, system, excitation, touching(held, system))
+    return State(places[0], rates[0], places[1], rates[1], time=time, continuation=left)
+
+
+def touching(held: Held | None, system: System) -> tuple[str, ...]:
+    """Names of the contacts in progress."""
+    states = np.zeros(0) if held is None else held.state
+    return tuple(pair.name for pair, state in zip(system.contacts, states, strict=False) if state != FREE)
 
 
 def _copy(array: Array) -> Array:

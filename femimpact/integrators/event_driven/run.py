@@ -17,7 +17,7 @@ from femimpact.integrators.channel_rows import ChannelRows, channel_rows
 from femimpact.integrators.driving import Drive, drive_of
 from femimpact.integrators.event_driven import loop_data
 from femimpact.integrators.event_driven.block import Block, Inputs, new_block, no_cycles, run_block
-from femimpact.integrators.event_driven.continued import final_state, held_by
+from femimpact.integrators.event_driven.continued import final_state, held_by, touching
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop import UNENDING
 from femimpact.integrators.event_driven.loop_data import BEGUN, CONTACT, FREE, PUSHED
@@ -320,7 +320,7 @@ def _response(run: _Run, stream: Stream, samples: int, begin: float, end: Array)
         system=system,
         warnings=tuple(warnings),
         notes=(
-            *begun_anew(run.initial.continuation, goes_on=held_by(run.initial, system, run.excitation) is not None),
+            *begun_anew(run.initial.continuation, touching(held_by(run.initial, system, run.excitation), system)),
             *truncation_notes(system),
             *_open_contacts(run),
         ),

@@ -183,7 +183,7 @@ def _placed(values: NDArray[Any], place: int) -> NDArray[Any]:
 def _contacts_at_start(
     system: System, inputs: Inputs, pairs: layout.Pairs, ball: NDArray[Any], touch: NDArray[Any]
 ) -> NDArray[Any]:  # fmt: skip
-    """Contacts that a static start is in: they are open from the first step on. Returns the forces (N) of compliant ones.
+    """Contacts that a static start is in: they are open from the start on. Returns the forces (N) of compliant ones.
 
     The wall of a rigid one is moved to the start, less than rounding may: impulses look at whether a gap is closed.
     """

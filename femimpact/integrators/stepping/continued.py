@@ -46,6 +46,11 @@ class Held:
     gaps: NDArray[Any]
     to_modes: NDArray[Any]
 
+    def touching(self, system: System) -> tuple[str, ...]:
+        """Names of the contacts in progress."""
+        opened = self.motion["touch"][layout.OPEN, :, 0] != 0.0
+        return tuple(pair.name for pair, is_open in zip(system.contacts, opened, strict=True) if is_open)
+
 
 @dataclass(frozen=True, eq=False)
 class Beginning:
@@ -72,6 +77,10 @@ class Beginning:
     def cycle(self) -> int:
         """Base cycles that were finished before."""
         return int(self.held.cycles["number"][0]) if self.held is not None and self.whole else 0
+
+    def going_on(self, system: System) -> tuple[str, ...]:
+        """Names of the contacts in progress that go on."""
+        return () if self.held is None else self.held.touching(system)
 
     def times(self, steps: int, method: SteppingMethod) -> NDArray[Any]:
         """Times (s) of all fine steps from step 0 until a number of steps after the beginning."""
@@ -132,13 +141,12 @@ def final_state(
         to_modes=_copy(motion.to_modes),
     )
     balls, time = len(system.balls), beginning.origin + step * method.dt
-    of_balls = motion.ball[[layout.Y, layout.Y_RATE], :balls, 0]
-    values = tuple(_copy(column) for column in (motion.q[:, 0], motion.v[:, 0], *of_balls))
-    touching = tuple(
-        pair.name for j, pair in enumerate(system.contacts) if motion.touch[layout.OPEN, j, 0] != 0.0
+    places, rates = (
+        (_copy(of_dofs[:, 0]), _copy(motion.ball[row, :balls, 0]))
+        for of_dofs, row in ((motion.q, layout.Y), (motion.v, layout.Y_RATE))
     )
-    left = Continuation(_kind(method), held, values, time, system, excitation, touching)
-    return State(*values, time=time, continuation=left)
+    left = Continuation(_kind(method), held, places, rates, time, system, excitation, held.touching(system))
+    return State(places[0], rates[0], places[1], rates[1], time=time, continuation=left)
 
 
 def _kind(method: SteppingMethod) -> object:

@@ -162,7 +162,7 @@ def _response(
         system=system,
         warnings=warnings,
         notes=(
-            *begun_anew(initial.continuation, goes_on=block.beginning.held is not None),
+            *begun_anew(initial.continuation, block.beginning.going_on(system)),
             *step_notes(system, method),
             *truncation_notes(system),
             *open_contacts(block, system),
@@ -170,7 +170,13 @@ def _response(
         streamed_to=stream.streamed_to,
         start=initial.time,
         final_state=final_state(
-            system, excitation, method, block.beginning, int(block.record.tally[0]), block.pairs, block.motion,
+            system,
+            excitation,
+            method,
+            block.beginning,
+            int(block.record.tally[0]),
+            block.pairs,
+            block.motion,
             block.cycles,
         ),
     )
