@@ -91,7 +91,7 @@ class BrokenLine:
     interval: float
     initial_velocity: float = 0.0
 
-    def motion_at(self, time: float) -> NDArray[Any]:
+    def motion_at(self, time: float) -> Array:
         """ub, ub', s and s' at a time (s), as (4,): exact integrals of the line, and its slope from there on."""
         s, h, last = np.asarray(self.samples, dtype=float), self.interval, len(self.samples) - 1
         k = min(math.floor(time / h + AT_SAMPLE), last)
