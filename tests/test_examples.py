@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -202,3 +203,18 @@ def test_a_law_of_ones_own_is_stepped_like_the_others():
     # the felt takes longer and pushes less
     assert felt.impacts.duration.mean() > bare.impacts.duration.mean()
     assert felt.statistics.peak_force < bare.statistics.peak_force
+
+
+def test_between_walls_the_ways_up_and_down_keep_to_different_motions():
+    module = load("up_and_down_sweep")
+    system, up, down = module.main()
+    f = module.FREQUENCIES
+    # the motion without impacts: that of the beam alone, whose transient has died out to 3 % or less after 150 cycles
+    alone = fi.frequency_sweep(replace(system, contacts=()), 0.2037e-3, f, fi.EventDriven(), cycles=2000).peak
+    band = (f > 5.45) & (f < 5.85)
+    assert np.all(up[band] > 8e-3)
+    np.testing.assert_allclose(down[band], alone[band], rtol=0.05)
+    assert np.all(down[band] < 0.5 * up[band])
+    # outside of the band there is one motion only: that with impacts at the resonance, the other far from it
+    np.testing.assert_allclose(up[3], down[3], rtol=1e-3)
+    np.testing.assert_allclose(up[f > 6.35], down[f > 6.35], rtol=0.02)

@@ -6,6 +6,7 @@ Every excitation answers the same questions: the base's displacement, velocity a
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -17,6 +18,10 @@ from femimpact.errors import real_array, require
 __all__ = ["BrokenLine", "Excitation", "Harmonic", "require_excitation", "times"]
 
 Array = NDArray[np.float64]
+
+
+AT_SAMPLE = 1e-9
+"""Share of the time between samples by which rounding may put an instant before a sample."""
 
 
 @runtime_checkable
@@ -85,6 +90,21 @@ class BrokenLine:
     samples: Array
     interval: float
     initial_velocity: float = 0.0
+
+    def motion_at(self, time: float) -> Array:
+        """ub, ub', s and s' at a time (s), as (4,): exact integrals of the line, and its slope from there on."""
+        s, h, last = np.asarray(self.samples, dtype=float), self.interval, len(self.samples) - 1
+        k = min(math.floor(time / h + AT_SAMPLE), last)
+        speeds = self.initial_velocity + np.concatenate([[0.0], np.cumsum(0.5 * h * (s[1 : k + 1] + s[:k]))])
+        place = float(np.sum(h * speeds[:-1] + h * h * (2.0 * s[:k] + s[1 : k + 1]) / 6.0))
+        velocity, value, slope, later = speeds[k], s[k], 0.0, time - k * h
+        if k < last:
+            slope = (s[k + 1] - s[k]) / h
+        else:
+            value = 0.0
+        place += later * (velocity + later * (value / 2.0 + later * slope / 6.0))
+        velocity += later * (value + 0.5 * later * slope)
+        return np.array([place, velocity, value + slope * later, slope])
 
 
 MEMBERS = ("frequency", "phase", "amplitude", "displacement", "velocity", "acceleration")

@@ -73,7 +73,7 @@ def integrate(
         What to keep of each run; by default the tip, the balls and the contact forces at every
         step. Its memory limit holds for one run.
     initial : State, optional
-        At rest in the frame of the base by default.
+        At rest in the frame of the base at t = 0 by default. The `final_state` of a response goes on from its end.
     progress : callable, optional
         Called with the share done, 0 to 1.
     threads : int, optional

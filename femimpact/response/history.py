@@ -65,7 +65,7 @@ class HistoryPiece:
         As `Response.channels` has them.
     units : mapping of str to str
     energy : EnergyLedger or None
-        Of these samples; work and losses since t = 0.
+        Of these samples; work and losses since the start of the run.
     snapshots : Snapshots or None
         Those due between the same steps.
     base : Excitation

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
@@ -33,7 +33,7 @@ from femimpact.response.regimes import Regime, classify
 from femimpact.response.sections import StroboscopicSection, stroboscopic
 from femimpact.response.signals import SteadyMotion
 from femimpact.structure.structure import Position
-from femimpact.system.system import System
+from femimpact.system.system import State, System
 from femimpact.table import Head, frame_of, head_of_values, short_repr
 
 if TYPE_CHECKING:
@@ -99,6 +99,11 @@ class Recorder:
     residual_limit: float = field(default=0.01, metadata=quantity("1", above=0.0))
     sink: Callable[[HistoryPiece], None] | None = None
     piece_samples: int = field(default=100_000, metadata=quantity("1", at_least=1, integer=True))
+
+    def seen_from(self, time: float) -> Recorder:
+        """The same with its first times counted from the start of a run at a time (s); earlier ones are that start."""
+        start, snapshots_start = (max(first - time, 0.0) for first in (self.start, self.snapshots_start))
+        return self if time == 0.0 else replace(self, start=start, snapshots_start=snapshots_start)
 
     def __post_init__(self) -> None:
         if isinstance(self.channels, (str, int, float, np.number, Channel)):
@@ -188,6 +193,10 @@ class Response:
     warnings, notes : tuple of str
     streamed_to : float or None, s
         Time of the last sample that went to the recorder's sink, if it has one.
+    start : float, s
+        When the run began: `State.time` of its initial state.
+    final_state : State or None
+        At the end of the run, relative to the base; as `initial` of the next run, that goes on from there.
 
     Raises
     ------
@@ -210,6 +219,8 @@ class Response:
     warnings: tuple[str, ...] = field(default=(), metadata=text(several=True))
     notes: tuple[str, ...] = field(default=(), metadata=text(several=True))
     streamed_to: float | None = field(default=None, metadata=quantity("s", at_least=0.0))
+    start: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
+    final_state: State | None = field(default=None, metadata=optional(instance(State)))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -258,8 +269,9 @@ class Response:
     def window(self) -> tuple[float, float]:
         """Start and end (s) of the last third of the run, over which statistics and regime are taken."""
         # a run whose only sample is its first has an empty window, which is still one
-        end = max(float(self.time[-1]) if self.streamed_to is None else self.streamed_to, 1e-300)
-        return 2.0 * end / 3.0, end
+        end = float(self.time[-1]) if self.streamed_to is None else self.streamed_to
+        end = max(end, 1e-300, (1.0 + 1e-12) * self.start)
+        return self.start + 2.0 * (end - self.start) / 3.0, end
 
     @cached_property
     def regime(self) -> Regime:

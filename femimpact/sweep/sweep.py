@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -60,7 +61,7 @@ def frequency_sweep(
     window : float, s
         is measured at its end: the whole base cycles in it. The last third by default.
     initial : State, optional
-        At rest in the frame of the base by default.
+        At rest in the frame of the base by default. Every run begins at t = 0 s, whatever the state's time.
     at : str or float
         The observed place.
     ledger : bool
@@ -88,6 +89,7 @@ def frequency_sweep(
         require_type(value, kind, kind.__name__.lower())
     require_method(method)
     check_progress(progress)
+    state = replace(state, time=0.0)
     amplitude = checked("amplitude", amplitude, quantity("m", at_least=0.0))
     ledger = checked("ledger", ledger, truth())
     dwells = dwells_of(amplitude, frequencies, cycles, duration, window)

@@ -49,6 +49,7 @@ from femimpact.system.consistency import (
     check_shapes,
     check_unchanged,
 )
+from femimpact.system.continuation import Continuation
 from femimpact.system.hermite import DERIVATIVE, shape_functions
 from femimpact.system.matrices import checked_matrix, checked_row, checked_shapes, definite_factor
 from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reactions
@@ -704,7 +705,13 @@ STATIC_FRAME = "must be 'base' for a static start: the static state is one relat
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Displacements and velocities at the start of a run.
+    """Displacements and velocities at the start of a run, and its time.
+
+    `Response.final_state` is one that carries what the run has reached beyond them. The same method goes on from it:
+    on the same system under the same excitation two halves are the whole, in other cases as far as it still holds.
+    Contacts in progress go on where the contacts are the same (and, of stops fixed in space, the excitation and the
+    time). Of another method, and of values that were replaced, the displacements and velocities alone are used, and a
+    response says so where that begins a contact anew.
 
     Where a stop is preloaded (a negative gap), a start without `displacement` is the static state: undeformed, the
     structure would be inside the stop.
@@ -720,6 +727,10 @@ class State:
     equilibrium : bool
         Whether displacements that are not given are those of the static state (`State.static`), relative to the
         base, in place of zero.
+    time : float, s
+        When the run begins: the excitation is taken from there on, and all times of the response are counted from 0 s.
+    continuation : Continuation, optional
+        What the run that ended here has left to its method; None for a state made by hand.
 
     Raises
     ------
@@ -733,6 +744,8 @@ class State:
     ball_velocity: Any = field(default=None, metadata=column("m/s", "balls", finite=True))
     frame: str = field(default="base", metadata=choice("base", "space"))
     equilibrium: bool = field(default=False, metadata=truth())
+    time: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
+    continuation: Continuation | None = field(default=None, repr=False, metadata=optional(instance(Continuation)))
 
     def __post_init__(self) -> None:
         for item in fields(self)[:4]:
@@ -772,16 +785,30 @@ class State:
         if not self.is_static_on(system):
             return None
         require(self.frame == "base", "initial.frame", self.frame, "", STATIC_FRAME)
-        return static_contacts(system, float(base.displacement(0.0)))
+        return static_contacts(system, float(base.displacement(self.time)))
+
+    def left_by_run(self, system: System, base: Excitation) -> Continuation | None:
+        """What the run that ended here has left, where the values are still its own and its contacts the system's."""
+        left = self._left_there(system, base)
+        same = left is not None and _are_equal((self.velocity, self.ball_velocity), left.velocities)
+        return left if same else None
+
+    def _left_there(self, system: System, base: Excitation) -> Continuation | None:
+        """The same whatever the velocities are now."""
+        left = self.continuation
+        if left is None or self.frame != "base" or not left.has_contacts_of(system, base, self.time):
+            return None
+        return left if _are_equal((self.displacement, self.ball_displacement), left.displacements) else None
 
     def relative_to_base(
         self, system: System, base: Excitation
     ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """u, u', y, y' at t = 0 relative to the base (m and m/s), checked for size and gaps.
+        """u, u', y, y' at the start relative to the base (m and m/s), checked for size and gaps.
 
         y and y' have one entry for each contact pair: zero for stops that are fixed to the base, ub and ub' for
         those fixed in space. Rigid contacts start between their walls, to 1e-12 m; compliant ones no deeper than
-        in the static state where the start refers to it (`State`).
+        in the static state where the start refers to it (`State`). Where a run has left it
+        a contact may be anywhere.
         """
         balls, stops = len(system.balls), system.contacts[len(system.balls) :]
         rest = self.static_contacts(system, base)
@@ -791,12 +818,14 @@ class State:
         y = _vector(self.ball_displacement, balls, "initial.ball_displacement", "m", placed)
         y_rate = _vector(self.ball_velocity, balls, "initial.ball_velocity", "m/s")
         if self.frame == "space":
-            offset, speed = float(base.displacement(0.0)), float(base.velocity(0.0))
+            offset, speed = float(base.displacement(self.time)), float(base.velocity(self.time))
             u, v = u - offset * system.rigid_translation, v - speed * system.rigid_translation
             y, y_rate = y - offset, y_rate - speed
         in_space = np.array([float(pair.fixed_to == "space") for pair in stops])
-        y = np.concatenate([y, in_space * float(base.displacement(0.0))])
-        y_rate = np.concatenate([y_rate, in_space * float(base.velocity(0.0))])
+        y = np.concatenate([y, in_space * float(base.displacement(self.time))])
+        y_rate = np.concatenate([y_rate, in_space * float(base.velocity(self.time))])
+        if self._left_there(system, base) is not None:
+            return u, v, y, y_rate
         for j, pair in enumerate(system.contacts):
             x = float(y[j] - pair.direction @ u)
             allowed = f"must start between its walls, {-pair.gaps[1]:g} to {pair.gaps[0]:g} m"
@@ -804,6 +833,10 @@ class State:
             inside = min(deep, 0.0) - pair.gaps[1] - ROUNDED <= x <= pair.gaps[0] + max(deep, 0.0) + ROUNDED
             require(inside, f"initial.{pair.name}.gap", x, "m", allowed)
         return u, v, y, y_rate
+
+
+def _are_equal(given: tuple[Any, ...], own: tuple[NDArray[Any], ...]) -> bool:
+    return all(values is not None and np.array_equal(values, left) for values, left in zip(given, own, strict=True))
 
 
 def _vector(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from femimpact.errors import require
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven import loop
+from femimpact.integrators.event_driven.continued import Held, resume_contacts
 from femimpact.integrators.event_driven.equations import Equations
 from femimpact.integrators.event_driven.loop_data import (
     STARTING,
@@ -44,7 +45,7 @@ LINE = 64
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What each of C cases is given at t = 0.
+    """What each of C cases is given at its start.
 
     Parameters
     ----------
@@ -55,6 +56,10 @@ class Inputs:
         Structure and balls relative to the base, m and m/s.
     window : ndarray (C, 2), s
         In which impacts are counted.
+    start : float, s
+        When all of them begin.
+    held : Held, optional
+        Contacts in progress of a case alone.
     """
 
     drives: Sequence[Drive]
@@ -62,6 +67,8 @@ class Inputs:
     position: Array
     velocity: Array
     window: Array
+    start: float = 0.0
+    held: Held | None = None
 
 
 @dataclass(eq=False)
@@ -94,7 +101,7 @@ class Block:
 def new_block(
     system: System, store: FormStore, inputs: Inputs, method: EventSettings, ledger: bool | None, most_rows: int = 0
 ) -> Block:  # fmt: skip
-    """Cases at t = 0.
+    """Cases at their start.
 
     Parameters
     ----------
@@ -124,6 +131,7 @@ def new_block(
         ),
         cases=_new_cases(store, inputs, n if most_rows else 0),
         grid=Grid(
+            start=np.full(count, inputs.start),
             interval=period / method.samples_per_cycle,
             per_cycle=method.samples_per_cycle,
             origin=np.zeros(count, dtype=np.int64),
@@ -148,15 +156,14 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
     knots = np.zeros(0) if line is None else np.array(line.samples, dtype=float)
     drive = np.zeros((count, 4))
     if line is not None:
-        drive[:, 1] = line.initial_velocity
-        drive[:, 2:] = knots[0], (knots[1] - knots[0]) / line.interval
+        drive[:] = line.motion_at(inputs.start)
 
     def of_pairs(name: str) -> Array:
         values = [[getattr(pair.parameters, name) for pair in own] for own in inputs.contacts]
         return np.array(values, dtype=float).reshape(count, pairs)
 
     gaps = np.array([[pair.gaps for pair in own] for own in inputs.contacts], dtype=float).reshape(count, pairs, 2)
-    return Cases(
+    cases = Cases(
         omega=np.array([case.omega if case.is_sine else 0.0 for case in drives]),
         amplitude=np.array([case.sine.amplitude for case in drives]),
         knots=knots,
@@ -169,7 +176,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
         state=np.zeros((count, pairs)),
         entry=np.zeros((count, 1), dtype=complex),
         rigid_body=np.zeros((count, 2, 1)),
-        clock=np.stack([np.zeros(count), [case.sine.phase for case in drives]], axis=1),
+        clock=np.stack([np.full(count, inputs.start), [case.sine.phase for case in drives]], axis=1),
         drive=drive,
         coordinates=np.ascontiguousarray(np.stack([inputs.position, inputs.velocity], axis=1)),
         entering=np.full(count, STARTING, dtype=np.int64),
@@ -187,6 +194,9 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
         window=np.array(inputs.window, dtype=float),
         totals=np.zeros((count, 6, pairs)),
     )
+    if inputs.held is not None:
+        resume_contacts(inputs.held, cases)
+    return cases
 
 
 def no_cycles(cases: int, cycles: int) -> Array:

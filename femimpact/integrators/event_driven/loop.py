@@ -110,7 +110,7 @@ def _read(begin: int, until: float, event: bool, form: Form, case: Case, job: Jo
     wave = complex(math.cos(scalars.omega * dt), math.sin(scalars.omega * dt))
     while True:
         sample = cases.sample[c] + 1
-        i, time = sample - begin - 1, sample * dt
+        i, time = sample - begin - 1, grid.start[c] + sample * dt
         if time > until or (event and time == until):
             break
         if started and alone:
@@ -254,7 +254,8 @@ def run_cases(
             space.search.leaving[r] = cases.leaving[c, r]
         # nothing is read before
         cases.sample[c] = max(cases.sample[c], begin[c])
-        stopped[c] = _run_case(begin[c], end[c] * job.grid.interval[c], most[c], case, job, b)
+        until = job.grid.start[c] + end[c] * job.grid.interval[c]
+        stopped[c] = _run_case(begin[c], until, most[c], case, job, b)
         copy_motion(space.motion, home)
         for r in range(space.search.leaving.size):
             cases.leaving[c, r] = space.search.leaving[r]

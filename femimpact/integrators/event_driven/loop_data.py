@@ -135,7 +135,7 @@ class Cases(NamedTuple):
     leaving: NDArray[Any]  # (C, 2R) see Search
     hit: NDArray[Any]  # (C,) number from 1 of the pair that meets a rigid wall at this instant, times its side; else 0
     released: NDArray[Any]  # (C, R) side of a sticking pair that an impact has let go at this instant
-    sample: NDArray[Any]  # (C,) samples taken since t = 0
+    sample: NDArray[Any]  # (C,) samples taken since the start
     events: NDArray[Any]  # (C, 2) in this call, and at one instant
     known: NDArray[Any]  # (C, N) whether the steady motion in a form is known
     sine: NDArray[Any]  # (C, N, 2R + O) complex: steady motion of the scalars
@@ -172,6 +172,7 @@ class Case(NamedTuple):
 class Grid(NamedTuple):
     """What is read on a grid of times."""
 
+    start: NDArray[Any]  # (C,) s, of sample 0
     interval: NDArray[Any]  # (C,) s
     per_cycle: int  # samples
     origin: NDArray[Any]  # (C,) sample with which the first cycle begins

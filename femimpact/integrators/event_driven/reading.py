@@ -86,7 +86,7 @@ def add_peaks(c: int, until: float, scalars: Scalars, space: Space, grid: Grid) 
     `grid.cycle` is the cycle that goes on there, -1 before the first one.
     """
     number, cycles, interval = grid.cycle[c], grid.cycles[c], grid.interval[c]
-    begin, length, motion = grid.origin[c] * interval, grid.per_cycle * interval, space.spare
+    begin, length, motion = grid.start[c] + grid.origin[c] * interval, grid.per_cycle * interval, space.spare
     copy_motion(space.begin, motion)
     while motion.clock[0] < until and number < cycles.shape[0]:
         if number < 0:

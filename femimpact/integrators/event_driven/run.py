@@ -17,6 +17,7 @@ from femimpact.integrators.channel_rows import ChannelRows, channel_rows
 from femimpact.integrators.driving import Drive, drive_of
 from femimpact.integrators.event_driven import loop_data
 from femimpact.integrators.event_driven.block import Block, Inputs, new_block, no_cycles, run_block
+from femimpact.integrators.event_driven.continued import final_state, held_by, touching
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop import UNENDING
 from femimpact.integrators.event_driven.loop_data import BEGUN, CONTACT, FREE, PUSHED
@@ -31,6 +32,7 @@ from femimpact.response.history import HistoryPiece, Snapshots, Stream
 from femimpact.response.impacts import Impacts, StickingPhases, impact_statistics
 from femimpact.response.response import Recorder, Response
 from femimpact.response.signals import CycleStatistics, SteadyMotion, no_steady_motion, steady_motion
+from femimpact.system.continuation import begun_anew
 from femimpact.system.reduction import truncation_notes
 from femimpact.system.system import State, System
 
@@ -65,6 +67,7 @@ class _Run:
     ledger: bool
     keep: _Keep
     block: Block
+    initial: State
     interval: float
     samples: list[Array] = field(default_factory=list)
     energy: list[Array] = field(default_factory=list)
@@ -102,10 +105,10 @@ def run_events(
     fits = in_range(duration, quantity("s", at_least=interval))
     require(fits, "duration", duration, "s", f"must be a finite number >= one sample, {interval:g} s")
     samples = round(duration / interval)
-    channels = resolve_channels(system, recorder.channels)
+    channels, recorder = resolve_channels(system, recorder.channels), recorder.seen_from(initial.time)
     check_memory(system, recorder, len(channels), samples, interval, excitation.frequency)
     first, first_field = (min(round(t / interval), samples) for t in (recorder.start, recorder.snapshots_start))
-    begin = interval * (2 * samples // 3)
+    begin = initial.time + interval * (2 * samples // 3)
     keep = _Keep(recorder.every, first, recorder.snapshots, first_field)
     run = _new_run(system, excitation, method, channels, recorder, keep, begin, initial)
     stream = Stream(read=partial(_history, run), clear=run.clear, sink=recorder.sink)
@@ -119,7 +122,7 @@ def run_events(
         stream.hand_over()
         if progress is not None:
             progress(done / samples)
-    return _response(run, stream, samples, begin)
+    return _response(run, stream, samples, begin, _read_end(run, samples))
 
 
 def _new_run(
@@ -148,10 +151,12 @@ def _new_run(
         position=np.concatenate([u, y[:balls]])[None],
         velocity=np.concatenate([v, y_rate[:balls]])[None],
         window=np.array([[begin, math.inf]]),
+        start=initial.time,
+        held=held_by(initial, system, excitation),
     )
     block = new_block(system, store, inputs, method, recorder.ledger, recorder.impacts if system.contacts else 0)
     interval = float(block.grid.interval[0])
-    return _Run(system, excitation, method, drive, channels, rows, recorder.ledger, keep, block, interval)
+    return _Run(system, excitation, method, drive, channels, rows, recorder.ledger, keep, block, initial, interval)
 
 
 def _piece(recorder: Recorder, per_cycle: int) -> int:
@@ -173,7 +178,7 @@ def _rows_kept(keep: _Keep, done: int, count: int) -> tuple[Array, Array]:
 
 
 def _read_start(run: _Run) -> None:
-    """What is kept of the state at t = 0: a piece of no length that reads its own beginning.
+    """What is kept of the state at the start: a piece of no length that reads its own beginning.
 
     All but the contact forces is taken from what was given: a start at rest is at rest to the last bit.
     """
@@ -191,6 +196,13 @@ def _read_start(run: _Run) -> None:
         energy[:] = block.ledger.start if block.ledger is not None else 0.0
     for shot in run.fields:
         shot[:] = np.array([position, velocity])
+
+
+def _read_end(run: _Run, samples: int) -> Array:
+    """Coordinates (2, d) at the last sample, by a piece of no length."""
+    _call(run, samples - 1, 1, np.array([-1]), np.array([0]))
+    run.forces.pop()
+    return np.asarray(run.fields.pop()[0])
 
 
 def _run_piece(run: _Run, done: int, count: int) -> None:
@@ -220,7 +232,7 @@ def _call(run: _Run, done: int, count: int, kept: Array, shown: Array) -> None:
     run_block(block, np.array([done]), np.array([done + count]), most, snapshots)
     if block.stopped[0] == UNENDING:
         raise DivergenceError(unending(float(block.cases.clock[0, 0]), run.method))
-    _require_finite(block.grid.values, (done + count) * run.interval)
+    _require_finite(block.grid.values, run.initial.time + (done + count) * run.interval)
     run.samples.append(block.grid.values[0][kept >= 0])
     run.energy.append(block.grid.energy[0])
     run.fields.append(snapshots.fields)
@@ -261,7 +273,7 @@ def _history(run: _Run, samples_before: int, snapshots_before: int) -> HistoryPi
     keep, width = run.keep, len(run.channels) + 1
     values = np.concatenate([np.zeros((0, width)), *run.samples])
     number = samples_before + np.arange(values.shape[0])
-    time = _read_only(run.interval * (keep.first + keep.every * number))
+    time = _read_only(run.initial.time + run.interval * (keep.first + keep.every * number))
     return HistoryPiece(
         time=time,
         channels={
@@ -275,9 +287,9 @@ def _history(run: _Run, samples_before: int, snapshots_before: int) -> HistoryPi
     )
 
 
-def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response:
-    system, frequency, left = run.system, run.excitation.frequency, stream.left()
-    length = samples * run.interval - begin
+def _response(run: _Run, stream: Stream, samples: int, begin: float, end: Array) -> Response:
+    system, frequency, left, start = run.system, run.excitation.frequency, stream.left(), run.initial.time
+    length = start + samples * run.interval - begin
     laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
     totals = run.block.cases.totals[0].copy()
     # an impulse has no peak
@@ -307,8 +319,14 @@ def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response
         base=run.excitation,
         system=system,
         warnings=tuple(warnings),
-        notes=(*truncation_notes(system), *_open_contacts(run)),
+        notes=(
+            *begun_anew(run.initial.continuation, touching(held_by(run.initial, system, run.excitation), system)),
+            *truncation_notes(system),
+            *_open_contacts(run),
+        ),
         streamed_to=stream.streamed_to,
+        start=start,
+        final_state=final_state(system, run.excitation, run.block.cases, end, start + samples * run.interval),
     )
 
 
@@ -399,9 +417,10 @@ def _snapshots(run: _Run, before: int) -> Snapshots:
     forces = np.concatenate([np.zeros((0, len(system.contacts))), *run.forces])
     # a force on the beam: the direction of a stop is that of its own place turned round
     forces = forces * np.array([-1.0 if pair.is_stop else 1.0 for pair in system.contacts])
+    number = before + np.arange(fields.shape[0])
     u, v = (np.asarray((system.expansion @ fields[:, k, :n].T).T) for k in (0, 1))
     return Snapshots(
-        time=_read_only(run.interval * (keep.first_snapshot + keep.snapshots * (before + np.arange(fields.shape[0])))),
+        time=_read_only(run.initial.time + run.interval * (keep.first_snapshot + keep.snapshots * number)),
         displacement=_read_only(u),
         velocity=_read_only(v),
         ball_displacement=_read_only(fields[:, 0, n:]),

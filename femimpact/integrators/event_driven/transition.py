@@ -64,7 +64,7 @@ def set_start_states(pairs: Pairs, case: Case, motion: Motion) -> None:
             if depth > 0.0 and not pairs.rigid[j]:
                 pushes = case.stiffness[j] * depth + case.damping[j] * side * rate > 0.0
                 case.state[j] = side * (CONTACT if pushes else SEPARATING)
-                begin_contact(j, 0.0, max(side * rate, 0.0), case)
+                begin_contact(j, motion.clock[0], max(side * rate, 0.0), case)
 
 
 @apart

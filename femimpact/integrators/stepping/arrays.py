@@ -17,6 +17,7 @@ from femimpact.excitation import Excitation
 from femimpact.integrators.compiled.custom import address_of
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.stepping import layout
+from femimpact.integrators.stepping.continued import Beginning, resume_contacts
 from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, MAXIMUM, MINIMUM, TOTAL_COLUMNS
 from femimpact.system.system import ROUNDED, State, System
@@ -34,14 +35,17 @@ class Inputs:
     steps : sequence of int
         Length of each case; the block runs to the longest, and what a case does after its own end does not count.
     window_start : sequence of int
-        Step from which impacts are counted, to the case's own end.
+        Step after the beginning from which impacts are counted, to the case's own end.
     initial : State
+    beginning : Beginning
+        Of one case alone it may be within the run that it goes on from.
     """
 
     excitations: Sequence[Excitation]
     steps: Sequence[int]
     window_start: Sequence[int]
     initial: State = field(default_factory=State)
+    beginning: Beginning = field(default_factory=Beginning)
 
 
 def empty_record(dofs: int) -> layout.Record:
@@ -98,12 +102,12 @@ def motion_of(
     modal: bool,
     record: layout.Record,
 ) -> layout.Motion:
-    """State at t = 0: displacements, velocities and the accelerations that the balance gives."""
+    """State at the start: displacements, velocities and the accelerations that the balance gives."""
     lanes, dofs, count = len(drives), system.dofs, len(system.contacts)
     states = [inputs.initial.relative_to_base(system, excitation) for excitation in inputs.excitations]
     q, v, y, y_rate = (np.ascontiguousarray(np.array(columns).T) for columns in zip(*states, strict=True))
     constants, w, w_rate = pairs.constants, operator.rows @ q, operator.rows @ v
-    drive = _drive(drives, inputs, method.dt)
+    drive, first = _drive(drives, inputs, method.dt), inputs.beginning.step
     ball = np.zeros((9, count, lanes))
     ball[layout.Y] = ball[layout.Y_BEFORE] = y
     ball[layout.Y_RATE] = y_rate
@@ -116,8 +120,13 @@ def motion_of(
     touch[layout.BUSY] = (pairs.kind[:, None] == SWITCHING_SPRING) | (constants[layout.FREE_STIFFNESS] > 0.0)
     # any speed > 0: a law's potential is asked for before its first contact
     touch[layout.APPROACH] = 1.0
-    pushes = _contacts_at_start(system, inputs, pairs, ball, touch)
-    ball[layout.FORCE] = springs + pushes
+    held = inputs.beginning.held
+    if held is None:
+        pushes = _contacts_at_start(system, inputs, pairs, ball, touch)
+        ball[layout.FORCE] = springs + pushes
+    else:
+        ball[layout.FORCE] = resume_contacts(held, inputs.beginning, pairs, touch, method.dt)
+        pushes = ball[layout.FORCE] - springs
     if not scheme_of(method).mean:
         inside = inside + pushes
     ball[layout.Y_ACCELERATION] = (
@@ -144,7 +153,7 @@ def motion_of(
         ball=ball,
         touch=touch,
         totals=np.zeros((len(TOTAL_COLUMNS), count, lanes)),
-        window=np.array([inputs.window_start, inputs.steps], dtype=np.int64),
+        window=first + np.array([inputs.window_start, inputs.steps], dtype=np.int64),
         drive=drive,
         table=_table(drives, inputs, method),
         travel=_travel(drives, inputs, method, pairs.obstacles.size),
@@ -174,7 +183,7 @@ def _placed(values: NDArray[Any], place: int) -> NDArray[Any]:
 def _contacts_at_start(
     system: System, inputs: Inputs, pairs: layout.Pairs, ball: NDArray[Any], touch: NDArray[Any]
 ) -> NDArray[Any]:  # fmt: skip
-    """Contacts that a static start is in: they are open from t = 0 on. Returns the forces (N) of compliant ones.
+    """Contacts that a static start is in: they are open from the start on. Returns the forces (N) of compliant ones.
 
     The wall of a rigid one is moved to the start, less than rounding may: impulses look at whether a gap is closed.
     """
@@ -183,7 +192,7 @@ def _contacts_at_start(
         return pushes
     found: dict[float, Any] = {}
     for c, excitation in enumerate(inputs.excitations):
-        at = float(excitation.displacement(0.0))
+        at = float(excitation.displacement(inputs.initial.time))
         if at not in found:
             found[at] = inputs.initial.static_contacts(system, excitation)
         normal = found[at].normal
@@ -216,16 +225,17 @@ def _drive(drives: Sequence[Drive], inputs: Inputs, dt: float) -> NDArray[Any]:
     omega, phase, amplitude = (
         np.array([getattr(drive.sine, name) for drive in drives]) for name in ("omega", "phase", "amplitude")
     )
-    rows = np.zeros((14, len(drives)))
+    origin, rows = inputs.beginning.origin, np.zeros((14, len(drives)))
+    phase = phase + omega * origin
     rows[layout.SINE], rows[layout.COSINE] = np.sin(phase), np.cos(phase)
     rows[layout.TURN_SINE], rows[layout.TURN_COSINE] = np.sin(omega * dt), np.cos(omega * dt)
     rows[layout.PHASE], rows[layout.PHASE_STEP] = phase, omega * dt
     rows[layout.SCALE] = amplitude
-    rows[layout.BASE] = [float(drive.value(np.zeros(1))[0]) for drive in drives]
+    rows[layout.BASE] = [float(drive.value(np.array([origin]))[0]) for drive in drives]
     rows[layout.BASE_BEFORE] = rows[layout.ACTING] = rows[layout.BASE]
     travel = np.array([drive.base_amplitude for drive in drives])
     rows[layout.TRAVEL], rows[layout.TRAVEL_RATE] = travel, travel * omega
-    rows[layout.OBSTACLE_RATE] = [float(excitation.velocity(0.0)) for excitation in inputs.excitations]
+    rows[layout.OBSTACLE_RATE] = [float(excitation.velocity(origin)) for excitation in inputs.excitations]
     rows[layout.OBSTACLE_RATE_BEFORE] = rows[layout.OBSTACLE_RATE]
     return _placed(rows, 8)
 
@@ -234,7 +244,7 @@ def _table(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod) -> N
     """Values of drives that are no sines at every fine step; no rows for sines."""
     if all(drive.is_sine for drive in drives):
         return np.zeros((0, len(drives)))
-    time = np.arange(max(inputs.steps) * method.refine + 1) * (method.dt / method.refine)
+    time = inputs.beginning.times(max(inputs.steps), method)
     return np.ascontiguousarray(np.array([drive.value(time) for drive in drives]).T)
 
 
@@ -242,7 +252,7 @@ def _travel(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod, obs
     """Displacement and velocity of bases that move by no sine at every fine step, for stops fixed in space."""
     if obstacles == 0 or all(drive.is_sine for drive in drives):
         return np.zeros((2, 0, len(drives)))
-    time = np.arange(max(inputs.steps) * method.refine + 1) * (method.dt / method.refine)
+    time = inputs.beginning.times(max(inputs.steps), method)
     values = [[excitation.displacement(time), excitation.velocity(time)] for excitation in inputs.excitations]
     return np.ascontiguousarray(np.moveaxis(np.array(values), 0, -1))
 
@@ -251,7 +261,7 @@ def cycles_of(inputs: Inputs, motion: layout.Motion, dt: float, ledger: bool) ->
     """Statistics per cycle of each excitation, empty but for the place of the motion's start."""
     lanes = len(inputs.excitations)
     period = np.array([1.0 / (excitation.frequency * dt) for excitation in inputs.excitations])
-    most = int(max(inputs.steps) / period.min()) + 1
+    most = int((inputs.beginning.step + max(inputs.steps)) / period.min()) + 1
     sums = np.zeros((len(CYCLE_COLUMNS), lanes))
     sums[MAXIMUM] = sums[MINIMUM] = motion.w[0]
     return layout.Cycles(

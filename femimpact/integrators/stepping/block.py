@@ -14,6 +14,7 @@ from femimpact.integrators.compiled.packs import WIDTH
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.stepping import layout, loop
 from femimpact.integrators.stepping.arrays import Inputs, cycles_of, empty_record, limits_of, motion_of, pairs_of
+from femimpact.integrators.stepping.continued import Beginning, go_on
 from femimpact.integrators.stepping.entries import write_energy
 from femimpact.integrators.stepping.operators import operator_of
 from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
@@ -41,6 +42,7 @@ class Block:
     record: layout.Record
     ledger: bool
     steps: int
+    beginning: Beginning
     ends: NDArray[Any]
     cases: int
     limit: NDArray[Any]
@@ -48,8 +50,8 @@ class Block:
 
     @property
     def cycle_statistics(self) -> CycleStatistics:
-        """Statistics of every finished base cycle of the real cases."""
-        values = self.cycles.values[:, :, : self.cases]
+        """Statistics of every base cycle of the real cases that was finished since the beginning."""
+        values = self.cycles.values[self.beginning.cycle :, :, : self.cases]
         columns = {name: values[:, i] for i, name in enumerate(CYCLE_COLUMNS)}
         return CycleStatistics(**columns)
 
@@ -108,6 +110,7 @@ def prepare(
     modal = ledger and record is not None and lanes == 1 and not operator.banded
     motion = motion_of(system, operator, pairs, padded, drives, method, modal, kept)
     cycles = cycles_of(padded, motion, method.dt, ledger)
+    go_on(inputs.beginning, motion, cycles)
     block = Block(
         operator=operator,
         scheme=scheme,
@@ -118,6 +121,7 @@ def prepare(
         record=kept,
         ledger=ledger,
         steps=max(inputs.steps),
+        beginning=inputs.beginning,
         ends=np.array(inputs.steps),
         cases=cases,
         limit=limits_of(system, padded, drives, operator, motion, method),

@@ -56,11 +56,11 @@ def history_of(
     HistoryPiece
         Copies: the record can be filled again.
     """
-    record, dt = block.record, block.scheme.dt
+    record, dt, origin = block.record, block.scheme.dt, block.beginning.origin
     samples, snapshots = int(record.tally[1]), int(record.tally[2])
     every, first, stride, first_field = (int(value) for value in record.stride)
-    time = _own((first + every * (samples_before + np.arange(samples))) * dt)
-    shown = (first_field + stride * (snapshots_before + np.arange(snapshots))) * dt
+    time = _own(origin + (first + every * (samples_before + np.arange(samples))) * dt)
+    shown = origin + (first_field + stride * (snapshots_before + np.arange(snapshots))) * dt
     return HistoryPiece(
         time=time,
         channels={
@@ -102,12 +102,14 @@ def _at_nodes(system: System, rows: NDArray[Any]) -> NDArray[Any]:
     return values
 
 
-def impacts_of(record: layout.Record, system: System, excitation: Excitation) -> Impacts:
+def impacts_of(block: Block, system: System, excitation: Excitation) -> Impacts:
     """The table of impacts, as far as it was kept."""
+    record = block.record
     count = min(int(record.tally[3]), record.impacts.shape[0])
     columns = {name: _own(record.impacts[:count, i]) for i, name in enumerate(IMPACT_COLUMNS)}
     names = np.array([pair.name for pair in system.contacts] or [""])
     columns["impactor"] = names[columns.pop("pair").astype(int)]
+    columns["time"] = _own(block.beginning.origin + columns["time"])
     return Impacts(
         **columns,
         phase=_own(np.mod(2.0 * np.pi * excitation.frequency * columns["time"] + excitation.phase, 2.0 * np.pi)),
@@ -135,6 +137,7 @@ def sticking_of(block: Block, system: System) -> StickingPhases:
     if not rows:
         return StickingPhases.none()
     start, pair, side, duration, impulse, end = (np.array(column) for column in zip(*rows, strict=True))
+    start, end = block.beginning.origin + start, block.beginning.origin + end
     return StickingPhases(
         impactor=np.array([system.contacts[int(j)].name for j in pair]),
         side=_own(side),

@@ -20,7 +20,7 @@ __all__ = ["piece_ends", "record_of"]
 
 
 def piece_ends(recorder: Recorder, steps: int) -> Iterable[int]:
-    """Steps after which a run with a sink hands over a piece; a piece has as many, the state at t = 0 counted."""
+    """Steps after which a run with a sink hands over a piece; a piece has as many, the state at the start counted."""
     if recorder.sink is None:
         return [steps]
     piece = recorder.piece_samples * recorder.every
@@ -34,17 +34,18 @@ def record_of(
     steps: int,
     method: SteppingMethod,
     drive: Drive,
+    first: int,
 ) -> layout.Record:
-    """Arrays for what is kept, refused before the run when they would not fit."""
+    """Arrays for what is kept from the step `first` on, refused before the run when they would not fit."""
     dt, modes = method.dt, modes_kept(system, recorder)
     # a recorded motion is spread over all fine steps before the first
-    values = 0 if drive.is_sine else steps * method.refine + 1
+    values = 0 if drive.is_sine else (first + steps) * method.refine + 1
     # with the base's displacement and velocity, where stops stand still in space
     values *= 3 if any(pair.fixed_to == "space" for pair in system.contacts) else 1
     check_memory(system, recorder, rows.drive.size, steps, dt, drive.omega / (2.0 * np.pi), drive=values)
     samples, snapshots = kept_rows(recorder, steps, dt)
     balls = len(system.contacts)
-    start, start_field = first_steps(recorder, steps, dt)
+    start, start_field = (first + number for number in first_steps(recorder, steps, dt))
     of_state = np.stack([rows.displacement, rows.velocity], axis=1)
     of_pairs = np.stack([rows.ball_displacement, rows.ball_velocity, rows.pair_force, rows.contact_force], axis=1)
     return layout.Record(
@@ -57,5 +58,5 @@ def record_of(
         forces=np.zeros((snapshots, balls)),
         impacts=np.zeros((recorder.impacts if balls else 0, len(IMPACT_COLUMNS) + modes)),
         stride=np.array([recorder.every, start, max(recorder.snapshots, 1), start_field], dtype=np.int64),
-        tally=np.zeros(4, dtype=np.int64),
+        tally=np.array([first, 0, 0, 0], dtype=np.int64),
     )

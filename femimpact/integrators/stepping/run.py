@@ -14,6 +14,7 @@ from femimpact.excitation import Excitation
 from femimpact.integrators.channel_rows import channel_rows
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.stepping.block import Block, Inputs, prepare, run_block
+from femimpact.integrators.stepping.continued import beginning_of, final_state
 from femimpact.integrators.stepping.entries import keep
 from femimpact.integrators.stepping.reading import Recorded, history_of, impacts_of, open_contacts, sticking_of
 from femimpact.integrators.stepping.record import piece_ends, record_of
@@ -25,6 +26,7 @@ from femimpact.response.history import Stream
 from femimpact.response.impacts import impact_statistics
 from femimpact.response.response import Recorder, Response
 from femimpact.response.signals import no_steady_motion, steady_motion
+from femimpact.system.continuation import begun_anew
 from femimpact.system.reduction import truncation_notes
 from femimpact.system.system import State, System
 
@@ -57,13 +59,14 @@ def run_steps(
     steps = round(duration / method.dt)
     channels, drive = resolve_channels(system, recorder.channels), drive_of(system, excitation)
     rows = channel_rows(system, drive, channels, springs_apart=False)
+    beginning, recorder = beginning_of(initial, system, excitation, method), recorder.seen_from(initial.time)
     block = prepare(
         system,
-        Inputs([excitation], [steps], [2 * steps // 3], initial),
+        Inputs([excitation], [steps], [2 * steps // 3], initial, beginning),
         method,
         observed=system.point_row(system.default_place),
         ledger=recorder.ledger,
-        record=record_of(system, recorder, rows, steps, method, drive),
+        record=record_of(system, recorder, rows, steps, method, drive, beginning.step),
     )
     _keep_first(block)
     stream = Stream(
@@ -72,7 +75,7 @@ def run_steps(
         sink=recorder.sink,
     )
     _run(block, piece_ends(recorder, steps), stream, excitation, method, progress)
-    return _response(block, system, excitation, method, recorder, stream, warnings)
+    return _response(block, system, excitation, method, recorder, initial, stream, warnings)
 
 
 def divergence_message(frequency: float, time: float, method: SteppingMethod) -> str:
@@ -85,9 +88,9 @@ def divergence_message(frequency: float, time: float, method: SteppingMethod) ->
 
 
 def _keep_first(block: Block) -> None:
-    """Keep the state at t = 0 where it is asked for."""
+    """Keep the state at the start where it is asked for."""
     if block.record.channels.shape[0] + block.record.fields.shape[0] > 0:
-        keep(0, block.operator, block.pairs, block.motion, block.record, block.ledger)
+        keep(block.beginning.step, block.operator, block.pairs, block.motion, block.record, block.ledger)
 
 
 def _run(
@@ -105,7 +108,8 @@ def _run(
             share = None if progress is None else _share_of(progress, done, end, block.steps)
             run_block(replace(block, steps=end - done, ends=np.array([end - done])), share)
         if np.isfinite(block.diverged[0]):
-            time = done * method.dt + float(block.diverged[0])
+            begun = block.beginning.origin + block.beginning.step * method.dt
+            time = begun + done * method.dt + float(block.diverged[0])
             raise DivergenceError(divergence_message(excitation.frequency, time, method))
         done = end
         stream.hand_over()
@@ -122,15 +126,16 @@ def _response(
     excitation: Excitation,
     method: SteppingMethod,
     recorder: Recorder,
+    initial: State,
     stream: Stream,
     warnings: tuple[str, ...],
 ) -> Response:
     laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
-    window = float(block.steps - block.motion.window[0, 0]) * method.dt
+    window = float(block.motion.window[1, 0] - block.motion.window[0, 0]) * method.dt
     totals = block.motion.totals[:, :, 0]
     # an impulse has no peak
     totals[4, block.pairs.kind == RIGID] = np.nan
-    impacts = impacts_of(block.record, system, excitation)
+    impacts = impacts_of(block, system, excitation)
     left = stream.left()
     if impacts.dropped:
         lost = f"{impacts.dropped} impacts beyond the first {recorder.impacts} are not in the table (Recorder.impacts)"
@@ -156,8 +161,24 @@ def _response(
         base=excitation,
         system=system,
         warnings=warnings,
-        notes=(*step_notes(system, method), *truncation_notes(system), *open_contacts(block, system)),
+        notes=(
+            *begun_anew(initial.continuation, block.beginning.going_on(system)),
+            *step_notes(system, method),
+            *truncation_notes(system),
+            *open_contacts(block, system),
+        ),
         streamed_to=stream.streamed_to,
+        start=initial.time,
+        final_state=final_state(
+            system,
+            excitation,
+            method,
+            block.beginning,
+            int(block.record.tally[0]),
+            block.pairs,
+            block.motion,
+            block.cycles,
+        ),
     )
 
 

@@ -1,0 +1,160 @@
+"""A stepped run that goes on from the step at which another one ended."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.excitation import Excitation
+from femimpact.integrators.stepping import layout
+from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
+from femimpact.system.continuation import Continuation
+from femimpact.system.system import State, System
+
+__all__ = ["Beginning", "Held", "beginning_of", "final_state", "go_on", "resume_contacts"]
+
+MOTION = ("q", "v", "a", "w", "w_rate", "ball", "touch", "drive")
+CYCLES = ("next_wrap", "number", "sums", "last")
+GAPS = [layout.GAP_PLUS, layout.GAP_MINUS]
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """What a run of one case has reached.
+
+    Parameters
+    ----------
+    origin : float, s
+        Time of its step 0.
+    step : int
+    motion, cycles : mapping of str to ndarray
+        Arrays of `layout.Motion` and `layout.Cycles` by their names.
+    gaps : ndarray (2, pairs, 1), m
+        Of rigid contacts that the run began in, these are the start's.
+    to_modes : ndarray (pairs, n), J
+        What contacts in progress have given to each mode; without columns where it was not summed.
+    """
+
+    origin: float
+    step: int
+    motion: Mapping[str, NDArray[Any]]
+    cycles: Mapping[str, NDArray[Any]]
+    gaps: NDArray[Any]
+    to_modes: NDArray[Any]
+
+    def touching(self, system: System) -> tuple[str, ...]:
+        """Names of the contacts in progress."""
+        opened = self.motion["touch"][layout.OPEN, :, 0] != 0.0
+        return tuple(pair.name for pair, is_open in zip(system.contacts, opened, strict=True) if is_open)
+
+
+@dataclass(frozen=True, eq=False)
+class Beginning:
+    """Where a run begins.
+
+    Parameters
+    ----------
+    origin : float, s
+        Time of step 0.
+    step : int
+        Step at which the run begins: that at which the run ended that this one goes on from, or 0.
+    held : Held, optional
+        Contacts in progress, where they go on.
+    whole : bool
+        Whether all else that is held goes on as well: the drive, the accelerations and the base cycle are the same.
+    """
+
+    origin: float = 0.0
+    step: int = 0
+    held: Held | None = None
+    whole: bool = False
+
+    @property
+    def cycle(self) -> int:
+        """Base cycles that were finished before."""
+        return int(self.held.cycles["number"][0]) if self.held is not None and self.whole else 0
+
+    def going_on(self, system: System) -> tuple[str, ...]:
+        """Names of the contacts in progress that go on."""
+        return () if self.held is None else self.held.touching(system)
+
+    def times(self, steps: int, method: SteppingMethod) -> NDArray[Any]:
+        """Times (s) of all fine steps from step 0 until a number of steps after the beginning."""
+        return self.origin + np.arange((self.step + steps) * method.refine + 1) * (method.dt / method.refine)
+
+
+def beginning_of(initial: State, system: System, excitation: Excitation, method: SteppingMethod) -> Beginning:
+    """Where a run from an initial state begins, and what of the run that ended there goes on."""
+    left = initial.left_by_run(system, excitation)
+    if left is None or left.kind != _kind(method):
+        return Beginning(initial.time)
+    held: Held = left.held
+    if left.has_equations_of(system, excitation, initial.time):
+        return Beginning(held.origin, held.step, held, whole=True)
+    return Beginning(initial.time, 0, held)
+
+
+def resume_contacts(
+    held: Held, beginning: Beginning, pairs: layout.Pairs, touch: NDArray[Any], time_step: float
+) -> NDArray[Any]:  # fmt: skip
+    """Contacts in progress go on; their forces (N) on the structure, those of centring springs included."""
+    pairs.constants[GAPS] = held.gaps
+    touch[...] = held.motion["touch"]
+    if not beginning.whole:
+        # of steps that are counted anew
+        touch[layout.START] -= held.step * time_step
+    return np.broadcast_to(held.motion["ball"][layout.FORCE], touch.shape[1:])
+
+
+def go_on(beginning: Beginning, motion: layout.Motion, cycles: layout.Cycles) -> None:
+    """Set motion and cycles to what the run has reached that this one goes on from."""
+    held = beginning.held
+    if held is None:
+        return
+    if held.to_modes.shape == motion.to_modes.shape:
+        motion.to_modes[...] = held.to_modes
+    else:
+        # it was not summed before
+        motion.to_modes[held.motion["touch"][layout.OPEN, :, 0] != 0.0] = np.nan
+    if not beginning.whole:
+        return
+    for arrays, target in ((held.motion, motion), (held.cycles, cycles)):
+        for name, values in arrays.items():
+            getattr(target, name)[...] = values
+
+
+def final_state(
+    system: System, excitation: Excitation, method: SteppingMethod, beginning: Beginning, step: int,
+    pairs: layout.Pairs, motion: layout.Motion, cycles: layout.Cycles,
+) -> State:  # fmt: skip
+    """Where a run of one case stands at a step, with all that the same method needs to go on."""
+    held = Held(
+        origin=beginning.origin,
+        step=step,
+        motion={name: _copy(getattr(motion, name)) for name in MOTION},
+        cycles={name: _copy(getattr(cycles, name)) for name in CYCLES},
+        gaps=_copy(pairs.constants[GAPS]),
+        to_modes=_copy(motion.to_modes),
+    )
+    balls, time = len(system.balls), beginning.origin + step * method.dt
+    places, rates = (
+        (_copy(of_dofs[:, 0]), _copy(motion.ball[row, :balls, 0]))
+        for of_dofs, row in ((motion.q, layout.Y), (motion.v, layout.Y_RATE))
+    )
+    left = Continuation(_kind(method), held, places, rates, time, system, excitation, held.touching(system))
+    return State(places[0], rates[0], places[1], rates[1], time=time, continuation=left)
+
+
+def _kind(method: SteppingMethod) -> object:
+    """Methods whose steps are the same go on from one another."""
+    return "steps", scheme_of(method), method.refine
+
+
+def _copy(array: NDArray[Any]) -> NDArray[Any]:
+    copy = np.array(array)
+    copy.setflags(write=False)
+    return copy
