@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 
 import femimpact as fi
-from femimpact.export import tables, vtk
+from femimpact.export import tables
 from femimpact.export.files import atomic_write
+from femimpact.export.vtk import xml
 from femimpact.study import result_directory
 from femimpact.study.result_directory import ResultsWarning, _Lock, unfinished_state
 from femimpact.study.results import finish_results, prepare_directory, write_summary
@@ -29,7 +30,7 @@ def write_results(staging, value):
         tables.write_csv(folder / name, {"value": [value]}, {})
     # more frames before than after
     texts = (f"{value}" for _ in range(2 if value == NEW else 4))
-    vtk._write_series(folder / "modes.pvd", range(2 if value == NEW else 4), texts)
+    xml.write_frames(folder / "modes.pvd", range(2 if value == NEW else 4), texts)
     write_summary(folder, {"value": value})
     staging.finish_part("modes")
 

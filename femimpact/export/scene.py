@@ -1,8 +1,9 @@
-"""The beam as a solid, its boxes and balls: static geometry, and how every point of it moves."""
+"""The beam as a solid with what is on it: static geometry, and how every point of it moves."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,24 +11,31 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
+from femimpact.export.scene_pieces import (
+    BALL,
+    BALL_DENSITY,
+    BEAM,
+    BOX,
+    Pieces,
+    add_ball,
+    add_beam,
+    add_body,
+    add_box,
+    add_stop,
+    add_support,
+    ball_radius,
+    section_at,
+    stretches_of,
+)
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
 from femimpact.system.system import System, hermite_rows
 
-__all__ = ["BALL", "BALL_DENSITY", "BEAM", "BOX", "Scene", "ball_radius", "build_scene", "snapshots_of", "thinned"]
-
-BALL_DENSITY = 7850.0
-"""kg/m^3. The model knows no ball radius; a steel sphere of the ball's mass is drawn."""
-
-BEAM, BOX, BALL = 0, 1, 2
-TRIANGLE, QUAD, HEXAHEDRON = 5, 9, 12
-STATIONS = 120
-
-
-def ball_radius(mass: float) -> float:
-    """Radius (m) of the steel sphere that is drawn for a ball of this mass (kg)."""
-    return float((3.0 * mass / (4.0 * math.pi * BALL_DENSITY)) ** (1.0 / 3.0))
+__all__ = [
+    "BALL", "BALL_DENSITY", "BEAM", "BOX", "Scene", "ball_radius", "build_scene", "build_whole_scene", "snapshots_of",
+    "thinned",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,17 +48,23 @@ class Scene:
     Parameters
     ----------
     points : ndarray (points, 3), m
-        At rest; clearances already exaggerated.
+        At rest; clearances already exaggerated. Those of the beam come first, four for each section.
     connectivity, offsets, types : ndarray
         Cells as VTK wants them.
     part, pair : ndarray (cells,)
-        0 beam, 1 box, 2 ball; number of the contact pair, -1 for the beam.
+        Number in `PARTS`; number of the contact pair, -1 where there is none.
     deflection, slope : csr_array (points, 2 nodes)
         Rows that read w and dw/dx at each point's section.
     arm : ndarray (points, 2), m
         Offset (x, y) of each point from the axis point that it is fixed to.
     carried : csr_array (points, balls)
         1 where a point belongs to a ball.
+    in_space : ndarray (points,)
+        Whether a point stands still in space.
+    stretches : tuple of ndarray, m
+        Positions of the beam's sections; a jump of the section or a force lies between two stretches.
+    marks : ndarray (marks, 4)
+        Points of contact: point, pair, side, and 1 where the force on the ball or the stop is shown.
     exaggeration : float, 1
     """
 
@@ -64,41 +78,43 @@ class Scene:
     slope: Any
     arm: NDArray[Any]
     carried: Any
+    in_space: NDArray[Any]
+    stretches: tuple[NDArray[Any], ...]
+    marks: NDArray[Any]
     exaggeration: float
 
-    def motion(self, nodal: NDArray[Any], balls: NDArray[Any], base: float = 0.0) -> NDArray[Any]:
-        """Displacements (or velocities) of all points, ndarray (points, 3), without exaggeration."""
+    def motion(self, nodal: NDArray[Any], balls: NDArray[Any], base: float = 0.0, space: float = 0.0) -> NDArray[Any]:
+        """Displacements (or velocities) of all points, ndarray (points, 3), without exaggeration.
+
+        Parameters
+        ----------
+        nodal, balls : ndarray
+            Relative to the base.
+        base, space : float
+            Motion of the base, and of what stands still in space, in the frame that is drawn.
+        """
         slope = self.slope @ nodal
         result = np.zeros_like(self.points)
         result[:, 0] = -self.arm[:, 1] * slope
-        result[:, 1] = self.deflection @ nodal + self.arm[:, 0] * slope + self.carried @ balls + base
+        result[:, 1] = self.deflection @ nodal + self.arm[:, 0] * slope + self.carried @ balls
+        result[:, 1] += np.where(self.in_space, space, base)
         return result
 
-    def displacement(self, snapshots: Snapshots, k: int, base: float = 0.0) -> NDArray[Any]:
-        """Exaggerated displacement (points, 3), m, of snapshot k."""
-        motion = self.motion(snapshots.displacement[k], snapshots.ball_displacement[k], base)
-        return self.exaggeration * motion
+    def rotation(self, nodal: NDArray[Any]) -> NDArray[Any]:
+        """Rotation dw/dx about z of all points, ndarray (points, 3); 0 of what hangs on no section."""
+        result = np.zeros_like(self.points)
+        result[:, 2] = self.slope @ nodal
+        return result
 
-
-@dataclass
-class _Builder:
-    """Collects pieces while a scene is built."""
-
-    points: list[NDArray[Any]]
-    axis: list[NDArray[Any]]  # x of the section that moves each point; nan for a ball
-    ball: list[NDArray[Any]]  # number of the ball that carries each point, -1 otherwise
-    cells: list[tuple[int, list[int], int, int]]
-
-    def add(self, points: NDArray[Any], axis: Any, cells: list[tuple[int, list[int]]], part: int, pair: int) -> None:
-        first = sum(len(piece) for piece in self.points)
-        self.points.append(points)
-        self.axis.append(np.broadcast_to(np.asarray(axis, dtype=float), len(points)))
-        self.ball.append(np.full(len(points), pair if part == BALL else -1))
-        self.cells += [(kind, [first + i for i in nodes], part, pair) for kind, nodes in cells]
+    def displacement(
+        self, nodal: NDArray[Any], balls: NDArray[Any], base: float = 0.0, space: float = 0.0
+    ) -> NDArray[Any]:
+        """Exaggerated displacement (points, 3), m, of a state; see `motion`."""
+        return self.exaggeration * self.motion(nodal, balls, base, space)
 
 
 def build_scene(structure: Structure, system: System, exaggeration: float = 1.0) -> Scene:
-    """Geometry of a structure: the beam of its real cross-section, one box and one ball for each impactor.
+    """The beam of its real cross-section, with one box and one ball for each impactor: what a movie shows.
 
     Parameters
     ----------
@@ -112,21 +128,77 @@ def build_scene(structure: Structure, system: System, exaggeration: float = 1.0)
     -------
     Scene
     """
-    builder = _Builder([], [], [], [])
-    _add_beam(builder, structure)
+    pieces = Pieces()
+    stretches = stretches_of(system.nodes, _cuts(structure, system))
+    add_beam(pieces, structure, stretches)
     for j, pair in enumerate(system.balls):
-        width, _ = _section_at(structure, pair.position)
-        _add_box(builder, j, pair.position, width, ball_radius(pair.mass), pair.gaps, exaggeration)
-        _add_ball(builder, j, pair.position, width, ball_radius(pair.mass))
-    points = np.concatenate(builder.points)
-    axis, ball = np.concatenate(builder.axis), np.concatenate(builder.ball)
-    fixed = sparse.diags_array((ball < 0).astype(float))
-    place = np.where(ball < 0, axis, 0.0)
+        width, _ = section_at(structure, pair.position)
+        add_box(pieces, j, pair.position, width, ball_radius(pair.mass), pair.gaps, exaggeration)
+        add_ball(pieces, j, pair.position, width, ball_radius(pair.mass))
+    return _scene(pieces, system, stretches, exaggeration)
+
+
+def build_whole_scene(
+    structure: Structure, system: System, exaggeration: float = 1.0, subdivisions: int = 1
+) -> Scene:  # fmt: skip
+    """The same with supports, bodies, stops and points of contact.
+
+    Parameters
+    ----------
+    structure : Structure
+    system : System
+    exaggeration : float, 1
+    subdivisions : int
+        Cells of the beam for each element, at least.
+
+    Returns
+    -------
+    Scene
+    """
+    pieces, length = Pieces(), structure.beam.length
+    stretches = stretches_of(system.nodes, _cuts(structure, system), subdivisions)
+    add_beam(pieces, structure, stretches)
+    for support in structure.supports:
+        x = system.position_of(support.at)
+        add_support(pieces, support.kind, x, length, section_at(structure, x))
+    for body in structure.masses:
+        if body.mass > 0.0:
+            x = system.position_of(body.at)
+            add_body(pieces, x, section_at(structure, x)[0], body.mass)
+    for j, pair in enumerate(system.contacts):
+        x, section = pair.position, section_at(structure, pair.position)
+        if pair.is_stop:
+            add_stop(pieces, j, x, length, section, pair.gaps, exaggeration, pair.fixed_to == "space")
+            continue
+        radius = ball_radius(pair.mass)
+        add_box(pieces, j, x, section[0], radius, pair.gaps, exaggeration)
+        height = float(add_ball(pieces, j, x, section[0], radius)[2])
+        for side, gap in ((1, pair.gaps[0]), (-1, pair.gaps[1])):
+            pieces.mark((x, side * (exaggeration * gap + radius), height), x, j, side, False)
+            pieces.mark((x, side * radius, height), math.nan, j, side, True, ball=j)
+    return _scene(pieces, system, stretches, exaggeration)
+
+
+def _cuts(structure: Structure, system: System) -> list[float]:
+    """Positions (m) at which a section may jump or a force acts."""
+    held: Sequence[Any] = (*structure.masses, *structure.supports)
+    return [
+        *structure.beam.joints,
+        *(system.position_of(item.at) for item in held),
+        *(pair.position for pair in system.contacts),
+    ]
+
+
+def _scene(pieces: Pieces, system: System, stretches: tuple[NDArray[Any], ...], exaggeration: float) -> Scene:
+    points, axis = np.concatenate(pieces.points), np.concatenate(pieces.axis)
+    ball = np.concatenate(pieces.ball)
+    held = np.isfinite(axis)
+    fixed, place = sparse.diags_array(held.astype(float)), np.where(held, axis, system.nodes[0])
     carried = sparse.csr_array(
         (np.ones(np.count_nonzero(ball >= 0)), (np.flatnonzero(ball >= 0), ball[ball >= 0])),
         shape=(len(points), len(system.balls)),
     )
-    kinds, nodes, parts, pairs = zip(*builder.cells, strict=True)
+    kinds, nodes, parts, pairs = zip(*pieces.cells, strict=True)
     return Scene(
         points=points,
         connectivity=np.concatenate([np.array(cell, dtype=np.int64) for cell in nodes]),
@@ -136,80 +208,14 @@ def build_scene(structure: Structure, system: System, exaggeration: float = 1.0)
         pair=np.array(pairs, dtype=np.int32),
         deflection=sparse.csr_array(fixed @ hermite_rows(system.nodes, place)),
         slope=sparse.csr_array(fixed @ hermite_rows(system.nodes, place, 1)),
-        # a ball hangs on no section: its arm is zero
-        arm=np.where((ball < 0)[:, None], np.column_stack([points[:, 0] - axis, points[:, 1]]), 0.0),
+        # what hangs on no section has no arm
+        arm=np.where(held[:, None], np.column_stack([points[:, 0] - place, points[:, 1]]), 0.0),
         carried=carried,
+        in_space=np.concatenate(pieces.in_space),
+        stretches=stretches,
+        marks=np.array(pieces.marks, dtype=np.int64).reshape(-1, 4),
         exaggeration=exaggeration,
     )
-
-
-def _section_at(structure: Structure, position: float) -> tuple[float, float]:
-    """Width and thickness (m) of the segment that holds a position."""
-    joints = np.array(structure.beam.joints)
-    segment = min(int(np.searchsorted(joints, position, side="right")) - 1, len(joints) - 2)
-    return structure.beam.segments[segment].rectangle
-
-
-BLOCK = [0, 1, 2, 3, 4, 5, 6, 7]
-
-
-def _block(low: tuple[float, float, float], high: tuple[float, float, float]) -> NDArray[Any]:
-    """Corners of a box in VTK's order of a hexahedron."""
-    (x0, y0, z0), (x1, y1, z1) = low, high
-    lower = [(x0, y0, z0), (x1, y0, z0), (x1, y1, z0), (x0, y1, z0)]
-    return np.array(lower + [(x, y, z1) for x, y, _ in lower])
-
-
-def _add_beam(builder: _Builder, structure: Structure) -> None:
-    beam = structure.beam
-    for segment, start, end in zip(beam.segments, beam.joints, beam.joints[1:], strict=False):
-        width, thickness = segment.rectangle
-        stations = np.linspace(start, end, max(round(STATIONS * segment.length / beam.length), 2) + 1)
-        corners = 0.5 * np.array([(-thickness, -width), (thickness, -width), (thickness, width), (-thickness, width)])
-        points = np.array([(x, y, z) for x in stations for y, z in corners])
-        cells = [
-            (HEXAHEDRON, [4 * i + c for c in range(4)] + [4 * i + 4 + c for c in range(4)])
-            for i in range(len(stations) - 1)
-        ]
-        builder.add(points, points[:, 0], cells, BEAM, -1)
-
-
-def _add_box(
-    builder: _Builder, j: int, x: float, width: float, radius: float, gaps: tuple[float, float], exaggeration: float
-) -> None:
-    """Two end walls and a floor on the beam's upper edge; the inner faces stop the ball's surface."""
-    wall = 0.3 * radius
-    floor = 0.5 * width
-    inner = (exaggeration * gaps[0] + radius, -exaggeration * gaps[1] - radius)
-    left, right, top = x - radius - wall, x + radius + wall, floor + wall + 2.0 * radius
-    blocks = [
-        _block((left, inner[0], floor), (right, inner[0] + wall, top)),
-        _block((left, inner[1] - wall, floor), (right, inner[1], top)),
-        _block((left, inner[1], floor), (right, inner[0], floor + wall)),
-    ]
-    for corners in blocks:
-        builder.add(corners, x, [(HEXAHEDRON, BLOCK)], BOX, j)
-
-
-def _add_ball(
-    builder: _Builder, j: int, x: float, width: float, radius: float, rings: int = 10, around: int = 20
-) -> None:
-    """A sphere of quadrilaterals with triangles at its poles."""
-    centre = np.array([x, 0.0, 0.5 * width + 0.3 * radius + radius])
-    polar = np.pi * np.arange(1, rings) / rings
-    turn = 2.0 * np.pi * np.arange(around) / around
-    belt = np.array([(np.sin(p) * np.cos(t), np.sin(p) * np.sin(t), np.cos(p)) for p in polar for t in turn])
-    points = centre + radius * np.vstack([belt, [(0, 0, 1), (0, 0, -1)]])
-    north, south = len(belt), len(belt) + 1
-    cells: list[tuple[int, list[int]]] = []
-    for i in range(around):
-        k = (i + 1) % around
-        cells.append((TRIANGLE, [north, i, k]))
-        last = (rings - 2) * around
-        cells.append((TRIANGLE, [south, last + k, last + i]))
-        for r in range(rings - 2):
-            cells.append((QUAD, [r * around + i, (r + 1) * around + i, (r + 1) * around + k, r * around + k]))
-    builder.add(points, math.nan, cells, BALL, j)
 
 
 def snapshots_of(response: Response) -> Snapshots:

@@ -59,7 +59,9 @@ class Film:
 
     def moved(self, i: int) -> NDArray[Any]:
         """Points (points, 3), m, of frame i."""
-        return np.asarray(self.scene.points + self.scene.displacement(self.snapshots, int(self.chosen[i])))
+        k = self.chosen[i]
+        nodal, balls = self.snapshots.displacement[k], self.snapshots.ball_displacement[k]
+        return np.asarray(self.scene.points + self.scene.displacement(nodal, balls))
 
     def at_pair(self, j: int) -> NDArray[Any]:
         """Deflection (m) of the beam at pair j in every snapshot."""

@@ -313,6 +313,8 @@ def _write_modes(prepared: PreparedStudy, folder: Path, modes: Modes, glued: Mod
         from femimpact.export import vtk
 
         vtk.write_modes(folder / FILES["modes_scene"], full, modes, study.structure)
+        for mode in range(1, modes.natural_frequency.size + 1):
+            vtk.write_mode(folder / FILES[f"mode_{mode}_scene"], full, modes, study.structure, mode)
 
 
 def _write_sweeps(folder: Path, sweeps: SweepPair) -> None:

@@ -1,0 +1,239 @@
+"""Points and cells of what a scene is made of: beam, boxes, balls, bodies, supports, stops and points of contact."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.structure.structure import Structure
+
+__all__ = [
+    "BALL", "BALL_DENSITY", "BEAM", "BODY", "BOX", "CONTACT_POINT", "PARTS", "STOP", "SUPPORT", "Pieces", "add_ball",
+    "add_beam", "add_body", "add_box", "add_stop", "add_support", "ball_radius", "section_at", "stretches_of",
+]  # fmt: skip
+
+BALL_DENSITY = 7850.0
+"""kg/m^3. The model knows no ball radius; a steel sphere of the ball's mass is drawn, and a steel cube of a body's."""
+
+BEAM, BOX, BALL, SUPPORT, BODY, STOP, CONTACT_POINT = range(7)
+PARTS = ("beam", "box", "ball", "support", "body", "stop", "contact point")
+"""Names of the values of the cell array `part`."""
+
+VERTEX, TRIANGLE, QUAD, HEXAHEDRON = 1, 5, 9, 12
+
+STATIONS = 120
+"""Cells along the beam, at least."""
+
+MOST_STATIONS = 2000
+"""Cells along the beam beyond which not every node of the mesh has a section of its own."""
+
+SAME = 1e-9
+"""Share of the beam's length within which two positions are one."""
+
+BLOCK = list(range(8))
+
+
+def ball_radius(mass: float) -> float:
+    """Radius (m) of the steel sphere that is drawn for a ball of this mass (kg)."""
+    return float((3.0 * mass / (4.0 * math.pi * BALL_DENSITY)) ** (1.0 / 3.0))
+
+
+@dataclass
+class Pieces:
+    """What is collected while a scene is built, one entry for each piece or each point.
+
+    Parameters
+    ----------
+    points : list of ndarray (k, 3), m
+    axis : list of ndarray (k,), m
+        x of the section that moves each point; not a number where none does.
+    ball : list of ndarray (k,)
+        Number of the ball that carries each point, -1 otherwise.
+    in_space : list of ndarray (k,)
+        Whether a point stands still in space, not with the base.
+    cells : list of (type, points, part, pair)
+    marks : list of (point, pair, side, reaction)
+        Points of contact: side +1 or -1, and whether what is shown there is the force on the other body.
+    """
+
+    points: list[NDArray[Any]] = field(default_factory=list)
+    axis: list[NDArray[Any]] = field(default_factory=list)
+    ball: list[NDArray[Any]] = field(default_factory=list)
+    in_space: list[NDArray[Any]] = field(default_factory=list)
+    cells: list[tuple[int, list[int], int, int]] = field(default_factory=list)
+    marks: list[tuple[int, int, int, bool]] = field(default_factory=list)
+    count: int = 0
+
+    def add(
+        self, points: NDArray[Any], axis: Any, cells: list[tuple[int, list[int]]], part: int, pair: int,
+        ball: int = -1, in_space: bool = False,
+    ) -> None:  # fmt: skip
+        """Add points that move alike, and the cells between them."""
+        first, size = self.count, len(points)
+        self.points.append(points)
+        self.axis.append(np.broadcast_to(np.asarray(axis, dtype=float), size))
+        self.ball.append(np.full(size, ball))
+        self.in_space.append(np.full(size, in_space))
+        self.cells += [(kind, [first + i for i in nodes], part, pair) for kind, nodes in cells]
+        self.count += size
+
+    def mark(
+        self, point: Any, axis: float, pair: int, side: int, reaction: bool, ball: int = -1, in_space: bool = False
+    ) -> None:
+        """Add a point of contact."""
+        self.marks.append((self.count, pair, side, reaction))
+        self.add(np.array([point]), axis, [(VERTEX, [0])], CONTACT_POINT, pair, ball, in_space)
+
+
+def section_at(structure: Structure, position: float) -> tuple[float, float]:
+    """Width and thickness (m) of the segment that holds a position."""
+    joints = np.array(structure.beam.joints)
+    segment = min(int(np.searchsorted(joints, position, side="right")) - 1, len(joints) - 2)
+    return structure.beam.segments[segment].rectangle
+
+
+def _block(low: tuple[float, float, float], high: tuple[float, float, float]) -> NDArray[Any]:
+    """Corners of a box in VTK's order of a hexahedron."""
+    (x0, y0, z0), (x1, y1, z1) = low, high
+    lower = [(x0, y0, z0), (x1, y0, z0), (x1, y1, z0), (x0, y1, z0)]
+    return np.array(lower + [(x, y, z1) for x, y, _ in lower])
+
+
+def stretches_of(nodes: NDArray[Any], cuts: Any, subdivisions: int = 1) -> tuple[NDArray[Any], ...]:
+    """Positions (m) of sections along the beam, stretch by stretch: a cut belongs to both stretches beside it.
+
+    Every node of the mesh is among them, and sections between, so that there are at least 120 cells; of a mesh with
+    more than 2000 elements not every node is.
+
+    Parameters
+    ----------
+    nodes : ndarray (n,), m
+    cuts : iterable of float, m
+        Where a section jumps or a force acts.
+    subdivisions : int
+        Cells for each element, at least.
+    """
+    start, end = float(nodes[0]), float(nodes[-1])
+    slack = SAME * (end - start)
+    inner = [x for x in sorted(float(cut) for cut in cuts) if start + slack < x < end - slack]
+    bounds = [start]
+    bounds += [x for i, x in enumerate(inner) if i == 0 or x - inner[i - 1] > slack]
+    return tuple(_stations(nodes, a, b, subdivisions, slack) for a, b in itertools.pairwise([*bounds, end]))
+
+
+def _stations(nodes: NDArray[Any], start: float, end: float, subdivisions: int, slack: float) -> NDArray[Any]:
+    share = (end - start) / (nodes[-1] - nodes[0])
+    between = nodes[(nodes > start + slack) & (nodes < end - slack)]
+    most = max(math.ceil(MOST_STATIONS * share), 2)
+    if between.size >= most:
+        between = between[np.linspace(0, between.size - 1, most - 1).round().astype(int)]
+    knots = np.concatenate([[start], between, [end]])
+    elements = knots.size - 1
+    pieces = max(min(max(subdivisions, math.ceil(STATIONS * share / elements)), most // elements), 1)
+    inner = [np.linspace(a, b, pieces, endpoint=False) for a, b in itertools.pairwise(knots)]
+    return np.concatenate([*inner, knots[-1:]])
+
+
+def add_beam(pieces: Pieces, structure: Structure, stretches: tuple[NDArray[Any], ...]) -> None:
+    """Hexahedra between sections of four points; each stretch has its own, so that steps of the section show."""
+    for stations in stretches:
+        width, thickness = section_at(structure, 0.5 * float(stations[0] + stations[-1]))
+        corners = 0.5 * np.array([(-thickness, -width), (thickness, -width), (thickness, width), (-thickness, width)])
+        points = np.array([(x, y, z) for x in stations for y, z in corners])
+        cells = [
+            (HEXAHEDRON, [4 * i + c for c in range(4)] + [4 * i + 4 + c for c in range(4)])
+            for i in range(len(stations) - 1)
+        ]
+        pieces.add(points, points[:, 0], cells, BEAM, -1)
+
+
+def add_box(
+    pieces: Pieces, j: int, x: float, width: float, radius: float, gaps: tuple[float, float], exaggeration: float
+) -> None:
+    """Two end walls and a floor on the beam's upper edge; the inner faces stop the ball's surface."""
+    wall = 0.3 * radius
+    floor = 0.5 * width
+    inner = (exaggeration * gaps[0] + radius, -exaggeration * gaps[1] - radius)
+    left, right, top = x - radius - wall, x + radius + wall, floor + wall + 2.0 * radius
+    blocks = [
+        _block((left, inner[0], floor), (right, inner[0] + wall, top)),
+        _block((left, inner[1] - wall, floor), (right, inner[1], top)),
+        _block((left, inner[1], floor), (right, inner[0], floor + wall)),
+    ]
+    for corners in blocks:
+        pieces.add(corners, x, [(HEXAHEDRON, BLOCK)], BOX, j)
+
+
+def add_ball(
+    pieces: Pieces, j: int, x: float, width: float, radius: float, rings: int = 10, around: int = 20
+) -> NDArray[Any]:
+    """A sphere of quadrilaterals with triangles at its poles; its centre (3,) in m."""
+    centre = np.array([x, 0.0, 0.5 * width + 0.3 * radius + radius])
+    polar = np.pi * np.arange(1, rings) / rings
+    turn = 2.0 * np.pi * np.arange(around) / around
+    belt = np.array([(np.sin(p) * np.cos(t), np.sin(p) * np.sin(t), np.cos(p)) for p in polar for t in turn])
+    points = centre + radius * np.vstack([belt, [(0, 0, 1), (0, 0, -1)]])
+    north, south = len(belt), len(belt) + 1
+    cells: list[tuple[int, list[int]]] = []
+    for i in range(around):
+        k = (i + 1) % around
+        cells.append((TRIANGLE, [north, i, k]))
+        last = (rings - 2) * around
+        cells.append((TRIANGLE, [south, last + k, last + i]))
+        for r in range(rings - 2):
+            cells.append((QUAD, [r * around + i, (r + 1) * around + i, (r + 1) * around + k, r * around + k]))
+    pieces.add(points, math.nan, cells, BALL, j, ball=j)
+    return centre
+
+
+def add_body(pieces: Pieces, x: float, width: float, mass: float) -> None:
+    """A steel cube of a body's mass below the beam's lower edge."""
+    side = (mass / BALL_DENSITY) ** (1.0 / 3.0)
+    low, high = -0.5 * width - side, -0.5 * width
+    corners = _block((x - 0.5 * side, -0.5 * side, low), (x + 0.5 * side, 0.5 * side, high))
+    pieces.add(corners, x, [(HEXAHEDRON, BLOCK)], BODY, -1)
+
+
+def add_support(pieces: Pieces, kind: str, x: float, length: float, section: tuple[float, float]) -> None:
+    """A block that holds the beam; one that only holds the slope is a sleeve which moves along with the beam.
+
+    A pinned support is a thin block.
+
+    Parameters
+    ----------
+    pieces : Pieces
+    kind : str
+        Of `Support`.
+    x, length : float, m
+        Place, and length of the beam.
+    section : pair of float, m
+        Width and thickness of the beam there.
+    """
+    thick, width = (0.004 if kind == "pinned" else 0.02) * length, 1.2 * section[0]
+    high = 0.5 * section[1] + (0.015 if kind == "guided" else 0.05) * length
+    # at an end the beam comes out of it
+    centre = x - 0.5 * thick if x <= SAME * length else x + 0.5 * thick if x >= (1.0 - SAME) * length else x
+    corners = _block((centre - 0.5 * thick, -high, -0.5 * width), (centre + 0.5 * thick, high, 0.5 * width))
+    pieces.add(corners, x if kind == "guided" else math.nan, [(HEXAHEDRON, BLOCK)], SUPPORT, -1)
+
+
+def add_stop(
+    pieces: Pieces, j: int, x: float, length: float, section: tuple[float, float], gaps: tuple[float, float],
+    exaggeration: float, in_space: bool,
+) -> None:  # fmt: skip
+    """A block on each closed side, whose face the beam's surface touches, with the points of contact of both."""
+    half, thick, width = 0.5 * section[1], 0.02 * length, 1.2 * section[0]
+    for side, gap in ((1, gaps[0]), (-1, gaps[1])):
+        if not math.isfinite(gap):
+            continue
+        face = exaggeration * gap + half
+        low, high = sorted((side * face, side * (face + thick)))
+        corners = _block((x - 0.5 * thick, low, -0.5 * width), (x + 0.5 * thick, high, 0.5 * width))
+        pieces.add(corners, math.nan, [(HEXAHEDRON, BLOCK)], STOP, j, in_space=in_space)
+        pieces.mark((x, side * half, 0.0), x, j, side, False)
+        pieces.mark((x, side * face, 0.0), math.nan, j, side, True, in_space=in_space)

@@ -1,0 +1,149 @@
+"""What is read of a beam's nodal values for colours: curvature, moment, shear force, strain, stress, energy.
+
+Within a stretch of beam a reading at a node is the mean of those of the two elements beside it, which for moment and
+shear force is of a higher order than either of them. At the end of a stretch, where a section jumps or a force acts,
+it is the reading of the element inside the stretch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+
+from femimpact.export.scene import Scene
+from femimpact.export.scene_pieces import BEAM, section_at
+from femimpact.structure.structure import Structure
+from femimpact.system.system import System, element_of, hermite_rows
+
+__all__ = ["POINT_UNITS", "BeamFields", "beam_fields"]
+
+POINT_UNITS = {
+    "displacement": "m", "velocity": "m/s", "rotation": "1", "curvature": "1/m", "bending_moment": "N m",
+    "shear_force": "N", "axial_strain": "1", "axial_stress": "Pa", "strain_energy_density": "J/m^3",
+    "contact_force_vector": "N", "contact_impulse_vector": "N s",
+}  # fmt: skip
+"""Arrays at points and their units; `rotation` in radians."""
+
+POINTS_OF_SECTION = 4
+
+
+@dataclass(frozen=True, eq=False)
+class BeamFields:
+    """Readings of nodal values on the sections of a scene's beam.
+
+    Parameters
+    ----------
+    curvature, moment, shear : csr_array (sections, 2 nodes)
+        w'' (1/m), E I w'' (N m) and E I w''' (N).
+    begin, end : csr_array (beam cells, 2 nodes)
+        w'' at both ends of a cell, read inside the cell.
+    modulus : ndarray (sections,), Pa
+    height : ndarray (beam points,), m
+        y of each point above the neutral axis.
+    cell_stiffness, cell_area : ndarray (beam cells,), N m^2 and m^2
+    points, cells : int
+        Of the whole scene.
+    on_beam : ndarray (cells,)
+        Which of its cells are the beam's.
+    """
+
+    curvature: Any
+    moment: Any
+    shear: Any
+    begin: Any
+    end: Any
+    modulus: NDArray[Any]
+    height: NDArray[Any]
+    cell_stiffness: NDArray[Any]
+    cell_area: NDArray[Any]
+    points: int
+    on_beam: NDArray[Any]
+
+    def at_points(self, nodal: NDArray[Any]) -> dict[str, NDArray[Any]]:
+        """Arrays at points, 0 off the beam; strain and stress are those of the point, on a surface of the beam."""
+        curvature = np.repeat(self.curvature @ nodal, POINTS_OF_SECTION)
+        strain = -self.height * curvature
+        stress = np.repeat(self.modulus, POINTS_OF_SECTION) * strain
+        values = {
+            "curvature": curvature,
+            "bending_moment": np.repeat(self.moment @ nodal, POINTS_OF_SECTION),
+            "shear_force": np.repeat(self.shear @ nodal, POINTS_OF_SECTION),
+            "axial_strain": strain,
+            "axial_stress": stress,
+            "strain_energy_density": 0.5 * stress * strain,
+        }
+        off = np.zeros(self.points - curvature.size)
+        return {name: np.concatenate([value, off]) for name, value in values.items()}
+
+    def on_cells(self, nodal: NDArray[Any]) -> NDArray[Any]:
+        """Mean strain energy density (J/m^3) of every cell: times its volume it sums to the strain energy."""
+        a, b = self.begin @ nodal, self.end @ nodal
+        values = np.zeros(self.on_beam.size)
+        values[self.on_beam] = self.cell_stiffness * (a * a + a * b + b * b) / (6.0 * self.cell_area)
+        return values
+
+
+def beam_fields(scene: Scene, structure: Structure, system: System) -> BeamFields:
+    """Readings on the sections of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    structure : Structure
+        Whose rectangles are drawn.
+    system : System
+        Gives nodes, and the constants of the section in every element where it knows them.
+
+    Returns
+    -------
+    BeamFields
+    """
+    x = np.concatenate(scene.stretches)
+    sizes = [stations.size for stations in scene.stretches]
+    last = np.cumsum(sizes) - 1
+    first = last + 1 - np.array(sizes)
+    # of the element on the right: half inside a stretch, all at its beginning, nothing at its end
+    share = np.full(x.size, 0.5)
+    share[first], share[last] = 1.0, 0.0
+    weights = (share, 1.0 - share)
+    sides = ("right", "left")
+    middle = np.repeat([0.5 * (stations[0] + stations[-1]) for stations in scene.stretches], sizes)
+    constants = [_constants(structure, system, x, middle, side) for side in sides]
+    rows = [[hermite_rows(system.nodes, x, order, side) for side in sides] for order in (2, 3)]
+
+    def mean(order: int, factors: Any) -> Any:
+        parts = zip(weights, factors, rows[order - 2], strict=True)
+        right, left = (sparse.diags_array(weight * factor) @ row for weight, factor, row in parts)
+        return sparse.csr_array(right + left)
+
+    stiffness = [each[0] for each in constants]
+    begins, ends = (np.delete(np.arange(x.size), gone) for gone in (last, first))
+    return BeamFields(
+        curvature=mean(2, (1.0, 1.0)),
+        moment=mean(2, stiffness),
+        shear=mean(3, stiffness),
+        begin=sparse.csr_array(rows[0][0])[begins],
+        end=sparse.csr_array(rows[0][1])[ends],
+        modulus=share * constants[0][1] + (1.0 - share) * constants[1][1],
+        height=scene.points[: POINTS_OF_SECTION * x.size, 1],
+        cell_stiffness=stiffness[0][begins],
+        cell_area=np.array([np.prod(section_at(structure, at)) for at in middle[begins]]),
+        points=len(scene.points),
+        on_beam=scene.part == BEAM,
+    )
+
+
+def _constants(
+    structure: Structure, system: System, x: NDArray[Any], middle: NDArray[Any], side: str
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """E I (N m^2) and E (Pa) beside positions; of the drawn segments where the system does not know its sections."""
+    if system.sections is not None:
+        element = element_of(system.nodes, x, side)
+        return system.sections.bending_stiffness[element], system.sections.young_modulus[element]
+    joints = np.array(structure.beam.joints)
+    segments = [structure.beam.segments[i] for i in np.searchsorted(joints, middle, side="right") - 1]
+    return np.array([s.bending_stiffness for s in segments]), np.array([s.young_modulus for s in segments])

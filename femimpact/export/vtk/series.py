@@ -1,0 +1,58 @@
+"""A series of frames on one grid: what every format for ParaView writes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+__all__ = ["Frame", "Series", "Value"]
+
+Value = float | Sequence[float] | str
+"""Of field data: numbers, or a line of text."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """What changes from frame to frame.
+
+    Parameters
+    ----------
+    fields : mapping of str to number, numbers or text
+    points : mapping of str to ndarray (points,) or (points, 3)
+    cells : mapping of str to ndarray (cells,)
+    """
+
+    fields: Mapping[str, Value]
+    points: Mapping[str, NDArray[Any]]
+    cells: Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Frames on one grid, each made when it is asked for.
+
+    Parameters
+    ----------
+    points : ndarray (points, 3), m
+    connectivity, offsets, types : ndarray
+        Cells as VTK wants them.
+    times : sequence of float
+    names : sequence of str
+        Of every frame.
+    frame : callable of int to Frame
+    """
+
+    points: NDArray[Any]
+    connectivity: NDArray[Any]
+    offsets: NDArray[Any]
+    types: NDArray[Any]
+    times: Sequence[float]
+    names: Sequence[str]
+    frame: Callable[[int], Frame]
+
+    def timed_frames(self) -> Iterator[tuple[float, Frame]]:
+        """Every frame with its time."""
+        return ((time, self.frame(k)) for k, time in enumerate(self.times))

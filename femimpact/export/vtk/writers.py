@@ -1,0 +1,162 @@
+"""Mode shapes and deflections as files for ParaView, each with a script that opens it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from femimpact.export.vtk.deflection import deflection_series
+from femimpact.export.vtk.hdf import write_vtkhdf
+from femimpact.export.vtk.modes import mode_motion_series, mode_series
+from femimpact.export.vtk.script import DEFLECTION, MODE, MODES, View, Watch, write_script
+from femimpact.export.vtk.series import Series
+from femimpact.export.vtk.xml import checked_path, write_pvd
+from femimpact.response.response import Response
+from femimpact.structure.structure import Structure
+from femimpact.system.modes import Modes
+from femimpact.system.system import System
+
+__all__ = ["write_deflection", "write_mode", "write_modes"]
+
+
+def write_modes(
+    path: str | Path,
+    system: System,
+    modes: Modes,
+    structure: Structure,
+    subdivisions: int = 1,
+    scale: float | None = None,
+) -> Path:
+    """Mode shapes as a time series: one step per mode, its time value the number of the mode, 1 for the first.
+
+    Parameters
+    ----------
+    path : str or Path
+        A `.pvd` file, whose frames go into a folder of the same name, or a `.vtkhdf` file (ParaView 5.12 or newer).
+        A script `NAME_paraview.py` beside it opens it in ParaView.
+    system : System
+    modes : Modes
+        Of that system.
+    structure : Structure
+    subdivisions : int
+        Cells of the beam for each element, at least; there are 120 in all, at least.
+    scale : float, m
+        Largest deflection drawn; a tenth of the beam's length by default. All arrays are those of this deflection.
+
+    Returns
+    -------
+    Path
+        Arrays as of `write_deflection`, those of contacts and velocities left out; field data `name` ("mode 2,
+        32.99 Hz"), `natural_frequency` (Hz), `damping_ratio`, `effective_mass` (kg), `amplitude` (m) and
+        `modal_coordinate` (kg^0.5 m), by which the mass-normalised mode is multiplied.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or the path cannot be written.
+    """
+    path = checked_path(path)
+    return _write(path, mode_series(system, modes, structure, subdivisions, scale), MODES)
+
+
+def write_mode(
+    path: str | Path,
+    system: System,
+    modes: Modes,
+    structure: Structure,
+    mode: int,
+    frames: int = 24,
+    subdivisions: int = 1,
+    scale: float | None = None,
+) -> Path:
+    """One mode over one period, undamped: a series that plays in a loop.
+
+    Parameters
+    ----------
+    path : str or Path
+        As of `write_modes`.
+    system : System
+    modes : Modes
+    structure : Structure
+    mode : int
+        Number of the mode, 1 for the first.
+    frames : int
+        In one period, its end left out.
+    subdivisions : int
+    scale : float, m
+
+    Returns
+    -------
+    Path
+        Arrays as of `write_modes`, and the velocity; the time value is in s.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or the path cannot be written.
+    """
+    path = checked_path(path)
+    return _write(path, mode_motion_series(system, modes, structure, mode, frames, subdivisions, scale), MODE)
+
+
+def write_deflection(
+    path: str | Path,
+    response: Response,
+    structure: Structure,
+    exaggeration: float = 1.0,
+    most: int = 600,
+    frame: str = "base",
+) -> Path:
+    """The moving beam, its boxes and balls as a time series with real time values: an even grid and every impact.
+
+    Of a captured accumulation of impacts its start and its end have a frame. A state at an impact is the one just
+    before its impulse. It is computed from the snapshot before it through the recorded events in between, and must
+    meet the snapshot after it: the largest share of the largest displacement by which it does not is in the field
+    data, as `impact_state_mismatch`. Of an event-driven run that is rounding. See `femimpact.export.vtk.instants`.
+
+    Parameters
+    ----------
+    path : str or Path
+        A `.pvd` file, whose frames go into a folder of the same name, or a `.vtkhdf` file (ParaView 5.12 or newer).
+        A script `NAME_paraview.py` beside it opens it in ParaView.
+    response : Response
+        With snapshots.
+    structure : Structure
+    exaggeration : float, 1
+        Scales the motion and the clearance together, so that each ball stays in its box. A compliant contact lets
+        the ball into its wall by the penetration of its law.
+    most : int
+        At most so many frames, evenly thinned; impacts have at least half of them if need be.
+    frame : {"base", "space"}
+        Whether displacements and velocities are relative to the moving base or absolute.
+
+    Returns
+    -------
+    Path
+        Point vectors `displacement` (m, exaggerated; warp by 1), `velocity` (m/s), `rotation` (rad, about z),
+        `contact_force_vector` (N) and `contact_impulse_vector` (N s, in the frame of an impact) at points of contact
+        on wall and ball; point scalars `curvature` (1/m), `bending_moment` (N m), `shear_force` (N),
+        `axial_strain`, `axial_stress` (Pa) and `strain_energy_density` (J/m^3), whose signs are those of
+        `femimpact.system.sections`. Cell arrays `part` (0 beam, 1 box, 2 ball, 3 support, 4 body, 5 stop,
+        6 contact point), `contact_pair`, `contact_force` (N, on box and ball), `state` (1 in contact) and
+        `mean_strain_energy_density` (J/m^3). The units are in the field data as `units`. All but the displacement
+        are true, not exaggerated.
+
+    Raises
+    ------
+    InputError
+        If the response holds no snapshots, a value is out of range, or the path cannot be written.
+
+    Warns
+    -----
+    UserWarning
+        If impacts have no frame: more of them than `most` lets in, or states that cannot be computed.
+    """
+    path = checked_path(path)
+    return _write(path, deflection_series(response, structure, exaggeration, most, frame), DEFLECTION)
+
+
+def _write(path: Path, series: Series, view: View) -> Path:
+    write, watch = write_vtkhdf if path.suffix == ".vtkhdf" else write_pvd, Watch()
+    write(path, watch.watched(series))
+    write_script(path, view, watch)
+    return path
