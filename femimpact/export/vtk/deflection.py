@@ -95,10 +95,9 @@ def _at_marks(scene: Scene, response: Response, values: NDArray[Any]) -> NDArray
     opposite one.
     """
     result = np.zeros_like(scene.points)
-    stops = np.array([pair.is_stop for pair in response.system.contacts], dtype=bool)
-    # a positive contact force pushes a box towards +w, and the beam away from its + stop
-    on_structure = np.where(stops, -values, values)
     for point, pair, side, reaction in scene.marks:
-        if side * values[pair] > 0.0:
-            result[point, 1] = -on_structure[pair] if reaction else on_structure[pair]
+        # the + wall of a box is pushed towards +w, and the beam away from its + stop
+        pressed = -side if response.system.contacts[pair].is_stop else side
+        if pressed * values[pair] > 0.0:
+            result[point, 1] = -values[pair] if reaction else values[pair]
     return result

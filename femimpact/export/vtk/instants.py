@@ -54,7 +54,7 @@ class Frames:
     what : tuple of str
         What happens at each; "" on the grid.
     impulse : ndarray (frames, pairs), N s
-        Of the impact at this frame, of the sign of its side as `Snapshots.contact_force`; else 0.
+        On the beam, of the impact at this frame, of the sign of `Snapshots.contact_force`; else 0.
     touching : ndarray (frames, pairs)
         Whether the pair is in contact.
     mismatch : float, 1
@@ -87,9 +87,14 @@ def instants_of(response: Response, start: float, end: float) -> list[Instant]:
         if i not in left_out:
             name, side = str(impacts.impactor[i]), int(impacts.side[i])
             what = f"{name} meets the {'+' if side > 0 else '-'} wall at {impacts.approach_speed[i]:.4g} m/s"
-            signed = side * float(impacts.impulse[i])
+            signed = side * _on_structure(response, numbers[name]) * float(impacts.impulse[i])
             found.append(Instant(float(impacts.time[i]), what, numbers[name], side, signed))
     return sorted((item for item in (*found, *ends) if start <= item.time <= end), key=lambda item: item.time)
+
+
+def _on_structure(response: Response, j: int) -> float:
+    """Sign of a force on the structure where the ball, or the structure beside a stop, is at its + wall."""
+    return -1.0 if response.system.contacts[j].is_stop else 1.0
 
 
 def _accumulation(response: Response, name: str, side: int, end: float) -> list[int]:
@@ -97,13 +102,13 @@ def _accumulation(response: Response, name: str, side: int, end: float) -> list[
     impacts = response.impacts
     mine = np.flatnonzero((impacts.impactor == name) & (impacts.time <= end))
     mine = mine[np.argsort(impacts.time[mine], kind="stable")]
-    rows, wait, later = list[int](), 0.0, end
+    rows, wait = list[int](), 0.0
     for i in reversed(mine):
-        between = later - float(impacts.time[i])
+        between = float(impacts.time[rows[-1]] - impacts.time[i]) if rows else 0.0
         if int(impacts.side[i]) != side or between < wait:
             break
         rows.append(int(i))
-        wait, later = between, float(impacts.time[i])
+        wait = between
     return rows[::-1]
 
 
@@ -208,7 +213,7 @@ def _between(
             begun = [touch for touch in _starting(response, stop) if touch.pair == item.pair]
             forces = np.zeros(len(response.system.contacts))
             for touch in (*touching, *begun):
-                forces[touch.pair] = transition.force(state, touch, stop)
+                forces[touch.pair] = _on_structure(response, touch.pair) * transition.force(state, touch, stop)
             found.append(_State(item, *transition.nodal(state), forces))
         state = _through(transition, response, state, stop, sticking)
     reached = transition.nodal(state)
@@ -264,14 +269,13 @@ def _through(
     transition: Transition, response: Response, state: NDArray[Any], time: float, sticking: frozenset[int]
 ) -> NDArray[Any]:
     """The state after what happens at a time: impulses of rigid impacts, and pairs that begin to stick."""
-    impacts = response.impacts
+    impacts, after = response.impacts, _sticking(response, math.nextafter(time, math.inf))
+    # what lets go at this instant is free before the impulse
+    lasting = sticking & after
     for i in np.flatnonzero(impacts.time == time):
         if _rigid(response, str(impacts.impactor[i])):
             touch = _touch(response, int(i))
-            state = transition.struck(
-                state, touch.side * float(impacts.impulse[i]), touch.pair, sticking - {touch.pair}
-            )
-    after = _sticking(response, math.nextafter(time, math.inf))
+            state = transition.struck(state, touch.side * float(impacts.impulse[i]), touch.pair, lasting - {touch.pair})
     return transition.held(state, after, time) if after - sticking else state
 
 

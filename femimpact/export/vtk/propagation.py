@@ -102,7 +102,7 @@ class Transition:
         return x, rate
 
     def force(self, state: NDArray[Any], touch: Touching, time: float) -> float:
-        """Contact force (N) of the sign of its side, as snapshots have it; 0 of a rigid contact."""
+        """Contact force (N) of the sign of its side; 0 of a rigid contact."""
         pair: ContactPair = self.system.contacts[touch.pair]
         if pair.parameters.is_rigid:
             return 0.0
