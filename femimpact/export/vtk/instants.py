@@ -232,7 +232,7 @@ def _rigid(response: Response, name: str) -> bool:
 def _events(response: Response, start: float, end: float) -> list[float]:
     """Times in (start, end] at which a contact begins or ends."""
     impacts, sticking = response.impacts, response.sticking
-    times = np.concatenate([impacts.time, impacts.time + impacts.duration, sticking.start, sticking.end])
+    times = np.concatenate([impacts.time, impacts.time + impacts.duration, _begins(response), sticking.end])
     times = times[np.isfinite(times)]
     return [float(t) for t in np.unique(times[(times > start) & (times < end)])]
 
@@ -257,8 +257,23 @@ def _contacts(response: Response, time: float) -> tuple[tuple[Touching, ...], fr
 
 def _sticking(response: Response, time: float) -> frozenset[int]:
     names, phases = [pair.name for pair in response.system.contacts], response.sticking
-    on = (phases.start <= time) & ~(phases.end <= time)
+    on = (_begins(response) <= time) & ~(phases.end <= time)
     return frozenset(names.index(str(name)) for name in phases.impactor[on] if _rigid(response, str(name)))
+
+
+def _begins(response: Response) -> NDArray[Any]:
+    """When each sticking phase begins in the run (s): with the impact that captures the pair, which has no rebound.
+
+    The table's `start` is the end of the accumulation, whose bounces after that impact are too low to be computed.
+    """
+    impacts, phases = response.impacts, response.sticking
+    begins, last = np.array(phases.start), impacts.rebound_speed == 0.0
+    for k, (name, side, start) in enumerate(zip(phases.impactor, phases.side, phases.start, strict=True)):
+        mine = impacts.time[last & (impacts.impactor == name) & (impacts.side == side) & (impacts.time <= start)]
+        # of an earlier phase, if the one before has ended since
+        before = phases.end[(phases.impactor == name) & (phases.end <= start)].max(initial=-math.inf)
+        begins[k] = mine[mine > before].max(initial=-math.inf) if np.any(mine > before) else start
+    return begins
 
 
 def _starting(response: Response, time: float) -> list[Touching]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -119,7 +120,7 @@ def write_script(path: Path, view: View, watch: Watch) -> Path:
         "FILE": path.name,
         "TEXT": view.text,
         "STRESS": view.stress_title,
-        "LARGEST": repr(1e-6 * watch.peaks["axial_stress"] or 1.0),
+        "LARGEST": repr(_rounded_up(1e-6 * watch.peaks["axial_stress"])),
         "BOUNDS": repr(tuple(float(value) for pair in zip(watch.low, watch.high, strict=True) for value in pair)),
         "PARTS": _listed(parts),
         "ARROWS": _listed(arrows),
@@ -133,6 +134,14 @@ def write_script(path: Path, view: View, watch: Watch) -> Path:
     script = script_path(path)
     atomic_write(script, text)
     return script
+
+
+def _rounded_up(value: float) -> float:
+    """To two significant digits, for the labels of a colour bar; 1 of nothing."""
+    if value <= 0.0:
+        return 1.0
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.ceil(value / unit * (1.0 - 1e-9)) * unit:.2g}")
 
 
 def _listed(rows: list[Any]) -> str:
@@ -209,6 +218,8 @@ bar.TitleColor = bar.LabelColor = [0.0, 0.0, 0.0]
 bar.Orientation, bar.WindowLocation = "Horizontal", "Lower Center"
 bar.ScalarBarLength = 0.4
 bar.TitleFontSize, bar.LabelFontSize = 16, 14
+bar.UseCustomLabels, bar.AddRangeLabels = 1, 0
+bar.CustomLabels = [0.5 * k * LARGEST_STRESS for k in range(-2, 3)]
 shown.SetScalarBarVisibility(view, True)
 
 for number, name, colour in PARTS:

@@ -1,0 +1,95 @@
+"""Scripts for ParaView, run by its own pvpython; asked for by FEMIMPACT_PARAVIEW=1, for it takes a minute.
+
+Debian: apt-get install paraview python3-paraview xvfb. FEMIMPACT_PARAVIEW_PICTURES names a folder for the pictures.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from builders import REFERENCE, reduced
+
+import femimpact as fi
+from femimpact.export import vtk
+from femimpact.export.vtk.script import script_path
+
+PVPYTHON, XVFB = shutil.which("pvpython"), shutil.which("Xvfb")
+asked = pytest.mark.skipif(not os.environ.get("FEMIMPACT_PARAVIEW"), reason="asked for by FEMIMPACT_PARAVIEW=1")
+
+
+@pytest.fixture(scope="module")
+def display():
+    """A display that this process started, unless there is one."""
+    if os.environ.get("DISPLAY"):
+        yield os.environ["DISPLAY"]
+        return
+    assert XVFB, "needs Xvfb, or a display"
+    read, write = os.pipe()
+    command = [XVFB, "-displayfd", str(write), "-screen", "0", "1280x800x24", "-nolisten", "tcp"]
+    with subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL) as server:
+        os.close(write)
+        with os.fdopen(read) as number:
+            name = number.readline().strip()
+        yield f":{name}"
+        server.terminate()
+
+
+def picture(script, display, *time):
+    """What pvpython draws from a script that was moved with its data, as pixels (rows, columns, 3)."""
+    from PIL import Image
+
+    target = Path(os.environ.get("FEMIMPACT_PARAVIEW_PICTURES", script.parent)) / "_".join(
+        (f"{script.stem}", *map(str, time), "picture.png")
+    )
+    done = subprocess.run(
+        [PVPYTHON, script, target, *map(str, time)], env={**os.environ, "DISPLAY": display}, cwd="/",
+        capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "rror" not in done.stderr + done.stdout
+    with Image.open(target) as image:
+        return np.asarray(image.convert("RGB")).astype(int)
+
+
+def share(pixels, colour, tolerance=40):
+    """Share of pixels near a colour of hue: its channels, normalised by the brightest."""
+    bright = pixels.max(axis=2)
+    scaled = 255 * pixels / np.maximum(bright, 1)[..., None]
+    wanted = 255 * np.array(colour) / max(colour)
+    return float(np.mean((np.abs(scaled - wanted).max(axis=2) < tolerance) & (bright > 50)))
+
+
+@asked
+def test_modes_are_drawn_with_stress_colours_text_and_bar(tmp_path, system, reference, display):
+    made = tmp_path / "made"
+    made.mkdir()
+    modes = fi.solve_modes(system, 3)
+    paths = [vtk.write_modes(made / "modes.pvd", system, modes, reference)]
+    paths.append(vtk.write_mode(made / "mode_2.pvd", system, modes, reference, mode=2))
+    # paths in the scripts are relative to themselves
+    moved = made.rename(tmp_path / "moved")
+    for path in paths:
+        pixels = picture(script_path(moved / path.name), display, *([3] if path.stem == "modes" else []))
+        # tension red, compression blue, what is around them white, and black text at the top on the left
+        assert share(pixels, (150, 20, 30), 60) > 0.005
+        assert share(pixels, (40, 80, 110), 60) > 0.005
+        assert np.mean(pixels.min(axis=2) == 255) > 0.6
+        assert np.mean(pixels[:40, :420].max(axis=2) < 128) > 0.005
+        assert np.mean(pixels[640:, 320:960].min(axis=2) < 128) > 0.05
+
+
+@asked
+def test_impacts_are_drawn_with_arrows(tmp_path, display):
+    record = fi.Recorder(channels=("tip",), snapshots=8, snapshots_start=2.0)
+    run = fi.integrate(reduced(REFERENCE), fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 4.0, record)
+    path = vtk.write_deflection(tmp_path / "deflection.pvd", run, REFERENCE)
+    late = run.impacts.time >= 2.0
+    hardest = run.impacts.time[late][np.argmax(run.impacts.impulse[late])]
+    orange = [share(picture(script_path(path), display, time), (214, 94, 0), 30) for time in (hardest, 2.0)]
+    assert orange[0] > 0.0005
+    assert orange[1] < 0.1 * orange[0]
