@@ -43,9 +43,8 @@ def picture(script, display, *time):
     """What pvpython draws from a script that was moved with its data, as pixels (rows, columns, 3)."""
     from PIL import Image
 
-    target = Path(os.environ.get("FEMIMPACT_PARAVIEW_PICTURES", script.parent)) / "_".join(
-        (f"{script.stem}", *map(str, time), "picture.png")
-    )
+    folder = Path(os.environ.get("FEMIMPACT_PARAVIEW_PICTURES", script.parent))
+    target = folder / ("_".join([script.stem, *map(str, time)]) + ".png")
     done = subprocess.run(
         [PVPYTHON, script, target, *map(str, time)], env={**os.environ, "DISPLAY": display}, cwd="/",
         capture_output=True, text=True, timeout=300,
