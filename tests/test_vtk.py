@@ -12,7 +12,7 @@ import pytest
 import femimpact as fi
 from femimpact.export import vtk
 from femimpact.export.scene import BALL, BEAM, BOX, ball_radius
-from femimpact.export.scene_pieces import BODY, CONTACT_POINT, SUPPORT
+from femimpact.export.scene_pieces import BODY, CONNECTION, CONTACT_POINT, SUPPORT
 from femimpact.export.vtk import deflection, xml
 from femimpact.export.vtk.instants import frames_of
 
@@ -346,3 +346,24 @@ def test_paraview_opens_and_warps_the_series(tmp_path, response, reference):
     )
     done = subprocess.run(["pvpython", str(script)], capture_output=True, text=True, timeout=300)
     assert f"STEPS {frames_of(response, 600).snapshots.time.size} " in done.stdout, done.stderr
+
+
+def test_offset_bodies_and_springs_move_with_their_section(tmp_path):
+    """The centre of a body moves by w + offset dw/dx; a spring's ends are on the beam and on the base."""
+    structure = fi.Structure(
+        beam=fi.Beam.uniform(length=0.2, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700),
+        masses=[fi.PointMass("head", at="tip", mass=0.01, offset=0.03)],
+        springs=[fi.Spring("coil", at="head", stiffness=30.0)],
+    )
+    system = fi.assemble(structure, elements=4)
+    modes = fi.solve_modes(system, 2)
+    for i, grid in enumerate(read_series(vtk.write_modes(tmp_path / "m.pvd", system, modes, structure))[1]):
+        factor = grid.field_data["modal_coordinate"][0]
+        w, slope = (factor * float((system.deflection_rows([0.2], k) @ modes.vectors[:, i])[0]) for k in (0, 1))
+        head = nodes_of(grid, BODY)
+        assert grid.points[head, 0].mean() == pytest.approx(0.23)
+        assert grid["displacement"][head, 1].mean() == pytest.approx(w + 0.03 * slope)
+        (cell,) = np.flatnonzero(grid["part"] == CONNECTION)
+        beam, base = grid.get_cell(cell).point_ids
+        assert grid["displacement"][beam, 1] == pytest.approx(w)
+        assert grid["displacement"][base, 1] == 0.0

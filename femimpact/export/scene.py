@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +20,7 @@ from femimpact.export.scene_pieces import (
     add_beam,
     add_body,
     add_box,
+    add_connection,
     add_stop,
     add_support,
     ball_radius,
@@ -29,7 +29,7 @@ from femimpact.export.scene_pieces import (
 )
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
-from femimpact.structure.structure import Structure
+from femimpact.structure.structure import Position, Structure
 from femimpact.system.system import System, hermite_rows
 
 __all__ = [
@@ -159,12 +159,15 @@ def build_whole_scene(
     stretches = stretches_of(system.nodes, _cuts(structure, system), subdivisions)
     add_beam(pieces, structure, stretches)
     for support in structure.supports:
-        x = system.position_of(support.at)
+        x = _position(structure, system, support.at)
         add_support(pieces, support.kind, x, length, section_at(structure, x))
     for body in structure.masses:
         if body.mass > 0.0:
-            x = system.position_of(body.at)
-            add_body(pieces, x, section_at(structure, x)[0], body.mass)
+            x = _position(structure, system, body.at)
+            add_body(pieces, x, body.offset, section_at(structure, x)[0], body.mass)
+    for _, item, _ in structure.connections:
+        if item.to is None:
+            add_connection(pieces, _position(structure, system, item.at), length)
     for j, pair in enumerate(system.contacts):
         x, section = pair.position, section_at(structure, pair.position)
         if pair.is_stop:
@@ -181,12 +184,18 @@ def build_whole_scene(
 
 def _cuts(structure: Structure, system: System) -> list[float]:
     """Positions (m) at which a section may jump or a force acts."""
-    held: Sequence[Any] = (*structure.masses, *structure.supports)
+    held: list[Any] = [item.at for item in (*structure.masses, *structure.supports)]
+    held += [place for _, _, ends in structure.connections for place in ends.values()]
     return [
         *structure.beam.joints,
-        *(system.position_of(item.at) for item in held),
+        *(_position(structure, system, at) for at in held),
         *(pair.position for pair in system.contacts),
     ]
+
+
+def _position(structure: Structure, system: System, at: Position) -> float:
+    """Metres from the root of a place, or of a body by its name."""
+    return system.position_of(structure.place_of(at))
 
 
 def _scene(pieces: Pieces, system: System, stretches: tuple[NDArray[Any], ...], exaggeration: float) -> Scene:

@@ -13,18 +13,19 @@ from numpy.typing import NDArray
 from femimpact.structure.structure import Structure
 
 __all__ = [
-    "BALL", "BALL_DENSITY", "BEAM", "BODY", "BOX", "CONTACT_POINT", "PARTS", "STOP", "SUPPORT", "Pieces", "add_ball",
-    "add_beam", "add_body", "add_box", "add_stop", "add_support", "ball_radius", "section_at", "stretches_of",
+    "BALL", "BALL_DENSITY", "BEAM", "BODY", "BOX", "CONNECTION", "CONTACT_POINT", "PARTS", "STOP", "SUPPORT", "Pieces",
+    "add_ball", "add_beam", "add_body", "add_box", "add_connection", "add_stop", "add_support", "ball_radius",
+    "section_at", "stretches_of",
 ]  # fmt: skip
 
 BALL_DENSITY = 7850.0
 """kg/m^3. The model knows no ball radius; a steel sphere of the ball's mass is drawn, and a steel cube of a body's."""
 
-BEAM, BOX, BALL, SUPPORT, BODY, STOP, CONTACT_POINT = range(7)
-PARTS = ("beam", "box", "ball", "support", "body", "stop", "contact point")
+BEAM, BOX, BALL, SUPPORT, BODY, STOP, CONTACT_POINT, CONNECTION = range(8)
+PARTS = ("beam", "box", "ball", "support", "body", "stop", "contact point", "spring or dashpot")
 """Names of the values of the cell array `part`."""
 
-VERTEX, TRIANGLE, QUAD, HEXAHEDRON = 1, 5, 9, 12
+VERTEX, LINE, TRIANGLE, QUAD, HEXAHEDRON = 1, 3, 5, 9, 12
 
 STATIONS = 120
 """Cells along the beam, at least."""
@@ -191,11 +192,11 @@ def add_ball(
     return centre
 
 
-def add_body(pieces: Pieces, x: float, width: float, mass: float) -> None:
-    """A steel cube of a body's mass below the beam's lower edge."""
-    side = (mass / BALL_DENSITY) ** (1.0 / 3.0)
+def add_body(pieces: Pieces, x: float, offset: float, width: float, mass: float) -> None:
+    """A steel cube of a body's mass below the beam's lower edge; the section at x carries it."""
+    side, centre = (mass / BALL_DENSITY) ** (1.0 / 3.0), x + offset
     low, high = -0.5 * width - side, -0.5 * width
-    corners = _block((x - 0.5 * side, -0.5 * side, low), (x + 0.5 * side, 0.5 * side, high))
+    corners = _block((centre - 0.5 * side, -0.5 * side, low), (centre + 0.5 * side, 0.5 * side, high))
     pieces.add(corners, x, [(HEXAHEDRON, BLOCK)], BODY, -1)
 
 
@@ -220,6 +221,13 @@ def add_support(pieces: Pieces, kind: str, x: float, length: float, section: tup
     centre = x - 0.5 * thick if x <= SAME * length else x + 0.5 * thick if x >= (1.0 - SAME) * length else x
     corners = _block((centre - 0.5 * thick, -high, -0.5 * width), (centre + 0.5 * thick, high, 0.5 * width))
     pieces.add(corners, x if kind == "guided" else math.nan, [(HEXAHEDRON, BLOCK)], SUPPORT, -1)
+
+
+def add_connection(pieces: Pieces, x: float, length: float) -> None:
+    """A line from the beam's axis to the base, for a spring or a dashpot."""
+    pieces.add(np.array([(x, 0.0, 0.0)]), x, [], CONNECTION, -1)
+    # -1 is the point before
+    pieces.add(np.array([(x, -0.1 * length, 0.0)]), math.nan, [(LINE, [-1, 0])], CONNECTION, -1)
 
 
 def add_stop(

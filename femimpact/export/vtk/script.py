@@ -17,7 +17,7 @@ __all__ = ["DEFLECTION", "MODE", "MODES", "View", "Watch", "script_path", "write
 
 COLOURS = {
     "box": (0.48, 0.54, 0.60), "ball": (0.0, 0.447, 0.698), "support": (0.2, 0.2, 0.2), "body": (0.60, 0.65, 0.70),
-    "stop": (0.35, 0.35, 0.35),
+    "stop": (0.35, 0.35, 0.35), "spring or dashpot": (0.0, 0.62, 0.45),
 }  # fmt: skip
 """Of the parts that carry no field."""
 
@@ -226,6 +226,7 @@ for number, name, colour in PARTS:
     display = Show(part(number, name), view)
     display.ColorArrayName = [None, ""]
     display.DiffuseColor = display.AmbientColor = colour
+    display.LineWidth = 4.0
 
 if ARROWS:
     marks = part(@MARKS@, "points of contact")
