@@ -70,6 +70,23 @@ def test_the_script_of_the_page_on_scripting_runs_as_it_stands(capsys):
     assert names["section"]["tip"].shape == (151,)
 
 
+def test_the_pages_on_paraview_and_root_stress_run_as_they_stand(monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    names = ran("docs/mode_shapes_in_paraview.md")
+    assert len(names["blocks"]) == 4
+    assert len(list((tmp_path / "mode_2").iterdir())) == 24
+    names = ran("docs/root_stress.md")
+    # under a static moment the root's stress is that moment over the section modulus; inertia and damping add little
+    modulus = 0.02 * 1e-3**2 / 6
+    moment = np.abs(names["run"]["root.reaction_moment"]).max()
+    assert np.abs(names["stress"]).max() == pytest.approx(moment / modulus, rel=0.02)
+    written = np.loadtxt(tmp_path / "root_stress.csv", delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(written[:, 1], names["stress"])
+    for page in ("modes_paraview.py", "mode_2_paraview.py", "deflection_paraview.py"):
+        compile((tmp_path / page).read_text(encoding="utf-8"), page, "exec")
+    assert "MPa" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(("page", "link"), LINKS)
 def test_links_lead_somewhere(page, link):
     assert (ROOT / page.parent / link).exists()
