@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import shutil
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from femimpact.export.scene import BALL, BEAM, BOX, ball_radius
 from femimpact.export.scene_pieces import BODY, CONNECTION, CONTACT_POINT, SUPPORT
 from femimpact.export.vtk import deflection, xml
 from femimpact.export.vtk.instants import frames_of
+from femimpact.export.vtk.script import script_path
+from femimpact.study.results import FILES
 
 pytestmark = pytest.mark.impacts
 
@@ -367,3 +370,10 @@ def test_offset_bodies_and_springs_move_with_their_section(tmp_path):
         beam, base = grid.get_cell(cell).point_ids
         assert grid["displacement"][beam, 1] == pytest.approx(w)
         assert grid["displacement"][base, 1] == 0.0
+
+
+def test_scripts_of_a_study_have_the_names_that_the_study_knows():
+    scenes = [name for name in FILES if name.endswith("_scene")]
+    assert len(scenes) > 2
+    for name in scenes:
+        assert FILES[name.replace("_scene", "_script")] == script_path(Path(FILES[name])).name

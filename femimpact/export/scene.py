@@ -184,7 +184,7 @@ def build_whole_scene(
 
 def _cuts(structure: Structure, system: System) -> list[float]:
     """Positions (m) at which a section may jump or a force acts."""
-    held: list[Any] = [item.at for item in (*structure.masses, *structure.supports)]
+    held = [*(body.at for body in structure.masses), *(support.at for support in structure.supports)]
     held += [place for _, _, ends in structure.connections for place in ends.values()]
     return [
         *structure.beam.joints,
