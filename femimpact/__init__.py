@@ -50,8 +50,10 @@ if TYPE_CHECKING:
     from femimpact.fem.discretisation import Discretisation as Discretisation
     from femimpact.fem.discretisation import discretise as discretise
     from femimpact.fem.mesh import Mesh as Mesh
-    from femimpact.fem.mesh import read_mesh as read_mesh
+    from femimpact.fem.mesh import graded_mesh as graded_mesh
+    from femimpact.fem.mesh import random_mesh as random_mesh
     from femimpact.fem.mesh import uniform_mesh as uniform_mesh
+    from femimpact.fem.mesh_files import read_mesh as read_mesh
     from femimpact.identification import DampingEstimate as DampingEstimate
     from femimpact.identification import amplitude_ratio_damping as amplitude_ratio_damping
     from femimpact.identification import fit_one_pole as fit_one_pole
@@ -145,7 +147,8 @@ _MODULES = {
     "integrators.integrate": ("integrate",),
     "integrators.stepping.newmark": ("HHT", "WBZ", "GeneralizedAlpha", "MoreauJean", "Newmark"),
     "integrators.stepping.step_size": ("recommended_step",),
-    "fem.mesh": ("Mesh", "read_mesh", "uniform_mesh"),
+    "fem.mesh": ("Mesh", "graded_mesh", "random_mesh", "uniform_mesh"),
+    "fem.mesh_files": ("read_mesh",),
     "system.damped": ("with_damping",),
     "system.matrix_files": ("read_matrix",),
     "system.modes": ("Modes", "solve_modes"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
@@ -30,10 +31,14 @@ from femimpact.structure.structure import SUPPORTS, Beam, Impactor, Position, Se
 from femimpact.system.hermite import shape_functions
 from femimpact.system.sections import SectionFields
 
-__all__ = ["Discretisation", "ElementLineHermiteReference", "discretise", "kind_of"]
+__all__ = ["Discretisation", "ElementLineHermiteReference", "MeshWarning", "discretise", "kind_of"]
 
 OFF_MESH = 1e-6
 """Share of the beam's length by which it and a mesh of single precision may differ."""
+
+
+class MeshWarning(UserWarning):
+    """A mesh that says more of the beam than the structure does."""
 
 
 class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
@@ -189,6 +194,7 @@ def _sections(beam: Beam, mesh: Mesh) -> SectionFields:
 def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray[Any]]]:
     """Each segment with the elements it fills, checked to cover the mesh once and to be as long."""
     if len(beam.segments) == 1:
+        _warn_of_steps(mesh)
         return [(beam.segments[0], np.arange(mesh.elements))]
     result, lengths = [], np.diff(mesh.nodes)
     for segment in beam.segments:
@@ -204,6 +210,16 @@ def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray
     whole = bool(np.array_equal(covered, np.arange(mesh.elements)))
     require(whole, "mesh.regions", None, "", "must cover every element once")
     return result
+
+
+def _warn_of_steps(mesh: Mesh) -> None:
+    """Warn of a mesh whose regions are the pieces of a beam, where the beam has one section."""
+    pieces = [members for members in mesh.regions.values() if members.size]
+    whole = sum(members.size for members in pieces) == np.unique(np.concatenate(pieces or [[]])).size == mesh.elements
+    if len(pieces) > 1 and whole:
+        names = ", ".join(mesh.regions)
+        text = f"mesh.regions = {names}: the beam has one segment, and its section is taken in all of them; a stepped"
+        warnings.warn(f"{text} beam has a segment of each name", MeshWarning, stacklevel=4)
 
 
 def _position(structure: Structure, mesh: Mesh, at: Position, key: str) -> float:
