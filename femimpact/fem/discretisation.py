@@ -215,8 +215,7 @@ def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray
 def _warn_of_steps(mesh: Mesh) -> None:
     """Warn of a mesh whose regions are the pieces of a beam, where the beam has one section."""
     pieces = [members for members in mesh.regions.values() if members.size]
-    whole = sum(members.size for members in pieces) == np.unique(np.concatenate(pieces or [[]])).size == mesh.elements
-    if len(pieces) > 1 and whole:
+    if len(pieces) > 1 and np.array_equal(np.sort(np.concatenate(pieces)), np.arange(mesh.elements)):
         names = ", ".join(mesh.regions)
         text = f"mesh.regions = {names}: the beam has one segment, and its section is taken in all of them; a stepped"
         warnings.warn(f"{text} beam has a segment of each name", MeshWarning, stacklevel=4)

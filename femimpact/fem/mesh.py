@@ -204,7 +204,8 @@ def graded_mesh(structure: Structure, elements: int, ratio: float) -> Mesh:
     mapped = np.log1p((ratio - 1.0) * breaks / length) / np.log(ratio)
 
     def graded(first: float, last: float, count: int) -> NDArray[Any]:
-        return length * np.expm1(np.linspace(first, last, count, endpoint=False) * np.log(ratio)) / (ratio - 1.0)
+        s = np.linspace(first, last, count, endpoint=False)
+        return np.asarray(length * np.expm1(s * np.log(ratio)) / (ratio - 1.0))
 
     return _filled(structure, breaks, mapped, elements, graded)
 
@@ -238,7 +239,7 @@ def random_mesh(structure: Structure, elements: int, seed: int) -> Mesh:
 
     def drawn(first: float, last: float, count: int) -> NDArray[Any]:
         ends = np.concatenate([[0.0], np.cumsum(generator.uniform(0.5, 1.5, count))])
-        return first + (last - first) * ends[:-1] / ends[-1]
+        return np.asarray(first + (last - first) * ends[:-1] / ends[-1])
 
     return _filled(structure, breaks, breaks, elements, drawn)
 
