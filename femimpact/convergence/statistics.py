@@ -1,4 +1,4 @@
-"""Statistics of event-driven runs over several starts, with the scatter that decides which differences mean something."""
+"""Statistics of event-driven runs over several starts, with the scatter that says which differences mean something."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class ContactStatistics:
 
     Impacting motion is often chaotic, and two meshes then never give the same history: what can agree are means over
     long runs. Each case is run from several phases of the base, and each value is the mean over these starts with its
-    standard error. No order is fitted; a difference from the finest case within two standard errors of both says
+    standard error. No order is fitted; a difference from the finest case within three standard errors of both says
     nothing. Rigid impacts of a bare beam have means that do depend on the mesh without end: the mass that an impact
     meets falls with the element length (`mode_convergence`).
 
@@ -45,7 +45,7 @@ class ContactStatistics:
         If a value is of the wrong kind or out of range.
     """
 
-    starts: int = field(default=4, metadata=quantity("1", at_least=2, at_most=1000, integer=True))
+    starts: int = field(default=6, metadata=quantity("1", at_least=2, at_most=1000, integer=True))
     cycles: int = field(default=240, metadata=quantity("1", at_least=3 * PARTS, at_most=10_000_000, integer=True))
     at: Position | None = field(default=None, metadata=optional(place()))
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.convergence.cases import Axis, Case, Plan, Row
+from femimpact.convergence.cases import Axis, Case, Plan
 from femimpact.convergence.orders import (
     extrapolated,
     fitted_order,
@@ -271,8 +271,10 @@ def _notes(
         if math.isfinite(found) and math.isfinite(head.order) and found < head.order - AS_EXPECTED:
             notes.append(f"{head.name}: order {found:.2f}, below the expected {head.order:g}; see its docstring")
     if any(math.isnan(head.order) for head in heads):
-        notes.append("statistics: differences within two standard errors of both means say nothing; no order is fitted")
+        notes.append(
+            "statistics: differences within three standard errors of both means say nothing; no order is fitted"
+        )
     if independent:
-        notes.append(f"do not depend on the {', '.join(dict.fromkeys(independent))}")
+        notes.append(f"do not depend on the {axis.name}: {', '.join(dict.fromkeys(independent))}")
     notes.append(f"recommended numbers are of {counts}, for a relative error of {accuracy:g}")
     return tuple(notes)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ConvergenceStudy", "ConvergenceTable"]
 
-MEANINGFUL = 2.0
+MEANINGFUL = 3.0
 """Standard errors beyond which a difference of two means is taken to mean something."""
 
 
@@ -84,7 +84,7 @@ class ConvergenceTable:
 
     @property
     def meaningful(self) -> NDArray[Any]:
-        """Whether a difference from the reference is beyond two standard errors, (cases, quantities) of bool."""
+        """Whether a difference from the reference is beyond three standard errors, (cases, quantities) of bool."""
         noise = MEANINGFUL * np.hypot(self.scatter, self.scatter[self._finest])
         return np.asarray(self.error * np.abs(self.reference) > noise) | (self.scatter == 0.0)
 
