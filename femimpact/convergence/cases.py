@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -224,7 +225,7 @@ class OverMeshes:
     def is_family(self) -> bool:
         """Whether all element lengths fall alike from mesh to mesh, so that the rows themselves can be extrapolated."""
         known = [np.diff(mesh.nodes) for mesh in self.meshes if isinstance(mesh, Mesh)]
-        falls = [(b.max() / a.max(), b.mean() / a.mean()) for a, b in zip(known, known[1:], strict=False)]
+        falls = [(b.max() / a.max(), b.mean() / a.mean()) for a, b in pairwise(known)]
         return all(abs(one / other - 1.0) <= SIMILAR and one < 1.0 for one, other in falls)
 
     def limit(self, plan: Plan, finest: Case) -> tuple[Case, ...]:

@@ -65,9 +65,11 @@ def steady_amplitude(system: System, base: Sine, step: Newmark | None = None) ->
         rest = rest + velocity * system.C
     factor = sparse.csr_array(system.stiffness_factor)
     scale = 2.0 * math.pi * (system.first_frequency or base.frequency)
-    upper = [scale * sparse.eye_array(factor.shape[0]), factor]
-    lower = [(1.0 + beta * velocity) * factor.T, rest / -scale]
-    matrix = sparse.block_array([upper, lower], format="csc").astype(complex)
+    blocks: Any = [
+        [scale * sparse.eye_array(factor.shape[0]), factor],
+        [(1.0 + beta * velocity) * factor.T, rest / -scale],
+    ]
+    matrix = sparse.block_array(blocks, format="csc").astype(complex)
     load = base.amplitude * (2.0 * math.pi * base.frequency) ** 2 * system.base_load
     right = np.concatenate([np.zeros(factor.shape[0]), load / -scale]).astype(complex)
     return np.asarray(splu(matrix).solve(right)[factor.shape[0] :])

@@ -57,9 +57,7 @@ def run_statistics(
     return whole | {"peak_force": run.statistics.peak_force, "residual": run.energy.residual}, spread
 
 
-def _peak(
-    system: System, excitation: Sine, method: Method, duration: float, at: Position, run: Response
-) -> float:
+def _peak(system: System, excitation: Sine, method: Method, duration: float, at: Position, run: Response) -> float:
     """Largest |w| (m) of a place over the last third of a run."""
     if np.array_equal(system.point_row(at), system.point_row(system.default_place)):
         return float(run.steady.peak[0])

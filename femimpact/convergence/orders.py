@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ ABOVE_FLOOR = 10.0
 
 def extrapolated(coarse: float, fine: float, ratio: float, order: float) -> float:
     """Richardson's value from two sizes, coarse over fine = `ratio`, whose error is C size^order."""
-    return fine + (fine - coarse) / (ratio**order - 1.0)
+    return float(fine + (fine - coarse) / (ratio**order - 1.0))
 
 
 def usable_rows(size: Row, value: Row, order: float) -> int:
@@ -71,7 +72,7 @@ def local_orders(size: Row, error: Row, floor: float) -> Row:
     """Order between each row and the one before, (n,); not a number at the first and where the floor decides."""
     found = np.full(error.size, np.nan)
     rows = np.flatnonzero(np.isfinite(error) & (error > 0.0))
-    for before, row in zip(rows, rows[1:], strict=False):
+    for before, row in pairwise(rows):
         if min(error[before], error[row]) > ABOVE_FLOOR * floor:
             found[row] = math.log(error[before] / error[row]) / math.log(size[before] / size[row])
     return found

@@ -184,7 +184,13 @@ def _column(
     """Errors, orders, reference, floor and recommended number of one quantity."""
     known = np.flatnonzero(np.isfinite(value))
     error, nothing = np.full(value.size, np.nan), math.nan
-    column = {"error": error, "order": error.copy(), "fitted_order": nothing, "reference": nothing, "floor": nothing}
+    column: dict[str, Any] = {
+        "error": error,
+        "order": error.copy(),
+        "fitted_order": nothing,
+        "reference": nothing,
+        "floor": nothing,
+    }
     if known.size == 0:
         return column | {"recommended": nothing}
     if np.any(scatter[known] > 0.0):
@@ -251,7 +257,7 @@ def _distances(size: NDArray[Any], value: NDArray[Any], order: float) -> NDArray
     if value.size < 2:
         return np.full(value.size, np.nan)
     own = value[-2] / math.sqrt((size[-2] / size[-1]) ** (2.0 * order) - 1.0)
-    return np.hypot(value, own)
+    return np.asarray(np.hypot(value, own))
 
 
 def _notes(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, choice, column, quantity, require, require_type, suggestion, text
+from femimpact.table import Head, frame_of, head_of_columns, short_repr
 
 if TYPE_CHECKING:
     import pandas
@@ -22,6 +23,7 @@ MEANINGFUL = 3.0
 """Standard errors beyond which a difference of two means is taken to mean something."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class ConvergenceTable:
     """Values over one axis of a convergence study, with their errors and orders.
@@ -86,7 +88,8 @@ class ConvergenceTable:
     def meaningful(self) -> NDArray[Any]:
         """Whether a difference from the reference is beyond three standard errors, (cases, quantities) of bool."""
         noise = MEANINGFUL * np.hypot(self.scatter, self.scatter[self._finest])
-        return np.asarray(self.error * np.abs(self.reference) > noise) | (self.scatter == 0.0)
+        apart = self.error * np.abs(self.reference) > noise
+        return np.asarray(apart | (self.scatter == 0.0))
 
     @property
     def _finest(self) -> int:
@@ -99,6 +102,11 @@ class ConvergenceTable:
         ordered = np.isfinite(self.expected_order)
         return float(self.recommended[ordered].max()) if np.any(ordered) else math.nan
 
+    @property
+    def _head(self) -> Head:
+        columns, units = self.summary()
+        return head_of_columns(f"ConvergenceTable over the {self.axis}: {self.label.size} cases", columns, units)
+
     def index(self, name: str) -> int:
         """Number of the column of a quantity.
 
@@ -107,7 +115,7 @@ class ConvergenceTable:
         InputError
             If there is no such quantity.
         """
-        names = self.name.tolist()
+        names: list[str] = self.name.tolist()
         require(name in names, "quantity", name, "", suggestion(str(name), names))
         return names.index(name)
 
@@ -130,16 +138,20 @@ class ConvergenceTable:
             "fitted_order": self.fitted_order, "expected_order": self.expected_order, "floor": self.floor,
             "recommended": self.recommended,
         }  # fmt: skip
-        return columns, {"fitted_order": "1", "expected_order": "1", "floor": "1", "recommended": "1"}
+        return columns, {
+            "quantity": "",
+            "unit": "",
+            "reference": "",
+            "fitted_order": "1",
+            "expected_order": "1",
+            "floor": "1",
+            "recommended": "1",
+        }
 
     def to_pandas(self) -> pandas.DataFrame:
         """A row a case; units in `attrs["units"]`."""
-        import pandas
-
         columns, units = self.columns()
-        frame = pandas.DataFrame({name: np.array(values) for name, values in columns.items()}).set_index("case")
-        frame.attrs["units"] = units
-        return frame
+        return frame_of(columns, dict.fromkeys(columns, "") | units, index="case")
 
     def to_xarray(self) -> xarray.Dataset:
         """All of the table as a labelled dataset over cases and quantities."""
