@@ -10,7 +10,6 @@ import pytest
 
 import femimpact as fi
 from femimpact.fem import mesh_files
-from femimpact.fem.discretisation import MeshWarning
 from femimpact.fem.mesh_files import read_outcomes
 
 SHIPPED = Path(__file__).parents[1] / "meshes" / "stepped_cantilever.msh"
@@ -210,7 +209,7 @@ def test_a_branch_off_the_axis_is_named_before_the_axis(tmp_path):
 def test_a_stepped_mesh_under_an_unstepped_beam_is_said():
     uniform = fi.Structure(fi.Beam.uniform(length=0.25, width=0.02, thickness=1e-3, young_modulus=7e10, density=2700))
     mesh = fi.uniform_mesh(STEPPED, 5)
-    with pytest.warns(MeshWarning, match=r"mesh\.regions = thick, thin: the beam has one segment"):
+    with pytest.warns(fi.InputWarning, match=r"mesh\.regions = thick, thin: the beam has one segment"):
         fi.assemble(uniform, mesh=mesh)
     # one region, or names that are no pieces of the beam, say nothing of steps
     for regions in ({"all": range(5)}, {"all": range(5), "sensor": [2]}, {"sensor": [2]}):

@@ -16,6 +16,7 @@ from skfem.element import DiscreteField
 from femimpact.errors import (
     Fault,
     InputError,
+    InputWarning,
     check_fields,
     checked,
     column,
@@ -31,14 +32,10 @@ from femimpact.structure.structure import SUPPORTS, Beam, Impactor, Position, Se
 from femimpact.system.hermite import shape_functions
 from femimpact.system.sections import SectionFields
 
-__all__ = ["Discretisation", "ElementLineHermiteReference", "MeshWarning", "discretise", "kind_of"]
+__all__ = ["Discretisation", "ElementLineHermiteReference", "discretise", "kind_of"]
 
 OFF_MESH = 1e-6
 """Share of the beam's length by which it and a mesh of single precision may differ."""
-
-
-class MeshWarning(UserWarning):
-    """A mesh that says more of the beam than the structure does."""
 
 
 class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
@@ -218,7 +215,7 @@ def _warn_of_steps(mesh: Mesh) -> None:
     if len(pieces) > 1 and np.array_equal(np.sort(np.concatenate(pieces)), np.arange(mesh.elements)):
         names = ", ".join(mesh.regions)
         text = f"mesh.regions = {names}: the beam has one segment, and its section is taken in all of them; a stepped"
-        warnings.warn(f"{text} beam has a segment of each name", MeshWarning, stacklevel=4)
+        warnings.warn(f"{text} beam has a segment of each name", InputWarning, stacklevel=4)
 
 
 def _position(structure: Structure, mesh: Mesh, at: Position, key: str) -> float:
