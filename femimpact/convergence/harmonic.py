@@ -72,4 +72,8 @@ def steady_amplitude(system: System, base: Sine, step: Newmark | None = None) ->
     matrix = sparse.block_array(blocks, format="csc").astype(complex)
     load = base.amplitude * (2.0 * math.pi * base.frequency) ** 2 * system.base_load
     right = np.concatenate([np.zeros(factor.shape[0]), load / -scale]).astype(complex)
-    return np.asarray(splu(matrix).solve(right)[factor.shape[0] :])
+    solver = splu(matrix)
+    found = solver.solve(right)
+    # one refinement: without it 256 elements leave 1e-9, with it 1024 leave 1e-10
+    found = found + solver.solve(right - matrix @ found)
+    return np.asarray(found[factor.shape[0] :])

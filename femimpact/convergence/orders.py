@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ __all__ = [
     "extrapolated", "fitted_order", "local_orders", "number_for", "observed_order", "rounding_floor", "usable_rows",
 ]  # fmt: skip
 
-Row = NDArray[np.float64]
+Row = NDArray[Any]
 
 ROUNDED = 1e-6
 """Relative difference of two rows below which a stall is taken for rounding; above it, for a coarse mesh."""

@@ -221,6 +221,7 @@ class BendingMoment:
     - 2 at a clamped root under base excitation: w = 0 there, but the inertia of the base's motion ub is not;
     - 4 at a clamped root of a mode: w'''' and its derivative vanish with w and w', and h^4 w^(6)/120 is left.
 
+    Near a resonance the response is nearly that mode, and its order-4 part is the larger one until h is small.
     `SupportReaction` reads the same moment with order 4 always. Over Newmark's step of order 2. Over n modes the terms
     are Gamma_n phi_n''/omega_n^2 ~ n^-3: at a clamped root all of one sign, so that their sum is of order n^-2;
     inside the beam they alternate, n^-3.

@@ -119,9 +119,9 @@ class ConvergenceTable:
         require(name in names, "quantity", name, "", suggestion(str(name), names))
         return names.index(name)
 
-    def columns(self) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+    def columns(self) -> tuple[dict[str, Any], dict[str, str]]:
         """Columns of a row a case and their units: of each quantity value, error, order and, if any, scatter."""
-        columns: dict[str, NDArray[Any]] = {"case": self.label, "number": self.number, "size": self.size}
+        columns: dict[str, Any] = {"case": self.label, "number": self.number, "size": self.size}
         units = {"size": {"mesh": "m", "step": "s", "modes": "1"}[self.axis]}
         for i, (name, unit) in enumerate(zip(self.name.tolist(), self.unit.tolist(), strict=True)):
             key = _key(name)
@@ -131,7 +131,7 @@ class ConvergenceTable:
                 columns[f"{key}_scatter"], units[f"{key}_scatter"] = self.scatter[:, i], unit
         return columns | {"failure": self.failure}, units
 
-    def summary(self) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+    def summary(self) -> tuple[dict[str, Any], dict[str, str]]:
         """Columns of a row a quantity and their units: reference, orders, floor and recommended number."""
         columns = {
             "quantity": self.name, "unit": self.unit, "reference": self.reference,
