@@ -56,6 +56,8 @@ class Case:
     base : Sine or None
     step : Newmark or None
         None where time is exact.
+    is_limit : bool
+        Whether the case is no row but what the rows tend to.
     """
 
     axis: str
@@ -63,6 +65,7 @@ class Case:
     integrated: System
     base: Sine | None
     step: Newmark | None = None
+    is_limit: bool = False
 
     @cached_property
     def steady(self) -> NDArray[Any]:
@@ -121,8 +124,16 @@ class Axis(Protocol):
     def rows(self, plan: Plan) -> Iterator[Row]:
         """Cases from coarse to fine."""
 
-    def limit(self, plan: Plan, finest: Case) -> tuple[Case, ...]:
-        """The case that the rows tend to; two whose sizes are as 2 to 1, to extrapolate from; or none: of the rows."""
+    @property
+    def is_family(self) -> bool:
+        """Whether one size tells all of a row, so that the rows themselves can be extrapolated."""
+
+    @property
+    def ratio(self) -> float:
+        """Size of the finest row over that of the limit; infinite where the limit is exact."""
+
+    def limit(self, plan: Plan, finest: Case) -> Case:
+        """A case beyond the finest row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,12 +239,16 @@ class OverMeshes:
         falls = [(b.max() / a.max(), b.mean() / a.mean()) for a, b in pairwise(known)]
         return all(abs(one / other - 1.0) <= SIMILAR and one < 1.0 for one, other in falls)
 
-    def limit(self, plan: Plan, finest: Case) -> tuple[Case, ...]:
-        """The finest mesh and its refinement, where the meshes are not of one family."""
-        if self.is_family:
-            return ()
+    @property
+    def ratio(self) -> float:
+        """Of the finest mesh to its refinement."""
+        return 2.0
+
+    def limit(self, plan: Plan, finest: Case) -> Case:
+        """The refinement of the finest mesh: what is extrapolated from it leaves the rows' own orders unforced."""
         mesh = [mesh for mesh in self.meshes if isinstance(mesh, Mesh)][-1]
-        return (finest, _case("mesh", plan, mesh.refined()))
+        system = assemble(plan.structure, mesh=mesh.refined())
+        return Case("mesh", system, system, plan.base, is_limit=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,9 +292,19 @@ class OverSteps:
             step = replace(self.method, dt=float(dt))
             yield Row(f"{dt:.4g} s", 1.0 / (dt * exact.system.first_frequency), float(dt), replace(exact, step=step))
 
-    def limit(self, plan: Plan, finest: Case) -> tuple[Case, ...]:
+    @property
+    def is_family(self) -> bool:
+        """Steps are."""
+        return True
+
+    @property
+    def ratio(self) -> float:
+        """The limit is exact."""
+        return np.inf
+
+    def limit(self, plan: Plan, finest: Case) -> Case:
         """The same system, exact in time."""
-        return (replace(finest, step=None),)
+        return replace(finest, step=None, is_limit=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,9 +351,20 @@ class OverModes:
                 made = error
             yield Row(f"{count} modes", count, 1.0 / count, made)
 
-    def limit(self, plan: Plan, finest: Case) -> tuple[Case, ...]:
+    @property
+    def is_family(self) -> bool:
+        """Counts are."""
+        return True
+
+    @property
+    def ratio(self) -> float:
+        """The limit is exact on its mesh."""
+        return np.inf
+
+    def limit(self, plan: Plan, finest: Case) -> Case:
         """The system in all dofs of the mesh."""
-        return (_case("modes", plan, self.mesh),)
+        system = assemble(plan.structure, mesh=self.mesh)
+        return Case("modes", system, system, plan.base, is_limit=True)
 
 
 def _case(axis: str, plan: Plan, mesh: Mesh) -> Case:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,13 +104,27 @@ def _share(progress: Callable[[float], None] | None, done: int, all_: int) -> Ca
     return (lambda share: None) if progress is None else (lambda share: progress((done + share) / all_))
 
 
+class _Limit(NamedTuple):
+    """A quantity of the case beyond the rows; see `Axis`. Its value is not a number where there is none."""
+
+    value: float
+    ratio: float
+    is_family: bool
+
+
 def _table(
     axis: Axis, plan: Plan, watched: Sequence[Watched], accuracy: float, progress: Callable[[float], None]
 ) -> ConvergenceTable:
     rows = list(axis.rows(plan))
-    finest = next((row.case for row in reversed(rows) if isinstance(row.case, Case)), None)
-    if finest is None:
+    last = next((row.case for row in reversed(rows) if isinstance(row.case, Case)), None)
+    if last is None:
         raise next(row.case for row in rows if isinstance(row.case, FemimpactError))
+    try:
+        limit = axis.limit(plan, last)
+    except FemimpactError:
+        # beyond the most elements that a mesh may have: the rows alone are left
+        limit = None
+    finest = limit or last
     measured: list[Measured] = []
     for i, row in enumerate(rows):
         measured.append(_measured(row.case, finest, watched))
@@ -122,11 +136,11 @@ def _table(
     independent = [type(one).__name__ for one, found in zip(watched, known[-1], strict=True) if not found]
     require(len(heads) > 0, "watch", None, "", f"must hold a quantity that depends on the {axis.name}")
     value, scatter = _matrix(measured, len(heads))
-    bounds = [_measured(case, finest, watched) for case in axis.limit(plan, finest)]
-    limits = [_flat(found) for found in bounds if not isinstance(found, FemimpactError)]
+    bound = FemimpactError("none") if limit is None else _measured(limit, finest, watched)
+    limits = [math.nan] * len(heads) if isinstance(bound, FemimpactError) else [one.value for one in _flat(bound)]
     size, number = np.array([row.size for row in rows]), np.array([row.number for row in rows], dtype=float)
     columns = [
-        _column(head, value[:, j], scatter[:, j], size, number, [found[j].value for found in limits], accuracy)
+        _column(head, value[:, j], scatter[:, j], size, number, _Limit(limits[j], axis.ratio, axis.is_family), accuracy)
         for j, head in enumerate(heads)
     ]
     return ConvergenceTable(
@@ -179,7 +193,7 @@ def _matrix(measured: Sequence[Measured], quantities: int) -> tuple[NDArray[Any]
 
 def _column(
     head: Reading, value: NDArray[Any], scatter: NDArray[Any], size: NDArray[Any], number: NDArray[Any],
-    limits: Sequence[float], accuracy: float,
+    limit: _Limit, accuracy: float,
 ) -> dict[str, Any]:  # fmt: skip
     """Errors, orders, reference, floor and recommended number of one quantity."""
     known = np.flatnonzero(np.isfinite(value))
@@ -198,9 +212,9 @@ def _column(
     h, v = size[known], value[known]
     reference, floor, order = nothing, nothing, head.order
     if head.is_distance:
-        e = _distances(h, v, order)
+        e = _distances(h, v, order, limit)
     else:
-        reference, floor, order = _reference(h, v, order, limits)
+        reference, floor = _reference(h, v, order, limit)
         e = np.abs(v - reference) / abs(reference) if reference else np.full(v.size, np.nan)
     bottom = FLOOR if math.isnan(floor) else max(floor, FLOOR)
     if head.is_distance and head.order > 4.0:
@@ -228,32 +242,34 @@ def _statistic(
     return {"error": error, "reference": reference, "recommended": settled}
 
 
-def _reference(
-    size: NDArray[Any], value: NDArray[Any], order: float, limits: Sequence[float]
-) -> tuple[float, float, float]:
-    """The value that a column tends to, its round-off floor, and the order by which it was extrapolated."""
+def _reference(size: NDArray[Any], value: NDArray[Any], order: float, limit: _Limit) -> tuple[float, float]:
+    """The value that a column tends to, and its round-off floor where that was met."""
     expected = order if math.isfinite(order) else 2.0
-    if len(limits) == 1:
-        return limits[0], math.nan, expected
-    if len(limits) == 2:
-        return extrapolated(limits[0], limits[1], 2.0, expected), math.nan, expected
+    if math.isinf(limit.ratio) and math.isfinite(limit.value):
+        return limit.value, math.nan
+    if not limit.is_family and math.isfinite(limit.value):
+        return extrapolated(float(value[-1]), limit.value, limit.ratio, expected), math.nan
+    if math.isfinite(limit.value):
+        size, value = np.append(size, size[-1] / limit.ratio), np.append(value, limit.value)
     if value.size < 2:
-        return float(value[-1]), math.nan, expected
+        return float(value[-1]), math.nan
     usable = usable_rows(size, value, expected)
     floor = rounding_floor(value, usable) if usable < value.size else math.nan
     h, v = size[:usable], value[:usable]
     found = observed_order(h, v)
     if math.isfinite(found) and abs(found - expected) > AS_EXPECTED:
         expected = found
-    return extrapolated(v[-2], v[-1], h[-2] / h[-1], expected), floor, expected
+    return extrapolated(v[-2], v[-1], h[-2] / h[-1], expected), floor
 
 
-def _distances(size: NDArray[Any], value: NDArray[Any], order: float) -> NDArray[Any]:
-    """Distances from the limit, where the values are those from the finest case, whose own is 0.
+def _distances(size: NDArray[Any], value: NDArray[Any], order: float, limit: _Limit) -> NDArray[Any]:
+    """Distances from the exact shape, where the values are those from the limit, or without one from the finest row.
 
-    The finest case's own distance follows from the one before it and the order; both add up as the sides of a right
+    The limit's own distance follows from that of the row before it and the order; both add up as the sides of a right
     angle, since the error of a Galerkin solution is orthogonal to the finer space.
     """
+    if math.isfinite(limit.value):
+        return np.asarray(np.hypot(value, value[-1] / math.sqrt(limit.ratio ** (2.0 * order) - 1.0)))
     if value.size < 2:
         return np.full(value.size, np.nan)
     own = value[-2] / math.sqrt((size[-2] / size[-1]) ** (2.0 * order) - 1.0)

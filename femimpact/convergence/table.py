@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import check_fields, choice, column, quantity, require, require_type, suggestion, text
+from femimpact.errors import check_fields, choice, column, quantity, require, require_name, require_type, text
 from femimpact.table import Head, frame_of, head_of_columns, short_repr
 
 if TYPE_CHECKING:
@@ -51,8 +51,8 @@ class ConvergenceTable:
         Exponent of the size with which the error falls, as found and as the quantity's docstring derives it; not a
         number where none is known.
     reference : ndarray (quantities,)
-        Over meshes Richardson's value; over steps the one that is exact in time; over modes the one of all dofs; of
-        statistics the finest case's. Not a number of distances.
+        Over meshes Richardson's value, with the refinement of the finest mesh; over steps the one that is exact in
+        time; over modes the one of all dofs; of statistics the finest case's. Not a number of distances.
     floor : ndarray (quantities,), 1
         Relative error at which rounding was seen to decide; not a number where it was not reached.
     recommended : ndarray (quantities,)
@@ -116,7 +116,7 @@ class ConvergenceTable:
             If there is no such quantity.
         """
         names: list[str] = self.name.tolist()
-        require(name in names, "quantity", name, "", suggestion(str(name), names))
+        require_name(name, names, "quantity")
         return names.index(name)
 
     def columns(self) -> tuple[dict[str, Any], dict[str, str]]:
@@ -198,5 +198,5 @@ class ConvergenceStudy:
             require(table.axis == name, f"tables.{name}", table.axis, "", f"must be of the axis {name!r}")
 
     def __getitem__(self, axis: str) -> ConvergenceTable:
-        require(axis in self.tables, "axis", axis, "", suggestion(str(axis), self.tables))
+        require_name(axis, self.tables, "axis")
         return self.tables[axis]

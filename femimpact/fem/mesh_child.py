@@ -53,8 +53,10 @@ def read_plainly(path: Path) -> dict[str, Any]:
         reason = "more memory than allowed"
     # what a reader raises on a damaged file is without limit; it ends the process where nothing can be read
     except (Exception, SystemExit) as error:
-        said = " ".join(words.getvalue().split()) if isinstance(error, SystemExit) else str(error)
-        reason = f"{type(error).__name__}{': ' if said.strip() else ''}{said}"
+        if isinstance(error, SystemExit):
+            reason = " ".join(words.getvalue().split()) or "it is not in this format"
+        else:
+            reason = f"{type(error).__name__}: {error}".rstrip(": ")
     return {"format": kind, "failure": reason}
 
 

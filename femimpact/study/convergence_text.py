@@ -65,11 +65,18 @@ def _orders(table: ConvergenceTable) -> list[str]:
     lines = [_wide("", ["order", "expected", "floor", asked], "  limit")]
     for j, name in enumerate(table.name):
         orders = [_cell(table.fitted_order[j], ".2f"), _cell(table.expected_order[j], "g")]
-        cells = [*orders, _cell(table.floor[j]), _cell(table.recommended[j], ".5g")]
+        cells = [*orders, _cell(table.floor[j]), _recommended(table, j)]
         unit = "" if table.unit[j] == "1" else f" {table.unit[j]}"
         limit = "" if math.isnan(table.reference[j]) else f"  {table.reference[j]:.7g}{unit}"
         lines.append(_wide(str(name), cells, limit))
     return lines
+
+
+def _recommended(table: ConvergenceTable, j: int) -> str:
+    """The number for the accuracy; where already the coarsest case has it, that number is a bound."""
+    known = table.error[np.isfinite(table.error[:, j]), j]
+    bound = "<= " if known.size and known[0] <= table.accuracy else ""
+    return bound + _cell(table.recommended[j], ".5g")
 
 
 def _steps(step: StepConvergence) -> list[str]:
