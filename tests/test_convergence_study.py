@@ -135,6 +135,16 @@ def test_a_family_of_files_is_sorted_and_a_bad_file_is_a_row(tmp_path):
     np.testing.assert_allclose(table.fitted_order, table.expected_order, atol=0.35)
 
 
+def test_a_place_that_does_not_move_has_no_relative_error():
+    pinned = replace(BARE, supports=(fi.Support("pinned", "root"), fi.Support("pinned", "tip")))
+    axis = fi.OverMeshes.uniform(pinned, [2, 4, 8])
+    table = fi.convergence_study(pinned, axis, fi.SteadyResponse(("tip", "mid")), BASE)["mesh"]
+    np.testing.assert_array_equal(table.value[:, 0], 0.0)
+    assert np.all(np.isnan(table.error[:, 0]))
+    assert np.all(np.isnan([table.floor[0], table.recommended[0]]))
+    assert table.fitted_order[1] == pytest.approx(4.0, abs=0.2)
+
+
 def test_quantities_that_need_a_base_or_another_name_say_so():
     axis = fi.OverMeshes.uniform(BARE, [2, 4, 8])
     with pytest.raises(fi.InputError, match=r"^base: must be a Sine"):

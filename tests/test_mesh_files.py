@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import runpy
+from itertools import pairwise
 from pathlib import Path
 
 import meshio
@@ -160,6 +162,30 @@ def test_abaqus_sets_are_regions_and_points(tmp_path):
     raw = meshio.Mesh(points, [cells[1]], cell_sets=sets, point_sets={"joint": np.array([2]), "end": np.array([0])})
     meshio.write(tmp_path / "beam.inp", raw)
     assert_is_the_beam(fi.read_mesh(tmp_path / "beam.inp"))
+
+
+@pytest.mark.parametrize("family", ["uniform", "graded", "stepped"])
+def test_the_shipped_families_fall_alike_in_all_their_elements(family):
+    axis = fi.OverMeshes.files(sorted(SHIPPED.parent.glob(f"{family}_[0-9]*.msh")))
+    assert axis.is_family
+    for coarse, fine in pairwise(axis.meshes):
+        assert fine.elements == 2 * coarse.elements
+        assert fine.points == pytest.approx(coarse.points, rel=1e-9)
+        for name, members in coarse.regions.items():
+            assert fine.regions[name].size == 2 * members.size
+
+
+def test_gmsh_makes_the_shipped_meshes_again(tmp_path):
+    pytest.importorskip("gmsh")
+    script = runpy.run_path(str(SHIPPED.parent / "make_meshes.py"))
+    for path in script["main"](tmp_path):
+        made, shipped = fi.read_mesh(path), fi.read_mesh(SHIPPED.parent / path.name)
+        # the mesher of another version rounds its nodes anew, to its tolerance of 1e-13 or so of the length
+        np.testing.assert_allclose(made.nodes, shipped.nodes, rtol=0, atol=1e-11)
+        assert made.points == pytest.approx(shipped.points, abs=1e-11)
+        assert {name: list(members) for name, members in made.regions.items()} == {
+            name: list(members) for name, members in shipped.regions.items()
+        }
 
 
 def test_frequencies_on_a_mesh_are_those_of_every_format(tmp_path):

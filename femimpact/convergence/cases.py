@@ -10,10 +10,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 from numpy.typing import NDArray
 
 from femimpact.convergence.harmonic import steady_amplitude
-from femimpact.errors import (
-    FemimpactError,
-    require,
-)
+from femimpact.errors import FemimpactError, require
 from femimpact.excitation import Sine
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.structure import Structure

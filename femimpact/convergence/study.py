@@ -254,7 +254,7 @@ def _reference(size: NDArray[Any], value: NDArray[Any], order: float, limit: _Li
     if value.size < 2:
         return float(value[-1]), math.nan
     usable = usable_rows(size, value, expected)
-    floor = rounding_floor(value, usable) if usable < value.size else math.nan
+    floor = rounding_floor(value, usable) if usable < value.size and np.any(value) else math.nan
     h, v = size[:usable], value[:usable]
     found = observed_order(h, v)
     if math.isfinite(found) and abs(found - expected) > AS_EXPECTED:

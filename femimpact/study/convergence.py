@@ -125,7 +125,7 @@ def write_convergence(
         frequencies = converge_meshes(study.structure, [m for m in meshes.meshes if isinstance(m, Mesh)])
         _write_tables(folder, found, frequencies)
         staging.finish_part("quantities")
-        statistics, why = _statistics(study, meshes, accuracy, report)
+        statistics, why = _statistics(study, meshes, _moving(full)[0], accuracy, report)
         if statistics is not None:
             tables.write_csv(folder / OTHER_FILES["statistics_over_mesh"], *statistics.columns())
             staging.finish_part("statistics")
@@ -172,23 +172,23 @@ def _counts(dofs: int) -> tuple[int, ...]:
     return tuple(counts) if len(counts) >= 3 else tuple(range(1, max(dofs, 3) + 1))[:3]
 
 
+def _moving(system: System) -> tuple[str, ...]:
+    """The tip and the middle, where no support holds them."""
+    return tuple(place for place in dict.fromkeys((system.default_place, "mid")) if np.any(system.point_row(place)))
+
+
 def _watched(system: System) -> list[Any]:
     """Quantities of any study; the stress is that at a clamped root, else at mid."""
-    moments = [name for name in system.reactions if name.endswith(".moment")]
+    # a moment before a force; none where springs alone hold the beam
+    reactions = sorted(system.reactions, key=lambda name: not name.endswith(".moment"))[:1]
     clamped = {"root.force", "root.moment"} <= set(system.reactions)
-    reaction = SupportReaction(moments[0] if moments else next(iter(system.reactions)))
-    places = tuple(dict.fromkeys((system.default_place, "mid")))
-    return [
-        Frequencies(4),
-        ModeShapes(3),
-        SteadyResponse(places),
-        reaction,
-        SurfaceStress("root" if clamped else "mid"),
-    ]
+    places = _moving(system)
+    stress = SurfaceStress("root" if clamped else "mid")
+    return [Frequencies(4), ModeShapes(3), SteadyResponse(places), *map(SupportReaction, reactions), stress]
 
 
 def _statistics(
-    study: Study, meshes: OverMeshes, accuracy: float, report: Report
+    study: Study, meshes: OverMeshes, at: str, accuracy: float, report: Report
 ) -> tuple[ConvergenceTable | None, tuple[str, ...]]:
     """Statistics of runs with contacts over the coarser meshes, or why there are none."""
     if not (study.structure.impactors or study.structure.stops):
@@ -197,7 +197,7 @@ def _statistics(
     modes = study.reduction.modes if study.reduction else 8
     try:
         found = convergence_study(
-            study.structure, few, ContactStatistics(), study.sine, modes=modes, accuracy=accuracy,
+            study.structure, few, ContactStatistics(at=at), study.sine, modes=modes, accuracy=accuracy,
             progress=lambda share: report("statistics", share),
         )  # fmt: skip
     except FemimpactError as error:
