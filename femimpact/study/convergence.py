@@ -194,15 +194,18 @@ def _statistics(
     if not (study.structure.impactors or study.structure.stops):
         return None, ()
     few = OverMeshes(tuple(meshes.meshes[:STATISTICS_MESHES]))
-    modes = study.reduction.modes if study.reduction else 8
+    modes, watched = study.reduction.modes if study.reduction else 8, ContactStatistics(at=at)
     try:
         found = convergence_study(
-            study.structure, few, ContactStatistics(at=at), study.sine, modes=modes, accuracy=accuracy,
+            study.structure, few, watched, study.sine, modes=modes, accuracy=accuracy,
             progress=lambda share: report("statistics", share),
         )  # fmt: skip
     except FemimpactError as error:
         return None, (f"statistics of runs with contacts: none, for {' '.join(str(error).split())}",)
-    words = f"statistics: means over 6 phases of the base, 240 cycles each, event-driven on {modes} modes or fewer"
+    words = (
+        f"statistics: means over {watched.starts} phases of the base, {watched.cycles} cycles each, event-driven on "
+        f"{modes} modes or fewer"
+    )
     return found["mesh"], (words,)
 
 

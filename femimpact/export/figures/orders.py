@@ -9,7 +9,7 @@ import numpy as np
 
 from femimpact.convergence import ConvergenceTable
 from femimpact.errors import require_type
-from femimpact.export.figures.look import COLOURS, GREY, OffScreen, panel
+from femimpact.export.figures.look import COLOURS, GREY, OffScreen, panel, plain_log_ticks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,13 +52,15 @@ def convergence(
     slopes: dict[float, int] = {}
     for k, i in enumerate(chosen):
         error = np.where(table.error[:, i] >= LOWEST, table.error[:, i], np.nan)
+        if not np.any(np.isfinite(error)):
+            continue
         order = table.fitted_order[i]
         words = f"{table.name[i]}: order {order:.2f}" if np.isfinite(order) else str(table.name[i])
         style: dict[str, Any] = {"color": COLOURS[k % len(COLOURS)], "marker": MARKERS[k // len(COLOURS) % 8]}
         axis.loglog(x, error, label=words, **style)
         noise = np.where(table.meaningful[:, i], np.nan, error)
         axis.loglog(x, noise, linestyle="none", markerfacecolor="white", **style)
-        if np.isfinite(table.expected_order[i]) and np.any(np.isfinite(error)):
+        if np.isfinite(table.expected_order[i]) and np.count_nonzero(np.isfinite(error)) > 1:
             slopes.setdefault(float(table.expected_order[i]), i)
     for order, i in sorted(slopes.items()):
         _slope(axis, x, table.error[:, i], order, -1.0 if table.axis == "modes" else 1.0)
@@ -71,6 +73,7 @@ def convergence(
     axis.annotate(
         words, (0.99, table.accuracy), xycoords=("axes fraction", "data"), color=GREY, ha="right", va="bottom"
     )
+    plain_log_ticks(axis.xaxis)
     axis.set_xlabel(label)
     axis.set_ylabel("relative error")
     axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=9.0)
@@ -83,7 +86,8 @@ def _slope(axis: Any, x: Any, error: Any, order: float, sense: float) -> None:
     first = known[np.argmax(error[known])]
     line = 0.5 * error[first] * (x / x[first]) ** (sense * order)
     kept = line >= max(0.1 * error[known].min(), LOWEST)
+    if np.count_nonzero(kept) < 2:
+        return
     axis.loglog(x[kept], line[kept], "--", color=GREY, linewidth=1.0)
-    if np.any(kept):
-        last = np.flatnonzero(kept)[-1]
-        axis.annotate(f"{order:g}", (x[last], line[last]), color=GREY, fontsize=9.0, ha="right", va="top")
+    last = np.flatnonzero(kept)[-1]
+    axis.annotate(f"{order:g}", (x[last], line[last]), color=GREY, fontsize=9.0, ha="right", va="top")
