@@ -60,6 +60,11 @@ class ConvergenceTable:
     accuracy : float, 1
         The relative error asked for.
     notes : tuple of str
+
+    Raises
+    ------
+    InputError
+        If a column is of the wrong kind, or not as long as the others along its axis.
     """
 
     axis: str = field(metadata=choice("mesh", "step", "modes"))
