@@ -34,9 +34,22 @@ if TYPE_CHECKING:
     from femimpact.contact import contact_potential as contact_potential
     from femimpact.contact import hertz_stiffness as hertz_stiffness
     from femimpact.contact import integrated_collision as integrated_collision
+    from femimpact.convergence import BendingMoment as BendingMoment
+    from femimpact.convergence import ContactStatistics as ContactStatistics
+    from femimpact.convergence import ConvergenceStudy as ConvergenceStudy
+    from femimpact.convergence import ConvergenceTable as ConvergenceTable
+    from femimpact.convergence import Frequencies as Frequencies
     from femimpact.convergence import ModeConvergence as ModeConvergence
+    from femimpact.convergence import ModeShapes as ModeShapes
+    from femimpact.convergence import OverMeshes as OverMeshes
+    from femimpact.convergence import OverModes as OverModes
+    from femimpact.convergence import OverSteps as OverSteps
+    from femimpact.convergence import SteadyResponse as SteadyResponse
+    from femimpact.convergence import SupportReaction as SupportReaction
+    from femimpact.convergence import SurfaceStress as SurfaceStress
     from femimpact.convergence import converge_elements as converge_elements
     from femimpact.convergence import converge_step as converge_step
+    from femimpact.convergence import convergence_study as convergence_study
     from femimpact.convergence import mode_convergence as mode_convergence
     from femimpact.errors import DivergenceError as DivergenceError
     from femimpact.errors import FemimpactError as FemimpactError
@@ -51,8 +64,10 @@ if TYPE_CHECKING:
     from femimpact.fem.discretisation import Discretisation as Discretisation
     from femimpact.fem.discretisation import discretise as discretise
     from femimpact.fem.mesh import Mesh as Mesh
-    from femimpact.fem.mesh import read_mesh as read_mesh
+    from femimpact.fem.mesh import graded_mesh as graded_mesh
+    from femimpact.fem.mesh import random_mesh as random_mesh
     from femimpact.fem.mesh import uniform_mesh as uniform_mesh
+    from femimpact.fem.mesh_files import read_mesh as read_mesh
     from femimpact.identification import DampingEstimate as DampingEstimate
     from femimpact.identification import amplitude_ratio_damping as amplitude_ratio_damping
     from femimpact.identification import fit_one_pole as fit_one_pole
@@ -133,7 +148,25 @@ _MODULES = {
         "hertz_stiffness",
         "integrated_collision",
     ),
-    "convergence": ("ModeConvergence", "converge_elements", "converge_step", "mode_convergence"),
+    "convergence": (
+        "BendingMoment",
+        "ContactStatistics",
+        "ConvergenceStudy",
+        "ConvergenceTable",
+        "Frequencies",
+        "ModeConvergence",
+        "ModeShapes",
+        "OverMeshes",
+        "OverModes",
+        "OverSteps",
+        "SteadyResponse",
+        "SupportReaction",
+        "SurfaceStress",
+        "converge_elements",
+        "converge_step",
+        "convergence_study",
+        "mode_convergence",
+    ),
     "structure.damping": ("ModalDamping", "Rayleigh"),
     "response.energy": ("EnergyLedger",),
     "errors": ("DivergenceError", "FemimpactError", "InputError", "InputWarning"),
@@ -147,7 +180,8 @@ _MODULES = {
     "integrators.integrate": ("integrate",),
     "integrators.stepping.newmark": ("HHT", "WBZ", "GeneralizedAlpha", "MoreauJean", "Newmark"),
     "integrators.stepping.step_size": ("recommended_step",),
-    "fem.mesh": ("Mesh", "read_mesh", "uniform_mesh"),
+    "fem.mesh": ("Mesh", "graded_mesh", "random_mesh", "uniform_mesh"),
+    "fem.mesh_files": ("read_mesh",),
     "system.damped": ("with_damping",),
     "system.matrix_files": ("read_matrix",),
     "system.modes": ("Modes", "solve_modes"),

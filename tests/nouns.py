@@ -97,7 +97,26 @@ def mode_convergence() -> fi.ModeConvergence:
     )  # fmt: skip
 
 
+def convergence_table() -> fi.ConvergenceTable:
+    sizes = {"cases": 3, "quantities": 4}
+    texts = {name: np.array(["a", "b", "c"]) for name in ("label", "failure")}
+    texts |= {name: np.array(["a", "b", "c", "d"]) for name in ("name", "unit")}
+    return columns(fi.ConvergenceTable, sizes, axis="mesh", accuracy=1e-3, notes=("note",), **texts)
+
+
 NOUNS = {
+    "BendingMoment": lambda: fi.BendingMoment("root", 1, "left"),
+    "ContactStatistics": lambda: fi.ContactStatistics(4, 48, "tip"),
+    "ConvergenceStudy": lambda: fi.ConvergenceStudy({"mesh": convergence_table()}),
+    "ConvergenceTable": convergence_table,
+    "Frequencies": lambda: fi.Frequencies(2),
+    "ModeShapes": lambda: fi.ModeShapes(2),
+    "OverMeshes": lambda: fi.OverMeshes(tuple(fi.uniform_mesh(STRUCTURE, n) for n in (2, 4)), ("coarse", "fine")),
+    "OverModes": lambda: fi.OverModes(fi.uniform_mesh(STRUCTURE, 4), (1, 2, 3)),
+    "OverSteps": lambda: fi.OverSteps(fi.uniform_mesh(STRUCTURE, 4), fi.Newmark(1e-3), 2),
+    "SteadyResponse": lambda: fi.SteadyResponse(("tip", 0.1)),
+    "SupportReaction": lambda: fi.SupportReaction("root.force"),
+    "SurfaceStress": lambda: fi.SurfaceStress("root", 1, "left"),
     "Beam": lambda: STRUCTURE.beam,
     "ContactPair": lambda: system().contacts[0],
     "CustomLaw": lambda: fi.CustomLaw(lambda depth, rate, speed: 1e4 * depth),
@@ -204,6 +223,23 @@ VERBS = {
     }),
     "hertz_stiffness": (fi.hertz_stiffness, lambda: {"radius": 5e-3, "ball": fi.STEEL, "wall": fi.ALUMINIUM}),
     "converge_elements": (fi.converge_elements, lambda: {"structure": STRUCTURE, "elements": [2, 3, 4], "modes": 1}),
+    "convergence_study": (fi.convergence_study, lambda: {
+        "structure": STRUCTURE, "over": fi.OverMeshes.uniform(STRUCTURE, [2, 4, 8]), "watch": fi.SteadyResponse("tip"),
+        "base": BASE, "modes": 2, "accuracy": 1e-2,
+    }),
+    "OverMeshes.uniform": (fi.OverMeshes.uniform, lambda: {"structure": STRUCTURE, "elements": [2, 4, 8]}),
+    "OverMeshes.graded": (fi.OverMeshes.graded, lambda: {
+        "structure": STRUCTURE, "elements": [2, 4, 8], "ratio": 3.0
+    }),
+    "OverMeshes.random": (fi.OverMeshes.random, lambda: {"structure": STRUCTURE, "elements": [2, 4, 8], "seed": 1}),
+    "OverMeshes.refinements": (fi.OverMeshes.refinements, lambda: {
+        "mesh": fi.uniform_mesh(STRUCTURE, 4), "times": 2
+    }),
+    "OverMeshes.files": (fi.OverMeshes.files, lambda: {"paths": [Path(__file__).parent / "data" / "stepped.msh"] * 2}),
+    "ConvergenceTable.index": (lambda name: convergence_table().index(name), lambda: {"name": "b"}),
+    "graded_mesh": (fi.graded_mesh, lambda: {"structure": STRUCTURE, "elements": 4, "ratio": 3.0}),
+    "random_mesh": (fi.random_mesh, lambda: {"structure": STRUCTURE, "elements": 4, "seed": 1}),
+    "Mesh.refined": (lambda times: fi.uniform_mesh(STRUCTURE, 4).refined(times), lambda: {"times": 2}),
     "converge_step": (fi.converge_step, lambda: {
         "system": replace(small(), contacts=()), "excitation": BASE, "method": fi.Newmark(5e-4), "halvings": 1
     }),

@@ -191,10 +191,16 @@ def test_interrupt_leaves_nothing_behind(tmp_path, request_to_end):
 
 def test_converge_writes_tables_and_figures(tmp_path):
     (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
-    printed = femimpact("converge", "small.toml", "-o", "out", cwd=tmp_path).stdout
-    names = {"mesh_convergence.csv", "mesh_convergence.png", "step_convergence.csv", "step_convergence.png"}
-    assert {path.name for path in (tmp_path / "out").iterdir()} == names
-    assert "rounding in the assembled stiffness" in printed
+    printed = femimpact("converge", "small.toml", "-o", "out", "--accuracy", "1e-4", cwd=tmp_path).stdout
+    both = {f"{name}.{kind}" for kind in ("csv", "png") for name in (
+        "mesh_convergence", "step_convergence", "quantities_over_mesh", "quantities_over_step", "quantities_over_modes",
+    )}  # fmt: skip
+    assert {path.name for path in (tmp_path / "out").iterdir()} == both | {
+        "statistics_over_mesh.csv", "convergence_summary.csv"
+    }  # fmt: skip
+    assert "for 0.01 %" in printed
+    assert "With contacts, over the mesh" in printed
+    assert max(map(len, printed.splitlines())) <= 80
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs a limit on address space")

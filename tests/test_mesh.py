@@ -176,14 +176,18 @@ def test_an_unreadable_file_is_refused_in_one_line(tmp_path, capfd, name, conten
     assert capfd.readouterr().out == ""
 
 
-def beam_file(monkeypatch, coordinates, tags):
-    """A row of lines between points, some of them tagged, as meshio hands it over for the file of this path."""
-    lines = [[i, i + 1] for i in range(len(coordinates) - 1)]
-    sets = {name: [np.array([i]), None] for i, name in enumerate(tags)}
-    cells = [("vertex", [[node - 1] for node in tags.values()]), ("line", lines)] if tags else [("line", lines)]
-    raw = meshio.Mesh(np.array(coordinates), cells, cell_sets=sets)
-    monkeypatch.setattr(meshio, "read", lambda path: raw)
-    return DATA / "stepped.msh"
+def beam_file(folder, coordinates, tags):
+    """A Gmsh 2.2 file of a row of lines between points, some of them tagged."""
+    names = [f'0 {i} "{name}"' for i, name in enumerate(tags, 1)]
+    nodes = [f"{i} {x!r} {y!r} {z!r}" for i, (x, y, z) in enumerate(coordinates, 1)]
+    cells = [f"15 2 {i} {i} {node}" for i, node in enumerate(tags.values(), 1)]
+    cells += [f"1 2 0 1 {i} {i + 1}" for i in range(1, len(coordinates))]
+    sections = {"PhysicalNames": names, "Nodes": nodes, "Elements": [f"{i} {cell}" for i, cell in enumerate(cells, 1)]}
+    parts = ["$MeshFormat\n2.2 0 8\n$EndMeshFormat"]
+    parts += ["\n".join([f"${key}", str(len(rows)), *rows, f"$End{key}"]) for key, rows in sections.items()]
+    path = folder / "beam.msh"
+    path.write_text("\n".join(parts) + "\n")
+    return path
 
 
 STRAIGHT = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.2, 0.0, 0.0), (0.4, 0.0, 0.0)]
@@ -191,24 +195,24 @@ STRAIGHT = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.2, 0.0, 0.0), (0.4, 0.0, 0.0)]
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("node", [0, 1, 3])
-def test_a_coordinate_that_is_not_a_number_is_refused(monkeypatch, axis, node):
+def test_a_coordinate_that_is_not_a_number_is_refused(tmp_path, axis, node):
     broken = [list(point) for point in STRAIGHT]
     broken[node][axis] = float("nan")
     with pytest.raises(fi.InputError, match="must hold finite coordinates in x, y and z"):
-        fi.read_mesh(beam_file(monkeypatch, broken, {}))
+        fi.read_mesh(beam_file(tmp_path, broken, {}))
 
 
 @pytest.mark.parametrize(("name", "node", "place"), [("root", 2, 0.0), ("tip", 1, 0.4), ("mid", 2, 0.2)])
-def test_a_tag_with_the_name_of_a_place_that_lies_elsewhere_is_refused(monkeypatch, name, node, place):
+def test_a_tag_with_the_name_of_a_place_that_lies_elsewhere_is_refused(tmp_path, name, node, place):
     with pytest.raises(fi.InputError) as refused:
-        fi.read_mesh(beam_file(monkeypatch, STRAIGHT, {name: node}))
+        fi.read_mesh(beam_file(tmp_path, STRAIGHT, {name: node}))
     line = (
         rf"mesh.points.{name} = {STRAIGHT[node - 1][0]!r} m: must lie at {place:g} m, where '{name}' is on every beam"
     )
     assert str(refused.value) == f"{line}: take another name"
     # at its own place the name says nothing new
     own = 1 + [x for x, _, _ in STRAIGHT].index(place)
-    mesh = fi.read_mesh(beam_file(monkeypatch, STRAIGHT, {name: own, "sensor": node}))
+    mesh = fi.read_mesh(beam_file(tmp_path, STRAIGHT, {name: own, "sensor": node}))
     assert mesh.points == {"root": 0.0, "tip": 0.4, "mid": 0.2, "sensor": STRAIGHT[node - 1][0]}
 
 

@@ -185,28 +185,22 @@ def run(study: Path, *, output: Output = None, force: Force = False, quiet: Quie
 
 
 @app.command
-def converge(study: Path, *, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
-    """Convergence of the frequencies over the mesh and of the response over the step."""
-    from femimpact.study.plan import write_convergence
+def converge(
+    study: Path, *, accuracy: float = 1e-3, output: Output = None, force: Force = False, quiet: Quiet = False
+) -> None:
+    """Errors over the mesh, the step and the modes, and what a relative accuracy takes."""
+    from femimpact.study.convergence import write_convergence
+    from femimpact.study.convergence_text import convergence_lines
     from femimpact.study.study_file import load_study
 
     plan = load_study(study)
     with _progress(quiet) as report:
-        mesh, step, directory = write_convergence(plan, output or _directory(study, "converge"), force, report)
+        found = write_convergence(plan, output or _directory(study, "converge"), force, report, accuracy)
     if quiet:
         return
-    where = console()
-    columns = range(mesh.reference.size)
-    header = ("elements", *(f"f{i + 1} (Hz)" for i in columns), *(f"error {i + 1}" for i in columns))
-    rows = [(n, *f, *e) for n, f, e in zip(mesh.elements, mesh.natural_frequency, mesh.error, strict=True)]
-    print_table(where, header, rows, "Mesh; orders " + ", ".join(f"{order:.2f}" for order in mesh.order))
-    header = ("dt (s)", "error without ball", "error after the first impact", "energy residual")
-    rows = list(zip(step.dt, step.linear_error, step.first_impact_error, step.energy_residual, strict=True))
-    title = f"Step; orders {step.linear_order:.2f} without ball, {step.first_impact_order:.2f} after an impact"
-    print_table(where, header, rows, title)
-    for note in (*mesh.notes, *step.notes):
-        where.print(f"- {note}")
-    where.print(f"results in {directory}")
+    for line in convergence_lines(found):
+        print(line)
+    print(f"results in {found.directory}")
 
 
 @app.command

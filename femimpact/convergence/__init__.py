@@ -1,9 +1,23 @@
 """What the mesh, the step and the number of kept modes do to a result."""
 
+from femimpact.convergence.axes import OverMeshes, OverModes, OverSteps
 from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence, converge_elements, converge_step
 from femimpact.convergence.over_modes import mode_convergence
+from femimpact.convergence.quantities import (
+    BendingMoment,
+    Frequencies,
+    ModeShapes,
+    SteadyResponse,
+    SupportReaction,
+    SurfaceStress,
+)
 from femimpact.convergence.result import ModeConvergence
+from femimpact.convergence.statistics import ContactStatistics
+from femimpact.convergence.study import convergence_study
+from femimpact.convergence.table import ConvergenceStudy, ConvergenceTable
 
 __all__ = [
-    "MeshConvergence", "ModeConvergence", "StepConvergence", "converge_elements", "converge_step", "mode_convergence",
+    "BendingMoment", "ContactStatistics", "ConvergenceStudy", "ConvergenceTable", "Frequencies", "MeshConvergence",
+    "ModeConvergence", "ModeShapes", "OverMeshes", "OverModes", "OverSteps", "SteadyResponse", "StepConvergence",
+    "SupportReaction", "SurfaceStress", "converge_elements", "converge_step", "convergence_study", "mode_convergence",
 ]  # fmt: skip

@@ -14,6 +14,7 @@ from femimpact.integrators.integrate import integrate
 from femimpact.integrators.methods import Method, require_method
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import Position
+from femimpact.sweep import frequency_sweep
 from femimpact.system.system import State, System
 
 __all__ = ["PARTS", "first_impact", "run_statistics"]
@@ -31,7 +32,12 @@ POINTS_OF_AN_IMPACT = 256
 def run_statistics(
     system: System, excitation: Sine, method: Method, duration: float, at: Position, cycles: int
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Values over the last `cycles` of a run, and their scatter between parts of it."""
+    """Values over the last `cycles` of a run, and their scatter between parts of it.
+
+    The peak is that of `SteadyMotion`, over the last third of the run: the largest |w|, instants of impact included.
+    At another place than the one that every run observes it is read by a sweep of one frequency, whose base has no
+    phase. The scatter of the peak is that of samples, which miss the crests of all parts alike, by 0.1 % or less.
+    """
     require_method(method)
     every = method.stride(excitation.frequency, POINTS_PER_CYCLE)
     keep = Recorder(channels=(at,), every=every, impacts=1_000_000)
@@ -47,7 +53,18 @@ def run_statistics(
         error = float(np.std(parts, ddof=1)) if parts.size > 1 else math.nan
         spread[name] = error if name == "peak" else error / math.sqrt(max(parts.size, 1))
     assert run.energy is not None
+    whole["peak"] = _peak(system, excitation, method, duration, at, run)
     return whole | {"peak_force": run.statistics.peak_force, "residual": run.energy.residual}, spread
+
+
+def _peak(system: System, excitation: Sine, method: Method, duration: float, at: Position, run: Response) -> float:
+    """Largest |w| (m) of a place over the last third of a run."""
+    if np.array_equal(system.point_row(at), system.point_row(system.default_place)):
+        return float(run.steady.peak[0])
+    curve = frequency_sweep(
+        system, excitation.amplitude, [excitation.frequency], method, duration=duration, at=at, ledger=False, threads=1
+    )
+    return float(curve.peak[0])
 
 
 def _over(run: Response, at: Position, start: float, end: float, cycles: int) -> dict[str, float]:

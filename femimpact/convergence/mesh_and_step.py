@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.convergence.orders import extrapolated, fitted_order
 from femimpact.errors import check_fields, checked, column, quantity, require_type, rising_numbers, text
 from femimpact.excitation import Sine
 from femimpact.fem.assembly import assemble
-from femimpact.fem.mesh import MOST_ELEMENTS
+from femimpact.fem.mesh import MOST_ELEMENTS, Mesh, uniform_mesh
 from femimpact.integrators.integrate import integrate
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.response.response import Recorder
@@ -105,13 +106,19 @@ def converge_elements(structure: Structure, elements: Sequence[int], modes: int 
     modes = checked("modes", modes, quantity("1", at_least=1, integer=True))
     counts = rising_numbers("elements", elements, MOST_ELEMENTS)
     bare = replace(structure, impactors=())
-    systems = [assemble(bare, elements=int(n)) for n in counts]
+    return converge_meshes(bare, [uniform_mesh(bare, int(n)) for n in counts], modes)
+
+
+def converge_meshes(structure: Structure, meshes: Sequence[Mesh], modes: int = 4) -> MeshConvergence:
+    """Natural frequencies of a structure on meshes of one family, from coarse to fine; see `converge_elements`."""
+    bare, counts = replace(structure, impactors=()), np.array([mesh.elements for mesh in meshes])
+    systems = [assemble(bare, mesh=mesh) for mesh in meshes]
     modes = min(modes, min(system.dofs for system in systems))
     f = np.array([solve_modes(system, modes).natural_frequency for system in systems])
     floor = np.full(modes, 1e-11)
-    reference = np.array([_extrapolated(counts, f[:, i]) for i in range(modes)])
+    reference = np.array([_limit(counts, f[:, i]) for i in range(modes)])
     error = np.abs(f / reference - 1.0)
-    order = np.array([_order(1.0 / counts, error[:, i], 100 * floor[i]) for i in range(modes)])
+    order = np.array([fitted_order(1.0 / counts, error[:, i], 100 * floor[i]) for i in range(modes)])
     notes = [
         "frequencies are read from the stiffness factor: their round-off floor is near 1e-12, where errors flatten"
     ]
@@ -129,22 +136,12 @@ def _assembled_floor(elements: int) -> float:
     return float(ASSEMBLED_STIFFNESS_FLOOR * np.finfo(float).eps * elements**3.5)
 
 
-def _extrapolated(counts: NDArray[Any], f: NDArray[Any]) -> float:
-    """Richardson extrapolation of order 4 from the last two meshes that still differ beyond rounding."""
+def _limit(counts: NDArray[Any], f: NDArray[Any]) -> float:
+    """Richardson's value of order 4 from the last two meshes that still differ beyond rounding."""
     last = f.size - 1
     while last > 1 and abs(f[last] / f[last - 1] - 1.0) < 1e-9:
         last -= 1
-    ratio = float(counts[last] / counts[last - 1]) ** 4
-    return float(f[last] + (f[last] - f[last - 1]) / (ratio - 1.0))
-
-
-def _order(size: NDArray[Any], error: NDArray[Any], floor: float) -> float:
-    """Slope of log(error) over log(size) where the error is above the floor; the coarsest point is left out."""
-    usable = error > floor
-    usable[0] = usable[0] and np.count_nonzero(usable) <= 2
-    if np.count_nonzero(usable) < 2:
-        return math.nan
-    return float(np.polyfit(np.log(size[usable]), np.log(error[usable]), 1)[0])
+    return extrapolated(f[last - 1], f[last], counts[last] / counts[last - 1], 4.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,9 +245,9 @@ def converge_step(system: System, excitation: Sine, method: Newmark, halvings: i
     return StepConvergence(
         dt=dt,
         linear_error=linear,
-        linear_order=_order(dt, linear, 0.0),
+        linear_order=fitted_order(dt, linear, 0.0),
         first_impact_error=impact,
-        first_impact_order=_order(dt, impact, 0.0),
+        first_impact_order=fitted_order(dt, impact, 0.0),
         energy_residual=residual,
         impacts=count,
         notes=tuple(notes),

@@ -50,7 +50,7 @@ class ModeConvergence:
     counts : ndarray (n,)
         Normal modes; the correction adds one vector for every distinct contact direction.
     rms, peak : ndarray (n, 2), m
-        Of the observed place, relative to the base.
+        Of the observed place, relative to the base; the peak is that of `SteadyMotion` over the run's last third.
     contact_loss, structure_loss : ndarray (n, 2), J
         Per base cycle.
     damping : ndarray (n, 2), 1

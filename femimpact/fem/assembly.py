@@ -74,7 +74,8 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     Warns
     -----
     InputWarning
-        Of a beam of more than a tonne or less slender than 5, or a first mode outside 0.01 Hz to 100 kHz.
+        Of a beam of more than a tonne or less slender than 5, a first mode outside 0.01 Hz to 100 kHz, or a mesh of
+        several regions under a beam of one segment.
 
     Notes
     -----

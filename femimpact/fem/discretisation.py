@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,6 +16,7 @@ from skfem.element import DiscreteField
 from femimpact.errors import (
     Fault,
     InputError,
+    InputWarning,
     check_fields,
     checked,
     column,
@@ -189,6 +191,7 @@ def _sections(beam: Beam, mesh: Mesh) -> SectionFields:
 def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray[Any]]]:
     """Each segment with the elements it fills, checked to cover the mesh once and to be as long."""
     if len(beam.segments) == 1:
+        _warn_of_steps(mesh)
         return [(beam.segments[0], np.arange(mesh.elements))]
     result, lengths = [], np.diff(mesh.nodes)
     for segment in beam.segments:
@@ -204,6 +207,15 @@ def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray
     whole = bool(np.array_equal(covered, np.arange(mesh.elements)))
     require(whole, "mesh.regions", None, "", "must cover every element once")
     return result
+
+
+def _warn_of_steps(mesh: Mesh) -> None:
+    """Warn of a mesh whose regions are the pieces of a beam, where the beam has one section."""
+    pieces = [members for members in mesh.regions.values() if members.size]
+    if len(pieces) > 1 and np.array_equal(np.sort(np.concatenate(pieces)), np.arange(mesh.elements)):
+        names = ", ".join(mesh.regions)
+        text = f"mesh.regions = {names}: the beam has one segment, and its section is taken in all of them; a stepped"
+        warnings.warn(f"{text} beam has a segment of each name", InputWarning, stacklevel=4)
 
 
 def _position(structure: Structure, mesh: Mesh, at: Position, key: str) -> float:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +13,7 @@ from femimpact.errors import Fault, InputError, checked, quantity, real_array, r
 from femimpact.structure.structure import Structure
 from femimpact.table import Head, head_of_values, short_repr
 
-__all__ = ["Mesh", "read_mesh", "uniform_mesh"]
+__all__ = ["Mesh", "graded_mesh", "random_mesh", "uniform_mesh"]
 
 SAME_PLACE = 1e-9
 """Two positions closer than this share of the beam's length are one place."""
@@ -108,6 +105,38 @@ class Mesh:
         """Number of elements."""
         return self.nodes.size - 1
 
+    @property
+    def largest(self) -> float:
+        """Length (m) of the longest element."""
+        return float(np.diff(self.nodes).max())
+
+    def refined(self, times: int = 1) -> Mesh:
+        """The mesh with each element halved, again and again; points and regions keep their names.
+
+        Parameters
+        ----------
+        times : int
+
+        Returns
+        -------
+        Mesh
+            With 2^times the elements. The nodes of this mesh are among its nodes, to the last bit.
+
+        Raises
+        ------
+        InputError
+            If the number of halvings is out of range, or gives more than 100,000 elements.
+        """
+        times = checked("times", times, quantity("1", at_least=0, at_most=17, integer=True))
+        count = self.elements * 2**times
+        require(count <= MOST_ELEMENTS, "times", times, "", f"gives {count} elements; must give <= {MOST_ELEMENTS}")
+        nodes, regions = self.nodes, self.regions
+        for _ in range(times):
+            middles = 0.5 * (nodes[1:] + nodes[:-1])
+            nodes = np.append(np.column_stack([nodes[:-1], middles]).ravel(), nodes[-1])
+            regions = {name: np.add.outer(2 * members, [0, 1]).ravel() for name, members in regions.items()}
+        return Mesh(nodes, self.points, regions)
+
 
 def _distinct(positions: Iterable[float], length: float) -> list[float]:
     """Sorted positions without those that coincide with the one before."""
@@ -141,8 +170,83 @@ def uniform_mesh(structure: Structure, elements: int) -> Mesh:
     InputError
         If there are fewer elements than stretches, or a place is named that no mesh gives.
     """
+    breaks = _breaks(structure)
+    return _filled(structure, breaks, breaks, elements, lambda a, b, n: np.linspace(a, b, n, endpoint=False))
+
+
+def graded_mesh(structure: Structure, elements: int, ratio: float) -> Mesh:
+    """A mesh whose element length grows evenly from the root to the tip, with nodes where `uniform_mesh` has them.
+
+    The nodes are x = L (r^s - 1)/(r - 1) at values of s that are even between joints and attachments: element
+    lengths are in proportion to 1 + (r - 1) x/L. Meshes of one ratio are a family in which every length falls as 1/N.
+
+    Parameters
+    ----------
+    structure : Structure
+    elements : int
+        Number of elements.
+    ratio : float, 1
+        r, the element length at the tip over that at the root; above 1 the root is the finer end.
+
+    Returns
+    -------
+    Mesh
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range, or there are fewer elements than stretches.
+    """
+    ratio = checked("ratio", ratio, quantity("1", at_least=1e-3, at_most=1e3))
+    breaks, length = _breaks(structure), structure.beam.length
+    if ratio == 1.0:
+        return uniform_mesh(structure, elements)
+    mapped = np.log1p((ratio - 1.0) * breaks / length) / np.log(ratio)
+
+    def graded(first: float, last: float, count: int) -> NDArray[Any]:
+        s = np.linspace(first, last, count, endpoint=False)
+        return np.asarray(length * np.expm1(s * np.log(ratio)) / (ratio - 1.0))
+
+    return _filled(structure, breaks, mapped, elements, graded)
+
+
+def random_mesh(structure: Structure, elements: int, seed: int) -> Mesh:
+    """A mesh of N elements of random lengths, with nodes where `uniform_mesh` has them.
+
+    Between joints and attachments the lengths are in proportion to numbers drawn evenly from 0.5 to 1.5: neighbours
+    differ by a factor of 3 at most. What needs a smooth or even mesh does not hold on such a one.
+
+    Parameters
+    ----------
+    structure : Structure
+    elements : int
+        Number of elements.
+    seed : int
+        The same one gives the same mesh.
+
+    Returns
+    -------
+    Mesh
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range, or there are fewer elements than stretches.
+    """
+    seed = checked("seed", seed, quantity("1", at_least=0, integer=True))
+    breaks = _breaks(structure)
+    generator = np.random.default_rng(seed)
+
+    def drawn(first: float, last: float, count: int) -> NDArray[Any]:
+        ends = np.concatenate([[0.0], np.cumsum(generator.uniform(0.5, 1.5, count))])
+        return np.asarray(first + (last - first) * ends[:-1] / ends[-1])
+
+    return _filled(structure, breaks, breaks, elements, drawn)
+
+
+def _breaks(structure: Structure) -> NDArray[Any]:
+    """Positions (m) where every mesh made here has a node: joints and attachments."""
     require_type(structure, Structure, "structure")
-    elements = checked("mesh.elements", elements, quantity("1", at_least=1, at_most=MOST_ELEMENTS, integer=True))
     beam = structure.beam
     named = Mesh(np.array([0.0, beam.length])).points
     places = [(key, item.at, structure.place_of(item.at)) for key, item in structure.attachments]
@@ -150,14 +254,29 @@ def uniform_mesh(structure: Structure, elements: int) -> Mesh:
     if unknown:
         raise InputError([Fault(f"{key}.at", at, "", _places_for(key, named, structure)) for key, at in unknown])
     attached = [named[place] if isinstance(place, str) else float(place) for _, _, place in places]
-    breaks = np.array(_distinct([*beam.joints, *attached], beam.length))
-    stretches = np.diff(breaks)
+    return np.array(_distinct([*beam.joints, *attached], beam.length))
+
+
+def _filled(
+    structure: Structure, breaks: NDArray[Any], shares: NDArray[Any], elements: int,
+    nodes_of: Callable[[float, float, int], NDArray[Any]],
+) -> Mesh:  # fmt: skip
+    """A mesh whose stretches have elements in proportion to their length on `shares`, the scale of `nodes_of`.
+
+    The nodes between two breaks, the first included, are `nodes_of` their shares and the number of elements.
+    """
+    elements = checked("mesh.elements", elements, quantity("1", at_least=1, at_most=MOST_ELEMENTS, integer=True))
+    stretches = np.diff(shares)
     wanted = f"must be >= {stretches.size}: one for each stretch between joints and attachments"
     require(elements >= stretches.size, "mesh.elements", elements, "", wanted)
     counts = _share(stretches, elements)
-    pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(breaks, breaks[1:], counts, strict=False)]
+    pieces = [nodes_of(a, b, n) for a, b, n in zip(shares, shares[1:], counts, strict=False)]
+    for piece, first in zip(pieces, breaks, strict=False):
+        # the very number, where a scale has rounded it
+        piece[0] = first
     nodes = np.concatenate([*pieces, breaks[-1:]])
     middles = 0.5 * (nodes[1:] + nodes[:-1])
+    beam = structure.beam
     owner = np.searchsorted(np.array(beam.joints[1:-1]), middles)
     regions = {segment.name: np.flatnonzero(owner == i) for i, segment in enumerate(beam.segments)}
     return Mesh(nodes, regions=regions)
@@ -175,92 +294,3 @@ def _share(lengths: NDArray[Any], total: int) -> NDArray[Any]:
     for _ in range(total - lengths.size):
         counts[np.argmax(lengths / counts)] += 1
     return counts
-
-
-def read_mesh(path: str | Path) -> Mesh:
-    """Read a beam mesh: tagged points become names, tagged lines become regions.
-
-    Parameters
-    ----------
-    path : str or Path
-        A file that meshio reads; Gmsh 4.1 keeps interior tagged points.
-
-    Returns
-    -------
-    Mesh
-        Nodes sorted along x, the root moved to x = 0.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or unreadable, holds no two-node lines, does not lie along x,
-        or its lines do not form one unbroken beam.
-    """
-    import meshio
-
-    require(isinstance(path, (str, Path)), "mesh.file", path, "", "must be the path of a mesh file")
-    path = Path(path)
-    require(path.is_file(), "mesh.file", str(path), "", "must be an existing mesh file")
-    try:
-        # meshio prints an empty line for Gmsh 4.1, and ends the process on an unknown format
-        with contextlib.redirect_stdout(io.StringIO()):
-            raw = meshio.read(path)
-    except (meshio.ReadError, ValueError, KeyError, IndexError, SystemExit) as error:
-        message = f"must be a mesh that meshio can read ({type(error).__name__}: {error})"
-        require(False, "mesh.file", str(path), "", message)
-    return _from_meshio(raw, str(path))
-
-
-def _from_meshio(raw: Any, label: str) -> Mesh:
-    unsupported = sorted({block.type for block in raw.cells} - {"line", "vertex"})
-    require(not unsupported, "mesh.file", label, "", f"must hold two-node lines only, found {unsupported}")
-    lines = [block.data for block in raw.cells if block.type == "line"]
-    require(len(lines) > 0, "mesh.file", label, "", "must hold line elements")
-    segments = np.concatenate(lines)
-    used = np.unique(segments)
-    points = np.asarray(raw.points, dtype=float)[used]
-    located = bool(np.all(np.isfinite(points)))
-    require(located, "mesh.file", label, "", "must hold finite coordinates in x, y and z")
-    points = np.hstack([points, np.zeros((len(points), 3 - points.shape[1]))])
-    extent = np.ptp(points, axis=0)
-    along_x = extent[0] > 0 and max(extent[1], extent[2]) <= SAME_PLACE * extent[0]
-    size = f"x {extent[0]:.4g}, y {extent[1]:.4g}, z {extent[2]:.4g} m"
-    require(along_x, "mesh.file", label, "", f"must lie along the x axis; its extent is {size}")
-
-    order = np.argsort(points[:, 0])
-    nodes = points[order, 0] - points[order[0], 0]
-    rank = np.full(len(raw.points), -1)
-    rank[used[order]] = np.arange(used.size)
-    ends = np.sort(rank[segments], axis=1)
-    unbroken = bool(np.array_equal(np.sort(ends[:, 0]), np.arange(used.size - 1)))
-    unbroken = unbroken and bool(np.all(ends[:, 1] == ends[:, 0] + 1))
-    require(unbroken, "mesh.file", label, "", "must be one unbroken row of line elements, none on another")
-    named, regions = _groups(raw, rank, nodes, ends[:, 0])
-    return Mesh(nodes, named, regions)
-
-
-def _groups(
-    raw: Any, rank: NDArray[Any], nodes: NDArray[Any], element_of_line: NDArray[Any]
-) -> tuple[dict[str, float], dict[str, NDArray[Any]]]:
-    """Positions of tagged points and elements of tagged lines, by the names of their groups."""
-    points: dict[str, float] = {}
-    regions: dict[str, NDArray[Any]] = {}
-    for name, blocks in raw.cell_sets.items():
-        if name.startswith("gmsh:"):
-            continue
-        offset = 0
-        members: list[NDArray[Any]] = []
-        for block, chosen in zip(raw.cells, blocks, strict=True):
-            indices = np.asarray(chosen if chosen is not None else [], dtype=int)
-            if block.type == "line":
-                members.append(element_of_line[offset + indices])
-                offset += len(block.data)
-            elif indices.size:
-                place = rank[block.data[indices, 0]]
-                single = place.size == 1 and bool(place[0] >= 0)
-                require(single, "mesh.point", name, "", "must be exactly one node of the beam")
-                points[name] = float(nodes[place[0]])
-        elements = np.sort(np.concatenate(members)) if members else np.array([], dtype=int)
-        if elements.size:
-            regions[name] = elements
-    return points, regions

@@ -1,27 +1,16 @@
-"""What a study would cost before it runs, and its convergence study."""
+"""What a study would cost before it runs."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any, cast
-
 import numpy as np
 
-from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence, converge_elements, converge_step
-from femimpact.errors import require
-from femimpact.export import figures, tables
-from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.integrators.stepping.step_size import shortest_contact
 from femimpact.study.cost import history_cost, mesh_memory, picture_seconds, sweep_cost
 from femimpact.study.prepared import prepare
-from femimpact.study.results import OTHER_FILES, prepare_directory
-from femimpact.study.run import Report
-from femimpact.study.study import Study, build
+from femimpact.study.study import Study
 from femimpact.system.system import ContactPair
 
-__all__ = ["plan_lines", "write_convergence"]
-
-MESHES = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)
+__all__ = ["plan_lines"]
 
 
 def plan_lines(study: Study) -> list[str]:
@@ -84,42 +73,3 @@ def _numbers(pair: ContactPair) -> str:
     """What characterises a pair's law, in its units."""
     shown = pair.law.shown_numbers(pair.effective_mass)
     return "".join(f"{name} {value:.5g}{unit and f' {unit}'}, " for name, value, unit in shown)
-
-
-def write_convergence(
-    study: Study, directory: Path, force: bool, report: Report
-) -> tuple[MeshConvergence, StepConvergence, Path]:
-    """Run both convergence studies and write their tables and figures."""
-    _, small, method = build(study)
-    allowed = "must be 'newmark' for a study over the step"
-    require(study.method.get("name", "newmark") == "newmark", "method.name", study.method.get("name"), "", allowed)
-    method.check(small)
-    require(study.mesh.file is None, "mesh.file", study.mesh.file, "", "convergence needs [mesh] elements, not a file")
-    least = len(set(small.points.values())) - 1
-    counts = [n for n in MESHES if n >= least]
-    with prepare_directory(directory, force) as staging:
-        folder = staging.folder
-        report("meshes", 0.0)
-        mesh = converge_elements(study.structure, counts)
-        report("meshes", 1.0)
-        columns: dict[str, Any] = {"elements": mesh.elements}
-        for i in range(mesh.reference.size):
-            columns[f"natural_frequency_{i + 1}"] = mesh.natural_frequency[:, i]
-            columns[f"error_{i + 1}"] = mesh.error[:, i]
-        units = {name: "Hz" if "frequency" in name else "1" for name in columns if name != "elements"}
-        tables.write_csv(folder / OTHER_FILES["mesh_convergence"], columns, units)
-        staging.finish_part("meshes")
-        report("steps", 0.0)
-        step = converge_step(small, study.sine, cast(Newmark, method))
-        report("steps", 1.0)
-        columns = {
-            name: getattr(step, name) for name in ("dt", "linear_error", "first_impact_error", "energy_residual")
-        }
-        tables.write_csv(folder / OTHER_FILES["step_convergence"], columns, {"dt": "s"})
-        staging.finish_part("steps")
-        off_screen = figures.OffScreen()
-        drawn = figures.mesh_convergence(mesh, slope=None, ax=off_screen)
-        figures.save_figure(drawn, folder / OTHER_FILES["mesh_convergence_figure"])
-        drawn = figures.step_convergence(step, slope=None, ax=off_screen)
-        figures.save_figure(drawn, folder / OTHER_FILES["step_convergence_figure"])
-    return mesh, step, directory

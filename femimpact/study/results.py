@@ -79,6 +79,14 @@ OTHER_FILES = {
     "mesh_convergence_figure": "mesh_convergence.png",
     "step_convergence": "step_convergence.csv",
     "step_convergence_figure": "step_convergence.png",
+    "quantities_over_mesh": "quantities_over_mesh.csv",
+    "quantities_over_mesh_figure": "quantities_over_mesh.png",
+    "quantities_over_step": "quantities_over_step.csv",
+    "quantities_over_step_figure": "quantities_over_step.png",
+    "quantities_over_modes": "quantities_over_modes.csv",
+    "quantities_over_modes_figure": "quantities_over_modes.png",
+    "statistics_over_mesh": "statistics_over_mesh.csv",
+    "convergence_summary": "convergence_summary.csv",
 }
 """What is left besides by a history in which something stuck (and its name in results of earlier versions), by a
 table of contacts, a movie without an encoder, the demo and a convergence study."""

@@ -10,7 +10,8 @@ from typing import Any
 from femimpact.errors import check_fields, choice, instance, optional, quantity, require, require_name, text, truth
 from femimpact.excitation import Sine
 from femimpact.fem.assembly import assemble
-from femimpact.fem.mesh import Mesh, read_mesh
+from femimpact.fem.mesh import Mesh
+from femimpact.fem.mesh_files import read_mesh
 from femimpact.integrators.methods import METHODS, Method
 from femimpact.structure.structure import Structure
 from femimpact.system.reduction import reduce

@@ -1,0 +1,281 @@
+"""What a convergence study goes over: meshes from coarse to fine, Newmark's step, the modes kept."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.convergence.cases import Case, Plan, Row
+from femimpact.errors import (
+    FemimpactError,
+    InputError,
+    check_fields,
+    checked,
+    instance,
+    items,
+    quantity,
+    require,
+    require_type,
+    rising_numbers,
+)
+from femimpact.fem.assembly import assemble
+from femimpact.fem.mesh import MOST_ELEMENTS, Mesh, graded_mesh, random_mesh, uniform_mesh
+from femimpact.fem.mesh_files import read_outcomes
+from femimpact.integrators.stepping.newmark import Newmark
+from femimpact.structure.structure import Structure
+from femimpact.system.reduction import reduce
+
+__all__ = ["OverMeshes", "OverModes", "OverSteps"]
+
+SIMILAR = 0.02
+"""Relative difference of the ratios of element lengths up to which two meshes are of one family."""
+
+
+@dataclass(frozen=True, eq=False)
+class OverMeshes:
+    """Meshes from coarse to fine.
+
+    Parameters
+    ----------
+    meshes : tuple of Mesh or InputError
+        An error stands for a mesh that could not be made or read; it becomes a row with its reason.
+    labels : tuple of str, optional
+        "8 elements" and so on by default.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two meshes, or not as many labels.
+    """
+
+    meshes: tuple[Any, ...] = field(metadata=items(Mesh, InputError))
+    labels: tuple[str, ...] = field(default=(), metadata=items(str))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        known = [mesh for mesh in self.meshes if isinstance(mesh, Mesh)]
+        reasons = [str(mesh) for mesh in self.meshes if not isinstance(mesh, Mesh)]
+        why = f": {reasons[0]}" if reasons else ""
+        require(len(known) >= 2, "meshes", len(known), "", f"must be two or more that can be used{why}")
+        if not self.labels:
+            words = tuple(f"{m.elements} elements" if isinstance(m, Mesh) else "none" for m in self.meshes)
+            object.__setattr__(self, "labels", words)
+        require(len(self.labels) == len(self.meshes), "labels", self.labels, "", f"must be {len(self.meshes)} texts")
+
+    @classmethod
+    def uniform(cls, structure: Structure, elements: Sequence[int]) -> OverMeshes:
+        """Meshes of `uniform_mesh` with increasing numbers of elements."""
+        counts = rising_numbers("elements", elements, MOST_ELEMENTS)
+        require_type(structure, Structure, "structure")
+        return cls._of([lambda n=n: uniform_mesh(structure, int(n)) for n in counts], counts)
+
+    @classmethod
+    def graded(cls, structure: Structure, elements: Sequence[int], ratio: float) -> OverMeshes:
+        """Meshes of `graded_mesh` of one ratio, with increasing numbers of elements."""
+        counts = rising_numbers("elements", elements, MOST_ELEMENTS)
+        graded_mesh(structure, int(counts[-1]), ratio)
+        return cls._of([lambda n=n: graded_mesh(structure, int(n), ratio) for n in counts], counts)
+
+    @classmethod
+    def random(cls, structure: Structure, elements: Sequence[int], seed: int) -> OverMeshes:
+        """Meshes of `random_mesh` with increasing numbers of elements, each of a seed of its own."""
+        counts = rising_numbers("elements", elements, MOST_ELEMENTS)
+        random_mesh(structure, int(counts[-1]), seed)
+        return cls._of([lambda n=n: random_mesh(structure, int(n), seed + int(n)) for n in counts], counts)
+
+    @classmethod
+    def refinements(cls, mesh: Mesh, times: int = 3) -> OverMeshes:
+        """A mesh and its refinements, each with twice the elements of the one before."""
+        require_type(mesh, Mesh, "mesh")
+        times = checked("times", times, quantity("1", at_least=1, at_most=12, integer=True))
+        return cls(tuple(mesh.refined(k) for k in range(times + 1)))
+
+    @classmethod
+    def files(cls, paths: Sequence[str | Path]) -> OverMeshes:
+        """Mesh files, in the order of their numbers of elements; one that cannot be read is a row with its reason."""
+        fine = isinstance(paths, (list, tuple)) and all(isinstance(path, (str, Path)) for path in paths)
+        require(fine, "paths", paths, "", "must be a list of paths of mesh files")
+        found = list(zip(map(Path, paths), read_outcomes([Path(path) for path in paths]), strict=True))
+        found.sort(key=lambda pair: pair[1].elements if isinstance(pair[1], Mesh) else 0)
+        return cls(tuple(mesh for _, mesh in found), tuple(path.name for path, _ in found))
+
+    @classmethod
+    def _of(cls, makers: Sequence[Any], counts: NDArray[Any]) -> OverMeshes:
+        made: list[Mesh | InputError] = []
+        for make in makers:
+            try:
+                made.append(make())
+            except InputError as error:
+                made.append(error)
+        return cls(tuple(made), tuple(f"{n} elements" for n in counts))
+
+    @property
+    def name(self) -> str:
+        """Of the axis."""
+        return "mesh"
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Elements, and the longest one in m."""
+        return "elements", "m"
+
+    def rows(self, plan: Plan) -> Iterator[Row]:
+        """A system on each mesh."""
+        for label, mesh in zip(self.labels, self.meshes, strict=True):
+            if isinstance(mesh, Mesh):
+                yield Row(label, mesh.elements, mesh.largest, _attempt(plan, mesh))
+            else:
+                yield Row(label, np.nan, np.nan, mesh)
+
+    @cached_property
+    def is_family(self) -> bool:
+        """Whether all element lengths fall alike from mesh to mesh, so that the rows themselves can be extrapolated."""
+        known = [np.diff(mesh.nodes) for mesh in self.meshes if isinstance(mesh, Mesh)]
+        falls = [(b.max() / a.max(), b.mean() / a.mean()) for a, b in pairwise(known)]
+        return all(abs(one / other - 1.0) <= SIMILAR and one < 1.0 for one, other in falls)
+
+    @property
+    def ratio(self) -> float:
+        """Of the finest mesh to its refinement."""
+        return 2.0
+
+    def limit(self, plan: Plan, finest: Case) -> Case:
+        """The refinement of the finest mesh: what is extrapolated from it leaves the rows' own orders unforced."""
+        mesh = [mesh for mesh in self.meshes if isinstance(mesh, Mesh)][-1]
+        system = assemble(plan.structure, mesh=mesh.refined())
+        return Case("mesh", system, system, plan.base, is_limit=True)
+
+
+@dataclass(frozen=True, eq=False)
+class OverSteps:
+    """Newmark's step, halved again and again, on one mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    method : Newmark
+        Its dt is the coarsest step.
+    halvings : int
+
+    Raises
+    ------
+    InputError
+        If a value is of the wrong kind or out of range.
+    """
+
+    mesh: Mesh = field(metadata=instance(Mesh))
+    method: Newmark = field(metadata=instance(Newmark))
+    halvings: int = field(default=4, metadata=quantity("1", at_least=1, at_most=20, integer=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @property
+    def name(self) -> str:
+        """Of the axis."""
+        return "step"
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Steps in the first natural period, and dt in s."""
+        return "steps per first natural period", "s"
+
+    def rows(self, plan: Plan) -> Iterator[Row]:
+        """The system with each step."""
+        exact = _case("step", plan, self.mesh)
+        for dt in self.method.dt / 2.0 ** np.arange(self.halvings + 1):
+            step = replace(self.method, dt=float(dt))
+            yield Row(f"{dt:.4g} s", 1.0 / (dt * exact.system.first_frequency), float(dt), replace(exact, step=step))
+
+    @property
+    def is_family(self) -> bool:
+        """Steps are."""
+        return True
+
+    @property
+    def ratio(self) -> float:
+        """The limit is exact."""
+        return np.inf
+
+    def limit(self, plan: Plan, finest: Case) -> Case:
+        """The same system, exact in time."""
+        return replace(finest, step=None, is_limit=True)
+
+
+@dataclass(frozen=True, eq=False)
+class OverModes:
+    """Increasing numbers of kept normal modes on one mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    counts : tuple of int
+
+    Raises
+    ------
+    InputError
+        If a value is of the wrong kind, or the counts do not increase.
+    """
+
+    mesh: Mesh = field(metadata=instance(Mesh))
+    counts: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        counts = rising_numbers("counts", self.counts, 2 * MOST_ELEMENTS)
+        object.__setattr__(self, "counts", tuple(int(n) for n in counts))
+
+    @property
+    def name(self) -> str:
+        """Of the axis."""
+        return "modes"
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Modes, and one over their number."""
+        return "modes", "1"
+
+    def rows(self, plan: Plan) -> Iterator[Row]:
+        """The system reduced to each number of modes; more than it has dofs is a row with its reason."""
+        full = assemble(plan.structure, mesh=self.mesh)
+        for count in self.counts:
+            try:
+                reduced = reduce(full, count)
+                made: Case | FemimpactError = Case("modes", reduced, reduced, plan.base)
+            except FemimpactError as error:
+                made = error
+            yield Row(f"{count} modes", count, 1.0 / count, made)
+
+    @property
+    def is_family(self) -> bool:
+        """Counts are."""
+        return True
+
+    @property
+    def ratio(self) -> float:
+        """The limit is exact on its mesh."""
+        return np.inf
+
+    def limit(self, plan: Plan, finest: Case) -> Case:
+        """The system in all dofs of the mesh."""
+        system = assemble(plan.structure, mesh=self.mesh)
+        return Case("modes", system, system, plan.base, is_limit=True)
+
+
+def _case(axis: str, plan: Plan, mesh: Mesh) -> Case:
+    system = assemble(plan.structure, mesh=mesh)
+    return Case(axis, system, plan.integrated(system), plan.base)
+
+
+def _attempt(plan: Plan, mesh: Mesh) -> Case | FemimpactError:
+    try:
+        return _case("mesh", plan, mesh)
+    except FemimpactError as error:
+        return error

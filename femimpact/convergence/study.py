@@ -1,0 +1,302 @@
+"""Run a convergence study: each axis from coarse to fine, what is watched read of every case, and orders fitted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.convergence.cases import Axis, Case, Plan
+from femimpact.convergence.orders import (
+    extrapolated,
+    fitted_order,
+    local_orders,
+    number_for,
+    observed_order,
+    rounding_floor,
+    usable_rows,
+)
+from femimpact.convergence.quantities import Frequencies, Reading, Watched
+from femimpact.convergence.table import MEANINGFUL, ConvergenceStudy, ConvergenceTable
+from femimpact.errors import FemimpactError, checked, optional, quantity, require, require_type
+from femimpact.excitation import Sine
+from femimpact.structure.structure import Structure
+
+__all__ = ["convergence_study"]
+
+AS_EXPECTED = 0.5
+"""Difference from the expected order up to which the expected one extrapolates, in place of the one found."""
+
+Measured = tuple[tuple[Reading, ...], ...] | FemimpactError
+"""Readings of each watched quantity, or why there are none."""
+
+FLOOR = 1e-11
+"""Relative error up to which no order is read, where rounding was not seen."""
+
+
+def convergence_study(
+    structure: Structure,
+    over: Axis | Sequence[Axis],
+    watch: Watched | Sequence[Watched] | None = None,
+    base: Sine | None = None,
+    *,
+    modes: int | None = None,
+    accuracy: float = 1e-3,
+    progress: Callable[[float], None] | None = None,
+) -> ConvergenceStudy:
+    """How far results are from those of an endlessly fine mesh, a vanishing step and all modes.
+
+    Parameters
+    ----------
+    structure : Structure
+    over : OverMeshes, OverSteps, OverModes, or a sequence of them
+        One table for each.
+    watch : Frequencies, ModeShapes, SteadyResponse, BendingMoment, SurfaceStress, SupportReaction, \
+ContactStatistics, one's own, or a sequence of them
+        The quantities; four frequencies by default. Each has its expected order, derived in its docstring.
+    base : Sine, optional
+        Base motion, for quantities of the response to it.
+    modes : int, optional
+        Normal modes kept for runs with contacts over meshes and steps; all dofs by default.
+    accuracy : float, 1
+        Relative error that the recommended numbers are for.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+
+    Returns
+    -------
+    ConvergenceStudy
+        A case that failed is a row with its reason.
+
+    Raises
+    ------
+    InputError
+        If an argument is of the wrong kind or out of range, or all cases of an axis fail.
+    """
+    require_type(structure, Structure, "structure")
+    axes = _several("over", over, Axis, "OverMeshes, OverSteps or OverModes")
+    watched = _several("watch", Frequencies() if watch is None else watch, Watched, "quantities to watch")
+    if base is not None:
+        require_type(base, Sine, "base")
+        require(base.amplitude > 0.0, "base.amplitude", base.amplitude, "m", "must be > 0 m")
+    kept = checked("modes", modes, optional(quantity("1", at_least=1, integer=True)))
+    accuracy = checked("accuracy", accuracy, quantity("1", above=0.0, below=1.0))
+    require(progress is None or callable(progress), "progress", progress, "", "must be callable, or None")
+    names = [axis.name for axis in axes]
+    require(len(set(names)) == len(names), "over", names, "", "must be one of each kind")
+    plan, tables = Plan(structure, base, kept), {}
+    for i, axis in enumerate(axes):
+        tables[axis.name] = _table(axis, plan, watched, accuracy, _share(progress, i, len(axes)))
+    return ConvergenceStudy(tables)
+
+
+def _several(key: str, given: Any, kind: Any, words: str) -> list[Any]:
+    found = list(given) if isinstance(given, (list, tuple)) else [given]
+    fine = len(found) > 0 and all(isinstance(one, kind) and not isinstance(one, type) for one in found)
+    require(fine, key, given if not fine else None, "", f"must be one of, or a list of, {words}")
+    return found
+
+
+def _share(progress: Callable[[float], None] | None, done: int, all_: int) -> Callable[[float], None]:
+    return (lambda share: None) if progress is None else (lambda share: progress((done + share) / all_))
+
+
+class _Limit(NamedTuple):
+    """A quantity of the case beyond the rows; see `Axis`. Its value is not a number where there is none."""
+
+    value: float
+    ratio: float
+    is_family: bool
+
+
+def _table(
+    axis: Axis, plan: Plan, watched: Sequence[Watched], accuracy: float, progress: Callable[[float], None]
+) -> ConvergenceTable:
+    rows = list(axis.rows(plan))
+    last = next((row.case for row in reversed(rows) if isinstance(row.case, Case)), None)
+    if last is None:
+        raise next(row.case for row in rows if isinstance(row.case, FemimpactError))
+    try:
+        limit = axis.limit(plan, last)
+    except FemimpactError:
+        # beyond the most elements that a mesh may have: the rows alone are left
+        limit = None
+    finest = limit or last
+    measured: list[Measured] = []
+    for i, row in enumerate(rows):
+        measured.append(_measured(row.case, finest, watched))
+        progress((i + 1) / len(rows))
+    known = [found for found in measured if not isinstance(found, FemimpactError)]
+    if not known:
+        raise next(found for found in measured if isinstance(found, FemimpactError))
+    heads = _flat(known[-1])
+    independent = [type(one).__name__ for one, found in zip(watched, known[-1], strict=True) if not found]
+    require(len(heads) > 0, "watch", None, "", f"must hold a quantity that depends on the {axis.name}")
+    value, scatter = _matrix(measured, len(heads))
+    bound = FemimpactError("none") if limit is None else _measured(limit, finest, watched)
+    limits = [math.nan] * len(heads) if isinstance(bound, FemimpactError) else [one.value for one in _flat(bound)]
+    size, number = np.array([row.size for row in rows]), np.array([row.number for row in rows], dtype=float)
+    columns = [
+        _column(head, value[:, j], scatter[:, j], size, number, _Limit(limits[j], axis.ratio, axis.is_family), accuracy)
+        for j, head in enumerate(heads)
+    ]
+    return ConvergenceTable(
+        axis=axis.name,
+        label=np.array([row.label for row in rows]),
+        number=number,
+        size=size,
+        failure=np.array([_reason(found) for found in measured]),
+        name=np.array([head.name for head in heads]),
+        unit=np.array([head.unit for head in heads]),
+        value=value,
+        scatter=scatter,
+        expected_order=np.array([head.order for head in heads]),
+        **{name: np.array([column[name] for column in columns]).T for name in columns[0]},
+        accuracy=accuracy,
+        notes=_notes(axis, heads, columns, independent, accuracy),
+    )
+
+
+def _measured(case: Case | FemimpactError, finest: Case, watched: Sequence[Watched]) -> Measured:
+    """The readings of each watched quantity of a case, or why there are none."""
+    if isinstance(case, FemimpactError):
+        return case
+    try:
+        return tuple(one.read(case, finest) for one in watched)
+    except FemimpactError as error:
+        return error
+    # what a factorisation or a memory does not manage is a row with its reason, too
+    except (MemoryError, ArithmeticError, np.linalg.LinAlgError, RuntimeError) as error:
+        return FemimpactError(f"{type(error).__name__}: {error}")
+
+
+def _flat(found: tuple[tuple[Reading, ...], ...]) -> tuple[Reading, ...]:
+    return tuple(reading for readings in found for reading in readings)
+
+
+def _reason(found: Measured) -> str:
+    return " ".join(str(found).split()) if isinstance(found, FemimpactError) else ""
+
+
+def _matrix(measured: Sequence[Measured], quantities: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Values and scatter, (cases, quantities)."""
+    value, scatter = np.full((2, len(measured), quantities), np.nan)
+    for i, found in enumerate(measured):
+        if not isinstance(found, FemimpactError):
+            readings = _flat(found)
+            value[i], scatter[i] = [one.value for one in readings], [one.scatter for one in readings]
+    return value, scatter
+
+
+def _column(
+    head: Reading, value: NDArray[Any], scatter: NDArray[Any], size: NDArray[Any], number: NDArray[Any],
+    limit: _Limit, accuracy: float,
+) -> dict[str, Any]:  # fmt: skip
+    """Errors, orders, reference, floor and recommended number of one quantity."""
+    known = np.flatnonzero(np.isfinite(value))
+    error, nothing = np.full(value.size, np.nan), math.nan
+    column: dict[str, Any] = {
+        "error": error,
+        "order": error.copy(),
+        "fitted_order": nothing,
+        "reference": nothing,
+        "floor": nothing,
+    }
+    if known.size == 0:
+        return column | {"recommended": nothing}
+    if np.any(scatter[known] > 0.0):
+        return column | _statistic(value, scatter, number, known, accuracy)
+    h, v = size[known], value[known]
+    reference, floor, order = nothing, nothing, head.order
+    if head.is_distance:
+        e = _distances(h, v, order, limit)
+    else:
+        reference, floor = _reference(h, v, order, limit)
+        e = np.abs(v - reference) / abs(reference) if reference else np.full(v.size, np.nan)
+    bottom = FLOOR if math.isnan(floor) else max(floor, FLOOR)
+    if head.is_distance and head.order > 4.0:
+        # a squared sine, whose rounding is squared too
+        bottom = 1e-22
+    error[known] = e
+    column["order"][known] = local_orders(h, e, bottom)
+    found = fitted_order(h, e, 3.0 * bottom)
+    falls = found if math.isfinite(found) else order
+    wanted = number_for(number[known], e, falls, accuracy, 0.0 if math.isnan(floor) else floor)
+    return column | {"fitted_order": found, "reference": reference, "floor": floor, "recommended": wanted}
+
+
+def _statistic(
+    value: NDArray[Any], scatter: NDArray[Any], number: NDArray[Any], known: NDArray[Any], accuracy: float
+) -> dict[str, Any]:
+    """Differences from the finest case; the recommended number is the first from which on none means anything."""
+    reference, error = float(value[known[-1]]), np.full(value.size, np.nan)
+    error[known] = np.abs(value[known] - reference) / abs(reference) if reference else np.nan
+    noise = MEANINGFUL * np.hypot(scatter, scatter[known[-1]]) / (abs(reference) or 1.0)
+    beyond = known[error[known] > np.maximum(accuracy, noise[known])]
+    first = known[known > beyond[-1]][0] if beyond.size else known[0]
+    # of the finest case alone nothing is known
+    settled = math.nan if first == known[-1] else float(number[first])
+    return {"error": error, "reference": reference, "recommended": settled}
+
+
+def _reference(size: NDArray[Any], value: NDArray[Any], order: float, limit: _Limit) -> tuple[float, float]:
+    """The value that a column tends to, and its round-off floor where that was met."""
+    expected = order if math.isfinite(order) else 2.0
+    if math.isinf(limit.ratio) and math.isfinite(limit.value):
+        return limit.value, math.nan
+    if not limit.is_family and math.isfinite(limit.value):
+        return extrapolated(float(value[-1]), limit.value, limit.ratio, expected), math.nan
+    if math.isfinite(limit.value):
+        size, value = np.append(size, size[-1] / limit.ratio), np.append(value, limit.value)
+    if value.size < 2:
+        return float(value[-1]), math.nan
+    usable = usable_rows(size, value, expected)
+    floor = rounding_floor(value, usable) if usable < value.size and np.any(value) else math.nan
+    h, v = size[:usable], value[:usable]
+    found = observed_order(h, v)
+    if math.isfinite(found) and abs(found - expected) > AS_EXPECTED:
+        expected = found
+    return extrapolated(v[-2], v[-1], h[-2] / h[-1], expected), floor
+
+
+def _distances(size: NDArray[Any], value: NDArray[Any], order: float, limit: _Limit) -> NDArray[Any]:
+    """Distances from the exact shape, where the values are those from the limit, or without one from the finest row.
+
+    The limit's own distance follows from that of the row before it and the order; both add up as the sides of a right
+    angle, since the error of a Galerkin solution is orthogonal to the finer space.
+    """
+    if math.isfinite(limit.value):
+        return np.asarray(np.hypot(value, value[-1] / math.sqrt(limit.ratio ** (2.0 * order) - 1.0)))
+    if value.size < 2:
+        return np.full(value.size, np.nan)
+    own = value[-2] / math.sqrt((size[-2] / size[-1]) ** (2.0 * order) - 1.0)
+    return np.asarray(np.hypot(value, own))
+
+
+def _notes(
+    axis: Axis, heads: Sequence[Reading], columns: Sequence[Any], independent: Sequence[str], accuracy: float
+) -> tuple[str, ...]:
+    counts, _ = axis.units
+    notes = []
+    floors = [(column["floor"], head.name) for head, column in zip(heads, columns, strict=True)]
+    seen = [(floor, name) for floor, name in floors if math.isfinite(floor)]
+    if seen:
+        worst = max(seen)
+        notes.append(f"round-off floor: reached by {len(seen)} of {len(floors)}, at most {worst[0]:.1g} ({worst[1]})")
+    elif axis.name == "mesh":
+        notes.append("round-off floor: not reached")
+    for head, column in zip(heads, columns, strict=True):
+        found = column["fitted_order"]
+        if math.isfinite(found) and math.isfinite(head.order) and found < head.order - AS_EXPECTED:
+            notes.append(f"{head.name}: order {found:.2f}, below the expected {head.order:g}; see its docstring")
+    if any(math.isnan(head.order) for head in heads):
+        notes.append(
+            "statistics: differences within three standard errors of both means say nothing; no order is fitted"
+        )
+    if independent:
+        notes.append(f"do not depend on the {axis.name}: {', '.join(dict.fromkeys(independent))}")
+    notes.append(f"recommended numbers are of {counts}, for a relative error of {accuracy:g}")
+    return tuple(notes)

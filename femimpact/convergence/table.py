@@ -1,0 +1,207 @@
+"""The results of a convergence study: one table for each axis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.errors import check_fields, choice, column, quantity, require, require_name, require_type, text
+from femimpact.table import Head, frame_of, head_of_columns, short_repr
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+__all__ = ["ConvergenceStudy", "ConvergenceTable"]
+
+MEANINGFUL = 3.0
+"""Standard errors beyond which a difference of two means is taken to mean something."""
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class ConvergenceTable:
+    """Values over one axis of a convergence study, with their errors and orders.
+
+    Parameters
+    ----------
+    axis : {"mesh", "step", "modes"}
+    label : ndarray (cases,) of str
+    number : ndarray (cases,)
+        Of elements, of steps per first natural period, or of modes.
+    size : ndarray (cases,)
+        Longest element (m), step (s), or one over the number of modes.
+    failure : ndarray (cases,) of str
+        Why a case has no values; empty where it has.
+    name, unit : ndarray (quantities,) of str
+        Of the quantities.
+    value : ndarray (cases, quantities)
+    error : ndarray (cases, quantities), 1
+        Relative to the reference; of mode shapes the distance from the limit, that of the finest mesh included.
+    order : ndarray (cases, quantities), 1
+        Between a case and the one before.
+    scatter : ndarray (cases, quantities)
+        Standard error of a mean over starts, in the unit of the value; 0 of what does not scatter.
+    fitted_order, expected_order : ndarray (quantities,), 1
+        Exponent of the size with which the error falls, as found and as the quantity's docstring derives it; not a
+        number where none is known.
+    reference : ndarray (quantities,)
+        Over meshes Richardson's value, with the refinement of the finest mesh; over steps the one that is exact in
+        time; over modes the one of all dofs; of statistics the finest case's. Not a number of distances.
+    floor : ndarray (quantities,), 1
+        Relative error at which rounding was seen to decide; not a number where it was not reached.
+    recommended : ndarray (quantities,)
+        Smallest number that gives the accuracy, by the fitted order between the cases; not a number where none does.
+    accuracy : float, 1
+        The relative error asked for.
+    notes : tuple of str
+
+    Raises
+    ------
+    InputError
+        If a column is of the wrong kind, or not as long as the others along its axis.
+    """
+
+    axis: str = field(metadata=choice("mesh", "step", "modes"))
+    label: NDArray[Any] = field(metadata=column("", "cases", of="text"))
+    number: NDArray[Any] = field(metadata=column("1", "cases"))
+    size: NDArray[Any] = field(metadata=column("m, s or 1", "cases"))
+    failure: NDArray[Any] = field(metadata=column("", "cases", of="text"))
+    name: NDArray[Any] = field(metadata=column("", "quantities", of="text"))
+    unit: NDArray[Any] = field(metadata=column("", "quantities", of="text"))
+    value: NDArray[Any] = field(metadata=column("of each quantity", "cases", "quantities"))
+    error: NDArray[Any] = field(metadata=column("1", "cases", "quantities"))
+    order: NDArray[Any] = field(metadata=column("1", "cases", "quantities"))
+    scatter: NDArray[Any] = field(metadata=column("of each quantity", "cases", "quantities"))
+    fitted_order: NDArray[Any] = field(metadata=column("1", "quantities"))
+    expected_order: NDArray[Any] = field(metadata=column("1", "quantities"))
+    reference: NDArray[Any] = field(metadata=column("of each quantity", "quantities"))
+    floor: NDArray[Any] = field(metadata=column("1", "quantities"))
+    recommended: NDArray[Any] = field(metadata=column("1", "quantities"))
+    accuracy: float = field(metadata=quantity("1", above=0.0, below=1.0))
+    notes: tuple[str, ...] = field(default=(), metadata=text(several=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @property
+    def meaningful(self) -> NDArray[Any]:
+        """Whether a difference from the reference is beyond three standard errors, (cases, quantities) of bool."""
+        noise = MEANINGFUL * np.hypot(self.scatter, self.scatter[self._finest])
+        apart = self.error * np.abs(self.reference) > noise
+        return np.asarray(apart | (self.scatter == 0.0))
+
+    @property
+    def _finest(self) -> int:
+        known = np.flatnonzero(np.any(np.isfinite(self.value), axis=1))
+        return int(known[-1]) if known.size else 0
+
+    @property
+    def number_for_all(self) -> float:
+        """Smallest number with which every quantity that has an order is as accurate as asked for."""
+        ordered = np.isfinite(self.expected_order)
+        return float(self.recommended[ordered].max()) if np.any(ordered) else math.nan
+
+    @property
+    def _head(self) -> Head:
+        columns, units = self.summary()
+        return head_of_columns(f"ConvergenceTable over the {self.axis}: {self.label.size} cases", columns, units)
+
+    def index(self, name: str) -> int:
+        """Number of the column of a quantity.
+
+        Raises
+        ------
+        InputError
+            If there is no such quantity.
+        """
+        names: list[str] = self.name.tolist()
+        require_name(name, names, "quantity")
+        return names.index(name)
+
+    def columns(self) -> tuple[dict[str, Any], dict[str, str]]:
+        """Columns of a row a case and their units: of each quantity value, error, order and, if any, scatter."""
+        columns: dict[str, Any] = {"case": self.label, "number": self.number, "size": self.size}
+        units = {"size": {"mesh": "m", "step": "s", "modes": "1"}[self.axis]}
+        for i, (name, unit) in enumerate(zip(self.name.tolist(), self.unit.tolist(), strict=True)):
+            key = _key(name)
+            columns |= {key: self.value[:, i], f"{key}_error": self.error[:, i], f"{key}_order": self.order[:, i]}
+            units |= {key: unit, f"{key}_error": "1", f"{key}_order": "1"}
+            if np.any(self.scatter[:, i] > 0.0):
+                columns[f"{key}_scatter"], units[f"{key}_scatter"] = self.scatter[:, i], unit
+        return columns | {"failure": self.failure}, units
+
+    def summary(self) -> tuple[dict[str, Any], dict[str, str]]:
+        """Columns of a row a quantity and their units: reference, orders, floor and recommended number."""
+        columns = {
+            "quantity": self.name, "unit": self.unit, "reference": self.reference,
+            "fitted_order": self.fitted_order, "expected_order": self.expected_order, "floor": self.floor,
+            "recommended": self.recommended,
+        }  # fmt: skip
+        return columns, {
+            "quantity": "",
+            "unit": "",
+            "reference": "",
+            "fitted_order": "1",
+            "expected_order": "1",
+            "floor": "1",
+            "recommended": "1",
+        }
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A row a case; units in `attrs["units"]`."""
+        columns, units = self.columns()
+        return frame_of(columns, dict.fromkeys(columns, "") | units, index="case")
+
+    def to_xarray(self) -> xarray.Dataset:
+        """All of the table as a labelled dataset over cases and quantities."""
+        import xarray
+
+        both, one = ("case", "quantity"), ("quantity",)
+        data: dict[str, Any] = {name: (both, np.array(getattr(self, name)))
+                                for name in ("value", "error", "order", "scatter")}  # fmt: skip
+        for name in ("unit", "fitted_order", "expected_order", "reference", "floor", "recommended"):
+            data[name] = (one, np.array(getattr(self, name)))
+        for name in ("number", "size", "failure"):
+            data[name] = (("case",), np.array(getattr(self, name)))
+        coords = {"case": np.array(self.label), "quantity": np.array(self.name)}
+        attributes = {"axis": self.axis, "accuracy": self.accuracy, "notes": "; ".join(self.notes)}
+        return xarray.Dataset(data, coords=coords, attrs=attributes)
+
+
+def _key(name: str) -> str:
+    """A quantity's name as that of a column."""
+    plain = "".join(letter if letter.isalnum() else "_" for letter in name.replace("''", "2"))
+    return "_".join(part for part in plain.split("_") if part)
+
+
+@dataclass(frozen=True, eq=False)
+class ConvergenceStudy:
+    """Tables of a convergence study by the name of their axis: "mesh", "step", "modes".
+
+    Parameters
+    ----------
+    tables : mapping of str to ConvergenceTable
+
+    Raises
+    ------
+    InputError
+        If a value is not a table of the axis of its name.
+    """
+
+    tables: Mapping[str, ConvergenceTable]
+
+    def __post_init__(self) -> None:
+        require_type(self.tables, Mapping, "tables")
+        for name, table in self.tables.items():
+            require_type(table, ConvergenceTable, f"tables.{name}")
+            require(table.axis == name, f"tables.{name}", table.axis, "", f"must be of the axis {name!r}")
+
+    def __getitem__(self, axis: str) -> ConvergenceTable:
+        require_name(axis, self.tables, "axis")
+        return self.tables[axis]

@@ -1,0 +1,89 @@
+"""Figure of a mesh: its elements in the sections of the beam, its regions and its named points."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.errors import require_type
+from femimpact.export.figures.look import COLOURS, GREY, OffScreen, panel
+from femimpact.fem.discretisation import discretise
+from femimpact.fem.mesh import Mesh
+from femimpact.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["beam_mesh"]
+
+MOST_NODES = 400
+"""Up to which each node is drawn."""
+
+
+def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScreen | None = None) -> Axes:
+    """The elements of a mesh as the beam's side view, coloured by region, with its named points.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    structure : Structure, optional
+        Gives the thickness of every element, checked against the mesh; all are drawn equally thick without it.
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If an argument is of the wrong kind, or the structure does not fit the mesh.
+    """
+    require_type(mesh, Mesh, "mesh")
+    half = np.full(mesh.elements, 0.5)
+    if structure is not None:
+        half = 1e3 * discretise(structure, mesh=mesh).sections.half_height
+    axis = panel(ax, 9.0, 3.2)
+    x, tallest = 1e3 * mesh.nodes, float(half.max())
+    axis.fill_between(x, *_edges(half), step="post", color="#dddddd", linewidth=0.0)
+    for colour, (name, members) in zip(COLOURS * 20, mesh.regions.items(), strict=False):
+        inside = np.isin(np.arange(mesh.elements), members)
+        # outside the region the fill has no height
+        axis.fill_between(x, *_edges(np.where(inside, half, 0.0)), step="post", color=colour, alpha=0.45, linewidth=0.0)
+        axis.plot([], [], color=colour, linewidth=6.0, alpha=0.45, label=f"{name}: {members.size} elements")
+    if mesh.nodes.size <= MOST_NODES:
+        beside = np.maximum(np.append(half, 0.0), np.append(0.0, half))
+        axis.vlines(x, -beside, beside, color="#333333", linewidth=0.8)
+    _mark_points(axis, mesh, tallest)
+    axis.set_xlabel("distance from the root (mm)")
+    axis.set_ylabel("distance from the axis (mm)" if structure is not None else "")
+    if structure is None:
+        axis.set_yticks([])
+    axis.set_ylim(-2.6 * tallest, 1.8 * tallest)
+    lengths = 1e3 * np.diff(mesh.nodes)
+    axis.set_title(f"{mesh.elements} elements of {lengths.min():.3g} to {lengths.max():.3g} mm", loc="left")
+    if mesh.regions:
+        axis.legend(loc="upper right", frameon=False, fontsize=9.0, ncols=min(len(mesh.regions), 4))
+    return axis
+
+
+def _edges(half: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Upper and lower edge at the nodes, for steps that hold from each node on."""
+    upper = np.append(half, half[-1])
+    return upper, -upper
+
+
+def _mark_points(axis: Any, mesh: Mesh, tallest: float) -> None:
+    """Named points below the beam; names at one place stand in one label."""
+    places: dict[float, list[str]] = {}
+    for name, at in mesh.points.items():
+        near = next((place for place in places if abs(place - at) <= 1e-6 * mesh.nodes[-1]), at)
+        places.setdefault(near, []).append(name)
+    for row, (at, names) in enumerate(sorted(places.items())):
+        # in two rows, so that neighbours do not cover one another
+        level = -1.5 * tallest - 0.5 * tallest * (row % 2)
+        axis.plot([1e3 * at], [-1.15 * tallest], "^", color="#333333", markersize=6.0)
+        axis.annotate(", ".join(names), (1e3 * at, level), ha="center", va="top", color=GREY, fontsize=9.0)

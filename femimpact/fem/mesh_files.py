@@ -1,0 +1,270 @@
+"""Mesh files: read by a process of its own, checked to be one unbroken beam along x."""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.errors import InputError, require
+from femimpact.fem.mesh import MOST_ELEMENTS, SAME_PLACE, Mesh
+
+__all__ = ["read_mesh", "read_outcomes"]
+
+TIME_LIMIT = 30.0
+"""Seconds for one file; a beam of 100,000 elements takes two."""
+
+MEMORY_LIMIT = 3_000_000_000
+"""Bytes of address space of the process that reads, libraries included."""
+
+CHILD = Path(__file__).with_name("mesh_child.py")
+
+
+def read_mesh(path: str | Path) -> Mesh:
+    """Read a beam mesh: tagged points become names, tagged lines become regions.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file that meshio reads: Gmsh 2.2 and 4.1 with their named points and lines, VTU, VTK, XDMF, Abaqus, MED and
+        others. Where a format names nothing, arrays of whole numbers on cells or points do: one of 0 and 1 by its
+        name, another by its name and each of its values, as "section 2". Names that hold no line and no single point
+        of the beam are left out.
+
+    Returns
+    -------
+    Mesh
+        Nodes sorted along x, the root moved to x = 0.
+
+    Raises
+    ------
+    InputError
+        In one line with the file and its format: if it is missing, cannot be read, or not within 30 s and 3 GB; holds
+        no two-node lines; does not lie along x; or has a gap, a branch or lines on one another, with their places.
+    """
+    require(isinstance(path, (str, Path)), "mesh.file", path, "", "must be the path of a mesh file")
+    outcome = next(read_outcomes([Path(path)]))
+    if isinstance(outcome, InputError):
+        raise outcome
+    return outcome
+
+
+def read_outcomes(paths: Sequence[Path]) -> Iterator[Mesh | InputError]:
+    """What becomes of each file, a mesh or what is wrong with it; one process reads them until it has to be ended."""
+    existing = [path for path in paths if path.is_file()]
+    answers = _answers(existing)
+    for path in paths:
+        try:
+            require(path in existing, "mesh.file", str(path), "", "must be an existing mesh file")
+            read = next(answers)
+            kind = read.get("format")
+            name = f"{path} ({kind})" if kind else str(path)
+            said = " ".join(str(read.get("failure")).split())
+            allowed = f"must be a mesh that meshio can read{f' as {kind}' if kind else ''}: {said[:300]}"
+            require("failure" not in read, "mesh.file", str(path), "", allowed)
+            yield _beam_mesh(read, name)
+        except InputError as error:
+            yield error
+
+
+# ---- the process that reads -----------------------------------------------------------------------
+
+
+def _answers(paths: Sequence[Path]) -> Iterator[Mapping[str, Any]]:
+    """What each file holds, or why it could not be read, in order."""
+    done = 0
+    while done < len(paths):
+        with _Reader(paths[done:]) as reader:
+            while done < len(paths):
+                answer = reader.next_answer()
+                done += 1
+                yield answer
+                if reader.ended:
+                    break
+
+
+class _Reader:
+    """A process that reads files, from its start to its end."""
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        # one thread: each thread of linear algebra takes address space of its own
+        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONIOENCODING": "utf-8"}
+        self.ended = False
+        self._answers: queue.Queue[bytes] = queue.Queue()
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-W", "ignore", str(CHILD), str(MEMORY_LIMIT), *map(str, map(Path.resolve, paths))],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment,
+        )  # fmt: skip
+        self._listener = threading.Thread(target=self._listen, args=(self._process.stdout,), daemon=True)
+        self._listener.start()
+
+    def _listen(self, lines: IO[bytes]) -> None:
+        for line in lines:
+            self._answers.put(line)
+        # the end of what it says is the end of the process
+        self._answers.put(b"")
+
+    def next_answer(self) -> Mapping[str, Any]:
+        """What the next file holds, or why it could not be read; `ended` if the process did not survive it."""
+        reason = f"not done within {TIME_LIMIT:g} s"
+        with suppress(queue.Empty):
+            line = self._answers.get(timeout=TIME_LIMIT)
+            if line.endswith(b"\n"):
+                answer: Mapping[str, Any] = json.loads(line)
+                return answer
+            reason = f"the process that reads ended with status {self._process.wait()}"
+        self.ended = True
+        return {"failure": reason}
+
+    def __enter__(self) -> _Reader:
+        return self
+
+    def __exit__(self, *_about: object) -> None:
+        self._process.kill()
+        self._process.wait()
+        self._listener.join(10.0)
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                with suppress(OSError):
+                    pipe.close()
+
+
+# ---- from what a file holds to a beam -------------------------------------------------------------
+
+
+def _beam_mesh(read: Mapping[str, Any], label: str) -> Mesh:
+    cells = [(str(kind), data) for kind, data in read["cells"]]
+    unsupported = sorted({kind for kind, _ in cells} - {"line", "vertex"})
+    require(not unsupported, "mesh.file", label, "", f"must hold two-node lines only, found {unsupported}")
+    count = sum(len(data) for kind, data in cells if kind == "line")
+    require(0 < count <= 2 * MOST_ELEMENTS, "mesh.file", label, "", f"must hold line elements, 1 to {MOST_ELEMENTS}")
+    points = _coordinates(read["points"], label)
+    for kind, data in cells:
+        ends = np.asarray(data)
+        shaped = len(data) == 0 or (ends.ndim == 2 and ends.shape[1] == {"line": 2, "vertex": 1}[kind])
+        known = shaped and (len(data) == 0 or (ends.min() >= 0 and ends.max() < len(points)))
+        require(bool(known), "mesh.file", label, "", "must hold cells between nodes that it defines")
+    lines = np.concatenate([np.asarray(data, dtype=int) for kind, data in cells if kind == "line" and data])
+    members = _members(read["groups"], cells)
+    lines, owner = _merged(lines, members)
+    _check_branches(lines, points, label)
+    used = np.unique(lines)
+    _check_axis(points[used], label)
+    order = used[np.argsort(points[used, 0], kind="stable")]
+    nodes = points[order, 0] - points[order[0], 0]
+    rank = np.full(len(points), -1)
+    rank[order] = np.arange(order.size)
+    ends = np.sort(rank[lines], axis=1)
+    _check_row(ends, nodes, points[order[0], 0], label)
+    regions = {name: np.unique(ends[owner[chosen], 0]) for name, chosen in members.items() if chosen.size}
+    return Mesh(nodes, _named_points(read, cells, rank, nodes), regions)
+
+
+def _coordinates(given: Any, label: str) -> NDArray[Any]:
+    points = np.asarray(given, dtype=float)
+    located = points.ndim == 2 and points.shape[1] in (1, 2, 3) and bool(np.all(np.isfinite(points)))
+    require(located, "mesh.file", label, "", "must hold finite coordinates in x, y and z")
+    return np.hstack([points, np.zeros((len(points), 3 - points.shape[1]))])
+
+
+def _members(groups: Mapping[str, Any], cells: Sequence[tuple[str, Any]]) -> dict[str, NDArray[Any]]:
+    """Numbers of the lines of each group, lines counted through all blocks."""
+    members = {}
+    for name, chosen in groups.items():
+        parts, offset = [np.zeros(0, dtype=int)], 0
+        for (kind, data), part in zip(cells, chosen, strict=False):
+            if kind == "line":
+                numbers = np.asarray(part or [], dtype=int)
+                parts.append(offset + numbers[(numbers >= 0) & (numbers < len(data))])
+                offset += len(data)
+        members[name] = np.concatenate(parts)
+    return members
+
+
+def _merged(lines: NDArray[Any], members: Mapping[str, NDArray[Any]]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Lines with those that Gmsh 2 repeats for each group they are in as one; the new number of each line."""
+    tags = np.zeros((len(lines), len(members)), dtype=bool)
+    for i, chosen in enumerate(members.values()):
+        tags[chosen, i] = True
+    pairs, owner, count = np.unique(np.sort(lines, axis=1), axis=0, return_inverse=True, return_counts=True)
+    owner = owner.ravel()
+    if pairs.shape[0] == len(lines):
+        return lines, np.arange(len(lines))
+    total = np.zeros((len(pairs), len(members)), dtype=int)
+    np.add.at(total, owner, tags)
+    # each of the repeated ones in one group, and no two in the same: anything else is a line on another
+    repeated = np.all(total <= 1, axis=1) & (total.sum(axis=1) == count)
+    if not np.all(repeated[count > 1]):
+        return lines, np.arange(len(lines))
+    return pairs, owner
+
+
+def _check_branches(lines: NDArray[Any], points: NDArray[Any], label: str) -> None:
+    degree = np.bincount(np.unique(np.sort(lines, axis=1), axis=0).ravel(), minlength=len(points))
+    busy = int(np.argmax(degree))
+    place = ", ".join(f"{x:.6g}" for x in points[busy])
+    allowed = f"must be one unbroken row of line elements: a branch at ({place}) m, where {degree[busy]} lines meet"
+    require(degree[busy] <= 2, "mesh.file", label, "", allowed)
+
+
+def _check_axis(points: NDArray[Any], label: str) -> None:
+    extent = np.ptp(points, axis=0)
+    along_x = extent[0] > 0 and max(extent[1], extent[2]) <= SAME_PLACE * extent[0]
+    size = f"x {extent[0]:.4g}, y {extent[1]:.4g}, z {extent[2]:.4g} m"
+    require(along_x, "mesh.file", label, "", f"must lie along the x axis; its extent is {size}")
+
+
+def _check_row(ends: NDArray[Any], nodes: NDArray[Any], root: float, label: str) -> None:
+    """Refuse lines (n, 2) between sorted nodes that are not one line between each two neighbours."""
+    between = np.zeros(nodes.size - 1, dtype=int)
+    # +1 where a line begins and -1 where it ends: the number of lines over each stretch
+    steps = np.zeros(nodes.size, dtype=int)
+    np.add.at(steps, ends[:, 0], 1)
+    np.add.at(steps, ends[:, 1], -1)
+    between[:] = np.cumsum(steps)[:-1]
+    coincident = np.flatnonzero(np.diff(nodes) <= SAME_PLACE * nodes[-1])
+    fault = ""
+    if coincident.size:
+        joined = between[coincident[0]] > 0
+        at = f"x = {root + nodes[coincident[0]]:.6g} m"
+        fault = f"a line of no length at {at}" if joined else f"a gap at {at}: two nodes there that no line joins"
+    elif np.any(between != 1):
+        first = int(np.flatnonzero(between != 1)[0])
+        span = f"from x = {root + nodes[first]:.6g} to {root + nodes[first + 1]:.6g} m"
+        fault = f"a gap {span}" if between[first] == 0 else f"{between[first]} lines on one another {span}"
+    elif np.any(ends[:, 0] == ends[:, 1]):
+        fault = f"a line of no length at x = {root + nodes[ends[ends[:, 0] == ends[:, 1], 0][0]]:.6g} m"
+    require(not fault, "mesh.file", label, "", f"must be one unbroken row of line elements: {fault}")
+
+
+def _named_points(
+    read: Mapping[str, Any], cells: Sequence[tuple[str, Any]], rank: NDArray[Any], nodes: NDArray[Any]
+) -> dict[str, float]:
+    """Positions of the groups of vertices and nodes that are one node of the beam."""
+    points: dict[str, float] = {}
+    for name, chosen in read["groups"].items():
+        found = [
+            data[i][0]
+            for (kind, data), part in zip(cells, chosen, strict=False) if kind == "vertex"
+            for i in part or [] if 0 <= i < len(data)
+        ]  # fmt: skip
+        if found:
+            place = np.unique(rank[found])
+            single = place.size == 1 and bool(place[0] >= 0)
+            require(single, "mesh.point", name, "", "must be exactly one node of the beam")
+            points[name] = float(nodes[place[0]])
+    for name, members in read["nodes"].items():
+        place = np.unique([rank[i] for i in members if 0 <= i < rank.size])
+        if place.size == 1 and place[0] >= 0:
+            points.setdefault(name, float(nodes[place[0]]))
+    return points

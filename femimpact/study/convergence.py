@@ -1,0 +1,245 @@
+"""The convergence study of a study file: over its mesh, its step and its modes, with tables and figures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from femimpact.convergence import (
+    ContactStatistics,
+    ConvergenceStudy,
+    ConvergenceTable,
+    Frequencies,
+    MeshConvergence,
+    ModeShapes,
+    OverMeshes,
+    OverModes,
+    OverSteps,
+    SteadyResponse,
+    StepConvergence,
+    SupportReaction,
+    SurfaceStress,
+    converge_step,
+    convergence_study,
+)
+from femimpact.convergence.mesh_and_step import converge_meshes
+from femimpact.errors import FemimpactError, InputError
+from femimpact.export import figures, tables
+from femimpact.fem.mesh import Mesh, uniform_mesh
+from femimpact.integrators.methods import Method
+from femimpact.integrators.stepping.newmark import Newmark
+from femimpact.study.results import OTHER_FILES, prepare_directory
+from femimpact.study.run import Report
+from femimpact.study.study import Study, build_systems, method_for, read_mesh_of
+from femimpact.system.system import System
+
+__all__ = ["WrittenConvergence", "write_convergence"]
+
+MESHES = (1, 2, 4, 8, 16, 32, 64, 128, 256)
+"""Elements of uniform meshes."""
+
+MOST_REFINED = 2048
+"""Elements of the finest refinement of a mesh file."""
+
+STATISTICS_MESHES = 4
+"""Coarse meshes of which statistics of runs with contacts are taken."""
+
+MODES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
+COARSEST_STEPS = 40
+"""Steps in a base cycle of the coarsest step."""
+
+
+@dataclass(frozen=True, eq=False)
+class WrittenConvergence:
+    """What a convergence study found, and where its files are.
+
+    Parameters
+    ----------
+    tables : ConvergenceStudy
+        Over the mesh and the modes, and over the step where the study's method is Newmark's.
+    statistics : ConvergenceTable or None
+        Of event-driven runs with contacts over the mesh.
+    mesh : MeshConvergence
+    step : StepConvergence or None
+        Of runs in Newmark's steps, to shortly after the first impact.
+    notes : tuple of str
+    directory : Path
+    """
+
+    tables: ConvergenceStudy
+    statistics: ConvergenceTable | None
+    mesh: MeshConvergence
+    step: StepConvergence | None
+    notes: tuple[str, ...]
+    directory: Path
+
+
+def write_convergence(
+    study: Study, directory: Path, force: bool, report: Report, accuracy: float = 1e-3
+) -> WrittenConvergence:
+    """Run the convergence studies of a study and write their tables and figures.
+
+    Parameters
+    ----------
+    study : Study
+    directory : Path
+    force : bool
+    report : callable
+        Called with what is done and its share, 0 to 1.
+    accuracy : float, 1
+        Relative error that the recommended numbers are for.
+
+    Returns
+    -------
+    WrittenConvergence
+
+    Raises
+    ------
+    InputError
+        If the mesh or the method does not fit the study.
+    """
+    own = read_mesh_of(study)
+    full, small = build_systems(study, own)
+    method = method_for(study, small)
+    method.check(small)
+    meshes = _meshes(study, own)
+    mesh = own if own is not None else uniform_mesh(study.structure, cast(int, study.mesh.elements))
+    in_steps = study.method.get("name", "newmark") == "newmark"
+    axes: list[Any] = [meshes, OverModes(mesh, _counts(full.dofs))]
+    notes = []
+    if in_steps:
+        axes.insert(1, _steps(study, mesh, method))
+    else:
+        notes.append("over the step: Newmark's method only; the study's is another")
+    with prepare_directory(directory, force) as staging:
+        folder = staging.folder
+        found = convergence_study(
+            study.structure, axes, _watched(full), study.sine, accuracy=accuracy,
+            progress=lambda share: report("quantities", share),
+        )  # fmt: skip
+        frequencies = converge_meshes(study.structure, [m for m in meshes.meshes if isinstance(m, Mesh)])
+        _write_tables(folder, found, frequencies)
+        staging.finish_part("quantities")
+        statistics, why = _statistics(study, meshes, _moving(full)[0], accuracy, report)
+        if statistics is not None:
+            tables.write_csv(folder / OTHER_FILES["statistics_over_mesh"], *statistics.columns())
+            staging.finish_part("statistics")
+        step = None
+        if in_steps:
+            report("steps", 0.0)
+            step = converge_step(small, study.sine, cast(Newmark, method))
+            report("steps", 1.0)
+            _write_steps(folder, step)
+            staging.finish_part("steps")
+    return WrittenConvergence(found, statistics, frequencies, step, (*notes, *why), directory)
+
+
+# ---- what is studied ------------------------------------------------------------------------------
+
+
+def _meshes(study: Study, own: Mesh | None) -> OverMeshes:
+    """Uniform meshes of the study's structure, or the mesh of its file and its refinements."""
+    if own is None:
+        made: list[Mesh] = []
+        for count in MESHES:
+            try:
+                made.append(uniform_mesh(study.structure, count))
+            except InputError:
+                # fewer elements than stretches between joints and attachments
+                if count == MESHES[-1]:
+                    raise
+        return OverMeshes(tuple(made))
+    times = max(int(math.log2(MOST_REFINED / own.elements)) if own.elements < MOST_REFINED else 0, 1)
+    return OverMeshes.refinements(own, min(times, 4))
+
+
+def _steps(study: Study, mesh: Mesh, method: Method) -> OverSteps:
+    """From a fortieth of the base's period down to the study's step, three to ten halvings."""
+    given = cast(Newmark, method)
+    coarse = 1.0 / (COARSEST_STEPS * study.base.frequency)
+    halvings = math.ceil(math.log2(coarse / given.dt)) if coarse > given.dt else 0
+    return OverSteps(mesh, replace(given, dt=coarse, allow_coarse_step=True), min(max(halvings, 3), 10))
+
+
+def _counts(dofs: int) -> tuple[int, ...]:
+    """Numbers of modes up to half the dofs, the upper half of which is of the mesh rather than of the beam."""
+    counts = [n for n in MODES if n <= dofs // 2]
+    return tuple(counts) if len(counts) >= 3 else tuple(range(1, max(dofs, 3) + 1))[:3]
+
+
+def _moving(system: System) -> tuple[str, ...]:
+    """The tip and the middle, where no support holds them."""
+    return tuple(place for place in dict.fromkeys((system.default_place, "mid")) if np.any(system.point_row(place)))
+
+
+def _watched(system: System) -> list[Any]:
+    """Quantities of any study; the stress is that at a clamped root, else at mid."""
+    # a moment before a force; none where springs alone hold the beam
+    reactions = sorted(system.reactions, key=lambda name: not name.endswith(".moment"))[:1]
+    clamped = {"root.force", "root.moment"} <= set(system.reactions)
+    places = _moving(system)
+    stress = SurfaceStress("root" if clamped else "mid")
+    return [Frequencies(4), ModeShapes(3), SteadyResponse(places), *map(SupportReaction, reactions), stress]
+
+
+def _statistics(
+    study: Study, meshes: OverMeshes, at: str, accuracy: float, report: Report
+) -> tuple[ConvergenceTable | None, tuple[str, ...]]:
+    """Statistics of runs with contacts over the coarser meshes, or why there are none."""
+    if not (study.structure.impactors or study.structure.stops):
+        return None, ()
+    few = OverMeshes(tuple(meshes.meshes[:STATISTICS_MESHES]))
+    modes, watched = study.reduction.modes if study.reduction else 8, ContactStatistics(at=at)
+    try:
+        found = convergence_study(
+            study.structure, few, watched, study.sine, modes=modes, accuracy=accuracy,
+            progress=lambda share: report("statistics", share),
+        )  # fmt: skip
+    except FemimpactError as error:
+        return None, (f"statistics of runs with contacts: none, for {' '.join(str(error).split())}",)
+    words = (
+        f"statistics: means over {watched.starts} phases of the base, {watched.cycles} cycles each, event-driven on "
+        f"{modes} modes or fewer"
+    )
+    return found["mesh"], (words,)
+
+
+# ---- files ----------------------------------------------------------------------------------------
+
+
+def _write_tables(folder: Path, found: ConvergenceStudy, mesh: MeshConvergence) -> None:
+    off_screen = figures.OffScreen()
+    for axis, table in found.tables.items():
+        tables.write_csv(folder / OTHER_FILES[f"quantities_over_{axis}"], *table.columns())
+        drawn = figures.convergence(table, ax=off_screen)
+        figures.save_figure(drawn, folder / OTHER_FILES[f"quantities_over_{axis}_figure"])
+    tables.write_csv(folder / OTHER_FILES["convergence_summary"], *_summary(list(found.tables.values())))
+    columns: dict[str, Any] = {"elements": mesh.elements}
+    for i in range(mesh.reference.size):
+        columns[f"natural_frequency_{i + 1}"] = mesh.natural_frequency[:, i]
+        columns[f"error_{i + 1}"] = mesh.error[:, i]
+    units = {name: "Hz" if "frequency" in name else "1" for name in columns if name != "elements"}
+    tables.write_csv(folder / OTHER_FILES["mesh_convergence"], columns, units)
+    drawn = figures.mesh_convergence(mesh, slope=None, ax=off_screen)
+    figures.save_figure(drawn, folder / OTHER_FILES["mesh_convergence_figure"])
+
+
+def _summary(found: Sequence[ConvergenceTable]) -> tuple[dict[str, Any], dict[str, str]]:
+    """The summaries of all axes below one another."""
+    parts = [table.summary() for table in found]
+    columns: dict[str, Any] = {"axis": np.concatenate([[table.axis] * table.name.size for table in found])}
+    for name in parts[0][0]:
+        columns[name] = np.concatenate([part[name] for part, _ in parts])
+    return columns, parts[0][1]
+
+
+def _write_steps(folder: Path, step: StepConvergence) -> None:
+    columns = {name: getattr(step, name) for name in ("dt", "linear_error", "first_impact_error", "energy_residual")}
+    tables.write_csv(folder / OTHER_FILES["step_convergence"], columns, {"dt": "s"})
+    drawn = figures.step_convergence(step, slope=None, ax=figures.OffScreen())
+    figures.save_figure(drawn, folder / OTHER_FILES["step_convergence_figure"])
