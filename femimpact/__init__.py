@@ -107,6 +107,7 @@ if TYPE_CHECKING:
     from femimpact.study.study_file import load_study as load_study
     from femimpact.sweep import FrequencyResponse as FrequencyResponse
     from femimpact.sweep import frequency_sweep as frequency_sweep
+    from femimpact.system.contact_pair import ContactPair as ContactPair
     from femimpact.system.damped import with_damping as with_damping
     from femimpact.system.matrix_files import read_matrix as read_matrix
     from femimpact.system.modes import Modes as Modes
@@ -115,9 +116,8 @@ if TYPE_CHECKING:
     from femimpact.system.reactions import Reaction as Reaction
     from femimpact.system.reduction import reduce as reduce
     from femimpact.system.reduction import truncation_notes as truncation_notes
+    from femimpact.system.state import State as State
     from femimpact.system.static import static_state as static_state
-    from femimpact.system.system import ContactPair as ContactPair
-    from femimpact.system.system import State as State
     from femimpact.system.system import System as System
     from femimpact.system.system import without_impactors as without_impactors
 
@@ -207,7 +207,9 @@ _MODULES = {
     "study.study": ("Study",),
     "study.study_file": ("load_study",),
     "sweep": ("FrequencyResponse", "frequency_sweep"),
-    "system.system": ("ContactPair", "State", "System", "without_impactors"),
+    "system.contact_pair": ("ContactPair",),
+    "system.state": ("State",),
+    "system.system": ("System", "without_impactors"),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 _SUBMODULES = {"figures": "export.figures"}

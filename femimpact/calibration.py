@@ -31,7 +31,7 @@ from femimpact.integrators.threads import check_progress
 from femimpact.structure.structure import Structure
 from femimpact.sweep import FrequencyResponse, frequency_sweep
 from femimpact.system.reduction import reduce
-from femimpact.system.system import State
+from femimpact.system.state import State
 from femimpact.table import flat_columns, frame_of, named_column
 
 if TYPE_CHECKING:

@@ -22,9 +22,8 @@ from femimpact.structure.damping import rayleigh_coefficients, realised_damping_
 from femimpact.study.demo import paper_study
 from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, SweepPlan
 from femimpact.sweep import on_grid
-from femimpact.system.hermite import shape_functions
+from femimpact.system.hermite import hermite_rows, shape_functions
 from femimpact.system.modes import solve_stiffness
-from femimpact.system.system import hermite_rows
 
 LAW = fi.KelvinVoigt(restitution=0.6, contact_time=5e-3)
 STRUCTURE = fi.Structure(

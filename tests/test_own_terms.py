@@ -13,8 +13,8 @@ import scipy.special
 from skfem import BilinearForm
 
 import femimpact as fi
+from femimpact.system.hermite import hermite_rows
 from femimpact.system.modes import solve_stiffness
-from femimpact.system.system import hermite_rows
 
 LENGTH, WIDTH, THICKNESS, MODULUS, DENSITY = 0.4, 0.02, 1.2e-3, 70e9, 2700.0
 BEAM = fi.Beam.uniform(length=LENGTH, width=WIDTH, thickness=THICKNESS, young_modulus=MODULUS, density=DENSITY)

@@ -10,7 +10,7 @@ import pytest
 import femimpact as fi
 from femimpact.export.scene_pieces import BEAM
 from femimpact.export.vtk import write_deflection, write_modes
-from femimpact.system.system import hermite_rows
+from femimpact.system.hermite import hermite_rows
 
 ALUMINIUM = {"young_modulus": 70e9, "density": 2700.0}
 THICK = fi.Segment(length=0.12, width=0.030, thickness=3e-3, name="thick", **ALUMINIUM)

@@ -15,7 +15,8 @@ from femimpact.integrators.methods import Method, require_method
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import Position
 from femimpact.sweep import frequency_sweep
-from femimpact.system.system import State, System
+from femimpact.system.state import State
+from femimpact.system.system import System
 
 __all__ = ["PARTS", "first_impact", "run_statistics"]
 

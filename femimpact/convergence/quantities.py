@@ -13,7 +13,8 @@ from femimpact.convergence.cases import Case
 from femimpact.convergence.harmonic import newmark_frequency, time_factors
 from femimpact.errors import check_fields, checked, optional, place, quantity, require, text
 from femimpact.structure.structure import Position
-from femimpact.system.system import System, element_of, hermite_rows
+from femimpact.system.hermite import element_of, hermite_rows
+from femimpact.system.system import System
 
 __all__ = [
     "BendingMoment", "Frequencies", "ModeShapes", "Reading", "SteadyResponse", "SupportReaction", "SurfaceStress",

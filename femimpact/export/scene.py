@@ -30,7 +30,8 @@ from femimpact.export.scene_pieces import (
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Position, Structure
-from femimpact.system.system import System, hermite_rows
+from femimpact.system.hermite import hermite_rows
+from femimpact.system.system import System
 
 __all__ = [
     "BALL", "BALL_DENSITY", "BEAM", "BOX", "Scene", "ball_radius", "build_scene", "build_whole_scene", "snapshots_of",

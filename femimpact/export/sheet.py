@@ -14,7 +14,7 @@ from femimpact.export.scene import BALL, BEAM, BOX, Scene, ball_radius
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
-from femimpact.system.system import hermite_rows
+from femimpact.system.hermite import hermite_rows
 
 __all__ = ["HEIGHT", "VIEWS", "WIDTH", "Film", "sheets"]
 

@@ -19,11 +19,13 @@ from femimpact.fem.discretisation import Discretisation, ElementLineHermiteRefer
 from femimpact.fem.mesh import Mesh
 from femimpact.structure.springs import Dashpot, Spring
 from femimpact.structure.structure import SUPPORTS, Impactor, Stop, Structure
+from femimpact.system.contact_pair import contact_pair
 from femimpact.system.damped import damped_with_modes
+from femimpact.system.hermite import hermite_rows
 from femimpact.system.modes import flexibility
 from femimpact.system.own_terms import add_terms
 from femimpact.system.reactions import Reaction
-from femimpact.system.system import System, contact_pair, hermite_rows
+from femimpact.system.system import System
 
 __all__ = ["ElementLineHermiteReference", "assemble"]
 

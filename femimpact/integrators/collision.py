@@ -5,7 +5,7 @@ from __future__ import annotations
 from femimpact.errors import checked, quantity, require, require_type
 from femimpact.integrators.answers import AchievedRestitution
 from femimpact.integrators.methods import Method, require_method
-from femimpact.system.system import ContactPair
+from femimpact.system.contact_pair import ContactPair
 
 __all__ = ["AchievedRestitution", "achieved_restitution"]
 

@@ -11,7 +11,8 @@ from femimpact.integrators.memory import check_memory, memory_needed
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.threads import Progress, check_progress, run_each, workers_of
 from femimpact.response.response import Recorder, Response
-from femimpact.system.system import State, System
+from femimpact.system.state import State
+from femimpact.system.system import System
 
 __all__ = ["check_memory", "integrate", "memory_needed"]
 

@@ -15,7 +15,9 @@ from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.stepping.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
 from femimpact.integrators.threads import Progress
 from femimpact.response.response import Recorder, Response
-from femimpact.system.system import ContactPair, State, System
+from femimpact.system.contact_pair import ContactPair
+from femimpact.system.state import State
+from femimpact.system.system import System
 
 __all__ = ["METHODS", "Method", "require_method"]
 

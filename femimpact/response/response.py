@@ -33,7 +33,8 @@ from femimpact.response.regimes import Regime, classify
 from femimpact.response.sections import StroboscopicSection, stroboscopic
 from femimpact.response.signals import SteadyMotion
 from femimpact.structure.structure import Position
-from femimpact.system.system import State, System
+from femimpact.system.state import State
+from femimpact.system.system import System
 from femimpact.table import Head, frame_of, head_of_values, short_repr
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from femimpact.export import figures, tables
 from femimpact.integrators.methods import Method
 from femimpact.study.results import FILES, OTHER_FILES, prepare_directory
 from femimpact.study.study import Study, build_systems, method_for, read_mesh_of
-from femimpact.system.system import ContactPair
+from femimpact.system.contact_pair import ContactPair
 
 __all__ = ["UNITS", "approach_speeds", "contact_table", "write_contact_table"]
 

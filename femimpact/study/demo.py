@@ -36,7 +36,7 @@ from femimpact.study.study import Study
 from femimpact.study.study_file import load_study
 from femimpact.study.summary import Spread, SweepPair, spread_of, summary_of
 from femimpact.sweep import FrequencyResponse, frequency_sweep
-from femimpact.system.system import State
+from femimpact.system.state import State
 
 __all__ = ["PUBLISHED", "Demo", "ScanPlan", "median_scan", "paper_study", "paper_study_text", "run_demo"]
 

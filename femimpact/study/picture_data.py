@@ -23,8 +23,9 @@ from femimpact.response.signals import no_steady_motion
 from femimpact.structure.structure import Beam, Segment, Structure, Support
 from femimpact.study.results import FILES, read_dataset, read_sticking
 from femimpact.sweep import SWEEP_UNITS, FrequencyResponse
+from femimpact.system.hermite import hermite_rows
 from femimpact.system.modes import Modes
-from femimpact.system.system import System, hermite_rows
+from femimpact.system.system import System
 
 if TYPE_CHECKING:
     import xarray

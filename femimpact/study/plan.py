@@ -8,7 +8,7 @@ from femimpact.integrators.stepping.step_size import shortest_contact
 from femimpact.study.cost import history_cost, mesh_memory, picture_seconds, sweep_cost
 from femimpact.study.prepared import prepare
 from femimpact.study.study import Study
-from femimpact.system.system import ContactPair
+from femimpact.system.contact_pair import ContactPair
 
 __all__ = ["plan_lines"]
 

@@ -30,7 +30,8 @@ from femimpact.study.study_text import study_text
 from femimpact.study.summary import SweepPair, summary_of
 from femimpact.sweep import SWEEP_UNITS, frequency_sweep, on_grid
 from femimpact.system.modes import Modes, solve_modes
-from femimpact.system.system import State, System
+from femimpact.system.state import State
+from femimpact.system.system import System
 
 __all__ = [
     "Found",

@@ -16,8 +16,8 @@ from femimpact.integrators.methods import Method
 from femimpact.response.response import Response
 from femimpact.study.prepared import PreparedStudy
 from femimpact.sweep import FrequencyResponse, on_grid
+from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import Modes
-from femimpact.system.system import ContactPair
 
 __all__ = ["Spread", "SweepPair", "contacts_of", "spread_of", "summary_of"]
 

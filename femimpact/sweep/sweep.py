@@ -19,7 +19,8 @@ from femimpact.structure.damping import realised_damping_ratio
 from femimpact.structure.structure import Position
 from femimpact.sweep.curve import IMPACT_NAMES, SWEEP_UNITS, FrequencyResponse
 from femimpact.sweep.dwells import dwells_of
-from femimpact.system.system import State, System
+from femimpact.system.state import State
+from femimpact.system.system import System
 
 __all__ = ["frequency_sweep"]
 

@@ -1,15 +1,26 @@
-"""Cubic Hermite shape functions on the unit interval: the one formula behind element and deflection."""
+"""Cubic Hermite shape functions, the one formula behind element and deflection, and the rows that read a deflection."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import checked, quantity, real_array
+from femimpact.errors import checked, choice, quantity, real_array, require
 
-__all__ = ["DERIVATIVE", "shape_functions"]
+__all__ = ["DERIVATIVE", "element_of", "hermite_rows", "positions_on_beam", "shape_functions"]
+
+OFF_BEAM = 1e-6
+"""Share of the length by which a position in single precision may lie off the beam."""
+
+
+AT_NODE = 1e-9
+"""Share of the length within which a position is at a node."""
+
+SIDE = choice("left", "right")
+"""Which of the two elements at a node: towards the root, or towards the tip."""
 
 DERIVATIVE = quantity("1", at_least=0, at_most=3, integer=True)
 """Orders of derivative that a cubic has."""
@@ -43,3 +54,52 @@ def shape_functions(s: ArrayLike, derivative: int = 0) -> NDArray[Any]:
         (12 + zero, 6 + zero, -12 + zero, 6 + zero),
     )
     return np.stack(rows[derivative])
+
+
+def positions_on_beam(nodes: NDArray[Any], positions: ArrayLike, key: str) -> NDArray[Any]:
+    """Positions (m) on the beam, those off it by rounding only moved to its end."""
+    root, tip = float(nodes[0]), float(nodes[-1])
+    allowed = f"must be within the beam, {root:g} to {tip:g} m"
+    x = real_array(key, positions, "m", allowed)
+    slack = OFF_BEAM * (tip - root)
+    beyond = x[(x < root - slack) | (x > tip + slack)]
+    require(beyond.size == 0, key, float(beyond[0]) if beyond.size else None, "m", allowed)
+    return np.asarray(np.clip(x, root, tip))
+
+
+def element_of(nodes: NDArray[Any], positions: NDArray[Any], side: str) -> NDArray[Any]:
+    """Numbers of the elements that hold positions (k,) in m; at a node, to 1e-9 of the length, the one on a side."""
+    shift = (1.0 if checked("side", side, SIDE) == "right" else -1.0) * AT_NODE * (nodes[-1] - nodes[0])
+    return np.asarray(np.clip(np.searchsorted(nodes, positions + shift, side="right") - 1, 0, nodes.size - 2))
+
+
+def hermite_rows(nodes: NDArray[Any], positions: ArrayLike, derivative: int = 0, side: str = "right") -> Any:
+    """Sparse rows from nodal (w, w') pairs to the deflection, or a derivative of it, at positions.
+
+    Parameters
+    ----------
+    nodes : ndarray (n,), m
+    positions : array_like (k,), m
+    derivative : int
+    side : {"left", "right"}
+        Which element is read at a node, where curvature and its slope jump.
+
+    Returns
+    -------
+    csr_array (k, 2 n)
+
+    Raises
+    ------
+    InputError
+        If a position lies off the nodes, or a cubic has no such derivative.
+    """
+    x = np.atleast_1d(positions_on_beam(nodes, positions, "positions"))
+    require(x.ndim == 1, "positions", f"array of shape {x.shape}", "m", "must be one place or a row of them")
+    derivative = checked("derivative", derivative, DERIVATIVE)
+    element = element_of(nodes, x, side)
+    length = nodes[element + 1] - nodes[element]
+    values = shape_functions((x - nodes[element]) / length, derivative) / length**derivative
+    values[[1, 3]] *= length
+    row = np.repeat(np.arange(x.size), 4)
+    column = (2 * element[:, None] + np.arange(4)).ravel()
+    return sparse.csr_array((values.T.ravel(), (row, column)), shape=(x.size, 2 * nodes.size))

@@ -11,10 +11,11 @@ import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import require, require_type
+from femimpact.system.contact_pair import ContactPair
 from femimpact.system.matrices import banded_factor, checked_matrix, checked_row
 from femimpact.system.modes import flexibility, solve_modes
 from femimpact.system.reactions import Reaction
-from femimpact.system.system import ContactPair, System
+from femimpact.system.system import System
 
 __all__ = ["add_terms"]
 

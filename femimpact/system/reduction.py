@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from femimpact.errors import checked, require, require_type, truth
 from femimpact.structure.damping import realised_damping_ratio
+from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import solve_modes, solve_stiffness
 from femimpact.system.reactions import reduced_reactions
-from femimpact.system.system import ContactPair, System
+from femimpact.system.system import System
 
 __all__ = ["reduce", "truncation_notes"]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,28 +18,22 @@ import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.contact import ContactLaw, ContactParameters, require_law, resolve
 from femimpact.errors import (
     Fault,
     InputError,
     check_fields,
     checked,
-    choice,
     column,
     in_range,
     instance,
     items,
     optional,
     quantity,
-    real_array,
     require,
     require_type,
     suggestion,
-    text,
-    truth,
 )
-from femimpact.excitation import Excitation
-from femimpact.structure.structure import Impactor, Position, Stop, require_preload, sound_gaps
+from femimpact.structure.structure import Impactor, Position, Stop
 from femimpact.system.consistency import (
     TOGETHER,
     SystemOrigin,
@@ -49,180 +43,17 @@ from femimpact.system.consistency import (
     check_shapes,
     check_unchanged,
 )
-from femimpact.system.continuation import Continuation
-from femimpact.system.hermite import DERIVATIVE, shape_functions
+from femimpact.system.contact_pair import ContactPair, contact_pair, frozen_row
+from femimpact.system.hermite import element_of, hermite_rows, positions_on_beam
 from femimpact.system.matrices import checked_matrix, checked_row, checked_shapes, definite_factor
 from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reactions
 from femimpact.system.sections import Section, SectionFields
-from femimpact.system.static import StaticContacts, static_contacts
 from femimpact.table import Head, head_of_values, short_repr
 
-__all__ = ["ContactPair", "State", "System", "SystemOrigin", "contact_pair", "hermite_rows", "without_impactors"]
-
-OFF_BEAM = 1e-6
-"""Share of the length by which a position in single precision may lie off the beam."""
-
-
-AT_NODE = 1e-9
-"""Share of the length within which a position is at a node."""
-
-SIDE = choice("left", "right")
-"""Which of the two elements at a node: towards the root, or towards the tip."""
-
+__all__ = ["System", "SystemOrigin", "without_impactors"]
 
 ALIKE = 1e-6
 """Relative difference of omega^2 below which two modes count as one first mode."""
-
-
-@dataclass(frozen=True, eq=False)
-class ContactPair:
-    """One ball between its two walls, or the beam between two stops, seen through one direction vector.
-
-    Parameters
-    ----------
-    name : str
-    direction : ndarray (dofs,)
-        b: the structure's displacement at the pair is b @ u, and x = y - b @ u is what the gaps bound.
-        A stop fixed to the base has y = 0 and b = -(row of its place), so that x is the deflection there; one fixed
-        in space has y = ub, the base's displacement, so that x is the absolute displacement there.
-    position : float, m
-        Not a number for a system given by matrices.
-    mass : float, kg
-        Of the ball; infinite for a stop.
-    gaps : pair of float, m
-        On the + and on the - side; of a stop one may be negative where their sum is > 0 (preload).
-    law : ContactLaw
-    first_mode : float, kg^-0.5
-        phi1, the first mass-normalised mode at the pair.
-    flexibility : float, m/N
-        b^T K^-1 b of the whole structure, to see what a reduction leaves out; not a number unknown.
-    free_stiffness : float, N/m
-    acceleration : float, m/s^2
-        Constant one of the ball, gravity included.
-    fixed_to : {"base", "space"}
-        What a stop stands on; a ball's cavity moves with the structure.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
-    """
-
-    name: str = field(metadata=text())
-    direction: NDArray[Any] = field(metadata=column("1", "dofs", finite=True))
-    position: float = field(metadata=quantity("m", finite=False))
-    mass: float = field(metadata=quantity("kg", above=0.0, finite=False))
-    gaps: tuple[float, float] = field(metadata=quantity("m", several=True, finite=False))
-    law: ContactLaw
-    first_mode: float = field(metadata=quantity("kg^-0.5"))
-    flexibility: float = field(default=math.nan, metadata=quantity("m/N", at_least=0.0, finite=False))
-    free_stiffness: float = field(default=0.0, metadata=quantity("N/m", at_least=0.0))
-    acceleration: float = field(default=0.0, metadata=quantity("m/s^2"))
-    fixed_to: str = field(default="base", metadata=choice("base", "space"))
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        require(not math.isnan(self.mass), "mass", self.mass, "kg", "must be a number > 0 kg, infinite for a stop")
-        two = isinstance(self.gaps, tuple) and sound_gaps(self.gaps) and (self.is_stop or min(self.gaps) >= 0.0)
-        allowed = "must be two numbers >= 0 (to the + side, to the - side), or of a stop one negative and their sum > 0"
-        require(two, "gaps", self.gaps, "m", allowed)
-        based = self.is_stop or self.fixed_to == "base"
-        require(based, "fixed_to", self.fixed_to, "", "must be 'base' for a ball: its cavity moves with the structure")
-        require_law(self.law)
-        require_preload(self.gaps, self.law)
-
-    @property
-    def is_stop(self) -> bool:
-        """Whether the other side is a fixed obstacle, not a ball."""
-        return math.isinf(self.mass)
-
-    @property
-    def is_preloaded(self) -> bool:
-        """Whether the undeformed structure would be inside a stop."""
-        return min(self.gaps) < 0.0
-
-    @property
-    def mobility(self) -> float:
-        """1/m of the ball (1/kg), 0 for a stop."""
-        return 0.0 if self.is_stop else 1.0 / self.mass
-
-    @property
-    def effective_mass(self) -> float:
-        """1/(1/m + phi1^2), kg."""
-        inverse = self.first_mode**2 + self.mobility
-        # a stop where the first mode has a node: any finite number; the law's own time scale is then unknown
-        return 1.0 / inverse if inverse > 0.0 else 1.0
-
-    @cached_property
-    def parameters(self) -> ContactParameters:
-        """The law's numbers for this pair's effective mass."""
-        return resolve(self.law, self.effective_mass)
-
-    def along(self, direction: NDArray[Any]) -> ContactPair:
-        """The same pair in other coordinates of the structure, (dofs,); law and effective mass stay."""
-        moved = replace(self, direction=direction)
-        # a law of one's own takes a while to integrate
-        moved.__dict__["parameters"] = self.parameters
-        return moved
-
-    def shares_place(self, other: ContactPair) -> bool:
-        """Whether what the structure says of both pairs is the same: the very direction, the place and its mode."""
-        return (
-            self.direction is other.direction
-            and self.is_stop == other.is_stop
-            and all(
-                getattr(self, name) == getattr(other, name)
-                or (math.isnan(getattr(self, name)) and math.isnan(getattr(other, name)))
-                for name in ("position", "first_mode", "flexibility")
-            )
-        )
-
-
-def contact_pair(
-    item: Impactor | Stop, row: NDArray[Any], position: float, first_mode: float, flexibility: float,
-    gravity: float = 0.0,
-) -> ContactPair:  # fmt: skip
-    """The pair of an impactor or a stop, its law resolved for the first mode's mass.
-
-    Parameters
-    ----------
-    item : Impactor or Stop
-    row : ndarray (dofs,)
-        Reads the structure's displacement at the place.
-    position : float, m
-    first_mode : float, kg^-0.5
-        Mass-normalised first mode at the place.
-    flexibility : float, m/N
-    gravity : float, m/s^2
-        Constant acceleration of a ball beside its own.
-
-    Returns
-    -------
-    ContactPair
-    """
-    ball = item if isinstance(item, Impactor) else None
-    pair = ContactPair(
-        name=item.name,
-        direction=_frozen(row if ball else -row),
-        position=position,
-        mass=ball.mass if ball else math.inf,
-        gaps=item.gaps,
-        law=item.contact,
-        first_mode=first_mode,
-        flexibility=flexibility,
-        free_stiffness=ball.free_stiffness if ball else 0.0,
-        acceleration=ball.acceleration + gravity if ball else 0.0,
-        fixed_to="base" if ball else item.fixed_to,  # type: ignore[union-attr]
-    )
-    # a law that has no numbers for this mass is refused here, not in the middle of a run
-    require_type(pair.parameters, ContactParameters, "parameters")
-    return pair
-
-
-def _frozen(values: Any) -> NDArray[Any]:
-    array = np.array(values, dtype=float)
-    array.setflags(write=False)
-    return array
 
 
 @short_repr
@@ -300,7 +131,7 @@ class System:
     def __post_init__(self) -> None:
         check_fields(self)
         if self.constant_load is None:
-            object.__setattr__(self, "constant_load", _frozen(np.zeros(self.dofs)))
+            object.__setattr__(self, "constant_load", frozen_row(np.zeros(self.dofs)))
         origin = self.computed_together
         if origin is None:
             check_shapes(self)
@@ -393,8 +224,8 @@ class System:
         bare = cls(
             **matrices,
             stiffness_factor=sparse.csr_array(factor),
-            base_load=_frozen(load),
-            rigid_translation=_frozen(rigid),
+            base_load=frozen_row(load),
+            rigid_translation=frozen_row(rigid),
             nodes=places,
             expansion=shapes,
             points={name: _place_of_row(row, places, shapes) for name, row in rows.items()},
@@ -450,7 +281,7 @@ class System:
                 require(False, "at", at, "", suggestion(at, self.points))
             return float(self.points[at])
         self._require_beam(at)
-        return float(_on_beam(self.nodes, checked("at", at, quantity("m")), "at"))
+        return float(positions_on_beam(self.nodes, checked("at", at, quantity("m")), "at"))
 
     def _require_beam(self, at: object) -> None:
         require(self.nodes.size > 0, "at", at, "m", f"must be a name, {', '.join(self.points)}: there is no beam")
@@ -556,7 +387,7 @@ class System:
 
     def _element_of(self, positions: ArrayLike, side: str) -> NDArray[Any]:
         self._require_beam(positions)
-        return element_of(self.nodes, np.atleast_1d(_on_beam(self.nodes, positions, "positions")), side)
+        return element_of(self.nodes, np.atleast_1d(positions_on_beam(self.nodes, positions, "positions")), side)
 
     def _rows(self, positions: ArrayLike, derivative: int, side: str) -> NDArray[Any]:
         self._require_beam(positions)
@@ -646,208 +477,6 @@ def _contacts_of_matrices(
 def _is_diagonal(matrix: Any) -> bool:
     entries = sparse.coo_array(matrix)
     return bool(np.all((entries.coords[0] == entries.coords[1]) | (entries.data == 0.0)))
-
-
-def _on_beam(nodes: NDArray[Any], positions: ArrayLike, key: str) -> NDArray[Any]:
-    """Positions (m) on the beam, those off it by rounding only moved to its end."""
-    root, tip = float(nodes[0]), float(nodes[-1])
-    allowed = f"must be within the beam, {root:g} to {tip:g} m"
-    x = real_array(key, positions, "m", allowed)
-    slack = OFF_BEAM * (tip - root)
-    beyond = x[(x < root - slack) | (x > tip + slack)]
-    require(beyond.size == 0, key, float(beyond[0]) if beyond.size else None, "m", allowed)
-    return np.asarray(np.clip(x, root, tip))
-
-
-def element_of(nodes: NDArray[Any], positions: NDArray[Any], side: str) -> NDArray[Any]:
-    """Numbers of the elements that hold positions (k,) in m; at a node, to 1e-9 of the length, the one on a side."""
-    shift = (1.0 if checked("side", side, SIDE) == "right" else -1.0) * AT_NODE * (nodes[-1] - nodes[0])
-    return np.asarray(np.clip(np.searchsorted(nodes, positions + shift, side="right") - 1, 0, nodes.size - 2))
-
-
-def hermite_rows(nodes: NDArray[Any], positions: ArrayLike, derivative: int = 0, side: str = "right") -> Any:
-    """Sparse rows from nodal (w, w') pairs to the deflection, or a derivative of it, at positions.
-
-    Parameters
-    ----------
-    nodes : ndarray (n,), m
-    positions : array_like (k,), m
-    derivative : int
-    side : {"left", "right"}
-        Which element is read at a node, where curvature and its slope jump.
-
-    Returns
-    -------
-    csr_array (k, 2 n)
-
-    Raises
-    ------
-    InputError
-        If a position lies off the nodes, or a cubic has no such derivative.
-    """
-    x = np.atleast_1d(_on_beam(nodes, positions, "positions"))
-    require(x.ndim == 1, "positions", f"array of shape {x.shape}", "m", "must be one place or a row of them")
-    derivative = checked("derivative", derivative, DERIVATIVE)
-    element = element_of(nodes, x, side)
-    length = nodes[element + 1] - nodes[element]
-    values = shape_functions((x - nodes[element]) / length, derivative) / length**derivative
-    values[[1, 3]] *= length
-    row = np.repeat(np.arange(x.size), 4)
-    column = (2 * element[:, None] + np.arange(4)).ravel()
-    return sparse.csr_array((values.T.ravel(), (row, column)), shape=(x.size, 2 * nodes.size))
-
-
-ROUNDED = 1e-12
-"""Distance (m) by which rounding may put a start beyond a wall."""
-
-STATIC_FRAME = "must be 'base' for a static start: the static state is one relative to the base"
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """Displacements and velocities at the start of a run, and its time.
-
-    `Response.final_state` is one that carries what the run has reached beyond them. The same method goes on from it:
-    on the same system under the same excitation two halves are the whole, in other cases as far as it still holds.
-    Contacts in progress go on where the contacts are the same (and, of stops fixed in space, the excitation and the
-    time). Of another method, and of values that were replaced, the displacements and velocities alone are used, and a
-    response says so where that begins a contact anew.
-
-    Where a stop is preloaded (a negative gap), a start without `displacement` is the static state: undeformed, the
-    structure would be inside the stop.
-
-    Parameters
-    ----------
-    displacement, velocity : array_like (dofs,), optional
-        Of the structure's dofs (m, m/s); None is zero, or of displacements the static state.
-    ball_displacement, ball_velocity : array_like (balls,), optional
-        m and m/s, in the order of `System.contacts`; None is zero, or of displacements the static state.
-    frame : {"base", "space"}
-        Whether the values are relative to the moving base or absolute.
-    equilibrium : bool
-        Whether displacements that are not given are those of the static state (`State.static`), relative to the
-        base, in place of zero.
-    time : float, s
-        When the run begins: the excitation is taken from there on, and all times of the response are counted from 0 s.
-    continuation : Continuation, optional
-        What the run that ended here has left to its method; None for a state made by hand.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range, or a static state is asked for at rest in the inertial frame.
-    """
-
-    displacement: Any = field(default=None, metadata=column("m", "dofs", finite=True))
-    velocity: Any = field(default=None, metadata=column("m/s", "dofs", finite=True))
-    ball_displacement: Any = field(default=None, metadata=column("m", "balls", finite=True))
-    ball_velocity: Any = field(default=None, metadata=column("m/s", "balls", finite=True))
-    frame: str = field(default="base", metadata=choice("base", "space"))
-    equilibrium: bool = field(default=False, metadata=truth())
-    time: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
-    continuation: Continuation | None = field(default=None, repr=False, metadata=optional(instance(Continuation)))
-
-    def __post_init__(self) -> None:
-        for item in fields(self)[:4]:
-            value = getattr(self, item.name)
-            if value is not None:
-                # one number for one dof; a copy, for what is frozen does not follow the caller's array
-                array = np.atleast_1d(real_array(item.name, value, item.metadata["unit"], item.metadata["allowed"]))
-                array.setflags(write=False)
-                object.__setattr__(self, item.name, array)
-        check_fields(self)
-        sound = not self.equilibrium or self.frame == "base"
-        require(sound, "frame", self.frame, "", STATIC_FRAME)
-
-    @classmethod
-    def static(cls) -> State:
-        """Structure and balls at rest in static equilibrium: constant forces, contacts and preloaded stops."""
-        return cls(equilibrium=True)
-
-    @classmethod
-    def at_rest(cls, frame: str = "base") -> State:
-        """Beam and balls at rest in the frame of the base, or in space."""
-        return cls(frame=frame)
-
-    @property
-    def is_at_rest(self) -> bool:
-        """Whether nothing moves, or is displaced from where the state's own frame or equilibrium has it."""
-        given = (self.displacement, self.velocity, self.ball_displacement, self.ball_velocity)
-        return all(values is None or not np.any(values) for values in given)
-
-    def is_static_on(self, system: System) -> bool:
-        """Whether displacements that are not given are those of the static state of a system."""
-        preloaded = any(pair.is_preloaded for pair in system.contacts)
-        return self.equilibrium or (self.displacement is None and preloaded)
-
-    def static_contacts(self, system: System, base: Excitation) -> StaticContacts | None:
-        """Static state of a system with its contact forces, where the start is one; see `is_static_on`."""
-        if not self.is_static_on(system):
-            return None
-        require(self.frame == "base", "initial.frame", self.frame, "", STATIC_FRAME)
-        return static_contacts(system, float(base.displacement(self.time)))
-
-    def left_by_run(self, system: System, base: Excitation) -> Continuation | None:
-        """What the run that ended here has left, where the values are still its own and its contacts the system's."""
-        left = self._left_there(system, base)
-        same = left is not None and _are_equal((self.velocity, self.ball_velocity), left.velocities)
-        return left if same else None
-
-    def _left_there(self, system: System, base: Excitation) -> Continuation | None:
-        """The same whatever the velocities are now."""
-        left = self.continuation
-        if left is None or self.frame != "base" or not left.has_contacts_of(system, base, self.time):
-            return None
-        return left if _are_equal((self.displacement, self.ball_displacement), left.displacements) else None
-
-    def relative_to_base(
-        self, system: System, base: Excitation
-    ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """u, u', y, y' at the start relative to the base (m and m/s), checked for size and gaps.
-
-        y and y' have one entry for each contact pair: zero for stops that are fixed to the base, ub and ub' for
-        those fixed in space. Rigid contacts start between their walls, to 1e-12 m; compliant ones no deeper than
-        in the static state where the start refers to it (`State`). Where a run has left it
-        a contact may be anywhere.
-        """
-        balls, stops = len(system.balls), system.contacts[len(system.balls) :]
-        rest = self.static_contacts(system, base)
-        still, placed = (None, None) if rest is None else (rest.displacement, rest.other[:balls])
-        u = _vector(self.displacement, system.dofs, "initial.displacement", "m", still)
-        v = _vector(self.velocity, system.dofs, "initial.velocity", "m/s")
-        y = _vector(self.ball_displacement, balls, "initial.ball_displacement", "m", placed)
-        y_rate = _vector(self.ball_velocity, balls, "initial.ball_velocity", "m/s")
-        if self.frame == "space":
-            offset, speed = float(base.displacement(self.time)), float(base.velocity(self.time))
-            u, v = u - offset * system.rigid_translation, v - speed * system.rigid_translation
-            y, y_rate = y - offset, y_rate - speed
-        in_space = np.array([float(pair.fixed_to == "space") for pair in stops])
-        y = np.concatenate([y, in_space * float(base.displacement(self.time))])
-        y_rate = np.concatenate([y_rate, in_space * float(base.velocity(self.time))])
-        if self._left_there(system, base) is not None:
-            return u, v, y, y_rate
-        for j, pair in enumerate(system.contacts):
-            x = float(y[j] - pair.direction @ u)
-            allowed = f"must start between its walls, {-pair.gaps[1]:g} to {pair.gaps[0]:g} m"
-            deep = 0.0 if rest is None else (1.0 + ROUNDED) * float(np.copysign(rest.depth[j], rest.normal[j]))
-            inside = min(deep, 0.0) - pair.gaps[1] - ROUNDED <= x <= pair.gaps[0] + max(deep, 0.0) + ROUNDED
-            require(inside, f"initial.{pair.name}.gap", x, "m", allowed)
-        return u, v, y, y_rate
-
-
-def _are_equal(given: tuple[Any, ...], own: tuple[NDArray[Any], ...]) -> bool:
-    return all(values is not None and np.array_equal(values, left) for values, left in zip(given, own, strict=True))
-
-
-def _vector(
-    values: Any, size: int, key: str, unit: str, default: NDArray[Any] | None = None
-) -> NDArray[Any]:  # fmt: skip
-    allowed = f"must hold {size} finite numbers"
-    if values is None:
-        return np.zeros(size) if default is None else np.array(default)
-    array = np.atleast_1d(real_array(key, values, unit, allowed))
-    require(array.shape == (size,), key, f"array of shape {array.shape}", unit, allowed)
-    return array
 
 
 def without_impactors(system: System) -> System:

@@ -31,7 +31,8 @@ from femimpact.excitation import Sine
 from femimpact.integrators.integrate import integrate
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.structure import Impactor
-from femimpact.system.system import State, System
+from femimpact.system.state import State
+from femimpact.system.system import System
 from femimpact.validation.case import Case
 
 __all__ = ["CASES", "PUBLISHED", "Published"]

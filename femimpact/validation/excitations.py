@@ -19,7 +19,8 @@ from femimpact.integrators.stepping.newmark import GeneralizedAlpha, Newmark
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import Impactor
 from femimpact.sweep import FrequencyResponse, frequency_sweep
-from femimpact.system.system import State, System
+from femimpact.system.state import State
+from femimpact.system.system import System
 from femimpact.validation.case import Case
 
 __all__ = ["CASES"]

@@ -26,7 +26,8 @@ from femimpact.integrators.integrate import integrate
 from femimpact.integrators.stepping.newmark import MoreauJean, Newmark
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import Impactor
-from femimpact.system.system import State, System
+from femimpact.system.state import State
+from femimpact.system.system import System
 from femimpact.validation.case import Case
 from femimpact.validation.impacts import FREQUENCY, GRAVITY, shaken_floor
 

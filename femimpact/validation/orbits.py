@@ -14,7 +14,8 @@ from femimpact.excitation import PointForce, Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate
 from femimpact.structure.structure import Impactor, Stop
-from femimpact.system.system import State, System
+from femimpact.system.state import State
+from femimpact.system.system import System
 from femimpact.validation.case import Case
 from femimpact.validation.impacts import shaken_floor
 

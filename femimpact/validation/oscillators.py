@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from femimpact.excitation import Sine
 from femimpact.integrators.integrate import integrate
 from femimpact.integrators.stepping.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
-from femimpact.system.system import State, System
+from femimpact.system.state import State
+from femimpact.system.system import System
 from femimpact.validation.case import Case
 
 __all__ = ["CASES", "METHODS", "Method"]

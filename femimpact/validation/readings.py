@@ -22,7 +22,8 @@ from femimpact.structure.damping import Rayleigh
 from femimpact.structure.structure import Impactor, Structure
 from femimpact.sweep import frequency_sweep
 from femimpact.system.reduction import reduce
-from femimpact.system.system import State, without_impactors
+from femimpact.system.state import State
+from femimpact.system.system import without_impactors
 from femimpact.validation.beams import ROOTS, beam_frequency, uniform_beam
 from femimpact.validation.case import Case
 from femimpact.validation.impacts import FREQUENCY, GRAVITY, shaken_floor

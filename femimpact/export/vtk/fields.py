@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from femimpact.export.scene import Scene
 from femimpact.export.scene_pieces import BEAM, section_at
 from femimpact.structure.structure import Structure
-from femimpact.system.system import System, element_of, hermite_rows
+from femimpact.system.hermite import element_of, hermite_rows
+from femimpact.system.system import System
 
 __all__ = ["POINT_UNITS", "BeamFields", "beam_fields"]
 

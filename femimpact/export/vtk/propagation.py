@@ -22,7 +22,8 @@ from femimpact.contact import contact_force
 from femimpact.contact.formulas import KELVIN_VOIGT
 from femimpact.integrators.driving import Drive, drive_of
 from femimpact.response.response import Response
-from femimpact.system.system import ContactPair, System
+from femimpact.system.contact_pair import ContactPair
+from femimpact.system.system import System
 
 __all__ = ["Touching", "Transition"]
 

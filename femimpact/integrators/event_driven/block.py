@@ -33,7 +33,8 @@ from femimpact.integrators.event_driven.motion import Motion, Search
 from femimpact.integrators.event_driven.settings import EventSettings
 from femimpact.integrators.event_driven.store import FormStore
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
-from femimpact.system.system import ContactPair, System
+from femimpact.system.contact_pair import ContactPair
+from femimpact.system.system import System
 
 __all__ = ["Block", "Inputs", "new_block", "no_cycles", "no_snapshots", "run_block", "working_space"]
 

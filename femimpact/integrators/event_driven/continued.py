@@ -12,7 +12,8 @@ from femimpact.contact.formulas import RIGID
 from femimpact.excitation import Excitation
 from femimpact.integrators.event_driven.loop_data import BEGUN, FREE, STARTED, Cases
 from femimpact.system.continuation import Continuation
-from femimpact.system.system import State, System
+from femimpact.system.state import State
+from femimpact.system.system import System
 
 __all__ = ["Held", "final_state", "held_by", "resume_contacts", "touching"]
 

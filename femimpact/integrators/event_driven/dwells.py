@@ -22,7 +22,8 @@ from femimpact.integrators.threads import Progress, run_each
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.response.energy import CLOSED, energy_residual, largest_input
 from femimpact.response.signals import CycleStatistics
-from femimpact.system.system import ContactPair, System
+from femimpact.system.contact_pair import ContactPair
+from femimpact.system.system import System
 
 __all__ = ["DwellCases", "DwellStatistics", "run_dwells"]
 

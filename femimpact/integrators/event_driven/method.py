@@ -17,7 +17,9 @@ from femimpact.integrators.event_driven.settings import check_events
 from femimpact.integrators.event_driven.sine_dwells import event_driven_dwells
 from femimpact.integrators.threads import Progress
 from femimpact.response.response import Recorder, Response
-from femimpact.system.system import ContactPair, State, System
+from femimpact.system.contact_pair import ContactPair
+from femimpact.system.state import State
+from femimpact.system.system import System
 
 __all__ = ["EventDriven"]
 

@@ -34,7 +34,8 @@ from femimpact.response.response import Recorder, Response
 from femimpact.response.signals import CycleStatistics, SteadyMotion, no_steady_motion, steady_motion
 from femimpact.system.continuation import begun_anew
 from femimpact.system.reduction import truncation_notes
-from femimpact.system.system import State, System
+from femimpact.system.state import State
+from femimpact.system.system import System
 
 __all__ = ["not_finite", "run_events", "unending"]
 

@@ -17,7 +17,8 @@ from femimpact.integrators.event_driven.settings import EventSettings, check_eve
 from femimpact.integrators.threads import Progress
 from femimpact.response.energy import BALANCED, unbalanced
 from femimpact.response.signals import steady_motion
-from femimpact.system.system import State, System
+from femimpact.system.state import State
+from femimpact.system.system import System
 
 __all__ = ["event_driven_dwells"]
 

@@ -18,7 +18,9 @@ from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
 from femimpact.integrators.stepping.step_size import check_sampling, check_step, recommended_step, step_notes
 from femimpact.integrators.threads import Progress
 from femimpact.response.response import Recorder, Response
-from femimpact.system.system import ContactPair, State, System
+from femimpact.system.contact_pair import ContactPair
+from femimpact.system.state import State
+from femimpact.system.system import System
 
 __all__ = ["SteppingAnswers"]
 

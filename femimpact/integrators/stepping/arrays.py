@@ -20,7 +20,8 @@ from femimpact.integrators.stepping import layout
 from femimpact.integrators.stepping.continued import Beginning, resume_contacts
 from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, MAXIMUM, MINIMUM, TOTAL_COLUMNS
-from femimpact.system.system import ROUNDED, State, System
+from femimpact.system.state import ROUNDED, State
+from femimpact.system.system import System
 
 __all__ = ["Inputs", "cycles_of", "empty_record", "limits_of", "motion_of", "pairs_of"]
 

@@ -9,7 +9,7 @@ from femimpact.integrators.compiled.custom import address_of
 from femimpact.integrators.compiled.laws import LawNumbers
 from femimpact.integrators.stepping import touch
 from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
-from femimpact.system.system import ContactPair
+from femimpact.system.contact_pair import ContactPair
 
 __all__ = ["stepped_restitution"]
 

@@ -13,7 +13,8 @@ from femimpact.excitation import Excitation
 from femimpact.integrators.stepping import layout
 from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
 from femimpact.system.continuation import Continuation
-from femimpact.system.system import State, System
+from femimpact.system.state import State
+from femimpact.system.system import System
 
 __all__ = ["Beginning", "Held", "beginning_of", "final_state", "go_on", "resume_contacts"]
 

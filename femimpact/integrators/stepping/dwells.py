@@ -19,7 +19,8 @@ from femimpact.integrators.stepping.step_size import check_sampling, check_step
 from femimpact.integrators.threads import Progress, run_each
 from femimpact.response.energy import BALANCED, energy_residual
 from femimpact.response.signals import SteadyMotion, steady_motion
-from femimpact.system.system import State, System
+from femimpact.system.state import State
+from femimpact.system.system import System
 
 __all__ = ["stepped_dwells"]
 

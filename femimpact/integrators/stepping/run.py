@@ -28,7 +28,8 @@ from femimpact.response.response import Recorder, Response
 from femimpact.response.signals import no_steady_motion, steady_motion
 from femimpact.system.continuation import begun_anew
 from femimpact.system.reduction import truncation_notes
-from femimpact.system.system import State, System
+from femimpact.system.state import State
+from femimpact.system.system import System
 
 __all__ = ["divergence_message", "run_steps"]
 

@@ -1,0 +1,169 @@
+"""One ball between its walls, or the structure beside a stop, seen through one direction vector."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.contact import ContactLaw, ContactParameters, require_law, resolve
+from femimpact.errors import check_fields, choice, column, quantity, require, require_type, text
+from femimpact.structure.structure import Impactor, Stop, require_preload, sound_gaps
+
+__all__ = ["ContactPair", "contact_pair", "frozen_row"]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPair:
+    """One ball between its two walls, or the beam between two stops, seen through one direction vector.
+
+    Parameters
+    ----------
+    name : str
+    direction : ndarray (dofs,)
+        b: the structure's displacement at the pair is b @ u, and x = y - b @ u is what the gaps bound.
+        A stop fixed to the base has y = 0 and b = -(row of its place), so that x is the deflection there; one fixed
+        in space has y = ub, the base's displacement, so that x is the absolute displacement there.
+    position : float, m
+        Not a number for a system given by matrices.
+    mass : float, kg
+        Of the ball; infinite for a stop.
+    gaps : pair of float, m
+        On the + and on the - side; of a stop one may be negative where their sum is > 0 (preload).
+    law : ContactLaw
+    first_mode : float, kg^-0.5
+        phi1, the first mass-normalised mode at the pair.
+    flexibility : float, m/N
+        b^T K^-1 b of the whole structure, to see what a reduction leaves out; not a number unknown.
+    free_stiffness : float, N/m
+    acceleration : float, m/s^2
+        Constant one of the ball, gravity included.
+    fixed_to : {"base", "space"}
+        What a stop stands on; a ball's cavity moves with the structure.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+    """
+
+    name: str = field(metadata=text())
+    direction: NDArray[Any] = field(metadata=column("1", "dofs", finite=True))
+    position: float = field(metadata=quantity("m", finite=False))
+    mass: float = field(metadata=quantity("kg", above=0.0, finite=False))
+    gaps: tuple[float, float] = field(metadata=quantity("m", several=True, finite=False))
+    law: ContactLaw
+    first_mode: float = field(metadata=quantity("kg^-0.5"))
+    flexibility: float = field(default=math.nan, metadata=quantity("m/N", at_least=0.0, finite=False))
+    free_stiffness: float = field(default=0.0, metadata=quantity("N/m", at_least=0.0))
+    acceleration: float = field(default=0.0, metadata=quantity("m/s^2"))
+    fixed_to: str = field(default="base", metadata=choice("base", "space"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        require(not math.isnan(self.mass), "mass", self.mass, "kg", "must be a number > 0 kg, infinite for a stop")
+        two = isinstance(self.gaps, tuple) and sound_gaps(self.gaps) and (self.is_stop or min(self.gaps) >= 0.0)
+        allowed = "must be two numbers >= 0 (to the + side, to the - side), or of a stop one negative and their sum > 0"
+        require(two, "gaps", self.gaps, "m", allowed)
+        based = self.is_stop or self.fixed_to == "base"
+        require(based, "fixed_to", self.fixed_to, "", "must be 'base' for a ball: its cavity moves with the structure")
+        require_law(self.law)
+        require_preload(self.gaps, self.law)
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether the other side is a fixed obstacle, not a ball."""
+        return math.isinf(self.mass)
+
+    @property
+    def is_preloaded(self) -> bool:
+        """Whether the undeformed structure would be inside a stop."""
+        return min(self.gaps) < 0.0
+
+    @property
+    def mobility(self) -> float:
+        """1/m of the ball (1/kg), 0 for a stop."""
+        return 0.0 if self.is_stop else 1.0 / self.mass
+
+    @property
+    def effective_mass(self) -> float:
+        """1/(1/m + phi1^2), kg."""
+        inverse = self.first_mode**2 + self.mobility
+        # a stop where the first mode has a node: any finite number; the law's own time scale is then unknown
+        return 1.0 / inverse if inverse > 0.0 else 1.0
+
+    @cached_property
+    def parameters(self) -> ContactParameters:
+        """The law's numbers for this pair's effective mass."""
+        return resolve(self.law, self.effective_mass)
+
+    def along(self, direction: NDArray[Any]) -> ContactPair:
+        """The same pair in other coordinates of the structure, (dofs,); law and effective mass stay."""
+        moved = replace(self, direction=direction)
+        # a law of one's own takes a while to integrate
+        moved.__dict__["parameters"] = self.parameters
+        return moved
+
+    def shares_place(self, other: ContactPair) -> bool:
+        """Whether what the structure says of both pairs is the same: the very direction, the place and its mode."""
+        return (
+            self.direction is other.direction
+            and self.is_stop == other.is_stop
+            and all(
+                getattr(self, name) == getattr(other, name)
+                or (math.isnan(getattr(self, name)) and math.isnan(getattr(other, name)))
+                for name in ("position", "first_mode", "flexibility")
+            )
+        )
+
+
+def contact_pair(
+    item: Impactor | Stop, row: NDArray[Any], position: float, first_mode: float, flexibility: float,
+    gravity: float = 0.0,
+) -> ContactPair:  # fmt: skip
+    """The pair of an impactor or a stop, its law resolved for the first mode's mass.
+
+    Parameters
+    ----------
+    item : Impactor or Stop
+    row : ndarray (dofs,)
+        Reads the structure's displacement at the place.
+    position : float, m
+    first_mode : float, kg^-0.5
+        Mass-normalised first mode at the place.
+    flexibility : float, m/N
+    gravity : float, m/s^2
+        Constant acceleration of a ball beside its own.
+
+    Returns
+    -------
+    ContactPair
+    """
+    ball = item if isinstance(item, Impactor) else None
+    pair = ContactPair(
+        name=item.name,
+        direction=frozen_row(row if ball else -row),
+        position=position,
+        mass=ball.mass if ball else math.inf,
+        gaps=item.gaps,
+        law=item.contact,
+        first_mode=first_mode,
+        flexibility=flexibility,
+        free_stiffness=ball.free_stiffness if ball else 0.0,
+        acceleration=ball.acceleration + gravity if ball else 0.0,
+        fixed_to="base" if ball else item.fixed_to,  # type: ignore[union-attr]
+    )
+    # a law that has no numbers for this mass is refused here, not in the middle of a run
+    require_type(pair.parameters, ContactParameters, "parameters")
+    return pair
+
+
+def frozen_row(values: Any) -> NDArray[Any]:
+    """A read-only copy of numbers."""
+    array = np.array(values, dtype=float)
+    array.setflags(write=False)
+    return array

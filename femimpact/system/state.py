@@ -1,0 +1,169 @@
+"""Where a run begins: displacements and velocities, or the static state, at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.errors import check_fields, choice, column, instance, optional, quantity, real_array, require, truth
+from femimpact.excitation import Excitation
+from femimpact.system.continuation import Continuation
+from femimpact.system.static import StaticContacts, static_contacts
+from femimpact.system.system import System
+
+__all__ = ["ROUNDED", "State"]
+
+ROUNDED = 1e-12
+"""Distance (m) by which rounding may put a start beyond a wall."""
+
+STATIC_FRAME = "must be 'base' for a static start: the static state is one relative to the base"
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Displacements and velocities at the start of a run, and its time.
+
+    `Response.final_state` is one that carries what the run has reached beyond them. The same method goes on from it:
+    on the same system under the same excitation two halves are the whole, in other cases as far as it still holds.
+    Contacts in progress go on where the contacts are the same (and, of stops fixed in space, the excitation and the
+    time). Of another method, and of values that were replaced, the displacements and velocities alone are used, and a
+    response says so where that begins a contact anew.
+
+    Where a stop is preloaded (a negative gap), a start without `displacement` is the static state: undeformed, the
+    structure would be inside the stop.
+
+    Parameters
+    ----------
+    displacement, velocity : array_like (dofs,), optional
+        Of the structure's dofs (m, m/s); None is zero, or of displacements the static state.
+    ball_displacement, ball_velocity : array_like (balls,), optional
+        m and m/s, in the order of `System.contacts`; None is zero, or of displacements the static state.
+    frame : {"base", "space"}
+        Whether the values are relative to the moving base or absolute.
+    equilibrium : bool
+        Whether displacements that are not given are those of the static state (`State.static`), relative to the
+        base, in place of zero.
+    time : float, s
+        When the run begins: the excitation is taken from there on, and all times of the response are counted from 0 s.
+    continuation : Continuation, optional
+        What the run that ended here has left to its method; None for a state made by hand.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or a static state is asked for at rest in the inertial frame.
+    """
+
+    displacement: Any = field(default=None, metadata=column("m", "dofs", finite=True))
+    velocity: Any = field(default=None, metadata=column("m/s", "dofs", finite=True))
+    ball_displacement: Any = field(default=None, metadata=column("m", "balls", finite=True))
+    ball_velocity: Any = field(default=None, metadata=column("m/s", "balls", finite=True))
+    frame: str = field(default="base", metadata=choice("base", "space"))
+    equilibrium: bool = field(default=False, metadata=truth())
+    time: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
+    continuation: Continuation | None = field(default=None, repr=False, metadata=optional(instance(Continuation)))
+
+    def __post_init__(self) -> None:
+        for item in fields(self)[:4]:
+            value = getattr(self, item.name)
+            if value is not None:
+                # one number for one dof; a copy, for what is frozen does not follow the caller's array
+                array = np.atleast_1d(real_array(item.name, value, item.metadata["unit"], item.metadata["allowed"]))
+                array.setflags(write=False)
+                object.__setattr__(self, item.name, array)
+        check_fields(self)
+        sound = not self.equilibrium or self.frame == "base"
+        require(sound, "frame", self.frame, "", STATIC_FRAME)
+
+    @classmethod
+    def static(cls) -> State:
+        """Structure and balls at rest in static equilibrium: constant forces, contacts and preloaded stops."""
+        return cls(equilibrium=True)
+
+    @classmethod
+    def at_rest(cls, frame: str = "base") -> State:
+        """Beam and balls at rest in the frame of the base, or in space."""
+        return cls(frame=frame)
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether nothing moves, or is displaced from where the state's own frame or equilibrium has it."""
+        given = (self.displacement, self.velocity, self.ball_displacement, self.ball_velocity)
+        return all(values is None or not np.any(values) for values in given)
+
+    def is_static_on(self, system: System) -> bool:
+        """Whether displacements that are not given are those of the static state of a system."""
+        preloaded = any(pair.is_preloaded for pair in system.contacts)
+        return self.equilibrium or (self.displacement is None and preloaded)
+
+    def static_contacts(self, system: System, base: Excitation) -> StaticContacts | None:
+        """Static state of a system with its contact forces, where the start is one; see `is_static_on`."""
+        if not self.is_static_on(system):
+            return None
+        require(self.frame == "base", "initial.frame", self.frame, "", STATIC_FRAME)
+        return static_contacts(system, float(base.displacement(self.time)))
+
+    def left_by_run(self, system: System, base: Excitation) -> Continuation | None:
+        """What the run that ended here has left, where the values are still its own and its contacts the system's."""
+        left = self._left_there(system, base)
+        same = left is not None and _are_equal((self.velocity, self.ball_velocity), left.velocities)
+        return left if same else None
+
+    def _left_there(self, system: System, base: Excitation) -> Continuation | None:
+        """The same whatever the velocities are now."""
+        left = self.continuation
+        if left is None or self.frame != "base" or not left.has_contacts_of(system, base, self.time):
+            return None
+        return left if _are_equal((self.displacement, self.ball_displacement), left.displacements) else None
+
+    def relative_to_base(
+        self, system: System, base: Excitation
+    ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """u, u', y, y' at the start relative to the base (m and m/s), checked for size and gaps.
+
+        y and y' have one entry for each contact pair: zero for stops that are fixed to the base, ub and ub' for
+        those fixed in space. Rigid contacts start between their walls, to 1e-12 m; compliant ones no deeper than
+        in the static state where the start refers to it (`State`). Where a run has left it
+        a contact may be anywhere.
+        """
+        balls, stops = len(system.balls), system.contacts[len(system.balls) :]
+        rest = self.static_contacts(system, base)
+        still, placed = (None, None) if rest is None else (rest.displacement, rest.other[:balls])
+        u = _vector(self.displacement, system.dofs, "initial.displacement", "m", still)
+        v = _vector(self.velocity, system.dofs, "initial.velocity", "m/s")
+        y = _vector(self.ball_displacement, balls, "initial.ball_displacement", "m", placed)
+        y_rate = _vector(self.ball_velocity, balls, "initial.ball_velocity", "m/s")
+        if self.frame == "space":
+            offset, speed = float(base.displacement(self.time)), float(base.velocity(self.time))
+            u, v = u - offset * system.rigid_translation, v - speed * system.rigid_translation
+            y, y_rate = y - offset, y_rate - speed
+        in_space = np.array([float(pair.fixed_to == "space") for pair in stops])
+        y = np.concatenate([y, in_space * float(base.displacement(self.time))])
+        y_rate = np.concatenate([y_rate, in_space * float(base.velocity(self.time))])
+        if self._left_there(system, base) is not None:
+            return u, v, y, y_rate
+        for j, pair in enumerate(system.contacts):
+            x = float(y[j] - pair.direction @ u)
+            allowed = f"must start between its walls, {-pair.gaps[1]:g} to {pair.gaps[0]:g} m"
+            deep = 0.0 if rest is None else (1.0 + ROUNDED) * float(np.copysign(rest.depth[j], rest.normal[j]))
+            inside = min(deep, 0.0) - pair.gaps[1] - ROUNDED <= x <= pair.gaps[0] + max(deep, 0.0) + ROUNDED
+            require(inside, f"initial.{pair.name}.gap", x, "m", allowed)
+        return u, v, y, y_rate
+
+
+def _are_equal(given: tuple[Any, ...], own: tuple[NDArray[Any], ...]) -> bool:
+    return all(values is not None and np.array_equal(values, left) for values, left in zip(given, own, strict=True))
+
+
+def _vector(
+    values: Any, size: int, key: str, unit: str, default: NDArray[Any] | None = None
+) -> NDArray[Any]:  # fmt: skip
+    allowed = f"must hold {size} finite numbers"
+    if values is None:
+        return np.zeros(size) if default is None else np.array(default)
+    array = np.atleast_1d(real_array(key, values, unit, allowed))
+    require(array.shape == (size,), key, f"array of shape {array.shape}", unit, allowed)
+    return array
