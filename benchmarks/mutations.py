@@ -123,13 +123,13 @@ MUTATIONS = (
     # stepped
     Mutation(
         "drive_one_step_late",
-        "rows = np.zeros((14, len(drives)))",
-        "phase = phase - omega * dt\n    rows = np.zeros((14, len(drives)))",
+        "    phase = phase + omega * origin\n",
+        "    phase = phase + omega * (origin - dt)\n",
     ),
     Mutation(
         "samples_one_step_late",
-        "+ 1) * (method.dt / method.refine)\n    return np.ascontiguousarray(np.array([drive",
-        "+ 1) * (method.dt / method.refine) - method.dt\n    return np.ascontiguousarray(np.array([drive",
+        "* method.refine + 1) * (method.dt / method.refine)",
+        "* method.refine + 1) * (method.dt / method.refine) - method.dt",
     ),
     Mutation(
         "alpha_coefficient", "(2.0 * r - 1.0) / (r + 1.0), r / (r + 1.0)", "(2.0 * r - 1.0) / (r + 1.0), r / (r + 1.1)"

@@ -153,6 +153,7 @@ NOUNS = {
     "Sine": lambda: BASE,
     "Spring": lambda: fi.Spring("spring", "mid", 100.0, to="tip"),
     "State": lambda: STATE,
+    "StroboscopicSection": lambda: response().stroboscopic(),
     "Stop": lambda: STRUCTURE.stops[0],
     "Structure": lambda: STRUCTURE,
     "Study": paper_study,
@@ -280,6 +281,7 @@ VERBS = {
         "counts": [1, 2],
     }),
     "load": (fi.load, lambda: {"directory": "missing"}),
+    "read_matrix": (fi.read_matrix, lambda: {"path": "missing.mtx", "name": None}),
     "load_study": (fi.load_study, lambda: {"path": "missing"}),
     "run_study": (fi.run_study, lambda: {
         "study": None, "directory": Path("missing"), "parts": ("modes",), "force": False
@@ -294,6 +296,9 @@ VERBS = {
     }),
     "System.deflection_rows": (lambda **given: system().deflection_rows(**given), lambda: {
         "positions": [0.1], "derivative": 1
+    }),
+    "to_pyvista": (fi.to_pyvista, lambda: {
+        "result": fi.solve_modes(system(), 2), "structure": STRUCTURE, "system": system(),
     }),
     "System.curvature_rows": (lambda **given: system().curvature_rows(**given), lambda: {
         "positions": [0.1], "side": "left"
@@ -352,6 +357,6 @@ VERBS = {
 
 OTHERS = {
     "ALUMINIUM", "STEEL", "ContactLaw", "ContactParameters", "DivergenceError", "FemimpactError", "InputError",
-    "InputWarning", "StudyResults", "__version__",
+    "InputWarning", "StudyResults", "__version__", "figures",
 }  # fmt: skip
-"""Public names that take nothing from a user: constants, errors, what only `load` makes, protocols and their tuples."""
+"""Public names that take nothing from a user: constants, errors, what only `load` makes, protocols, the module of figures."""

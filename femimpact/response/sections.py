@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import check_fields, checked, column, quantity, require, suggestion
+from femimpact.errors import check_fields, checked, column, quantity, real_array, require, require_type, suggestion
 from femimpact.excitation import Excitation
 from femimpact.structure.structure import Position
 
@@ -47,6 +47,13 @@ class StroboscopicSection:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        for key, given in (("channels", self.channels), ("units", self.units)):
+            require_type(given, Mapping, key)
+        require(list(self.units) == list(self.channels), "units", list(self.units), "", "must be those of the channels")
+        for name, values in self.channels.items():
+            array = real_array(f"channels.{name}", values, self.units[name], "must hold numbers", finite=False)
+            fits = array.shape == self.time.shape
+            require(fits, f"channels.{name}", f"array of shape {array.shape}", "", "must have the samples of time")
 
     def __getitem__(self, name: Position) -> Array:
         key = str(name)
