@@ -359,4 +359,4 @@ OTHERS = {
     "ALUMINIUM", "STEEL", "ContactLaw", "ContactParameters", "DivergenceError", "FemimpactError", "InputError",
     "InputWarning", "StudyResults", "__version__", "figures",
 }  # fmt: skip
-"""Public names that take nothing from a user: constants, errors, what only `load` makes, protocols, the module of figures."""
+"""Public names that take nothing from a user: constants, errors, what only `load` makes, protocols, the figures."""

@@ -37,7 +37,7 @@ class StroboscopicSection:
     Raises
     ------
     InputError
-        If the phase is not finite, or `time` is no array of finite numbers.
+        If the phase is not finite, `time` is no array of finite numbers, or a channel has not its samples or no unit.
     """
 
     phase: float = field(metadata=quantity("rad"))

@@ -1,6 +1,7 @@
 """A whole series in one temporal VTKHDF file of version 2.0: the grid once, then every frame's arrays.
 
-Read by VTK 9.3 and ParaView 5.12 or newer, which came first with time in the format. Field data is not in it: what a `.pvd` keeps there is in attributes of the group `femimpact`.
+Read by VTK 9.3 and ParaView 5.12 or newer, which came first with time in the format. Field data is not in it: what a
+`.pvd` keeps there is in attributes of the group `femimpact`.
 """
 
 from __future__ import annotations
