@@ -134,6 +134,20 @@ def test_quasistatic_moments_and_stresses_are_those_of_the_textbook():
         assert response[name][-1] == pytest.approx(value, rel=5e-3), name
 
 
+@pytest.mark.parametrize("key", METHODS)
+def test_a_reaction_with_modes_left_out_says_by_what_mass_it_differs(key):
+    bare = structure(impactors=[], stops=[], damping=None, gravity=0.0)
+    system, names = fi.assemble(bare, elements=4), ("root.reaction_force", "shaker_force")
+    whole = run(all_modes(system), METHODS[key], names, duration=0.02)
+    assert not [text for text in whole.notes if "differ from the sum" in text]
+    kept = run(fi.reduce(system, 2), METHODS[key], names, duration=0.02)
+    apart = kept["shaker_force"] - kept["root.reaction_force"]
+    mass = apart[1:] / BASE.acceleration(kept.time[1:])
+    assert np.ptp(mass) < 1e-9 * system.total_mass
+    note = next(text for text in kept.notes if "differ from the sum" in text)
+    assert f"by {abs(mass[0]):.3g} kg times" in note
+
+
 def test_a_section_that_jumps_has_two_stresses_and_one_moment():
     system = fi.assemble(fi.Structure(beam=STEPPED), elements=None, mesh=_stepped_mesh(16))
     names = ("0.1.bending_moment", "0.1.bending_moment_left", "0.1.surface_stress", "0.1.surface_stress_left")

@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 
 from femimpact.excitation import Excitation
 from femimpact.integrators.driving import Drive
-from femimpact.response.channels import Channel, Reading
+from femimpact.response.channels import Channel, Reading, ShakerForce, zero_reading
 from femimpact.system.system import System
 
-__all__ = ["ChannelRows", "channel_rows"]
+__all__ = ["ChannelRows", "channel_rows", "reaction_notes"]
 
 Array = NDArray[np.float64]
+
+NEGLIGIBLE = 1e-9
+"""Share of the mass below which what is left out is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +86,29 @@ def channel_rows(system: System, drive: Drive, channels: tuple[Channel, ...], *,
     empty = (*[np.zeros(n)] * 2, *[np.zeros(pairs)] * 4, np.zeros(3), 0.0, 0.0)
     columns = zip(*[empty, *rows], strict=True)
     return ChannelRows(*(np.array(column, dtype=float)[1:] for column in columns))
+
+
+def reaction_notes(system: System, drive: Drive, channels: tuple[Channel, ...]) -> tuple[str, ...]:
+    """A note on reactions where modes are left out: by what mass they differ from the sum of inertia forces.
+
+    Both are linear in the motion; only the coefficients of the base's acceleration and of contact forces differ.
+    """
+    if drive.share == 0.0 or not any(np.any(channel.reading(system).reaction) for channel in channels):
+        return ()
+    weights = np.array([float(item.unit == "N") for item in system.reactions.values()])
+    all_forces = replace(zero_reading(system), reaction=weights)
+    masses = []
+    for reading in (all_forces, ShakerForce().reading(system)):
+        row = _row(system, drive, _free_of_reactions(system, drive, reading), springs_apart=False)
+        masses.append(row[6][2] + row[7])
+    missing = abs(masses[0] - masses[1])
+    if missing <= NEGLIGIBLE * system.total_mass:
+        return ()
+    return (
+        f"modes are left out: reactions, read from those that are kept, differ from the sum of inertia forces by "
+        f"{missing:.3g} kg times the base's acceleration, and by what contacts excite in the others; all that moves "
+        f"with the base has {system.total_mass:.3g} kg",
+    )
 
 
 def _free_of_reactions(system: System, drive: Drive, reading: Reading) -> Reading:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from femimpact.contact.formulas import RIGID
 from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation
-from femimpact.integrators.channel_rows import ChannelRows, channel_rows
+from femimpact.integrators.channel_rows import ChannelRows, channel_rows, reaction_notes
 from femimpact.integrators.driving import Drive, drive_of
 from femimpact.integrators.event_driven import loop_data
 from femimpact.integrators.event_driven.block import Block, Inputs, new_block, no_cycles, run_block
@@ -323,6 +323,7 @@ def _response(run: _Run, stream: Stream, samples: int, begin: float, end: Array)
         notes=(
             *begun_anew(run.initial.continuation, touching(held_by(run.initial, system, run.excitation), system)),
             *truncation_notes(system),
+            *reaction_notes(system, run.drive, run.channels),
             *_open_contacts(run),
         ),
         streamed_to=stream.streamed_to,

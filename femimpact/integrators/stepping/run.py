@@ -11,7 +11,7 @@ import numpy as np
 from femimpact.contact.formulas import RIGID
 from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation
-from femimpact.integrators.channel_rows import channel_rows
+from femimpact.integrators.channel_rows import channel_rows, reaction_notes
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.stepping.block import Block, Inputs, prepare, run_block
 from femimpact.integrators.stepping.continued import beginning_of, final_state
@@ -76,7 +76,8 @@ def run_steps(
         sink=recorder.sink,
     )
     _run(block, piece_ends(recorder, steps), stream, excitation, method, progress)
-    return _response(block, system, excitation, method, recorder, initial, stream, warnings)
+    response = _response(block, system, excitation, method, recorder, initial, stream, warnings)
+    return replace(response, notes=(*response.notes, *reaction_notes(system, drive, channels)))
 
 
 def divergence_message(frequency: float, time: float, method: SteppingMethod) -> str:
