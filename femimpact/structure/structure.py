@@ -89,6 +89,11 @@ class Segment:
     second_moment : float, m^4
     name : str
         Name of the mesh region that the segment fills.
+
+    Raises
+    ------
+    InputError
+        If a value is not > 0, or the section is given neither as width and thickness nor as area and second_moment.
     """
 
     length: float = field(metadata=quantity("m", above=0.0))
@@ -144,6 +149,11 @@ class Beam:
     ----------
     segments : tuple of Segment
         A stepped beam needs a different name for every segment.
+
+    Raises
+    ------
+    InputError
+        If there is no segment, one is of another kind, or two have one name.
     """
 
     segments: tuple[Segment, ...]
@@ -214,7 +224,13 @@ class PointMass:
 
 @dataclass(frozen=True)
 class Support:
-    """What holds the beam to the moving base: "clamped", "pinned" (no deflection), "guided" (no slope)."""
+    """What holds the beam to the moving base: "clamped", "pinned" (no deflection), "guided" (no slope).
+
+    Raises
+    ------
+    InputError
+        If the kind is none of these, or the place is out of range.
+    """
 
     kind: str = field(metadata=choice(*SUPPORTS))
     at: Position = field(metadata=place())
@@ -243,6 +259,11 @@ class Impactor:
         Centring spring between ball and beam, acting everywhere.
     acceleration : float, m/s^2
         Constant acceleration along the ball's path (gravity for a vertical motion).
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or the contact is no contact law.
     """
 
     name: str = field(metadata=text())

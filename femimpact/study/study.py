@@ -36,7 +36,13 @@ __all__ = [
 
 @dataclass(frozen=True)
 class MeshChoice:
-    """`[mesh]`: a number of elements, or a mesh file beside the study."""
+    """`[mesh]`: a number of elements, or a mesh file beside the study.
+
+    Raises
+    ------
+    InputError
+        If not exactly one of elements and file is given, or it is out of range.
+    """
 
     elements: int | None = field(default=None, metadata=quantity("1", at_least=1, at_most=100_000, integer=True))
     file: str | None = field(default=None, metadata=text())
@@ -49,7 +55,13 @@ class MeshChoice:
 
 @dataclass(frozen=True)
 class Reduction:
-    """`[reduction]`: how many normal modes are kept."""
+    """`[reduction]`: how many normal modes are kept.
+
+    Raises
+    ------
+    InputError
+        If the number is no whole number from 1.
+    """
 
     modes: int = field(metadata=quantity("1", at_least=1, integer=True))
 
@@ -59,7 +71,13 @@ class Reduction:
 
 @dataclass(frozen=True)
 class Gravity:
-    """`[gravity]`: a constant acceleration along the deflection, of beam, bodies and balls (`Structure.gravity`)."""
+    """`[gravity]`: a constant acceleration along the deflection, of beam, bodies and balls (`Structure.gravity`).
+
+    Raises
+    ------
+    InputError
+        If the acceleration is not finite.
+    """
 
     acceleration: float = field(metadata=quantity("m/s^2"))
 
@@ -72,6 +90,11 @@ class BaseMotion:
     """`[base]`: amplitude of the sine; frequency, phase and duration of the simulated history; start.
 
     The start is at rest relative to the base, at rest in the inertial frame, or the static state (`State.static`).
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     amplitude: float = field(metadata=quantity("m", above=0.0))
@@ -86,7 +109,13 @@ class BaseMotion:
 
 @dataclass(frozen=True)
 class SweepPlan:
-    """`[sweep]`: an even grid, and how many points refine it around each resonance."""
+    """`[sweep]`: an even grid, and how many points refine it around each resonance.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or the stop is not above the start.
+    """
 
     start: float = field(metadata=quantity("Hz", above=0.0))
     stop: float = field(metadata=quantity("Hz", above=0.0))
@@ -108,6 +137,11 @@ class Output:
     whole deflections are kept over the last `frame_cycles` base cycles for ParaView and the movie; `exaggeration`
     scales the motion there (absent: chosen by the movie, 1 for ParaView); a run that would keep more than
     `memory_limit` is refused.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range or of the wrong kind.
     """
 
     every: int = field(default=10, metadata=quantity("steps", at_least=1, integer=True))
@@ -142,6 +176,11 @@ class Study:
     path : Path
     text : str
         The file as read; what is kept with the results is `study_text.study_text`.
+
+    Raises
+    ------
+    InputError
+        If a field is of another kind, or the method's name is unknown.
     """
 
     structure: Structure = field(metadata=instance(Structure))
