@@ -8,6 +8,8 @@ import pytest
 import femimpact as fi
 from femimpact.response.channels import QUANTITIES, Channel, channel_of, zero_reading
 
+pytestmark = pytest.mark.impacts
+
 BEAM = fi.Beam.uniform(length=0.23, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)
 COMPLIANT = fi.KelvinVoigt(restitution=0.7, contact_time=1e-3)
 

@@ -7,6 +7,8 @@ import pytest
 
 import femimpact as fi
 
+pytestmark = pytest.mark.impacts
+
 LAW = fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)
 BEAM = fi.Beam.uniform(length=0.3, width=0.02, thickness=1.5e-3, young_modulus=70e9, density=2700.0)
 STEPPED = fi.Beam(

@@ -49,7 +49,8 @@ class StroboscopicSection:
         check_fields(self)
         for key, given in (("channels", self.channels), ("units", self.units)):
             require_type(given, Mapping, key)
-        require(list(self.units) == list(self.channels), "units", list(self.units), "", "must be those of the channels")
+        known = set(self.channels) <= set(self.units)
+        require(known, "units", list(self.units), "", f"must be those of the channels, {list(self.channels)}")
         for name, values in self.channels.items():
             array = real_array(f"channels.{name}", values, self.units[name], "must hold numbers", finite=False)
             fits = array.shape == self.time.shape

@@ -166,7 +166,7 @@ def run_demo(
         prepared = _at_resonance(prepared, sweeps["base"])
         keep_study(staging, prepared.study)
         found = Found(modes, run_simulation(prepared, report), sweeps["base"])
-        keep_history(staging, prepared, found)
+        found = keep_history(staging, prepared, found)
         summary = summary_of(prepared, modes, found.response, found.sweeps)
         comparison = compare(summary, spreads)
         remarks = remark(summary["restitution"], scans, spreads)

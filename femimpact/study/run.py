@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -209,7 +210,7 @@ def run_study(
             keep_modes(staging, prepared, found, [part for part in wanted if part != "modes"])
         if "simulate" in wanted:
             found = replace(found, response=run_simulation(prepared, report))
-            keep_history(staging, prepared, found, [part for part in wanted if part == "sweep"])
+            found = keep_history(staging, prepared, found, [part for part in wanted if part == "sweep"])
         if "sweep" in wanted:
             found = replace(found, sweeps=run_sweep(prepared, report))
             keep_sweeps(staging, prepared, found)
@@ -233,12 +234,18 @@ def keep_modes(staging: Staging, prepared: PreparedStudy, found: Found, left: Se
     _finish(staging, prepared, found, "modes", left)
 
 
-def keep_history(staging: Staging, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> None:
-    """Write what `run_simulation` found."""
+def keep_history(staging: Staging, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> Found:
+    """Write what `run_simulation` found; what the files for ParaView leave out is a warning of what is returned."""
     if found.response is None:
         raise AssertionError("there is a history to keep")
-    _write_history(prepared.study, staging.folder, found.response)
+    response = found.response
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", UserWarning)
+        _write_history(prepared.study, staging.folder, response)
+    texts = [f"deflection.pvd: {one.message}" for one in told if issubclass(one.category, UserWarning)]
+    found = replace(found, response=replace(response, warnings=(*response.warnings, *texts)))
     _finish(staging, prepared, found, "history", left)
+    return found
 
 
 def keep_sweeps(staging: Staging, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> None:
