@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
@@ -89,7 +89,7 @@ class Recorder:
         If a value is out of range or of the wrong kind.
     """
 
-    channels: tuple[Position | Channel, ...] | None = None
+    channels: Sequence[Position | Channel] | None = None
     every: int = field(default=1, metadata=quantity("steps", at_least=1, integer=True))
     start: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
     snapshots: int = field(default=0, metadata=quantity("steps", at_least=0, integer=True))

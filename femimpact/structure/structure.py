@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -156,7 +157,7 @@ class Beam:
         If there is no segment, one is of another kind, or two have one name.
     """
 
-    segments: tuple[Segment, ...]
+    segments: Sequence[Segment]
 
     def __post_init__(self) -> None:
         _as_tuple(self, "segments")
@@ -362,14 +363,14 @@ class Structure:
     """
 
     beam: Beam
-    masses: tuple[PointMass, ...] = ()
-    impactors: tuple[Impactor, ...] = ()
+    masses: Sequence[PointMass] = ()
+    impactors: Sequence[Impactor] = ()
     damping: Rayleigh | ModalDamping | None = None
-    supports: tuple[Support, ...] = (Support("clamped", "root"),)
-    stops: tuple[Stop, ...] = ()
+    supports: Sequence[Support] = (Support("clamped", "root"),)
+    stops: Sequence[Stop] = ()
     gravity: float = field(default=0.0, metadata=quantity("m/s^2"))
-    springs: tuple[Spring, ...] = ()
-    dashpots: tuple[Dashpot, ...] = ()
+    springs: Sequence[Spring] = ()
+    dashpots: Sequence[Dashpot] = ()
 
     def __post_init__(self) -> None:
         kinds = {

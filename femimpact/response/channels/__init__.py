@@ -5,7 +5,7 @@ A new built-in channel is a class in a file of its own and a line in `QUANTITIES
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -125,7 +125,7 @@ def channel_of(shown: Any, channel: Position | Channel) -> Channel:
     return QUANTITIES[read].make(stem if stem in shown.points or kind != "place" else _metres(stem))
 
 
-def resolve_channels(system: System, channels: tuple[Position | Channel, ...] | None) -> tuple[Channel, ...]:
+def resolve_channels(system: System, channels: Sequence[Position | Channel] | None) -> tuple[Channel, ...]:
     """The channels that names stand for; by default the default place, every ball and every contact force.
 
     Raises
