@@ -52,7 +52,7 @@ class Inputs:
 def empty_record(dofs: int) -> layout.Record:
     """A record that keeps nothing."""
     return layout.Record(
-        used=np.zeros((0, 3), dtype=np.int64),
+        used=np.zeros((0, 4), dtype=np.int64),
         rows=np.zeros((0, 2, dofs)),
         pair_rows=np.zeros((0, 4, 0)),
         channels=np.zeros((0, 0)),

@@ -84,6 +84,8 @@ def _write_sample(op: Operator, pairs: Pairs, m: Motion, record: Record, ledger:
         if record.used[i, 2]:
             for j in range(m.ball.shape[1]):
                 value += record.pair_rows[i, 0, j] * m.ball[Y, j, 0] + record.pair_rows[i, 1, j] * m.ball[Y_RATE, j, 0]
+        if record.used[i, 3]:
+            for j in range(m.ball.shape[1]):
                 value += record.pair_rows[i, 2, j] * m.ball[FORCE, j, 0]
                 value += record.pair_rows[i, 3, j] * _contact_force(j, pairs, m)
         record.channels[k, i] = value

@@ -142,7 +142,7 @@ class Cycles(NamedTuple):
 class Record(NamedTuple):
     """What case 0 keeps."""
 
-    used: NDArray[Any]  # (channels, 3) 1 where a channel has a row of q, of v, or of the pairs
+    used: NDArray[Any]  # (channels, 4) 1 where a channel has a row of q, of v, of the balls, or of forces
     rows: NDArray[Any]  # (channels, 2, n) of q and v
     pair_rows: NDArray[Any]  # (channels, 4, pairs) of Y, Y_RATE, FORCE and of the force of contact
     channels: NDArray[Any]  # (samples, channels)

@@ -49,7 +49,9 @@ def record_of(
     of_state = np.stack([rows.displacement, rows.velocity], axis=1)
     of_pairs = np.stack([rows.ball_displacement, rows.ball_velocity, rows.pair_force, rows.contact_force], axis=1)
     return layout.Record(
-        used=np.column_stack([np.any(of_state, axis=2), np.any(of_pairs, axis=(1, 2))]).astype(np.int64),
+        used=np.column_stack(
+            [np.any(of_state, axis=2), np.any(of_pairs[:, :2], axis=(1, 2)), np.any(of_pairs[:, 2:], axis=(1, 2))]
+        ).astype(np.int64),
         rows=of_state,
         pair_rows=of_pairs,
         channels=np.zeros((samples, rows.drive.size)),
