@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from random_structures import random_case
 
 import femimpact as fi
 
@@ -158,3 +159,67 @@ def test_many_cases_side_by_side_have_each_its_own_base():
     for i in (0, 5, 10):
         alone = fi.frequency_sweep(system, 0.01, f[i : i + 1], method, 4, initial=start, at="far", threads=1)
         assert curve.peak[i] == pytest.approx(alone.peak[0], rel=1e-9)
+
+
+def pressed(seed):
+    """A cantilever under its weight with balls that press on it, and a stop that does not move with the base."""
+    rng = np.random.default_rng(seed)
+    law, gravity = fi.Rigid(rng.uniform(0.0, 0.8)), -9.81
+    beam = fi.Beam.uniform(length=0.3, width=0.02, thickness=1.5e-3, young_modulus=70e9, density=2700.0)
+    balls = [
+        fi.Impactor(f"ball{i}", at, rng.uniform(1e-3, 5e-3), rng.choice([1e-4, 5e-4]), law, acceleration=gravity)
+        for i, at in enumerate(("tip", 0.2, 0.1))
+    ]
+    structure = fi.Structure(
+        beam=beam, masses=[fi.PointMass("box", "tip", 0.02, 1e-6)], impactors=balls, gravity=gravity,
+        stops=[fi.Stop("wall", 0.15, rng.choice([1e-4, 1e-3]), law, fixed_to="space")],
+        damping=fi.Rayleigh(0.005, modes=(1, 2)),
+    )  # fmt: skip
+    base = fi.Sine(1.5e-3, rng.uniform(6.0, 14.0)) if seed % 2 else fi.RecordedBase(rng.normal(size=40) * 3.0, 0.01)
+    return fi.reduce(fi.assemble(structure, elements=5), modes=10), base
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_ball_comes_to_rest_on_a_beam_that_a_stop_in_space_holds(seed):
+    """The pairs that stick take the last approach up at once: their impulses do work where the wall moves."""
+    system, base = pressed(seed)
+    run = fi.integrate(system, base, fi.EventDriven(), 0.3, fi.Recorder(("wall.gap",)))
+    assert "wall" in run.sticking.impactor
+    assert len(run.sticking) > 20
+    # sums of some thousand impacts
+    assert run.energy.residual < 1e-10
+    assert np.min(np.diff(run.energy.contact_loss)) >= -1e-12 * run.energy.largest_input
+    # a sticking wall is where it is in space, to the closure
+    plus, minus = system.contacts[-1].gaps
+    assert np.all((run["wall.gap"] < plus + 2e-9) & (run["wall.gap"] > -minus - 2e-9))
+
+
+def test_a_stiff_stop_pushes_a_soft_spring_as_two_springs_in_a_row():
+    """F = ub/(1/k + 1/K) with k = 1e6 K: a difference of displacements would leave eight digits of the force."""
+    K = 200.0
+    stop = fi.Stop("wall", "mass", (0.0, math.inf), fi.KelvinVoigt(stiffness=1e6 * K, damping=300.0), fixed_to="space")
+    system = fi.System.from_matrices([[1.0]], [[0.5]], [[K]], points={"mass": [1.0]}, stops=[stop])
+    # 0.1 s of acceleration, and as much against it: the base is moved by 10 mm, slowly against the contact
+    base = fi.RecordedBase([0.0, 1.0, 1.0, 0.0, -1.0, -1.0, 0.0], 0.05)
+    run = fi.integrate(system, base, fi.EventDriven(), 2.0, fi.Recorder(("wall.contact_force",)))
+    assert run.energy.residual < 1e-12
+    held = base.displacement(2.0) / (1.0 / (1e6 * K) + 1.0 / K)
+    np.testing.assert_allclose(run["wall.contact_force"][-1], -held, rtol=1e-12)
+
+
+SEEDS_IN_SPACE = [0, 5, 7, 8, 17, 18, 19, 24, 31, 33, 36, 45, 49, 57, 69, 79, 83, 92, 102, 119]
+"""Of the random structures: some that have stops, and a base that moves."""
+
+
+@pytest.mark.parametrize("seed", SEEDS_IN_SPACE)
+def test_random_structures_against_stops_in_space(seed):
+    case = random_case(seed)
+    stops = tuple(replace(pair, fixed_to="space") if pair.is_stop else pair for pair in case.system.contacts)
+    assert stops != case.system.contacts
+    assert not isinstance(case.excitation, fi.PointForce)
+    system, record, base = replace(case.system, contacts=stops), fi.Recorder(impacts=1_000_000), case.excitation
+    # at t = 0 the base is where it is at rest, and the gaps are those given
+    base = replace(base, phase=0.0) if isinstance(base, fi.Sine) else base
+    run = fi.integrate(system, base, fi.EventDriven(), case.duration, record, fi.State.at_rest("base"))
+    assert run.warnings == (), case.description
+    assert np.min(np.diff(run.energy.contact_loss)) >= -1e-11 * run.energy.largest_input

@@ -121,6 +121,14 @@ class _Loads:
     unmet: Array  # (pairs, pairs) what is left of each wall in the offsets
 
 
+@dataclass(frozen=True, eq=False)
+class _Answer:
+    """What the loads do to the coordinates, seen from where the walls are just met: small where a contact is stiff."""
+
+    constant: Array  # (d, 1 + pairs) of constant loads, and per metre of each wall
+    follow: Array  # (4, d) steady, per unit of ub, ub', s and s'
+
+
 def _loads(whole: Equations, active: Array, stiffness: Array, damping: Array) -> _Loads:
     P = whole.force
     K, C = whole.K + (P * stiffness) @ P.T, whole.C + (P * damping) @ P.T
@@ -175,7 +183,8 @@ def closed_form(whole: Equations, active: Array, rigid: Array, stiffness: Array,
     a1 = compliance * (modal_drive[1] - own_damping @ a0)
     a2 = compliance * (modal_drive[0] - own_damping @ a1 - a0)
     a3 = -compliance * (own_damping @ a2 + a1)
-    follow = np.array([a0, a1, a2, a3]) @ elastic.T
+    from_walls = np.array([a0, a1, a2, a3]) @ elastic.T
+    follow = from_walls.copy()
     follow[0] += loads.moved
     momentum = elastic.T @ whole.M
     shape, zero = elastic @ modes.shape, np.zeros(shapes.shape[0])
@@ -198,9 +207,10 @@ def closed_form(whole: Equations, active: Array, rigid: Array, stiffness: Array,
         impulse_rigid_body=rigid_body.T @ whole.force,
         unheld=unheld,
     )
-    force = _compliant_forces(whole, form, loads, settled, active, np.where(rigid, 0.0, stiffness), damping)
+    answer = _Answer(settled, from_walls)
+    force = _compliant_forces(whole, form, loads, answer, active, np.where(rigid, 0.0, stiffness), damping)
     if sticking.size:
-        force = _with_sticking(whole, form, loads, settled, sticking, force)
+        force = _with_sticking(whole, form, loads, answer, sticking, force)
     return replace(form, contact_force=force)
 
 
@@ -271,27 +281,27 @@ def gap_rows(whole: Equations, rows: Rows, base: tuple[int, int]) -> Rows:
 
 
 def _compliant_forces(
-    whole: Equations, form: ClosedForm, loads: _Loads, settled: Array, active: Array, stiffness: Array, damping: Array
+    whole: Equations, form: ClosedForm, loads: _Loads, answer: _Answer, active: Array, stiffness: Array, damping: Array
 ) -> Rows:  # fmt: skip
     """Forces k (x - w) + c x' of every compliant pair; of those in contact without a difference of near numbers."""
     P = -whole.force.T
     x, rate = gap_rows(whole, form.position, OF_DISPLACEMENT), gap_rows(whole, form.velocity, OF_VELOCITY)
-    depth = P @ settled
+    depth = P @ answer.constant
     wall = np.where(active[:, None], -loads.unmet, -np.eye(active.size))
     own = np.where(active[:, None], 0.0, P @ loads.offset)
     x.constant[:, 0] = depth[:, 0]
     x.constant[:, 1:] = depth[:, 1:] + own + wall
     moved = -(loads.unmet @ whole.in_space)
-    follow_depth = form.position.follow[0] - loads.moved
-    x.follow[0] = np.where(active, P @ follow_depth + moved, x.follow[0])
+    follow_depth = P @ answer.follow[0] + moved
+    x.follow[0] = np.where(active, follow_depth, x.follow[0])
     x.through[2] = np.where(active, moved, x.through[2])
-    rate.follow[1] = np.where(active, P @ follow_depth + moved, rate.follow[1])
+    rate.follow[1] = np.where(active, follow_depth, rate.follow[1])
     rate.through[1] = np.where(active, moved, rate.through[1])
     return _scaled(x, stiffness, rate, damping)
 
 
 def _with_sticking(
-    whole: Equations, form: ClosedForm, loads: _Loads, settled: Array, sticking: NDArray[np.intp], force: Rows
+    whole: Equations, form: ClosedForm, loads: _Loads, answer: _Answer, sticking: NDArray[np.intp], force: Rows
 ) -> Rows:
     """Forces of the pairs that stick: what the equations of motion leave over."""
     M, C, K = whole.M, loads.C, loads.K
@@ -303,11 +313,10 @@ def _with_sticking(
     left = M @ (rate @ modes.rate) + C @ rate + K @ shape
     # the answer of the entries to a load begins with an acceleration
     begun = (rate @ form.load.T).real.T
-    moved = loads.moved
     rigid_body = M @ form.rigid_body_shape
     drive = loads.drive
     driven = rigid_body @ form.rigid_body_drive
-    a = form.position.follow - np.array([moved, 0.0 * moved, 0.0 * moved, 0.0 * moved])
+    a = answer.follow
     follow = np.array([
         a[0] @ K.T - drive[2],
         a[1] @ K.T + a[0] @ C.T - drive[1],
@@ -317,7 +326,7 @@ def _with_sticking(
     through = np.array([begun[0] @ M.T - drive[0] + driven, begun[1] @ M.T - drive[1], begun[2] @ M.T - drive[2]])
     force.weight[sticking] = project @ left
     force.rigid_body[sticking] = force.rigid_body_rate[sticking] = 0.0
-    force.constant[sticking] = project @ (K @ settled - loads.constant + rigid_body @ form.rigid_body_given)
+    force.constant[sticking] = project @ (K @ answer.constant - loads.constant + rigid_body @ form.rigid_body_given)
     force.through[:, sticking] = through @ project.T
     force.follow[:, sticking] = follow @ project.T
     return force

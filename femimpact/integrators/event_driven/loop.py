@@ -91,8 +91,11 @@ def _enter(case: Case, job: Job, b: Ledger | None) -> int:
     enter_form(f, form.shapes, forms, case.coordinates, motion)
     if b is not None and cases.entering[c] == FITTING:
         read_coordinates(form.shapes, motion, after)
+        # after it the velocities fit the walls, so that M (v - v') v is what walls that move do
         for i in range(b.mass.size):
-            b.contact_loss[c] += 0.5 * b.mass[i] * (before[1, i] ** 2 - after[1, i] ** 2)
+            change = after[1, i] - before[1, i]
+            b.contact_loss[c] += 0.5 * b.mass[i] * change * change
+            b.work[c] += b.mass[i] * change * after[1, i]
     cases.entering[c] = ENTERED
     return DONE
 

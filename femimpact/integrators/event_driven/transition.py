@@ -111,10 +111,9 @@ def _before_impact(
     j: int, side: float, scalars: Scalars, pairs: Pairs, case: Case, space: Space, tables: Tables
 ) -> int:  # fmt: skip
     """Before a rigid impact pairs that stick are let go (RELEASE_ALL), or take this one in (FIT)."""
-    search, time, sticking, moving = space.search, space.motion.clock[0], False, pairs.in_space[j] != 0.0
+    search, time, sticking = space.search, space.motion.clock[0], False
     for i in range(case.state.size):
-        if pairs.rigid[i] and is_active(case.state[i]):
-            sticking, moving = True, moving or pairs.in_space[i] != 0.0
+        sticking = sticking or (pairs.rigid[i] and is_active(case.state[i]))
     if not sticking:
         return STAY
     # what presses it there is decided with the sticking pairs in place: without their forces it may seem to leave
@@ -123,7 +122,7 @@ def _before_impact(
     if side * search.rate[j] * period <= NEGLIGIBLE * pairs.closure:
         # a speed that rounding has left, as where equal parts at rest were turned into modes: no impact
         lasting = 0.0
-    elif not moving:
+    else:
         rebound = case.restitution[j] * side * search.rate[j]
         lasting = _bounces_left(j, side, rebound, scalars, pairs, case, space)
     if lasting >= 0.0:
