@@ -67,6 +67,8 @@ MUTATIONS = (
         "bending, modulus = segment.bending_stiffness",
         "bending, modulus = beam.segments[0].bending_stiffness",
     ),
+    Mutation("taper_of_mass", "self.mass_per_length[element] * (a * b)", "self.mass_per_length[element] * a"),
+    Mutation("gauss_points_of_taper", "c1, c2, c3, c4 = a + 3.0 * b", "c1, c2, c3, c4 = a + 2.9 * b"),
     Mutation("pinned_is_clamped", '"pinned": ("w",)', '"pinned": ("w", "slope")'),
     Mutation("rotary_inertia", "body.rotary_inertia * (slope.T", "0.5 * body.rotary_inertia * (slope.T"),
     Mutation("base_load", "momentum = M @ rigid", "momentum = (M - _lumped_mass(grid)) @ rigid"),

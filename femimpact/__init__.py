@@ -88,14 +88,14 @@ if TYPE_CHECKING:
     from femimpact.response.response import Recorder as Recorder
     from femimpact.response.response import Response as Response
     from femimpact.response.sections import StroboscopicSection as StroboscopicSection
+    from femimpact.structure.beam import Beam as Beam
+    from femimpact.structure.beam import Segment as Segment
     from femimpact.structure.damping import ModalDamping as ModalDamping
     from femimpact.structure.damping import Rayleigh as Rayleigh
     from femimpact.structure.springs import Dashpot as Dashpot
     from femimpact.structure.springs import Spring as Spring
-    from femimpact.structure.structure import Beam as Beam
     from femimpact.structure.structure import Impactor as Impactor
     from femimpact.structure.structure import PointMass as PointMass
-    from femimpact.structure.structure import Segment as Segment
     from femimpact.structure.structure import Stop as Stop
     from femimpact.structure.structure import Structure as Structure
     from femimpact.structure.structure import Support as Support
@@ -167,6 +167,7 @@ _MODULES = {
         "convergence_study",
         "mode_convergence",
     ),
+    "structure.beam": ("Beam", "Segment"),
     "structure.damping": ("ModalDamping", "Rayleigh"),
     "response.energy": ("EnergyLedger",),
     "errors": ("DivergenceError", "FemimpactError", "InputError", "InputWarning"),
@@ -192,16 +193,7 @@ _MODULES = {
     "system.reactions": ("Reaction",),
     "system.static": ("static_state",),
     "structure.springs": ("Dashpot", "Spring"),
-    "structure.structure": (
-        "Beam",
-        "Impactor",
-        "PointMass",
-        "Segment",
-        "Stop",
-        "Structure",
-        "Support",
-        "glue_impactors",
-    ),
+    "structure.structure": ("Impactor", "PointMass", "Stop", "Structure", "Support", "glue_impactors"),
     "study.results": ("StudyResults", "load"),
     "study.run": ("run_study",),
     "study.study": ("Study",),

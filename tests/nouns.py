@@ -149,7 +149,7 @@ NOUNS = {
     "Response": response,
     "RestitutionScan": lambda: columns(fi.RestitutionScan, {"restitutions": 1}, curves=(curve(),)),
     "Rigid": lambda: fi.Rigid(0.7),
-    "Segment": lambda: STRUCTURE.beam.segments[0],
+    "Segment": lambda: fi.Segment(0.2, 70e9, 2700.0, 0.02, 1e-3, end_width=0.01, end_thickness=5e-4),
     "Sine": lambda: BASE,
     "Spring": lambda: fi.Spring("spring", "mid", 100.0, to="tip"),
     "State": lambda: STATE,
@@ -290,6 +290,9 @@ VERBS = {
     "Beam.uniform": (fi.Beam.uniform, lambda: {
         "length": 0.2, "width": 0.02, "thickness": 1e-3, "young_modulus": 70e9, "density": 2700.0
     }),
+    "Beam.rectangle_at": (STRUCTURE.beam.rectangle_at, lambda: {"position": 0.1}),
+    "Beam.segment_index_at": (STRUCTURE.beam.segment_index_at, lambda: {"position": 0.1}),
+    "Segment.rectangle_at": (STRUCTURE.beam.segments[0].rectangle_at, lambda: {"position": 0.1}),
     "System.from_matrices": (no_beam, lambda: {
         "M": 1.0, "C": 0.1, "K": 40.0, "points": {"p": [1.0]}, "base_load": [1.0], "impactors": [], "stops": [],
         "constant_load": [0.5],

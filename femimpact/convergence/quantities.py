@@ -13,7 +13,7 @@ from femimpact.convergence.cases import Case
 from femimpact.convergence.harmonic import newmark_frequency, time_factors
 from femimpact.errors import check_fields, checked, optional, place, quantity, require, text
 from femimpact.structure.structure import Position
-from femimpact.system.hermite import element_of, hermite_rows
+from femimpact.system.hermite import hermite_rows, place_in_element
 from femimpact.system.system import System
 
 __all__ = [
@@ -165,7 +165,7 @@ def _bending_stiffness(system: System, x: NDArray[Any]) -> NDArray[Any]:
     if system.sections is None:
         require(False, "sections", None, "", "are not known of a system given by matrices")
         raise AssertionError
-    return np.asarray(system.sections.bending_stiffness[element_of(system.nodes, x, "right")])
+    return system.sections.bending_stiffness_at(*place_in_element(system.nodes, x, "right"))
 
 
 @dataclass(frozen=True)
@@ -220,7 +220,8 @@ class BendingMoment:
 
     - 2 inside the beam, of modes and of the response;
     - 2 at a clamped root under base excitation: w = 0 there, but the inertia of the base's motion ub is not;
-    - 4 at a clamped root of a mode: w'''' and its derivative vanish with w and w', and h^4 w^(6)/120 is left.
+    - 4 at a clamped root of a mode: w'''' and its derivative vanish with w and w', and h^4 w^(6)/120 is left;
+    - 2 there where the section tapers: (EI w'')'' = 0 leaves EI w'''' = -2 (EI)' w''' - (EI)'' w''.
 
     Near a resonance the response is nearly that mode, and its order-4 part is the larger one until h is small.
     `SupportReaction` reads the same moment with order 4 always. Over Newmark's step of order 2. Over n modes the terms
@@ -305,11 +306,18 @@ def _of_curvature(
         order = {"mesh": 2.0, "step": 2.0, "modes": 2.0 if clamped else 3.0}[case.axis]
         return (Reading(f"{what} {at}", unit, factor * abs(complex(row @ case.steady)), order),)
     name, per = f"{what} {at}, mode {watched.mode}", f"{unit} m^-1 kg^-0.5"
-    order = 4.0 if clamped else 2.0
+    order = 4.0 if clamped and not _tapers(case.system, watched) else 2.0
     if watched.mode > case.system.dofs:
         return (Reading(name, per, math.nan, order),)
     shape = case.modes(watched.mode).vectors[:, watched.mode - 1]
     return (Reading(name, per, factor * abs(float(row @ shape)), order),)
+
+
+def _tapers(system: System, watched: BendingMoment | SurfaceStress) -> bool:
+    """Whether the section tapers in the element that is read."""
+    place = np.array([system.position_of(watched.at)])
+    element, _ = place_in_element(system.nodes, place, watched.side)
+    return system.sections is not None and bool(system.sections.is_tapered[element[0]])
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from femimpact.structure.structure import Structure
 __all__ = [
     "BALL", "BALL_DENSITY", "BEAM", "BODY", "BOX", "CONNECTION", "CONTACT_POINT", "PARTS", "STOP", "SUPPORT", "Pieces",
     "add_ball", "add_beam", "add_body", "add_box", "add_connection", "add_stop", "add_support", "ball_radius",
-    "section_at", "stretches_of",
+    "section_at", "sections_along", "stretches_of",
 ]  # fmt: skip
 
 BALL_DENSITY = 7850.0
@@ -92,10 +92,16 @@ class Pieces:
 
 
 def section_at(structure: Structure, position: float) -> tuple[float, float]:
-    """Width and thickness (m) of the segment that holds a position."""
-    joints = np.array(structure.beam.joints)
-    segment = min(int(np.searchsorted(joints, position, side="right")) - 1, len(joints) - 2)
-    return structure.beam.segments[segment].rectangle
+    """Width and thickness (m) of the beam at a position; at a joint, those towards the tip."""
+    return structure.beam.rectangle_at(position)
+
+
+def sections_along(structure: Structure, stations: NDArray[Any]) -> NDArray[Any]:
+    """Width and thickness (m) at the stations of one stretch, (stations, 2): all of the segment that holds it."""
+    beam, middle = structure.beam, 0.5 * float(stations[0] + stations[-1])
+    i = beam.segment_index_at(middle)
+    segment, start = beam.segments[i], beam.joints[i]
+    return np.array([segment.rectangle_at(float(x) - start) for x in stations])
 
 
 def _block(low: tuple[float, float, float], high: tuple[float, float, float]) -> NDArray[Any]:
@@ -141,11 +147,14 @@ def _stations(nodes: NDArray[Any], start: float, end: float, subdivisions: int, 
 
 
 def add_beam(pieces: Pieces, structure: Structure, stretches: tuple[NDArray[Any], ...]) -> None:
-    """Hexahedra between sections of four points; each stretch has its own, so that steps of the section show."""
+    """Hexahedra between sections of four points; each stretch has its own, so that steps of the section show.
+
+    Along a linear taper the faces are plane, and the cells have the volume of the beam.
+    """
     for stations in stretches:
-        width, thickness = section_at(structure, 0.5 * float(stations[0] + stations[-1]))
-        corners = 0.5 * np.array([(-thickness, -width), (thickness, -width), (thickness, width), (-thickness, width)])
-        points = np.array([(x, y, z) for x in stations for y, z in corners])
+        signs = 0.5 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+        corners = sections_along(structure, stations)[:, None, ::-1] * signs
+        points = np.concatenate([np.repeat(stations, 4)[:, None], corners.reshape(-1, 2)], axis=1)
         cells = [
             (HEXAHEDRON, [4 * i + c for c in range(4)] + [4 * i + 4 + c for c in range(4)])
             for i in range(len(stations) - 1)

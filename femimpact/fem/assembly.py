@@ -17,6 +17,7 @@ from skfem.helpers import dd, ddot
 from femimpact.errors import InputWarning
 from femimpact.fem.discretisation import Discretisation, ElementLineHermiteReference, discretise, kind_of
 from femimpact.fem.mesh import Mesh
+from femimpact.fem.stiffness_factor import stiffness_factor
 from femimpact.structure.springs import Dashpot, Spring
 from femimpact.structure.structure import SUPPORTS, Impactor, Stop, Structure
 from femimpact.system.contact_pair import contact_pair
@@ -83,8 +84,9 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     -----
     Sections: Hermite cubic interpolation, K = int EI w'' v'', M = int rho A w v + lumped terms
     m N N^T + J N' N'^T, with N + e N' for N where a body's centre is offset by e; rotary inertia of the beam and
-    shear are left out, as in the paper. Gravity is a constant acceleration of every mass: constant_load = base_load
-    gravity.
+    shear are left out, as in the paper. Both integrals are exact along a linear taper too (see `Discretisation`), so
+    that frequencies keep order 4 in the element length; `femimpact.validation.tapers` has the exact ones of wedges.
+    Gravity is a constant acceleration of every mass: constant_load = base_load gravity.
     """
     grid = discretise(structure, elements, mesh)
     K, M = _beam_matrices(grid)
@@ -101,7 +103,7 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
         M=_free_block(M, free),
         C=sparse.csr_array((free.size, free.size)),
         K=_free_block(K, free),
-        stiffness_factor=sparse.vstack([_stiffness_factor(grid), pulls], format="csr")[:, free],
+        stiffness_factor=sparse.vstack([stiffness_factor(grid), pulls], format="csr")[:, free],
         base_load=_frozen(momentum[free]),
         rigid_translation=_frozen(rigid[free]),
         nodes=grid.mesh.nodes,
@@ -122,7 +124,7 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
 def _warn_of_unusual(structure: Structure, first_frequency: float) -> None:
     """Warn where a number of the beam is so unusual that another unit may have been meant."""
     beam = structure.beam
-    slenderness = beam.length / max(segment.rectangle[1] for segment in beam.segments)
+    slenderness = beam.length / max(max(part.rectangle[1], part.end_rectangle[1]) for part in beam.segments)
     low, high = USUAL_FREQUENCY
     found = []
     if beam.mass > HEAVY:
@@ -222,22 +224,10 @@ def _held_row(matrix: Any, dof: int, free: NDArray[Any]) -> NDArray[Any]:
     return _frozen(matrix[[dof]][:, free].toarray()[0])
 
 
-def _stiffness_factor(grid: Discretisation) -> Any:
-    """G with K = G^T G: sqrt(EI h/2) w'' at the two Gauss points, which integrate w''^2 exactly."""
-    nodes = grid.mesh.nodes
-    lengths = np.diff(nodes)
-    weight = np.sqrt(0.5 * lengths * grid.sections.bending_stiffness)
-    middles = 0.5 * (nodes[1:] + nodes[:-1])
-    points = middles[:, None] + lengths[:, None] * np.array([-1.0, 1.0]) / (2.0 * math.sqrt(3.0))
-    curvature = hermite_rows(nodes, points.ravel(), derivative=2)
-    return sparse.csr_array(sparse.diags_array(np.repeat(weight, 2)) @ curvature)
-
-
 def _beam_matrices(grid: Discretisation) -> tuple[Any, Any]:
     """K and M of the bare beam over all dofs, held ones included."""
-    sections = grid.sections
-    K = bending.assemble(grid.basis, bending_stiffness=grid.at_quadrature(sections.bending_stiffness))
-    M = inertia.assemble(grid.basis, mass_per_length=grid.at_quadrature(sections.mass_per_length))
+    K = bending.assemble(grid.basis, bending_stiffness=grid.bending_stiffness)
+    M = inertia.assemble(grid.basis, mass_per_length=grid.mass_per_length)
     return sparse.csr_array(K), sparse.csr_array(M)
 
 

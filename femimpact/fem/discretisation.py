@@ -72,11 +72,12 @@ class Discretisation:
     mesh : Mesh
         Nodes, named points and regions; `basis.mesh` is scikit-fem's mesh of the same nodes.
     basis : skfem.CellBasis
-        Cubic Hermite elements with a quadrature that is exact to degree 6, the product of two cubics.
+        Cubic Hermite elements. Their quadrature is exact to degree 6, that of two cubics; on a beam that tapers, to 8,
+        with rho A of degree 2. EI of degree 4 with two second derivatives, linear each, is of degree 6.
     free : ndarray (dofs,)
         Numbers of the dofs that no support holds.
     sections : SectionFields
-        Bending stiffness, mass per length and so on in every element.
+        Bending stiffness, mass per length and so on in the middle of every element, and the taper.
 
     Raises
     ------
@@ -116,12 +117,33 @@ class Discretisation:
     def at_quadrature(self, values: Any) -> NDArray[Any]:
         """One value of each element, (elements,), at the basis's quadrature points: (elements, points).
 
-        For coefficients of a form, as `form.assemble(d.basis, EI=d.at_quadrature(d.sections.bending_stiffness))`.
+        For coefficients of a form. What varies along a taper is there as `bending_stiffness`, `mass_per_length` and
+        `rotary_inertia`: `form.assemble(d.basis, EI=d.bending_stiffness)`.
         """
         allowed = f"must hold {self.mesh.elements} finite numbers, one for each element"
         given = real_array("values", values, "", allowed)
         require(given.shape == (self.mesh.elements,), "values", f"array of shape {given.shape}", "", allowed)
         return np.asarray(given[:, None] + self.basis.zero_w())
+
+    @property
+    def bending_stiffness(self) -> NDArray[Any]:
+        """E I (N m^2) at the basis's quadrature points, (elements, points)."""
+        return self.sections.bending_stiffness_at(*self._quadrature_places)
+
+    @property
+    def mass_per_length(self) -> NDArray[Any]:
+        """Rho A (kg/m) at the basis's quadrature points, (elements, points)."""
+        return self.sections.mass_per_length_at(*self._quadrature_places)
+
+    @property
+    def rotary_inertia(self) -> NDArray[Any]:
+        """Rho I (kg m) at the basis's quadrature points, (elements, points)."""
+        return self.sections.rotary_inertia_at(*self._quadrature_places)
+
+    @property
+    def _quadrature_places(self) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Numbers of the elements, (elements, 1), and places from 0 to 1 inside them, (1, points)."""
+        return np.arange(self.mesh.elements)[:, None], np.asarray(self.basis.X)
 
     def position_of(self, at: Position, key: str = "at") -> float:
         """Metres from the root of a place that the mesh names, of a body's name, or of a number."""
@@ -162,10 +184,12 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
         mesh = uniform_mesh(structure, elements)  # type: ignore[arg-type]
     _check_length(structure.beam, mesh)
     _check_names(structure, mesh)
-    # degree 6 integrates the product of two cubics exactly
-    basis = Basis(MeshLine(mesh.nodes), ElementLineHermiteReference(), intorder=6)
+    sections = _sections(structure.beam, mesh)
+    # the product of two cubics, and rho A of degree 2 where width and thickness taper
+    degree = 8 if sections.is_tapered.any() else 6
+    basis = Basis(MeshLine(mesh.nodes), ElementLineHermiteReference(), intorder=degree)
     free = np.setdiff1d(np.arange(2 * mesh.nodes.size), _held_dofs(structure, mesh))
-    return Discretisation(structure, mesh, basis, free, _sections(structure.beam, mesh))
+    return Discretisation(structure, mesh, basis, free, sections)
 
 
 def kind_of(item: Impactor | Stop) -> str:
@@ -175,17 +199,37 @@ def kind_of(item: Impactor | Stop) -> str:
 
 def _sections(beam: Beam, mesh: Mesh) -> SectionFields:
     """The section of every element."""
-    values = np.empty((5, mesh.elements))
+    values = np.empty((7, mesh.elements))
     region = np.empty(mesh.elements, dtype=object)
     for segment, members in _segments_on_mesh(beam, mesh):
         bending, modulus = segment.bending_stiffness, segment.young_modulus
         rotary = segment.density * bending / modulus
         constants = (bending, segment.mass_per_length, rotary, modulus, 0.5 * segment.rectangle[1])
-        values[:, members] = np.array(constants)[:, None]
+        values[:5, members] = np.array(constants)[:, None]
+        if segment.is_tapered:
+            (a, b), values[5:, members] = _taper(segment, mesh, members)
+            values[:5, members] *= np.stack([a * b**3, a * b, a * b**3, np.ones(a.size), b])
+        else:
+            values[5:, members] = 0.0
         region[members] = segment.name
     values.setflags(write=False)
-    stiffness, mass, inertia, moduli, half = values
-    return SectionFields(stiffness, mass, inertia, moduli, half, region.astype(str))
+    stiffness, mass, inertia, moduli, half, width_taper, thickness_taper = values
+    return SectionFields(stiffness, mass, inertia, moduli, half, region.astype(str), width_taper, thickness_taper)
+
+
+def _taper(segment: Segment, mesh: Mesh, members: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Width and thickness in the middle of a segment's elements over those at its start, and their tapers.
+
+    Two arrays (2, members). The segment begins and ends where its elements do.
+    """
+    neighbours = bool(np.ptp(members) == members.size - 1)
+    allowed = "must be one row of neighbouring elements, as its section tapers"
+    require(neighbours, f"mesh.regions.{segment.name}", f"{members.size} elements", "", allowed)
+    near, far = mesh.nodes[members], mesh.nodes[members + 1]
+    start, end = near.min(), far.max()
+    growth = (np.array(segment.end_rectangle) / np.array(segment.rectangle) - 1.0)[:, None]
+    middle = 1.0 + growth * ((0.5 * (near + far) - start) / (end - start))
+    return middle, growth * ((far - near) / (end - start)) / middle
 
 
 def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray[Any]]]:

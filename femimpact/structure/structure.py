@@ -20,6 +20,7 @@ from femimpact.errors import (
     require_type,
     text,
 )
+from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.springs import Dashpot, Spring
 
@@ -71,124 +72,6 @@ def _as_tuple(instance: Any, *names: str) -> None:
         value = getattr(instance, name)
         if isinstance(value, list):
             object.__setattr__(instance, name, tuple(value))
-
-
-@dataclass(frozen=True)
-class Segment:
-    """A stretch of beam with one section and one material.
-
-    Give the section as width and thickness (rectangle, bending along the thickness),
-    or as area and second_moment.
-
-    Parameters
-    ----------
-    length : float, m
-    young_modulus : float, Pa
-    density : float, kg/m^3
-    width, thickness : float, m
-    area : float, m^2
-    second_moment : float, m^4
-    name : str
-        Name of the mesh region that the segment fills.
-
-    Raises
-    ------
-    InputError
-        If a value is not > 0, or the section is given neither as width and thickness nor as area and second_moment.
-    """
-
-    length: float = field(metadata=quantity("m", above=0.0))
-    young_modulus: float = field(metadata=quantity("Pa", above=0.0))
-    density: float = field(metadata=quantity("kg/m^3", above=0.0))
-    width: float | None = field(default=None, metadata=quantity("m", above=0.0))
-    thickness: float | None = field(default=None, metadata=quantity("m", above=0.0))
-    area: float | None = field(default=None, metadata=quantity("m^2", above=0.0))
-    second_moment: float | None = field(default=None, metadata=quantity("m^4", above=0.0))
-    name: str = field(default="beam", metadata=text())
-
-    def __post_init__(self) -> None:
-        faults = []
-        given = {n for n in ("width", "thickness", "area", "second_moment") if getattr(self, n) is not None}
-        if given not in ({"width", "thickness"}, {"area", "second_moment"}):
-            allowed = "give width and thickness (m), or area (m^2) and second_moment (m^4)"
-            faults.append(Fault("section", " and ".join(sorted(given)) or "nothing", "", allowed))
-        check_fields(self, *faults)
-        try:
-            sized = all(0.0 < value < math.inf for value in (self.bending_stiffness, self.mass_per_length))
-        except (OverflowError, ZeroDivisionError):
-            sized = False
-        shown = " and ".join(sorted(given))
-        require(sized, "section", shown, "", "must give E I and rho A that are neither zero nor infinite to rounding")
-
-    @property
-    def rectangle(self) -> tuple[float, float]:
-        """Width and thickness (m) of the rectangle with this area and second moment."""
-        if self.width is not None and self.thickness is not None:
-            return self.width, self.thickness
-        area, second_moment = self.area or 0.0, self.second_moment or 0.0
-        thickness = math.sqrt(12.0 * second_moment / area)
-        return area / thickness, thickness
-
-    @property
-    def bending_stiffness(self) -> float:
-        """E I, N m^2."""
-        width, thickness = self.rectangle
-        return self.young_modulus * width * thickness**3 / 12.0
-
-    @property
-    def mass_per_length(self) -> float:
-        """Rho A, kg/m."""
-        width, thickness = self.rectangle
-        return self.density * width * thickness
-
-
-@dataclass(frozen=True)
-class Beam:
-    """One or more segments in a row, from the root at x = 0 to the tip.
-
-    Parameters
-    ----------
-    segments : tuple of Segment
-        A stepped beam needs a different name for every segment.
-
-    Raises
-    ------
-    InputError
-        If there is no segment, one is of another kind, or two have one name.
-    """
-
-    segments: Sequence[Segment]
-
-    def __post_init__(self) -> None:
-        _as_tuple(self, "segments")
-        require_type(self.segments, tuple, "segments")
-        for segment in self.segments:
-            require_type(segment, Segment, "segments")
-        require(len(self.segments) > 0, "segments", "none", "", "must hold at least one segment")
-        names = [segment.name for segment in self.segments]
-        require(len(set(names)) == len(names), "segments", names, "", "must have distinct names")
-
-    @classmethod
-    def uniform(cls, *, length: float, width: float, thickness: float, young_modulus: float, density: float) -> Beam:
-        """A beam of one rectangular section; lengths in m, modulus in Pa, density in kg/m^3."""
-        return cls((Segment(length, young_modulus, density, width, thickness),))
-
-    @property
-    def length(self) -> float:
-        """Total length, m."""
-        return math.fsum(segment.length for segment in self.segments)
-
-    @property
-    def mass(self) -> float:
-        """Mass of the bare beam, kg."""
-        return math.fsum(segment.length * segment.mass_per_length for segment in self.segments)
-
-    @property
-    def joints(self) -> tuple[float, ...]:
-        """Positions (m) of the segments' ends, the root's 0 first and the tip last."""
-        lengths = [segment.length for segment in self.segments]
-        inner = [math.fsum(lengths[: i + 1]) for i in range(len(lengths))]
-        return (0.0, *inner)
 
 
 @dataclass(frozen=True)

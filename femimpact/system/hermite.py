@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import checked, choice, quantity, real_array, require
 
-__all__ = ["DERIVATIVE", "element_of", "hermite_rows", "positions_on_beam", "shape_functions"]
+__all__ = ["DERIVATIVE", "element_of", "hermite_rows", "place_in_element", "positions_on_beam", "shape_functions"]
 
 OFF_BEAM = 1e-6
 """Share of the length by which a position in single precision may lie off the beam."""
@@ -71,6 +71,13 @@ def element_of(nodes: NDArray[Any], positions: NDArray[Any], side: str) -> NDArr
     """Numbers of the elements that hold positions (k,) in m; at a node, to 1e-9 of the length, the one on a side."""
     shift = (1.0 if checked("side", side, SIDE) == "right" else -1.0) * AT_NODE * (nodes[-1] - nodes[0])
     return np.asarray(np.clip(np.searchsorted(nodes, positions + shift, side="right") - 1, 0, nodes.size - 2))
+
+
+def place_in_element(nodes: NDArray[Any], positions: NDArray[Any], side: str) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Elements that hold positions (k,) in m, as `element_of`, and places from 0 to 1 inside them."""
+    element = element_of(nodes, positions, side)
+    s = (positions - nodes[element]) / (nodes[element + 1] - nodes[element])
+    return element, np.asarray(np.clip(s, 0.0, 1.0))
 
 
 def hermite_rows(nodes: NDArray[Any], positions: ArrayLike, derivative: int = 0, side: str = "right") -> Any:

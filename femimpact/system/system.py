@@ -44,7 +44,7 @@ from femimpact.system.consistency import (
     check_unchanged,
 )
 from femimpact.system.contact_pair import ContactPair, contact_pair, frozen_row
-from femimpact.system.hermite import element_of, hermite_rows, positions_on_beam
+from femimpact.system.hermite import hermite_rows, place_in_element, positions_on_beam
 from femimpact.system.matrices import checked_matrix, checked_row, checked_shapes, definite_factor
 from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reactions
 from femimpact.system.sections import Section, SectionFields
@@ -335,10 +335,11 @@ class System:
         return self._rows(positions, 2, side)
 
     def shear_rows(self, positions: ArrayLike, side: str = "right") -> NDArray[Any]:
-        """Rows that read the shear force EI w''' (N) at positions.
+        """Rows that read the shear force (EI w'')' = EI w''' + (EI)' w'' (N) at positions.
 
-        A cubic element of constant section has one shear force, so that the reading jumps from element to element: its
-        error is of the first order of the element's length, and of the second at an element's middle.
+        w''' is constant in a cubic element, so that the reading jumps from element to element: its error is of the
+        first order of the element's length, and of the second at an element's middle. Where the section is constant
+        (EI)' is 0, and an element has one shear force; along a taper the shear force varies inside it.
 
         Parameters
         ----------
@@ -355,8 +356,12 @@ class System:
         InputError
             If there is no beam with known sections, or a position lies off it.
         """
-        stiffness = self._known_sections.bending_stiffness[self._element_of(positions, side)]
-        return np.asarray(stiffness[:, None] * self._rows(positions, 3, side))
+        sections, (element, s) = self._known_sections, self._place_of(positions, side)
+        rows = sections.bending_stiffness_at(element, s)[:, None] * self._rows(positions, 3, side)
+        if sections.is_tapered[element].any():
+            slope = sections.bending_stiffness_at(element, s, derivative=1) / np.diff(self.nodes)[element]
+            rows = rows + slope[:, None] * self._rows(positions, 2, side)
+        return np.asarray(rows)
 
     def section_at(self, at: Position, side: str = "right") -> Section:
         """The section at a place: bending stiffness, half height, Young's modulus, region.
@@ -377,7 +382,8 @@ class System:
         InputError
             If there is no beam with known sections, or no such place.
         """
-        return self._known_sections.section(int(self._element_of([self.position_of(at)], side)[0]))
+        element, s = self._place_of([self.position_of(at)], side)
+        return self._known_sections.section(int(element[0]), float(s[0]))
 
     @property
     def _known_sections(self) -> SectionFields:
@@ -385,9 +391,10 @@ class System:
             raise InputError([Fault("sections", None, "", "are not known of a system given by matrices")])
         return self.sections
 
-    def _element_of(self, positions: ArrayLike, side: str) -> NDArray[Any]:
+    def _place_of(self, positions: ArrayLike, side: str) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Elements that hold positions, and the places from 0 to 1 inside them."""
         self._require_beam(positions)
-        return element_of(self.nodes, np.atleast_1d(positions_on_beam(self.nodes, positions, "positions")), side)
+        return place_in_element(self.nodes, np.atleast_1d(positions_on_beam(self.nodes, positions, "positions")), side)
 
     def _rows(self, positions: ArrayLike, derivative: int, side: str) -> NDArray[Any]:
         self._require_beam(positions)

@@ -15,14 +15,15 @@ from femimpact.validation import (
     oscillators,
     readings,
     structures,
+    tapers,
 )
 from femimpact.validation.case import Case
 
 __all__ = ["HEADER", "REFERENCE_CASES", "case_columns", "markdown_table", "run_validation", "table_row"]
 
 REFERENCE_CASES: tuple[Callable[[], Case], ...] = (
-    *beams.CASES, *structures.CASES, *oscillators.CASES, *excitations.CASES, *impacts.CASES, *orbits.CASES,
-    *contacts.CASES, *ledgers.CASES, *readings.CASES,
+    *beams.CASES, *structures.CASES, *tapers.CASES, *oscillators.CASES, *excitations.CASES, *impacts.CASES,
+    *orbits.CASES, *contacts.CASES, *ledgers.CASES, *readings.CASES,
 )  # fmt: skip
 """Every case, not yet run."""
 

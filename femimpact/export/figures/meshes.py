@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femimpact.errors import require_type
 from femimpact.export.figures.look import COLOURS, GREY, OffScreen, panel
@@ -29,7 +28,7 @@ def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScre
     ----------
     mesh : Mesh
     structure : Structure, optional
-        Gives the thickness of every element, checked against the mesh; all are drawn equally thick without it.
+        Gives the thickness along every element, checked against the mesh; all are drawn equally thick without it.
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
 
@@ -43,19 +42,23 @@ def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScre
         If an argument is of the wrong kind, or the structure does not fit the mesh.
     """
     require_type(mesh, Mesh, "mesh")
-    half = np.full(mesh.elements, 0.5)
+    # of each element at its two ends
+    half = np.full((mesh.elements, 2), 0.5)
     if structure is not None:
-        half = 1e3 * discretise(structure, mesh=mesh).sections.half_height
+        sections = discretise(structure, mesh=mesh).sections
+        half = 1e3 * sections.half_height_at(np.arange(mesh.elements)[:, None], np.array([0.0, 1.0]))
     axis = panel(ax, 9.0, 3.2)
     x, tallest = 1e3 * mesh.nodes, float(half.max())
-    axis.fill_between(x, *_edges(half), step="post", color="#dddddd", linewidth=0.0)
+    ends = np.repeat(x, 2)[1:-1]
+    axis.fill_between(ends, half.ravel(), -half.ravel(), color="#dddddd", linewidth=0.0)
     for colour, (name, members) in zip(COLOURS * 20, mesh.regions.items(), strict=False):
         inside = np.isin(np.arange(mesh.elements), members)
         # outside the region the fill has no height
-        axis.fill_between(x, *_edges(np.where(inside, half, 0.0)), step="post", color=colour, alpha=0.45, linewidth=0.0)
+        filled = np.where(inside[:, None], half, 0.0).ravel()
+        axis.fill_between(ends, filled, -filled, color=colour, alpha=0.45, linewidth=0.0)
         axis.plot([], [], color=colour, linewidth=6.0, alpha=0.45, label=f"{name}: {members.size} elements")
     if mesh.nodes.size <= MOST_NODES:
-        beside = np.maximum(np.append(half, 0.0), np.append(0.0, half))
+        beside = np.maximum(np.append(half[:, 0], 0.0), np.append(0.0, half[:, 1]))
         axis.vlines(x, -beside, beside, color="#333333", linewidth=0.8)
     _mark_points(axis, mesh, tallest)
     axis.set_xlabel("distance from the root (mm)")
@@ -68,12 +71,6 @@ def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScre
     if mesh.regions:
         axis.legend(loc="upper right", frameon=False, fontsize=9.0, ncols=min(len(mesh.regions), 4))
     return axis
-
-
-def _edges(half: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Upper and lower edge at the nodes, for steps that hold from each node on."""
-    upper = np.append(half, half[-1])
-    return upper, -upper
 
 
 def _mark_points(axis: Any, mesh: Mesh, tallest: float) -> None:

@@ -15,9 +15,9 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from femimpact.export.scene import Scene
-from femimpact.export.scene_pieces import BEAM, section_at
+from femimpact.export.scene_pieces import BEAM, sections_along
 from femimpact.structure.structure import Structure
-from femimpact.system.hermite import element_of, hermite_rows
+from femimpact.system.hermite import hermite_rows, place_in_element
 from femimpact.system.system import System
 
 __all__ = ["POINT_UNITS", "BeamFields", "beam_fields"]
@@ -39,13 +39,14 @@ class BeamFields:
     Parameters
     ----------
     curvature, moment, shear : csr_array (sections, 2 nodes)
-        w'' (1/m), E I w'' (N m) and E I w''' (N).
+        w'' (1/m), E I w'' (N m) and (E I w'')' (N).
     begin, end : csr_array (beam cells, 2 nodes)
         w'' at both ends of a cell, read inside the cell.
     modulus : ndarray (sections,), Pa
     height : ndarray (beam points,), m
         y of each point above the neutral axis.
-    cell_stiffness, cell_area : ndarray (beam cells,), N m^2 and m^2
+    cell_energy : ndarray (beam cells, 3), N
+        Mean strain energy density of a cell by the products a a, a b and b b of w'' at its ends a and b.
     points, cells : int
         Of the whole scene.
     on_beam : ndarray (cells,)
@@ -59,8 +60,7 @@ class BeamFields:
     end: Any
     modulus: NDArray[Any]
     height: NDArray[Any]
-    cell_stiffness: NDArray[Any]
-    cell_area: NDArray[Any]
+    cell_energy: NDArray[Any]
     points: int
     on_beam: NDArray[Any]
 
@@ -84,7 +84,7 @@ class BeamFields:
         """Mean strain energy density (J/m^3) of every cell: times its volume it sums to the strain energy."""
         a, b = self.begin @ nodal, self.end @ nodal
         values = np.zeros(self.on_beam.size)
-        values[self.on_beam] = self.cell_stiffness * (a * a + a * b + b * b) / (6.0 * self.cell_area)
+        values[self.on_beam] = np.sum(self.cell_energy * np.stack([a * a, a * b, b * b], axis=1), axis=1)
         return values
 
 
@@ -121,18 +121,17 @@ def beam_fields(scene: Scene, structure: Structure, system: System) -> BeamField
         right, left = (sparse.diags_array(weight * factor) @ row for weight, factor, row in parts)
         return sparse.csr_array(right + left)
 
-    stiffness = [each[0] for each in constants]
+    stiffness, slope = ([each[i] for each in constants] for i in (0, 2))
     begins, ends = (np.delete(np.arange(x.size), gone) for gone in (last, first))
     return BeamFields(
         curvature=mean(2, (1.0, 1.0)),
         moment=mean(2, stiffness),
-        shear=mean(3, stiffness),
+        shear=mean(3, stiffness) + mean(2, slope),
         begin=sparse.csr_array(rows[0][0])[begins],
         end=sparse.csr_array(rows[0][1])[ends],
         modulus=share * constants[0][1] + (1.0 - share) * constants[1][1],
         height=scene.points[: POINTS_OF_SECTION * x.size, 1],
-        cell_stiffness=stiffness[0][begins],
-        cell_area=np.array([np.prod(section_at(structure, at)) for at in middle[begins]]),
+        cell_energy=_cell_energy(scene, structure, system, x[begins], x[ends], middle[begins]),
         points=len(scene.points),
         on_beam=scene.part == BEAM,
     )
@@ -140,11 +139,44 @@ def beam_fields(scene: Scene, structure: Structure, system: System) -> BeamField
 
 def _constants(
     structure: Structure, system: System, x: NDArray[Any], middle: NDArray[Any], side: str
-) -> tuple[NDArray[Any], NDArray[Any]]:
-    """E I (N m^2) and E (Pa) beside positions; of the drawn segments where the system does not know its sections."""
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """E I (N m^2), E (Pa) and d(E I)/dx (N m) beside positions.
+
+    They are those of the drawn segments where the system does not know its sections.
+    """
     if system.sections is not None:
-        element = element_of(system.nodes, x, side)
-        return system.sections.bending_stiffness[element], system.sections.young_modulus[element]
-    joints = np.array(structure.beam.joints)
-    segments = [structure.beam.segments[i] for i in np.searchsorted(joints, middle, side="right") - 1]
-    return np.array([s.bending_stiffness for s in segments]), np.array([s.young_modulus for s in segments])
+        element, s = place_in_element(system.nodes, x, side)
+        slope = system.sections.bending_stiffness_at(element, s, 1) / np.diff(system.nodes)[element]
+        return system.sections.bending_stiffness_at(element, s), system.sections.young_modulus[element], slope
+    beam = structure.beam
+    found = []
+    for at, within in zip(x, middle, strict=True):
+        i = beam.segment_index_at(float(within))
+        segment = beam.segments[i]
+        (width, thickness), start, end = (
+            segment.rectangle_at(at - beam.joints[i]),
+            segment.rectangle,
+            segment.end_rectangle,
+        )
+        stiffness = segment.young_modulus * width * thickness**3 / 12.0
+        growth = (end[0] - start[0]) / width + 3.0 * (end[1] - start[1]) / thickness
+        found.append((stiffness, segment.young_modulus, stiffness * growth / segment.length))
+    return tuple(np.array(found).T)
+
+
+def _cell_energy(
+    scene: Scene, structure: Structure, system: System, begin: NDArray[Any], end: NDArray[Any], middle: NDArray[Any]
+) -> NDArray[Any]:
+    """Half the integral of E I w''^2 over cells, by w'' at both ends, over their volume: (cells, 3).
+
+    E I is of degree 4 along a taper and w'' linear: four Gauss points are exact.
+    """
+    places, weights = np.polynomial.legendre.leggauss(4)
+    share = 0.5 * (1.0 + places)
+    x = begin[:, None] + (end - begin)[:, None] * share
+    stiffness = _constants(structure, system, x.ravel(), np.repeat(middle, share.size), "right")[0].reshape(x.shape)
+    products = np.stack([(1.0 - share) ** 2, 2.0 * share * (1.0 - share), share**2], axis=1)
+    section = [sections_along(structure, stations) for stations in scene.stretches]
+    (w, t), (u, v) = (np.concatenate([each[cut] for each in section]).T for cut in (slice(-1), slice(1, None)))
+    area = (w * t + u * v) / 3.0 + (w * v + u * t) / 6.0
+    return np.asarray(0.25 * (stiffness * weights) @ products / area[:, None])

@@ -29,8 +29,8 @@ class SectionReading:
     - curvature w'' (1/m); its error in an element is of the second order of the element's length;
     - bending_moment EI w'' (N m), the elastic part: damping in proportion to the stiffness and terms of one's own
       add to the moment in the beam and are not in it;
-    - shear_force EI w''' (N), the elastic part; one value in an element of constant section, of the first order of
-      its length, and of the second in its middle;
+    - shear_force (EI w'')' (N), the elastic part: EI w''' and, along a taper, (EI)' w''; of the first order of the
+      element's length, and of the second in its middle; one value in an element of constant section;
     - surface_strain -h/2 w'' (1) and surface_stress -E h/2 w'' (Pa) of the surface on the side of +w.
 
     Parameters
@@ -65,7 +65,7 @@ class SectionReading:
         return UNITS[self.quantity]
 
     def reading(self, system: System) -> Reading:
-        """Row of w'' or w''' with the section's constants."""
+        """Row of w'' with the section's values at the place, or of (EI w'')'."""
         x = [system.position_of(self.at)]
         if self.quantity == "shear_force":
             return replace(zero_reading(system), displacement=system.shear_rows(x, self.side)[0])

@@ -1,0 +1,202 @@
+"""The beam: segments in a row, each of one material and of one section or one linear taper. No mesh here."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from femimpact.errors import Fault, check_fields, checked, quantity, require, require_type, text
+
+__all__ = ["Beam", "Segment"]
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch of beam with one material, and one section or one linear taper.
+
+    Give the section as width and thickness (rectangle, bending along the thickness),
+    or as area and second_moment. Width and thickness are those at the segment's start, its end towards the root.
+    With `end_width` or `end_thickness` they change linearly to those at its other end, so that the area is a
+    polynomial of degree 2 at most in x and the second moment one of degree 4.
+
+    Parameters
+    ----------
+    length : float, m
+    young_modulus : float, Pa
+    density : float, kg/m^3
+    width, thickness : float, m
+    area : float, m^2
+    second_moment : float, m^4
+    name : str
+        Name of the mesh region that the segment fills.
+    end_width, end_thickness : float, m
+        Of the rectangle at the end towards the tip; the default is that at the start.
+
+    Raises
+    ------
+    InputError
+        If a value is not > 0, the section is given neither as width and thickness nor as area and second_moment, or
+        a section by area and second_moment is to taper.
+    """
+
+    length: float = field(metadata=quantity("m", above=0.0))
+    young_modulus: float = field(metadata=quantity("Pa", above=0.0))
+    density: float = field(metadata=quantity("kg/m^3", above=0.0))
+    width: float | None = field(default=None, metadata=quantity("m", above=0.0))
+    thickness: float | None = field(default=None, metadata=quantity("m", above=0.0))
+    area: float | None = field(default=None, metadata=quantity("m^2", above=0.0))
+    second_moment: float | None = field(default=None, metadata=quantity("m^4", above=0.0))
+    name: str = field(default="beam", metadata=text())
+    end_width: float | None = field(default=None, metadata=quantity("m", above=0.0))
+    end_thickness: float | None = field(default=None, metadata=quantity("m", above=0.0))
+
+    def __post_init__(self) -> None:
+        faults = []
+        given = {n for n in ("width", "thickness", "area", "second_moment") if getattr(self, n) is not None}
+        if given not in ({"width", "thickness"}, {"area", "second_moment"}):
+            allowed = "give width and thickness (m), or area (m^2) and second_moment (m^4)"
+            faults.append(Fault("section", " and ".join(sorted(given)) or "nothing", "", allowed))
+        elif "area" in given:
+            allowed = "must be left out: a section given by area and second_moment does not taper"
+            tapers = [n for n in ("end_width", "end_thickness") if getattr(self, n) is not None]
+            faults += [Fault(n, getattr(self, n), "m", allowed) for n in tapers]
+        check_fields(self, *faults)
+        shown = " and ".join(sorted(given))
+        allowed = "must give E I and rho A that are neither zero nor infinite to rounding"
+        require(self._is_sized, "section", shown, "", allowed)
+
+    @property
+    def _is_sized(self) -> bool:
+        """Whether E I and rho A are positive and finite at both ends."""
+        try:
+            ends = [self.rectangle_at(x) for x in (0.0, self.length)]
+            values = [self.density * width * thickness for width, thickness in ends]
+            values += [self.young_modulus * width * thickness**3 / 12.0 for width, thickness in ends]
+            return all(0.0 < value < math.inf for value in values)
+        except (OverflowError, ZeroDivisionError):
+            return False
+
+    @property
+    def is_tapered(self) -> bool:
+        """Whether the section changes along the segment."""
+        return self.rectangle != self.end_rectangle
+
+    @property
+    def rectangle(self) -> tuple[float, float]:
+        """Width and thickness (m) of the rectangle with this area and second moment, at the start of a taper."""
+        if self.width is not None and self.thickness is not None:
+            return self.width, self.thickness
+        area, second_moment = self.area or 0.0, self.second_moment or 0.0
+        thickness = math.sqrt(12.0 * second_moment / area)
+        return area / thickness, thickness
+
+    @property
+    def end_rectangle(self) -> tuple[float, float]:
+        """Width and thickness (m) at the end towards the tip."""
+        width, thickness = self.rectangle
+        return self.end_width or width, self.end_thickness or thickness
+
+    def rectangle_at(self, position: float) -> tuple[float, float]:
+        """Width and thickness (m) at a distance (m) from the segment's start; beyond an end, those of the end.
+
+        Raises
+        ------
+        InputError
+            If the distance is no finite number.
+        """
+        position = checked("position", position, quantity("m"))
+        share = min(max(position / self.length, 0.0), 1.0)
+        (width, thickness), (end_width, end_thickness) = self.rectangle, self.end_rectangle
+        return width + share * (end_width - width), thickness + share * (end_thickness - thickness)
+
+    @property
+    def bending_stiffness(self) -> float:
+        """E I, N m^2; at the start of a taper."""
+        width, thickness = self.rectangle
+        return self.young_modulus * width * thickness**3 / 12.0
+
+    @property
+    def mass_per_length(self) -> float:
+        """Rho A, kg/m; at the start of a taper."""
+        width, thickness = self.rectangle
+        return self.density * width * thickness
+
+    @property
+    def mass(self) -> float:
+        """Mass, kg: the integral of rho A, with A = A(0) (1 + a s)(1 + b s) over s = 0 to 1."""
+        a, b = (end / start - 1.0 for start, end in zip(self.rectangle, self.end_rectangle, strict=True))
+        return self.length * self.mass_per_length * (1.0 + 0.5 * (a + b) + a * b / 3.0)
+
+
+@dataclass(frozen=True)
+class Beam:
+    """One or more segments in a row, from the root at x = 0 to the tip.
+
+    Parameters
+    ----------
+    segments : tuple of Segment
+        A stepped beam needs a different name for every segment.
+
+    Raises
+    ------
+    InputError
+        If there is no segment, one is of another kind, or two have one name.
+    """
+
+    segments: Sequence[Segment]
+
+    def __post_init__(self) -> None:
+        if isinstance(self.segments, list):
+            object.__setattr__(self, "segments", tuple(self.segments))
+        require_type(self.segments, tuple, "segments")
+        for segment in self.segments:
+            require_type(segment, Segment, "segments")
+        require(len(self.segments) > 0, "segments", "none", "", "must hold at least one segment")
+        names = [segment.name for segment in self.segments]
+        require(len(set(names)) == len(names), "segments", names, "", "must have distinct names")
+
+    @classmethod
+    def uniform(cls, *, length: float, width: float, thickness: float, young_modulus: float, density: float) -> Beam:
+        """A beam of one rectangular section; lengths in m, modulus in Pa, density in kg/m^3."""
+        return cls((Segment(length, young_modulus, density, width, thickness),))
+
+    @property
+    def length(self) -> float:
+        """Total length, m."""
+        return math.fsum(segment.length for segment in self.segments)
+
+    @property
+    def mass(self) -> float:
+        """Mass of the bare beam, kg."""
+        return math.fsum(segment.mass for segment in self.segments)
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Positions (m) of the segments' ends, the root's 0 first and the tip last."""
+        lengths = [segment.length for segment in self.segments]
+        inner = [math.fsum(lengths[: i + 1]) for i in range(len(lengths))]
+        return (0.0, *inner)
+
+    def segment_index_at(self, position: float) -> int:
+        """Number of the segment that holds a position (m from the root); at a joint, the one towards the tip.
+
+        Raises
+        ------
+        InputError
+            If the position is no finite number.
+        """
+        position = checked("position", position, quantity("m"))
+        return min(max(bisect_right(self.joints, position) - 1, 0), len(self.segments) - 1)
+
+    def rectangle_at(self, position: float) -> tuple[float, float]:
+        """Width and thickness (m) at a position (m from the root); at a joint, those towards the tip.
+
+        Raises
+        ------
+        InputError
+            If the position is no finite number.
+        """
+        i = self.segment_index_at(position)
+        return self.segments[i].rectangle_at(position - self.joints[i])
