@@ -36,16 +36,17 @@ def stiffness_factor(grid: Discretisation) -> Any:
     places, shares = _gauss_points(0.5 * sections.width_taper, 0.5 * sections.thickness_taper)
     weight = np.sqrt(lengths[:, None] * sections.bending_stiffness[:, None] * shares)
     middles = 0.5 * (nodes[1:] + nodes[:-1])
-    points = middles[:, None] + lengths[:, None] * (0.5 * places)
+    points = middles[:, None] + lengths[:, None] * places / (2.0 * math.sqrt(3.0))
     curvature = hermite_rows(nodes, points.ravel(), derivative=2)
     return sparse.csr_array(sparse.diags_array(weight.ravel()) @ curvature)
 
 
 def _gauss_points(a: NDArray[Any], b: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Two Gauss points on -1 to 1 of the weight (1 + a x)(1 + b x)^3 / 2 and their weights, (elements, 2) each.
+    """Two Gauss points of the weight (1 + a x)(1 + b x)^3 / 2, x = -1 to 1, and their weights, (elements, 2) each.
 
-    They are the eigenvalues of the Jacobi matrix of the first two orthogonal polynomials, and the weights are the
-    squared first components of its eigenvectors times the integral of the weight (Golub and Welsch, 1969).
+    The points are in 1/sqrt(3), so that those of a constant weight are -1 and 1 to the last bit. They are the
+    eigenvalues of the Jacobi matrix of the first two orthogonal polynomials, and the weights are the squared first
+    components of its eigenvectors times the integral of the weight (Golub and Welsch, 1969).
     """
     c1, c2, c3, c4 = a + 3.0 * b, 3.0 * b * (a + b), b * b * (3.0 * a + b), a * b**3
     m0, m1 = 1.0 + c2 / 3.0 + c4 / 5.0, c1 / 3.0 + c3 / 5.0
@@ -54,8 +55,7 @@ def _gauss_points(a: NDArray[Any], b: NDArray[Any]) -> tuple[NDArray[Any], NDArr
     variance = m2 / m0 - first**2
     second = (m3 - 2.0 * first * m2 + first**2 * m1) / (m0 * variance)
     half = 0.5 * (second - first)
-    # as a distance from the value of a constant weight, which is then met to the last bit
-    spread = np.sqrt(1.0 + 3.0 * (half**2 + (variance - 1.0 / 3.0))) / math.sqrt(3.0)
-    middle, lean = 0.5 * (first + second), half / spread
+    spread = np.sqrt(1.0 + 3.0 * (half**2 + (variance - 1.0 / 3.0)))
+    middle, lean = math.sqrt(3.0) * 0.5 * (first + second), math.sqrt(3.0) * half / spread
     places = np.stack([middle - spread, middle + spread], axis=1)
     return places, 0.5 * m0[:, None] * np.stack([1.0 + lean, 1.0 - lean], axis=1)

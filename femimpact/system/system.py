@@ -382,8 +382,9 @@ class System:
         InputError
             If there is no beam with known sections, or no such place.
         """
+        sections = self._known_sections
         element, s = self._place_of([self.position_of(at)], side)
-        return self._known_sections.section(int(element[0]), float(s[0]))
+        return sections.section(int(element[0]), float(s[0]))
 
     @property
     def _known_sections(self) -> SectionFields:
