@@ -285,7 +285,7 @@ def _array(value: Any, axes: tuple[str | int, ...], of: str, finite: bool) -> ND
     if of != "text":
         # of the same type it stays the very same array, also after unpickling, where asarray would make a new one
         array = array if array.dtype == kind else array.astype(kind)
-        if finite and not np.all(np.isfinite(array)):
+        if finite and not np.isfinite(array).all():
             raise _Refused
     return array
 

@@ -156,3 +156,19 @@ def test_the_seeds_are_as_busy_and_as_mixed_as_they_are_said_to_be():
     # another machine draws the same numbers; a seed gives the same case twice
     again = random_case(3)
     assert (again.description, again.duration) == (cases[3].description, cases[3].duration)
+
+
+@pytest.mark.parametrize("seed", range(20, 50))
+def test_the_peak_of_a_cycle_does_not_hang_on_the_samples(seed):
+    """Crests between 8 samples of a cycle are those between 4096, where both runs are one motion."""
+    case, runs = case_of(seed), []
+    # the last of three cycles is measured
+    duration, place = 3.0 / case.excitation.frequency, case.system.default_place
+    for samples in (8, 4096):
+        method, record = fi.EventDriven(samples_per_cycle=samples), fi.Recorder((place,), ledger=False)
+        runs.append(fi.integrate(case.system, case.excitation, method, duration, record, case.initial))
+    coarse, fine = runs
+    dense = np.max(np.abs(fine[place][-4096:]))
+    assert dense > 1e-12
+    assert coarse.steady.peak[0] == pytest.approx(fine.steady.peak[0], rel=1e-9)
+    assert coarse.steady.peak[0] >= dense * (1.0 - 1e-9)

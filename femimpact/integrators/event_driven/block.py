@@ -142,8 +142,9 @@ def new_block(
             kept=np.zeros(0, dtype=np.int64),
             energy=np.zeros((count, 0, len(ENERGY_COLUMNS) + n)),
         ),
+        # not set to zero: that takes longer than a short run does, and only rows that were written are read
         tables=Tables(
-            np.zeros((most_rows, len(IMPACT_COLUMNS) + n)), np.zeros((most_rows, 5)), np.zeros(2, dtype=np.int64)
+            np.empty((most_rows, len(IMPACT_COLUMNS) + n)), np.empty((most_rows, 5)), np.zeros(2, dtype=np.int64)
         ),
         ledger=None if ledger is None else _new_ledger(system, whole, count, ledger),
         stopped=np.zeros(count, dtype=np.int64),
@@ -324,7 +325,7 @@ def working_space(block: Block, forms: Forms) -> Space:
         plus=square,
         minus=square,
     )
-    rest: list[Array] = [np.zeros((2, entries + 1), dtype=complex), np.zeros(pairs)]
+    rest: list[Array] = [np.zeros((2, entries + 1), dtype=complex), np.zeros(pairs), np.zeros(block.grid.per_cycle)]
     motion = Motion(
         entry=np.zeros(entries, dtype=complex),
         rigid_body=np.zeros(rigid_bodies),
@@ -332,8 +333,8 @@ def working_space(block: Block, forms: Forms) -> Space:
         clock=np.zeros(2),
         drive=np.zeros(4),
     )
-    *whole, (turn, impulse) = _together(*[motion] * 6, search, bounds, products, rest)
-    return Space._make((*whole, turn, impulse))
+    *whole, own = _together(*[motion] * 6, search, bounds, products, rest)
+    return Space._make((*whole, *own))
 
 
 def _together(*groups: Any) -> list[Any]:

@@ -73,17 +73,17 @@ def _first_moment(exponent: complex, growth: complex, duration: float) -> comple
 
 
 @called
-def _product(a: NDArray[Any], b: NDArray[Any], plus: NDArray[Any], minus: NDArray[Any], terms: int) -> float:
-    """Integral of the product of two motions given by the strengths of their terms."""
+def _square(a: NDArray[Any], plus: NDArray[Any], minus: NDArray[Any], terms: int) -> float:
+    """Integral of the square of a motion given by the strengths of its terms."""
     total = 0.0
     for k in range(terms):
         if a[k] == 0.0:
             continue
-        for m in range(terms):
-            if b[m] == 0.0:
-                continue
-            total += (a[k] * (b[m] * plus[k, m] + b[m].conjugate() * minus[k, m])).real
-    return 0.5 * total
+        total += 0.5 * (a[k] * (a[k] * plus[k, k] + a[k].conjugate() * minus[k, k])).real
+        for m in range(k + 1, terms):
+            if a[m] != 0.0:
+                total += (a[k] * (a[m] * plus[k, m] + a[m].conjugate() * minus[k, m])).real
+    return total
 
 
 @inlined
@@ -142,9 +142,11 @@ def add_to_ledger(form: Form, pairs: Pairs, case: Case, space: Space, b: Ledger)
         else:
             terms = scalars.exponent.size + (2 if scalars.broken else 1)
             _integrate_terms(scalars, form.together, duration, terms, s)
-            _sum_products(terms, duration, form, case, space, b)
-            for p in range(shapes.rigid_bodies):
-                b.work[c] += _work_on_rigid_body(p, form, mark, motion)
+            _set_strengths(terms, form, b.mass.size, space)
+            if b.everywhere:
+                _sum_products(terms, duration, form, case, space, b)
+                for p in range(shapes.rigid_bodies):
+                    b.work[c] += _work_on_rigid_body(p, form, mark, motion)
             for j in range(case.state.size):
                 if is_active(case.state[j]) and not pairs.rigid[j]:
                     loss = _add_contact(j, terms, scalars, pairs, case, space)
@@ -156,14 +158,11 @@ def add_to_ledger(form: Form, pairs: Pairs, case: Case, space: Space, b: Ledger)
 
 
 @apart
-def _sum_products(terms: int, duration: float, form: Form, case: Case, space: Space, b: Ledger) -> None:
-    """Work on what the entries move, and the loss of every mode."""
-    c, scalars, shapes, mark, s = case.number, form.scalars, form.shapes, space.mark, space.products
-    entries, phase, drive = scalars.exponent.size, unit_phase(scalars.omega, mark.clock), mark.drive
-    # s(t) = amplitude sin(theta) = Re(-i amplitude e^{i theta}), or s + s' t
-    wave = complex(0.0, -case.amplitude) * phase
-    work = 0.0
-    for i in range(b.mass.size):
+def _set_strengths(terms: int, form: Form, coordinates: int, space: Space) -> None:
+    """Strengths of the terms of every coordinate's velocity."""
+    scalars, shapes, mark, s = form.scalars, form.shapes, space.mark, space.products
+    entries, phase = scalars.exponent.size, unit_phase(scalars.omega, mark.clock)
+    for i in range(coordinates):
         strength = s.strength[i]
         for k in range(terms):
             strength[k] = complex(0.0, 0.0)
@@ -175,8 +174,19 @@ def _sum_products(terms: int, duration: float, form: Form, case: Case, space: Sp
             harmonic -= shapes.rigid_body_shape[i, p] * form.rigid_body_sine[p]
         strength[entries] = complex(0.0, scalars.omega) * harmonic * phase
         if scalars.broken:
-            strength[entries + 1] = complex(shapes.follow[2, i] * drive[3], 0.0)
-        driven = 0.0
+            strength[entries + 1] = complex(shapes.follow[2, i] * mark.drive[3], 0.0)
+
+
+@apart
+def _sum_products(terms: int, duration: float, form: Form, case: Case, space: Space, b: Ledger) -> None:
+    """Work on what the entries move, and the loss of every mode."""
+    c, scalars, mark, s = case.number, form.scalars, space.mark, space.products
+    entries, drive = scalars.exponent.size, mark.drive
+    # s(t) = amplitude sin(theta) = Re(-i amplitude e^{i theta}), or s + s' t
+    wave = complex(0.0, -case.amplitude) * unit_phase(scalars.omega, mark.clock)
+    work = 0.0
+    for i in range(b.mass.size):
+        strength, driven = s.strength[i], 0.0
         for k in range(terms):
             if strength[k] == 0.0:
                 continue
@@ -189,7 +199,7 @@ def _sum_products(terms: int, duration: float, form: Form, case: Case, space: Sp
                 driven += 0.5 * (strength[k] * both).real
         work += b.load[i] * driven + b.given[i] * (s.after[0, i] - s.before[0, i])
         if b.damping[i] > 0.0:
-            b.loss_of_mode[c, i] += b.damping[i] * _product(strength, strength, s.plus, s.minus, terms)
+            b.loss_of_mode[c, i] += b.damping[i] * _square(strength, s.plus, s.minus, terms)
     b.work[c] += work
 
 
@@ -220,16 +230,25 @@ def _add_contact(j: int, terms: int, scalars: Scalars, pairs: Pairs, case: Case,
         rate[k] = complex(0.0, 0.0)
         for i in range(d):
             rate[k] -= pairs.direction[j, i] * s.strength[i, k]
-    loss: float = case.damping[j] * _product(rate, rate, s.plus, s.minus, terms)
+    loss: float = case.damping[j] * _square(rate, s.plus, s.minus, terms)
     # the loss is summed: its row may now hold the force
     force = rate
     for k in range(entries):
         force[k] = scalars.weight[r, k] * mark.entry[k]
     force[entries] = scalars.sine[r] * unit_phase(scalars.omega, mark.clock)
+    for m in range(terms):
+        # the integral of the force times e^{mu s}, and times its conjugate
+        along, against = complex(0.0, 0.0), complex(0.0, 0.0)
+        for k in range(terms):
+            if force[k] != 0.0:
+                along += force[k] * s.plus[k, m]
+                against += force[k] * s.minus[k, m]
+        for i in range(to_modes.shape[1]):
+            strength = s.strength[i, m]
+            work = 0.5 * (strength * along + strength.conjugate() * against).real
+            to_modes[j, i] += pairs.direction[j, i] * work
     for i in range(to_modes.shape[1]):
-        work = _product(force, s.strength[i], s.plus, s.minus, terms)
-        work += scalars.constant[r] * (s.after[0, i] - s.before[0, i])
-        to_modes[j, i] += pairs.direction[j, i] * work
+        to_modes[j, i] += pairs.direction[j, i] * scalars.constant[r] * (s.after[0, i] - s.before[0, i])
     return loss
 
 

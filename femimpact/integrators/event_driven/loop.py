@@ -29,6 +29,7 @@ from femimpact.integrators.event_driven.motion import (
     has_blocks,
     move,
     move_rigid_bodies,
+    unit_phase,
     value_now,
 )
 from femimpact.integrators.event_driven.reading import add_peaks, add_to_cycle, keep_snapshot
@@ -109,7 +110,8 @@ def _read(begin: int, until: float, event: bool, form: Form, case: Case, job: Jo
     c, cases, grid, snapshots, turn = case.number, job.cases, job.grid, job.snapshots, job.space.turn
     scalars, motion = form.scalars, job.space.motion
     dt, started, phase, active = grid.interval[c], False, complex(1.0, 0.0), 0
-    alone, events = not has_blocks(scalars), scalars.lasting.size
+    alone, events, observed = not has_blocks(scalars), scalars.lasting.size, 0.0
+    measured = grid.cycles.shape[1]
     wave = complex(math.cos(scalars.omega * dt), math.sin(scalars.omega * dt))
     while True:
         sample = cases.sample[c] + 1
@@ -132,8 +134,7 @@ def _read(begin: int, until: float, event: bool, form: Form, case: Case, job: Jo
         for o in range(grid.values.shape[2]):
             value = value_now(events + o, active, phase, scalars, motion)
             if o == 0:
-                number = (sample - 1 - grid.origin[c]) // grid.per_cycle
-                add_to_cycle(number, value, phase, grid.cycles[c])
+                observed = value
             if i < grid.values.shape[1]:
                 grid.values[c, i, o] = value
         if b is not None and grid.energy.shape[1] > 0 and grid.kept[i] >= 0:
@@ -142,6 +143,14 @@ def _read(begin: int, until: float, event: bool, form: Form, case: Case, job: Jo
         if snapshots.shown.size > 0 and snapshots.shown[i] >= 0:
             keep_snapshot(snapshots.shown[i], form.shapes, job.pairs, case, job.space, snapshots)
         cases.sample[c] = sample
+        number = (sample - 1 - grid.origin[c]) // grid.per_cycle
+        if 0 <= number < measured:
+            add_to_cycle(number, observed, phase, grid.cycles[c])
+            place = (sample - 1 - grid.origin[c]) % grid.per_cycle
+            job.space.samples[place] = observed
+            if place + 1 == grid.per_cycle:
+                add_peaks(c, time, observed, sample, scalars, job.space, grid)
+                grid.cycle[c] = number + 1
 
 
 @called
@@ -165,8 +174,10 @@ def _to_next_event(begin: int, until: float, form: Form, case: Case, job: Job, b
     copy_motion(motion, space.begin)
     _read(begin, reached, status != END, form, case, job, b)
     # the samples first: where they exclude a peak none is looked for
-    if job.grid.cycle[c] < job.grid.cycles.shape[1]:
-        add_peaks(c, reached, scalars, space, job.grid)
+    if max(job.grid.cycle[c], 0) < job.grid.cycles.shape[1]:
+        phase = unit_phase(scalars.omega, space.trial.clock)
+        last = value_now(scalars.lasting.size, scalars.exponent.size, phase, scalars, space.trial)
+        add_peaks(c, reached, last, cases.sample[c], scalars, space, job.grid)
     copy_motion(space.trial, motion)
     if b is not None and (b.everywhere or any_compliant(case, job.pairs)):
         add_to_ledger(form, job.pairs, case, space, b)

@@ -258,6 +258,7 @@ class Space(NamedTuple):
     products: Products
     turn: NDArray[Any]  # (2, K + 1) complex
     impulse: NDArray[Any]  # (R,)
+    samples: NDArray[Any]  # (per_cycle,) w of the cycle that goes on, as far as it is read
 
 
 class Job(NamedTuple):

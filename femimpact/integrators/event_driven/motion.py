@@ -40,6 +40,7 @@ __all__ = [
     "multiply",
     "panels_of",
     "rates_now",
+    "rigid_body_push",
     "taylor",
     "unit_phase",
     "value_now",

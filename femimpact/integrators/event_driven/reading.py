@@ -20,6 +20,8 @@ from femimpact.integrators.event_driven.motion import (
     measure,
     move,
     rates_now,
+    rigid_body_push,
+    taylor,
     unit_phase,
     value_now,
 )
@@ -47,14 +49,13 @@ NEWTON_STEPS = 6
 
 @inlined
 def add_to_cycle(number: int, w: float, phase: complex, cycles: NDArray[Any]) -> None:
-    """Sums over the cycle that a sample belongs to, where it is measured."""
-    if 0 <= number < cycles.shape[0]:
-        row = cycles[number]
-        row[0], row[1] = max(row[0], w), min(row[1], w)
-        row[2] += w * w
-        row[3] += w * phase.imag
-        row[4] += w * phase.real
-        row[5] += 1.0
+    """Sums over the cycle that a sample belongs to."""
+    row = cycles[number]
+    row[0], row[1] = max(row[0], w), min(row[1], w)
+    row[2] += w * w
+    row[3] += w * phase.imag
+    row[4] += w * phase.real
+    row[5] += 1.0
 
 
 @apart
@@ -80,59 +81,104 @@ def keep_snapshot(number: int, shapes: Shapes, pairs: Pairs, case: Case, space: 
 
 
 @apart
-def add_peaks(c: int, until: float, scalars: Scalars, space: Space, grid: Grid) -> None:
-    """Largest and smallest w of every cycle from where the closed form began up to an instant.
+def add_peaks(
+    c: int, until: float, last: float, read: int, scalars: Scalars, space: Space, grid: Grid
+) -> None:  # fmt: skip
+    """Largest and smallest w of the cycle that goes on, from where the closed form began up to an instant in it.
 
-    `grid.cycle` is the cycle that goes on there, -1 before the first one.
+    `last` is w at that instant, and `read` the number of the last sample before it. Only between samples where more
+    than the extremes is not excluded by what w may do there, is a crest looked for.
     """
-    number, cycles, interval = grid.cycle[c], grid.cycles[c], grid.interval[c]
-    begin, length, motion = grid.start[c] + grid.origin[c] * interval, grid.per_cycle * interval, space.spare
-    copy_motion(space.begin, motion)
-    while motion.clock[0] < until and number < cycles.shape[0]:
-        if number < 0:
-            # measuring has not begun
-            if until <= begin:
-                break
-            move(scalars, motion, max(begin - motion.clock[0], 0.0))
-            motion.clock[0], number = max(begin, motion.clock[0]), 0
-            continue
-        end = begin + (number + 1) * length
-        _follow_peak(min(end, until), LEAST_ADVANCE * interval, scalars, space, cycles[number])
-        if until >= end:
-            number += 1
+    number, interval = max(grid.cycle[c], 0), grid.interval[c]
+    first = grid.origin[c] + number * grid.per_cycle
+    begin, row, motion = grid.start[c] + first * interval, grid.cycles[c, number], space.spare
+    # before the first cycle nothing is measured
+    if until <= begin:
+        return
     grid.cycle[c] = number
+    copy_motion(space.begin, motion)
+    if motion.clock[0] < begin:
+        move(scalars, motion, begin - motion.clock[0])
+        motion.clock[0] = begin
+    time, least, r = motion.clock[0], LEAST_ADVANCE * interval, scalars.lasting.size
+    measure(scalars, motion, space.search)
+    before = value_now(r, scalars.size.size, unit_phase(scalars.omega, motion.clock), scalars, motion)
+    row[0], row[1] = max(row[0], max(before, last)), min(row[1], min(before, last))
+    slack = PEAK_TOLERANCE * max(abs(row[0]), abs(row[1])) + _negligible(r, scalars, motion, space.search)
+    excess = _excess_between(r, interval, until - time, scalars, motion, space.search) - slack
+    place, start = int((time - begin) / interval) + 1, math.inf
+    while time < until:
+        at, value = begin + place * interval, last
+        if first + place <= read and at < until:
+            value = space.samples[place - 1]
+        else:
+            at = until
+        place += 1
+        if max(before, value) + excess > row[0] or min(before, value) - excess < row[1]:
+            start = min(start, time)
+        elif start < time:
+            _follow_peak(start, time, least, scalars, space, row)
+            start = math.inf
+        time, before = at, value
+    if start < until:
+        _follow_peak(start, until, least, scalars, space, row)
+
+
+@inlined
+def _excess_between(
+    r: int, interval: float, duration: float, scalars: Scalars, motion: Motion, search: Search
+) -> float:  # fmt: skip
+    """How far w may stand out above and below what it is at both ends of an interval.
+
+    Each of its terms does by |w''| interval^2/8 at most, and by no more than twice its size.
+    """
+    share, wave, d = min(interval, duration) ** 2 / 8.0, scalars.sine[r], motion.drive
+    total = scalars.omega**2 * math.sqrt(wave.real * wave.real + wave.imag * wave.imag) * share
+    if scalars.broken:
+        _, _, pull, twist = taylor(scalars.follow, r, d)
+        total += (abs(pull) + abs(twist) * duration) * share
+    for p in range(scalars.rigid_body_given.size):
+        weight, rate_weight = scalars.rigid_body_weight[r, p], scalars.rigid_body_rate_weight[r, p]
+        push, growth = rigid_body_push(p, scalars, motion)
+        total += (abs(weight * push + rate_weight * growth) + abs(weight * growth) * duration) * share
+    for k in range(scalars.size.size):
+        own = min(scalars.size[k] ** 2 * share, 2.0)
+        total += scalars.weight_size[r, k] * search.size[k] * own
+    return float(total)
 
 
 @apart
-def _follow_peak(until: float, least: float, scalars: Scalars, space: Space, row: NDArray[Any]) -> None:
-    """Extremes of the observed place up to an instant, to `PEAK_TOLERANCE`: row[0] and row[1].
+def _follow_peak(
+    start: float, until: float, least: float, scalars: Scalars, space: Space, row: NDArray[Any]
+) -> None:  # fmt: skip
+    """Extremes of the observed place between two instants, to `PEAK_TOLERANCE`: row[0] and row[1].
 
     Advances by times in which a bound on the motion excludes more than the extremes so far; where these are
-    approached, by those in which w surely rises on, or is surely concave, so that its only crest is found.
+    approached, by those in which w surely rises on, or is surely concave, so that its only crest is found. The
+    extremes hold what w is at both ends already.
     """
     r, entries, motion, search = scalars.lasting.size, scalars.size.size, space.spare, space.search
+    move(scalars, motion, start - motion.clock[0])
+    motion.clock[0] = start
     while True:
         phase = unit_phase(scalars.omega, motion.clock)
         measure(scalars, motion, search)
         remaining = until - motion.clock[0]
-        if row[0] == -math.inf:
-            # the bounds are no help before there is a value
-            row[0] = row[1] = value_now(r, entries, phase, scalars, motion)
         slack = PEAK_TOLERANCE * max(abs(row[0]), abs(row[1])) + _negligible(r, scalars, motion, search)
         scalars.upper[r], scalars.lower[r] = row[0] + slack, row[1] - slack
         active = _leave_out_ripples(0.25 * slack, entries, scalars.weight_size[r], search)
         safe = clear_time(r, scalars, motion, active, phase, remaining, search)
         value, rate = search.found[0], search.found[1]
         row[0], row[1] = max(row[0], value), min(row[1], value)
-        if remaining <= 0.0:
+        if safe >= remaining:
             return
         # far below the extremes so far long times are safe, and curvature need not be asked for
-        if safe < remaining and (0.25 * abs(rate) * safe < row[0] - row[1] or safe < SHORT * least):
+        if 0.25 * abs(rate) * safe < row[0] - row[1] or safe < SHORT * least:
             derivatives(r, scalars, motion, phase, search)
             safe = max(max(safe, least), _advance_to_crest(rate, remaining, scalars, space, row))
-        move(scalars, motion, min(safe, remaining))
-        if safe >= remaining:
-            motion.clock[0] = until
+            if safe >= remaining:
+                return
+        move(scalars, motion, safe)
 
 
 @inlined
