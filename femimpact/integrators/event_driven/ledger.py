@@ -36,6 +36,7 @@ from femimpact.integrators.event_driven.motion import (
 from femimpact.integrators.event_driven.states import (
     base_motion,
     gap_of,
+    gap_on,
     is_active,
     read_coordinates,
     side_of,
@@ -305,7 +306,7 @@ def _add_separating(pairs: Pairs, case: Case, space: Space) -> float:
 def _stored(j: int, pairs: Pairs, case: Case, position: NDArray[Any], base: float) -> float:
     """Energy in a compliant wall."""
     x, side = gap_of(j, pairs, position, base), side_of(case.state[j])
-    depth = max(side * x - case.gap[0 if side > 0.0 else 1, j], 0.0)
+    depth = max(side * x - gap_on(side, j, case), 0.0)
     return float(spring_potential(depth, case.stiffness[j]))
 
 
@@ -319,7 +320,7 @@ def _rounding(pairs: Pairs, case: Case, state: NDArray[Any]) -> float:
     total = 0.0
     for j in range(case.state.size):
         if case.state[j] != FREE and not pairs.rigid[j]:
-            size = abs(case.gap[0 if case.state[j] > 0.0 else 1, j])
+            size = abs(gap_on(case.state[j], j, case))
             for i in range(state.shape[1]):
                 size += abs(pairs.direction[j, i] * state[0, i])
             total += PLACES * size * case.touch[LARGEST_FORCE, j]

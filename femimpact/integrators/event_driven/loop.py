@@ -243,9 +243,9 @@ def _motion_of(c: int, cases: Cases) -> Motion:
 @inlined
 def _case_of(c: int, cases: Cases) -> Case:
     return Case(
-        c, cases.omega[c], cases.amplitude[c], cases.gap[c], cases.stiffness[c], cases.damping[c],
-        cases.restitution[c], cases.state[c], cases.released[c], cases.coordinates[c], cases.touch[c],
-        cases.to_modes[c], cases.window[c], cases.totals[c],
+        c, cases.omega[c], cases.amplitude[c], cases.gap_plus[c], cases.gap_minus[c], cases.stiffness[c],
+        cases.damping[c], cases.restitution[c], cases.state[c], cases.released[c], cases.coordinates[c],
+        cases.touch[c], cases.to_modes[c], cases.window[c], cases.totals[c],
     )  # fmt: skip
 
 

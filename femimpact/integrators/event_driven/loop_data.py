@@ -120,7 +120,8 @@ class Cases(NamedTuple):
     amplitude: NDArray[Any]  # (C,)
     knots: NDArray[Any]  # (n,) s(t) of a broken line; none for a sine
     knot_interval: float  # s
-    gap: NDArray[Any]  # (C, 2, R)
+    gap_plus: NDArray[Any]  # (C, R)
+    gap_minus: NDArray[Any]  # (C, R)
     stiffness: NDArray[Any]  # (C, R)
     damping: NDArray[Any]  # (C, R)
     restitution: NDArray[Any]  # (C, R)
@@ -153,7 +154,8 @@ class Case(NamedTuple):
     number: int
     omega: float  # of the sine; 0 for a broken line
     amplitude: float  # of s(t): m/s^2 or N
-    gap: NDArray[Any]  # (2, R) to the + and to the - wall
+    gap_plus: NDArray[Any]  # (R,) m, to the + wall
+    gap_minus: NDArray[Any]  # (R,) m, to the - wall
     stiffness: NDArray[Any]  # (R,)
     damping: NDArray[Any]  # (R,)
     restitution: NDArray[Any]  # (R,)

@@ -25,7 +25,7 @@ from femimpact.integrators.event_driven.motion import (
     unit_phase,
     value_now,
 )
-from femimpact.integrators.event_driven.states import base_motion, gap_of, read_coordinates, side_of
+from femimpact.integrators.event_driven.states import base_motion, gap_of, gap_on, read_coordinates, side_of
 
 __all__ = ["add_peaks", "add_to_cycle", "keep_snapshot"]
 
@@ -70,7 +70,7 @@ def keep_snapshot(number: int, shapes: Shapes, pairs: Pairs, case: Case, space: 
         if case.state[j] == FREE or pairs.rigid[j]:
             continue
         side = side_of(case.state[j])
-        depth = side * gap_of(j, pairs, state[0], base) - case.gap[0 if side > 0.0 else 1, j]
+        depth = side * gap_of(j, pairs, state[0], base) - gap_on(side, j, case)
         rate = side * gap_of(j, pairs, state[1], speed)
         if depth > 0.0:
             force = kelvin_voigt_force(depth, rate, case.stiffness[j], case.damping[j])

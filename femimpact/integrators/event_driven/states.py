@@ -22,8 +22,8 @@ from femimpact.integrators.event_driven.loop_data import (
 from femimpact.integrators.event_driven.motion import Motion, Scalars, unit_phase
 
 __all__ = [
-    "base_motion", "enter_form", "find_form", "form_of", "gap_of", "is_active", "read_coordinates", "set_bounds",
-    "set_steady_motion", "set_walls", "side_of", "turn_knot",
+    "base_motion", "enter_form", "find_form", "form_of", "gap_of", "gap_on", "is_active", "read_coordinates",
+    "set_bounds", "set_steady_motion", "set_walls", "side_of", "turn_knot",
 ]  # fmt: skip
 
 RESONANCE = 1e-9
@@ -34,6 +34,12 @@ RESONANCE = 1e-9
 def side_of(state: float) -> float:
     """Side of the wall of a pair in contact or separating."""
     return 1.0 if state > 0.0 else -1.0
+
+
+@inlined
+def gap_on(side: float, j: int, case: Case) -> float:
+    """Gap (m) of a pair on one side."""
+    return float(case.gap_plus[j] if side > 0.0 else case.gap_minus[j])
 
 
 @inlined
@@ -137,7 +143,7 @@ def set_walls(f: int, case: Case, forms: Forms, bounds: Bounds) -> None:
     wall[0] = 1.0
     for j in range(case.state.size):
         side = side_of(case.state[j])
-        wall[1 + j] = 0.0 if case.state[j] == FREE else side * case.gap[0 if side > 0.0 else 1, j]
+        wall[1 + j] = 0.0 if case.state[j] == FREE else side * gap_on(side, j, case)
     _multiply(forms.constant[f], wall, bounds.constant)
     _multiply(forms.static[f], wall, bounds.static)
     _multiply(forms.rigid_body_given[f], wall, bounds.given)
@@ -155,14 +161,13 @@ def _multiply(matrix: NDArray[Any], vector: NDArray[Any], out: NDArray[Any]) -> 
 @apart
 def set_bounds(case: Case, s: Bounds) -> None:
     """Bounds of the watched scalars, and the side of a contact that lasts."""
-    state, gap = case.state, case.gap
-    pairs = state.size
+    state, pairs = case.state, case.state.size
     for j in range(pairs):
         side = side_of(state[j])
         for r in (j, pairs + j):
             s.upper[r], s.lower[r], s.lasting[r] = math.inf, -math.inf, 0.0
         if state[j] == FREE:
-            s.upper[j], s.lower[j] = gap[0, j], -gap[1, j]
+            s.upper[j], s.lower[j] = case.gap_plus[j], -case.gap_minus[j]
         elif is_active(state[j]):
             s.lasting[pairs + j] = side
             if side > 0.0:
@@ -170,9 +175,9 @@ def set_bounds(case: Case, s: Bounds) -> None:
             else:
                 s.upper[pairs + j] = 0.0
         elif side > 0.0:
-            s.lower[j], s.upper[pairs + j] = gap[0, j], 0.0
+            s.lower[j], s.upper[pairs + j] = case.gap_plus[j], 0.0
         else:
-            s.upper[j], s.lower[pairs + j] = -gap[1, j], 0.0
+            s.upper[j], s.lower[pairs + j] = -case.gap_minus[j], 0.0
 
 
 @apart

@@ -28,6 +28,7 @@ from femimpact.integrators.event_driven.search import REST, look
 from femimpact.integrators.event_driven.states import (
     base_motion,
     gap_of,
+    gap_on,
     is_active,
     read_coordinates,
     side_of,
@@ -63,7 +64,7 @@ def set_start_states(pairs: Pairs, case: Case, motion: Motion) -> None:
         rate = gap_of(j, pairs, case.coordinates[1], base_rate)
         for wall in range(2):
             side = 1.0 if wall == 0 else -1.0
-            depth = side * x - case.gap[wall, j]
+            depth = side * x - gap_on(side, j, case)
             if depth > 0.0 and not pairs.rigid[j]:
                 pushes = case.stiffness[j] * depth + case.damping[j] * side * rate > 0.0
                 case.state[j] = side * (CONTACT if pushes else SEPARATING)
