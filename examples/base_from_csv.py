@@ -23,7 +23,7 @@ FILE = Path(__file__).with_name("base_acceleration.csv")
 def main(path=FILE) -> dict[str, fi.Response]:
     """The run without and with the ball."""
     time, acceleration = np.loadtxt(path, delimiter=",", skiprows=1).T
-    base = fi.RecordedBase(acceleration, interval=time[1] - time[0])
+    base = fi.RecordedBase(acceleration, interval=(time[-1] - time[0]) / (time.size - 1))
     box, wall = fi.PointMass("box", at="tip", mass=0.023), fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)
     ball = fi.Impactor("ball", at="tip", mass=3.4e-3, gap=2e-3, contact=wall)
     beam = fi.Beam.uniform(length=0.23, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700)

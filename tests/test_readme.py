@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
+import runpy
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+import femimpact as fi
 
 pytestmark = pytest.mark.impacts
 
@@ -19,11 +25,30 @@ LINKS = [
 ]
 
 
+PICTURES = runpy.run_path(str(ROOT / "docs" / "make_pictures.py"))
+
+
 def ran(page):
     """Names that a page's script leaves."""
-    text = (ROOT / page).read_text(encoding="utf-8")
-    names: dict[str, object] = {}
-    exec(compile("\n".join(re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)), page, "exec"), names)
+    return PICTURES["ran"](ROOT / page)
+
+
+@pytest.fixture
+def drawn_off_screen():
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("agg")
+    yield
+    pyplot.close("all")
+
+
+@pytest.fixture(scope="module")
+def root_stress(tmp_path_factory):
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("agg")
+    with contextlib.chdir(tmp_path_factory.mktemp("root_stress")):
+        names = ran("docs/root_stress.md")
+        names["folder"] = Path.cwd()
+    pyplot.close("all")
     return names
 
 
@@ -70,21 +95,96 @@ def test_the_script_of_the_page_on_scripting_runs_as_it_stands(capsys):
     assert names["section"]["tip"].shape == (151,)
 
 
-def test_the_pages_on_paraview_and_root_stress_run_as_they_stand(monkeypatch, tmp_path, capsys):
+def test_the_page_on_paraview_runs_as_it_stands(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     names = ran("docs/mode_shapes_in_paraview.md")
     assert len(names["blocks"]) == 4
     assert len(list((tmp_path / "mode_2").iterdir())) == 24
-    names = ran("docs/root_stress.md")
+    for page in ("modes_paraview.py", "mode_2_paraview.py"):
+        compile((tmp_path / page).read_text(encoding="utf-8"), page, "exec")
+
+
+def test_the_page_on_root_stress_runs_as_it_stands(root_stress):
     # under a static moment the root's stress is that moment over the section modulus; inertia and damping add little
     modulus = 0.02 * 1e-3**2 / 6
-    moment = np.abs(names["run"]["root.reaction_moment"]).max()
-    assert np.abs(names["stress"]).max() == pytest.approx(moment / modulus, rel=0.02)
-    written = np.loadtxt(tmp_path / "root_stress.csv", delimiter=",", skiprows=1)
-    np.testing.assert_array_equal(written[:, 1], names["stress"])
-    for page in ("modes_paraview.py", "mode_2_paraview.py", "deflection_paraview.py"):
-        compile((tmp_path / page).read_text(encoding="utf-8"), page, "exec")
-    assert "MPa" in capsys.readouterr().out
+    moment = np.abs(root_stress["run"]["root.reaction_moment"]).max()
+    assert np.abs(root_stress["stress"]).max() == pytest.approx(moment / modulus, rel=0.02)
+    folder = root_stress["folder"]
+    written = np.loadtxt(folder / "root_stress.csv", delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(written[:, 1], root_stress["histories"]["with ball"][1])
+    compile((folder / "deflection_paraview.py").read_text(encoding="utf-8"), "deflection_paraview.py", "exec")
+
+
+def test_the_page_on_root_stress_counts_ranges_as_the_standard_does(root_stress):
+    # the example of ASTM E1049, section 5.4.4: ranges 3, 4, 6, 8, 9 with 0.5, 1.5, 0.5, 1, 0.5 cycles
+    ranges, counts = root_stress["rainflow"](np.array([-2.0, 1.0, -3.0, 5.0, -1.0, 3.0, -4.0, 4.0, -2.0]))
+    found = {size: counts[ranges == size].sum() for size in np.unique(ranges)}
+    assert found == {3.0: 0.5, 4.0: 1.5, 6.0: 0.5, 8.0: 1.0, 9.0: 0.5}
+    ranges, counts = root_stress["spectra"]["without ball"]
+    stress = root_stress["histories"]["without ball"][1]
+    # a steady sine: one cycle in a period of the base but for the two ends, all of the range from lowest to highest
+    assert counts.sum() == pytest.approx(20.0 * 5.3, abs=1.0)
+    np.testing.assert_allclose(ranges[counts == 1.0], np.ptp(stress), rtol=1e-3)
+
+
+def test_the_page_on_a_measured_base_runs_as_it_stands(monkeypatch, tmp_path, drawn_off_screen):
+    monkeypatch.chdir(tmp_path)
+    names = ran("docs/measured_base.md")
+    largest = {name: base.amplitude for name, base in names["bases"].items()}
+    # half the offset's acceleration times the time squared
+    assert largest["as read"] == pytest.approx(0.5 * 0.01 * 9.80665 * 40.0**2, rel=0.01)
+    # the sweep has all of its acceleration from 3 s on; noise above 1 Hz and ends add some hundredths of a millimetre
+    swept = 0.02 * 9.80665 / (2 * np.pi * (4.5 + 1.5 * 3 / 40)) ** 2
+    assert largest["high-pass at 1 Hz"] == pytest.approx(swept, rel=0.1)
+    peaks = [np.abs(run["tip"]).max() for run in names["alone"].values()]
+    # relative to the base nothing but the static deflection under the offset differs, 0.1 of 13.7 mm
+    np.testing.assert_allclose(peaks, peaks[-1], rtol=0.02)
+    assert np.abs(names["with_ball"]["tip"]).max() < 0.5 * peaks[-1]
+
+
+def test_the_page_on_ones_own_mesh_runs_as_it_stands(monkeypatch, tmp_path, drawn_off_screen):
+    monkeypatch.chdir(tmp_path)
+    PICTURES["prepare"](ROOT / "docs/own_mesh.md", tmp_path)
+    names = ran("docs/own_mesh.md")
+    table, stress = names["table"], names["stress"]
+    # h^2 under base excitation away from a resonance
+    assert table.fitted_order[stress] == pytest.approx(2.0, abs=0.1)
+    assert table.error[0, stress] < 1e-3
+    assert table.recommended[stress] == 6
+
+
+def test_gmsh_makes_the_meshes_of_the_page_of_its_geometry(tmp_path):
+    pytest.importorskip("gmsh")
+    page = ROOT / "docs/own_mesh.md"
+    (tmp_path / "beam.geo").write_text(PICTURES["blocks"](page, "text")[0], encoding="utf-8")
+    for name, source in PICTURES["MESHES"].items():
+        elements = re.search(r"\d+", name)[0]
+        call = "import sys, gmsh; gmsh.initialize(sys.argv, run=True); gmsh.finalize()"
+        options = ["-1", "-v", "2", "-setnumber", "n", elements, "beam.geo", "-o", name]
+        subprocess.run([sys.executable, "-c", call, *options], cwd=tmp_path, check=True)
+        made, shipped = fi.read_mesh(tmp_path / name), fi.read_mesh(source)
+        np.testing.assert_allclose(made.nodes, shipped.nodes, atol=1e-12)
+        assert made.points == pytest.approx(shipped.points, abs=1e-12)
+        assert list(made.regions) == list(shipped.regions)
+
+
+def test_the_page_on_two_balls_runs_as_it_stands(monkeypatch, tmp_path, drawn_off_screen):
+    monkeypatch.chdir(tmp_path)
+    names = ran("docs/two_balls.md")
+    forces = [curve.peak_force.max() for curve in names["curves"].values()]
+    # half the mass with the same contact time: half the force at the same speed, which scatters by a fifth
+    assert forces[1] == pytest.approx(0.5 * forces[0], rel=0.3)
+    # the last run has gaps of 3 and 5 mm: the shorter way is gone more often
+    often = {name: ball.impacts_per_cycle for name, ball in names["run"].statistics_of.items()}
+    assert often["ball A"] > 1.2 * often["ball B"]
+    assert names["run"].energy.residual < 1e-10
+
+
+def test_every_picture_of_a_page_that_is_run_is_one_that_the_page_writes():
+    for name in PICTURES["PAGES"]:
+        text = (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+        shown = set(re.findall(r"!\[[^]]*\]\(([^)]+)\)", text)) - {"paraview_deflection.png"}
+        assert shown == set(re.findall(r'save_figure\([^\n]*"([^"]+\.png)"\)', text)), name
 
 
 @pytest.mark.parametrize(("page", "link"), LINKS)

@@ -2,7 +2,8 @@
 
 A figure of one panel takes `ax=None` and returns axes; one of several panels takes `figure=None` and returns
 its axes as an array. Without them it is drawn on a new pyplot figure, which a notebook shows. `OffScreen()` in their
-place gives a figure that is not shown, for a file. matplotlib is loaded by the first figure.
+place gives a figure that is not shown, for a file. matplotlib is loaded by the first figure. For figures of one's own
+in the same look there are `STYLE`, which `matplotlib.rc_context` takes, and `COLOURS`.
 """
 
 from femimpact.export.figures.contact_laws import collision_history, contact_laws
@@ -16,7 +17,7 @@ from femimpact.export.figures.histories import (
     spectrum,
 )
 from femimpact.export.figures.impacts import impact_histograms, impulse_phase
-from femimpact.export.figures.look import OffScreen, save_figure
+from femimpact.export.figures.look import COLOURS, STYLE, OffScreen, save_figure
 from femimpact.export.figures.meshes import beam_mesh
 from femimpact.export.figures.motion import motion
 from femimpact.export.figures.orders import convergence
@@ -24,10 +25,10 @@ from femimpact.export.figures.portraits import bifurcation, phase_portrait
 from femimpact.export.figures.shapes import mode_shapes
 
 __all__ = [
-    "OffScreen", "amplitude_spectrum", "beam_mesh", "bifurcation", "collision_history", "contact_force",
-    "contact_laws", "convergence", "cycle_averaged_force", "energies", "impact_histograms", "impulse_phase",
-    "mesh_convergence", "mode_convergence", "mode_shapes", "motion", "phase_portrait", "response_curve",
-    "restitution_scan", "save_figure", "spectrum", "step_convergence", "value_map",
+    "COLOURS", "STYLE", "OffScreen", "amplitude_spectrum", "beam_mesh", "bifurcation", "collision_history",
+    "contact_force", "contact_laws", "convergence", "cycle_averaged_force", "energies", "impact_histograms",
+    "impulse_phase", "mesh_convergence", "mode_convergence", "mode_shapes", "motion", "phase_portrait",
+    "response_curve", "restitution_scan", "save_figure", "spectrum", "step_convergence", "value_map",
 ]  # fmt: skip
 
 

@@ -39,6 +39,7 @@ STYLE: Any = {
     "lines.linewidth": 1.6,
     "savefig.dpi": 150,
 }
+"""Settings of matplotlib, for `matplotlib.rc_context`."""
 SMALLEST_IN_MM = 1e-5
 """Metres."""
 PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))

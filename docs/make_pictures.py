@@ -1,0 +1,64 @@
+"""Run the scripts of how-to pages and keep the pictures that they write: `python docs/make_pictures.py [PAGE ...]`.
+
+A page is run in an empty directory, with the files that it asks its reader to save.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent
+PAGES = ("measured_base", "own_mesh", "root_stress", "two_balls")
+MESHES = {f"beam_{n}.msh": HERE.parent / "meshes" / f"graded_{n}.msh" for n in (6, 12, 24, 48)}
+"""What gmsh makes of the geometry on the page on meshes."""
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """Text of the code blocks of a language."""
+    return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+def prepare(page: Path, folder: Path) -> None:
+    """Save in a folder what the reader of a page has to save before the script runs."""
+    if page.stem == "own_mesh":
+        (folder / "beam.toml").write_text(blocks(page, "toml")[0], encoding="utf-8")
+        for name, source in MESHES.items():
+            shutil.copyfile(source, folder / name)
+
+
+def ran(page: Path) -> dict[str, Any]:
+    """Names that the Python of a page leaves, its blocks run one after another in the current directory."""
+    names: dict[str, Any] = {}
+    exec(compile("\n".join(blocks(page, "python")), str(page), "exec"), names)
+    return names
+
+
+def main(pages: tuple[str, ...] = PAGES, folder: Path = HERE) -> list[Path]:
+    """Write the pictures of pages into a folder; their paths."""
+    import matplotlib
+    from PIL import Image
+
+    matplotlib.use("agg")
+    made = []
+    for name in pages:
+        page = HERE / f"{name}.md"
+        with tempfile.TemporaryDirectory() as directory, contextlib.chdir(directory):
+            prepare(page, Path(directory))
+            ran(page)
+            for picture in sorted(Path(directory).glob("*.png")):
+                made.append(folder / picture.name)
+                with Image.open(picture) as whole:
+                    # a palette takes less than half of the bytes
+                    whole.convert("RGB").quantize(256).save(made[-1], optimize=True)
+    return made
+
+
+if __name__ == "__main__":
+    for path in main(tuple(sys.argv[1:]) or PAGES):
+        print(path)
