@@ -305,6 +305,7 @@ def working_space(block: Block, forms: Forms) -> Space:
         size=np.zeros(entries),
         power=np.zeros((3, entries), dtype=complex),
         event=np.zeros(2),
+        negligible=np.zeros(1),
     )
     square = np.zeros((terms, terms), dtype=complex)
     bounds = Bounds(

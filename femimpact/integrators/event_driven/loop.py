@@ -33,7 +33,7 @@ from femimpact.integrators.event_driven.motion import (
     value_now,
 )
 from femimpact.integrators.event_driven.reading import add_peaks, add_to_cycle, keep_snapshot
-from femimpact.integrators.event_driven.search import END, STUCK, next_event
+from femimpact.integrators.event_driven.search import END, STUCK, negligible_approach, next_event
 from femimpact.integrators.event_driven.states import (
     enter_form,
     find_form,
@@ -191,6 +191,7 @@ def _run_case(begin: int, until: float, most: float, case: Case, job: Job, b: Le
     """Take one case to a time, or to where it stops."""
     c, pairs, cases, forms, space = case.number, job.pairs, job.cases, job.forms, job.space
     walls, motion, search = True, space.motion, space.search
+    search.negligible[0] = negligible_approach(pairs.closure, case.omega)
     while True:
         if cases.entering[c] != ENTERED:
             status = _enter(case, job, b)

@@ -110,6 +110,7 @@ class Search(NamedTuple):
     size: NDArray[Any]  # (K,) |H|; see `measure`
     power: NDArray[Any]  # (3, K) complex: H', and scratch
     event: NDArray[Any]  # (2,): scalar, side
+    negligible: NDArray[Any]  # (1,) m/s, see `negligible_approach`
 
 
 @inlined

@@ -17,7 +17,7 @@ from femimpact.integrators.event_driven.motion import (
     unit_phase,
 )
 
-__all__ = ["END", "HIT", "RELEASE", "REST", "STUCK", "look", "next_event"]
+__all__ = ["END", "HIT", "RELEASE", "REST", "STUCK", "look", "negligible_approach", "next_event"]
 
 END, HIT, REST, RELEASE, STUCK = range(5)
 """What was met: the time's end, a bound at speed, one at rest that presses on, the end of a contact, or nothing
@@ -34,6 +34,17 @@ GONE = 1e-60
 
 SETTLED = 1e5
 """Times its rounding that a rate must have, to end what began at rest at this instant: its own start had none."""
+
+
+NEGLIGIBLE = 1e-3
+"""Share of the closure that an approach may cross in a cycle and still be none, of a pair just let go and beside others
+that stick."""
+
+
+@inlined
+def negligible_approach(closure: float, omega: float) -> float:
+    """Speed (m/s) of an approach that rounding has left: it crosses less than the closure in a cycle, or in 1 s."""
+    return NEGLIGIBLE * closure * (omega / (2.0 * math.pi) if omega > 0.0 else 1.0)
 
 
 @inlined
@@ -77,7 +88,10 @@ def look(r: int, scalars: Scalars, motion: Motion, active: int, phase: complex, 
         c.leaving[r] = 0.0
         if 2.0 * abs(rate) * safe > clearance or safe >= remaining:
             return safe
-    elif toward > (SETTLED if c.leaving[r] == side else 1.0) * rate_rounding:
+    elif c.leaving[r] != side:
+        if toward > rate_rounding:
+            return 0.0
+    elif toward > max(SETTLED * rate_rounding, c.negligible[0] if r < scalars.lasting.size // 2 else 0.0):
         return 0.0
     # it creeps along its wall, where the bound of a parabola says little
     derivatives(r, scalars, motion, phase, c)

@@ -47,9 +47,6 @@ STAY, ENTER, FIT, RELEASE_ALL, UNRESOLVED = range(5)
 """After an event: the closed form stays; another one is entered; the same with velocities that are made to fit the
 pairs that stick; the same, and the impact follows there; or impacts at one instant do not end."""
 
-NEGLIGIBLE = 1e-3
-"""Share of the closure that an approach may cross in a cycle and still be none, where other pairs stick."""
-
 COLLISIONS_AT_ONCE = 100_000
 """Most collisions that one instant may take among several pairs."""
 
@@ -119,8 +116,7 @@ def _before_impact(
         return STAY
     # what presses it there is decided with the sticking pairs in place: without their forces it may seem to leave
     lasting = -1.0
-    period = 2.0 * math.pi / scalars.omega if scalars.omega > 0.0 else 1.0
-    if side * search.rate[j] * period <= NEGLIGIBLE * pairs.closure:
+    if side * search.rate[j] <= search.negligible[0]:
         # a speed that rounding has left, as where equal parts at rest were turned into modes: no impact
         lasting = 0.0
     else:
