@@ -23,7 +23,7 @@ from femimpact.response.response import Response
 from femimpact.structure.structure import glue_impactors
 from femimpact.study.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
 from femimpact.study.pictures import draw_in_child, with_pictures
-from femimpact.study.prepared import PARTS, PreparedStudy, prepare
+from femimpact.study.prepared import PARTS, PreparedStudy, last_cycles_start, prepare
 from femimpact.study.result_directory import Staging
 from femimpact.study.results import FILES, STICKING_FILE, StudyResults, load, prepare_directory, write_summary
 from femimpact.study.study import Study, assemble_on
@@ -49,7 +49,6 @@ __all__ = [
 ]
 
 MODES_LISTED = 4
-FIGURE_CYCLES = 40
 
 SAMPLES_PER_CONTACT = 20
 """Instants at which a figure shows the force of one contact, at least."""
@@ -84,18 +83,25 @@ def run_simulation(prepared: PreparedStudy, report: Report = _silent) -> Respons
 def last_cycles(prepared: PreparedStudy, response: Response) -> Response:
     """The last 40 cycles of the study's history with every step kept, bit for bit as in the run: for figures.
 
-    Where the history kept every step itself these are its last rows; else the run is made once more.
+    Where the history kept every step itself these are its last rows; else the run goes on once more from the state
+    that it kept there. A method that keeps none makes the run once more.
     """
     study, method, record = prepared.study, prepared.method, prepared.record
-    start = max(study.base.duration - FIGURE_CYCLES / study.base.frequency, 0.0)
+    start = last_cycles_start(study)
     finely = _read_within_contacts(method, prepared.small, study.base.frequency)
     if record.every == 1 and finely == method:
         grid = method.time_grid(study.base.frequency)
         first = first_steps(replace(record, start=start), round(study.base.duration / grid), grid)[0]
         channels = {name: values[first:] for name, values in response.channels.items()}
         return replace(response, time=response.time[first:], channels=channels, energy=None, snapshots=None)
-    record = replace(record, every=1, start=start, snapshots=0, ledger=False)
-    return integrate(prepared.small, study.sine, finely, study.base.duration, record, study.initial)
+    initial, duration = study.initial, study.base.duration
+    if response.kept_state is not None:
+        initial = response.kept_state
+        grid = method.time_grid(study.base.frequency)
+        # whole steps, so that no rounding of a time adds one
+        duration = (round(duration / grid) - round(initial.time / grid)) * grid
+    record = replace(record, every=1, start=start, snapshots=0, ledger=False, state_at=None)
+    return integrate(prepared.small, study.sine, finely, duration, record, initial)
 
 
 def _read_within_contacts(method: Method, system: System, frequency: float) -> Method:
