@@ -164,7 +164,7 @@ def test_a_study_is_what_its_text_says_to_the_last_bit(study, name):
         mesh=MeshChoice(elements=12),
         method={"name": "newmark", "contact": "energy-consistent", "allow_coarse_step": True, "dt": 1e-4 / 3},
         reduction=None,
-        output=Output(every=3, memory_limit=2e9, exaggeration=2.5, movie=False),
+        output=Output(every=3, memory_limit=2e9, exaggeration=2.5, vtkhdf=True, movie=False),
     )
     back = read_study(study_text(changed), changed.path)
     assert same_study(back, changed)

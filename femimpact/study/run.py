@@ -25,7 +25,15 @@ from femimpact.study.picture_data import write_last_cycles, write_mode_shapes, w
 from femimpact.study.pictures import draw_in_child, with_pictures
 from femimpact.study.prepared import PARTS, PreparedStudy, last_cycles_start, prepare
 from femimpact.study.result_directory import Staging
-from femimpact.study.results import FILES, STICKING_FILE, StudyResults, load, prepare_directory, write_summary
+from femimpact.study.results import (
+    FILES,
+    OTHER_FILES,
+    STICKING_FILE,
+    StudyResults,
+    load,
+    prepare_directory,
+    write_summary,
+)
 from femimpact.study.study import Study, assemble_on
 from femimpact.study.study_text import study_text
 from femimpact.study.summary import SweepPair, summary_of
@@ -248,8 +256,10 @@ def keep_history(staging: Staging, prepared: PreparedStudy, found: Found, left: 
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", UserWarning)
         _write_history(prepared.study, staging.folder, response)
-    texts = [f"deflection.pvd: {one.message}" for one in told if issubclass(one.category, UserWarning)]
-    found = replace(found, response=replace(response, warnings=(*response.warnings, *texts)))
+    # the same of both files
+    texts = dict.fromkeys(f"{one.message}" for one in told if issubclass(one.category, UserWarning))
+    told_of = [f"{scene}: {text}" for scene in _deflection_scenes(prepared.study)[-1:] for text in texts]
+    found = replace(found, response=replace(response, warnings=(*response.warnings, *told_of)))
     _finish(staging, prepared, found, "history", left)
     return found
 
@@ -370,10 +380,17 @@ def _write_history(study: Study, folder: Path, response: Response) -> None:
         return
     exaggeration = study.output.exaggeration
     write_snapshots(folder / FILES["snapshots"], study.structure, response, exaggeration)
-    if study.output.paraview:
+    for scene in _deflection_scenes(study):
         from femimpact.export import vtk
 
-        vtk.write_deflection(folder / FILES["deflection_scene"], response, study.structure, exaggeration or 1.0)
+        vtk.write_deflection(folder / scene, response, study.structure, exaggeration or 1.0)
+
+
+def _deflection_scenes(study: Study) -> list[str]:
+    """Names of the files for ParaView; the last one is the one that its script opens."""
+    output = study.output
+    asked = {OTHER_FILES["deflection_hdf"]: output.vtkhdf, FILES["deflection_scene"]: output.paraview}
+    return [name for name, wanted in asked.items() if wanted]
 
 
 def _write_impacts(folder: Path, response: Response) -> None:
