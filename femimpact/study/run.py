@@ -38,7 +38,8 @@ from femimpact.study.study import Study, assemble_on
 from femimpact.study.study_text import study_text
 from femimpact.study.summary import SweepPair, summary_of
 from femimpact.sweep import SWEEP_UNITS, frequency_sweep, on_grid
-from femimpact.system.modes import Modes, solve_modes
+from femimpact.system.modes import Modes, first_elastic_frequency, solve_modes
+from femimpact.system.rigid_motions import rigid_motions
 from femimpact.system.state import State
 from femimpact.system.system import System
 
@@ -134,14 +135,16 @@ def run_sweep(prepared: PreparedStudy, report: Report = _silent, initial: State 
     state = initial or study.initial
     frequencies = coarse
     if plan.refine:
-        centres = [small.first_frequency]
-        reach = [8.0 * max(float(solve_modes(bare, 1).damping_ratio[0]), 1e-4) * small.first_frequency]
+        # not a rigid motion, which has no resonance
+        centres = [first_elastic_frequency(small)]
+        first = solve_modes(bare, min(rigid_motions(bare).shape[1] + 1, bare.dofs))
+        reach = [8.0 * max(float(first.damping_ratio[-1]), 1e-4) * centres[0]]
         if small.contacts:
-            first = frequency_sweep(
+            even = frequency_sweep(
                 small, study.base.amplitude, coarse, method, plan.cycles, initial=state, ledger=False,
                 progress=lambda share: report("sweep with ball, even grid", share),
             )  # fmt: skip
-            centres.append(first.peak_frequency)
+            centres.append(even.peak_frequency)
             reach.append(1.5 * float(coarse[1] - coarse[0]))
         fine = [np.linspace(c - r, c + r, plan.refine) for c, r in zip(centres, reach, strict=True)]
         inside = [part[(part > plan.start) & (part < plan.stop)] for part in fine]
@@ -337,7 +340,8 @@ def _write_modes(prepared: PreparedStudy, folder: Path, modes: Modes, glued: Mod
         from femimpact.export import vtk
 
         vtk.write_modes(folder / FILES["modes_scene"], full, modes, study.structure)
-        for mode in range(1, modes.natural_frequency.size + 1):
+        # a rigid motion has no period to be shown over
+        for mode in (1 + np.flatnonzero(modes.natural_frequency > 0.0)).tolist():
             vtk.write_mode(folder / FILES[f"mode_{mode}_scene"], full, modes, study.structure, mode)
 
 
