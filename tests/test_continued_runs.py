@@ -317,6 +317,23 @@ def test_the_recorder_keeps_from_an_absolute_time_on(modal):
     assert after.time[-1] == pytest.approx(1.0, abs=1e-12)
 
 
+@pytest.mark.parametrize("sink", [None, lambda piece: None])
+def test_a_state_kept_within_a_run_goes_on_with_the_bits_of_the_run(modal, sink):
+    first = fi.integrate(modal, SINE, NEWMARK, 0.2)
+    record = replace(recorder(modal), state_at=0.70001, sink=sink, piece_samples=900)
+    whole = fi.integrate(modal, SINE, NEWMARK, 0.8, record, first.final_state)
+    assert whole.kept_state.time == pytest.approx(0.7, abs=1e-12)
+    end = fi.integrate(modal, SINE, NEWMARK, 0.3, recorder(modal), whole.kept_state).final_state
+    for name in ("time", "displacement", "velocity", "ball_displacement", "ball_velocity"):
+        np.testing.assert_array_equal(getattr(end, name), getattr(whole.final_state, name))
+
+
+@pytest.mark.parametrize("time", [None, 0.0, 0.2, 1.5])
+def test_no_state_is_kept_outside_a_run(modal, time):
+    first = fi.integrate(modal, SINE, NEWMARK, 0.2)
+    assert fi.integrate(modal, SINE, NEWMARK, 0.8, fi.Recorder(state_at=time), first.final_state).kept_state is None
+
+
 def test_what_is_made_anew_with_the_same_numbers_goes_on_as_the_same(modal):
     again = reduced(REFERENCE, 6, 12)
     for drive, same in ((SINE, replace(SINE)), (RECORD, fi.RecordedBase(np.array(RECORD.samples), RECORD.interval))):

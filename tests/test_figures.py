@@ -360,6 +360,33 @@ def test_mode_shapes_carry_boxes_balls_and_supports_where_the_shape_is(two_balls
     assert all(len(axis.lines) == 2 for axis in fi.figures.mode_shapes(system, modes))
 
 
+def test_springs_and_dashpots_end_on_the_shape_on_the_mesh_and_on_the_base(two_balls, tmp_path):
+    structure, _, _ = two_balls
+    structure = dataclasses.replace(
+        structure, springs=[fi.Spring("tie", 0.05, 50.0, to="tipbox")], dashpots=[fi.Dashpot("damper", "tip", 0.1)]
+    )
+    system = fi.assemble(structure, elements=10)
+    modes = fi.solve_modes(system, count=3)
+    tip = 1e3 * structure.beam.length
+    axes = fi.figures.mode_shapes(system, modes, structure=structure, figure=fi.figures.OffScreen())
+    for axis in axes:
+        shape = axis.lines[1]
+        tie, damper = line(axis, "tie (spring)"), line(axis, "damper (dashpot)")
+        for drawn, i in ((tie, 0), (tie, -1), (damper, 0)):
+            x, y = drawn.get_xdata()[i], drawn.get_ydata()[i]
+            assert x == pytest.approx(50.0 if (drawn, i) == (tie, 0) else tip)
+            # the shape is drawn at 200 places, between which it is straight
+            assert y == pytest.approx(np.interp(x, shape.get_xdata(), shape.get_ydata()), abs=1e-3)
+        # as far from rest in every mode
+        assert damper.get_ydata()[-1] == axis.get_ylim()[0]
+    axis = fi.figures.beam_mesh(fi.uniform_mesh(structure, 10), structure, ax=fi.figures.OffScreen())
+    tie, damper = line(axis, "tie (spring)"), line(axis, "damper (dashpot)")
+    np.testing.assert_allclose(tie.get_xdata()[[0, -1]], [50.0, tip])
+    np.testing.assert_allclose(damper.get_xdata(), [tip, tip])
+    assert max(*tie.get_ydata(), *damper.get_ydata()) < axis.get_ylim()[1]
+    fi.figures.save_figure(axis, tmp_path / "mesh.png")
+
+
 def test_a_reference_slope_has_its_order(mesh):
     axis = fi.figures.mesh_convergence(mesh)
     np.testing.assert_allclose(line(axis, axis.lines[0].get_label()).get_ydata(), mesh.error[:, 0])

@@ -12,6 +12,7 @@ import pytest
 
 import femimpact as fi
 from femimpact.study import demo
+from femimpact.study import run as runs
 from femimpact.study import study as studies
 from femimpact.study.demo import paper_study
 from femimpact.study.plan import plan_lines
@@ -98,6 +99,33 @@ def test_the_last_cycles_are_those_of_the_run_to_the_last_bit(study, method):
         np.testing.assert_array_equal(values, again.channels[name])
 
 
+@pytest.mark.parametrize("method", ["newmark", "generalized-alpha", "moreau-jean"])
+def test_the_last_cycles_cost_no_more_steps_than_they_have(study, method, monkeypatch):
+    output = dataclasses.replace(study.output, every=7)
+    base = dataclasses.replace(study.base, duration=50.4 / study.base.frequency)
+    if method == "moreau-jean":
+        ball = dataclasses.replace(study.structure.impactors[0], contact=fi.Rigid(0.6))
+        study = dataclasses.replace(study, structure=dataclasses.replace(study.structure, impactors=(ball,)))
+    changed = dataclasses.replace(study, base=base, method={"name": method}, output=output)
+    ready = prepare(changed, ("simulate",))
+    response = run_simulation(ready)
+    assert len(response.impacts) > 50
+    durations, integrate = [], runs.integrate
+
+    def counted(system, excitation, method, duration, *more):
+        durations.append(duration)
+        return integrate(system, excitation, method, duration, *more)
+
+    monkeypatch.setattr(runs, "integrate", counted)
+    cut = last_cycles(ready, response)
+    # as if the method had kept no state, from the start of the run
+    whole = last_cycles(ready, dataclasses.replace(response, kept_state=None))
+    assert np.round(np.array(durations) * base.frequency, 2).tolist() == [40.0, 50.4]
+    np.testing.assert_array_equal(cut.time, whole.time)
+    for name, values in whole.channels.items():
+        np.testing.assert_array_equal(cut.channels[name], values)
+
+
 # ---- the study as text ----------------------------------------------------------------------------
 
 LAW_OF = {
@@ -136,7 +164,7 @@ def test_a_study_is_what_its_text_says_to_the_last_bit(study, name):
         mesh=MeshChoice(elements=12),
         method={"name": "newmark", "contact": "energy-consistent", "allow_coarse_step": True, "dt": 1e-4 / 3},
         reduction=None,
-        output=Output(every=3, memory_limit=2e9, exaggeration=2.5, movie=False),
+        output=Output(every=3, memory_limit=2e9, exaggeration=2.5, vtkhdf=True, movie=False),
     )
     back = read_study(study_text(changed), changed.path)
     assert same_study(back, changed)

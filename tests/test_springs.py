@@ -95,11 +95,7 @@ def test_a_rigid_beam_on_two_springs_bounces_and_pitches():
 
 
 def test_a_beam_without_supports_or_springs_that_hold_it_is_refused():
-    for springs in (
-        [],
-        [fi.Spring("one", "tip", 1.0)],
-        [fi.Spring("slack", "root", 0.0), fi.Spring("one", "tip", 1.0)],
-    ):
+    for springs in ([], [fi.Spring("slack", "root", 0.0)], [fi.Spring("tie", "root", 1.0, to="tip")]):
         with pytest.raises(fi.InputError, match="supports = 'none': must hold the beam"):
             fi.Structure(beam=BEAM, supports=(), springs=springs)
 

@@ -78,6 +78,8 @@ def test_study_means_the_same_as_the_script(reference):
         ("stop = 6.0 ", "stop = 3.0 ", ["sweep.stop = 3.0 Hz: must be > start, 4 Hz"]),
         ("cycles = 600 ", "cycles = 2 ", ["sweep.cycles = 2: must be a whole number >= 24"]),
         ("movie = true", "movie = 1", ["output.movie = 1: must be True or False"]),
+        ("movie = true", 'vtkhdf = "yes"', ["output.vtkhdf = 'yes': must be True or False"]),
+        ("frames = 160", "frames = 0\nvtkhdf = true", ["output.vtkhdf = True: must be false where frames = 0"]),
         ("[sweep]", "[sweeep]", ["sweeep: unknown; did you mean 'sweep'?"]),
         ("[mesh]", "[[mesh]]", ["mesh", "must be a table, [mesh]"]),
         ("[[mass]]", "[mass]", ["mass: must be a list of tables, [[mass]]"]),

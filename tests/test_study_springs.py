@@ -58,6 +58,14 @@ def study(text=TEXT):
     return read_study(text, Path("study.toml"))
 
 
+def test_a_beam_that_only_springs_hold_is_written_without_supports():
+    damped = TEXT.replace("ratios = [0.01, 0.02]", "ratio = 0.01\nfrequencies = [10, 90]")
+    free = study(f"support = []\n{damped}")
+    assert free.structure.supports == ()
+    written = study_text(replace(free, base=replace(free.base, duration=0.4)))
+    assert study(written).structure == free.structure
+
+
 def test_the_structure_is_what_the_tables_say():
     found = study().structure
     assert found.springs == (fi.Spring("post", 0.21, 150.0),)

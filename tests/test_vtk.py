@@ -372,6 +372,28 @@ def test_offset_bodies_and_springs_move_with_their_section(tmp_path):
         assert grid["displacement"][base, 1] == 0.0
 
 
+def test_what_ties_two_places_of_the_beam_moves_with_both_sections(tmp_path):
+    """Legs stand on their sections as rigid bodies, and one line goes from the one to the other."""
+    structure = fi.Structure(
+        beam=fi.Beam.uniform(length=0.2, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700),
+        springs=[fi.Spring("tie", at=0.05, stiffness=30.0, to="tip")],
+    )
+    system = fi.assemble(structure, elements=7)
+    modes = fi.solve_modes(system, 2)
+    for i, grid in enumerate(read_series(vtk.write_modes(tmp_path / "m.pvd", system, modes, structure))[1]):
+        factor = grid.field_data["modal_coordinate"][0]
+        lines = [grid.get_cell(cell).point_ids for cell in np.flatnonzero(grid["part"] == CONNECTION)]
+        (first, foot), (second, other), joined = lines
+        assert list(joined) == [foot, other]
+        for x, axis, low in ((0.05, first, foot), (0.2, second, other)):
+            w, slope = (factor * float((system.deflection_rows([x], k) @ modes.vectors[:, i])[0]) for k in (0, 1))
+            np.testing.assert_allclose(grid.points[[axis, low], 0], x)
+            np.testing.assert_allclose(grid["displacement"][[axis, low], 1], w, atol=1e-9)
+            leg = grid.points[axis, 1] - grid.points[low, 1]
+            assert leg > 0.0
+            assert grid["displacement"][low, 0] == pytest.approx(leg * slope, abs=1e-9)
+
+
 def test_scripts_of_a_study_have_the_names_that_the_study_knows():
     scenes = [name for name in FILES if name.endswith("_scene")]
     assert len(scenes) > 2

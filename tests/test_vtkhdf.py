@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builders import REFERENCE, reduced
+from builders import REFERENCE, reduced, short_study
 
 import femimpact as fi
 from femimpact.export.files import GuardedFile
 from femimpact.export.vtk import write_deflection, write_modes
+from femimpact.study.run import run_study
 
 pytestmark = pytest.mark.impacts
 
@@ -58,6 +59,25 @@ def test_one_temporal_file_holds_the_frames_of_the_collection(tmp_path, response
     frames = list(series_of(write_deflection(tmp_path / "a.pvd", response, REFERENCE, exaggeration=2.0)))
     steps = list(steps_of(write_deflection(tmp_path / "a.vtkhdf", response, REFERENCE, exaggeration=2.0)))
     assert len(frames) == len(steps) > 20
+    for (time, frame), (own, step) in zip(frames, steps, strict=True):
+        assert own == time
+        assert_same(step, frame)
+
+
+@pytest.mark.parametrize("paraview", [True, False])
+def test_a_study_leaves_the_file_that_it_asks_for(tmp_path, paraview):
+    study = short_study(1.0, frames=8, figures=False, movie=False, paraview=paraview, vtkhdf=True)
+    run_study(study, tmp_path, parts=("simulate",))
+    steps = list(steps_of(tmp_path / "deflection.vtkhdf"))
+    script = (tmp_path / "deflection_paraview.py").read_text(encoding="utf-8")
+    assert len(steps) >= 8
+    if not paraview:
+        assert "deflection.vtkhdf" in script
+        assert not list(tmp_path.glob("deflection.pvd"))
+        return
+    frames = list(series_of(tmp_path / "deflection.pvd"))
+    assert "deflection.pvd" in script
+    assert len(frames) == len(steps)
     for (time, frame), (own, step) in zip(frames, steps, strict=True):
         assert own == time
         assert_same(step, frame)

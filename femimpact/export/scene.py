@@ -23,6 +23,7 @@ from femimpact.export.scene_pieces import (
     add_connection,
     add_stop,
     add_support,
+    add_tie,
     ball_radius,
     section_at,
     stretches_of,
@@ -166,9 +167,12 @@ def build_whole_scene(
         if body.mass > 0.0:
             x = _position(structure, system, body.at)
             add_body(pieces, x, body.offset, section_at(structure, x)[0], body.mass)
-    for _, item, _ in structure.connections:
-        if item.to is None:
-            add_connection(pieces, _position(structure, system, item.at), length)
+    for level, (_, _, places) in enumerate(structure.connections):
+        at, *to = (_position(structure, system, place) for place in places.values())
+        if to:
+            add_tie(pieces, (at, to[0]), length, level)
+        else:
+            add_connection(pieces, at, length)
     for j, pair in enumerate(system.contacts):
         x, section = pair.position, section_at(structure, pair.position)
         if pair.is_stop:

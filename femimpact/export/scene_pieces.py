@@ -14,8 +14,8 @@ from femimpact.structure.structure import Structure
 
 __all__ = [
     "BALL", "BALL_DENSITY", "BEAM", "BODY", "BOX", "CONNECTION", "CONTACT_POINT", "PARTS", "STOP", "SUPPORT", "Pieces",
-    "add_ball", "add_beam", "add_body", "add_box", "add_connection", "add_stop", "add_support", "ball_radius",
-    "section_at", "sections_along", "stretches_of",
+    "add_ball", "add_beam", "add_body", "add_box", "add_connection", "add_stop", "add_support", "add_tie",
+    "ball_radius", "section_at", "sections_along", "stretches_of",
 ]  # fmt: skip
 
 BALL_DENSITY = 7850.0
@@ -230,6 +230,19 @@ def add_support(pieces: Pieces, kind: str, x: float, length: float, section: tup
     centre = x - 0.5 * thick if x <= SAME * length else x + 0.5 * thick if x >= (1.0 - SAME) * length else x
     corners = _block((centre - 0.5 * thick, -high, -0.5 * width), (centre + 0.5 * thick, high, 0.5 * width))
     pieces.add(corners, x if kind == "guided" else math.nan, [(HEXAHEDRON, BLOCK)], SUPPORT, -1)
+
+
+def add_tie(pieces: Pieces, places: tuple[float, float], length: float, level: int) -> None:
+    """Lines from the beam's axis at two places (m) to beside it, and between these, for a spring or a dashpot.
+
+    The beam is straight at rest, and would hide a line from place to place. The sections carry their legs. Those of
+    one level are equally long.
+    """
+    leg = (0.04 + 0.015 * level) * length
+    for x in places:
+        pieces.add(np.array([(x, 0.0, 0.0), (x, -leg, 0.0)]), x, [(LINE, [0, 1])], CONNECTION, -1)
+    # the lower ends of both legs
+    pieces.cells.append((LINE, [pieces.count - 3, pieces.count - 1], CONNECTION, -1))
 
 
 def add_connection(pieces: Pieces, x: float, length: float) -> None:

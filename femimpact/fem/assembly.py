@@ -23,7 +23,7 @@ from femimpact.structure.structure import SUPPORTS, Impactor, Stop, Structure
 from femimpact.system.contact_pair import contact_pair
 from femimpact.system.damped import damped_with_modes
 from femimpact.system.hermite import hermite_rows
-from femimpact.system.modes import flexibility
+from femimpact.system.modes import first_elastic_frequency, first_mode_at, flexibility
 from femimpact.system.own_terms import add_terms
 from femimpact.system.reactions import Reaction
 from femimpact.system.system import System
@@ -117,7 +117,7 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
         sections=grid.sections,
     )
     whole = _with_dashpots(_with_damping_and_contacts(system, grid), grid)
-    _warn_of_unusual(structure, whole.first_frequency)
+    _warn_of_unusual(structure, first_elastic_frequency(whole))
     return whole
 
 
@@ -149,7 +149,7 @@ def _with_damping_and_contacts(system: System, grid: Discretisation) -> System:
     rows = system.deflection_rows(places) if items else np.zeros((0, system.dofs))
     compliance = flexibility(system, rows)
     contacts = tuple(
-        contact_pair(item, row, place, float(row @ modes.vectors[:, 0]), flexible, structure.gravity)
+        contact_pair(item, row, place, first_mode_at(system, modes, row), flexible, structure.gravity)
         for item, row, place, flexible in zip(items, rows, places, compliance, strict=True)
     )
     return replace(system, contacts=contacts, computed_together=None)

@@ -67,6 +67,8 @@ class Recorder:
         Stride of whole deflections; 0 keeps none.
     snapshots_start : float, s
         First time of a snapshot, to the nearest sample.
+    state_at : float, s, optional
+        Keep the state at this time too, to the nearest step, as `Response.kept_state`.
     impacts : int
         Most impacts kept in the table; later ones are counted only.
     ledger : bool
@@ -94,6 +96,7 @@ class Recorder:
     start: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
     snapshots: int = field(default=0, metadata=quantity("steps", at_least=0, integer=True))
     snapshots_start: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
+    state_at: float | None = field(default=None, metadata=quantity("s", at_least=0.0))
     impacts: int = field(default=100_000, metadata=quantity("1", at_least=0, integer=True))
     ledger: bool = field(default=True, metadata=truth())
     memory_limit: float = field(default=1e9, metadata=quantity("bytes", above=0.0))
@@ -103,8 +106,11 @@ class Recorder:
 
     def seen_from(self, time: float) -> Recorder:
         """The same with its first times counted from the start of a run at a time (s); earlier ones are that start."""
+        if time == 0.0:
+            return self
         start, snapshots_start = (max(first - time, 0.0) for first in (self.start, self.snapshots_start))
-        return self if time == 0.0 else replace(self, start=start, snapshots_start=snapshots_start)
+        state_at = None if self.state_at is None else max(self.state_at - time, 0.0)
+        return replace(self, start=start, snapshots_start=snapshots_start, state_at=state_at)
 
     def __post_init__(self) -> None:
         if isinstance(self.channels, (str, int, float, np.number, Channel)):
@@ -198,6 +204,9 @@ class Response:
         When the run began: `State.time` of its initial state.
     final_state : State or None
         At the end of the run, relative to the base; as `initial` of the next run, that goes on from there.
+    kept_state : State or None
+        The same at `Recorder.state_at`, of a method with steps: a run from there has the bits of this one. None
+        without one, where that time is not within the run, and of the event-driven method.
 
     Raises
     ------
@@ -222,6 +231,7 @@ class Response:
     streamed_to: float | None = field(default=None, metadata=quantity("s", at_least=0.0))
     start: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
     final_state: State | None = field(default=None, metadata=optional(instance(State)))
+    kept_state: State | None = field(default=None, metadata=optional(instance(State)))
 
     def __post_init__(self) -> None:
         check_fields(self)

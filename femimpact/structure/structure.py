@@ -236,13 +236,14 @@ class Structure:
         Constant acceleration along the deflection of everything that moves: beam, bodies and balls. A ball's own
         `acceleration` adds to it.
     springs : sequence of Spring
-        Those to the base hold the beam like supports do, so that there may be no others.
+        Those to the base hold the beam, so that there may be no supports. About a single one, without supports, the
+        beam is free to turn: a rigid motion of frequency 0.
     dashpots : sequence of Dashpot
 
     Raises
     ------
     InputError
-        For repeated names, places beyond the beam, or supports that leave a rigid motion free.
+        For repeated names, places beyond the beam, or where neither supports nor a spring to the base hold the beam.
     """
 
     beam: Beam
@@ -330,10 +331,12 @@ class Structure:
         # a name that only the mesh knows counts as a place of its own here; assembly looks again
         named = {place for place in places if isinstance(place, str)}
         stiff = apart or len(named) + bool(metres) >= 2 or (bool(places) and "slope" in held)
+        # a rotation about a single spring may stay free
+        stiff = stiff or bool(self.springs_to_base)
         kinds = [f"{support.kind} at {support.at}" for support in self.supports]
         allowed = (
-            "must hold the beam: one clamped end, two pinned places, or a pinned and a guided one; a spring to "
-            "the base counts as a pinned place"
+            "must hold the beam: one clamped end, two pinned places, a pinned and a guided one, or a spring to the "
+            "base at one place or more"
         )
         require(stiff, "supports", ", ".join(kinds) or "none", "", allowed)
 

@@ -20,6 +20,7 @@ from femimpact.response.history import Snapshots
 from femimpact.response.impacts import IMPACT_UNITS, Impacts, ImpactStatistics, StickingPhases
 from femimpact.response.response import Response
 from femimpact.response.signals import no_steady_motion
+from femimpact.structure.springs import Spring
 from femimpact.structure.structure import Beam, Segment, Structure, Support
 from femimpact.study.results import FILES, read_dataset, read_sticking
 from femimpact.sweep import SWEEP_UNITS, FrequencyResponse
@@ -201,6 +202,7 @@ def _about(structure: Structure, response: Response) -> dict[str, Any]:
         "base": {"amplitude": base.amplitude, "frequency": base.frequency, "phase": getattr(base, "phase", 0.0)},
         "segments": [dataclasses.asdict(segment) for segment in structure.beam.segments],
         "supports": [dataclasses.asdict(support) for support in structure.supports],
+        "springs": [dataclasses.asdict(spring) for spring in structure.springs],
         "contacts": contacts,
         "points": points,
         "end": response.window[1],
@@ -220,6 +222,8 @@ def read_film(folder: Path, summary: Mapping[str, Any]) -> Film | None:
     structure = Structure(
         beam=Beam(tuple(Segment(**segment) for segment in about["segments"])),
         supports=tuple(Support(**support) for support in about["supports"]),
+        # results of earlier versions have none
+        springs=tuple(Spring(**spring) for spring in about.get("springs", ())),
     )
     response = _response(folder, summary, about, data["node"].to_numpy())
     return Film(dataclasses.replace(response, snapshots=snapshots), structure, about["exaggeration"])

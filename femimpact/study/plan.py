@@ -9,6 +9,8 @@ from femimpact.study.cost import history_cost, mesh_memory, picture_seconds, swe
 from femimpact.study.prepared import prepare
 from femimpact.study.study import Study
 from femimpact.system.contact_pair import ContactPair
+from femimpact.system.modes import first_elastic_frequency
+from femimpact.system.system import System
 
 __all__ = ["plan_lines"]
 
@@ -30,7 +32,7 @@ def plan_lines(study: Study) -> list[str]:
     lines = [
         f"dofs: {full.dofs} of the mesh ({full.nodes.size - 1} elements), {small.dofs} integrated ({kind}), "
         f"{len(small.balls)} ball(s), {len(small.contacts) - len(small.balls)} stop(s)",
-        f"first natural frequency: {small.first_frequency:.6g} Hz without ball",
+        f"first natural frequency: {first_elastic_frequency(small):.6g} Hz without ball{_rigid(small)}",
         f"contact time: {contact_time:.4g} s" if np.isfinite(contact_time) else "contact time: no contact",
     ]
     if study.structure.gravity:
@@ -67,6 +69,10 @@ def plan_lines(study: Study) -> list[str]:
     lines.append("besides: some 200 MB for the libraries; the first run on a machine compiles for 15 to 60 s")
     lines += [f"note: {text}" for text in method.notes(small)]
     return lines + [f"warning: {text}" for text in prepared.warnings]
+
+
+def _rigid(small: System) -> str:
+    return "" if small.first_frequency > 0.0 else ", above a rigid motion at 0 Hz"
 
 
 def _numbers(pair: ContactPair) -> str:

@@ -16,10 +16,13 @@ from femimpact.study.cost import check_mesh, check_sweep
 from femimpact.study.study import BaseMotion, Study, build_systems, method_for, read_mesh_of
 from femimpact.system.system import System, without_impactors
 
-__all__ = ["PARTS", "PreparedStudy", "history_record", "prepare", "with_base"]
+__all__ = ["PARTS", "PreparedStudy", "history_record", "last_cycles_start", "prepare", "with_base"]
 
 PARTS = ("modes", "simulate", "sweep")
 """What `run_study` does, each part by its name."""
+
+FIGURE_CYCLES = 40
+"""Base cycles at the end of a history that figures show at every step."""
 
 LEAST_SAMPLES = 20
 """Of a base cycle, below which a history is warned of: half the spacing then hides 1 % of a sine's maximum."""
@@ -114,8 +117,14 @@ def history_record(study: Study, small: System, method: Method) -> Recorder:
         every=output.every,
         snapshots=max(round(kept / (output.frames * grid)), 1) if output.frames else 0,
         snapshots_start=max(study.base.duration - kept, 0.0),
+        state_at=last_cycles_start(study),
         memory_limit=output.memory_limit,
     )
+
+
+def last_cycles_start(study: Study) -> float:
+    """Time (s) at which the last cycles begin that figures show."""
+    return max(study.base.duration - FIGURE_CYCLES / study.base.frequency, 0.0)
 
 
 def _grid(study: Study, method: Method) -> float:

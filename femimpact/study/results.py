@@ -67,6 +67,7 @@ FILES = {
 """Every file that a study can leave behind."""
 
 OTHER_FILES = {
+    "deflection_hdf": "deflection.vtkhdf",
     "sticking": "sticking.csv",
     "old_sticking": "riding.csv",
     "contact_table": "contact.csv",
@@ -88,8 +89,9 @@ OTHER_FILES = {
     "statistics_over_mesh": "statistics_over_mesh.csv",
     "convergence_summary": "convergence_summary.csv",
 }
-"""What is left besides by a history in which something stuck (and its name in results of earlier versions), by a
-table of contacts, a movie without an encoder, the demo and a convergence study."""
+"""What is left besides: one file of deflections where the study asks for it, what a history leaves in which something
+stuck (and its name in results of earlier versions), and what a table of contacts, a movie without an encoder, the demo
+and a convergence study leave."""
 
 STICKING_FILE = OTHER_FILES["sticking"]
 

@@ -23,14 +23,23 @@ from femimpact.response.response import Response
 from femimpact.structure.structure import glue_impactors
 from femimpact.study.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
 from femimpact.study.pictures import draw_in_child, with_pictures
-from femimpact.study.prepared import PARTS, PreparedStudy, prepare
+from femimpact.study.prepared import PARTS, PreparedStudy, last_cycles_start, prepare
 from femimpact.study.result_directory import Staging
-from femimpact.study.results import FILES, STICKING_FILE, StudyResults, load, prepare_directory, write_summary
+from femimpact.study.results import (
+    FILES,
+    OTHER_FILES,
+    STICKING_FILE,
+    StudyResults,
+    load,
+    prepare_directory,
+    write_summary,
+)
 from femimpact.study.study import Study, assemble_on
 from femimpact.study.study_text import study_text
 from femimpact.study.summary import SweepPair, summary_of
 from femimpact.sweep import SWEEP_UNITS, frequency_sweep, on_grid
-from femimpact.system.modes import Modes, solve_modes
+from femimpact.system.modes import Modes, first_elastic_frequency, solve_modes
+from femimpact.system.rigid_motions import rigid_motions
 from femimpact.system.state import State
 from femimpact.system.system import System
 
@@ -49,7 +58,6 @@ __all__ = [
 ]
 
 MODES_LISTED = 4
-FIGURE_CYCLES = 40
 
 SAMPLES_PER_CONTACT = 20
 """Instants at which a figure shows the force of one contact, at least."""
@@ -84,18 +92,25 @@ def run_simulation(prepared: PreparedStudy, report: Report = _silent) -> Respons
 def last_cycles(prepared: PreparedStudy, response: Response) -> Response:
     """The last 40 cycles of the study's history with every step kept, bit for bit as in the run: for figures.
 
-    Where the history kept every step itself these are its last rows; else the run is made once more.
+    Where the history kept every step itself these are its last rows; else the run goes on once more from the state
+    that it kept there. A method that keeps none makes the run once more.
     """
     study, method, record = prepared.study, prepared.method, prepared.record
-    start = max(study.base.duration - FIGURE_CYCLES / study.base.frequency, 0.0)
+    start = last_cycles_start(study)
     finely = _read_within_contacts(method, prepared.small, study.base.frequency)
     if record.every == 1 and finely == method:
         grid = method.time_grid(study.base.frequency)
         first = first_steps(replace(record, start=start), round(study.base.duration / grid), grid)[0]
         channels = {name: values[first:] for name, values in response.channels.items()}
         return replace(response, time=response.time[first:], channels=channels, energy=None, snapshots=None)
-    record = replace(record, every=1, start=start, snapshots=0, ledger=False)
-    return integrate(prepared.small, study.sine, finely, study.base.duration, record, study.initial)
+    initial, duration = study.initial, study.base.duration
+    if response.kept_state is not None:
+        initial = response.kept_state
+        grid = method.time_grid(study.base.frequency)
+        # whole steps, so that no rounding of a time adds one
+        duration = (round(duration / grid) - round(initial.time / grid)) * grid
+    record = replace(record, every=1, start=start, snapshots=0, ledger=False, state_at=None)
+    return integrate(prepared.small, study.sine, finely, duration, record, initial)
 
 
 def _read_within_contacts(method: Method, system: System, frequency: float) -> Method:
@@ -120,14 +135,16 @@ def run_sweep(prepared: PreparedStudy, report: Report = _silent, initial: State 
     state = initial or study.initial
     frequencies = coarse
     if plan.refine:
-        centres = [small.first_frequency]
-        reach = [8.0 * max(float(solve_modes(bare, 1).damping_ratio[0]), 1e-4) * small.first_frequency]
+        # not a rigid motion, which has no resonance
+        centres = [first_elastic_frequency(small)]
+        first = solve_modes(bare, min(rigid_motions(bare).shape[1] + 1, bare.dofs))
+        reach = [8.0 * max(float(first.damping_ratio[-1]), 1e-4) * centres[0]]
         if small.contacts:
-            first = frequency_sweep(
+            even = frequency_sweep(
                 small, study.base.amplitude, coarse, method, plan.cycles, initial=state, ledger=False,
                 progress=lambda share: report("sweep with ball, even grid", share),
             )  # fmt: skip
-            centres.append(first.peak_frequency)
+            centres.append(even.peak_frequency)
             reach.append(1.5 * float(coarse[1] - coarse[0]))
         fine = [np.linspace(c - r, c + r, plan.refine) for c, r in zip(centres, reach, strict=True)]
         inside = [part[(part > plan.start) & (part < plan.stop)] for part in fine]
@@ -242,8 +259,10 @@ def keep_history(staging: Staging, prepared: PreparedStudy, found: Found, left: 
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", UserWarning)
         _write_history(prepared.study, staging.folder, response)
-    texts = [f"deflection.pvd: {one.message}" for one in told if issubclass(one.category, UserWarning)]
-    found = replace(found, response=replace(response, warnings=(*response.warnings, *texts)))
+    # the same of both files
+    texts = dict.fromkeys(f"{one.message}" for one in told if issubclass(one.category, UserWarning))
+    told_of = [f"{scene}: {text}" for scene in _deflection_scenes(prepared.study)[-1:] for text in texts]
+    found = replace(found, response=replace(response, warnings=(*response.warnings, *told_of)))
     _finish(staging, prepared, found, "history", left)
     return found
 
@@ -321,7 +340,8 @@ def _write_modes(prepared: PreparedStudy, folder: Path, modes: Modes, glued: Mod
         from femimpact.export import vtk
 
         vtk.write_modes(folder / FILES["modes_scene"], full, modes, study.structure)
-        for mode in range(1, modes.natural_frequency.size + 1):
+        # a rigid motion has no period to be shown over
+        for mode in (1 + np.flatnonzero(modes.natural_frequency > 0.0)).tolist():
             vtk.write_mode(folder / FILES[f"mode_{mode}_scene"], full, modes, study.structure, mode)
 
 
@@ -364,10 +384,17 @@ def _write_history(study: Study, folder: Path, response: Response) -> None:
         return
     exaggeration = study.output.exaggeration
     write_snapshots(folder / FILES["snapshots"], study.structure, response, exaggeration)
-    if study.output.paraview:
+    for scene in _deflection_scenes(study):
         from femimpact.export import vtk
 
-        vtk.write_deflection(folder / FILES["deflection_scene"], response, study.structure, exaggeration or 1.0)
+        vtk.write_deflection(folder / scene, response, study.structure, exaggeration or 1.0)
+
+
+def _deflection_scenes(study: Study) -> list[str]:
+    """Names of the files for ParaView; the last one is the one that its script opens."""
+    output = study.output
+    asked = {OTHER_FILES["deflection_hdf"]: output.vtkhdf, FILES["deflection_scene"]: output.paraview}
+    return [name for name, wanted in asked.items() if wanted]
 
 
 def _write_impacts(folder: Path, response: Response) -> None:

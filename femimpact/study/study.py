@@ -135,8 +135,8 @@ class Output:
     `every` is the stride of the history in steps; `channels` are kept in it besides those of the tip, the middle, the
     balls and the contacts, by their names (see `response.channels.QUANTITIES`), as "root.reaction_force"; `frames`
     whole deflections are kept over the last `frame_cycles` base cycles for ParaView and the movie; `exaggeration`
-    scales the motion there (absent: chosen by the movie, 1 for ParaView); a run that would keep more than
-    `memory_limit` is refused.
+    scales the motion there (absent: chosen by the movie, 1 for ParaView); `vtkhdf` asks for the deflections in one
+    temporal VTKHDF file too; a run that would keep more than `memory_limit` is refused.
 
     Raises
     ------
@@ -152,10 +152,12 @@ class Output:
     memory_limit: float = field(default=1e9, metadata=quantity("bytes", above=0.0))
     figures: bool = field(default=True, metadata=truth())
     paraview: bool = field(default=True, metadata=truth())
+    vtkhdf: bool = field(default=False, metadata=truth())
     movie: bool = field(default=True, metadata=truth())
 
     def __post_init__(self) -> None:
         check_fields(self)
+        require(self.frames > 0 or not self.vtkhdf, "vtkhdf", self.vtkhdf, "", "must be false where frames = 0")
 
 
 @dataclass(frozen=True, eq=False)

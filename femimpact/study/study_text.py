@@ -45,6 +45,9 @@ def same_study(one: Study, other: Study) -> bool:
 def _lines(study: Study) -> Iterator[str]:
     structure = study.structure
     yield "# Written by femimpact: the study that was run. SI units."
+    if not structure.supports:
+        # without a word of them the root is clamped; keys come before all tables
+        yield "support = []"
     segments = structure.beam.segments
     if len(segments) == 1:
         yield from _table("[beam]", _given(segments[0]))

@@ -19,6 +19,7 @@ from femimpact.structure.damping import realised_damping_ratio
 from femimpact.structure.structure import Position
 from femimpact.sweep.curve import IMPACT_NAMES, SWEEP_UNITS, FrequencyResponse
 from femimpact.sweep.dwells import dwells_of
+from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.state import State
 from femimpact.system.system import System
 
@@ -161,7 +162,10 @@ def _dwell_warnings(system: System, dwells: SineDwells) -> list[str]:
     """What is left of the structure's own transient where measuring begins, when that is much."""
     if system.rayleigh is None:
         return []
-    omega = 2.0 * math.pi * system.first_frequency
+    first = first_elastic_frequency(system)
+    if first == 0.0:
+        return []
+    omega = 2.0 * math.pi * first
     ratio = float(realised_damping_ratio(*system.rayleigh, omega))
     begin = float(((dwells.cycles - dwells.measured) / dwells.frequency).min())
     left = math.exp(-ratio * omega * begin)
@@ -169,7 +173,7 @@ def _dwell_warnings(system: System, dwells: SineDwells) -> list[str]:
         return []
     return [
         f"dwell of {begin:.3g} s before measuring begins: {100 * left:.2g} % of the first mode's transient "
-        f"(damping ratio {ratio:.3g}) is left there: peaks and damping near {system.first_frequency:.4g} Hz want a "
+        f"(damping ratio {ratio:.3g}) is left there: peaks and damping near {first:.4g} Hz want a "
         "longer dwell"
     ]
 

@@ -71,6 +71,10 @@ def _rayleigh(damping: Rayleigh, omega: NDArray[Any]) -> tuple[float, float]:
     ratio = damping.ratio if isinstance(damping.ratio, tuple) else (damping.ratio, damping.ratio)
     if damping.modes:
         first, second = damping.modes
+        elastic = bool(min(omega[first - 1], omega[second - 1]) > 0.0)
+        rigid = int(np.count_nonzero(omega == 0.0))
+        allowed = f"must be elastic ones, from {rigid + 1} on: a rigid motion has no ratio"
+        require(elastic, "damping.modes", damping.modes, "", allowed)
         return rayleigh_coefficients((omega[first - 1], omega[second - 1]), ratio)
     low, high = damping.frequencies or (0.0, 0.0)
     return rayleigh_coefficients((2 * math.pi * low, 2 * math.pi * high), ratio)

@@ -12,6 +12,7 @@ import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import real_array, require
+from femimpact.system.rigid_motions import rigid_motions
 
 __all__ = [
     "banded_factor",
@@ -174,18 +175,32 @@ def same_product(matrix: Any, product: Callable[[NDArray[Any]], NDArray[Any]]) -
 
 
 def stiffness_solver(system: Any) -> Callable[[NDArray[Any]], NDArray[Any]]:
-    """K^-1 of a system, through its stiffness factor: a function of loads (dofs, ...) in N; see `solve_stiffness`."""
+    """K^-1 of a system, through its stiffness factor: a function of loads (dofs, ...) in N; see `solve_stiffness`.
+
+    Where rigid motions r are free it gives the elastic displacements, r^T M u = 0, under the loads and the inertia
+    forces of the rigid motion that these cause.
+    """
     from scipy.sparse.linalg import splu
 
     factor = sparse.csr_array(system.stiffness_factor)
-    strains = factor.shape[0]
+    rigid = rigid_motions(system)
+    momentum = system.M @ rigid
     # the best scale is near the smallest singular value of G; the result does not hang on it
-    scale = 2.0 * math.pi * system.first_frequency if math.isfinite(system.first_frequency) else 1.0
+    known = math.isfinite(system.first_frequency) and system.first_frequency > 0.0
+    scale = 2.0 * math.pi * system.first_frequency if known else 1.0
+    if rigid.shape[1]:
+        factor = sparse.csr_array(sparse.vstack([factor, scale * momentum.T]))
+    strains = factor.shape[0]
     augmented = sparse.block_array([[scale * sparse.eye_array(strains), factor], [factor.T, None]], format="csc")
     solver = splu(augmented)
 
     def solve(loads: NDArray[Any]) -> NDArray[Any]:
+        if rigid.shape[1]:
+            loads = loads - momentum @ (rigid.T @ loads)
         right = np.concatenate([np.zeros((strains, *loads.shape[1:])), loads / -scale])
-        return np.asarray(solver.solve(right)[strains:])
+        displacement = solver.solve(right)[strains:]
+        if rigid.shape[1]:
+            displacement = displacement - rigid @ (momentum.T @ displacement)
+        return np.asarray(displacement)
 
     return solve

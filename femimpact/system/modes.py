@@ -13,13 +13,17 @@ from numpy.typing import NDArray
 from femimpact.errors import check_fields, column, in_range, quantity, real_array, require, require_type
 from femimpact.structure.damping import realised_damping_ratio
 from femimpact.system.matrices import stiffness_solver
+from femimpact.system.rigid_motions import rigid_motions
 from femimpact.system.system import System
 from femimpact.table import Head, frame_of, head_of_columns, short_repr
 
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["Modes", "flexibility", "solve_modes", "solve_stiffness"]
+__all__ = ["Modes", "first_elastic_frequency", "first_mode_at", "flexibility", "solve_modes", "solve_stiffness"]
+
+STILL = 1e-9
+"""Share of what a motion may do below which a place is still."""
 
 DENSE_LIMIT = 60
 """Up to this many dofs the dense solver is both exact and faster than shift-invert."""
@@ -110,15 +114,20 @@ def solve_modes(system: System, count: int) -> Modes:
     within = in_range(count, quantity("modes", at_least=1, at_most=system.dofs, integer=True))
     require(within, "count", count, "modes", f"must be a whole number from 1 to {system.dofs} (the dofs)")
     count = int(count)
-    if system.dofs <= DENSE_LIMIT or count > system.dofs // 4:
-        vectors = _dense_modes(system, count)
+    rigid = rigid_motions(system)[:, :count]
+    loose = rigid.shape[1]
+    if loose == count:
+        vectors = rigid
+    elif system.dofs <= DENSE_LIMIT or count > system.dofs // 4:
+        vectors = np.hstack([rigid, _dense_modes(system, count - loose, rigid)])
     else:
-        vectors = _shift_invert_modes(system, count)
+        vectors = np.hstack([rigid, _shift_invert_modes(system, count - loose)])
     vectors = _normalised(system, vectors)
     omega = np.linalg.norm(system.stiffness_factor @ vectors, axis=0)
+    omega[:loose] = 0.0
     order = np.argsort(omega)
     vectors, omega = vectors[:, order], omega[order]
-    if system.rayleigh is not None:
+    if system.rayleigh is not None and omega[0] > 0.0:
         ratio = realised_damping_ratio(*system.rayleigh, omega)
     else:
         damping = np.einsum("ij,ij->j", vectors, system.C @ vectors)
@@ -131,10 +140,14 @@ def solve_modes(system: System, count: int) -> Modes:
     return Modes(*arrays)
 
 
-def _dense_modes(system: System, count: int) -> NDArray[Any]:
-    """From the singular values of G L^-T with K = G^T G and M = L L^T: omega, not omega squared."""
+def _dense_modes(system: System, count: int, rigid: NDArray[Any]) -> NDArray[Any]:
+    """From the singular values of G L^-T with K = G^T G and M = L L^T: omega, not omega squared. Without rigid ones."""
     lower = scipy.linalg.cholesky(system.M.toarray(), lower=True)
     factor = scipy.linalg.solve_triangular(lower, system.stiffness_factor.toarray().T, lower=True).T
+    if rigid.shape[1]:
+        # made the fastest of all
+        stiff = np.linalg.norm(factor) * scipy.linalg.solve_triangular(lower, system.M @ rigid, lower=True)
+        factor = np.vstack([factor, stiff.T])
     right = scipy.linalg.svd(factor, full_matrices=False)[2][::-1][:count]
     return np.asarray(scipy.linalg.solve_triangular(lower, right.T, lower=True, trans="T"))
 
@@ -162,16 +175,44 @@ def solve_stiffness(system: System, loads: NDArray[Any]) -> NDArray[Any]:
     return stiffness_solver(system)(forces)
 
 
+def first_elastic_frequency(system: System) -> float:
+    """The lowest natural frequency (Hz) that is not that of a rigid motion; 0 where none is known."""
+    loose = rigid_motions(system).shape[1]
+    if system.first_frequency > 0.0 or loose in (0, system.dofs):
+        return system.first_frequency
+    return float(solve_modes(system, loose + 1).natural_frequency[loose])
+
+
+def first_mode_at(system: System, modes: Modes, row: NDArray[Any]) -> float:
+    """The first mode (kg^-0.5) as a row reads it.
+
+    Where rigid motions are free, all of them together, or the first elastic mode at a place that they leave still.
+    """
+    loose = int(np.count_nonzero(modes.natural_frequency == 0.0))
+    if loose == 0:
+        return float(row @ modes.vectors[:, 0])
+    rigid = rigid_motions(system)
+    moved = float(np.linalg.norm(row @ rigid))
+    if moved > STILL * float(np.abs(row) @ np.abs(rigid).max(axis=1)):
+        return moved
+    return float(row @ solve_modes(system, rigid.shape[1] + 1).vectors[:, -1])
+
+
 def flexibility(system: System, rows: NDArray[Any]) -> NDArray[Any]:
-    """b^T K^-1 b (m/N) of every row (k, dofs), through the stiffness factor so that fine meshes keep their digits."""
+    """b^T K^-1 b (m/N) of every row (k, dofs), through the stiffness factor so that fine meshes keep their digits.
+
+    Not a number where rigid motions are free.
+    """
     if rows.size == 0:
         return np.zeros(len(rows))
+    if rigid_motions(system).shape[1]:
+        return np.full(len(rows), math.nan)
     solved = solve_stiffness(system, rows.T)
     return np.asarray(np.einsum("ji,ij->j", rows, solved))
 
 
 def _shift_invert_modes(system: System, count: int) -> NDArray[Any]:
-    """Lanczos on K^-1 M."""
+    """Lanczos on K^-1 M, in which rigid motions are the fastest of all."""
     from scipy.sparse.linalg import LinearOperator, eigsh
 
     solve = stiffness_solver(system)

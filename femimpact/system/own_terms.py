@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.errors import require, require_type
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.matrices import banded_factor, checked_matrix, checked_row
-from femimpact.system.modes import flexibility, solve_modes
+from femimpact.system.modes import first_mode_at, flexibility, solve_modes
 from femimpact.system.reactions import Reaction
 from femimpact.system.system import System
 
@@ -159,7 +159,7 @@ def _with_contacts(bare: System, contacts: tuple[ContactPair, ...]) -> System:
     rows = np.array([-pair.direction if pair.is_stop else pair.direction for pair in contacts])
     compliance = flexibility(bare, rows.reshape(len(contacts), bare.dofs))
     pairs = tuple(
-        replace(pair, first_mode=float(row @ modes.vectors[:, 0]), flexibility=float(flexible))
+        replace(pair, first_mode=first_mode_at(bare, modes, row), flexibility=float(flexible))
         for pair, row, flexible in zip(contacts, rows, compliance, strict=True)
     )
     frequency = float(modes.natural_frequency[0])

@@ -77,7 +77,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     return replace(
         system,
         M=sparse.eye_array(omega.size, format="csr"),
-        C=sparse.diags_array(2.0 * ratio * omega, format="csr"),
+        C=sparse.diags_array(np.where(omega > 0.0, 2.0 * ratio * omega, _modal_damping(system, phi)), format="csr"),
         K=sparse.diags_array(omega**2, format="csr"),
         stiffness_factor=sparse.diags_array(omega, format="csr"),
         base_load=_row(phi.T @ system.base_load),
@@ -117,10 +117,15 @@ def _attachment_vectors(system: System, phi: NDArray[Any], omega: NDArray[Any]) 
     return psi, np.linalg.norm(system.stiffness_factor @ psi, axis=0)
 
 
+def _modal_damping(system: System, vectors: NDArray[Any]) -> NDArray[Any]:
+    """phi^T C phi (1/s) of every vector: a rigid motion may be damped, though it has no ratio."""
+    return np.asarray(np.einsum("ij,ij->j", vectors, system.C @ vectors))
+
+
 def _damping_ratio(system: System, vectors: NDArray[Any], omega: NDArray[Any]) -> NDArray[Any]:
     if system.rayleigh is not None:
         return realised_damping_ratio(*system.rayleigh, omega)
-    return np.asarray(np.einsum("ij,ij->j", vectors, system.C @ vectors) / (2.0 * omega))
+    return _modal_damping(system, vectors) / (2.0 * omega)
 
 
 def truncation_notes(system: System) -> tuple[str, ...]:

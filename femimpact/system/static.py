@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from femimpact.contact.formulas import KELVIN_VOIGT, POWER, RIGID
 from femimpact.errors import checked, quantity, require
 from femimpact.system.matrices import stiffness_solver
+from femimpact.system.rigid_motions import rigid_motions
 
 __all__ = ["StaticContacts", "static_contacts", "static_state"]
 
@@ -63,13 +64,15 @@ def static_state(system: Any, stop_displacement: float = 0.0) -> tuple[NDArray[A
     u : ndarray (dofs,), m
     y : ndarray (pairs,), m
         Of every pair; x = y - b @ u is what its gaps bound. A ball that a constant force presses rests on its
-        wall, one that nothing holds sits in the middle, x = 0.
+        wall, one that nothing holds sits in the middle, x = 0. Rigid motions r that nothing holds have no share,
+        r^T M u = 0.
 
     Raises
     ------
     InputError
-        If the structure is not held, a pressed contact's law has no static force, a ball has neither wall nor
-        spring against its constant force, or rigid walls leave the structure no place.
+        If the constant load does work on a rigid motion that nothing holds, a pressed contact's law has no static
+        force, a ball has neither wall nor spring against its constant force, or rigid walls leave the structure no
+        place.
 
     Notes
     -----
@@ -89,9 +92,10 @@ def static_contacts(system: Any, stop_displacement: float = 0.0) -> StaticContac
     fits = all(hasattr(system, name) for name in ("stiffness_factor", "constant_load", "contacts"))
     require(fits, "system", type(system).__name__, "", "must be a System")
     offset = checked("stop_displacement", stop_displacement, quantity("m"))
-    held = system.first_frequency > 0.0
-    require(held, "initial", "static", "", "needs a structure that is held: K is singular, a static state is not one")
     pairs = system.contacts
+    rigid = rigid_motions(system)
+    held = system.first_frequency > 0.0 or rigid.shape[1] > 0
+    require(held, "initial", "static", "", "needs a structure that is held: K is singular, a static state is not one")
     solve = stiffness_solver(system)
     x, normal, depth, y = np.zeros((4, len(pairs)))
     load = np.array(system.constant_load)
@@ -103,14 +107,29 @@ def static_contacts(system: Any, stop_displacement: float = 0.0) -> StaticContac
         else:
             x[j], normal[j], depth[j] = _ball_at_rest(pair)
             load += pair.direction * (pair.mass * pair.acceleration)
+    _require_no_work(rigid, load, system.M.diagonal())
     u = solve(load)
     walls = [wall for j, pair in enumerate(pairs) if pair.is_stop for wall in _walls(j, pair)]
     if walls:
         u = _pushed(system, walls, solve, u, y, normal, depth)
+    pressed = [pair.name for j, pair in enumerate(pairs) if pair.is_stop and normal[j] != 0.0]
+    allowed = f"needs a structure that is held where stops press it, {', '.join(pressed)}: K is singular, a mechanism"
+    require(not pressed or not rigid.size, "initial", "static", "", allowed)
     for j, pair in enumerate(pairs):
         if not pair.is_stop:
             y[j] = x[j] + pair.direction @ u
     return StaticContacts(u, y, normal, depth)
+
+
+def _require_no_work(rigid: NDArray[Any], load: NDArray[Any], mass: NDArray[Any]) -> None:
+    """Raise where a constant load would set a mechanism going."""
+    # r^T M r = 1, and so the work goes with the load over the root of the mass
+    still = np.abs(rigid.T @ load) <= EXACT * np.linalg.norm(load / np.sqrt(mass))
+    allowed = (
+        "needs a structure that is held: K is singular, as a mechanism leaves a rigid motion free, on which the "
+        "constant load does work"
+    )
+    require(bool(np.all(still)), "initial", "static", "", allowed)
 
 
 def _ball_at_rest(pair: Any) -> tuple[float, float, float]:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact.errors import require_type
+from femimpact.export.figures.connections import draw_connection, draw_ground
 from femimpact.export.figures.look import COLOURS, GREY, OffScreen, panel
-from femimpact.fem.discretisation import discretise
+from femimpact.fem.discretisation import Discretisation, discretise
 from femimpact.fem.mesh import Mesh
 from femimpact.structure.structure import Structure
 
@@ -29,6 +30,7 @@ def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScre
     mesh : Mesh
     structure : Structure, optional
         Gives the thickness along every element, checked against the mesh; all are drawn equally thick without it.
+        Its springs and dashpots are drawn above the beam.
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
 
@@ -44,8 +46,9 @@ def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScre
     require_type(mesh, Mesh, "mesh")
     # of each element at its two ends
     half = np.full((mesh.elements, 2), 0.5)
-    if structure is not None:
-        sections = discretise(structure, mesh=mesh).sections
+    discretised = None if structure is None else discretise(structure, mesh=mesh)
+    if discretised is not None:
+        sections = discretised.sections
         half = 1e3 * sections.half_height_at(np.arange(mesh.elements)[:, None], np.array([0.0, 1.0]))
     axis = panel(ax, 9.0, 3.2)
     x, tallest = 1e3 * mesh.nodes, float(half.max())
@@ -61,16 +64,46 @@ def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScre
         beside = np.maximum(np.append(half[:, 0], 0.0), np.append(0.0, half[:, 1]))
         axis.vlines(x, -beside, beside, color="#333333", linewidth=0.8)
     _mark_points(axis, mesh, tallest)
+    top = 1.8 * tallest
+    if discretised is not None:
+        top = max(top, _draw_connections(axis, discretised, tallest) + 0.6 * tallest)
     axis.set_xlabel("distance from the root (mm)")
     axis.set_ylabel("distance from the axis (mm)" if structure is not None else "")
     if structure is None:
         axis.set_yticks([])
-    axis.set_ylim(-2.6 * tallest, 1.8 * tallest)
+    axis.set_ylim(-2.6 * tallest, top)
     lengths = 1e3 * np.diff(mesh.nodes)
     axis.set_title(f"{mesh.elements} elements of {lengths.min():.3g} to {lengths.max():.3g} mm", loc="left")
-    if mesh.regions:
-        axis.legend(loc="upper right", frameon=False, fontsize=9.0, ncols=min(len(mesh.regions), 4))
+    _legend(axis, connected=structure is not None and bool(structure.connections))
     return axis
+
+
+def _legend(axis: Any, connected: bool) -> None:
+    """Names of regions, springs and dashpots; below the axes where there are connections above the beam."""
+    _, labels = axis.get_legend_handles_labels()
+    place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2)} if connected else {"loc": "upper right"}
+    if labels:
+        axis.legend(frameon=False, fontsize=9.0, ncols=min(len(labels), 4), **place)
+
+
+def _draw_connections(axis: Any, discretised: Discretisation, tallest: float) -> float:
+    """Springs and dashpots above the beam, those between two places in rows; the height (mm) that they take."""
+    highest, rows = 0.0, 0
+    for _, item, places in discretised.structure.connections:
+        at, *to = (1e3 * discretised.position_of(place) for place in places.values())
+        level, end = 1.3 * tallest, (at, 2.4 * tallest)
+        if to:
+            rows += 1
+            level += (1.3 + 1.0 * rows) * tallest
+            end = (to[0], level)
+        for x in (at, *to):
+            axis.plot([x, x], [0.0, level], color=GREY, linewidth=0.8, linestyle=":")
+        across = (0.0, 0.25 * tallest) if to else (6.0 * float(discretised.mesh.nodes[-1]), 0.0)
+        draw_connection(axis, item, ((at, level), end), across)
+        if not to:
+            draw_ground(axis, end)
+        highest = max(highest, end[1])
+    return highest
 
 
 def _mark_points(axis: Any, mesh: Mesh, tallest: float) -> None:

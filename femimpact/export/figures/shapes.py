@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import require, require_type
+from femimpact.export.figures.connections import draw_connection, draw_ground
 from femimpact.export.figures.look import BLUE, COLOURS, GREY, OffScreen, panels
 from femimpact.structure.structure import Structure
 from femimpact.system.modes import Modes
@@ -46,7 +47,7 @@ def mode_shapes(
     points : int
         Along the beam.
     structure : Structure, optional
-        Its bodies, balls and supports are drawn on the shapes.
+        Its bodies, balls, supports, springs and dashpots are drawn on the shapes.
     figure : Figure, optional
         Drawn on; a new one of pyplot's by default.
 
@@ -87,13 +88,24 @@ def mode_shapes(
 
 
 def _parts(axis: Any, system: System, structure: Structure, vector: NDArray[Any]) -> None:
-    """Bodies, balls and supports where the shape puts them."""
+    """Bodies, balls, supports, springs and dashpots where the shape puts them."""
+
+    def point(at: Any) -> tuple[float, float]:
+        x = system.position_of(structure.place_of(at))
+        return 1e3 * x, float(np.asarray(system.deflection_rows([x]) @ vector)[0])
 
     def mark(at: Any, marker: Any, size: float, **style: Any) -> None:
-        x = system.position_of(at)
-        y = float(np.asarray(system.deflection_rows([x]) @ vector)[0])
-        axis.plot([1e3 * x], [y], linestyle="none", marker=marker, markersize=size, clip_on=False, **style)
+        x, y = point(at)
+        axis.plot([x], [y], linestyle="none", marker=marker, markersize=size, clip_on=False, **style)
 
+    for _, item, places in structure.connections:
+        first, *second = (point(place) for place in places.values())
+        if second:
+            draw_connection(axis, item, (first, second[0]), (0.0, 0.08))
+        else:
+            base = (first[0], -1.25)
+            draw_connection(axis, item, (first, base), (0.006e3 * float(system.nodes[-1]), 0.0))
+            draw_ground(axis, base)
     for body in structure.masses:
         mark(body.at, "s", 15.0, markerfacecolor="white", markeredgecolor=BOX, markeredgewidth=2.5, label=body.name)
     for ball in structure.impactors:

@@ -112,6 +112,7 @@ def mode_motion_series(
     frames = checked("frames", frames, quantity("frames", at_least=2, integer=True))
     shapes, i = _Shapes(system, modes, structure, subdivisions, scale), mode - 1
     frequency = float(modes.natural_frequency[i])
+    require(frequency > 0.0, "mode", mode, "", "must be an elastic one: a rigid motion has no period")
     phases = [2.0 * math.pi * k / frames for k in range(frames)]
     omega = 2.0 * math.pi * frequency
 

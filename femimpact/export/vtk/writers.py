@@ -137,7 +137,7 @@ def write_deflection(
         on wall and ball; point scalars `curvature` (1/m), `bending_moment` (N m), `shear_force` (N),
         `axial_strain`, `axial_stress` (Pa) and `strain_energy_density` (J/m^3), whose signs are those of
         `femimpact.system.sections`. Cell arrays `part` (0 beam, 1 box, 2 ball, 3 support, 4 body, 5 stop,
-        6 contact point, 7 spring or dashpot to the base), `contact_pair` (-1: none), `contact_force` (N, on box and
+        6 contact point, 7 spring or dashpot), `contact_pair` (-1: none), `contact_force` (N, on box and
         ball), `state` (1 in contact) and `mean_strain_energy_density` (J/m^3). The units are in the field data as
         `units`. All but the displacement are true, not exaggerated.
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import heapq
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -75,9 +76,14 @@ def run_steps(
         clear=partial(block.record.tally[1:3].fill, 0),
         sink=recorder.sink,
     )
-    _run(block, piece_ends(recorder, steps), stream, excitation, method, progress)
+    kept, kept_state = _step_to_keep(recorder, steps, method), None
+    for step in _run(block, heapq.merge(piece_ends(recorder, steps), kept), excitation, method, progress):
+        stream.hand_over()
+        if step in kept:
+            kept_state = _state(block, system, excitation, method)
     response = _response(block, system, excitation, method, recorder, initial, stream, warnings)
-    return replace(response, notes=(*response.notes, *reaction_notes(system, drive, channels)))
+    notes = (*response.notes, *reaction_notes(system, drive, channels))
+    return replace(response, notes=notes, kept_state=kept_state)
 
 
 def divergence_message(frequency: float, time: float, method: SteppingMethod) -> str:
@@ -98,12 +104,11 @@ def _keep_first(block: Block) -> None:
 def _run(
     block: Block,
     ends: Iterable[int],
-    stream: Stream,
     excitation: Excitation,
     method: SteppingMethod,
     progress: Progress | None,
-) -> None:
-    """Run a block to its end by way of the steps at which a piece of its history is complete."""
+) -> Iterator[int]:
+    """Run a block to its end by way of ascending steps; each of them when it is reached."""
     done = 0
     for end in ends:
         if end > done:
@@ -114,7 +119,19 @@ def _run(
             time = begun + done * method.dt + float(block.diverged[0])
             raise DivergenceError(divergence_message(excitation.frequency, time, method))
         done = end
-        stream.hand_over()
+        yield end
+
+
+def _step_to_keep(recorder: Recorder, steps: int, method: SteppingMethod) -> tuple[int, ...]:
+    """Step after the beginning at which the state is kept, if there is one."""
+    step = 0 if recorder.state_at is None else round(min(recorder.state_at / method.dt, 2.0 * steps))
+    return (step,) if 0 < step <= steps else ()
+
+
+def _state(block: Block, system: System, excitation: Excitation, method: SteppingMethod) -> State:
+    """Where a block stands."""
+    step = int(block.record.tally[0])
+    return final_state(system, excitation, method, block.beginning, step, block.pairs, block.motion, block.cycles)
 
 
 def _share_of(progress: Progress, done: int, end: int, steps: int) -> Progress:
@@ -171,16 +188,7 @@ def _response(
         ),
         streamed_to=stream.streamed_to,
         start=initial.time,
-        final_state=final_state(
-            system,
-            excitation,
-            method,
-            block.beginning,
-            int(block.record.tally[0]),
-            block.pairs,
-            block.motion,
-            block.cycles,
-        ),
+        final_state=_state(block, system, excitation, method),
     )
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from femimpact.contact.formulas import RIGID
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type
 from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
+from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.system import System
 
 __all__ = ["check_sampling", "check_step", "recommended_step", "shortest_contact", "step_notes"]
@@ -50,7 +51,7 @@ def recommended_step(system: System, refine: int = 1) -> float:
     """
     require_type(system, System, "system")
     refine = checked("refine", refine, quantity("1", at_least=1, at_most=1000, integer=True))
-    first = system.first_frequency
+    first = first_elastic_frequency(system)
     by_mode = 1.0 / (STEPS_PER_PERIOD * first) if first > 0.0 else math.inf
     step = min(refine * shortest_contact(system) / STEPS_PER_CONTACT, by_mode)
     allowed = "must have a compliant contact or an elastic mode to recommend a step: give dt"
