@@ -29,7 +29,7 @@ from femimpact.integrators.event_driven.motion import (
     copy_motion,
     has_blocks,
     move,
-    panels_of,
+    next_panel,
     unit_phase,
     value_now,
 )
@@ -258,11 +258,12 @@ def _sum_over_points(duration: float, form: Form, pairs: Pairs, case: Case, spac
     """Work and losses by Gauss points, exact to rounding; uses `after` up."""
     c, scalars, spare, s = case.number, form.scalars, space.spare, space.products
     copy_motion(space.mark, spare)
-    panels, start = panels_of(scalars, space.mark, duration), space.mark.clock[0]
-    half = 0.5 * duration / panels
-    for panel in range(panels):
+    start, elapsed = space.mark.clock[0], 0.0
+    while elapsed < duration:
+        panel = next_panel(elapsed, duration - elapsed, scalars, spare)
+        half = 0.5 * panel
         for node in range(len(NODES)):
-            time, share = start + half * (2 * panel + 1 + NODES[node]), half * WEIGHTS[node]
+            time, share = start + elapsed + half * (1.0 + NODES[node]), half * WEIGHTS[node]
             move(scalars, spare, time - spare.clock[0])
             read_coordinates(form.shapes, spare, s.after)
             phase = unit_phase(scalars.omega, spare.clock)
@@ -287,6 +288,7 @@ def _sum_over_points(duration: float, form: Form, pairs: Pairs, case: Case, spac
                 case.touch[LOST, j] += loss
                 for i in range(case.to_modes.shape[1]):
                     case.to_modes[j, i] += share * pairs.direction[j, i] * force * s.after[1, i]
+        elapsed += panel
 
 
 @inlined

@@ -38,7 +38,7 @@ __all__ = [
     "move",
     "move_rigid_bodies",
     "multiply",
-    "panels_of",
+    "next_panel",
     "rates_now",
     "rigid_body_push",
     "taylor",
@@ -58,6 +58,9 @@ WEIGHTS = (
     0.29552422471475287, 0.26926671930999635, 0.21908636251598204, 0.1494513491505806, 0.06667134430868814,
 )  # fmt: skip
 """Gauss-Legendre points on -1 to 1: where entries do not stand alone, products of motions are summed over them."""
+
+DIED_OUT = 80.0
+"""Decay e^-80, 2e-35, of which nothing is left in any sum; two entries of a block decay by it nearly together."""
 
 AT_WALL = 32.0 * 2.220446049250313e-16
 """A clearance below this share of the terms that make it is rounding: the pair is at its wall."""
@@ -244,17 +247,20 @@ def copy_motion(source: Motion, target: Motion) -> None:
     target.clock[0], target.clock[1] = source.clock[0], source.clock[1]
 
 
-@inlined
-def panels_of(scalars: Scalars, motion: Motion, duration: float) -> int:
-    """Parts of a time in each of which ten Gauss points integrate products of two motions to rounding.
+@apart
+def next_panel(elapsed: float, remaining: float, scalars: Scalars, motion: Motion) -> float:
+    """Next part of a time (s) in which ten Gauss points integrate products of two motions to rounding.
 
-    Their error is below 1e-14 where twice the largest |lambda| times the part is below 6.
+    Their error is below 1e-14 where twice the largest |lambda| times the part is below 6. An entry that has died out
+    since the time began is set to zero, and asks for no short parts.
     """
     fastest = scalars.omega
     for k in range(scalars.exponent.size):
-        if motion.entry[k] != 0.0:
+        if -scalars.exponent[k].real * elapsed > DIED_OUT:
+            motion.entry[k] = 0.0
+        elif motion.entry[k] != 0.0:
             fastest = max(fastest, scalars.size[k])
-    return int(fastest * duration / 3.0) + 1
+    return remaining if fastest * remaining <= 3.0 else 3.0 / fastest
 
 
 @inlined

@@ -25,7 +25,7 @@ from femimpact.integrators.event_driven.motion import (
     copy_motion,
     has_blocks,
     move,
-    panels_of,
+    next_panel,
     rates_now,
     taylor,
     unit_phase,
@@ -117,18 +117,20 @@ def _over_points(
     """Impulse, largest value and its time where entries do not stand alone: by Gauss points."""
     motion, spare = space.motion, space.spare
     copy_motion(motion, spare)
-    panels = panels_of(scalars, motion, duration)
-    half, start, impulse, best = 0.5 * duration / panels, motion.clock[0], 0.0, 0.0
+    start, elapsed, impulse, best = motion.clock[0], 0.0, 0.0, 0.0
     # a dashpot pushes most at the touch, before any of the points
     largest = max(_force(r, side, scalars, spare), 0.0)
-    for panel in range(panels):
+    while elapsed < duration:
+        panel = next_panel(elapsed, duration - elapsed, scalars, spare)
+        half = 0.5 * panel
         for node in range(len(NODES)):
-            time = start + half * (2 * panel + 1 + NODES[node])
+            time = start + elapsed + half * (1.0 + NODES[node])
             move(scalars, spare, time - spare.clock[0])
             force = _force(r, side, scalars, spare)
             impulse += half * WEIGHTS[node] * force
             if force > largest:
                 largest, best = force, time - start
+        elapsed += panel
     return impulse, largest, best
 
 
