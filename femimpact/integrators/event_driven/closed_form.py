@@ -163,10 +163,13 @@ def closed_form(whole: Equations, active: Array, rigid: Array, stiffness: Array,
     sticking = np.flatnonzero(active & rigid)
     pressed = active & ~rigid
     loads = _loads(whole, active, np.where(pressed, stiffness, 0.0), np.where(pressed, damping, 0.0))
-    basis = _free_basis(whole, sticking)
-    omega_squared, vectors = undamped_modes(basis.T @ loads.K @ basis, basis.T @ whole.M @ basis)
-    shapes = basis @ vectors
-    damped = shapes.T @ loads.C @ shapes
+    basis = _free_basis(whole, sticking, pressed)
+    # what a pair does to a motion that leaves its gap as it is, is exactly nothing
+    felt = basis.T @ whole.force
+    K = basis.T @ whole.K @ basis + (felt * np.where(pressed, stiffness, 0.0)) @ felt.T
+    C = basis.T @ whole.C @ basis + (felt * np.where(pressed, damping, 0.0)) @ felt.T
+    omega_squared, vectors = undamped_modes(K, basis.T @ whole.M @ basis)
+    shapes, damped = basis @ vectors, vectors.T @ C @ vectors
     # what nothing pulls back and nothing brakes moves on parabolas: free balls, rigid motions
     stiff = omega_squared > 0.0
     braked = np.max(np.abs(damped), axis=0, initial=0.0) > 1e-15 * max(float(np.abs(damped).max(initial=0.0)), 1e-300)
@@ -219,10 +222,16 @@ def _drives(loads: Array, whole: Array) -> bool:
     return bool(np.any(np.abs(loads) > 1e-12 * np.abs(whole).max(initial=0.0)))
 
 
-def _free_basis(whole: Equations, sticking: NDArray[np.intp]) -> Array:
-    """Basis of the motions that sticking pairs leave, (d, motions)."""
+def _free_basis(whole: Equations, sticking: NDArray[np.intp], pressed: NDArray[np.bool_]) -> Array:
+    """Basis of the motions that sticking pairs leave, (d, motions).
+
+    Where the structure has rigid motions, a ball that is pressed moves with its place beside its own coordinate: that
+    is then its gap, and nothing stiffens a rigid motion of all.
+    """
     size, n = whole.M.shape[0], whole.dofs
-    if sticking.size == 0:
+    rigid = not np.all(np.any(whole.K[:n, :n] != 0.0, axis=0))
+    carried = np.flatnonzero(pressed & ~whole.stop) if rigid else np.zeros(0, dtype=np.intp)
+    if sticking.size + carried.size == 0:
         return np.eye(size)
     stops = sticking[whole.stop[sticking]]
     left = np.eye(n) if stops.size == 0 else scipy.linalg.null_space(-whole.force[:n, stops].T)
@@ -231,7 +240,7 @@ def _free_basis(whole: Equations, sticking: NDArray[np.intp]) -> Array:
     basis = np.zeros((size, left.shape[1] + len(moving)))
     basis[:n, : left.shape[1]] = left
     basis[moving, left.shape[1] + np.arange(len(moving))] = 1.0
-    for j in sticking[~whole.stop[sticking]]:
+    for j in (*sticking[~whole.stop[sticking]], *carried):
         basis[n + j, : left.shape[1]] = whole.force[:n, j] @ left
     return basis
 

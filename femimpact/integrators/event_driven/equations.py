@@ -104,7 +104,10 @@ def undamped_modes(K: NDArray[Any], M: NDArray[Any]) -> tuple[NDArray[Any], NDAr
     off = np.abs(K - np.diag(np.diag(K))).sum() + np.abs(M - np.diag(np.diag(M))).sum()
     if off == 0.0:
         return np.diag(K) / np.diag(M), np.diag(1.0 / np.sqrt(np.diag(M)))
-    alone = (np.abs(K).sum(axis=0) == 0.0) & (np.count_nonzero(M, axis=0) == 1)
+    unheld = np.abs(K).sum(axis=0) == 0.0
+    alone = unheld & (np.count_nonzero(M, axis=0) == 1)
+    if np.any(unheld & ~alone):
+        return _beside_rigid_motions(K, M, unheld)
     bound = np.ix_(~alone, ~alone)
     try:
         lower = np.linalg.cholesky(K[bound])
@@ -123,6 +126,24 @@ def undamped_modes(K: NDArray[Any], M: NDArray[Any]) -> tuple[NDArray[Any], NDAr
         1.0 / values, np.linalg.solve(lower.T, z) / np.sqrt(values), K[bound], M[bound]
     )
     vectors[np.ix_(alone, alone)] = np.diag(1.0 / np.sqrt(np.diag(M)[alone]))
+    return omega_squared, vectors
+
+
+def _beside_rigid_motions(
+    K: NDArray[Any], M: NDArray[Any], unheld: NDArray[np.bool_]
+) -> tuple[NDArray[Any], NDArray[Any]]:  # fmt: skip
+    """Modes where nothing stiffens some coordinates that share mass with others: these modes have no momentum in them.
+
+    M_RR z_R + M_RE z_E = 0 leaves K_EE z_E = omega^2 (M_EE - M_ER M_RR^-1 M_RE) z_E of the others.
+    """
+    own, others = np.flatnonzero(unheld), np.flatnonzero(~unheld)
+    lower = np.linalg.cholesky(M[np.ix_(own, own)])
+    carried = np.linalg.solve(M[np.ix_(own, own)], M[np.ix_(own, others)])
+    left = M[np.ix_(others, others)] - M[np.ix_(others, own)] @ carried
+    omega_squared, vectors = np.zeros(K.shape[0]), np.zeros_like(K)
+    omega_squared[others], z = undamped_modes(K[np.ix_(others, others)], 0.5 * (left + left.T))
+    vectors[np.ix_(others, others)], vectors[np.ix_(own, others)] = z, -carried @ z
+    vectors[np.ix_(own, own)] = np.linalg.inv(lower).T
     return omega_squared, vectors
 
 
