@@ -64,7 +64,7 @@ class RecordedBase:
         steps = h * v[:-1] + h * h * (2.0 * a[:-1] + a[1:]) / 6.0
         return v, np.concatenate([[0.0], np.cumsum(steps)])
 
-    def _locate(self, time: ArrayLike) -> tuple[Array, Array, Array, Array]:
+    def _locate(self, time: ArrayLike) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Sample before each time, time since then (s), acceleration there, and its slope."""
         t = times(time)
         index = np.clip(np.floor(t / self.interval).astype(int), 0, self.samples.size - 1)

@@ -184,7 +184,9 @@ def _repeats(maximum: Array, own: NDArray[np.bool_], tolerance: float, longest_p
     return found
 
 
-def _halves_agree(mean_square: Array, length: Array, tolerance: float, standard_errors: float) -> NDArray[np.bool_]:
+def _halves_agree(
+    mean_square: Array, length: NDArray[np.int64], tolerance: float, standard_errors: float
+) -> NDArray[np.bool_]:
     """In which cases the two halves of the window are one population of cycles; rows lead back from the end."""
     place = length - 1 - np.arange(mean_square.shape[0])[:, None]
     whole, longer = np.divmod(length, PARTS)

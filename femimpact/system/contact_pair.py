@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact.contact import ContactLaw, ContactParameters, require_law, resolve
 from femimpact.errors import check_fields, choice, column, quantity, require, require_type, text
 from femimpact.structure.structure import Impactor, Stop, require_preload, sound_gaps
 
 __all__ = ["ContactPair", "contact_pair", "frozen_row"]
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ class ContactPair:
     """
 
     name: str = field(metadata=text())
-    direction: NDArray[Any] = field(metadata=column("1", "dofs", finite=True))
+    direction: Array = field(metadata=column("1", "dofs", finite=True))
     position: float = field(metadata=quantity("m", finite=False))
     mass: float = field(metadata=quantity("kg", above=0.0, finite=False))
     gaps: tuple[float, float] = field(metadata=quantity("m", several=True, finite=False))
@@ -101,7 +102,7 @@ class ContactPair:
         """The law's numbers for this pair's effective mass."""
         return resolve(self.law, self.effective_mass)
 
-    def along(self, direction: NDArray[Any]) -> ContactPair:
+    def along(self, direction: Array) -> ContactPair:
         """The same pair in other coordinates of the structure, (dofs,); law and effective mass stay."""
         moved = replace(self, direction=direction)
         # a law of one's own takes a while to integrate
@@ -122,7 +123,7 @@ class ContactPair:
 
 
 def contact_pair(
-    item: Impactor | Stop, row: NDArray[Any], position: float, first_mode: float, flexibility: float,
+    item: Impactor | Stop, row: Array, position: float, first_mode: float, flexibility: float,
     gravity: float = 0.0,
 ) -> ContactPair:  # fmt: skip
     """The pair of an impactor or a stop, its law resolved for the first mode's mass.
@@ -162,7 +163,7 @@ def contact_pair(
     return pair
 
 
-def frozen_row(values: Any) -> NDArray[Any]:
+def frozen_row(values: ArrayLike) -> Array:
     """A read-only copy of numbers."""
     array = np.array(values, dtype=float)
     array.setflags(write=False)

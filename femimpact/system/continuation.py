@@ -13,6 +13,8 @@ from femimpact.excitation import Excitation
 
 __all__ = ["Continuation", "begun_anew", "same_excitation"]
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
@@ -35,8 +37,8 @@ class Continuation:
 
     kind: object
     held: Any
-    displacements: tuple[NDArray[Any], NDArray[Any]]
-    velocities: tuple[NDArray[Any], NDArray[Any]]
+    displacements: tuple[Array, Array]
+    velocities: tuple[Array, Array]
     time: float
     system: Any
     excitation: Excitation

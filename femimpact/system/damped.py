@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import require, require_type
 from femimpact.structure.damping import ModalDamping, Rayleigh, rayleigh_coefficients
@@ -67,7 +66,7 @@ def damped_with_modes(system: System, damping: Rayleigh | ModalDamping | None) -
     return damped, modes
 
 
-def _rayleigh(damping: Rayleigh, omega: NDArray[Any]) -> tuple[float, float]:
+def _rayleigh(damping: Rayleigh, omega: NDArray[np.float64]) -> tuple[float, float]:
     ratio = damping.ratio if isinstance(damping.ratio, tuple) else (damping.ratio, damping.ratio)
     if damping.modes:
         first, second = damping.modes
@@ -80,7 +79,7 @@ def _rayleigh(damping: Rayleigh, omega: NDArray[Any]) -> tuple[float, float]:
     return rayleigh_coefficients((2 * math.pi * low, 2 * math.pi * high), ratio)
 
 
-def _by_modes(system: System, modes: Modes, ratio: NDArray[Any]) -> System:
+def _by_modes(system: System, modes: Modes, ratio: NDArray[np.float64]) -> System:
     """C = beta K + sum_k c_k (M phi_k)(M phi_k)^T, on the held rows, too."""
     omega = 2.0 * math.pi * modes.natural_frequency
     held = bool(omega[0] > 0.0)
@@ -102,7 +101,7 @@ def _by_modes(system: System, modes: Modes, ratio: NDArray[Any]) -> System:
     return replace(system, C=C, rayleigh=None, reactions=reactions, computed_together=None)
 
 
-def _row(values: Any) -> NDArray[Any]:
+def _row(values: ArrayLike) -> NDArray[np.float64]:
     row = np.array(values, dtype=float)
     row.setflags(write=False)
     return row

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import checked, choice, quantity, real_array, require
+from femimpact.system.matrices import Matrix
 
 __all__ = ["DERIVATIVE", "element_of", "hermite_rows", "place_in_element", "positions_on_beam", "shape_functions"]
+
+Array = NDArray[np.float64]
 
 OFF_BEAM = 1e-6
 """Share of the length by which a position in single precision may lie off the beam."""
@@ -26,7 +27,7 @@ DERIVATIVE = quantity("1", at_least=0, at_most=3, integer=True)
 """Orders of derivative that a cubic has."""
 
 
-def shape_functions(s: ArrayLike, derivative: int = 0) -> NDArray[Any]:
+def shape_functions(s: ArrayLike, derivative: int = 0) -> Array:
     """Cubic Hermite shape functions of (w1, h w1', w2, h w2') or a derivative of them by s.
 
     w(s) = H1 w1 + H2 h w1' + H3 w2 + H4 h w2', with s = (x - x1)/h.
@@ -56,7 +57,7 @@ def shape_functions(s: ArrayLike, derivative: int = 0) -> NDArray[Any]:
     return np.stack(rows[derivative])
 
 
-def positions_on_beam(nodes: NDArray[Any], positions: ArrayLike, key: str) -> NDArray[Any]:
+def positions_on_beam(nodes: Array, positions: ArrayLike, key: str) -> Array:
     """Positions (m) on the beam, those off it by rounding only moved to its end."""
     root, tip = float(nodes[0]), float(nodes[-1])
     allowed = f"must be within the beam, {root:g} to {tip:g} m"
@@ -67,20 +68,20 @@ def positions_on_beam(nodes: NDArray[Any], positions: ArrayLike, key: str) -> ND
     return np.asarray(np.clip(x, root, tip))
 
 
-def element_of(nodes: NDArray[Any], positions: NDArray[Any], side: str) -> NDArray[Any]:
+def element_of(nodes: Array, positions: Array, side: str) -> NDArray[np.intp]:
     """Numbers of the elements that hold positions (k,) in m; at a node, to 1e-9 of the length, the one on a side."""
     shift = (1.0 if checked("side", side, SIDE) == "right" else -1.0) * AT_NODE * (nodes[-1] - nodes[0])
     return np.asarray(np.clip(np.searchsorted(nodes, positions + shift, side="right") - 1, 0, nodes.size - 2))
 
 
-def place_in_element(nodes: NDArray[Any], positions: NDArray[Any], side: str) -> tuple[NDArray[Any], NDArray[Any]]:
+def place_in_element(nodes: Array, positions: Array, side: str) -> tuple[NDArray[np.intp], Array]:
     """Elements that hold positions (k,) in m, as `element_of`, and places from 0 to 1 inside them."""
     element = element_of(nodes, positions, side)
     s = (positions - nodes[element]) / (nodes[element + 1] - nodes[element])
     return element, np.asarray(np.clip(s, 0.0, 1.0))
 
 
-def hermite_rows(nodes: NDArray[Any], positions: ArrayLike, derivative: int = 0, side: str = "right") -> Any:
+def hermite_rows(nodes: Array, positions: ArrayLike, derivative: int = 0, side: str = "right") -> Matrix:
     """Sparse rows from nodal (w, w') pairs to the deflection, or a derivative of it, at positions.
 
     Parameters

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.linalg
@@ -15,6 +15,7 @@ from femimpact.errors import real_array, require
 from femimpact.system.rigid_motions import rigid_motions
 
 __all__ = [
+    "Matrix",
     "banded_factor",
     "check_semidefinite",
     "checked_matrix",
@@ -24,6 +25,11 @@ __all__ = [
     "same_product",
     "stiffness_solver",
 ]
+
+Array = NDArray[np.float64]
+
+Matrix: TypeAlias = "sparse.csr_array[Any, Any]"
+"""Sparse, of float. With its entries named, scipy-stubs would make a union of every product with an array."""
 
 RANK_TOLERANCE = 1e-13
 """Eigenvalues below this share of the largest are taken as zero: rigid motions."""
@@ -38,7 +44,7 @@ ROUNDING = 1e-8
 FINITE = "must hold finite numbers"
 
 
-def checked_matrix(name: str, value: Any) -> Any:
+def checked_matrix(name: str, value: Any) -> Matrix:
     """A square, symmetric, finite matrix as csr_array (dofs, dofs).
 
     Raises
@@ -46,12 +52,12 @@ def checked_matrix(name: str, value: Any) -> Any:
     InputError
         Naming the matrix and what is wrong with it.
     """
-    matrix: Any = value
+    given: Any = value
     if sparse.issparse(value):
-        require(matrix.dtype.kind in "iuf", name, f"matrix of {matrix.dtype}", "", FINITE)
-        matrix = sparse.csr_array(matrix).astype(float)
+        require(given.dtype.kind in "iuf", name, f"matrix of {given.dtype}", "", FINITE)
+        matrix: Matrix = sparse.csr_array(given).astype(float)
     else:
-        given: Any = np.atleast_2d(real_array(name, value, "", FINITE))
+        given = np.atleast_2d(real_array(name, value, "", FINITE))
         require(given.ndim == 2, name, given.shape, "", "must be a square matrix")
         matrix = sparse.csr_array(given)
     square = matrix.shape[0] == matrix.shape[1] and matrix.shape[0] > 0
@@ -64,7 +70,7 @@ def checked_matrix(name: str, value: Any) -> Any:
     return matrix
 
 
-def checked_row(key: str, value: ArrayLike, dofs: int) -> NDArray[Any]:
+def checked_row(key: str, value: ArrayLike, dofs: int) -> Array:
     """A read-only row (dofs,) of finite numbers."""
     allowed = f"must hold {dofs} finite numbers"
     row = np.atleast_1d(real_array(key, value, "", allowed))
@@ -73,7 +79,7 @@ def checked_row(key: str, value: ArrayLike, dofs: int) -> NDArray[Any]:
     return row
 
 
-def checked_shapes(nodes: ArrayLike | None, expansion: Any, dofs: int) -> tuple[NDArray[Any], Any]:
+def checked_shapes(nodes: ArrayLike | None, expansion: Any, dofs: int) -> tuple[Array, Matrix]:
     """Nodes (n,) and the matrix (2 n, dofs) that reads w and w' there; none of either where none is given.
 
     Raises
@@ -98,7 +104,7 @@ def checked_shapes(nodes: ArrayLike | None, expansion: Any, dofs: int) -> tuple[
     return places, sparse.csr_array(rows)
 
 
-def definite_factor(name: str, matrix: NDArray[Any], strictly: bool = False) -> tuple[NDArray[Any], int]:
+def definite_factor(name: str, matrix: Array, strictly: bool = False) -> tuple[Array, int]:
     """G (dofs, dofs) with A = G^T G, and the rank of A.
 
     Raises
@@ -116,7 +122,7 @@ def definite_factor(name: str, matrix: NDArray[Any], strictly: bool = False) -> 
     return np.sqrt(values)[:, None] * vectors.T, int(np.count_nonzero(values))
 
 
-def banded_factor(matrix: Any, semidefinite: bool = False) -> Any:
+def banded_factor(matrix: Matrix, semidefinite: bool = False) -> Matrix | None:
     """Upper triangular G (dofs, dofs) with A = G^T G of a sparse symmetric A, by Cholesky's method on its band.
 
     None where A is not positive definite or, where that is enough, semidefinite: rows of a motion without stiffness
@@ -150,7 +156,7 @@ def banded_factor(matrix: Any, semidefinite: bool = False) -> Any:
     return sparse.csr_array((values, (rows, rows + offsets)), shape=(size, size))
 
 
-def check_semidefinite(name: str, matrix: Any) -> None:
+def check_semidefinite(name: str, matrix: Matrix) -> None:
     """Raise `InputError` unless a symmetric sparse matrix is positive semidefinite, to 1e-9 of its largest entry."""
     if matrix.nnz == 0 or float(abs(matrix).max()) == 0.0:
         return
@@ -162,7 +168,7 @@ def check_semidefinite(name: str, matrix: Any) -> None:
         require(False, name, None, "", "must be positive semidefinite")
 
 
-def same_product(matrix: Any, product: Callable[[NDArray[Any]], NDArray[Any]]) -> bool:
+def same_product(matrix: Matrix, product: Callable[[Array], Array]) -> bool:
     """Whether a sparse matrix (dofs, dofs) and another product do the same to one vector, to rounding.
 
     A fixed vector without pattern finds any difference but those made for it, at the cost of a product.
@@ -174,7 +180,7 @@ def same_product(matrix: Any, product: Callable[[NDArray[Any]], NDArray[Any]]) -
     return bool(np.all(difference <= ROUNDING * (size + 1e-4 * size.max(initial=0.0))))
 
 
-def stiffness_solver(system: Any) -> Callable[[NDArray[Any]], NDArray[Any]]:
+def stiffness_solver(system: Any) -> Callable[[Array], Array]:
     """K^-1 of a system, through its stiffness factor: a function of loads (dofs, ...) in N; see `solve_stiffness`.
 
     Where rigid motions r are free it gives the elastic displacements, r^T M u = 0, under the loads and the inertia
@@ -194,7 +200,7 @@ def stiffness_solver(system: Any) -> Callable[[NDArray[Any]], NDArray[Any]]:
     augmented = sparse.block_array([[scale * sparse.eye_array(strains), factor], [factor.T, None]], format="csc")
     solver = splu(augmented)
 
-    def solve(loads: NDArray[Any]) -> NDArray[Any]:
+    def solve(loads: Array) -> Array:
         if rigid.shape[1]:
             loads = loads - momentum @ (rigid.T @ loads)
         right = np.concatenate([np.zeros((strains, *loads.shape[1:])), loads / -scale])

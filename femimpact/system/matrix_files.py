@@ -10,14 +10,14 @@ import scipy.io
 import scipy.sparse as sparse
 
 from femimpact.errors import Fault, InputError, require
-from femimpact.system.matrices import checked_matrix
+from femimpact.system.matrices import Matrix, checked_matrix
 
 __all__ = ["read_matrix"]
 
 SUFFIXES = (".mtx", ".mtx.gz", ".npz")
 
 
-def read_matrix(path: str | Path, name: str | None = None) -> Any:
+def read_matrix(path: str | Path, name: str | None = None) -> Matrix:
     """A symmetric matrix from a file, for `System.from_matrices`.
 
     Parameters

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     import pandas
 
 __all__ = ["Modes", "first_elastic_frequency", "first_mode_at", "flexibility", "solve_modes", "solve_stiffness"]
+
+Array = NDArray[np.float64]
 
 STILL = 1e-9
 """Share of what a motion may do below which a place is still."""
@@ -50,16 +52,16 @@ class Modes:
         If the arrays are not of equally many modes.
     """
 
-    natural_frequency: NDArray[Any] = field(metadata=column("Hz", "modes", finite=True))
-    damping_ratio: NDArray[Any] = field(metadata=column("1", "modes", finite=True))
-    participation_factor: NDArray[Any] = field(metadata=column("kg^0.5", "modes", finite=True))
-    vectors: NDArray[Any] = field(metadata=column("kg^-0.5", "dofs", "modes", finite=True))
+    natural_frequency: Array = field(metadata=column("Hz", "modes", finite=True))
+    damping_ratio: Array = field(metadata=column("1", "modes", finite=True))
+    participation_factor: Array = field(metadata=column("kg^0.5", "modes", finite=True))
+    vectors: Array = field(metadata=column("kg^-0.5", "dofs", "modes", finite=True))
 
     def __post_init__(self) -> None:
         check_fields(self)
 
     @property
-    def _table(self) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+    def _table(self) -> tuple[dict[str, NDArray[np.float64 | np.int64]], dict[str, str]]:
         """A row for every mode, and units."""
         units = {
             "mode": "1", "natural_frequency": "Hz", "damping_ratio": "1", "participation_factor": "kg^0.5",
@@ -78,7 +80,7 @@ class Modes:
         return frame_of(*self._table, index="mode")
 
     @property
-    def effective_mass(self) -> NDArray[Any]:
+    def effective_mass(self) -> Array:
         """Square of the participation factor, (count,) in kg; all of them sum to the moving mass."""
         mass = self.participation_factor**2
         mass.setflags(write=False)
@@ -140,7 +142,7 @@ def solve_modes(system: System, count: int) -> Modes:
     return Modes(*arrays)
 
 
-def _dense_modes(system: System, count: int, rigid: NDArray[Any]) -> NDArray[Any]:
+def _dense_modes(system: System, count: int, rigid: Array) -> Array:
     """From the singular values of G L^-T with K = G^T G and M = L L^T: omega, not omega squared. Without rigid ones."""
     lower = scipy.linalg.cholesky(system.M.toarray(), lower=True)
     factor = scipy.linalg.solve_triangular(lower, system.stiffness_factor.toarray().T, lower=True).T
@@ -152,7 +154,7 @@ def _dense_modes(system: System, count: int, rigid: NDArray[Any]) -> NDArray[Any
     return np.asarray(scipy.linalg.solve_triangular(lower, right.T, lower=True, trans="T"))
 
 
-def solve_stiffness(system: System, loads: NDArray[Any]) -> NDArray[Any]:
+def solve_stiffness(system: System, loads: Array) -> Array:
     """Static displacements K^-1 f, with K applied through its factor G.
 
     K x = f is solved as the stable mixed problem [s I, G; G^T, 0] [-G x / s; x] = [0; f] / s
@@ -183,7 +185,7 @@ def first_elastic_frequency(system: System) -> float:
     return float(solve_modes(system, loose + 1).natural_frequency[loose])
 
 
-def first_mode_at(system: System, modes: Modes, row: NDArray[Any]) -> float:
+def first_mode_at(system: System, modes: Modes, row: Array) -> float:
     """The first mode (kg^-0.5) as a row reads it.
 
     Where rigid motions are free, all of them together, or the first elastic mode at a place that they leave still.
@@ -198,7 +200,7 @@ def first_mode_at(system: System, modes: Modes, row: NDArray[Any]) -> float:
     return float(row @ solve_modes(system, rigid.shape[1] + 1).vectors[:, -1])
 
 
-def flexibility(system: System, rows: NDArray[Any]) -> NDArray[Any]:
+def flexibility(system: System, rows: Array) -> Array:
     """b^T K^-1 b (m/N) of every row (k, dofs), through the stiffness factor so that fine meshes keep their digits.
 
     Not a number where rigid motions are free.
@@ -211,7 +213,7 @@ def flexibility(system: System, rows: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(np.einsum("ji,ij->j", rows, solved))
 
 
-def _shift_invert_modes(system: System, count: int) -> NDArray[Any]:
+def _shift_invert_modes(system: System, count: int) -> Array:
     """Lanczos on K^-1 M, in which rigid motions are the fastest of all."""
     from scipy.sparse.linalg import LinearOperator, eigsh
 
@@ -222,7 +224,7 @@ def _shift_invert_modes(system: System, count: int) -> NDArray[Any]:
     return np.asarray(eigsh(system.K, k=count, M=system.M, sigma=0.0, OPinv=inverse, v0=start, tol=0)[1])
 
 
-def _normalised(system: System, vectors: NDArray[Any]) -> NDArray[Any]:
+def _normalised(system: System, vectors: Array) -> Array:
     """Scaled to unit modal mass; positive at the tip, or at the largest component where the tip is still."""
     vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, system.M @ vectors))
     tip = system.point_row(system.default_place) @ vectors

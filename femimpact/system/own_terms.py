@@ -10,9 +10,9 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import require, require_type
+from femimpact.errors import Fault, InputError, require, require_type
 from femimpact.system.contact_pair import ContactPair
-from femimpact.system.matrices import banded_factor, checked_matrix, checked_row
+from femimpact.system.matrices import Matrix, banded_factor, checked_matrix, checked_row
 from femimpact.system.modes import first_mode_at, flexibility, solve_modes
 from femimpact.system.reactions import Reaction
 from femimpact.system.system import System
@@ -107,7 +107,7 @@ def add_terms(
     return _with_contacts(bare, system.contacts)
 
 
-def _own_matrix(name: str, value: Any, size: int) -> Any:
+def _own_matrix(name: str, value: Any, size: int) -> Matrix:
     if value is None:
         return sparse.csr_array((size, size))
     matrix = checked_matrix(name, value)
@@ -116,7 +116,7 @@ def _own_matrix(name: str, value: Any, size: int) -> Any:
     return matrix
 
 
-def _stiffness_factor(system: System, added: Any, K: Any) -> Any:
+def _stiffness_factor(system: System, added: Matrix, K: Matrix) -> Matrix:
     """G of the sum: that of the structure above that of the added stiffness, or Cholesky's of the sum."""
     if added.nnz == 0:
         return system.stiffness_factor
@@ -124,18 +124,19 @@ def _stiffness_factor(system: System, added: Any, K: Any) -> Any:
     if own is not None:
         return sparse.csr_array(sparse.vstack([system.stiffness_factor, own], format="csr"))
     whole = banded_factor(K)
-    allowed = "must leave the stiffness positive definite: under this one the structure has buckled"
-    require(whole is not None, "stiffness", None, "", allowed)
+    if whole is None:
+        allowed = "must leave the stiffness positive definite: under this one the structure has buckled"
+        raise InputError([Fault("stiffness", None, "", allowed)])
     return whole
 
 
 def _with_terms(
     item: Reaction,
     rayleigh: tuple[float, float] | None,
-    own: dict[str, Any],
-    momentum: NDArray[Any],
-    force: NDArray[Any],
-    expansion: Any,
+    own: dict[str, Matrix],
+    momentum: NDArray[np.float64],
+    force: NDArray[np.float64],
+    expansion: Matrix,
 ) -> Reaction:
     """A reaction with the rows of the added terms at its dof."""
     if item.dof is None:
@@ -166,7 +167,7 @@ def _with_contacts(bare: System, contacts: tuple[ContactPair, ...]) -> System:
     return replace(bare, first_frequency=frequency, contacts=pairs, computed_together=None)
 
 
-def _row(values: Any) -> NDArray[Any]:
+def _row(values: ArrayLike) -> NDArray[np.float64]:
     row = np.array(values, dtype=float)
     row.setflags(write=False)
     return row

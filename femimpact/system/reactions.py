@@ -14,11 +14,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import check_fields, choice, column, optional, quantity, require, require_type
 
 __all__ = ["Reaction", "check_reactions", "damped_reactions", "reduced_reactions", "unloaded_reactions"]
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +63,9 @@ class Reaction:
 
     dof: int | None = field(metadata=optional(quantity("", at_least=0, integer=True)))
     unit: str = field(metadata=choice("N", "N m"))
-    on_acceleration: NDArray[Any] = field(metadata=column("kg", "dofs", finite=True))
-    on_velocity: NDArray[Any] = field(metadata=column("N s/m", "dofs", finite=True))
-    on_displacement: NDArray[Any] = field(metadata=column("N/m", "dofs", finite=True))
+    on_acceleration: Array = field(metadata=column("kg", "dofs", finite=True))
+    on_velocity: Array = field(metadata=column("N s/m", "dofs", finite=True))
+    on_displacement: Array = field(metadata=column("N/m", "dofs", finite=True))
     on_base_acceleration: float = field(metadata=quantity("kg"))
     constant: float = field(default=0.0, metadata=quantity("N"))
 
@@ -79,7 +81,7 @@ def damped_reactions(reactions: Mapping[str, Reaction], alpha: float, beta: floa
     }
 
 
-def reduced_reactions(reactions: Mapping[str, Reaction], phi: NDArray[Any]) -> dict[str, Reaction]:
+def reduced_reactions(reactions: Mapping[str, Reaction], phi: Array) -> dict[str, Reaction]:
     """The same reactions read from modal coordinates q, u = phi q, with phi (dofs, modes)."""
     return {
         name: replace(
@@ -107,7 +109,7 @@ def check_reactions(reactions: Any, dofs: int) -> None:
         require(item.on_displacement.size == dofs, f"reactions.{name}", item.on_displacement.size, "", allowed)
 
 
-def _row(values: Any) -> NDArray[Any]:
+def _row(values: ArrayLike) -> Array:
     row = np.array(values, dtype=float)
     row.setflags(write=False)
     return row

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sparse
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import checked, require, require_type, truth
 from femimpact.structure.damping import realised_damping_ratio
@@ -19,6 +18,8 @@ from femimpact.system.reactions import reduced_reactions
 from femimpact.system.system import System
 
 __all__ = ["reduce", "truncation_notes"]
+
+Array = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-12
 """Share of a direction's static flexibility below which a residual adds nothing but rounding."""
@@ -91,7 +92,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     )
 
 
-def _attachment_vectors(system: System, phi: NDArray[Any], omega: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _attachment_vectors(system: System, phi: Array, omega: Array) -> tuple[Array, Array]:
     """Mass-normalised residual attachment vectors of all contact directions, and their omega (rad/s)."""
     held = system.first_frequency > 0.0
     require(held, "static_correction", True, "", "needs a structure that is held: K^-1 b does not exist")
@@ -117,12 +118,12 @@ def _attachment_vectors(system: System, phi: NDArray[Any], omega: NDArray[Any]) 
     return psi, np.linalg.norm(system.stiffness_factor @ psi, axis=0)
 
 
-def _modal_damping(system: System, vectors: NDArray[Any]) -> NDArray[Any]:
+def _modal_damping(system: System, vectors: Array) -> Array:
     """phi^T C phi (1/s) of every vector: a rigid motion may be damped, though it has no ratio."""
     return np.asarray(np.einsum("ij,ij->j", vectors, system.C @ vectors))
 
 
-def _damping_ratio(system: System, vectors: NDArray[Any], omega: NDArray[Any]) -> NDArray[Any]:
+def _damping_ratio(system: System, vectors: Array, omega: Array) -> Array:
     if system.rayleigh is not None:
         return realised_damping_ratio(*system.rayleigh, omega)
     return _modal_damping(system, vectors) / (2.0 * omega)
@@ -172,7 +173,7 @@ def _is_short(pair: ContactPair, highest: float) -> bool:
     return pair.parameters.is_rigid or 0.0 < highest * pair.parameters.contact_time < 1.0
 
 
-def _flexibility_note(pair: ContactPair, omega: NDArray[Any]) -> list[str]:
+def _flexibility_note(pair: ContactPair, omega: Array) -> list[str]:
     if not math.isfinite(pair.flexibility) or not np.all(omega > 0.0):
         return []
     kept = float(np.sum((pair.direction / omega) ** 2))
@@ -201,7 +202,7 @@ def _modes(count: int) -> str:
     return f"{count} mode{'s' if count > 1 else ''}"
 
 
-def _check_decoupled(damping: Any) -> None:
+def _check_decoupled(damping: Array) -> None:
     """Raise unless the modal damping matrix is diagonal, seen against its diagonal."""
     diagonal = np.sqrt(np.abs(np.diag(damping)))
     off = np.abs(damping - np.diag(np.diag(damping)))
@@ -210,7 +211,7 @@ def _check_decoupled(damping: Any) -> None:
     require(decoupled, "damping", float(off.max()), "1/s", allowed)
 
 
-def _row(array: Any) -> Any:
+def _row(array: ArrayLike) -> Array:
     row = np.array(array, dtype=float)
     row.setflags(write=False)
     return row

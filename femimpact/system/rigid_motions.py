@@ -14,7 +14,7 @@ FREE = 1e-9
 """Share of a strain's terms below which it is rounding."""
 
 
-def rigid_motions(system: Any) -> NDArray[Any]:
+def rigid_motions(system: Any) -> NDArray[np.float64]:
     """Motions without strain: K r = 0, r^T M r = 1.
 
     Parameters
@@ -48,7 +48,7 @@ def rigid_motions(system: Any) -> NDArray[Any]:
     return np.asarray(np.linalg.solve(lower, motions.T).T)
 
 
-def _straight_motions(nodes: NDArray[Any]) -> NDArray[Any]:
+def _straight_motions(nodes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Translation and rotation about the root, (2 nodes, 2), both at most 1."""
     length = float(nodes[-1])
     motions = np.zeros((2 * nodes.size, 2))

@@ -25,6 +25,8 @@ from femimpact.errors import check_fields, column, quantity, require, text
 
 __all__ = ["Section", "SectionFields"]
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class Section:
@@ -87,12 +89,12 @@ class SectionFields:
         If the arrays are not equally long, a value is not positive, or a taper ends in nothing.
     """
 
-    bending_stiffness: NDArray[Any] = field(metadata=column("N m^2", "elements", finite=True))
-    mass_per_length: NDArray[Any] = field(metadata=column("kg/m", "elements", finite=True))
-    rotary_inertia: NDArray[Any] = field(metadata=column("kg m", "elements", finite=True))
-    young_modulus: NDArray[Any] = field(metadata=column("Pa", "elements", finite=True))
-    half_height: NDArray[Any] = field(metadata=column("m", "elements", finite=True))
-    region: NDArray[Any] = field(metadata=column("", "elements", of="text"))
+    bending_stiffness: Array = field(metadata=column("N m^2", "elements", finite=True))
+    mass_per_length: Array = field(metadata=column("kg/m", "elements", finite=True))
+    rotary_inertia: Array = field(metadata=column("kg m", "elements", finite=True))
+    young_modulus: Array = field(metadata=column("Pa", "elements", finite=True))
+    half_height: Array = field(metadata=column("m", "elements", finite=True))
+    region: NDArray[np.str_] = field(metadata=column("", "elements", of="text"))
     width_taper: Any = field(default=None, metadata=column("1", "elements", finite=True))
     thickness_taper: Any = field(default=None, metadata=column("1", "elements", finite=True))
 
@@ -110,31 +112,31 @@ class SectionFields:
             require(within, name, None, "1", "must hold numbers > -2 and < 2, so that both ends have a section")
 
     @property
-    def is_tapered(self) -> NDArray[Any]:
+    def is_tapered(self) -> NDArray[np.bool_]:
         """Which elements taper, (elements,)."""
         return np.asarray((self.width_taper != 0.0) | (self.thickness_taper != 0.0))
 
-    def bending_stiffness_at(self, element: Any, s: Any, derivative: int = 0) -> NDArray[Any]:
+    def bending_stiffness_at(self, element: int | NDArray[np.intp], s: float | Array, derivative: int = 0) -> Array:
         """E I (N m^2) at places s from 0 to 1 of elements, or its first derivative by s."""
         w, t, a, b = self._taper(element, s)
         shape = (a * b**3, w * b**3 + 3.0 * t * a * b**2)[derivative]
         return np.asarray(self.bending_stiffness[element] * shape)
 
-    def mass_per_length_at(self, element: Any, s: Any) -> NDArray[Any]:
+    def mass_per_length_at(self, element: int | NDArray[np.intp], s: float | Array) -> Array:
         """Rho A (kg/m) at places s from 0 to 1 of elements."""
         _, _, a, b = self._taper(element, s)
         return np.asarray(self.mass_per_length[element] * (a * b))
 
-    def rotary_inertia_at(self, element: Any, s: Any) -> NDArray[Any]:
+    def rotary_inertia_at(self, element: int | NDArray[np.intp], s: float | Array) -> Array:
         """Rho I (kg m) at places s from 0 to 1 of elements."""
         _, _, a, b = self._taper(element, s)
         return np.asarray(self.rotary_inertia[element] * (a * b**3))
 
-    def half_height_at(self, element: Any, s: Any) -> NDArray[Any]:
+    def half_height_at(self, element: int | NDArray[np.intp], s: float | Array) -> Array:
         """Half height (m) at places s from 0 to 1 of elements."""
         return np.asarray(self.half_height[element] * self._taper(element, s)[3])
 
-    def _taper(self, element: Any, s: Any) -> tuple[Any, Any, Any, Any]:
+    def _taper(self, element: int | NDArray[np.intp], s: float | Array) -> tuple[float | Array, ...]:
         """Tapers of elements, and the factors a and b of width and thickness."""
         w, t = self.width_taper[element], self.thickness_taper[element]
         return w, t, 1.0 + w * (s - 0.5), 1.0 + t * (s - 0.5)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import check_fields, choice, column, instance, optional, quantity, real_array, require, truth
 from femimpact.excitation import Excitation
@@ -15,6 +15,8 @@ from femimpact.system.static import StaticContacts, static_contacts
 from femimpact.system.system import System
 
 __all__ = ["ROUNDED", "State"]
+
+Array = NDArray[np.float64]
 
 ROUNDED = 1e-12
 """Distance (m) by which rounding may put a start beyond a wall."""
@@ -119,9 +121,7 @@ class State:
             return None
         return left if _are_equal((self.displacement, self.ball_displacement), left.displacements) else None
 
-    def relative_to_base(
-        self, system: System, base: Excitation
-    ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
+    def relative_to_base(self, system: System, base: Excitation) -> tuple[Array, Array, Array, Array]:
         """u, u', y, y' at the start relative to the base (m and m/s), checked for size and gaps.
 
         y and y' have one entry for each contact pair: zero for stops that are fixed to the base, ub and ub' for
@@ -154,13 +154,13 @@ class State:
         return u, v, y, y_rate
 
 
-def _are_equal(given: tuple[Any, ...], own: tuple[NDArray[Any], ...]) -> bool:
+def _are_equal(given: tuple[Array | None, ...], own: tuple[Array, ...]) -> bool:
     return all(values is not None and np.array_equal(values, left) for values, left in zip(given, own, strict=True))
 
 
 def _vector(
-    values: Any, size: int, key: str, unit: str, default: NDArray[Any] | None = None
-) -> NDArray[Any]:  # fmt: skip
+    values: ArrayLike | None, size: int, key: str, unit: str, default: Array | None = None
+) -> Array:  # fmt: skip
     allowed = f"must hold {size} finite numbers"
     if values is None:
         return np.zeros(size) if default is None else np.array(default)

@@ -8,6 +8,7 @@ problem 0 <= F_i, p_i <= c_i F_i, one of them with equality.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,10 +18,13 @@ from numpy.typing import NDArray
 
 from femimpact.contact.formulas import KELVIN_VOIGT, POWER, RIGID
 from femimpact.errors import checked, quantity, require
+from femimpact.system.contact_pair import ContactPair
 from femimpact.system.matrices import stiffness_solver
 from femimpact.system.rigid_motions import rigid_motions
 
 __all__ = ["StaticContacts", "static_contacts", "static_state"]
+
+Array = NDArray[np.float64]
 
 EXACT = 1e-9
 """Residual, as a share of the largest term, that rounding may leave of a complementarity problem."""
@@ -33,10 +37,10 @@ LAWS = "must be Rigid, KelvinVoigt or a power law without loss for a static stat
 class StaticContacts(NamedTuple):
     """A static state with its contact forces."""
 
-    displacement: NDArray[Any]  # (dofs,) m
-    other: NDArray[Any]  # (pairs,) y: the balls' displacements, and of stops the one given; m
-    normal: NDArray[Any]  # (pairs,) force of the walls, positive at the + wall; N
-    depth: NDArray[Any]  # (pairs,) penetration >= 0 of compliant walls; m
+    displacement: Array  # (dofs,) m
+    other: Array  # (pairs,) y: the balls' displacements, and of stops the one given; m
+    normal: Array  # (pairs,) force of the walls, positive at the + wall; N
+    depth: Array  # (pairs,) penetration >= 0 of compliant walls; m
 
 
 class _Wall(NamedTuple):
@@ -50,7 +54,7 @@ class _Wall(NamedTuple):
     gap: float  # m
 
 
-def static_state(system: Any, stop_displacement: float = 0.0) -> tuple[NDArray[Any], NDArray[Any]]:
+def static_state(system: Any, stop_displacement: float = 0.0) -> tuple[Array, Array]:
     """Displacements of structure and balls at rest under constant forces and contacts, relative to the base.
 
     Parameters
@@ -121,7 +125,7 @@ def static_contacts(system: Any, stop_displacement: float = 0.0) -> StaticContac
     return StaticContacts(u, y, normal, depth)
 
 
-def _require_no_work(rigid: NDArray[Any], load: NDArray[Any], mass: NDArray[Any]) -> None:
+def _require_no_work(rigid: Array, load: Array, mass: Array) -> None:
     """Raise where a constant load would set a mechanism going."""
     # r^T M r = 1, and so the work goes with the load over the root of the mass
     still = np.abs(rigid.T @ load) <= EXACT * np.linalg.norm(load / np.sqrt(mass))
@@ -132,7 +136,7 @@ def _require_no_work(rigid: NDArray[Any], load: NDArray[Any], mass: NDArray[Any]
     require(bool(np.all(still)), "initial", "static", "", allowed)
 
 
-def _ball_at_rest(pair: Any) -> tuple[float, float, float]:
+def _ball_at_rest(pair: ContactPair) -> tuple[float, float, float]:
     """Place x (m) of a ball at rest, the force of its walls (N, positive at the + wall) and its penetration (m)."""
     load = pair.mass * pair.acceleration
     spring = pair.free_stiffness + getattr(pair.law, "free_stiffness", 0.0)
@@ -160,21 +164,21 @@ def _ball_at_rest(pair: Any) -> tuple[float, float, float]:
     return side * (gap + depth), side * (pressed - spring * depth), depth
 
 
-def _power(stiffness: float, exponent: float) -> Any:
+def _power(stiffness: float, exponent: float) -> Callable[[float], float]:
     return lambda depth: stiffness * depth**exponent
 
 
-def _is_static(pair: Any) -> bool:
+def _is_static(pair: ContactPair) -> bool:
     """Whether a law has a force at rest that follows from its penetration alone."""
     kind = pair.parameters.kind
     return kind in (RIGID, KELVIN_VOIGT) or (kind == POWER and pair.parameters.damping == 0.0)
 
 
-def _require_static(pair: Any) -> None:
+def _require_static(pair: ContactPair) -> None:
     require(_is_static(pair), f"{pair.name}.contact", pair.law.name, "", LAWS)
 
 
-def _walls(j: int, pair: Any) -> list[_Wall]:
+def _walls(j: int, pair: ContactPair) -> list[_Wall]:
     numbers = pair.parameters
     return [
         _Wall(j, side, numbers.kind, numbers.stiffness, numbers.exponent, gap)
@@ -184,9 +188,9 @@ def _walls(j: int, pair: Any) -> list[_Wall]:
 
 
 def _pushed(
-    system: Any, walls: list[_Wall], solve: Any, u: NDArray[Any], y: NDArray[Any], normal: NDArray[Any],
-    depth: NDArray[Any],
-) -> NDArray[Any]:  # fmt: skip
+    system: Any, walls: list[_Wall], solve: Callable[[Array], Array], u: Array, y: Array, normal: Array,
+    depth: Array,
+) -> Array:  # fmt: skip
     """Displacements with the forces of the stops' walls, which are written into `normal` and `depth`."""
     pairs = system.contacts
     directions = np.array([wall.side * pairs[wall.pair].direction for wall in walls])
@@ -219,8 +223,8 @@ def _pushed(
 
 
 def _forces_of_laws(
-    walls: list[_Wall], compliance: NDArray[Any], free: NDArray[Any], names: str
-) -> NDArray[Any]:  # fmt: skip
+    walls: list[_Wall], compliance: Array, free: Array, names: str
+) -> Array:  # fmt: skip
     """Forces (N) of the walls by their laws; `free` is the penetration (m) of each without any contact."""
     stiffness = np.array([wall.stiffness for wall in walls])
     exponent = np.array([wall.exponent for wall in walls])
@@ -248,7 +252,7 @@ def _forces_of_laws(
     return force
 
 
-def _complementary(compliance: NDArray[Any], own: NDArray[Any], free: NDArray[Any], names: str) -> NDArray[Any]:
+def _complementary(compliance: Array, own: Array, free: Array, names: str) -> Array:
     """F >= 0 with (A + diag c) F >= q and equality where F > 0.
 
     Raises
@@ -273,7 +277,7 @@ def _complementary(compliance: NDArray[Any], own: NDArray[Any], free: NDArray[An
     return force
 
 
-def _solved(part: NDArray[Any], target: NDArray[Any]) -> tuple[NDArray[Any], bool]:
+def _solved(part: Array, target: Array) -> tuple[Array, bool]:
     """The problem with ones on its diagonal, and whether it has been solved.
 
     F are the multipliers of the least |z| with H^T z >= q, where H^T H is the matrix: with x >= 0 of the least

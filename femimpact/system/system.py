@@ -45,12 +45,14 @@ from femimpact.system.consistency import (
 )
 from femimpact.system.contact_pair import ContactPair, contact_pair, frozen_row
 from femimpact.system.hermite import hermite_rows, place_in_element, positions_on_beam
-from femimpact.system.matrices import checked_matrix, checked_row, checked_shapes, definite_factor
+from femimpact.system.matrices import Matrix, checked_matrix, checked_row, checked_shapes, definite_factor
 from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reactions
 from femimpact.system.sections import Section, SectionFields
 from femimpact.table import Head, head_of_values, short_repr
 
 __all__ = ["System", "SystemOrigin", "without_impactors"]
+
+Array = NDArray[np.float64]
 
 ALIKE = 1e-6
 """Relative difference of omega^2 below which two modes count as one first mode."""
@@ -107,14 +109,14 @@ class System:
         same places, none, and another damping matrix (with its `rayleigh`, or None) may be replaced.
     """
 
-    M: Any
-    C: Any
-    K: Any
-    stiffness_factor: Any
-    base_load: NDArray[Any] = field(metadata=column("kg", "dofs", finite=True))
-    rigid_translation: NDArray[Any] = field(metadata=column("1", "dofs", finite=True))
-    nodes: NDArray[Any] = field(metadata=column("m", "nodes", finite=True))
-    expansion: Any
+    M: Matrix
+    C: Matrix
+    K: Matrix
+    stiffness_factor: Matrix
+    base_load: Array = field(metadata=column("kg", "dofs", finite=True))
+    rigid_translation: Array = field(metadata=column("1", "dofs", finite=True))
+    nodes: Array = field(metadata=column("m", "nodes", finite=True))
+    expansion: Matrix | Array
     points: Mapping[str, float]
     total_mass: float = field(metadata=quantity("kg", at_least=0.0))
     first_frequency: float = field(metadata=quantity("Hz", at_least=0.0, finite=False))
@@ -122,7 +124,7 @@ class System:
     rayleigh: tuple[float, float] | None = field(
         default=None, metadata=optional(quantity("1/s and s", at_least=0.0, several=True))
     )
-    directions: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    directions: Mapping[str, Array] = field(default_factory=dict)
     constant_load: Any = field(default=None, metadata=column("N", "dofs", finite=True))
     reactions: Mapping[str, Reaction] = field(default_factory=dict)
     sections: SectionFields | None = field(default=None, metadata=optional(instance(SectionFields)))
@@ -222,7 +224,9 @@ class System:
         places, shapes = checked_shapes(nodes, expansion, dofs)
         rigid = np.linalg.solve(dense["M"], load)
         bare = cls(
-            **matrices,
+            M=matrices["M"],
+            C=matrices["C"],
+            K=matrices["K"],
             stiffness_factor=sparse.csr_array(factor),
             base_load=frozen_row(load),
             rigid_translation=frozen_row(rigid),
@@ -286,7 +290,7 @@ class System:
     def _require_beam(self, at: object) -> None:
         require(self.nodes.size > 0, "at", at, "m", f"must be a name, {', '.join(self.points)}: there is no beam")
 
-    def deflection_rows(self, positions: ArrayLike, derivative: int = 0) -> NDArray[Any]:
+    def deflection_rows(self, positions: ArrayLike, derivative: int = 0) -> Array:
         """Rows that read the deflection (or its derivative by x) at positions off the dofs.
 
         w(x) = rows @ u, along the Hermite curve of the element that holds x.
@@ -308,7 +312,7 @@ class System:
         """
         return self._rows(positions, derivative, "right")
 
-    def curvature_rows(self, positions: ArrayLike, side: str = "right") -> NDArray[Any]:
+    def curvature_rows(self, positions: ArrayLike, side: str = "right") -> Array:
         """Rows that read the curvature w'' (1/m) at positions.
 
         The bending moment is EI w'', the elastic part: what damping in proportion to the stiffness and terms of one's
@@ -334,7 +338,7 @@ class System:
         """
         return self._rows(positions, 2, side)
 
-    def shear_rows(self, positions: ArrayLike, side: str = "right") -> NDArray[Any]:
+    def shear_rows(self, positions: ArrayLike, side: str = "right") -> Array:
         """Rows that read the shear force (EI w'')' = EI w''' + (EI)' w'' (N) at positions.
 
         w''' is constant in a cubic element, so that the reading jumps from element to element: its error is of the
@@ -392,17 +396,17 @@ class System:
             raise InputError([Fault("sections", None, "", "are not known of a system given by matrices")])
         return self.sections
 
-    def _place_of(self, positions: ArrayLike, side: str) -> tuple[NDArray[Any], NDArray[Any]]:
+    def _place_of(self, positions: ArrayLike, side: str) -> tuple[NDArray[np.intp], Array]:
         """Elements that hold positions, and the places from 0 to 1 inside them."""
         self._require_beam(positions)
         return place_in_element(self.nodes, np.atleast_1d(positions_on_beam(self.nodes, positions, "positions")), side)
 
-    def _rows(self, positions: ArrayLike, derivative: int, side: str) -> NDArray[Any]:
+    def _rows(self, positions: ArrayLike, derivative: int, side: str) -> Array:
         self._require_beam(positions)
         rows: Any = hermite_rows(self.nodes, positions, derivative, side) @ self.expansion
         return np.asarray(rows if isinstance(rows, np.ndarray) else rows.toarray())
 
-    def held_shares(self, at: Position) -> NDArray[Any]:
+    def held_shares(self, at: Position) -> Array:
         """Share of a unit force at a place that acts on the held dof of each reaction, (reactions,).
 
         It is 1 for a force on a support itself, and not 0 in the elements beside one. A reaction is less by this
@@ -412,7 +416,7 @@ class System:
         return np.array([0.0 if item.dof is None else rows[item.dof] for item in self.reactions.values()])
 
     @cached_property
-    def contact_shares(self) -> NDArray[Any]:
+    def contact_shares(self) -> Array:
         """Share of each contact force F_j that acts on the held dof of each reaction, (reactions, contacts).
 
         It is b_j at the held dof: a reaction is less by this times F_j.
@@ -424,7 +428,7 @@ class System:
         shares.setflags(write=False)
         return shares
 
-    def point_row(self, at: Position) -> NDArray[Any]:
+    def point_row(self, at: Position) -> Array:
         """Row (dofs,) that reads the deflection at one named or numbered place."""
         place = isinstance(at, str) or in_range(at, quantity("m"))
         require(place, "at", at, "", "must be the name of a place, or metres from the root")
@@ -446,19 +450,19 @@ class System:
         return {}
 
     @cached_property
-    def _known_rows(self) -> dict[Position, NDArray[Any]]:
+    def _known_rows(self) -> dict[Position, Array]:
         """Rows read before: every run asks for the same ones."""
         return {}
 
 
-def _place_of_row(row: NDArray[Any], nodes: NDArray[Any], expansion: Any) -> float:
+def _place_of_row(row: Array, nodes: Array, expansion: Matrix) -> float:
     """Position (m) of the node whose deflection a row reads; not a number where there is none."""
     same = np.flatnonzero(np.all(np.abs(expansion[0::2].toarray() - row) <= 1e-9 * np.abs(row).max(), axis=1))
     return float(nodes[same[0]]) if same.size else math.nan
 
 
 def _contacts_of_matrices(
-    system: System, dense: Mapping[str, NDArray[Any]], rank: int, items: Sequence[Impactor | Stop]
+    system: System, dense: Mapping[str, Array], rank: int, items: Sequence[Impactor | Stop]
 ) -> tuple[float, tuple[ContactPair, ...]]:
     """First natural frequency (Hz) of a system given by matrices, and its contact pairs."""
     omega_squared, vectors = scipy.linalg.eigh(dense["K"], dense["M"])
@@ -482,7 +486,7 @@ def _contacts_of_matrices(
     return first_frequency, tuple(contacts)
 
 
-def _is_diagonal(matrix: Any) -> bool:
+def _is_diagonal(matrix: Matrix) -> bool:
     entries = sparse.coo_array(matrix)
     return bool(np.all((entries.coords[0] == entries.coords[1]) | (entries.data == 0.0)))
 
