@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
 __all__ = [
@@ -312,7 +313,7 @@ def _is_masked(value: Any) -> bool:
     return bool(np.ma.is_masked(value))
 
 
-def real_array(key: str, value: Any, unit: str, allowed: str, *, finite: bool = True) -> NDArray[Any]:
+def real_array(key: str, value: Any, unit: str, allowed: str, *, finite: bool = True) -> NDArray[np.float64]:
     """A new array of float, of any shape.
 
     Raises
@@ -425,7 +426,7 @@ def check_fields(instance: Any, *more: Fault) -> None:
         object.__setattr__(instance, name, value)
 
 
-def rising_numbers(key: str, values: Any, most: int) -> NDArray[Any]:
+def rising_numbers(key: str, values: Any, most: int) -> NDArray[np.int64]:
     """Three or more increasing whole numbers from 1, as a study of convergence goes through them.
 
     Raises

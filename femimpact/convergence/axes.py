@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +55,7 @@ class OverMeshes:
         If there are fewer than two meshes, or not as many labels.
     """
 
-    meshes: tuple[Any, ...] = field(metadata=items(Mesh, InputError))
+    meshes: tuple[Mesh | InputError, ...] = field(metadata=items(Mesh, InputError))
     labels: tuple[str, ...] = field(default=(), metadata=items(str))
 
     def __post_init__(self) -> None:
@@ -75,21 +74,21 @@ class OverMeshes:
         """Meshes of `uniform_mesh` with increasing numbers of elements."""
         counts = rising_numbers("elements", elements, MOST_ELEMENTS)
         require_type(structure, Structure, "structure")
-        return cls._of([lambda n=n: uniform_mesh(structure, int(n)) for n in counts], counts)
+        return cls._of([partial(uniform_mesh, structure, int(n)) for n in counts], counts)
 
     @classmethod
     def graded(cls, structure: Structure, elements: Sequence[int], ratio: float) -> OverMeshes:
         """Meshes of `graded_mesh` of one ratio, with increasing numbers of elements."""
         counts = rising_numbers("elements", elements, MOST_ELEMENTS)
         graded_mesh(structure, int(counts[-1]), ratio)
-        return cls._of([lambda n=n: graded_mesh(structure, int(n), ratio) for n in counts], counts)
+        return cls._of([partial(graded_mesh, structure, int(n), ratio) for n in counts], counts)
 
     @classmethod
     def random(cls, structure: Structure, elements: Sequence[int], seed: int) -> OverMeshes:
         """Meshes of `random_mesh` with increasing numbers of elements, each of a seed of its own."""
         counts = rising_numbers("elements", elements, MOST_ELEMENTS)
         random_mesh(structure, int(counts[-1]), seed)
-        return cls._of([lambda n=n: random_mesh(structure, int(n), seed + int(n)) for n in counts], counts)
+        return cls._of([partial(random_mesh, structure, int(n), seed + int(n)) for n in counts], counts)
 
     @classmethod
     def refinements(cls, mesh: Mesh, times: int = 3) -> OverMeshes:
@@ -108,7 +107,7 @@ class OverMeshes:
         return cls(tuple(mesh for _, mesh in found), tuple(path.name for path, _ in found))
 
     @classmethod
-    def _of(cls, makers: Sequence[Any], counts: NDArray[Any]) -> OverMeshes:
+    def _of(cls, makers: Sequence[Callable[[], Mesh]], counts: NDArray[np.int64]) -> OverMeshes:
         made: list[Mesh | InputError] = []
         for make in makers:
             try:

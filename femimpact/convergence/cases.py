@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
+import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.convergence.harmonic import steady_amplitude
@@ -48,7 +49,7 @@ class Case:
     is_limit: bool = False
 
     @cached_property
-    def steady(self) -> NDArray[Any]:
+    def steady(self) -> NDArray[np.complex128]:
         """Complex amplitudes (dofs,) of the steady response without contacts."""
         if self.base is None:
             require(False, "base", None, "", "must be a Sine: a watched quantity is of the response to it")

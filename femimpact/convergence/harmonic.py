@@ -32,7 +32,7 @@ def time_factors(base: Sine, step: Newmark | None = None) -> tuple[complex, comp
     return speed / place, 1.0 / place
 
 
-def newmark_frequency(frequency: NDArray[Any], step: Newmark) -> NDArray[Any]:
+def newmark_frequency(frequency: NDArray[np.float64], step: Newmark) -> NDArray[np.float64]:
     """Frequencies (Hz) at which undamped modes move in Newmark's steps.
 
     A step multiplies by z with (z - 1)^2 + Omega^2 [beta z^2 + (1/2 + gamma - 2 beta) z + 1/2 - gamma + beta] = 0,
@@ -51,7 +51,7 @@ def newmark_frequency(frequency: NDArray[Any], step: Newmark) -> NDArray[Any]:
     return np.array(found)
 
 
-def steady_amplitude(system: System, base: Sine, step: Newmark | None = None) -> NDArray[Any]:
+def steady_amplitude(system: System, base: Sine, step: Newmark | None = None) -> NDArray[np.complex128]:
     """Complex amplitudes (dofs,) of the structure without contacts and constant loads; the base's is real.
 
     The stiffness is applied through its factor, as in `solve_stiffness`, so that fine meshes keep their digits.

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 __all__ = ["MeshConvergence", "StepConvergence", "converge_elements", "converge_step"]
 
+Array = NDArray[np.float64]
+
 ASSEMBLED_STIFFNESS_FLOOR = 4.0
 """Rounding of an assembled Hermite stiffness shifts the first frequency by about this times eps N^4 / sqrt(N)."""
 
@@ -63,12 +65,12 @@ class MeshConvergence:
         is not whole.
     """
 
-    elements: NDArray[Any] = field(metadata=column("1", "meshes", of="whole number"))
-    natural_frequency: NDArray[Any] = field(metadata=column("Hz", "meshes", "modes"))
-    error: NDArray[Any] = field(metadata=column("1", "meshes", "modes"))
-    order: NDArray[Any] = field(metadata=column("1", "modes"))
-    reference: NDArray[Any] = field(metadata=column("Hz", "modes"))
-    floor: NDArray[Any] = field(metadata=column("1", "modes"))
+    elements: NDArray[np.int64] = field(metadata=column("1", "meshes", of="whole number"))
+    natural_frequency: Array = field(metadata=column("Hz", "meshes", "modes"))
+    error: Array = field(metadata=column("1", "meshes", "modes"))
+    order: Array = field(metadata=column("1", "modes"))
+    reference: Array = field(metadata=column("Hz", "modes"))
+    floor: Array = field(metadata=column("1", "modes"))
     notes: tuple[str, ...] = field(metadata=text(several=True))
 
     def __post_init__(self) -> None:
@@ -136,7 +138,7 @@ def _assembled_floor(elements: int) -> float:
     return float(ASSEMBLED_STIFFNESS_FLOOR * np.finfo(float).eps * elements**3.5)
 
 
-def _limit(counts: NDArray[Any], f: NDArray[Any]) -> float:
+def _limit(counts: NDArray[np.int64], f: Array) -> float:
     """Richardson's value of order 4 from the last two meshes that still differ beyond rounding."""
     last = f.size - 1
     while last > 1 and abs(f[last] / f[last - 1] - 1.0) < 1e-9:
@@ -173,12 +175,12 @@ class StepConvergence:
         number from 0.
     """
 
-    dt: NDArray[Any] = field(metadata=column("s", "steps", finite=True))
-    linear_error: NDArray[Any] = field(metadata=column("1", "steps"))
+    dt: Array = field(metadata=column("s", "steps", finite=True))
+    linear_error: Array = field(metadata=column("1", "steps"))
     linear_order: float = field(metadata=quantity("1", finite=False))
-    first_impact_error: NDArray[Any] = field(metadata=column("1", "steps"))
+    first_impact_error: Array = field(metadata=column("1", "steps"))
     first_impact_order: float = field(metadata=quantity("1", finite=False))
-    energy_residual: NDArray[Any] = field(metadata=column("1", "steps"))
+    energy_residual: Array = field(metadata=column("1", "steps"))
     impacts: int = field(metadata=quantity("1", at_least=0, integer=True))
     notes: tuple[str, ...] = field(metadata=text(several=True))
 
@@ -221,7 +223,7 @@ def converge_step(system: System, excitation: Sine, method: Newmark, halvings: i
     for key, value, kind in given:
         require_type(value, kind, key)
     halvings = checked("halvings", halvings, quantity("1", at_least=1, at_most=20, integer=True))
-    dt = method.dt / 2.0 ** np.arange(halvings + 1)
+    dt = method.dt / 2.0 ** np.arange(halvings + 1, dtype=float)
     finest = replace(method, dt=float(dt[-1] / 4.0))
     bare = without_impactors(system)
     # whole coarse steps, so that all runs end at the same instant
@@ -264,12 +266,12 @@ def _past_first_impact(system: System, base: Sine, method: Newmark) -> float | N
 
 
 def _errors(
-    system: System, excitation: Sine, method: Newmark, dt: NDArray[Any], finest: Newmark, duration: float
-) -> tuple[NDArray[Any], NDArray[Any]]:
+    system: System, excitation: Sine, method: Newmark, dt: Array, finest: Newmark, duration: float
+) -> tuple[Array, Array]:
     """Largest difference from the finest run at the coarse steps, and the energy residual, for each dt."""
     names = ("tip", *(pair.name for pair in system.contacts))
 
-    def histories(step: float) -> tuple[NDArray[Any], float]:
+    def histories(step: float) -> tuple[Array, float]:
         every = round(method.dt / step)
         record = Recorder(channels=names, every=every)
         response = integrate(system, excitation, replace(method, dt=step), duration, record)

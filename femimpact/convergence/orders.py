@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ __all__ = [
     "extrapolated", "fitted_order", "local_orders", "number_for", "observed_order", "rounding_floor", "usable_rows",
 ]  # fmt: skip
 
-Row = NDArray[Any]
+Row = NDArray[np.float64]
 
 ROUNDED = 1e-6
 """Relative difference of two rows below which a stall is taken for rounding; above it, for a coarse mesh."""

@@ -20,6 +20,8 @@ from femimpact.system.system import System
 
 __all__ = ["mode_convergence"]
 
+Array = NDArray[np.float64]
+
 UNSETTLED = 0.1
 """Share of the first impact's loss; a larger change between the last two counts is worth a note."""
 
@@ -101,7 +103,7 @@ def mode_convergence(
                            notes=tuple(notes))  # fmt: skip
 
 
-def _errors(counts: NDArray[Any], columns: dict[str, Any]) -> dict[str, NDArray[Any]]:
+def _errors(counts: NDArray[np.int64], columns: dict[str, Array]) -> dict[str, Array]:
     """Fill in the errors of the first impact; their orders in the count."""
     orders = {}
     for name, source in (("displacement", "first_displacement"), ("loss", "first_loss")):
@@ -114,14 +116,14 @@ def _errors(counts: NDArray[Any], columns: dict[str, Any]) -> dict[str, NDArray[
     return orders
 
 
-def _order(counts: NDArray[Any], error: NDArray[Any]) -> float:
+def _order(counts: NDArray[np.int64], error: Array) -> float:
     usable = np.isfinite(error) & (error > 0.0)
     if np.count_nonzero(usable) < 2:
         return math.nan
     return -float(np.polyfit(np.log(counts[usable]), np.log(error[usable]), 1)[0])
 
 
-def _notes(columns: Mapping[str, NDArray[Any]], counts: NDArray[Any], laws: str, cycles: int) -> list[str]:
+def _notes(columns: Mapping[str, Array], counts: NDArray[np.int64], laws: str, cycles: int) -> list[str]:
     notes = [
         f"statistics over the last {cycles} base cycles; differences below the scatter mean nothing",
         "first impact: errors against the largest count with static correction",

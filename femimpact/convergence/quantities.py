@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,15 @@ from femimpact.convergence.harmonic import newmark_frequency, time_factors
 from femimpact.errors import check_fields, checked, optional, place, quantity, require, text
 from femimpact.structure.structure import Position
 from femimpact.system.hermite import hermite_rows, place_in_element
+from femimpact.system.matrices import Matrix
 from femimpact.system.system import System
 
 __all__ = [
     "BendingMoment", "Frequencies", "ModeShapes", "Reading", "SteadyResponse", "SupportReaction", "SurfaceStress",
     "Watched",
 ]  # fmt: skip
+
+Array = NDArray[np.float64]
 
 
 class Reading(NamedTuple):
@@ -134,7 +137,7 @@ class ModeShapes:
         return tuple(readings)
 
 
-def _shape_distances(case: Case, finest: Case, most: int) -> tuple[NDArray[Any], NDArray[Any]]:
+def _shape_distances(case: Case, finest: Case, most: int) -> tuple[Array, Array]:
     """Relative energy norm of the difference of shapes and 1 - MAC, (most,) each."""
     energy, deficiency = np.full((2, most), np.nan)
     count = min(most, case.system.dofs)
@@ -157,11 +160,11 @@ def _shape_distances(case: Case, finest: Case, most: int) -> tuple[NDArray[Any],
     return energy, deficiency
 
 
-def _curves(system: System, x: NDArray[Any], derivative: int) -> Any:
+def _curves(system: System, x: Array, derivative: int) -> Matrix | Array:
     return hermite_rows(system.nodes, x, derivative) @ system.expansion
 
 
-def _bending_stiffness(system: System, x: NDArray[Any]) -> NDArray[Any]:
+def _bending_stiffness(system: System, x: Array) -> Array:
     if system.sections is None:
         require(False, "sections", None, "", "are not known of a system given by matrices")
         raise AssertionError

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = ["OTHERS", "STATISTICS", "ModeConvergence"]
 
+Array = NDArray[np.float64]
+
 STATISTICS = {
     "rms": "m",
     "peak": "m",
@@ -84,22 +86,22 @@ class ModeConvergence:
         If a column is not of shape (n, 2), a count is not whole, or `scatter` names none of these columns.
     """
 
-    counts: NDArray[Any] = field(metadata=column("1", "counts", of="whole number"))
-    rms: NDArray[Any] = field(metadata=column("m", "counts", 2))
-    peak: NDArray[Any] = field(metadata=column("m", "counts", 2))
-    contact_loss: NDArray[Any] = field(metadata=column("J", "counts", 2))
-    structure_loss: NDArray[Any] = field(metadata=column("J", "counts", 2))
-    damping: NDArray[Any] = field(metadata=column("1", "counts", 2))
-    mean_impulse: NDArray[Any] = field(metadata=column("N s", "counts", 2))
-    scatter: Mapping[str, NDArray[Any]]
-    peak_force: NDArray[Any] = field(metadata=column("N", "counts", 2))
-    residual: NDArray[Any] = field(metadata=column("1", "counts", 2))
-    first_displacement: NDArray[Any] = field(metadata=column("m", "counts", 2))
-    first_loss: NDArray[Any] = field(metadata=column("J", "counts", 2))
-    displacement_error: NDArray[Any] = field(metadata=column("1", "counts", 2))
-    loss_error: NDArray[Any] = field(metadata=column("1", "counts", 2))
-    displacement_order: NDArray[Any] = field(metadata=column("1", 2))
-    loss_order: NDArray[Any] = field(metadata=column("1", 2))
+    counts: NDArray[np.int64] = field(metadata=column("1", "counts", of="whole number"))
+    rms: Array = field(metadata=column("m", "counts", 2))
+    peak: Array = field(metadata=column("m", "counts", 2))
+    contact_loss: Array = field(metadata=column("J", "counts", 2))
+    structure_loss: Array = field(metadata=column("J", "counts", 2))
+    damping: Array = field(metadata=column("1", "counts", 2))
+    mean_impulse: Array = field(metadata=column("N s", "counts", 2))
+    scatter: Mapping[str, Array]
+    peak_force: Array = field(metadata=column("N", "counts", 2))
+    residual: Array = field(metadata=column("1", "counts", 2))
+    first_displacement: Array = field(metadata=column("m", "counts", 2))
+    first_loss: Array = field(metadata=column("J", "counts", 2))
+    displacement_error: Array = field(metadata=column("1", "counts", 2))
+    loss_error: Array = field(metadata=column("1", "counts", 2))
+    displacement_order: Array = field(metadata=column("1", 2))
+    loss_order: Array = field(metadata=column("1", 2))
     at: str = field(metadata=text())
     law: str = field(metadata=text())
     cycles: int = field(metadata=quantity("1", at_least=1, integer=True))

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femimpact.convergence.cases import Case
 from femimpact.convergence.measure import PARTS, run_statistics
@@ -72,7 +73,7 @@ class ContactStatistics:
                 kept.append(values[name])
         return tuple(self._reading(name, np.array(values)) for name, values in found.items())
 
-    def _reading(self, name: str, values: np.ndarray) -> Reading:
+    def _reading(self, name: str, values: NDArray[np.float64]) -> Reading:
         known = values[np.isfinite(values)]
         if known.size < 2:
             return Reading(name.replace("_", " "), STATISTICS[name], math.nan, math.nan)

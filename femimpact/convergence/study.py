@@ -27,6 +27,8 @@ from femimpact.structure.structure import Structure
 
 __all__ = ["convergence_study"]
 
+Array = NDArray[np.float64]
+
 AS_EXPECTED = 0.5
 """Difference from the expected order up to which the expected one extrapolates, in place of the one found."""
 
@@ -181,7 +183,7 @@ def _reason(found: Measured) -> str:
     return " ".join(str(found).split()) if isinstance(found, FemimpactError) else ""
 
 
-def _matrix(measured: Sequence[Measured], quantities: int) -> tuple[NDArray[Any], NDArray[Any]]:
+def _matrix(measured: Sequence[Measured], quantities: int) -> tuple[Array, Array]:
     """Values and scatter, (cases, quantities)."""
     value, scatter = np.full((2, len(measured), quantities), np.nan)
     for i, found in enumerate(measured):
@@ -192,7 +194,7 @@ def _matrix(measured: Sequence[Measured], quantities: int) -> tuple[NDArray[Any]
 
 
 def _column(
-    head: Reading, value: NDArray[Any], scatter: NDArray[Any], size: NDArray[Any], number: NDArray[Any],
+    head: Reading, value: Array, scatter: Array, size: Array, number: Array,
     limit: _Limit, accuracy: float,
 ) -> dict[str, Any]:  # fmt: skip
     """Errors, orders, reference, floor and recommended number of one quantity."""
@@ -228,9 +230,7 @@ def _column(
     return column | {"fitted_order": found, "reference": reference, "floor": floor, "recommended": wanted}
 
 
-def _statistic(
-    value: NDArray[Any], scatter: NDArray[Any], number: NDArray[Any], known: NDArray[Any], accuracy: float
-) -> dict[str, Any]:
+def _statistic(value: Array, scatter: Array, number: Array, known: NDArray[np.intp], accuracy: float) -> dict[str, Any]:
     """Differences from the finest case; the recommended number is the first from which on none means anything."""
     reference, error = float(value[known[-1]]), np.full(value.size, np.nan)
     error[known] = np.abs(value[known] - reference) / abs(reference) if reference else np.nan
@@ -242,7 +242,7 @@ def _statistic(
     return {"error": error, "reference": reference, "recommended": settled}
 
 
-def _reference(size: NDArray[Any], value: NDArray[Any], order: float, limit: _Limit) -> tuple[float, float]:
+def _reference(size: Array, value: Array, order: float, limit: _Limit) -> tuple[float, float]:
     """The value that a column tends to, and its round-off floor where that was met."""
     expected = order if math.isfinite(order) else 2.0
     if math.isinf(limit.ratio) and math.isfinite(limit.value):
@@ -262,7 +262,7 @@ def _reference(size: NDArray[Any], value: NDArray[Any], order: float, limit: _Li
     return extrapolated(v[-2], v[-1], h[-2] / h[-1], expected), floor
 
 
-def _distances(size: NDArray[Any], value: NDArray[Any], order: float, limit: _Limit) -> NDArray[Any]:
+def _distances(size: Array, value: Array, order: float, limit: _Limit) -> Array:
     """Distances from the exact shape, where the values are those from the limit, or without one from the finest row.
 
     The limit's own distance follows from that of the row before it and the order; both add up as the sides of a right

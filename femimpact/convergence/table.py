@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = ["ConvergenceStudy", "ConvergenceTable"]
 
+Array = NDArray[np.float64]
+
 MEANINGFUL = 3.0
 """Standard errors beyond which a difference of two means is taken to mean something."""
 
@@ -68,21 +70,21 @@ class ConvergenceTable:
     """
 
     axis: str = field(metadata=choice("mesh", "step", "modes"))
-    label: NDArray[Any] = field(metadata=column("", "cases", of="text"))
-    number: NDArray[Any] = field(metadata=column("1", "cases"))
-    size: NDArray[Any] = field(metadata=column("m, s or 1", "cases"))
-    failure: NDArray[Any] = field(metadata=column("", "cases", of="text"))
-    name: NDArray[Any] = field(metadata=column("", "quantities", of="text"))
-    unit: NDArray[Any] = field(metadata=column("", "quantities", of="text"))
-    value: NDArray[Any] = field(metadata=column("of each quantity", "cases", "quantities"))
-    error: NDArray[Any] = field(metadata=column("1", "cases", "quantities"))
-    order: NDArray[Any] = field(metadata=column("1", "cases", "quantities"))
-    scatter: NDArray[Any] = field(metadata=column("of each quantity", "cases", "quantities"))
-    fitted_order: NDArray[Any] = field(metadata=column("1", "quantities"))
-    expected_order: NDArray[Any] = field(metadata=column("1", "quantities"))
-    reference: NDArray[Any] = field(metadata=column("of each quantity", "quantities"))
-    floor: NDArray[Any] = field(metadata=column("1", "quantities"))
-    recommended: NDArray[Any] = field(metadata=column("1", "quantities"))
+    label: NDArray[np.str_] = field(metadata=column("", "cases", of="text"))
+    number: Array = field(metadata=column("1", "cases"))
+    size: Array = field(metadata=column("m, s or 1", "cases"))
+    failure: NDArray[np.str_] = field(metadata=column("", "cases", of="text"))
+    name: NDArray[np.str_] = field(metadata=column("", "quantities", of="text"))
+    unit: NDArray[np.str_] = field(metadata=column("", "quantities", of="text"))
+    value: Array = field(metadata=column("of each quantity", "cases", "quantities"))
+    error: Array = field(metadata=column("1", "cases", "quantities"))
+    order: Array = field(metadata=column("1", "cases", "quantities"))
+    scatter: Array = field(metadata=column("of each quantity", "cases", "quantities"))
+    fitted_order: Array = field(metadata=column("1", "quantities"))
+    expected_order: Array = field(metadata=column("1", "quantities"))
+    reference: Array = field(metadata=column("of each quantity", "quantities"))
+    floor: Array = field(metadata=column("1", "quantities"))
+    recommended: Array = field(metadata=column("1", "quantities"))
     accuracy: float = field(metadata=quantity("1", above=0.0, below=1.0))
     notes: tuple[str, ...] = field(default=(), metadata=text(several=True))
 
@@ -90,7 +92,7 @@ class ConvergenceTable:
         check_fields(self)
 
     @property
-    def meaningful(self) -> NDArray[Any]:
+    def meaningful(self) -> NDArray[np.bool_]:
         """Whether a difference from the reference is beyond three standard errors, (cases, quantities) of bool."""
         noise = MEANINGFUL * np.hypot(self.scatter, self.scatter[self._finest])
         apart = self.error * np.abs(self.reference) > noise
