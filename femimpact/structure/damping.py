@@ -129,7 +129,7 @@ def _two(key: str, values: Any, metadata: dict[str, Any]) -> tuple[float, float]
     return pair[0], pair[1]
 
 
-def realised_damping_ratio(alpha: float, beta: float, omega: ArrayLike) -> NDArray[Any]:
+def realised_damping_ratio(alpha: float, beta: float, omega: ArrayLike) -> NDArray[np.float64]:
     """Damping ratio alpha/(2 omega) + beta omega/2 that Rayleigh damping gives at omega (rad/s)."""
     a = checked("alpha", alpha, quantity("1/s", at_least=0.0))
     b = checked("beta", beta, quantity("s", at_least=0.0))

@@ -33,7 +33,7 @@ UNITS = {
 }
 
 
-def approach_speeds(speed_min: float, speed_max: float) -> NDArray[Any]:
+def approach_speeds(speed_min: float, speed_max: float) -> NDArray[np.float64]:
     """Approach speeds (m/s) of the table, even on a logarithmic axis.
 
     Raises
@@ -97,7 +97,7 @@ def _contacts(study: Study) -> tuple[tuple[ContactPair, ...], Method]:
     return tuple(system.contacts), method_for(study, system)
 
 
-def _table(pairs: tuple[ContactPair, ...], method: Method, speeds: NDArray[Any]) -> dict[str, list[Any]]:
+def _table(pairs: tuple[ContactPair, ...], method: Method, speeds: NDArray[np.float64]) -> dict[str, list[Any]]:
     rows = [_row(pair, method, float(speed)) for pair in pairs for speed in speeds]
     return {name: [row[name] for row in rows] for name in rows[0]}
 

@@ -27,7 +27,9 @@ from femimpact.convergence import (
     converge_step,
     convergence_study,
 )
+from femimpact.convergence.cases import Axis
 from femimpact.convergence.mesh_and_step import converge_meshes
+from femimpact.convergence.quantities import Watched
 from femimpact.errors import FemimpactError, InputError
 from femimpact.export import figures, tables
 from femimpact.fem.mesh import Mesh, uniform_mesh
@@ -110,7 +112,7 @@ def write_convergence(
     meshes = _meshes(study, own)
     mesh = own if own is not None else uniform_mesh(study.structure, cast(int, study.mesh.elements))
     in_steps = study.method.get("name", "newmark") == "newmark"
-    axes: list[Any] = [meshes, OverModes(mesh, _counts(full.dofs))]
+    axes: list[Axis] = [meshes, OverModes(mesh, _counts(full.dofs))]
     notes = []
     if in_steps:
         axes.insert(1, _steps(study, mesh, method))
@@ -177,7 +179,7 @@ def _moving(system: System) -> tuple[str, ...]:
     return tuple(place for place in dict.fromkeys((system.default_place, "mid")) if np.any(system.point_row(place)))
 
 
-def _watched(system: System) -> list[Any]:
+def _watched(system: System) -> list[Watched]:
     """Quantities of any study; the stress is that at a clamped root, else at mid."""
     # a moment before a force; none where springs alone hold the beam
     reactions = sorted(system.reactions, key=lambda name: not name.endswith(".moment"))[:1]

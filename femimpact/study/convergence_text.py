@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from typing import Any
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -98,9 +98,9 @@ def _wide(name: str, cells: list[str], end: str) -> str:
     return f"{name:<{NAME - 2}}{columns}{end}"[:WIDTH].rstrip()
 
 
-def _cell(value: Any, form: str = ".1e") -> str:
+def _cell(value: float, form: str = ".1e") -> str:
     return "-" if math.isnan(value) else format(value, form)
 
 
-def _notes(notes: Any) -> list[str]:
+def _notes(notes: Iterable[str]) -> list[str]:
     return [line for note in notes for line in textwrap.wrap(f"- {note}", WIDTH, subsequent_indent="  ")]

@@ -44,6 +44,8 @@ __all__ = [
     "write_snapshots",
 ]
 
+Array = NDArray[np.float64]
+
 ABOUT = "about"
 """Variable that holds, as JSON, what is no array."""
 
@@ -85,7 +87,7 @@ class DrawnSystem:
     total_mass : float, kg
     """
 
-    nodes: NDArray[Any]
+    nodes: Array
     points: Mapping[str, float]
     contacts: tuple[DrawnContact, ...] = ()
     total_mass: float = math.nan
@@ -99,7 +101,7 @@ class DrawnSystem:
         """Metres from the root of a place."""
         return float(self.points[at] if isinstance(at, str) else at)
 
-    def deflection_rows(self, positions: ArrayLike) -> NDArray[Any]:
+    def deflection_rows(self, positions: ArrayLike) -> Array:
         """Rows that read the deflection from nodal values (w1, w1', w2, w2', ...)."""
         rows: Any = hermite_rows(self.nodes, positions)
         return np.asarray(rows if isinstance(rows, np.ndarray) else rows.toarray())
@@ -184,7 +186,7 @@ def write_last_cycles(path: Path, structure: Structure, response: Response, end:
     _write(path, data, end.time)
 
 
-def _write(path: Path, data: dict[str, Any], time: NDArray[Any]) -> None:
+def _write(path: Path, data: dict[str, Any], time: Array) -> None:
     import xarray
 
     data[ABOUT] = ((), json.dumps(tables.plain(data[ABOUT][1])))
@@ -241,7 +243,7 @@ def read_last_cycles(folder: Path, summary: Mapping[str, Any]) -> tuple[Response
     return response, dataclasses.replace(response, time=data["time"].to_numpy(), channels=channels, units=units)
 
 
-def _response(folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any], nodes: NDArray[Any]) -> Response:
+def _response(folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any], nodes: Array) -> Response:
     """A response without a history: its impacts, its end, and what pictures show of its system."""
     contacts = tuple(
         DrawnContact(
@@ -302,7 +304,7 @@ def _sticking(folder: Path, summary: Mapping[str, Any]) -> StickingPhases:
 # ---- sweep ----------------------------------------------------------------------------------------
 
 
-def read_curves(folder: Path, summary: Mapping[str, Any]) -> tuple[dict[str, FrequencyResponse], NDArray[Any]] | None:
+def read_curves(folder: Path, summary: Mapping[str, Any]) -> tuple[dict[str, FrequencyResponse], Array] | None:
     """Response curves by case, and the even grid (Hz); None where the results have no sweep."""
     data = read_dataset(folder, "sweep_data", summary)
     if data is None:

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
 from femimpact.integrators.methods import Method
@@ -40,7 +41,7 @@ class SweepPair:
 
     empty: FrequencyResponse
     ball: FrequencyResponse | None
-    coarse: Any
+    coarse: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class Spread:
         return f"{round(middle / unit) * unit:.{digits}f} ({down * unit:.{digits}f} to {up * unit:.{digits}f})"
 
 
-def spread_of(values: Any, resolution: float = 0.0) -> Spread:
+def spread_of(values: ArrayLike, resolution: float = 0.0) -> Spread:
     """Median and range of values that are finite.
 
     Parameters
@@ -106,7 +107,7 @@ def _estimates(curve: FrequencyResponse) -> tuple[DampingEstimate, DampingEstima
     return none, none
 
 
-def _curve_summary(curve: FrequencyResponse, coarse: Any) -> dict[str, Any]:
+def _curve_summary(curve: FrequencyResponse, coarse: NDArray[np.float64]) -> dict[str, Any]:
     even = on_grid(curve.frequency, coarse)
     fit, half = _estimates(curve)
     grid = (curve.frequency[even], curve.peak[even])

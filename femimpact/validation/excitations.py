@@ -15,6 +15,7 @@ from femimpact.contact import ContactLaw, KelvinVoigt, Rigid
 from femimpact.excitation import PointForce, RecordedBase, Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate
+from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.newmark import GeneralizedAlpha, Newmark
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import Impactor
@@ -38,7 +39,7 @@ def _oscillator(damping: float = DAMPING) -> System:
 # ---- a ball that no wall touches -----------------------------------------------------------------
 
 
-def _resting_ball(law: ContactLaw, method: Any) -> Response:
+def _resting_ball(law: ContactLaw, method: Method) -> Response:
     """A ball at rest in the inertial frame, between walls that the base's motion does not reach."""
     ball = Impactor("ball", "tip", 0.1, 1.0, law)
     system = System.from_matrices([[1.0]], [[0.1]], [[OMEGA**2]], points={"tip": [1.0]}, impactors=[ball])
@@ -106,7 +107,7 @@ def shaken() -> Case:
     )  # fmt: skip
 
 
-def _recurrence(history: NDArray[Any], dt: float, mass: float, force: float) -> float:
+def _recurrence(history: NDArray[np.float64], dt: float, mass: float, force: float) -> float:
     """Last displacement of the oscillator under a history of force per unit mass, step by step.
 
     (1 - mass) a1 + mass a0 + (1 - force)(c v1 + k u1 - f1) + force (c v0 + k u0 - f0) = 0, with

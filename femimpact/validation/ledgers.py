@@ -23,6 +23,7 @@ from femimpact.contact import (
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate
+from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.newmark import MoreauJean, Newmark
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import Impactor
@@ -42,7 +43,7 @@ STILL = Sine(0.0, 50.0)
 
 
 def _collision_run(
-    law: ContactLaw, method: Any, gap: float | tuple[float, float] = 1e-3, speed: float = SPEED
+    law: ContactLaw, method: Method, gap: float | tuple[float, float] = 1e-3, speed: float = SPEED
 ) -> Response:
     """A ball sent from the centre against a wall: the structure's row is zero."""
     ball = Impactor("ball", "tip", MASS, gap, law)
@@ -57,10 +58,10 @@ def _integrated() -> dict[str, float]:
 
     k, c = 2000.0, 3.0
 
-    def force(_: float, state: NDArray[Any]) -> float:
+    def force(_: float, state: NDArray[np.float64]) -> float:
         return float(k * state[0] + c * state[1])
 
-    def rates(time: float, state: NDArray[Any]) -> list[float]:
+    def rates(time: float, state: NDArray[np.float64]) -> list[float]:
         return [state[1], -force(time, state) / MASS]
 
     force.terminal = True  # type: ignore[attr-defined]
@@ -191,7 +192,7 @@ def _box(law: ContactLaw, free_stiffness: float = 0.0) -> System:
     )  # fmt: skip
 
 
-BALANCED: dict[str, tuple[ContactLaw, Any, float]] = {
+BALANCED: dict[str, tuple[ContactLaw, Method, float]] = {
     "rigid contact, event-driven": (Rigid(0.6), EventDriven(), 1e-11),
     "Kelvin-Voigt, event-driven": (KelvinVoigt(stiffness=4e3, damping=2.0), EventDriven(), 1e-10),
     "Kelvin-Voigt, energy-consistent": (

@@ -6,19 +6,22 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.excitation import Sine
+from femimpact.integrators import methods
 from femimpact.integrators.integrate import integrate
 from femimpact.integrators.stepping.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
+from femimpact.response.response import Response
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.validation.case import Case
 
 __all__ = ["CASES", "METHODS", "Method"]
+
+Array = NDArray[np.float64]
 
 STEPS = 20
 """Steps in a period."""
@@ -39,11 +42,11 @@ class Method:
 
     name: str
     source: str
-    make: Callable[[float], Any]
-    amplification: Callable[[float], NDArray[Any]]
+    make: Callable[[float], methods.Method]
+    amplification: Callable[[float], Array]
 
 
-def alpha_amplification(angle: float, beta: float, gamma: float, mass: float, force: float) -> NDArray[Any]:
+def alpha_amplification(angle: float, beta: float, gamma: float, mass: float, force: float) -> Array:
     """One step on (u, dt v, dt^2 a) of u'' = -omega^2 u, angle = omega dt.
 
     Inertia is taken `mass` of a step, the spring `force` of a step before the end.
@@ -54,12 +57,12 @@ def alpha_amplification(angle: float, beta: float, gamma: float, mass: float, fo
     return np.linalg.solve(ahead, behind)
 
 
-def second_order(angle: float, mass: float, force: float) -> NDArray[Any]:
+def second_order(angle: float, mass: float, force: float) -> Array:
     """The same with gamma = 1/2 - mass + force and beta = (1 - mass + force)^2/4."""
     return alpha_amplification(angle, (1 - mass + force) ** 2 / 4, 0.5 - mass + force, mass, force)
 
 
-def theta_amplification(angle: float, theta: float) -> NDArray[Any]:
+def theta_amplification(angle: float, theta: float) -> Array:
     """One step of the theta rule on (u, dt v)."""
     w = angle**2
     ahead = np.array([[1.0, -theta], [theta * w, 1.0]])
@@ -91,7 +94,7 @@ METHODS = (
 """Methods of the cases; another one is another entry."""
 
 
-def _free_vibration(method: Any, periods: int) -> Any:
+def _free_vibration(method: methods.Method, periods: int) -> Response:
     """An undamped oscillator of 1 Hz, let go at 1 m."""
     system = System.from_matrices([[1.0]], [[0.0]], [[4 * math.pi**2]], points={"tip": [1.0]})
     return integrate(system, Sine(0.0, 1.0), method, float(periods), initial=State(displacement=[1.0]))
@@ -141,7 +144,9 @@ def numerical_damping(method: Method) -> Case:
 
 def energy_is_kept() -> Case:
     """The average acceleration keeps the energy of an undamped linear structure."""
-    stored = _free_vibration(Newmark(1 / STEPS), 1000).energy.stored
+    energy = _free_vibration(Newmark(1 / STEPS), 1000).energy
+    assert energy is not None
+    stored = energy.stored
     return Case(
         "Newmark 1/4, 1/2: energy of 1000 free periods", "Hughes (1987)", "largest change of energy", "1", 0.0,
         float(np.max(np.abs(stored / stored[0] - 1))), 1e-10, "20,000 steps of rounding",
