@@ -16,6 +16,8 @@ from femimpact.system.system import System
 
 __all__ = ["Drive", "drive_of"]
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True, eq=False)
 class Drive:
@@ -37,10 +39,10 @@ class Drive:
         Place of a force; None where the base moves.
     """
 
-    load: NDArray[Any]
+    load: Array
     share: float
     omega: float
-    history: Callable[[NDArray[Any]], ArrayLike]
+    history: Callable[[Array], ArrayLike]
     closed_form: Harmonic | BrokenLine | None
     at: Position | None = None
 
@@ -64,7 +66,7 @@ class Drive:
         """Of the base's displacement under a sine, m."""
         return -self.share * self.sine.amplitude / self.omega**2
 
-    def value(self, time: NDArray[Any]) -> NDArray[Any]:
+    def value(self, time: Array) -> Array:
         """s(t) at times in s.
 
         Raises

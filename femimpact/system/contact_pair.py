@@ -123,9 +123,8 @@ class ContactPair:
 
 
 def contact_pair(
-    item: Impactor | Stop, row: Array, position: float, first_mode: float, flexibility: float,
-    gravity: float = 0.0,
-) -> ContactPair:  # fmt: skip
+    item: Impactor | Stop, row: Array, position: float, first_mode: float, flexibility: float, gravity: float = 0.0
+) -> ContactPair:
     """The pair of an impactor or a stop, its law resolved for the first mode's mass.
 
     Parameters

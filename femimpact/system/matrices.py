@@ -29,7 +29,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 Matrix: TypeAlias = "sparse.csr_array[Any, Any]"
-"""Sparse, of float. With its entries named, scipy-stubs would make a union of every product with an array."""
+"""Sparse, of floats. With the type of its entries, scipy-stubs would make a union of each product with an array."""
 
 RANK_TOLERANCE = 1e-13
 """Eigenvalues below this share of the largest are taken as zero: rigid motions."""

@@ -158,9 +158,7 @@ def _are_equal(given: tuple[Array | None, ...], own: tuple[Array, ...]) -> bool:
     return all(values is not None and np.array_equal(values, left) for values, left in zip(given, own, strict=True))
 
 
-def _vector(
-    values: ArrayLike | None, size: int, key: str, unit: str, default: Array | None = None
-) -> Array:  # fmt: skip
+def _vector(values: ArrayLike | None, size: int, key: str, unit: str, default: Array | None = None) -> Array:
     allowed = f"must hold {size} finite numbers"
     if values is None:
         return np.zeros(size) if default is None else np.array(default)

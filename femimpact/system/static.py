@@ -188,9 +188,8 @@ def _walls(j: int, pair: ContactPair) -> list[_Wall]:
 
 
 def _pushed(
-    system: Any, walls: list[_Wall], solve: Callable[[Array], Array], u: Array, y: Array, normal: Array,
-    depth: Array,
-) -> Array:  # fmt: skip
+    system: Any, walls: list[_Wall], solve: Callable[[Array], Array], u: Array, y: Array, normal: Array, depth: Array
+) -> Array:
     """Displacements with the forces of the stops' walls, which are written into `normal` and `depth`."""
     pairs = system.contacts
     directions = np.array([wall.side * pairs[wall.pair].direction for wall in walls])
@@ -222,9 +221,7 @@ def _pushed(
     return u
 
 
-def _forces_of_laws(
-    walls: list[_Wall], compliance: Array, free: Array, names: str
-) -> Array:  # fmt: skip
+def _forces_of_laws(walls: list[_Wall], compliance: Array, free: Array, names: str) -> Array:
     """Forces (N) of the walls by their laws; `free` is the penetration (m) of each without any contact."""
     stiffness = np.array([wall.stiffness for wall in walls])
     exponent = np.array([wall.exponent for wall in walls])

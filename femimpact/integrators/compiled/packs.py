@@ -7,7 +7,7 @@ with the same rounding. They are called without the first argument.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any, TypeAlias, cast
 
 from llvmlite import ir
 from numba.core import cgutils, types
@@ -15,6 +15,7 @@ from numba.extending import intrinsic, models, register_model
 
 __all__ = [
     "WIDTH",
+    "Value",
     "differ_in_sign",
     "entry",
     "fill",
@@ -25,6 +26,9 @@ __all__ = [
     "store",
     "times",
 ]
+
+Value: TypeAlias = Any
+"""A float, or a pack: what `load` gives, as its last argument is."""
 
 WIDTH = 8
 """Cases in a pack."""

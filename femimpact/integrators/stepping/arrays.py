@@ -25,6 +25,8 @@ from femimpact.system.system import System
 
 __all__ = ["Inputs", "cycles_of", "empty_record", "limits_of", "motion_of", "pairs_of"]
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
@@ -168,7 +170,7 @@ def motion_of(
     )
 
 
-def _placed(values: NDArray[Any], place: int) -> NDArray[Any]:
+def _placed(values: Array, place: int) -> Array:
     """A copy that begins with a cache line, at another distance from the page's start for each place.
 
     Loads across two lines cost twice, and arrays whole pages apart look like one another to the processor.
@@ -182,8 +184,8 @@ def _placed(values: NDArray[Any], place: int) -> NDArray[Any]:
 
 
 def _contacts_at_start(
-    system: System, inputs: Inputs, pairs: layout.Pairs, ball: NDArray[Any], touch: NDArray[Any]
-) -> NDArray[Any]:  # fmt: skip
+    system: System, inputs: Inputs, pairs: layout.Pairs, ball: Array, touch: Array
+) -> Array:  # fmt: skip
     """Contacts that a static start is in: they are open from the start on. Returns the forces (N) of compliant ones.
 
     The wall of a rigid one is moved to the start, less than rounding may: impulses look at whether a gap is closed.
@@ -222,7 +224,7 @@ def _contacts_at_start(
     return pushes
 
 
-def _drive(drives: Sequence[Drive], inputs: Inputs, dt: float) -> NDArray[Any]:
+def _drive(drives: Sequence[Drive], inputs: Inputs, dt: float) -> Array:
     omega, phase, amplitude = (
         np.array([getattr(drive.sine, name) for drive in drives]) for name in ("omega", "phase", "amplitude")
     )
@@ -241,7 +243,7 @@ def _drive(drives: Sequence[Drive], inputs: Inputs, dt: float) -> NDArray[Any]:
     return _placed(rows, 8)
 
 
-def _table(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod) -> NDArray[Any]:
+def _table(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod) -> Array:
     """Values of drives that are no sines at every fine step; no rows for sines."""
     if all(drive.is_sine for drive in drives):
         return np.zeros((0, len(drives)))
@@ -249,7 +251,7 @@ def _table(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod) -> N
     return np.ascontiguousarray(np.array([drive.value(time) for drive in drives]).T)
 
 
-def _travel(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod, obstacles: int) -> NDArray[Any]:
+def _travel(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod, obstacles: int) -> Array:
     """Displacement and velocity of bases that move by no sine at every fine step, for stops fixed in space."""
     if obstacles == 0 or all(drive.is_sine for drive in drives):
         return np.zeros((2, 0, len(drives)))
@@ -283,7 +285,7 @@ def limits_of(
     operator: layout.Operator,
     motion: layout.Motion,
     method: SteppingMethod,
-) -> NDArray[Any]:
+) -> Array:
     """Displacement (m) of the observed place beyond which a case counts as diverging.
 
     A multiple of what the drive does at resonance, the initial state, and a ball's motion within
@@ -308,7 +310,7 @@ def limits_of(
     return np.asarray(method.divergence_limit * (scale + 1e-9))
 
 
-def _acceleration(system: System, drive: Drive, values: NDArray[Any] | None) -> float:
+def _acceleration(system: System, drive: Drive, values: Array | None) -> float:
     """Largest acceleration (m/s^2) that a force on the structure gives to its own place; by its values if no sine."""
     largest = abs(drive.sine.amplitude) if values is None else float(np.abs(values).max())
     free = scipy.sparse.linalg.spsolve(system.M.tocsc(), drive.load)

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import apart, inlined
-from femimpact.integrators.compiled.packs import WIDTH, entry, fill, fma, load, product, store
+from femimpact.integrators.compiled.packs import WIDTH, Value, entry, fill, fma, load, product, store
 from femimpact.integrators.stepping.layout import Motion, Operator, Scheme
 
 __all__ = ["free_step_banded", "free_step_banded_single"]
 
+Array = NDArray[np.float64]
+
 
 @inlined
-def free_step_banded(op: Operator, s: Scheme, m: Motion, acting: NDArray[Any]) -> None:
+def free_step_banded(op: Operator, s: Scheme, m: Motion, acting: Array) -> None:
     """The step of every case, eight at a time."""
     if op.narrow.size > 0:
         _packs(op.narrow, op.factor, op.load, s, m.q, m.v, m.a, acting)
@@ -33,10 +34,7 @@ def free_step_banded_single(op: Operator, s: Scheme, m: Motion, c: int, acting: 
 
 
 @apart
-def _packs(
-    narrow: NDArray[Any], factor: NDArray[Any], drive: NDArray[Any], s: Scheme, q: NDArray[Any], v: NDArray[Any],
-    a: NDArray[Any], acting: NDArray[Any],
-) -> None:  # fmt: skip
+def _packs(narrow: Array, factor: Array, drive: Array, s: Scheme, q: Array, v: Array, a: Array, acting: Array) -> None:
     zero = fill(0.0)
     for c in range(0, acting.size, WIDTH):
         _step(narrow, factor, drive, s, q, v, a, c, load(acting, 0, c, zero), zero)
@@ -44,16 +42,15 @@ def _packs(
 
 @apart
 def _alone(
-    narrow: NDArray[Any], factor: NDArray[Any], drive: NDArray[Any], s: Scheme, q: NDArray[Any], v: NDArray[Any],
-    a: NDArray[Any], c: int, acting: float,
-) -> None:  # fmt: skip
+    narrow: Array, factor: Array, drive: Array, s: Scheme, q: Array, v: Array, a: Array, c: int, acting: float
+) -> None:
     _step(narrow, factor, drive, s, q, v, a, c, acting, 0.0)
 
 
 @inlined
 def _step(
-    narrow: NDArray[Any], factor: NDArray[Any], drive: NDArray[Any], s: Scheme, q: NDArray[Any], v: NDArray[Any],
-    a: NDArray[Any], c: int, acting: Any, zero: Any,
+    narrow: Array, factor: Array, drive: Array, s: Scheme, q: Array, v: Array, a: Array, c: int, acting: Value,
+    zero: Value,
 ) -> None:  # fmt: skip
     """Two sweeps: right-hand side with forward substitution, back substitution with the new state.
 
@@ -103,7 +100,7 @@ def _step(
 
 
 @apart
-def _step_wide(op: Operator, s: Scheme, m: Motion, c: int, acting: Any) -> None:
+def _step_wide(op: Operator, s: Scheme, m: Motion, c: int, acting: Value) -> None:
     """The same with any number of bands."""
     n, bands, lower = m.q.shape[0], op.cholesky_band.shape[0], op.cholesky_band
     rhs, u_felt, v_felt = m.scratch[0], m.scratch[1], m.scratch[2]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import threading
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +24,8 @@ from femimpact.system.system import System
 
 __all__ = ["Block", "Inputs", "prepare", "run_block"]
 
+Array = NDArray[np.float64]
+
 STEPS_BETWEEN_CHECKS = 4_000_000
 """Mode-steps between two looks at progress, interrupts and divergence: some 10 ms of work."""
 
@@ -43,10 +44,10 @@ class Block:
     ledger: bool
     steps: int
     beginning: Beginning
-    ends: NDArray[Any]
+    ends: NDArray[np.int64]
     cases: int
-    limit: NDArray[Any]
-    diverged: NDArray[Any]
+    limit: Array
+    diverged: Array
 
     @property
     def cycle_statistics(self) -> CycleStatistics:
@@ -66,7 +67,7 @@ def prepare(
     inputs: Inputs,
     method: SteppingMethod,
     *,
-    observed: NDArray[Any],
+    observed: Array,
     ledger: bool,
     record: layout.Record | None = None,
 ) -> Block:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,10 @@ from femimpact.system.state import State
 from femimpact.system.system import System
 
 __all__ = ["Beginning", "Held", "beginning_of", "final_state", "go_on", "resume_contacts"]
+
+Array = NDArray[np.float64]
+
+Kind = TypeVar("Kind", np.float64, np.int64)
 
 MOTION = ("q", "v", "a", "w", "w_rate", "ball", "touch", "drive")
 CYCLES = ("next_wrap", "number", "sums", "last")
@@ -42,10 +46,10 @@ class Held:
 
     origin: float
     step: int
-    motion: Mapping[str, NDArray[Any]]
-    cycles: Mapping[str, NDArray[Any]]
-    gaps: NDArray[Any]
-    to_modes: NDArray[Any]
+    motion: Mapping[str, Array]
+    cycles: Mapping[str, Array | NDArray[np.int64]]
+    gaps: Array
+    to_modes: Array
 
     def touching(self, system: System) -> tuple[str, ...]:
         """Names of the contacts in progress."""
@@ -83,9 +87,10 @@ class Beginning:
         """Names of the contacts in progress that go on."""
         return () if self.held is None else self.held.touching(system)
 
-    def times(self, steps: int, method: SteppingMethod) -> NDArray[Any]:
+    def times(self, steps: int, method: SteppingMethod) -> Array:
         """Times (s) of all fine steps from step 0 until a number of steps after the beginning."""
-        return self.origin + np.arange((self.step + steps) * method.refine + 1) * (method.dt / method.refine)
+        count = (self.step + steps) * method.refine + 1
+        return self.origin + np.arange(count, dtype=float) * (method.dt / method.refine)
 
 
 def beginning_of(initial: State, system: System, excitation: Excitation, method: SteppingMethod) -> Beginning:
@@ -99,9 +104,7 @@ def beginning_of(initial: State, system: System, excitation: Excitation, method:
     return Beginning(initial.time, 0, held)
 
 
-def resume_contacts(
-    held: Held, beginning: Beginning, pairs: layout.Pairs, touch: NDArray[Any], time_step: float
-) -> NDArray[Any]:  # fmt: skip
+def resume_contacts(held: Held, beginning: Beginning, pairs: layout.Pairs, touch: Array, time_step: float) -> Array:
     """Contacts in progress go on; their forces (N) on the structure, those of centring springs included."""
     pairs.constants[GAPS] = held.gaps
     touch[...] = held.motion["touch"]
@@ -155,7 +158,7 @@ def _kind(method: SteppingMethod) -> object:
     return "steps", scheme_of(method), method.refine
 
 
-def _copy(array: NDArray[Any]) -> NDArray[Any]:
+def _copy(array: NDArray[Kind]) -> NDArray[Kind]:
     copy = np.array(array)
     copy.setflags(write=False)
     return copy

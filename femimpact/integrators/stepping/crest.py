@@ -7,8 +7,8 @@ end and the crests, which are computed where the rate changes sign, and nowhere 
 from __future__ import annotations
 
 import math
-from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import apart, called, inlined
@@ -27,6 +27,8 @@ from femimpact.integrators.stepping.layout import (
 from femimpact.response.columns import MAXIMUM, MINIMUM
 
 __all__ = ["add_crests", "add_fine_step", "split_cycles"]
+
+Array = NDArray[np.float64]
 
 
 @called
@@ -50,7 +52,7 @@ def _crest(w0: float, a: float, w1: float, b: float) -> float:
 
 
 @called
-def _include(c: int, w: float, sums: NDArray[Any]) -> None:
+def _include(c: int, w: float, sums: Array) -> None:
     """Add one displacement to the extremes of the running cycle; one that is not a number changes nothing."""
     if w > sums[MAXIMUM, c]:
         sums[MAXIMUM, c] = w
@@ -59,9 +61,7 @@ def _include(c: int, w: float, sums: NDArray[Any]) -> None:
 
 
 @called
-def _extend(
-    c: int, h: float, w: float, rate: float, impact: float, sums: NDArray[Any], last: NDArray[Any]
-) -> None:  # fmt: skip
+def _extend(c: int, h: float, w: float, rate: float, impact: float, sums: Array, last: Array) -> None:
     """Take one case from its last place on to w and w', a time h later (s), past an `impact` or none.
 
     Two motions meet in an impact: each has one end of the step, and what lies between is no cubic.
@@ -91,7 +91,7 @@ def _end_cycle(c: int, cycles: Cycles) -> None:
 @apart
 def _add_interval(
     c: int, start: float, stop: float, dt: float, w: float, rate: float, impact: float, cycles: Cycles
-) -> None:  # fmt: skip
+) -> None:
     """Take one case from its last place, at `start`, on to w and w' at `stop` (both in steps of dt).
 
     A cycle that ends within gets the part before its end, the next one the part after it.
@@ -116,7 +116,7 @@ def _add_interval(
 
 
 @called
-def _impact_in(c: int, begun: float, rigid: bool, touch: NDArray[Any]) -> float:
+def _impact_in(c: int, begun: float, rigid: bool, touch: Array) -> float:
     """Time (s) from the begin of a step to its first impulse, which may lie half a step before it; else infinite.
 
     The impulses of a ball that stays on its wall make no jump.
@@ -131,9 +131,8 @@ def _impact_in(c: int, begun: float, rigid: bool, touch: NDArray[Any]) -> float:
 
 @apart
 def add_crests(
-    first: int, begun: float, dt: float, rigid: bool, w: NDArray[Any], w_rate: NDArray[Any], touch: NDArray[Any],
-    sums: NDArray[Any], last: NDArray[Any],
-) -> None:  # fmt: skip
+    first: int, begun: float, dt: float, rigid: bool, w: Array, w_rate: Array, touch: Array, sums: Array, last: Array
+) -> None:
     """Crests of the step that began at that time (s) in the pack of cases from `first` on, or in one case alone."""
     for c in range(first, min(first + WIDTH, w.shape[1])):
         if differ_in_sign(last[LAST_RATE, c], w_rate[0, c]):

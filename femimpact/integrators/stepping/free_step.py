@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import apart, called, inlined
 from femimpact.integrators.compiled.packs import (
     WIDTH,
+    Value,
     differ_in_sign,
     entry,
     fill,
@@ -50,9 +50,11 @@ from femimpact.integrators.stepping.layout import (
     Y,
 )
 
+Array = NDArray[np.float64]
+
 
 @inlined
-def turn_drive(drive: NDArray[Any]) -> None:
+def turn_drive(drive: Array) -> None:
     """The drive at the next step, by rotating the phase: no trigonometric call per step."""
     if drive.shape[1] == 1:
         _turn(drive, 0, 0.0)
@@ -62,7 +64,7 @@ def turn_drive(drive: NDArray[Any]) -> None:
 
 
 @inlined
-def _turn(drive: NDArray[Any], c: int, zero: Any) -> None:
+def _turn(drive: Array, c: int, zero: Value) -> None:
     sine, cosine = load(drive, SINE, c, zero), load(drive, COSINE, c, zero)
     turn_sine, turn_cosine = load(drive, TURN_SINE, c, zero), load(drive, TURN_COSINE, c, zero)
     scale, base = load(drive, SCALE, c, zero), load(drive, BASE, c, zero)
@@ -74,14 +76,14 @@ def _turn(drive: NDArray[Any], c: int, zero: Any) -> None:
 
 
 @inlined
-def read_drive(table: NDArray[Any], base: NDArray[Any]) -> None:
+def read_drive(table: Array, base: Array) -> None:
     """The drive at the next step from its samples."""
     for c in range(base.size):
         base[c] = table[c]
 
 
 @inlined
-def blend_drive(alpha: float, base: NDArray[Any], before: NDArray[Any], acting: NDArray[Any]) -> None:
+def blend_drive(alpha: float, base: Array, before: Array, acting: Array) -> None:
     """What the balance within the step feels of the drive."""
     for c in range(base.size):
         acting[c] = (1.0 - alpha) * base[c] + alpha * before[c]
@@ -89,9 +91,8 @@ def blend_drive(alpha: float, base: NDArray[Any], before: NDArray[Any], acting: 
 
 @inlined
 def free_step_diagonal(
-    load_of: NDArray[Any], inertia: NDArray[Any], damping: NDArray[Any], stiffness: NDArray[Any], row: NDArray[Any],
-    s: Scheme, q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], w: NDArray[Any], w_rate: NDArray[Any],
-    acting: NDArray[Any],
+    load_of: Array, inertia: Array, damping: Array, stiffness: Array, row: Array, s: Scheme, q: Array, v: Array,
+    a: Array, w: Array, w_rate: Array, acting: Array,
 ) -> None:  # fmt: skip
     """One step of every mode without contact force, and the first place that is read every step."""
     zero = fill(0.0)
@@ -105,8 +106,8 @@ def free_step_diagonal(
 
 @inlined
 def free_step_single(
-    load_of: NDArray[Any], inertia: NDArray[Any], damping: NDArray[Any], stiffness: NDArray[Any], row: NDArray[Any],
-    s: Scheme, q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], c: int, acting: float,
+    load_of: Array, inertia: Array, damping: Array, stiffness: Array, row: Array, s: Scheme, q: Array, v: Array,
+    a: Array, c: int, acting: float,
 ) -> tuple[float, float]:  # fmt: skip
     """The same step, operation by operation, of one case alone."""
     return _step_modes(load_of, inertia, damping, stiffness, row, s, q, v, a, c, acting, 0.0)
@@ -114,9 +115,9 @@ def free_step_single(
 
 @inlined
 def _step_modes(
-    load_of: NDArray[Any], inertia: NDArray[Any], damping: NDArray[Any], stiffness: NDArray[Any], row: NDArray[Any],
-    s: Scheme, q: NDArray[Any], v: NDArray[Any], a: NDArray[Any], c: int, acting: Any, zero: Any,
-) -> tuple[Any, Any]:  # fmt: skip
+    load_of: Array, inertia: Array, damping: Array, stiffness: Array, row: Array, s: Scheme, q: Array, v: Array,
+    a: Array, c: int, acting: Value, zero: Value,
+) -> tuple[Value, Value]:  # fmt: skip
     """The step of one case, or of a pack of them: the sums that are read stay in registers."""
     total, total_rate = zero, zero
     for i in range(q.shape[0]):
@@ -135,7 +136,7 @@ def _step_modes(
 
 
 @called
-def read_row(row: NDArray[Any], q: NDArray[Any], v: NDArray[Any], w: NDArray[Any], w_rate: NDArray[Any]) -> None:
+def read_row(row: Array, q: Array, v: Array, w: Array, w_rate: Array) -> None:
     """Displacement and velocity of one place: a row over the dofs."""
     for c in range(w.size):
         w[c] = 0.0
@@ -147,14 +148,14 @@ def read_row(row: NDArray[Any], q: NDArray[Any], v: NDArray[Any], w: NDArray[Any
 
 
 @called
-def add(target: NDArray[Any], scale: float, values: NDArray[Any]) -> None:
+def add(target: Array, scale: float, values: Array) -> None:
     """Add a multiple of a row over the cases."""
     for c in range(target.size):
         target[c] += scale * values[c]
 
 
 @called
-def add_product(target: NDArray[Any], scale: float, f: NDArray[Any], g: NDArray[Any]) -> None:
+def add_product(target: Array, scale: float, f: Array, g: Array) -> None:
     """Add a multiple of the product of two rows over the cases."""
     for c in range(target.size):
         target[c] += scale * f[c] * g[c]
@@ -188,7 +189,7 @@ def add_constant_load_single(c: int, op: Operator, m: Motion) -> None:
 
 
 @called
-def add_number(target: NDArray[Any], number: float) -> None:
+def add_number(target: Array, number: float) -> None:
     """Add a number to a row over the cases."""
     for c in range(target.size):
         target[c] += number
@@ -221,10 +222,7 @@ def place_obstacles(c: int, y: float, rate: float, dt: float, pairs: Pairs, m: M
 
 
 @inlined
-def free_step_ball(
-    j: int, s: Scheme, ball: NDArray[Any], constants: NDArray[Any], acting: NDArray[Any], w: NDArray[Any],
-    busy: NDArray[Any],
-) -> int:  # fmt: skip
+def free_step_ball(j: int, s: Scheme, ball: Array, constants: Array, acting: Array, w: Array, busy: Array) -> int:
     """One step of a ball without contact, and in how many cases its contact must be looked at.
 
     `ball` and `constants` hold its rows, `w` is the place of its pair. A stop has no share in the drive
@@ -241,9 +239,7 @@ def free_step_ball(
 
 
 @inlined
-def _step_ball(
-    s: Scheme, ball: NDArray[Any], constants: NDArray[Any], j: int, c: int, acting: Any, w: Any, busy: Any
-) -> int:
+def _step_ball(s: Scheme, ball: Array, constants: Array, j: int, c: int, acting: Value, w: Value, busy: Value) -> int:
     # row r of pair j lies behind r times all pairs
     pairs = ball.shape[1]
     scale, inertia = 1.0 / (1.0 - s.alpha_m), s.alpha_m / (1.0 - s.alpha_m)
@@ -278,7 +274,7 @@ def observe(step: int, s: Scheme, m: Motion, cycles: Cycles) -> None:
 
 
 @inlined
-def _observe(c: int, w: Any, rate: Any, step: int, s: Scheme, m: Motion, cycles: Cycles) -> None:
+def _observe(c: int, w: Value, rate: Value, step: int, s: Scheme, m: Motion, cycles: Cycles) -> None:
     drive, sums, last = m.drive, cycles.sums, cycles.last
     # rare; the extremes have no other part in this loop
     if differ_in_sign(rate, load(last, LAST_RATE, c, w)):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import inlined
@@ -62,7 +62,7 @@ def law_numbers(j: int, c: int, approach: float, pairs: Pairs) -> LawNumbers:
 
 @inlined
 def record_contact(
-    j: int, c: int, time: float, gate: float, x_free: float, approach: float, normal: float, row: NDArray[Any],
+    j: int, c: int, time: float, gate: float, x_free: float, approach: float, normal: float, row: NDArray[np.float64],
     s: Scheme, pairs: Pairs, m: Motion, record: Record,
 ) -> None:  # fmt: skip
     """Open, follow and close the record of one contact.

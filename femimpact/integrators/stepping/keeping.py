@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact.formulas import SWITCHING_SPRING
@@ -36,7 +36,7 @@ LOSS_COLUMNS = len(ENERGY_COLUMNS)
 
 @apart
 def close_cycles(
-    step: int, ledger: bool, op: Operator, pairs: Pairs, m: Motion, cycles: Cycles, energy: NDArray[Any]
+    step: int, ledger: bool, op: Operator, pairs: Pairs, m: Motion, cycles: Cycles, energy: NDArray[np.float64]
 ) -> None:
     """Write the statistics of every case whose base cycle ends at this step, and start the next."""
     for c in range(cycles.number.size):
@@ -120,7 +120,7 @@ def keep(step: int, op: Operator, pairs: Pairs, m: Motion, record: Record, ledge
 
 
 @called
-def least(values: NDArray[Any]) -> int:
+def least(values: NDArray[np.int64]) -> int:
     """Smallest of some numbers."""
     smallest: int = values[0]
     for value in values:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 # rows of Cycles.last (., cases): displacement (m) and velocity (m/s) of the observed place
 LAST, LAST_RATE = range(2)
@@ -61,28 +65,28 @@ class Operator(NamedTuple):
     """
 
     banded: bool
-    load: NDArray[Any]  # (n,) of the drive; diagonal systems: divided by S
-    inertia: NDArray[Any]  # (n,) of a diagonal system
-    damping: NDArray[Any]  # (n,) of a diagonal system
-    stiffness: NDArray[Any]  # (n,) of a diagonal system
-    mass_band: NDArray[Any]  # (k + 1, n) lower bands; a diagonal system has one
-    damping_band: NDArray[Any]
-    stiffness_band: NDArray[Any]
-    cholesky_band: NDArray[Any]  # (k + 1, n) lower bands of L, S = L L^T, diagonal inverted
-    narrow: NDArray[Any]  # (12 (n + 6),) up to four bands dof by dof, -C, -K, -alpha_m M; three dofs of zeros around
-    factor: NDArray[Any]  # (4 (n + 6),) 1/D and the entries of -L left of it, S = L D L^T; with more bands: none
-    drive_load: NDArray[Any]  # (n,) of the drive
-    constant_load: NDArray[Any]  # (n,) N, or none
-    constant_a: NDArray[Any]  # (n,) what the constant load does in a step, or none
-    constant_u: NDArray[Any]
-    constant_v: NDArray[Any]
-    constant_w: NDArray[Any]  # (2, rows) the same, read at every row: displacement and velocity
-    rows: NDArray[Any]  # (rows, n) places read every step: the observed one first
-    response_a: NDArray[Any]  # (pairs, n) what 1 N along b_j does in a step
-    response_u: NDArray[Any]
-    response_v: NDArray[Any]
-    compliance_u: NDArray[Any]  # (rows, pairs) row_i response_u_j
-    compliance_v: NDArray[Any]
+    load: Array  # (n,) of the drive; diagonal systems: divided by S
+    inertia: Array  # (n,) of a diagonal system
+    damping: Array  # (n,) of a diagonal system
+    stiffness: Array  # (n,) of a diagonal system
+    mass_band: Array  # (k + 1, n) lower bands; a diagonal system has one
+    damping_band: Array  # (K + 1, n) as wide as the Cholesky factor
+    stiffness_band: Array  # (K + 1, n)
+    cholesky_band: Array  # (K + 1, n) lower bands of L, S = L L^T, diagonal inverted
+    narrow: Array  # (12 (n + 6),) up to four bands dof by dof, -C, -K, -alpha_m M; three dofs of zeros around
+    factor: Array  # (4 (n + 6),) 1/D and the entries of -L left of it, S = L D L^T; with more bands: none
+    drive_load: Array  # (n,) of the drive
+    constant_load: Array  # (n,) N, or none
+    constant_a: Array  # (n,) what the constant load does in a step, or none
+    constant_u: Array  # (n,)
+    constant_v: Array  # (n,)
+    constant_w: Array  # (2, rows) the same, read at every row: displacement and velocity
+    rows: Array  # (rows, n) places read every step: the observed one first
+    response_a: Array  # (pairs, n) what 1 N along b_j does in a step
+    response_u: Array  # (pairs, n)
+    response_v: Array  # (pairs, n)
+    compliance_u: Array  # (rows, pairs) row_i response_u_j
+    compliance_v: Array  # (rows, pairs)
 
 
 class Fine(NamedTuple):
@@ -96,59 +100,59 @@ class Fine(NamedTuple):
 class Pairs(NamedTuple):
     """Contact pairs: the row of `Operator.rows` that each reads, its law, its numbers."""
 
-    row: NDArray[Any]  # (pairs,)
-    kind: NDArray[Any]  # (pairs,)
-    address: NDArray[Any]  # (pairs,) of a custom law's compiled function
-    constants: NDArray[Any]  # (11, pairs, cases)
-    obstacles: NDArray[Any]  # (stops fixed in space,) their pairs, where the base moves; else none
+    row: Indices  # (pairs,)
+    kind: Indices  # (pairs,)
+    address: Indices  # (pairs,) of a custom law's compiled function
+    constants: Array  # (11, pairs, cases)
+    obstacles: Indices  # (stops fixed in space,) their pairs, where the base moves; else none
 
 
 class Motion(NamedTuple):
     """State at the present step; the case axis last."""
 
-    q: NDArray[Any]  # (n, cases)
-    v: NDArray[Any]
-    a: NDArray[Any]
-    w: NDArray[Any]  # (rows, cases)
-    w_rate: NDArray[Any]
-    ball: NDArray[Any]  # (9, pairs, cases)
-    touch: NDArray[Any]  # (13, pairs, cases)
-    totals: NDArray[Any]  # (columns, pairs, cases)
-    window: NDArray[Any]  # (2, cases) first step, and the step after the last
-    drive: NDArray[Any]  # (14, cases)
-    table: NDArray[Any]  # (steps * refine + 1, cases) history of a drive given by samples, else no rows
-    travel: NDArray[Any]  # (2, steps * refine + 1, cases) such a base's displacement and velocity, where stops need it
-    ledger: NDArray[Any]  # (9, cases)
-    v_before: NDArray[Any]  # (n, cases)
-    loss_of_mode: NDArray[Any]  # (n,) of a single case on its modes, else none
-    to_modes: NDArray[Any]  # (pairs, n) energy that the open contacts of such a case have passed on, else none
-    saved: NDArray[Any]  # (3, n, cases) q, v and a at the start of a step that may be redone, else none
-    saved_ball: NDArray[Any]  # (3, pairs, cases) y and its rates
-    scratch: NDArray[Any]  # (3, n, cases)
+    q: Array  # (n, cases)
+    v: Array  # (n, cases)
+    a: Array  # (n, cases)
+    w: Array  # (rows, cases)
+    w_rate: Array  # (rows, cases)
+    ball: Array  # (9, pairs, cases)
+    touch: Array  # (13, pairs, cases)
+    totals: Array  # (columns, pairs, cases)
+    window: Indices  # (2, cases) first step, and the step after the last
+    drive: Array  # (14, cases)
+    table: Array  # (steps * refine + 1, cases) history of a drive given by samples, else no rows
+    travel: Array  # (2, steps * refine + 1, cases) such a base's displacement and velocity, where stops need it
+    ledger: Array  # (9, cases)
+    v_before: Array  # (n, cases)
+    loss_of_mode: Array  # (n,) of a single case on its modes, else none
+    to_modes: Array  # (pairs, n) energy that the open contacts of such a case have passed on, else none
+    saved: Array  # (3, n, cases) q, v and a at the start of a step that may be redone, else none
+    saved_ball: Array  # (3, pairs, cases) y and its rates
+    scratch: Array  # (3, n, cases)
 
 
 class Cycles(NamedTuple):
     """Statistics per base cycle; the state before the first step is row 0 of `energy`."""
 
-    next_wrap: NDArray[Any]  # (cases,) step
-    number: NDArray[Any]  # (cases,) cycles finished
-    period: NDArray[Any]  # (cases,) steps per cycle, a real number
-    sums: NDArray[Any]  # (columns, cases)
-    last: NDArray[Any]  # (2, cases) the observed place at the last step
-    values: NDArray[Any]  # (cycles, columns, cases)
-    energy: NDArray[Any]  # (cycles + 1, columns, cases)
+    next_wrap: Indices  # (cases,) step
+    number: Indices  # (cases,) cycles finished
+    period: Array  # (cases,) steps per cycle, a real number
+    sums: Array  # (columns, cases)
+    last: Array  # (2, cases) the observed place at the last step
+    values: Array  # (cycles, columns, cases)
+    energy: Array  # (cycles + 1, columns, cases)
 
 
 class Record(NamedTuple):
     """What case 0 keeps."""
 
-    used: NDArray[Any]  # (channels, 4) 1 where a channel has a row of q, of v, of the balls, or of forces
-    rows: NDArray[Any]  # (channels, 2, n) of q and v
-    pair_rows: NDArray[Any]  # (channels, 4, pairs) of Y, Y_RATE, FORCE and of the force of contact
-    channels: NDArray[Any]  # (samples, channels)
-    energy: NDArray[Any]  # (samples, columns and modes)
-    fields: NDArray[Any]  # (snapshots, 2, n + pairs)
-    forces: NDArray[Any]  # (snapshots, pairs)
-    impacts: NDArray[Any]  # (most, columns and modes)
-    stride: NDArray[Any]  # (4,): every, first sample, snapshot stride, first snapshot
-    tally: NDArray[Any]  # (4,): step, samples, snapshots, impacts met
+    used: Indices  # (channels, 4) 1 where a channel has a row of q, of v, of the balls, or of forces
+    rows: Array  # (channels, 2, n) of q and v
+    pair_rows: Array  # (channels, 4, pairs) of Y, Y_RATE, FORCE and of the force of contact
+    channels: Array  # (samples, channels)
+    energy: Array  # (samples, columns and modes)
+    fields: Array  # (snapshots, 2, n + pairs)
+    forces: Array  # (snapshots, pairs)
+    impacts: Array  # (most, columns and modes)
+    stride: Indices  # (4,): every, first sample, snapshot stride, first snapshot
+    tally: Indices  # (4,): step, samples, snapshots, impacts met

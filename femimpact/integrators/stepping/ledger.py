@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import called, inlined
@@ -44,12 +43,13 @@ from femimpact.integrators.stepping.layout import (
     Y,
 )
 
+Array = NDArray[np.float64]
+
 
 @inlined
 def add_loss_diagonal(
-    scale: NDArray[Any], weight: NDArray[Any], q: NDArray[Any], v: NDArray[Any], v_before: NDArray[Any],
-    loss: NDArray[Any], load: NDArray[Any],
-) -> None:  # fmt: skip
+    scale: Array, weight: Array, q: Array, v: Array, v_before: Array, loss: Array, load: Array
+) -> None:
     """Add dt c ((v0 + v1)/2)^2 of every mode to the loss, and sum load @ q; scale is dt c/4."""
     n, cases = q.shape
     for i in range(n):
@@ -63,10 +63,7 @@ def add_loss_diagonal(
 
 
 @inlined
-def add_loss_single(
-    scale: NDArray[Any], weight: NDArray[Any], q: NDArray[Any], v: NDArray[Any], v_before: NDArray[Any],
-    loss_of_mode: NDArray[Any],
-) -> float:  # fmt: skip
+def add_loss_single(scale: Array, weight: Array, q: Array, v: Array, v_before: Array, loss_of_mode: Array) -> float:
     """The same of one case alone, mode by mode; returns load @ q."""
     total = 0.0
     for i in range(q.size):
@@ -95,7 +92,7 @@ def add_loss_banded(op: Operator, s: Scheme, m: Motion) -> None:
 
 
 @inlined
-def add_work(base: NDArray[Any], base_before: NDArray[Any], ledger: NDArray[Any]) -> None:
+def add_work(base: Array, base_before: Array, ledger: Array) -> None:
     """Work of the drive on the structure over one step, by the trapezoidal rule.
 
     With the loss above it is the exact balance of the linear part for beta = 1/4, gamma = 1/2.
@@ -110,9 +107,8 @@ def add_work(base: NDArray[Any], base_before: NDArray[Any], ledger: NDArray[Any]
 
 @inlined
 def add_work_on_ball(
-    base: NDArray[Any], base_before: NDArray[Any], share: float, mass: NDArray[Any], given: NDArray[Any],
-    y: NDArray[Any], y_before: NDArray[Any], work: NDArray[Any],
-) -> None:  # fmt: skip
+    base: Array, base_before: Array, share: float, mass: Array, given: Array, y: Array, y_before: Array, work: Array
+) -> None:
     """Work of inertia and of the constant acceleration on one ball over one step."""
     for c in range(work.size):
         acting = given[c] - share * (0.5 * (base[c] + base_before[c]))
@@ -149,7 +145,7 @@ def write_ledger_of_case(c: int, base: float, before: float, op: Operator, s: Sc
 
 
 @inlined
-def restore_refined_cases(ledger: NDArray[Any]) -> None:
+def restore_refined_cases(ledger: Array) -> None:
     """Put back the sums of the cases that took the step in fine ones."""
     for c in range(ledger.shape[1]):
         if ledger[REFINED, c] > 0.0:
@@ -158,7 +154,7 @@ def restore_refined_cases(ledger: NDArray[Any]) -> None:
 
 
 @called
-def _quadratic(band: NDArray[Any], values: NDArray[Any], c: int) -> float:
+def _quadratic(band: Array, values: Array, c: int) -> float:
     """x^T A x of a symmetric matrix kept by its lower bands."""
     total = 0.0
     n = values.shape[0]
@@ -170,7 +166,7 @@ def _quadratic(band: NDArray[Any], values: NDArray[Any], c: int) -> float:
 
 
 @called
-def write_energy(c: int, op: Operator, pairs: Pairs, m: Motion, out: NDArray[Any]) -> None:
+def write_energy(c: int, op: Operator, pairs: Pairs, m: Motion, out: Array) -> None:
     """Energies of one case at the present step, in the order of ENERGY_COLUMNS."""
     constants = pairs.constants
     out[0] = 0.5 * _quadratic(op.mass_band, m.v, c)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import ZERO, compiled_long, inlined
@@ -66,9 +65,11 @@ from femimpact.integrators.stepping.refine import in_reach, is_near, none_in_rea
 from femimpact.integrators.stepping.touch import contact_step
 from femimpact.integrators.stepping.watch import keep_rate, look_ahead, look_around
 
+Array = NDArray[np.float64]
+
 
 @inlined
-def _free_step(op: Operator, s: Scheme, m: Motion, acting: NDArray[Any], physical: bool | None) -> None:
+def _free_step(op: Operator, s: Scheme, m: Motion, acting: Array, physical: bool | None) -> None:
     """Structure of every case, and what is read of it."""
     if physical is not None:
         if m.w.shape[1] == 1:
@@ -114,7 +115,7 @@ def _write_ledger(op: Operator, s: Scheme, pairs: Pairs, m: Motion, physical: bo
 
 @inlined
 def _redo(
-    s: Scheme, fine: Fine, pairs: Pairs, m: Motion, cycles: Cycles, record: Record, ledger: bool, work: NDArray[Any],
+    s: Scheme, fine: Fine, pairs: Pairs, m: Motion, cycles: Cycles, record: Record, ledger: bool, work: Array,
     physical: bool | None,
 ) -> int:  # fmt: skip
     """Cases in which a contact lasts or could have begun take the step in fine ones; returns how many."""
@@ -155,9 +156,8 @@ def _look_around(j: int, s: Scheme, fine: Fine, pairs: Pairs, m: Motion) -> int:
 
 @inlined
 def _touch(
-    looking: int, op: Operator, s: Scheme, fine: Fine | None, pairs: Pairs, m: Motion, record: Record,
-    work: NDArray[Any],
-) -> None:  # fmt: skip
+    looking: int, op: Operator, s: Scheme, fine: Fine | None, pairs: Pairs, m: Motion, record: Record, work: Array
+) -> None:
     """Contact of the cases in reach of a wall, but for those that took fine steps and have had theirs.
 
     No more than `looking` pairs are.
@@ -184,8 +184,8 @@ def _touch(
 
 @compiled_long
 def advance(
-    steps: int, op: Operator, s: Scheme, fine: Fine | None, pairs: Pairs, m: Motion,
-    cycles: Cycles, record: Record, ledger: bool, work: NDArray[Any], energy: NDArray[Any], physical: bool | None,
+    steps: int, op: Operator, s: Scheme, fine: Fine | None, pairs: Pairs, m: Motion, cycles: Cycles, record: Record,
+    ledger: bool, work: Array, energy: Array, physical: bool | None,
 ) -> None:  # fmt: skip
     """Take that many steps with every case; all results are written into the arrays given.
 

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from femimpact.integrators.stepping.layout import Operator, Scheme
+from femimpact.system.matrices import Matrix
 from femimpact.system.system import System
 
 __all__ = ["bands", "operator_of"]
 
+Array = NDArray[np.float64]
 
-def bands(matrix: Any) -> NDArray[Any]:
+
+def bands(matrix: Matrix) -> Array:
     """Lower bands (k + 1, n) of a symmetric sparse matrix: bands[k, i] = A[i + k, i]."""
     entries = sparse.coo_array(matrix)
     row, column = entries.coords
@@ -26,11 +27,11 @@ def bands(matrix: Any) -> NDArray[Any]:
     return result
 
 
-def _widened(band: NDArray[Any], width: int) -> NDArray[Any]:
+def _widened(band: Array, width: int) -> Array:
     return np.vstack([band, np.zeros((width - band.shape[0], band.shape[1]))])
 
 
-def operator_of(system: System, s: Scheme, observed: NDArray[Any], load: NDArray[Any]) -> Operator:
+def operator_of(system: System, s: Scheme, observed: Array, load: Array) -> Operator:
     """Operator of a system for a scheme.
 
     S = (1 - alpha_m) M + (1 - alpha_f)(correct_v C + correct_u K), S a1 = load s - K u0
@@ -88,7 +89,7 @@ def operator_of(system: System, s: Scheme, observed: NDArray[Any], load: NDArray
     )
 
 
-def _tables(system: System, s: Scheme, factor: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _tables(system: System, s: Scheme, factor: Array) -> tuple[Array, Array]:
     """Up to four bands dof by dof, as the banded step reads them once from the first to the last."""
     most, n = factor.shape
     if most > 4 or system.is_diagonal:
@@ -103,16 +104,16 @@ def _tables(system: System, s: Scheme, factor: NDArray[Any]) -> tuple[NDArray[An
     return narrow.ravel(), unit.ravel()
 
 
-def _rows(system: System, observed: NDArray[Any]) -> NDArray[Any]:
+def _rows(system: System, observed: Array) -> Array:
     """The observed place and every contact direction, each once."""
-    rows: list[NDArray[Any]] = [observed]
+    rows: list[Array] = [observed]
     for pair in system.contacts:
         if not any(np.array_equal(pair.direction, row) for row in rows):
             rows.append(pair.direction)
     return np.ascontiguousarray(rows)
 
 
-def _constant(system: System, s: Scheme, factor: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+def _constant(system: System, s: Scheme, factor: tuple[Array, bool]) -> tuple[Array, Array]:
     """The constant load (N) and what it does in one step to the accelerations, S^-1 f; nothing where there is none."""
     load = np.array(system.constant_load)
     if not np.any(load):
@@ -120,14 +121,14 @@ def _constant(system: System, s: Scheme, factor: Any) -> tuple[NDArray[Any], NDA
     return load, np.asarray(scipy.linalg.cho_solve_banded(factor, load))
 
 
-def _constant_rows(table: NDArray[Any], s: Scheme, a: NDArray[Any]) -> NDArray[Any]:
+def _constant_rows(table: Array, s: Scheme, a: Array) -> Array:
     if a.size == 0:
         return np.zeros((2, 0))
     read = table @ a
     return np.ascontiguousarray([s.correct_u * read, s.correct_v * read])
 
 
-def _responses(system: System, s: Scheme, factor: Any) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+def _responses(system: System, s: Scheme, factor: tuple[Array, bool]) -> tuple[Array, Array, Array]:
     """What a force of 1 N along each b does in one step to accelerations, displacements and velocities.
 
     Within the balance: a = (1 - alpha_f) S^-1 b. As one mean force beside it, v gains dt M^-1 b and

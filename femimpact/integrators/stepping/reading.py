@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact.contact.formulas import RIGID
 from femimpact.excitation import Excitation
@@ -22,6 +21,8 @@ from femimpact.response.impacts import Impacts, StickingPhases
 from femimpact.system.system import System
 
 __all__ = ["Recorded", "history_of", "impacts_of", "open_contacts", "sticking_of"]
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +61,7 @@ def history_of(
     samples, snapshots = int(record.tally[1]), int(record.tally[2])
     every, first, stride, first_field = (int(value) for value in record.stride)
     time = _own(origin + (first + every * (samples_before + np.arange(samples))) * dt)
-    shown = origin + (first_field + stride * (snapshots_before + np.arange(snapshots))) * dt
+    shown = _own(origin + (first_field + stride * (snapshots_before + np.arange(snapshots))) * dt)
     return HistoryPiece(
         time=time,
         channels={
@@ -76,16 +77,16 @@ def history_of(
     )
 
 
-def _ledger(table: NDArray[Any], time: NDArray[Any]) -> EnergyLedger:
+def _ledger(table: Array, time: Array) -> EnergyLedger:
     columns = {name: _own(table[:, i]) for i, name in enumerate(ENERGY_COLUMNS)}
     return EnergyLedger(time=time, structure_loss_of_mode=_own(table[:, len(ENERGY_COLUMNS) :]), **columns)
 
 
-def _snapshots(record: layout.Record, system: System, time: NDArray[Any]) -> Snapshots:
+def _snapshots(record: layout.Record, system: System, time: Array) -> Snapshots:
     fields, forces = record.fields[: time.size], record.forces[: time.size]
     dofs, balls = system.dofs, slice(system.dofs, system.dofs + len(system.balls))
     return Snapshots(
-        time=_own(time),
+        time=time,
         displacement=_own(_at_nodes(system, fields[:, 0, :dofs])),
         velocity=_own(_at_nodes(system, fields[:, 1, :dofs])),
         ball_displacement=_own(fields[:, 0, balls]),
@@ -94,7 +95,7 @@ def _snapshots(record: layout.Record, system: System, time: NDArray[Any]) -> Sna
     )
 
 
-def _at_nodes(system: System, rows: NDArray[Any]) -> NDArray[Any]:
+def _at_nodes(system: System, rows: Array) -> Array:
     values = np.zeros((rows.shape[0], system.expansion.shape[0]))
     for k, row in enumerate(rows):
         # one by one: a product with many columns rounds as their number has it, and pieces must not show
@@ -108,10 +109,11 @@ def impacts_of(block: Block, system: System, excitation: Excitation) -> Impacts:
     count = min(int(record.tally[3]), record.impacts.shape[0])
     columns = {name: _own(record.impacts[:count, i]) for i, name in enumerate(IMPACT_COLUMNS)}
     names = np.array([pair.name for pair in system.contacts] or [""])
-    columns["impactor"] = names[columns.pop("pair").astype(int)]
+    impactor = names[columns.pop("pair").astype(int)]
     columns["time"] = _own(block.beginning.origin + columns["time"])
     return Impacts(
         **columns,
+        impactor=impactor,
         phase=_own(np.mod(2.0 * np.pi * excitation.frequency * columns["time"] + excitation.phase, 2.0 * np.pi)),
         energy_to_modes=_own(record.impacts[:count, len(IMPACT_COLUMNS) :]),
         law={pair.name: pair.law.name for pair in system.contacts},
@@ -159,8 +161,8 @@ def open_contacts(block: Block, system: System) -> tuple[str, ...]:
     )
 
 
-def _own(array: NDArray[Any]) -> NDArray[Any]:
+def _own(array: ArrayLike) -> Array:
     """A read-only copy, its rows together."""
-    copy = np.array(array, order="C")
+    copy = np.array(array, dtype=float, order="C")
     copy.setflags(write=False)
     return copy

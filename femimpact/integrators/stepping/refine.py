@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import called, inlined
@@ -52,6 +52,8 @@ from femimpact.integrators.stepping.touch import contact_step
 from femimpact.integrators.stepping.watch import save
 
 __all__ = ["in_reach", "is_near", "none_in_reach", "redo_step", "save_state"]
+
+Array = NDArray[np.float64]
 
 
 @inlined
@@ -125,9 +127,7 @@ def _drive_within(c: int, step: int, part: int, parts: int, m: Motion) -> float:
 
 
 @called
-def _move_obstacles_within(
-    c: int, step: int, part: int, parts: int, s: Scheme, pairs: Pairs, m: Motion
-) -> None:  # fmt: skip
+def _move_obstacles_within(c: int, step: int, part: int, parts: int, s: Scheme, pairs: Pairs, m: Motion) -> None:
     """Stops fixed in space before the fine step that ends after `part` of them; see `place_obstacles`."""
     if m.travel.shape[1] > 0:
         y, rate = m.travel[0, step * parts + part, c], m.travel[1, step * parts + part, c]
@@ -167,9 +167,7 @@ def _fine_free_step(
 
 
 @called
-def _read_rows(
-    c: int, rows: NDArray[Any], q: NDArray[Any], v: NDArray[Any], w: NDArray[Any], w_rate: NDArray[Any]
-) -> None:
+def _read_rows(c: int, rows: Array, q: Array, v: Array, w: Array, w_rate: Array) -> None:
     for r in range(rows.shape[0]):
         total, total_rate = 0.0, 0.0
         for i in range(rows.shape[1]):
@@ -181,7 +179,7 @@ def _read_rows(
 @called
 def redo_step(
     c: int, parts: int, dt: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion, cycles: Cycles, record: Record,
-    ledger: bool, work: NDArray[Any], physical: bool | None,
+    ledger: bool, work: Array, physical: bool | None,
 ) -> None:  # fmt: skip
     """Take one case through its step of dt again, in `parts` fine ones; its ledger and its crests are its own."""
     step = record.tally[0]

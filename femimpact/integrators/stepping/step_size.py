@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -106,7 +105,7 @@ def _check_laws(system: System, method: SteppingMethod) -> None:
             require(not rigid, f"{pair.name}.contact", pair.law.name, "", allowed)
 
 
-def check_sampling(frequencies: NDArray[Any], method: SteppingMethod, key: str) -> None:
+def check_sampling(frequencies: NDArray[np.float64], method: SteppingMethod, key: str) -> None:
     """Refuse frequencies of the drive (Hz) of which the step sees fewer than 8 points a cycle."""
     least = LEAST_STEPS_PER_CYCLE
     highest, most = float(frequencies.max()), 1.0 / (least * method.dt)

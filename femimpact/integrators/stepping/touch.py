@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,7 +60,7 @@ def _approach_speed(gate: float, rate: float, x: float, x_before: float, dt: flo
 
 @inlined
 def contact_step(
-    c: int, time: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion, record: Record, work: NDArray[Any]
+    c: int, time: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion, record: Record, work: NDArray[np.float64]
 ) -> None:
     """Contact forces of one case, their effect on its state, and the record of its contacts.
 
@@ -130,7 +128,7 @@ def contact_step(
 
 
 @apart
-def _add_work_of_obstacles(c: int, force: NDArray[Any], s: Scheme, pairs: Pairs, m: Motion) -> None:
+def _add_work_of_obstacles(c: int, force: NDArray[np.float64], s: Scheme, pairs: Pairs, m: Motion) -> None:
     """Work of what holds a stop in space: relative to the base it moves at y' and pushes with F, a power F y'.
 
     A mean force acts over the displacement of the step, an impulse at the mean of the rates as its loss is

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import inlined
 
 __all__ = ["keep_rate", "look_ahead", "look_around", "save"]
 
+Array = NDArray[np.float64]
+
 
 @inlined
-def keep_rate(rate: NDArray[Any], rate_before: NDArray[Any], y_rate: NDArray[Any], w_rate: NDArray[Any]) -> None:
+def keep_rate(rate: Array, rate_before: Array, y_rate: Array, w_rate: Array) -> None:
     """Relative rate of a pair at this step and at the last."""
     for c in range(rate.size):
         rate_before[c] = rate[c]
@@ -20,10 +21,7 @@ def keep_rate(rate: NDArray[Any], rate_before: NDArray[Any], y_rate: NDArray[Any
 
 
 @inlined
-def look_ahead(
-    half: float, x: NDArray[Any], rate: NDArray[Any], gap_plus: NDArray[Any], gap_minus: NDArray[Any],
-    busy: NDArray[Any],
-) -> None:  # fmt: skip
+def look_ahead(half: float, x: Array, rate: Array, gap_plus: Array, gap_minus: Array, busy: Array) -> None:
     """Before a step with impulses: mark the cases whose gap is closed half a step on."""
     for c in range(x.size):
         ahead = x[c] + half * rate[c]
@@ -33,8 +31,8 @@ def look_ahead(
 
 @inlined
 def look_around(
-    dt: float, x: NDArray[Any], x_before: NDArray[Any], rate: NDArray[Any], rate_before: NDArray[Any],
-    gap_plus: NDArray[Any], gap_minus: NDArray[Any], opened: NDArray[Any], near: NDArray[Any],
+    dt: float, x: Array, x_before: Array, rate: Array, rate_before: Array, gap_plus: Array, gap_minus: Array,
+    opened: Array, near: Array,
 ) -> int:  # fmt: skip
     """After a step without contact: mark the cases in which a contact lasts, or could have taken place within it.
 
@@ -51,7 +49,7 @@ def look_around(
 
 
 @inlined
-def save(target: NDArray[Any], source: NDArray[Any]) -> None:
+def save(target: Array, source: Array) -> None:
     """Copy rows over the cases, to redo a step from them."""
     for i in range(source.shape[0]):
         kept, values = target[i], source[i]
