@@ -23,7 +23,7 @@ SYSTEMATIC = 2.5
 """Standard errors beyond which neighbouring misfits are alike: the curve is then not one pole plus noise."""
 
 ENOUGH_POINTS = 8
-"""Fewer do not tell a second pole from noise."""
+"""Fewer do not distinguish a second pole from noise."""
 
 CONFIDENCE = 0.995
 """With which a curve is called more than one pole and noise."""
@@ -291,7 +291,7 @@ def _is_systematic(misfit: Array) -> bool:
 def _no_interval(f: Array, x: Array, pole: Any, large: bool, resolved: bool) -> str:
     """Why the misfit is not to be taken for noise, or nothing."""
     if f.size < ENOUGH_POINTS or not resolved:
-        return f"may be noise or a second pole: {f.size} points of this grid do not tell"
+        return f"may be noise or a second pole: {f.size} points of this grid do not decide it"
     if large or _is_systematic(pole.fun) or _is_more_than_a_pole(f, x, pole):
         return "is no noise but systematic, as of a second pole or of a bent peak"
     return ""

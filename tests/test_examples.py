@@ -209,7 +209,7 @@ def test_between_walls_the_ways_up_and_down_keep_to_different_motions():
     module = load("up_and_down_sweep")
     system, up, down = module.main()
     f = module.FREQUENCIES
-    # the motion without impacts: that of the beam alone, whose transient has died out to 3 % or less after 150 cycles
+    # the motion without impacts: that of the beam alone, whose transient has decayed to 3 % or less after 150 cycles
     alone = fi.frequency_sweep(replace(system, contacts=()), 0.2037e-3, f, fi.EventDriven(), cycles=2000).peak
     band = (f > 5.45) & (f < 5.85)
     assert np.all(up[band] > 8e-3)

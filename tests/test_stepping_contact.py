@@ -69,7 +69,7 @@ def test_by_default_a_stop_has_a_force_but_no_motion():
 
 
 def steady(system, excitation, method, place="mass"):
-    """Complex amplitude against sin(omega t) after the transient has died out."""
+    """Complex amplitude against sin(omega t) after the transient has decayed."""
     run = fi.integrate(system, excitation, method, 60.0, fi.Recorder((place,), start=40.0))
     angle = 2 * np.pi * excitation.frequency * run.time
     return np.linalg.lstsq(np.column_stack([np.sin(angle), np.cos(angle)]), run[place])[0] @ [1, 1j], run

@@ -180,7 +180,7 @@ def sweep(study: Path, *, output: Output = None, force: Force = False, quiet: Qu
 
 @app.command
 def run(study: Path, *, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
-    """All that the study asks for: modes, history and sweep."""
+    """All parts of the study: modes, history and sweep."""
     _run(study, output, force, quiet, ("modes", "simulate", "sweep"), "results")
 
 

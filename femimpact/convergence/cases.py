@@ -107,7 +107,7 @@ class Axis(Protocol):
 
     @property
     def is_family(self) -> bool:
-        """Whether one size tells all of a row, so that the rows themselves can be extrapolated."""
+        """Whether one size describes a row, so that the rows themselves can be extrapolated."""
 
     @property
     def ratio(self) -> float:

@@ -129,7 +129,7 @@ def converge_meshes(structure: Structure, meshes: Sequence[Mesh], modes: int = 4
         notes.append(
             f"from N = {spoiled[0]} on, rounding in the assembled stiffness (about 4 eps N^3.5, "
             f"{_assembled_floor(int(spoiled[-1])):.1g} in the first frequency at N = {spoiled[-1]}) exceeds the "
-            "mesh's error: time integration in physical dofs feels it, reduced systems do not"
+            "mesh's error: it is in time integration in physical dofs, not in that of reduced systems"
         )
     return MeshConvergence(counts, f, error, order, reference, floor, tuple(notes))
 

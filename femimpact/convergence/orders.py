@@ -33,7 +33,7 @@ def usable_rows(size: Row, value: Row, order: float) -> int:
     """How many leading rows (n,) converge; in those behind, rounding decides.
 
     Rounding is taken to begin where a relative difference below 1e-6 has not fallen by at least the root of what
-    the order promises.
+    follows from the order.
     """
     scale = abs(float(value[-1])) or 1.0
     change = np.abs(np.diff(value)) / scale

@@ -41,7 +41,7 @@ def mode_convergence(
     impacting motion is often chaotic, two counts then never give the same history, and only differences
     beyond the scatter say something: take a long duration. The first impact is one event from one state,
     the same for every count, and does converge: the displacement always; the loss in the contact of a rigid
-    impact only where a body sits at the contact, for without one it goes over to the structure's damping as
+    impact only where there is a body at the contact, for without one it goes over to the structure's damping as
     modes are added (a note says so).
 
     Parameters
@@ -132,7 +132,7 @@ def _notes(columns: Mapping[str, Array], counts: NDArray[np.int64], laws: str, c
     if change > UNSETTLED:
         notes.append(
             f"loss of the first impact still changes by {100.0 * change:.3g} % from {counts[-2]} to {counts[-1]} "
-            "modes: at a rigid contact where no body sits, more modes move it from the contact to the structure's own "
+            "modes: at a rigid contact without a body, more modes move it from the contact to the structure's own "
             "damping, and each impact's impulse falls; displacement and whole loss are what converges"
         )
     forces = columns["peak_force"]

@@ -23,9 +23,9 @@ __all__ = ["METHODS", "Method", "require_method"]
 
 
 class Method(Protocol):
-    """A way from a system and an excitation to a response, which answers for itself.
+    """A method of time integration, from a system and an excitation to a response.
 
-    A class of one's own with these answers is a method like those of `METHODS`; one with steps of the Newmark
+    A class of one's own with these members is a method like those of `METHODS`; one with steps of the Newmark
     family has them all from `stepping.answers.SteppingAnswers` but its scheme.
     """
 

@@ -18,7 +18,7 @@ Progress = Callable[[float], None]
 """Called with the share done, 0 to 1."""
 
 
-class _Stopped(Exception):  # noqa: N818 - no error: nobody waits for this run any more
+class _Stopped(Exception):  # noqa: N818 - no error: the caller no longer waits for this run
     """Ends a run whose result is no longer wanted."""
 
 

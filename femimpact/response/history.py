@@ -54,7 +54,7 @@ class Snapshots:
 
 @dataclass(frozen=True, eq=False)
 class HistoryPiece:
-    """A stretch of a history, as a run hands it to `Recorder.sink`; arrays are read-only and nobody else's.
+    """A stretch of a history, as a run passes it to `Recorder.sink`; its arrays are read-only and its own.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def _take(ledger: EnergyLedger, rows: list[int]) -> EnergyLedger:
 
 @dataclass(eq=False)
 class Stream:
-    """The way of a history out of its run: piece by piece to a sink, or as a whole to the response.
+    """Where the history of a run goes: piece by piece to a sink, or as a whole to the response.
 
     Parameters
     ----------

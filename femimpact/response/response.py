@@ -82,7 +82,7 @@ class Recorder:
         any length needs the memory of a piece. The response then holds no history of its own. An
         exception in it ends the run. Statistics of base cycles stay, some 100 bytes a cycle.
     piece_samples : int
-        Most samples in a piece; an event-driven run hands over whole base cycles, the first with the state
+        Most samples in a piece; an event-driven run passes on whole base cycles, the first with the state
         at the start.
 
     Raises

@@ -187,7 +187,7 @@ def _sweep_from(prepared: PreparedStudy, start: str, report: Report) -> SweepPai
 
 
 def _at_resonance(prepared: PreparedStudy, sweeps: SweepPair) -> PreparedStudy:
-    """The same study with its history at the resonance with the ball, as the even grid sees it."""
+    """The same study with its history at the resonance with the ball, as the even grid has it."""
     curve = sweeps.ball or sweeps.empty
     on_grid = np.isin(curve.frequency, np.round(sweeps.coarse, 9))
     peak = float(curve.frequency[on_grid][np.argmax(curve.peak[on_grid])])

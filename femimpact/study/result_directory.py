@@ -163,7 +163,7 @@ def complete_move(
 
 
 def unfinished_state(target: Path) -> str | None:
-    """What a directory holds of a run that is not done, in words with the way out; None where there is nothing."""
+    """What a directory holds of a run that is not done, in words with what to do; None where there is nothing."""
     running = target / RUNNING
     if not running.is_dir():
         return None
@@ -220,7 +220,7 @@ def _clear_leftovers(target: Path, running: Path) -> None:
 
 
 class _Lock:
-    """Sole use of a directory for as long as this process lives: DIR/.running with a locked file in it."""
+    """Sole use of a directory for as long as this process runs: DIR/.running with a locked file in it."""
 
     def __init__(self, target: Path) -> None:
         self.running = target / RUNNING

@@ -81,7 +81,7 @@ def run_modes(prepared: PreparedStudy) -> tuple[Modes, Modes | None]:
 
 
 def run_simulation(prepared: PreparedStudy, report: Report = _silent) -> Response:
-    """The history that the study asks for, with snapshots over its last cycles."""
+    """The history of the study, with snapshots over its last cycles."""
     study, record = prepared.study, prepared.record
     return integrate(
         prepared.small, study.sine, prepared.method, study.base.duration, record, study.initial,
@@ -191,7 +191,7 @@ def run_study(
     force: bool = False,
     report: Report = _silent,
 ) -> StudyResults:
-    """Run what the study asks for and write its results into a directory.
+    """Run all parts of the study and write its results into a directory.
 
     Every part is on disk before the next begins; figures and movie come last, and what of them cannot be
     drawn is a warning of the results.

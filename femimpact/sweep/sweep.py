@@ -173,7 +173,7 @@ def _dwell_warnings(system: System, dwells: SineDwells) -> list[str]:
         return []
     return [
         f"dwell of {begin:.3g} s before measuring begins: {100 * left:.2g} % of the first mode's transient "
-        f"(damping ratio {ratio:.3g}) is left there: peaks and damping near {first:.4g} Hz want a "
+        f"(damping ratio {ratio:.3g}) is left there: peaks and damping near {first:.4g} Hz need a "
         "longer dwell"
     ]
 

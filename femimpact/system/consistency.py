@@ -1,6 +1,6 @@
-"""Whether the fields of a system go together: cheap to see of one made anew, at no cost of a copy.
+"""Whether the fields of a system go together: a few checks of one made anew, and none of a sound copy.
 
-Stiffness factor, modes, base load, masses and contacts follow from M, C, K and the points. A system remembers the
+Stiffness factor, modes, base load, masses and contacts follow from M, C, K and the points. A system keeps the
 very objects that were computed together, so that a copy with another one of them is distinguished from a sound copy.
 """
 

@@ -45,7 +45,7 @@ def read_matrix(path: str | Path, name: str | None = None) -> Matrix:
         found = _arrays(path, name) if path.suffix == ".npz" else scipy.io.mmread(path)
     except InputError:
         raise
-    except Exception as error:  # readers of damaged files raise what they like
+    except Exception as error:  # readers of damaged files raise errors of any kind
         words = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError([Fault("path", str(path), "", f"must be a readable matrix file: {words}")]) from None
     return checked_matrix(path.name, found)

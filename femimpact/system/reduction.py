@@ -194,7 +194,7 @@ def _stiff_note(pairs: list[ContactPair], modes: int) -> str:
     return (
         f"{_modes(modes)} kept: the peak force of a rigid or very short contact does not converge with their number; "
         "displacement and the whole energy loss do. Impulse and contact loss of a single rigid impact go with the mass "
-        f"felt at once, which settles only where a body sits at the contact; of these modes: {masses or 'none'}"
+        f"felt at once, which settles only where there is a body at the contact; of these modes: {masses or 'none'}"
     )
 
 

@@ -68,7 +68,7 @@ def static_state(system: Any, stop_displacement: float = 0.0) -> tuple[Array, Ar
     u : ndarray (dofs,), m
     y : ndarray (pairs,), m
         Of every pair; x = y - b @ u is what its gaps bound. A ball that a constant force presses rests on its
-        wall, one that nothing holds sits in the middle, x = 0. Rigid motions r that nothing holds have no share,
+        wall, one that nothing holds is in the middle, x = 0. Rigid motions r that nothing holds have no share,
         r^T M u = 0.
 
     Raises
@@ -231,7 +231,7 @@ def _forces_of_laws(walls: list[_Wall], compliance: Array, free: Array, names: s
         return _complementary(compliance, own, free, names)
     k, n = stiffness[curved], exponent[curved]
     force, before = np.zeros((2, free.size))
-    # from above: where the force bends upwards, Newton's steps do not leap
+    # from above: where the force bends upwards, Newton's steps do not overshoot
     depth = np.full(k.size, np.max(np.abs(free)))
     for _ in range(MOST_ROUNDS):
         depth = np.maximum(depth, 1e-12 * (np.max(np.abs(free)) + 1e-300))

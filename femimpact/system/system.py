@@ -442,7 +442,7 @@ class System:
 
     @cached_property
     def derived(self) -> dict[Any, Any]:
-        """What was computed of this system before, under keys of those who computed it: it lives as long as the system.
+        """What was computed of this system before, under keys of those who computed it: kept as long as the system.
 
         A value follows from its key and the system alone, and is not changed once it is there, so that threads
         may share it.
@@ -451,7 +451,7 @@ class System:
 
     @cached_property
     def _known_rows(self) -> dict[Position, Array]:
-        """Rows read before: every run asks for the same ones."""
+        """Rows read before: every run reads the same ones."""
         return {}
 
 
@@ -478,7 +478,7 @@ def _contacts_of_matrices(
         row = system.directions[str(item.at)]
         first = float(np.linalg.norm(row @ lowest))
         if not elastic or first == 0.0:
-            # no first mode to speak of: the mass that is felt at once
+            # no first mode to speak of: the mass that an impulse moves at once
             first = math.sqrt(float(row @ np.linalg.solve(dense["M"], row)))
         flexibility = float(row @ np.linalg.solve(dense["K"], row)) if elastic else math.nan
         contacts.append(contact_pair(item, row, math.nan, first, flexibility))

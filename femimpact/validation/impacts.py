@@ -122,7 +122,7 @@ def ball_bounces_once_a_cycle(restitution: float) -> Case:
     return Case(
         f"ball on a vibrating table: once a cycle, e = {restitution:g}", "derived here (as Holmes, 1982)",
         "phase of the impact after 400 cycles", "rad", theta, float(run.impacts.phase[-1]), 1e-9,
-        "rounding of t w at 400 cycles; the start's 2 % have died out",
+        "rounding of t w at 400 cycles; the start's 2 % have decayed",
     )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -58,7 +58,7 @@ def _integrated() -> dict[str, float]:
 
     k, c = 2000.0, 3.0
 
-    def force(_: float, state: NDArray[np.float64]) -> float:
+    def force(_: float, state: NDArray[np.float64] | Sequence[float]) -> float:
         return float(k * state[0] + c * state[1])
 
     def rates(time: float, state: NDArray[np.float64]) -> list[float]:

@@ -67,7 +67,7 @@ def stop_once_a_cycle(omega: float, stop: float) -> Case:
     return Case(
         f"oscillator against a stop at {stop:g}, {omega:g} w0", "derived here (linear half of the orbit)",
         "impact speed after 400 cycles", "m/s", speed, float(run.impacts.approach_speed[-1]), 1e-11,
-        "rounding; the start's 1 % have died out",
+        "rounding; the start's 1 % have decayed",
     )  # fmt: skip
 
 
@@ -137,7 +137,7 @@ def box_position(orbit: Orbit) -> Case:
 
 
 def box_eigenvalue(orbit: Orbit) -> Case:
-    """Largest eigenvalue of the half-cycle map, from how a small disturbance grows or dies."""
+    """Largest eigenvalue of the half-cycle map, from how a small disturbance grows or decays."""
     mu, e, *_, growth = orbit
     exact = 2 * _symmetric_orbit(orbit)[0] * (1 + mu) / (1 + e)
     off = _approach_speeds(orbit, 1e-7, 20)[:36] / exact - 1
@@ -174,7 +174,7 @@ def light_ball(restitution: float) -> Case:
     return Case(
         f"light ball, e = {restitution:g}: largest damping", "derived here (slow invariant manifold)",
         "damping ratio over mass ratio", "1", 2 / (math.pi * sigma),
-        loss / (2 * math.pi * (omega * box.amplitude) ** 2), 1e-10, "rounding; the start's 1 % have died out",
+        loss / (2 * math.pi * (omega * box.amplitude) ** 2), 1e-10, "rounding; the start's 1 % have decayed",
     )  # fmt: skip
 
 

@@ -104,7 +104,7 @@ def _root(method: Method) -> tuple[complex, complex]:
     """Principal root of one step: of the amplification matrix, and of the motion computed."""
     roots = np.linalg.eigvals(method.amplification(2 * math.pi / STEPS))
     exact = complex(max(roots, key=lambda root: (abs(root), root.imag)))
-    # 100 steps on, the third root of a method has died out
+    # 100 steps on, the third root of a method has decayed
     u = _free_vibration(method.make(1 / STEPS), 10)["tip"][100:]
     # two principal roots: u[n+2] = p u[n+1] + q u[n]
     p, q = np.linalg.lstsq(np.column_stack([u[1:-1], u[:-2]]), u[2:])[0]

@@ -1,4 +1,4 @@
-"""Named tuples that compiled functions hand on by address.
+"""Named tuples that compiled functions pass by address.
 
 numba copies the descriptor of every array of a tuple into every call and every function that has it as argument; most
 of the time of compiling went there. By address a tuple is one argument, and a field is read where it is used.
@@ -122,7 +122,7 @@ def _same(value: Held) -> Held:
     return value
 
 
-# what lies there is not counted as a reference: where numba counts them, tuples are handed on as they are
+# what lies there is not counted as a reference: where numba counts them, tuples are passed as they are
 by_address: Callable[[Held], Held] = cast(Any, _by_address) if UNCOUNTED else _same
 """A named tuple as functions called from here are to get it; anything else is what it was.
 

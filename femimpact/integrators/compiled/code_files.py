@@ -213,7 +213,7 @@ def _say_once(words: str) -> None:
 
 
 def open_code_files(package: Path, places: Iterable[Path], *more: str) -> CodeFiles | None:
-    """The files of a package's compiled code; one line of the log tells where they are if not in the first place.
+    """The files of a package's compiled code; one line of the log says where they are if not in the first place.
 
     Parameters
     ----------

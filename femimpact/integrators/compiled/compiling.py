@@ -60,7 +60,7 @@ if VERSIONS in TESTED:
 else:
     FILES = None
     logging.getLogger("femimpact").warning(
-        "numba %s with llvmlite %s is not a pair that femimpact knows from inside: "
+        "numba %s with llvmlite %s is not a pair whose private insides femimpact was tested with: "
         "kernels take longer to compile, in every process anew, with the same results",
         *VERSIONS,
     )

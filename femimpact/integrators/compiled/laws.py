@@ -45,7 +45,7 @@ _LEGENDRE = np.polynomial.legendre.leggauss(8)
 NODES, WEIGHTS = 0.5 * (_LEGENDRE[0] + 1.0), 0.5 * _LEGENDRE[1]
 """Gauss points and weights on 0 to 1."""
 SHORT = 0.02
-"""Way over depth below which a mean of forces is taken by quadrature: differences of potentials would cancel."""
+"""Travel over depth below which a mean of forces is taken by quadrature: differences of potentials would cancel."""
 
 
 @called

@@ -41,7 +41,7 @@ class _Part(JITCodeLibrary):
     """
 
     def add_ir_module(self, module: Any) -> None:
-        # nothing in the function writes to where a named tuple lies that was handed on by address
+        # nothing in the function writes to where a named tuple lies that was passed by address
         for function in module.functions:
             for argument in function.args if function.blocks else ():
                 if argument.type == BYTES and argument.name.count(".") == 1:
@@ -73,7 +73,7 @@ class _Apart(_Part):
 
 
 class _Whole(JITCodeLibrary):
-    """Code of a function with all that it calls: what nobody else can call may lose arguments that it does not use."""
+    """Code of a function with all that it calls: what no other code can call may lose unused arguments."""
 
     def __init__(self, codegen: Any, name: str) -> None:
         super().__init__(codegen, name)  # type: ignore[no-untyped-call]
@@ -102,12 +102,12 @@ def _call_types_remembered() -> Iterator[None]:
         own = "" if flags is None else repr(sorted(flags._values.items(), key=str))
         key = (id(function), tuple(args), tuple(sorted(kws.items())), own)
         if key not in known:
-            # with the function itself: its number is not given to another one as long as it lives
+            # with the function itself: its number is not given to another one as long as it exists
             known[key] = (resolve(function, context, args, kws), function)
         return known[key][0]
 
     BaseFunction.get_call_type = get_call_type  # type: ignore[method-assign, assignment]
-    # a million small objects live as long as this: to look through them again and again finds nothing
+    # a million small objects exist as long as this: to look through them again and again finds nothing
     gc.disable()
     try:
         yield

@@ -107,7 +107,7 @@ def prepare(
         fine = layout.Fine(method.refine, operator_of(system, fine_scheme, observed, drives[0].load), fine_scheme)
     kept = record or empty_record(system.dofs)
     pairs = pairs_of(system, operator, drives[0], lanes)
-    # only a history tells losses mode by mode; in a sweep a case alone is summed as beside others
+    # only a history has losses mode by mode; in a sweep a case alone is summed as beside others
     modal = ledger and record is not None and lanes == 1 and not operator.banded
     motion = motion_of(system, operator, pairs, padded, drives, method, modal, kept)
     cycles = cycles_of(padded, motion, method.dt, ledger)
@@ -138,7 +138,7 @@ def prepare(
 
 
 def run_block(block: Block, progress: Progress | None = None, stop: threading.Event | None = None) -> None:
-    """Run a block to its end, in pieces: between them it reports, listens and looks for divergence.
+    """Run a block to its end, in pieces: between them come progress, interrupts and the check for divergence.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def run_block(block: Block, progress: Progress | None = None, stop: threading.Ev
     while done < block.steps:
         if stop is not None and stop.is_set():
             return
-        # pieces end where cases end, so that none is judged by what comes after
+        # pieces end where cases end, so that what comes after does not count
         steps = min(piece, int(block.ends[block.ends > done].min()) - done)
         loop.advance(
             steps, block.operator, block.scheme, block.fine, block.pairs, block.motion, block.cycles, block.record,

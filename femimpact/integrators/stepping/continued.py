@@ -89,8 +89,8 @@ class Beginning:
 
     def times(self, steps: int, method: SteppingMethod) -> Array:
         """Times (s) of all fine steps from step 0 until a number of steps after the beginning."""
-        count = (self.step + steps) * method.refine + 1
-        return self.origin + np.arange(count, dtype=float) * (method.dt / method.refine)
+        time = self.origin + np.arange((self.step + steps) * method.refine + 1) * (method.dt / method.refine)
+        return np.asarray(time, dtype=float)
 
 
 def beginning_of(initial: State, system: System, excitation: Excitation, method: SteppingMethod) -> Beginning:

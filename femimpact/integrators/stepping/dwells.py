@@ -78,10 +78,10 @@ def stepped_dwells(
 
 
 def _blocks(ends: NDArray[np.int64], workers: int) -> list[NDArray[np.intp]]:
-    """Cases of like length together; as many blocks as workers, none wider than the cache likes."""
+    """Cases of like length together; as many blocks as workers, none wider than the cache holds."""
     count = max(min(workers, ends.size // 2), math.ceil(ends.size / WIDEST_BLOCK), 1)
     if ends.max() <= ALIKE * ends.min():
-        # neighbours in frequency have much or little contact: dealt out, every block gets its share
+        # neighbours in frequency have much or little contact: distributed in turn, every block gets its share
         return [np.arange(first, ends.size, count) for first in range(count)]
     return [members for members in np.array_split(np.argsort(-ends, kind="stable"), count) if members.size]
 

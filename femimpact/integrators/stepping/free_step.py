@@ -84,7 +84,7 @@ def read_drive(table: Array, base: Array) -> None:
 
 @inlined
 def blend_drive(alpha: float, base: Array, before: Array, acting: Array) -> None:
-    """What the balance within the step feels of the drive."""
+    """The drive in the balance within the step."""
     for c in range(base.size):
         acting[c] = (1.0 - alpha) * base[c] + alpha * before[c]
 

@@ -16,7 +16,7 @@ LAST, LAST_RATE = range(2)
 # RATE and RATE_BEFORE are kept only where a method looks ahead
 Y, Y_RATE, Y_ACCELERATION, X, X_BEFORE, FORCE, Y_BEFORE, RATE, RATE_BEFORE = range(9)
 # rows of Motion.drive (., cases); the drive's history is SCALE times the sine; BASE is its value at the step's
-# end, ACTING what the balance of the step feels; TRAVEL is its amplitude as a displacement of the base (m), TRAVEL_RATE
+# end, ACTING that in the balance of the step; TRAVEL is its amplitude as a displacement of the base (m), TRAVEL_RATE
 # as a velocity (m/s), and OBSTACLE_RATE(_BEFORE) the velocity of stops fixed in space
 (
     SINE, COSINE, TURN_SINE, TURN_COSINE, PHASE, PHASE_STEP, SCALE, BASE, BASE_BEFORE, ACTING, TRAVEL, TRAVEL_RATE,

@@ -20,7 +20,7 @@ __all__ = ["piece_ends", "record_of"]
 
 
 def piece_ends(recorder: Recorder, steps: int) -> Iterable[int]:
-    """Steps after which a run with a sink hands over a piece; a piece has as many, the state at the start counted."""
+    """Steps after which a run with a sink passes on a piece; a piece has as many, the state at the start counted."""
     if recorder.sink is None:
         return [steps]
     piece = recorder.piece_samples * recorder.every
@@ -40,7 +40,7 @@ def record_of(
     dt, modes = method.dt, modes_kept(system, recorder)
     # a recorded motion is spread over all fine steps before the first
     values = 0 if drive.is_sine else (first + steps) * method.refine + 1
-    # with the base's displacement and velocity, where stops stand still in space
+    # with the base's displacement and velocity, where stops are fixed in space
     values *= 3 if any(pair.fixed_to == "space" for pair in system.contacts) else 1
     check_memory(system, recorder, rows.drive.size, steps, dt, drive.omega / (2.0 * np.pi), drive=values)
     samples, snapshots = kept_rows(recorder, steps, dt)

@@ -87,7 +87,7 @@ def run_steps(
 
 
 def divergence_message(frequency: float, time: float, method: SteppingMethod) -> str:
-    """Words for a run that grew without bound, and the way out."""
+    """Words for a run that grew without bound, and what to do."""
     return (
         f"the motion at {frequency:g} Hz is not finite or grew without bound before t = {time:.4g} s with "
         f"dt = {method.dt:.3g} s: take a smaller dt (recommended_step gives one), a contact law with damping, "
@@ -108,7 +108,7 @@ def _run(
     method: SteppingMethod,
     progress: Progress | None,
 ) -> Iterator[int]:
-    """Run a block to its end by way of ascending steps; each of them when it is reached."""
+    """Run a block to its end; yields each of some ascending steps when it is reached."""
     done = 0
     for end in ends:
         if end > done:

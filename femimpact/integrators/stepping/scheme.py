@@ -1,4 +1,4 @@
-"""What the loop wants of a method with steps, and the constants of the two kinds of step."""
+"""What the loop requires of a method with steps, and the constants of the two kinds of step."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def check_step(system: System, method: SteppingMethod) -> tuple[str, ...]:
     numbers = f"{name} = {step:.3g} s against a contact time of {contact_time:.3g} s"
     if method.allow_coarse_step:
         return (
-            f"coarse step: {numbers}; a contact wants {LEAST_STEPS_PER_CONTACT} steps or more, "
+            f"coarse step: {numbers}; a contact needs {LEAST_STEPS_PER_CONTACT} steps or more, "
             "so impacts, restitution and energy of this run are not to be trusted",
         )
     allowed = (
@@ -106,7 +106,7 @@ def _check_laws(system: System, method: SteppingMethod) -> None:
 
 
 def check_sampling(frequencies: NDArray[np.float64], method: SteppingMethod, key: str) -> None:
-    """Refuse frequencies of the drive (Hz) of which the step sees fewer than 8 points a cycle."""
+    """Refuse frequencies of the drive (Hz) that have fewer than 8 steps in a cycle."""
     least = LEAST_STEPS_PER_CYCLE
     highest, most = float(frequencies.max()), 1.0 / (least * method.dt)
     allowed = f"must be <= {most:.4g} Hz with dt = {method.dt:g} s ({least} steps in a base cycle or more)"

@@ -187,7 +187,7 @@ def collide(law: LawNumbers, mass: float, speed: float, start: float, s: Scheme)
         rate -= s.give_v * force / mass
         acceleration -= s.give_a * force / mass
         left = x <= 0.0 or law.kind == RIGID
-        # an algorithmic acceleration may linger after the force
+        # an algorithmic acceleration may last longer than the force
         if left and rate <= 0.0 and force == 0.0 and abs(rate - rate_before) <= 1e-13 * speed:
             break
         before = force

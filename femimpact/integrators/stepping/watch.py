@@ -1,4 +1,4 @@
-"""Which cases a contact concerns: cheap looks at every pair, between contacts too."""
+"""Which cases a contact concerns: a quick check of every pair, between contacts too."""
 
 from __future__ import annotations
 

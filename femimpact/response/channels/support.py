@@ -20,7 +20,7 @@ class SupportReaction:
 
     It is read from the held rows of M, C and K, with the forces that act on the support itself taken off, and with
     the acceleration that the equations of motion give; see `femimpact.system.reactions.Reaction`. With all dofs or
-    all modes it is what inertia and contacts ask of the support. With modes left out it is the reaction of the
+    all modes it is the sum of inertia and contact forces. With modes left out it is the reaction of the
     modes that are kept; `ShakerForce` then shows the other sum, and a note of the response the difference.
 
     A root has three forces, which differ in phase: this one; the elastic shear force EI w''', which leaves damping
