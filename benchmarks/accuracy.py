@@ -1,9 +1,9 @@
 """Exact answers to the benchmark problem, independent of femimpact's integrators.
 
 Without contact: the state matrix of all dofs, decomposed once, and the closed form of its forced response.
-With the ball: flight, touch and release are linear each, so that the matrix exponential of the state (with the
-sine, the cosine and a constant appended) carries it exactly; the changes between them are bracketed on a fine
-grid and found as roots.
+With the ball: motion between contacts, touch and release are linear each, so that the matrix exponential of the
+state (with the sine, the cosine and a constant appended) is exact; the changes between them are bracketed on a
+fine grid and found as roots.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ def measure(problem, peers, quick, say):
         problem, sizes, repeats=min(3, repeats)
     )
     found["all_modes"] = scaling.all_modes(problem, (100,) if quick else (100, 1000), 2, say)
-    found["flight"] = scaling.flight_alone(problem, repeats)
+    found["further time"] = scaling.further_time(problem, repeats)
     say("threads, memory, start")
     found["threads"] = scaling.threads(problem, repeats, 100 if quick else 1000)
     found["memory"], found["help"] = scaling.memory(), startup.help_time(repeats)

@@ -91,7 +91,7 @@ def _refined(dt):
     return fi.Newmark(dt=dt, contact="energy-consistent", refine=20, allow_coarse_step=True)
 
 
-def _flown(samples):
+def _event_driven(samples):
     return fi.EventDriven(samples_per_cycle=samples)
 
 
@@ -102,7 +102,7 @@ def _given(task):
 COARSE = (1 / 500, 1 / 1000, 1 / 2000, 1 / 5000, 1 / 10_000, 1 / 20_000, 1 / 50_000, 1 / 100_000)
 STEPS = (2e-4, 1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6)
 OWN = (
-    Own("femimpact, event-driven", "8 modes", 8, (64, 256), _flown, lambda task: 64),
+    Own("femimpact, event-driven", "8 modes", 8, (64, 256), _event_driven, lambda task: 64),
     Own("femimpact, Newmark", "8 modes", 8, STEPS, _newmark, _given),
     Own("femimpact, Newmark refined in touch", "8 modes", 8, COARSE, _refined, lambda task: COARSE[1], "B"),
     Own("femimpact, Newmark refined, 1/500 s", "8 modes", 8, (), _refined, lambda task: COARSE[0], "B"),

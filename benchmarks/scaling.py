@@ -18,7 +18,7 @@ from timing import Job, take_turns, timed
 
 import femimpact as fi
 
-__all__ = ["all_modes", "cost_over_dofs", "flight_alone", "memory", "physical", "step_cost", "threads"]
+__all__ = ["all_modes", "cost_over_dofs", "further_time", "memory", "physical", "step_cost", "threads"]
 
 HERE = Path(__file__).parent
 
@@ -101,7 +101,7 @@ def _largest_arrays(problem, elements):
     return peak / 1e6
 
 
-def flight_alone(problem, repeats=5, further=100):
+def further_time(problem, repeats=5, further=100):
     """CPU time (ms) of a further 0.8 s in a long event-driven run: what is left without laying out and reading."""
     system, base = problem.modal(), fi.Sine(problem.amplitude, 5.2)
     record = fi.Recorder(channels=("tip",), ledger=False, impacts=0)

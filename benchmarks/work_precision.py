@@ -4,10 +4,10 @@ The tip over the first 0.8 s at 5.2 Hz from rest (some five impacts; later, chao
 restitution 0.7. Two problems, each with its own converged solution:
 
 - rigid impacts: event-driven is exact; Moreau-Jean steps them; Newmark with ever stiffer walls
-  comes near (its dashpot made for the mass that a rigid impact feels);
-- Kelvin-Voigt walls of 2 ms contact time: event-driven flies through them, exact too, and is held
+  comes near (its dashpot made for the mass that acts in a rigid impact);
+- Kelvin-Voigt walls of 2 ms contact time: event-driven is exact there too, and is held
   against Newmark with a tiny step; Newmark and its family, energy-consistent contact, and a coarse
-  step in flight with a fine one in touch.
+  step between contacts with a fine one in touch.
 
 Error: largest difference of the tip over the largest tip. Cost: CPU time of one core.
 
@@ -33,8 +33,8 @@ PER_CYCLE = 200
 GRID = np.arange(1, 833) / (FREQUENCY * PER_CYCLE)
 """Instants at which tips are compared, s: those that the event-driven run reads."""
 
-FLIGHT_LIMIT = 10.0
-"""Microseconds per flight between impacts that an event-driven run near resonance may take."""
+MOTION_LIMIT = 10.0
+"""Microseconds per motion between impacts that an event-driven run near resonance may take."""
 
 
 @dataclass(frozen=True)
@@ -88,16 +88,16 @@ def error_of(values, exact):
     return float(np.max(np.abs(values - exact)) / np.max(np.abs(exact)))
 
 
-def flown(samples_per_cycle):
+def event_driven(samples_per_cycle):
     """Event-driven, read at the grid's instants (and between them, where more samples are asked for)."""
     return fi.EventDriven(samples_per_cycle=samples_per_cycle)
 
 
 def event_driven_point(problem, system):
     """The event-driven run as the problem's exact solution, and its point."""
-    # the same flight read ten times as often is summed up in other pieces: their difference is its rounding
-    exact, _ = tip(system, flown(10 * PER_CYCLE))
-    values, seconds = tip(system, flown(PER_CYCLE))
+    # the same motion read ten times as often is summed up in other pieces: their difference is its rounding
+    exact, _ = tip(system, event_driven(10 * PER_CYCLE))
+    values, seconds = tip(system, event_driven(PER_CYCLE))
     return exact, Point(problem, "event-driven", "exact", error_of(values, exact), seconds)
 
 
@@ -145,13 +145,13 @@ def compliant_points(contact_time=2e-3):
 def agreement(contact_time=2e-3):
     """How far Newmark, energy-consistent, with a tiny step (s) is from the event-driven solution."""
     system, dt = system_with(soft_wall(contact_time)), contact_time / 10_000
-    exact, _ = tip(system, flown(PER_CYCLE))
+    exact, _ = tip(system, event_driven(PER_CYCLE))
     values, _ = tip(system, fi.Newmark(dt=dt, contact="energy-consistent"))
     return dt, error_of(values, exact)
 
 
-def flight_cost():
-    """Microseconds for each flight between impacts near resonance, 600 s, sampling included."""
+def motion_cost():
+    """Microseconds for each motion between impacts near resonance, 600 s, sampling included."""
     system = system_with(fi.Rigid(0.78))
     record = fi.Recorder(channels=("tip",), ledger=False)
     best, count = np.inf, 1
@@ -189,7 +189,7 @@ def main() -> None:
     options = parser.parse_args()
     # compile everything before the clock matters
     for contact in (fi.Rigid(RESTITUTION), soft_wall(2e-3)):
-        fi.integrate(system_with(contact), SINE, flown(PER_CYCLE), 0.2)
+        fi.integrate(system_with(contact), SINE, event_driven(PER_CYCLE), 0.2)
     points = [*rigid_points(), *compliant_points()]
     print(f"{platform.processor() or platform.machine()}, Python {platform.python_version()}, CPU time of one core\n")
     print("| problem | method | setting | error | CPU time (ms) |\n| --- | --- | --- | --- | --- |")
@@ -206,10 +206,10 @@ def main() -> None:
         )
     dt, apart = agreement()
     print(f"compliant: Newmark, energy-consistent, with dt = {dt:g} s is {apart:.1e} from the event-driven solution")
-    micro, count = flight_cost()
-    verdict = "within" if micro <= FLIGHT_LIMIT else "beyond"
+    micro, count = motion_cost()
+    verdict = "within" if micro <= MOTION_LIMIT else "beyond"
     print(
-        f"flight between two impacts: {micro:.1f} us over {count} flights, {verdict} the limit of {FLIGHT_LIMIT:g} us"
+        f"motion between two impacts: {micro:.1f} us over {count} of them, {verdict} the limit of {MOTION_LIMIT:g} us"
     )
     figure_of(points, options.output)
     print("wrote", options.output)

@@ -305,8 +305,8 @@ def _cycles(rng: np.random.Generator, system: fi.System, amplitude: float) -> fl
     for pair in system.contacts:
         e, clearance = pair.parameters.restitution, sum(pair.gaps)
         bounces = min(1.0 / max(1.0 - e, 0.01), 30.0)
-        flights = 0.0 if math.isinf(clearance) else min(amplitude / clearance, 100.0)
-        per_cycle += 1.0 + bounces + flights * min(bounces, 5.0)
+        crossings = 0.0 if math.isinf(clearance) else min(amplitude / clearance, 100.0)
+        per_cycle += 1.0 + bounces + crossings * min(bounces, 5.0)
     return min(max(aim / per_cycle, FEWEST_CYCLES), MOST_CYCLES)
 
 

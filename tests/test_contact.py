@@ -185,7 +185,7 @@ def test_one_collision_in_a_run_obeys_the_law(reference, restitution, side):
     assert len(impacts) == 1
     assert impacts.side[0] == side
     assert impacts.impactor[0] == "ball"
-    # straight flight of 4 mm at 0.1 m/s; the time is read from a depth that the first force has pushed back a little
+    # uniform motion over 4 mm at 0.1 m/s; the time is read from a depth that the first force has pushed back a little
     pushed = 0.25 * dt**2 * (pair.parameters.damping + 0.4 * dt * pair.parameters.stiffness) / pair.effective_mass
     assert impacts.time[0] == pytest.approx(0.04 - 0.4 * dt, abs=1.01 * pushed + 1e-12)
     assert impacts.approach_speed[0] == pytest.approx(0.1, rel=1e-9)
@@ -201,13 +201,13 @@ def test_one_collision_in_a_run_obeys_the_law(reference, restitution, side):
 
 
 @pytest.mark.parametrize("restitution", [0.1, 0.6])
-def test_approach_speed_is_that_of_the_flight_wherever_in_a_step_the_touch_falls(reference, restitution):
+def test_approach_speed_is_that_before_the_touch_wherever_in_a_step_the_touch_falls(reference, restitution):
     system = with_law(reference, fi.KelvinVoigt(restitution=restitution, contact_time=2e-3))
     dt = 2e-3 / 20
     for share in (0.001, 0.01, 0.03, 0.3, 0.7, 0.999):
         # the touch falls `share` of a step before the end of a step
         response = thrown(system, dt, start=0.1 * dt * share, duration=0.05)
-        # straight flight at 0.1 m/s until a wall at rest: no force has acted before the touch
+        # uniform motion at 0.1 m/s until a wall at rest: no force has acted before the touch
         assert response.impacts.approach_speed[0] == pytest.approx(0.1, rel=1e-9), share
 
 

@@ -35,17 +35,17 @@ def test_the_linear_balance_closes_to_rounding(reference, modal, frequency):
     base = fi.Sine(amplitude=0.2e-3, frequency=frequency, phase=0.3)
     start = fi.State(displacement=1e-4 * system.base_load, velocity=1e-3 * system.base_load)
     response = fi.integrate(system, base, fi.Newmark(1e-4), 1.0, initial=start)
-    # the ledger books the work and the loss that the average acceleration method does: only rounding of 10 000 steps
+    # the ledger holds the work and the loss of the average acceleration method: only rounding of 10 000 steps
     assert response.energy.residual < 1e-10
     assert response.energy.structure_loss[-1] > 0.1 * response.energy.stored[0]
 
 
-def test_a_ball_in_flight_keeps_the_balance_closed(reference):
+def test_a_ball_between_contacts_keeps_the_balance_closed(reference):
     system = fi.reduce(fi.assemble(reference, elements=10), modes=4)
     start = fi.State(ball_velocity=[0.01])
     response = fi.integrate(system, fi.Sine(amplitude=0.2e-3, frequency=5.0), fi.Newmark(1e-4), 0.2, initial=start)
     assert len(response.impacts) == 0
-    # flight under the base's inertia is integrated by the same exact balance
+    # motion under the base's inertia is integrated by the same exact balance
     assert response.energy.residual < 1e-10
     np.testing.assert_allclose(response.energy.ball[0], 0.5 * 3.43e-3 * 0.01**2, rtol=1e-12)
 

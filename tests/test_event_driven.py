@@ -1,4 +1,4 @@
-"""Event-driven flight: exact orbits, exact rest times, a ledger closed to rounding."""
+"""Event-driven runs: exact orbits, exact rest times, a ledger closed to rounding."""
 
 import math
 from dataclasses import replace
@@ -189,7 +189,7 @@ def test_what_an_impact_takes_from_the_ball_goes_to_the_modes_and_is_lost():
 # ---- drives ---------------------------------------------------------------------------------------
 
 
-def test_a_recorded_base_is_flown_exactly_for_its_broken_line():
+def test_a_recorded_base_is_exact_for_its_broken_line():
     # a triangle of acceleration: the closed form of the broken line against Newmark at ever smaller steps
     system = fi.without_impactors(beam_with_ball(2))
     dt = 0.02
@@ -265,7 +265,7 @@ def test_newtons_cradle():
 # ---- input ----------------------------------------------------------------------------------------
 
 
-def test_what_cannot_be_flown_is_refused_by_name():
+def test_what_cannot_be_run_is_refused_by_name():
     full = fi.assemble(
         fi.Structure(fi.Beam.uniform(length=0.2, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)), 4
     )

@@ -263,7 +263,7 @@ def test_event_driven_runs_hand_over_whole_cycles(reference):
     assert max(piece.time.size for piece in pieces) <= 100
     np.testing.assert_array_equal(np.concatenate([piece.time for piece in pieces]), whole.time)
     assert streamed.streamed_to == whole.time[-1]
-    # a flight cut in other places rounds otherwise, and impacts make that grow: the first ones only
+    # a motion divided in other places rounds otherwise, and impacts make that grow: the first ones only
     early = whole.time < 0.8
     tip = np.concatenate([piece.channels["tip"] for piece in pieces])
     np.testing.assert_allclose(tip[early], whole["tip"][early], atol=1e-9 * np.abs(whole["tip"]).max())

@@ -59,7 +59,7 @@ def response(light):
 
 
 @pytest.fixture(scope="module")
-def flown(reference):
+def event_driven(reference):
     rigid = reduced(with_ball(reference, contact=fi.Rigid(restitution=0.6)), 4, 10)
     sine = fi.Sine(amplitude=3e-3, frequency=5.2)
     return fi.integrate(rigid, sine, fi.EventDriven(), 15.0, fi.Recorder(channels=("tip",)))
@@ -74,7 +74,7 @@ def test_phases_are_those_of_the_known_sine_and_all_impacts_stay_when_histories_
     assert set(impacts.contact_law) == {"kelvin-voigt"}
 
 
-@pytest.mark.parametrize("run", ["response", "flown"])
+@pytest.mark.parametrize("run", ["response", "event_driven"])
 def test_csv_and_netcdf_hold_the_same_table(run, request, tmp_path):
     import xarray
 
@@ -109,8 +109,8 @@ def test_an_empty_table_reads_back(tmp_path):
     assert xarray.load_dataset(file, engine="h5netcdf")["time"].size == 0
 
 
-def test_a_rigid_impact_loses_its_impulse_times_the_mean_relative_speed(flown):
-    impacts = flown.impacts
+def test_a_rigid_impact_loses_its_impulse_times_the_mean_relative_speed(event_driven):
+    impacts = event_driven.impacts
     assert impacts.energy_to_modes.shape == (len(impacts), 4)
     lost = 0.5 * impacts.impulse * (impacts.approach_speed - impacts.rebound_speed)
     np.testing.assert_allclose(impacts.energy_loss, lost, rtol=1e-6, atol=1e-15)
@@ -121,16 +121,16 @@ def test_a_rigid_impact_loses_its_impulse_times_the_mean_relative_speed(flown):
 # ---- of a run -------------------------------------------------------------------------------------
 
 
-def test_a_run_knows_its_regime_over_its_last_third(flown):
-    start, end = flown.window
+def test_a_run_knows_its_regime_over_its_last_third(event_driven):
+    start, end = event_driven.window
     assert (start, end) == pytest.approx((10.0, 15.0))
-    expected = classify(flown.impacts, flown.sticking, 5.2, start, end)
-    assert flown.regime == expected
-    assert flown.regime.criterion
-    assert math.isfinite(impacts_per_cycle(flown.impacts, 5.2, start, end))
+    expected = classify(event_driven.impacts, event_driven.sticking, 5.2, start, end)
+    assert event_driven.regime == expected
+    assert event_driven.regime.criterion
+    assert math.isfinite(impacts_per_cycle(event_driven.impacts, 5.2, start, end))
 
 
-@pytest.mark.parametrize("run", ["response", "flown"])
+@pytest.mark.parametrize("run", ["response", "event_driven"])
 def test_figures_show_units_walls_and_regime(run, request):
     result = request.getfixturevalue(run)
     histograms = fi.figures.impact_histograms(result, fi.figures.OffScreen())
@@ -171,7 +171,7 @@ def test_figures_of_a_run_without_impacts(light):
     assert not any(line.get_xdata().size for line in fi.figures.impulse_phase(quiet, fi.figures.OffScreen()).lines)
 
 
-@pytest.mark.parametrize("run", ["response", "flown"])
+@pytest.mark.parametrize("run", ["response", "event_driven"])
 def test_a_study_leaves_the_record_and_sticking_only_where_something_stuck(run, request, tmp_path):
     from femimpact.study import run as running
     from femimpact.study.results import FILES, STICKING_FILE
@@ -180,8 +180,8 @@ def test_a_study_leaves_the_record_and_sticking_only_where_something_stuck(run, 
     running._write_impacts(tmp_path, result)
     assert tables.read_csv(tmp_path / FILES["impacts"])["time"].size == len(result.impacts)
     assert (tmp_path / FILES["impact_data"]).is_file()
-    assert (tmp_path / STICKING_FILE).is_file() == (len(result.sticking) > 0) == (run == "flown")
-    if run == "flown":
+    assert (tmp_path / STICKING_FILE).is_file() == (len(result.sticking) > 0) == (run == "event_driven")
+    if run == "event_driven":
         back = tables.read_csv(tmp_path / STICKING_FILE)
         for name in STICKING_UNITS:
             np.testing.assert_array_equal(back[name], getattr(result.sticking, name))

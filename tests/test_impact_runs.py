@@ -1,4 +1,4 @@
-"""Runs with balls: symmetries, limits and exact flights. Short times only: the motion is chaotic."""
+"""Runs with balls: symmetries, limits and exact motion between impacts. Short times only: the motion is chaotic."""
 
 import math
 from dataclasses import replace
@@ -71,7 +71,7 @@ def test_asymmetric_gaps_are_reached_one_after_the_other(reference):
     for speed, side, gap in ((0.1, 1, 1e-3), (-0.1, -1, 3e-3)):
         run = fi.integrate(system, STILL, newmark(system), 0.05, initial=fi.State(ball_velocity=[speed]))
         first = run.impacts.time[0]
-        # straight flight to the wall of a resting beam; the touch is placed within a step of 1e-4 s
+        # uniform motion to the wall of a resting beam; the touch is placed within a step of 1e-4 s
         assert first == pytest.approx(gap / 0.1, abs=1e-4)
         assert run.impacts.side[0] == side
         before = run.time < first - 1e-4
@@ -117,7 +117,7 @@ def test_two_equal_balls_at_one_place_act_as_one_of_twice_the_mass(reference):
 
 
 @pytest.mark.parametrize("phase", [0.0, 0.8, 2.5])
-def test_a_ball_in_flight_is_straight_in_space(small, phase):
+def test_a_ball_between_contacts_moves_uniformly_in_space(small, phase):
     base = replace(BASE, phase=phase)
     speed = 0.01
     run = fi.integrate(

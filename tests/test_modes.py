@@ -215,7 +215,7 @@ def test_the_published_frequencies_without_the_ball_and_with_the_ball_glued(refe
     assert glued == pytest.approx(4.980, abs=5e-4)
 
 
-def test_a_ball_in_flight_does_not_change_the_structures_modes(reference):
+def test_a_ball_between_contacts_does_not_change_the_structures_modes(reference):
     with_ball = fi.assemble(reference, elements=20)
     empty = fi.without_impactors(with_ball)
     assert empty.contacts == ()

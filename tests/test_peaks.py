@@ -123,7 +123,7 @@ def test_a_mirrored_motion_has_mirrored_extremes():
 
 
 def test_a_refined_step_has_the_crest_of_its_fine_steps():
-    # in flight without force every step is exact: what the coarse run does in touch is what the fine one does
+    # without force every step is exact: what the coarse run does in touch is what the fine one does
     law = fi.KelvinVoigt(restitution=0.7, contact_time=0.02)
     system = oscillator(0.0, stops=[fi.Stop("wall", "mass", (0.1, 0.1), law)])
     bases, start = [fi.Sine(0.0, f) for f in (1.0, 1.37)], fi.State(velocity=[0.5])
@@ -174,7 +174,7 @@ def test_peaks_at_impacts_of_a_ball_are_of_order_one(dt):
     high, low = extremes(system, [fi.Sine(0.0, 1.0)], fi.MoreauJean(dt), cycles, start)
     exact_high, exact_low, impacts = zigzag(1.5, 0.9, (0.1, -0.3), 0.05, cycles)
     assert impacts > 5
-    # the first peak lies at the first impact, after a flight that is exact
+    # the first peak lies at the first impact, after a motion that is exact
     assert high[0, 0] == pytest.approx(exact_high[0], rel=1e-12)
     # each impact moves what follows by a jump of velocity, 0.7 m/s at most, times half a step
     bound = impacts * 0.7 * dt / 2

@@ -220,7 +220,7 @@ def test_the_ledger_closes_in_contacts_near_their_critical_damping(off):
 
 @pytest.mark.parametrize("off", [0.0, 1e-12, 1e-8, -1e-8, 1e-3])
 def test_the_ledger_closes_where_a_mode_has_critical_damping(off):
-    """With a rigid ball: flights only, and a closed form of the mode's own."""
+    """With a rigid ball: free motion only, and a closed form of the mode's own."""
     system = fi.System.from_matrices(
         [[1.0]], [[2.0 * (1.0 + off)]], [[1.0]], points={"a": [1.0]},
         impactors=[fi.Impactor("ball", at="a", mass=0.1, gap=1.0, contact=fi.Rigid(restitution=0.7))],

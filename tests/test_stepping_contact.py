@@ -150,7 +150,7 @@ def test_an_energy_consistent_contact_keeps_energy_at_any_step(name, shift):
     kept = thrown(ELASTIC[name], replace(plain, contact="energy-consistent"), shift=shift)
     assert len(kept.impacts) == 1
     energy = kept.energy
-    # one step a contact: rounding, and no loss is booked
+    # one step a contact: rounding, and no loss is counted
     assert energy.residual < 1e-12
     np.testing.assert_allclose(energy.contact_loss, 0.0, atol=1e-12 * energy.stored[0])
     assert kept.impacts.restitution[0] == pytest.approx(1.0, abs=1e-3)
@@ -169,7 +169,7 @@ LOSSY = {
 
 @pytest.mark.parametrize("name", LOSSY)
 @pytest.mark.parametrize("share", [0.1, 1.0])
-def test_an_energy_consistent_contact_books_what_its_law_takes(name, share):
+def test_an_energy_consistent_contact_loses_what_its_law_takes(name, share):
     system = oscillator(impactors=[fi.Impactor("ball", "mass", 3.43e-3, 4e-3, LOSSY[name])])
     dt = share * system.contacts[0].parameters.contact_time
     run = thrown(LOSSY[name], fi.Newmark(dt, contact="energy-consistent", allow_coarse_step=True))
@@ -324,7 +324,7 @@ def test_fine_steps_in_contact_are_as_good_as_fine_steps_throughout(reference, m
         scale = np.max(np.abs(uniform[name]))
         error = np.max(np.abs(mixed[name] - uniform[name][::refine])) / scale
         crude = np.max(np.abs(coarse[name] - uniform[name][::refine])) / scale
-        # the flight's own error, (w2 dt)^2/12 of the second mode at the coarse step
+        # the own error of the motion between contacts, (w2 dt)^2/12 of the second mode at the coarse step
         assert error < 2e-3, name
         assert error < 0.3 * crude, name
     for name in ("time", "approach_speed", "rebound_speed", "impulse", "peak_force", "duration", "energy_loss"):
@@ -355,7 +355,7 @@ def test_fine_steps_beside_other_cases_are_those_alone(small):
         assert getattr(beside, name)[1] == pytest.approx(getattr(alone, name)[0], rel=1e-6), name
 
 
-def test_a_step_in_flight_may_be_longer_than_the_contact(small):
+def test_a_step_without_contact_may_be_longer_than_the_contact(small):
     assert fi.recommended_step(small, refine=4) == pytest.approx(4 * fi.recommended_step(small))
     # bounded by the first mode
     assert fi.recommended_step(small, refine=100) == pytest.approx(1 / (400 * small.first_frequency))
@@ -394,7 +394,7 @@ def test_an_impact_passes_to_each_mode_what_the_mode_gains(reference):
     assert lost == pytest.approx(gained.sum() + run.impacts.energy_loss[0], rel=1e-10)
 
 
-def test_a_run_without_a_ledger_has_no_books_of_modes(small):
+def test_a_run_without_a_ledger_has_no_losses_of_modes(small):
     run = fi.integrate(
         small, STILL, fi.Newmark(1e-4), 0.06, fi.Recorder(ledger=False), initial=fi.State(ball_velocity=[0.1])
     )

@@ -1,8 +1,8 @@
 """MuJoCo: a chain of rigid links with hinge springs, the ball on a slide, walls as a spring with a dead band.
 
 Its elements are rigid links, not beams: one factor on the springs makes the first natural frequency the problem's,
-one on the joints' dampers the first damping ratio; higher modes differ. The walls' dashpot, which may not act in
-flight nor pull, and the base's motion (as gravity) are set from Python before every step.
+one on the joints' dampers the first damping ratio; higher modes differ. The walls' dashpot, which may not act between
+contacts nor pull, and the base's motion (as gravity) are set from Python before every step.
 """
 
 from __future__ import annotations

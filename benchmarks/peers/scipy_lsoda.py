@@ -48,7 +48,7 @@ def history(problem, task, frequency, duration, setting, method="LSODA"):
 
 
 class _Motion:
-    """Right-hand sides and events. State: q, q', y, y'. Phases: 0 in flight, +1 and -1 pressed against a wall."""
+    """Right-hand sides and events. State: q, q', y, y'. Phases: 0 without contact, +1 and -1 pressed against a wall."""
 
     def __init__(self, system, amplitude, frequency):
         self.n, self.tip = system.dofs, system.point_row("tip")

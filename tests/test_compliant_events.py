@@ -1,4 +1,4 @@
-"""Event-driven flight through Kelvin-Voigt contacts: exact against other programs, closed in energy."""
+"""Event-driven runs through Kelvin-Voigt contacts: exact against other programs, closed in energy."""
 
 import dataclasses
 import math
@@ -86,7 +86,7 @@ def test_the_ledger_closes_over_thousands_of_contacts(modes):
     system = beam(modes)
     run = fi.integrate(system, fi.Sine(AMPLITUDE, 5.0), EXACT, 400.0, fi.Recorder(every=64))
     assert len(run.impacts) > 1000
-    # rounding of a few 1e-16 in each of some 1e4 flights
+    # rounding of a few 1e-16 in each of some 1e4 motions between events
     assert run.energy.residual < 1e-10
     np.testing.assert_allclose(run.energy.structure_loss_of_mode.sum(axis=1), run.energy.structure_loss, rtol=1e-12)
     # what is in the table, and a contact that may be open at the end
@@ -160,7 +160,7 @@ def test_a_sweep_is_its_runs_one_by_one():
     without = fi.frequency_sweep(system, AMPLITUDE, frequencies, EXACT, cycles=12, ledger=False)
     for i, frequency in enumerate(frequencies):
         run = fi.integrate(system, fi.Sine(AMPLITUDE, frequency), EXACT, 12 / frequency, fi.Recorder(every=64))
-        # the same flights, cut in other places: rounding grows, to 1e-10 with the first 17 impacts
+        # the same motion, divided in other places: rounding grows, to 1e-10 with the first 17 impacts
         assert both[0].peak[i] == pytest.approx(run.steady.peak[0], rel=1e-3)
         assert both[0].impacts_per_cycle[i] == pytest.approx(run.statistics.impacts_per_cycle, rel=0.02)
         assert without.rms[i] == pytest.approx(both[0].rms[i], rel=1e-3)
@@ -210,7 +210,7 @@ def test_pieces_of_a_history_are_the_history():
     assert len(pieces) > 3
     assert streamed.time.size == 0
     np.testing.assert_array_equal(np.concatenate([piece.time for piece in pieces]), whole.time)
-    # cut in other places, a flight is computed anew from its start: rounding, grown by impacts
+    # divided in other places, a motion is computed anew from its start: rounding, grown by impacts
     early = whole.time < 0.9
     tip = np.concatenate([piece.channels["tip"] for piece in pieces])
     np.testing.assert_allclose(tip[early], whole["tip"][early], atol=1e-9 * np.abs(whole["tip"]).max())
@@ -224,8 +224,8 @@ def test_other_laws_are_refused_by_name():
         fi.integrate(hertz, fi.Sine(AMPLITUDE, 5.0), EXACT, 0.5)
 
 
-def test_a_grid_twice_as_fine_reads_the_same_flight_to_the_last_bit():
-    # over more cycles than a run is flown in one piece
+def test_a_grid_twice_as_fine_reads_the_same_motion_to_the_last_bit():
+    # over more cycles than one piece of a run has
     system, base, keep = beam(1), fi.Sine(AMPLITUDE, 5.0), fi.Recorder(channels=("tip",), ledger=False)
     coarse = fi.integrate(system, base, EXACT, 60.0, keep)
     fine = fi.integrate(system, base, dataclasses.replace(EXACT, samples_per_cycle=128), 60.0, keep)
@@ -251,7 +251,7 @@ def test_a_stop_on_one_side_has_no_other_wall():
     assert run.energy.residual < 1e-10
 
 
-def test_most_events_are_those_of_each_case_whatever_is_flown_beside_it():
+def test_most_events_are_those_of_each_case_whatever_runs_beside_it():
     # a hot beam: more than 10 changes of contact a cycle at 5.2 Hz, hardly any at 40 Hz
     system, method = beam(1), dataclasses.replace(EXACT, most_events=10)
     curve = fi.frequency_sweep(system, 4e-3, [5.2, 40.0], method, duration=6.0)
