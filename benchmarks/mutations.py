@@ -155,7 +155,11 @@ MUTATIONS = (
     Mutation("stepped_contact_loss", "m.ledger[CONTACT_LOSS, c] += loss", "m.ledger[CONTACT_LOSS, c] += 0.0"),
     Mutation("stepped_ball_work", "work[c] += mass[c] * acting * (", "work[c] += 0.0 * acting * ("),
     # event-driven
-    Mutation("ball_without_base", "        load[n + j] = -pair.mass * drive.share\n", "        load[n + j] = 0.0\n"),
+    Mutation(
+        "event_driven_ball_without_base",
+        "        load[n + j] = -pair.mass * drive.share\n",
+        "        load[n + j] = 0.0\n",
+    ),
     Mutation("impulse_mobility", "fastest / -pairs.mobility[hit, hit]", "fastest / -(1.02 * pairs.mobility[hit, hit])"),
     Mutation(
         "contact_stiffness",

@@ -302,7 +302,7 @@ def _is_more_than_a_pole(f: Array, x: Array, pole: Any) -> bool:
     from scipy.optimize import least_squares
     from scipy.special import fdtri
 
-    def first(p: Array) -> Array:
+    def first(p: Array) -> NDArray[np.complex128]:
         return np.asarray(math.exp(p[0]) * f**2 / (p[1] ** 2 - f**2 + 2j * math.exp(p[2]) * p[1] * f))
 
     def with_constant(p: Array) -> Array:
