@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +78,7 @@ class TaperedCantilever:
         speed = math.sqrt(YOUNG_MODULUS / (12.0 * DENSITY)) * THICKNESS / LENGTH**2
         return wavenumber**2 * speed / self.ends[0] / (2.0 * math.pi)
 
-    def wavenumbers(self, count: int) -> NDArray[Any]:
+    def wavenumbers(self, count: int) -> NDArray[np.float64]:
         """The lowest k, (count,): roots of the determinant of the conditions at both ends."""
         from scipy.optimize import brentq
 
@@ -121,7 +120,7 @@ class TaperedCantilever:
 
         return curve
 
-    def _row(self, order: int, x: float, k: float, signs: tuple[float, ...]) -> NDArray[Any]:
+    def _row(self, order: int, x: float, k: float, signs: tuple[float, ...]) -> NDArray[np.float64]:
         """J, Y, I and K of an order at 2 k sqrt(x), (4,), with signs, and I and K in a scale of the whole beam."""
         from scipy.special import iv, jv, kv, yv
 
@@ -129,7 +128,7 @@ class TaperedCantilever:
         values = jv(order, z), yv(order, z), math.exp(-high) * iv(order, z), math.exp(low) * kv(order, z)
         return np.array(signs) * values
 
-    def _conditions(self, k: float) -> NDArray[Any]:
+    def _conditions(self, k: float) -> NDArray[np.float64]:
         """At the root w = w' = 0, at the tip w'' = 0 and the shear force is the body's inertia; (4, 4)."""
         n, (root, tip) = self.power, self.ends
         outward = math.copysign(1.0, tip - root)
