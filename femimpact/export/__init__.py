@@ -1,1 +1,1 @@
-"""Files and pictures of results: the only modules that know pyvista, matplotlib and file formats."""
+"""Files and pictures of results: the only modules that use pyvista, matplotlib and file formats."""

@@ -135,7 +135,7 @@ def _film(response: Response, structure: Structure, exaggeration: float | None, 
     return Film(response, structure, snapshots, chosen, scene, caption, _hits(response, snapshots, chosen))
 
 
-def _hits(response: Response, snapshots: Snapshots, chosen: NDArray[Any]) -> NDArray[Any]:
+def _hits(response: Response, snapshots: Snapshots, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
     """Side of the wall that each ball touches: at the frame, or since the frame before the last.
 
     A hit is shorter than a frame, so one that fell between two frames is shown by the next two.
@@ -151,7 +151,7 @@ def _hits(response: Response, snapshots: Snapshots, chosen: NDArray[Any]) -> NDA
     return np.asarray(hits)
 
 
-def _encode(path: Path, frames: Iterator[NDArray[Any]], fps: int) -> Path:
+def _encode(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int) -> Path:
     try:
         import imageio_ffmpeg
     except ImportError:
@@ -186,13 +186,13 @@ def _encode(path: Path, frames: Iterator[NDArray[Any]], fps: int) -> Path:
     return path
 
 
-def _matplotlib_frames(film: Film) -> Iterator[NDArray[Any]]:
+def _matplotlib_frames(film: Film) -> Iterator[NDArray[np.uint8]]:
     """Both views seen from above, along z; works without any GL library."""
     draw = sheets(film, plane=True)
     return (draw(i) for i in range(film.chosen.size))
 
 
-def _pyvista_frames(film: Film, window: str) -> Iterator[NDArray[Any]]:
+def _pyvista_frames(film: Film, window: str) -> Iterator[NDArray[np.uint8]]:
     """Both views in three dimensions, pasted into the sheet."""
     import pyvista
 
@@ -236,7 +236,7 @@ TILT = (0.0, -0.4, 1.0)
 """From what is looked at to the eye, m: from above, a little from the - side; the beam at rest lies level."""
 
 
-def _pieces(film: Film) -> list[tuple[Any, NDArray[Any], dict[str, Any], tuple[int, int] | None]]:
+def _pieces(film: Film) -> list[tuple[Any, NDArray[np.intp], dict[str, Any], tuple[int, int] | None]]:
     """Meshes to draw: each with its point numbers, its look, and the hit (pair, side or 0) that colours it."""
     import pyvista
 
@@ -244,7 +244,7 @@ def _pieces(film: Film) -> list[tuple[Any, NDArray[Any], dict[str, Any], tuple[i
     cells = [np.concatenate([[cell.size], cell]) for cell in np.split(scene.connectivity, scene.offsets[:-1])]
     whole = pyvista.UnstructuredGrid(np.concatenate(cells), scene.types, scene.points.copy())
     shiny = {"color": BLUE, "smooth_shading": True, "ambient": 0.25, "specular": 0.4, "specular_power": 20.0}
-    plan: list[tuple[NDArray[Any], dict[str, Any], tuple[int, int] | None]]
+    plan: list[tuple[NDArray[np.intp], dict[str, Any], tuple[int, int] | None]]
     plan = [(np.flatnonzero(scene.part == BEAM), {"color": "#a3acb6", "ambient": 0.4}, None)]
     for j in range(len(film.response.system.balls)):
         plus, minus, floor = np.flatnonzero((scene.part == BOX) & (scene.pair == j))[:, None]

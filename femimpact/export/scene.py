@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
@@ -32,12 +31,15 @@ from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Position, Structure
 from femimpact.system.hermite import hermite_rows
+from femimpact.system.matrices import Matrix
 from femimpact.system.system import System
 
 __all__ = [
     "BALL", "BALL_DENSITY", "BEAM", "BOX", "Scene", "ball_radius", "build_scene", "build_whole_scene", "snapshots_of",
     "thinned",
 ]  # fmt: skip
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +64,7 @@ class Scene:
     carried : csr_array (points, balls)
         1 where a point belongs to a ball.
     in_space : ndarray (points,)
-        Whether a point stands still in space.
+        Whether a point is fixed in space.
     stretches : tuple of ndarray, m
         Positions of the beam's sections; a jump of the section or a force lies between two stretches.
     marks : ndarray (marks, 4)
@@ -70,22 +72,22 @@ class Scene:
     exaggeration : float, 1
     """
 
-    points: NDArray[Any]
-    connectivity: NDArray[Any]
-    offsets: NDArray[Any]
-    types: NDArray[Any]
-    part: NDArray[Any]
-    pair: NDArray[Any]
-    deflection: Any
-    slope: Any
-    arm: NDArray[Any]
-    carried: Any
-    in_space: NDArray[Any]
-    stretches: tuple[NDArray[Any], ...]
-    marks: NDArray[Any]
+    points: Array
+    connectivity: NDArray[np.int64]
+    offsets: NDArray[np.int64]
+    types: NDArray[np.uint8]
+    part: NDArray[np.int32]
+    pair: NDArray[np.int32]
+    deflection: Matrix
+    slope: Matrix
+    arm: Array
+    carried: Matrix
+    in_space: NDArray[np.bool_]
+    stretches: tuple[Array, ...]
+    marks: NDArray[np.int64]
     exaggeration: float
 
-    def motion(self, nodal: NDArray[Any], balls: NDArray[Any], base: float = 0.0, space: float = 0.0) -> NDArray[Any]:
+    def motion(self, nodal: Array, balls: Array, base: float = 0.0, space: float = 0.0) -> Array:
         """Displacements (or velocities) of all points, ndarray (points, 3), without exaggeration.
 
         Parameters
@@ -93,7 +95,7 @@ class Scene:
         nodal, balls : ndarray
             Relative to the base.
         base, space : float
-            Motion of the base, and of what stands still in space, in the frame that is drawn.
+            Motion of the base, and of what is fixed in space, in the frame that is drawn.
         """
         slope = self.slope @ nodal
         result = np.zeros_like(self.points)
@@ -102,15 +104,13 @@ class Scene:
         result[:, 1] += np.where(self.in_space, space, base)
         return result
 
-    def rotation(self, nodal: NDArray[Any]) -> NDArray[Any]:
+    def rotation(self, nodal: Array) -> Array:
         """Rotation dw/dx about z of all points, ndarray (points, 3); 0 of what hangs on no section."""
         result = np.zeros_like(self.points)
         result[:, 2] = self.slope @ nodal
         return result
 
-    def displacement(
-        self, nodal: NDArray[Any], balls: NDArray[Any], base: float = 0.0, space: float = 0.0
-    ) -> NDArray[Any]:
+    def displacement(self, nodal: Array, balls: Array, base: float = 0.0, space: float = 0.0) -> Array:
         """Exaggerated displacement (points, 3), m, of a state; see `motion`."""
         return self.exaggeration * self.motion(nodal, balls, base, space)
 
@@ -140,9 +140,7 @@ def build_scene(structure: Structure, system: System, exaggeration: float = 1.0)
     return _scene(pieces, system, stretches, exaggeration)
 
 
-def build_whole_scene(
-    structure: Structure, system: System, exaggeration: float = 1.0, subdivisions: int = 1
-) -> Scene:  # fmt: skip
+def build_whole_scene(structure: Structure, system: System, exaggeration: float = 1.0, subdivisions: int = 1) -> Scene:
     """The same with supports, bodies, stops and points of contact.
 
     Parameters
@@ -203,7 +201,7 @@ def _position(structure: Structure, system: System, at: Position) -> float:
     return system.position_of(structure.place_of(at))
 
 
-def _scene(pieces: Pieces, system: System, stretches: tuple[NDArray[Any], ...], exaggeration: float) -> Scene:
+def _scene(pieces: Pieces, system: System, stretches: tuple[Array, ...], exaggeration: float) -> Scene:
     points, axis = np.concatenate(pieces.points), np.concatenate(pieces.axis)
     ball = np.concatenate(pieces.ball)
     held = np.isfinite(axis)
@@ -243,6 +241,6 @@ def snapshots_of(response: Response) -> Snapshots:
     return response.snapshots
 
 
-def thinned(count: int, most: int) -> NDArray[Any]:
+def thinned(count: int, most: int) -> NDArray[np.int64]:
     """At most so many of the numbers 0 to count - 1, evenly spread, the first and the last among them."""
     return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))

@@ -18,6 +18,8 @@ __all__ = [
     "ball_radius", "section_at", "sections_along", "stretches_of",
 ]  # fmt: skip
 
+Array = NDArray[np.float64]
+
 BALL_DENSITY = 7850.0
 """kg/m^3. The model knows no ball radius; a steel sphere of the ball's mass is drawn, and a steel cube of a body's."""
 
@@ -56,23 +58,23 @@ class Pieces:
     ball : list of ndarray (k,)
         Number of the ball that carries each point, -1 otherwise.
     in_space : list of ndarray (k,)
-        Whether a point stands still in space, not with the base.
+        Whether a point is fixed in space, not with the base.
     cells : list of (type, points, part, pair)
     marks : list of (point, pair, side, reaction)
         Points of contact: side +1 or -1, and whether what is shown there is the force on the other body.
     """
 
-    points: list[NDArray[Any]] = field(default_factory=list)
-    axis: list[NDArray[Any]] = field(default_factory=list)
-    ball: list[NDArray[Any]] = field(default_factory=list)
-    in_space: list[NDArray[Any]] = field(default_factory=list)
+    points: list[Array] = field(default_factory=list)
+    axis: list[Array] = field(default_factory=list)
+    ball: list[NDArray[np.int64]] = field(default_factory=list)
+    in_space: list[NDArray[np.bool_]] = field(default_factory=list)
     cells: list[tuple[int, list[int], int, int]] = field(default_factory=list)
     marks: list[tuple[int, int, int, bool]] = field(default_factory=list)
     count: int = 0
 
     def add(
-        self, points: NDArray[Any], axis: Any, cells: list[tuple[int, list[int]]], part: int, pair: int,
-        ball: int = -1, in_space: bool = False,
+        self, points: Array, axis: Any, cells: list[tuple[int, list[int]]], part: int, pair: int, ball: int = -1,
+        in_space: bool = False,
     ) -> None:  # fmt: skip
         """Add points that move alike, and the cells between them."""
         first, size = self.count, len(points)
@@ -96,7 +98,7 @@ def section_at(structure: Structure, position: float) -> tuple[float, float]:
     return structure.beam.rectangle_at(position)
 
 
-def sections_along(structure: Structure, stations: NDArray[Any]) -> NDArray[Any]:
+def sections_along(structure: Structure, stations: Array) -> Array:
     """Width and thickness (m) at the stations of one stretch, (stations, 2): all of the segment that holds it."""
     beam, middle = structure.beam, 0.5 * float(stations[0] + stations[-1])
     i = beam.segment_index_at(middle)
@@ -104,14 +106,14 @@ def sections_along(structure: Structure, stations: NDArray[Any]) -> NDArray[Any]
     return np.array([segment.rectangle_at(float(x) - start) for x in stations])
 
 
-def _block(low: tuple[float, float, float], high: tuple[float, float, float]) -> NDArray[Any]:
+def _block(low: tuple[float, float, float], high: tuple[float, float, float]) -> Array:
     """Corners of a box in VTK's order of a hexahedron."""
     (x0, y0, z0), (x1, y1, z1) = low, high
     lower = [(x0, y0, z0), (x1, y0, z0), (x1, y1, z0), (x0, y1, z0)]
     return np.array(lower + [(x, y, z1) for x, y, _ in lower])
 
 
-def stretches_of(nodes: NDArray[Any], cuts: Any, subdivisions: int = 1) -> tuple[NDArray[Any], ...]:
+def stretches_of(nodes: Array, cuts: Any, subdivisions: int = 1) -> tuple[Array, ...]:
     """Positions (m) of sections along the beam, stretch by stretch: a cut belongs to both stretches beside it.
 
     Every node of the mesh is among them, and sections between, so that there are at least 120 cells; of a mesh with
@@ -133,7 +135,7 @@ def stretches_of(nodes: NDArray[Any], cuts: Any, subdivisions: int = 1) -> tuple
     return tuple(_stations(nodes, a, b, subdivisions, slack) for a, b in itertools.pairwise([*bounds, end]))
 
 
-def _stations(nodes: NDArray[Any], start: float, end: float, subdivisions: int, slack: float) -> NDArray[Any]:
+def _stations(nodes: Array, start: float, end: float, subdivisions: int, slack: float) -> Array:
     share = (end - start) / (nodes[-1] - nodes[0])
     between = nodes[(nodes > start + slack) & (nodes < end - slack)]
     most = max(math.ceil(MOST_STATIONS * share), 2)
@@ -146,7 +148,7 @@ def _stations(nodes: NDArray[Any], start: float, end: float, subdivisions: int, 
     return np.concatenate([*inner, knots[-1:]])
 
 
-def add_beam(pieces: Pieces, structure: Structure, stretches: tuple[NDArray[Any], ...]) -> None:
+def add_beam(pieces: Pieces, structure: Structure, stretches: tuple[Array, ...]) -> None:
     """Hexahedra between sections of four points; each stretch has its own, so that steps of the section show.
 
     Along a linear taper the faces are plane, and the cells have the volume of the beam.
@@ -179,9 +181,7 @@ def add_box(
         pieces.add(corners, x, [(HEXAHEDRON, BLOCK)], BOX, j)
 
 
-def add_ball(
-    pieces: Pieces, j: int, x: float, width: float, radius: float, rings: int = 10, around: int = 20
-) -> NDArray[Any]:
+def add_ball(pieces: Pieces, j: int, x: float, width: float, radius: float, rings: int = 10, around: int = 20) -> Array:
     """A sphere of quadrilaterals with triangles at its poles; its centre (3,) in m."""
     centre = np.array([x, 0.0, 0.5 * width + 0.3 * radius + radius])
     polar = np.pi * np.arange(1, rings) / rings

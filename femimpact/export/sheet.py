@@ -42,28 +42,28 @@ class Film:
     scene : Scene
     caption : str
     hits : ndarray (frames, balls)
-        Side of the wall that a ball touches, 0 in flight.
+        Side of the wall that a ball touches, 0 without contact.
     """
 
     response: Response
     structure: Structure
     snapshots: Snapshots
-    chosen: NDArray[Any]
+    chosen: NDArray[np.int64]
     scene: Scene
     caption: str
-    hits: NDArray[Any]
+    hits: NDArray[np.int64]
 
     def struck(self, i: int, pair: int, side: int) -> bool:
         """Whether the ball of a pair touches that wall at frame i; side 0 means either."""
         return bool(self.hits[i, pair] != 0 and side in (0, self.hits[i, pair]))
 
-    def moved(self, i: int) -> NDArray[Any]:
+    def moved(self, i: int) -> NDArray[np.float64]:
         """Points (points, 3), m, of frame i."""
         k = self.chosen[i]
         nodal, balls = self.snapshots.displacement[k], self.snapshots.ball_displacement[k]
         return np.asarray(self.scene.points + self.scene.displacement(nodal, balls))
 
-    def at_pair(self, j: int) -> NDArray[Any]:
+    def at_pair(self, j: int) -> NDArray[np.float64]:
         """Deflection (m) of the beam at pair j in every snapshot."""
         position = self.response.system.balls[j].position
         rows = hermite_rows(self.response.system.nodes, [position])
@@ -75,7 +75,7 @@ class Film:
         return max(float(np.abs(self.moved(i)[:, 1]).max()) for i in range(self.chosen.size))
 
 
-def sheets(film: Film, plane: bool) -> Callable[[int], NDArray[Any]]:
+def sheets(film: Film, plane: bool) -> Callable[[int], NDArray[np.uint8]]:
     """A function that draws frame i as pixels (HEIGHT, WIDTH, 3); what does not move is drawn once.
 
     Parameters
@@ -102,7 +102,7 @@ def sheets(film: Film, plane: bool) -> Callable[[int], NDArray[Any]]:
         canvas.draw()
         still = canvas.copy_from_bbox(figure.bbox)
 
-    def frame(i: int) -> NDArray[Any]:
+    def frame(i: int) -> NDArray[np.uint8]:
         canvas.restore_region(still)
         for draw in draws:
             draw(i)
@@ -220,7 +220,7 @@ def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
     return draw
 
 
-def _entries(scene: Scene, part: int, pair: int) -> NDArray[Any]:
+def _entries(scene: Scene, part: int, pair: int) -> NDArray[np.bool_]:
     """Places in the connectivity that belong to one part of one pair."""
     cell = np.repeat(np.arange(scene.offsets.size), np.diff(scene.offsets, prepend=0))
     return np.asarray(((scene.part == part) & (scene.pair == pair))[cell])

@@ -23,12 +23,15 @@ from femimpact.structure.structure import SUPPORTS, Impactor, Stop, Structure
 from femimpact.system.contact_pair import contact_pair
 from femimpact.system.damped import damped_with_modes
 from femimpact.system.hermite import hermite_rows
+from femimpact.system.matrices import Matrix
 from femimpact.system.modes import first_elastic_frequency, first_mode_at, flexibility
 from femimpact.system.own_terms import add_terms
 from femimpact.system.reactions import Reaction
 from femimpact.system.system import System
 
 __all__ = ["ElementLineHermiteReference", "assemble"]
+
+Array = NDArray[np.float64]
 
 HEAVY = 1e3
 """Mass of a beam (kg) above which millimetres may have been typed as metres."""
@@ -189,7 +192,7 @@ def _connection_rows(grid: Discretisation, items: Sequence[Spring | Dashpot], ki
     return sparse.csr_array(ends("at") - ends("to"))
 
 
-def _reactions(grid: Discretisation, M: Any, K: Any, momentum: NDArray[Any], springs: Any) -> dict[str, Reaction]:
+def _reactions(grid: Discretisation, M: Matrix, K: Matrix, momentum: Array, springs: Matrix) -> dict[str, Reaction]:
     """Rows of the held dofs, by the name of their support; a dof that two supports hold has the first one's name.
 
     Springs to the base, with the rows of their elongation, pull the beam back: theirs is a force on it, too.
@@ -220,18 +223,18 @@ def _reactions(grid: Discretisation, M: Any, K: Any, momentum: NDArray[Any], spr
     }
 
 
-def _held_row(matrix: Any, dof: int, free: NDArray[Any]) -> NDArray[Any]:
+def _held_row(matrix: Matrix, dof: int, free: NDArray[np.int64]) -> Array:
     return _frozen(matrix[[dof]][:, free].toarray()[0])
 
 
-def _beam_matrices(grid: Discretisation) -> tuple[Any, Any]:
+def _beam_matrices(grid: Discretisation) -> tuple[Matrix, Matrix]:
     """K and M of the bare beam over all dofs, held ones included."""
     K = bending.assemble(grid.basis, bending_stiffness=grid.bending_stiffness)
     M = inertia.assemble(grid.basis, mass_per_length=grid.mass_per_length)
     return sparse.csr_array(K), sparse.csr_array(M)
 
 
-def _lumped_mass(grid: Discretisation) -> Any:
+def _lumped_mass(grid: Discretisation) -> Matrix:
     """M (N + e N')(N + e N')^T + J N' N'^T for every body with its centre at e from its place, over all dofs."""
     total = sparse.csr_array((grid.dofs, grid.dofs))
     for body in grid.structure.masses:
@@ -242,7 +245,7 @@ def _lumped_mass(grid: Discretisation) -> Any:
     return total
 
 
-def _free_block(matrix: Any, free: NDArray[Any]) -> Any:
+def _free_block(matrix: Matrix, free: NDArray[np.int64]) -> Matrix:
     block = sparse.csr_array(matrix[free][:, free])
     block.eliminate_zeros()
     return block
@@ -257,7 +260,7 @@ def _points(grid: Discretisation) -> dict[str, float]:
     return places
 
 
-def _frozen(array: NDArray[Any]) -> NDArray[Any]:
+def _frozen(array: Array) -> Array:
     array = np.array(array, dtype=float)
     array.setflags(write=False)
     return array

@@ -34,6 +34,8 @@ from femimpact.system.sections import SectionFields
 
 __all__ = ["Discretisation", "ElementLineHermiteReference", "discretise", "kind_of"]
 
+Array = NDArray[np.float64]
+
 OFF_MESH = 1e-6
 """Share of the beam's length by which it and a mesh of single precision may differ."""
 
@@ -45,7 +47,7 @@ class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
     instance: it loses digits on fine or graded meshes and is wrong on a second mesh.
     """
 
-    def gbasis(self, mapping: Any, X: NDArray[Any], i: int, tind: Any = None) -> tuple[DiscreteField]:
+    def gbasis(self, mapping: Any, X: Array, i: int, tind: Any = None) -> tuple[DiscreteField]:
         """Basis function i and its derivatives by x at reference points X."""
         mesh = mapping.mesh
         t = mesh.t if tind is None else mesh.t[:, tind]
@@ -88,7 +90,7 @@ class Discretisation:
     structure: Structure = field(metadata=instance(Structure))
     mesh: Mesh = field(metadata=instance(Mesh))
     basis: Any = field(metadata=instance(CellBasis))
-    free: NDArray[Any] = field(metadata=column("", "dofs", of="whole number"))
+    free: NDArray[np.int64] = field(metadata=column("", "dofs", of="whole number"))
     sections: SectionFields = field(metadata=instance(SectionFields))
 
     def __post_init__(self) -> None:
@@ -110,11 +112,11 @@ class Discretisation:
         return 2 * self.mesh.nodes.size
 
     @property
-    def held(self) -> NDArray[Any]:
+    def held(self) -> NDArray[np.int64]:
         """Numbers of the dofs that supports hold."""
         return np.setdiff1d(np.arange(self.dofs), self.free)
 
-    def at_quadrature(self, values: Any) -> NDArray[Any]:
+    def at_quadrature(self, values: Any) -> Array:
         """One value of each element, (elements,), at the basis's quadrature points: (elements, points).
 
         For coefficients of a form. What varies along a taper is there as `bending_stiffness`, `mass_per_length` and
@@ -126,22 +128,22 @@ class Discretisation:
         return np.asarray(given[:, None] + self.basis.zero_w())
 
     @property
-    def bending_stiffness(self) -> NDArray[Any]:
+    def bending_stiffness(self) -> Array:
         """E I (N m^2) at the basis's quadrature points, (elements, points)."""
         return self.sections.bending_stiffness_at(*self._quadrature_places)
 
     @property
-    def mass_per_length(self) -> NDArray[Any]:
+    def mass_per_length(self) -> Array:
         """Rho A (kg/m) at the basis's quadrature points, (elements, points)."""
         return self.sections.mass_per_length_at(*self._quadrature_places)
 
     @property
-    def rotary_inertia(self) -> NDArray[Any]:
+    def rotary_inertia(self) -> Array:
         """Rho I (kg m) at the basis's quadrature points, (elements, points)."""
         return self.sections.rotary_inertia_at(*self._quadrature_places)
 
     @property
-    def _quadrature_places(self) -> tuple[NDArray[Any], NDArray[Any]]:
+    def _quadrature_places(self) -> tuple[NDArray[np.int64], Array]:
         """Numbers of the elements, (elements, 1), and places from 0 to 1 inside them, (1, points)."""
         return np.arange(self.mesh.elements)[:, None], np.asarray(self.basis.X)
 
@@ -217,7 +219,7 @@ def _sections(beam: Beam, mesh: Mesh) -> SectionFields:
     return SectionFields(stiffness, mass, inertia, moduli, half, region.astype(str), width_taper, thickness_taper)
 
 
-def _taper(segment: Segment, mesh: Mesh, members: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _taper(segment: Segment, mesh: Mesh, members: NDArray[np.int64]) -> tuple[Array, Array]:
     """Width and thickness in the middle of a segment's elements over those at its start, and their tapers.
 
     Two arrays (2, members). The segment begins and ends where its elements do.
@@ -232,7 +234,7 @@ def _taper(segment: Segment, mesh: Mesh, members: NDArray[Any]) -> tuple[NDArray
     return middle, growth * ((far - near) / (end - start)) / middle
 
 
-def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray[Any]]]:
+def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray[np.int64]]]:
     """Each segment with the elements it fills, checked to cover the mesh once and to be as long."""
     if len(beam.segments) == 1:
         _warn_of_steps(mesh)

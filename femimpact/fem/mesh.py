@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,8 @@ from femimpact.structure.structure import Structure
 from femimpact.table import Head, head_of_values, short_repr
 
 __all__ = ["Mesh", "graded_mesh", "random_mesh", "uniform_mesh"]
+
+Array = NDArray[np.float64]
 
 SAME_PLACE = 1e-9
 """Two positions closer than this share of the beam's length are one place."""
@@ -44,9 +45,9 @@ class Mesh:
         place, or a region names an element that is none.
     """
 
-    nodes: NDArray[Any]
+    nodes: Array
     points: Mapping[str, float] = field(default_factory=dict)
-    regions: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    regions: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         allowed = "must be two or more increasing positions"
@@ -77,7 +78,7 @@ class Mesh:
             places.setdefault(name, at)
         return places
 
-    def _checked_regions(self) -> dict[str, NDArray[Any]]:
+    def _checked_regions(self) -> dict[str, NDArray[np.int64]]:
         """Elements by name of their region."""
         require_type(self.regions, Mapping, "mesh.regions")
         regions = {}
@@ -203,7 +204,7 @@ def graded_mesh(structure: Structure, elements: int, ratio: float) -> Mesh:
         return uniform_mesh(structure, elements)
     mapped = np.log1p((ratio - 1.0) * breaks / length) / np.log(ratio)
 
-    def graded(first: float, last: float, count: int) -> NDArray[Any]:
+    def graded(first: float, last: float, count: int) -> Array:
         s = np.linspace(first, last, count, endpoint=False)
         return np.asarray(length * np.expm1(s * np.log(ratio)) / (ratio - 1.0))
 
@@ -237,14 +238,14 @@ def random_mesh(structure: Structure, elements: int, seed: int) -> Mesh:
     breaks = _breaks(structure)
     generator = np.random.default_rng(seed)
 
-    def drawn(first: float, last: float, count: int) -> NDArray[Any]:
+    def drawn(first: float, last: float, count: int) -> Array:
         ends = np.concatenate([[0.0], np.cumsum(generator.uniform(0.5, 1.5, count))])
         return np.asarray(first + (last - first) * ends[:-1] / ends[-1])
 
     return _filled(structure, breaks, breaks, elements, drawn)
 
 
-def _breaks(structure: Structure) -> NDArray[Any]:
+def _breaks(structure: Structure) -> Array:
     """Positions (m) where every mesh made here has a node: joints and attachments."""
     require_type(structure, Structure, "structure")
     beam = structure.beam
@@ -258,9 +259,8 @@ def _breaks(structure: Structure) -> NDArray[Any]:
 
 
 def _filled(
-    structure: Structure, breaks: NDArray[Any], shares: NDArray[Any], elements: int,
-    nodes_of: Callable[[float, float, int], NDArray[Any]],
-) -> Mesh:  # fmt: skip
+    structure: Structure, breaks: Array, shares: Array, elements: int, nodes_of: Callable[[float, float, int], Array]
+) -> Mesh:
     """A mesh whose stretches have elements in proportion to their length on `shares`, the scale of `nodes_of`.
 
     The nodes between two breaks, the first included, are `nodes_of` their shares and the number of elements.
@@ -288,7 +288,7 @@ def _places_for(key: str, named: Mapping[str, float], structure: Structure) -> s
     return f"must be one of {', '.join([*named, *bodies])}, or metres from the root"
 
 
-def _share(lengths: NDArray[Any], total: int) -> NDArray[Any]:
+def _share(lengths: Array, total: int) -> NDArray[np.int64]:
     """Whole numbers >= 1 with the given total: the longest element is split, again and again."""
     counts = np.ones(lengths.size, dtype=int)
     for _ in range(total - lengths.size):

@@ -21,6 +21,8 @@ from femimpact.fem.mesh import MOST_ELEMENTS, SAME_PLACE, Mesh
 
 __all__ = ["read_mesh", "read_outcomes"]
 
+Array = NDArray[np.float64]
+
 TIME_LIMIT = 30.0
 """Seconds for one file; a beam of 100,000 elements takes two."""
 
@@ -170,14 +172,14 @@ def _beam_mesh(read: Mapping[str, Any], label: str) -> Mesh:
     return Mesh(nodes, _named_points(read, cells, rank, nodes), regions)
 
 
-def _coordinates(given: Any, label: str) -> NDArray[Any]:
+def _coordinates(given: Any, label: str) -> Array:
     points = np.asarray(given, dtype=float)
     located = points.ndim == 2 and points.shape[1] in (1, 2, 3) and bool(np.all(np.isfinite(points)))
     require(located, "mesh.file", label, "", "must hold finite coordinates in x, y and z")
     return np.hstack([points, np.zeros((len(points), 3 - points.shape[1]))])
 
 
-def _members(groups: Mapping[str, Any], cells: Sequence[tuple[str, Any]]) -> dict[str, NDArray[Any]]:
+def _members(groups: Mapping[str, Any], cells: Sequence[tuple[str, Any]]) -> dict[str, NDArray[np.int64]]:
     """Numbers of the lines of each group, lines counted through all blocks."""
     members = {}
     for name, chosen in groups.items():
@@ -191,7 +193,9 @@ def _members(groups: Mapping[str, Any], cells: Sequence[tuple[str, Any]]) -> dic
     return members
 
 
-def _merged(lines: NDArray[Any], members: Mapping[str, NDArray[Any]]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _merged(
+    lines: NDArray[np.int64], members: Mapping[str, NDArray[np.int64]]
+) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
     """Lines with those that Gmsh 2 repeats for each group they are in as one; the new number of each line."""
     tags = np.zeros((len(lines), len(members)), dtype=bool)
     for i, chosen in enumerate(members.values()):
@@ -209,7 +213,7 @@ def _merged(lines: NDArray[Any], members: Mapping[str, NDArray[Any]]) -> tuple[N
     return pairs, owner
 
 
-def _check_branches(lines: NDArray[Any], points: NDArray[Any], label: str) -> None:
+def _check_branches(lines: NDArray[np.int64], points: Array, label: str) -> None:
     degree = np.bincount(np.unique(np.sort(lines, axis=1), axis=0).ravel(), minlength=len(points))
     busy = int(np.argmax(degree))
     place = ", ".join(f"{x:.6g}" for x in points[busy])
@@ -217,14 +221,14 @@ def _check_branches(lines: NDArray[Any], points: NDArray[Any], label: str) -> No
     require(degree[busy] <= 2, "mesh.file", label, "", allowed)
 
 
-def _check_axis(points: NDArray[Any], label: str) -> None:
+def _check_axis(points: Array, label: str) -> None:
     extent = np.ptp(points, axis=0)
     along_x = extent[0] > 0 and max(extent[1], extent[2]) <= SAME_PLACE * extent[0]
     size = f"x {extent[0]:.4g}, y {extent[1]:.4g}, z {extent[2]:.4g} m"
     require(along_x, "mesh.file", label, "", f"must lie along the x axis; its extent is {size}")
 
 
-def _check_row(ends: NDArray[Any], nodes: NDArray[Any], root: float, label: str) -> None:
+def _check_row(ends: NDArray[np.int64], nodes: Array, root: float, label: str) -> None:
     """Refuse lines (n, 2) between sorted nodes that are not one line between each two neighbours."""
     between = np.zeros(nodes.size - 1, dtype=int)
     # +1 where a line begins and -1 where it ends: the number of lines over each stretch
@@ -248,7 +252,7 @@ def _check_row(ends: NDArray[Any], nodes: NDArray[Any], root: float, label: str)
 
 
 def _named_points(
-    read: Mapping[str, Any], cells: Sequence[tuple[str, Any]], rank: NDArray[Any], nodes: NDArray[Any]
+    read: Mapping[str, Any], cells: Sequence[tuple[str, Any]], rank: NDArray[np.int64], nodes: Array
 ) -> dict[str, float]:
     """Positions of the groups of vertices and nodes that are one node of the beam."""
     points: dict[str, float] = {}

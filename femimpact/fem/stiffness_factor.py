@@ -14,6 +14,8 @@ from femimpact.system.hermite import hermite_rows
 
 __all__ = ["stiffness_factor"]
 
+Array = NDArray[np.float64]
+
 
 def stiffness_factor(grid: Discretisation) -> Any:
     """G with K = G^T G over all dofs: sqrt(weight) w'' at two points of every element.
@@ -41,7 +43,7 @@ def stiffness_factor(grid: Discretisation) -> Any:
     return sparse.csr_array(sparse.diags_array(weight.ravel()) @ curvature)
 
 
-def _gauss_points(a: NDArray[Any], b: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _gauss_points(a: Array, b: Array) -> tuple[Array, Array]:
     """Two Gauss points of the weight (1 + a x)(1 + b x)^3 / 2, x = -1 to 1, and their weights, (elements, 2) each.
 
     The points are in 1/sqrt(3), so that those of a constant weight are -1 and 1 to the last bit. They are the

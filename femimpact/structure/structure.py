@@ -188,7 +188,7 @@ class Stop:
         state (`State`) unless told otherwise.
     contact : a contact law
     fixed_to : {"base", "space"}
-        Whether the obstacle moves with the base or stands still in space.
+        Whether the obstacle moves with the base or is fixed in space.
 
     Raises
     ------

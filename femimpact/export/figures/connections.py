@@ -45,7 +45,7 @@ def draw_ground(axis: Any, at: Point) -> None:
     axis.plot([at[0]], [at[1]], "_", color=GREY, markersize=14.0, markeredgewidth=2.5, clip_on=False)
 
 
-def _zigzag(ends: NDArray[Any], across: NDArray[Any]) -> NDArray[Any]:
+def _zigzag(ends: NDArray[np.float64], across: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points from one end to the other, straight for a while at both."""
     share = np.concatenate([[0.0], np.linspace(0.2, 0.8, 2 * TURNS + 1), [1.0]])
     side = np.concatenate([[0.0, 0.0], np.resize([1.0, -1.0], 2 * TURNS - 1), [0.0, 0.0]])

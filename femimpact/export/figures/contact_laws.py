@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 __all__ = ["collision_history", "contact_laws"]
 
+Array = NDArray[np.float64]
+
 POINTS = 400
 """Instants of one collision that are drawn."""
 
 
-def collision_history(
-    law: ContactLaw, effective_mass: float, approach_speed: float
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+def collision_history(law: ContactLaw, effective_mass: float, approach_speed: float) -> tuple[Array, Array, Array]:
     """One collision, integrated from touch to zero force.
 
     Parameters
@@ -63,7 +63,7 @@ def contact_laws(
     contacts: Sequence[tuple[str, ContactLaw, float]],
     speeds: Sequence[float],
     figure: FigureBase | OffScreen | None = None,
-) -> NDArray[Any]:
+) -> NDArray[np.object_]:
     """Force over penetration of every contact: one loop for each approach speed, whose area is the energy lost.
 
     Parameters
@@ -114,7 +114,7 @@ def _loops(axis: Any, name: str, law: ContactLaw, mass: float, speeds: Sequence[
         _loop(axis, 1e6 * depth, force, colour, f"{speed:.3g} m/s")
 
 
-def _loop(axis: Any, depth: NDArray[Any], force: NDArray[Any], colour: str, label: str) -> None:
+def _loop(axis: Any, depth: Array, force: Array, colour: str, label: str) -> None:
     from matplotlib.patheffects import withStroke
 
     turn, crest = int(np.argmax(depth)), int(np.argmax(force))

@@ -92,7 +92,9 @@ def step_convergence(result: StepConvergence, slope: float | None = 2.0, ax: Axe
     return axis
 
 
-def _reference(axis: Any, x: NDArray[Any], errors: NDArray[Any], slope: float, below: float, label: str) -> None:
+def _reference(
+    axis: Any, x: NDArray[np.float64 | np.int64], errors: NDArray[np.float64], slope: float, below: float, label: str
+) -> None:
     """A line of a slope below the errors (n, curves), from the largest one to where the errors end."""
     worst = int(np.nanargmax(errors.max(axis=1)))
     line = below * np.nanmin(errors[worst]) * (x / x[worst]) ** slope
@@ -100,7 +102,7 @@ def _reference(axis: Any, x: NDArray[Any], errors: NDArray[Any], slope: float, b
     axis.loglog(x[kept], line[kept], "--", color=GREY, linewidth=1.2, label=label)
 
 
-def mode_convergence(result: ModeConvergence, figure: FigureBase | OffScreen | None = None) -> NDArray[Any]:
+def mode_convergence(result: ModeConvergence, figure: FigureBase | OffScreen | None = None) -> NDArray[np.object_]:
     """Displacement, losses and equivalent damping over the number of modes, with and without correction.
 
     Bars are the scatter between eight parts of the window; differences within them mean nothing.
@@ -115,7 +117,7 @@ def mode_convergence(result: ModeConvergence, figure: FigureBase | OffScreen | N
     -------
     ndarray (3,) of Axes
     """
-    axes: NDArray[Any] = panels(figure, 12.0, 4.6, 1, 3)[0]
+    axes: NDArray[np.object_] = panels(figure, 12.0, 4.6, 1, 3)[0]
     displacement, loss, damping = axes
     _draw(displacement, result, (("rms", "-", ""),), "m", "displacement")
     _draw(loss, result, (("contact_loss", "-", "contact"), ("structure_loss", ":", "structure")), "J", "loss per cycle")

@@ -106,7 +106,7 @@ def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_al
         axis.plot(frequency[scatter], peak[scatter], ".", label=text, **dots)
 
 
-def _scatter(curve: FrequencyResponse, join_all: bool) -> NDArray[Any]:
+def _scatter(curve: FrequencyResponse, join_all: bool) -> NDArray[np.bool_]:
     """Which peaks are single samples of a motion that does not repeat."""
     # without impacts the motion is linear: it may still beat at the end of a dwell, and does not scatter
     return np.asarray((curve.steadiness != "periodic") & (curve.impacts_per_cycle > 0.0) & (not join_all))
@@ -125,7 +125,7 @@ def restitution_scan(
     peak_frequency: float,
     amplitude_ratio: float,
     figure: FigureBase | OffScreen | None = None,
-) -> NDArray[Any]:
+) -> NDArray[np.object_]:
     """What the restitution does to the resonance, for one or more starts, beside the published values.
 
     Parameters

@@ -31,11 +31,13 @@ if TYPE_CHECKING:
 
 __all__ = ["amplitude_spectrum", "contact_force", "cycle_averaged_force", "energies", "spectrum"]
 
+Array = NDArray[np.float64]
+
 
 # ---- energies -------------------------------------------------------------------------------------
 
 
-def energies(response: Response, figure: FigureBase | OffScreen | None = None) -> NDArray[Any]:
+def energies(response: Response, figure: FigureBase | OffScreen | None = None) -> NDArray[np.object_]:
     """The energy ledger: what is stored, what was put in and lost, and the residual.
 
     Parameters
@@ -87,7 +89,7 @@ def energies(response: Response, figure: FigureBase | OffScreen | None = None) -
 # ---- spectrum -------------------------------------------------------------------------------------
 
 
-def amplitude_spectrum(time: NDArray[Any], values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def amplitude_spectrum(time: Array, values: Array) -> tuple[Array, Array]:
     """Single-sided amplitudes of a history under a Hann window.
 
     A sine of amplitude A whose periods fill the history reads A.
@@ -168,7 +170,7 @@ def spectrum(
 # ---- contact force --------------------------------------------------------------------------------
 
 
-def cycle_averaged_force(response: Response) -> tuple[NDArray[Any], NDArray[Any]]:
+def cycle_averaged_force(response: Response) -> tuple[Array, Array]:
     """Normal force between balls, stops and beam, averaged over each whole base cycle of a run.
 
     The average of a cycle is the sum of the impulses of the impacts that touch in it, and of the sticking phases
@@ -185,7 +187,7 @@ def cycle_averaged_force(response: Response) -> tuple[NDArray[Any], NDArray[Any]
     force : ndarray (cycles,), N
     """
     period, impacts, sticking = 1.0 / response.base.frequency, response.impacts, response.sticking
-    edges = period * np.arange(int(response.window[1] / period + 1e-9) + 1)
+    edges = period * np.arange(int(response.window[1] / period + 1e-9) + 1, dtype=float)
     impulse = (
         np.histogram(impacts.time, bins=edges, weights=np.abs(impacts.impulse))[0] if edges.size > 1 else edges[1:]
     )
@@ -198,7 +200,7 @@ def cycle_averaged_force(response: Response) -> tuple[NDArray[Any], NDArray[Any]
 
 def contact_force(
     response: Response, cycles: int = 8, *, averaged: bool = True, figure: FigureBase | OffScreen | None = None
-) -> NDArray[Any]:
+) -> NDArray[np.object_]:
     """Contact force over time (the paper's Fig. 8): last cycles, peak of every impact, average of every cycle.
 
     Parameters

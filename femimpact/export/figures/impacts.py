@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["impact_histograms", "impulse_phase"]
 
 
-def impact_histograms(response: Response, figure: FigureBase | OffScreen | None = None) -> NDArray[Any]:
+def impact_histograms(response: Response, figure: FigureBase | OffScreen | None = None) -> NDArray[np.object_]:
     """How often impacts of a size happen in the last third of a run: approach speed, impulse, energy loss.
 
     Both walls are stacked; the dashed line is the mean.
@@ -35,7 +35,7 @@ def impact_histograms(response: Response, figure: FigureBase | OffScreen | None 
     impacts = response.impacts
     start, end = response.window
     inside = (impacts.time >= start) & (impacts.time < end)
-    axes: NDArray[Any] = panels(figure, 10.0, 3.9, 1, 3, sharey=True)[0]
+    axes: NDArray[np.object_] = panels(figure, 10.0, 3.9, 1, 3, sharey=True)[0]
     columns = (
         ("approach speed", impacts.approach_speed, "m/s"),
         ("impulse", np.abs(impacts.impulse), "N s"),

@@ -77,7 +77,7 @@ def panels(
     rows: int = 1,
     columns: int = 1,
     **options: Any,
-) -> NDArray[Any]:
+) -> NDArray[np.object_]:
     """Axes (rows, columns) on a figure given, or on a new one of this size (inches).
 
     Without a figure it is one of pyplot's, which a notebook shows.
@@ -98,11 +98,11 @@ def panels(
 
             figure = plt.figure(figsize=(width, height), layout="constrained")
         require_type(figure, FigureBase, "figure")
-        axes: NDArray[Any] = figure.subplots(rows, columns, squeeze=False, **options)
+        axes: NDArray[np.object_] = figure.subplots(rows, columns, squeeze=False, **options)
     return axes
 
 
-def save_figure(drawn: Axes | NDArray[Any] | Figure, path: str | Path) -> Path:
+def save_figure(drawn: Axes | NDArray[np.object_] | Figure, path: str | Path) -> Path:
     """Write the figure of axes, whole or not at all; the suffix chooses the format.
 
     Parameters
@@ -189,7 +189,7 @@ def _number(name: str) -> float | None:
         return None
 
 
-def beam_at(response: Response, pair: Any) -> NDArray[Any]:
+def beam_at(response: Response, pair: Any) -> NDArray[np.float64]:
     """Displacement (m) of the beam where a pair is, from its channel or from ball and gap.
 
     Raises

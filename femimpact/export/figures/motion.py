@@ -20,7 +20,9 @@ __all__ = ["motion"]
 BEAM, FREE, WALL = "#555b63", "#e6eaee", "#9aa5b1"
 
 
-def motion(response: Response, cycles: float = 4.0, figure: FigureBase | OffScreen | None = None) -> NDArray[Any]:
+def motion(
+    response: Response, cycles: float = 4.0, figure: FigureBase | OffScreen | None = None
+) -> NDArray[np.object_]:
     """Beam and balls over time: a row for every ball and stop, the whole run beside its last cycles.
 
     The shaded band is where the ball may move: the beam where the ball is, with the gap to either wall. Of a stop it is
@@ -81,7 +83,7 @@ class _Row:
         self.factor, self.unit = prefixed(largest, response.units[first] if pair is None else "m")
         self.title = self.place if pair is None else f"{pair.name}, {self.place}" if moving else f"stop {pair.name}"
 
-    def draw(self, axis: Any, inside: NDArray[Any], close: bool) -> None:
+    def draw(self, axis: Any, inside: NDArray[np.bool_], close: bool) -> None:
         time, factor = self.response.time[inside], self.factor
         width = 1.6 if close else 0.8
         if self.pair is not None:
@@ -93,7 +95,7 @@ class _Row:
             self._impacts(axis, float(time[0]))
         axis.set_xlim(time[0], max(time[-1], time[0] + 1e-9))
 
-    def _walls(self, axis: Any, inside: NDArray[Any]) -> None:
+    def _walls(self, axis: Any, inside: NDArray[np.bool_]) -> None:
         """Walls of a box move with the beam, stops stand still relative to the base or in space."""
         time, (plus, minus) = self.response.time[inside], self.pair.gaps
         middle = self.beam[inside] if self.ball is not None else np.zeros(time.size)

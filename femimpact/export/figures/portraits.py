@@ -102,7 +102,9 @@ def phase_portrait(
     return axis
 
 
-def _pair(channels: Any, names: tuple[str, ...], minus: tuple[str, ...]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _pair(
+    channels: Any, names: tuple[str, ...], minus: tuple[str, ...]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Displacement (mm) and velocity (mm/s), relative to the second pair of channels if there is one."""
     values = [channels[name] for name in names]
     if minus:

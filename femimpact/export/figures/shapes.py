@@ -36,7 +36,7 @@ def mode_shapes(
     points: int = 200,
     structure: Structure | None = None,
     figure: FigureBase | OffScreen | None = None,
-) -> NDArray[Any]:
+) -> NDArray[np.object_]:
     """Mode shapes along the beam, each scaled to 1, with frequency, damping and share of the moving mass.
 
     Parameters
@@ -87,7 +87,7 @@ def mode_shapes(
     return axes
 
 
-def _parts(axis: Any, system: System, structure: Structure, vector: NDArray[Any]) -> None:
+def _parts(axis: Any, system: System, structure: Structure, vector: NDArray[np.float64]) -> None:
     """Bodies, balls, supports, springs and dashpots where the shape puts them."""
 
     def point(at: Any) -> tuple[float, float]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,8 +50,8 @@ class ContactRecord:
     start: float
     end: float
     names: list[str] = field(init=False)
-    rows: NDArray[Any] = field(init=False)
-    phases: NDArray[Any] = field(init=False)
+    rows: NDArray[np.intp] = field(init=False)
+    phases: NDArray[np.intp] = field(init=False)
 
     def __post_init__(self) -> None:
         self.names = [pair.name for pair in self.response.system.contacts]
@@ -69,7 +68,7 @@ class ContactRecord:
         return -1.0 if self.response.system.contacts[pair].is_stop else 1.0
 
     @cached_property
-    def begins(self) -> NDArray[Any]:
+    def begins(self) -> NDArray[np.float64]:
         """When each sticking phase begins in the run, (phases,) in s: with the impact that captures the pair.
 
         That impact has no rebound. The table's `start` is the end of the accumulation, whose bounces after that impact
@@ -88,7 +87,7 @@ class ContactRecord:
         return np.asarray(begins)
 
     @cached_property
-    def changes(self) -> NDArray[Any]:
+    def changes(self) -> NDArray[np.float64]:
         """Times (s), ascending, at which a contact begins or ends."""
         impacts, sticking = self.response.impacts, self.response.sticking
         touch = impacts.time[self.rows]

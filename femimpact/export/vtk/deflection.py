@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
 
 __all__ = ["deflection_series"]
+
+Kind = TypeVar("Kind", np.float64, np.int32)
 
 
 def deflection_series(
@@ -82,13 +84,13 @@ def _about(response: Response, exaggeration: float, frame: str, mismatch: float)
     return {**fields, "parts": PARTS_IN_WORDS, "note": note}
 
 
-def _on_cells(scene: Scene, values: NDArray[Any]) -> NDArray[Any]:
+def _on_cells(scene: Scene, values: NDArray[Kind]) -> NDArray[Kind]:
     """Value of its pair on every cell of boxes, balls and stops, 0 elsewhere."""
     # cells of no pair have -1, which reads the appended zero
     return np.asarray(np.append(values, np.zeros(1, dtype=values.dtype))[scene.pair])
 
 
-def _at_marks(scene: Scene, response: Response, values: NDArray[Any]) -> NDArray[Any]:
+def _at_marks(scene: Scene, response: Response, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Forces (or impulses) along y at the points of contact on the side that is pressed, (points, 3).
 
     At the wall of a box, or the beam beside a stop, it is that on the structure; at the ball, or the stop, the

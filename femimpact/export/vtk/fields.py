@@ -18,9 +18,12 @@ from femimpact.export.scene import Scene
 from femimpact.export.scene_pieces import BEAM, sections_along
 from femimpact.structure.structure import Structure
 from femimpact.system.hermite import hermite_rows, place_in_element
+from femimpact.system.matrices import Matrix
 from femimpact.system.system import System
 
 __all__ = ["POINT_UNITS", "BeamFields", "beam_fields"]
+
+Array = NDArray[np.float64]
 
 POINT_UNITS = {
     "displacement": "m", "velocity": "m/s", "rotation": "1", "curvature": "1/m", "bending_moment": "N m",
@@ -53,18 +56,18 @@ class BeamFields:
         Which of its cells are the beam's.
     """
 
-    curvature: Any
-    moment: Any
-    shear: Any
-    begin: Any
-    end: Any
-    modulus: NDArray[Any]
-    height: NDArray[Any]
-    cell_energy: NDArray[Any]
+    curvature: Matrix
+    moment: Matrix
+    shear: Matrix
+    begin: Matrix
+    end: Matrix
+    modulus: Array
+    height: Array
+    cell_energy: Array
     points: int
-    on_beam: NDArray[Any]
+    on_beam: NDArray[np.bool_]
 
-    def at_points(self, nodal: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    def at_points(self, nodal: Array) -> dict[str, Array]:
         """Arrays at points, 0 off the beam; strain and stress are those of the point, on a surface of the beam."""
         curvature = np.repeat(self.curvature @ nodal, POINTS_OF_SECTION)
         strain = -self.height * curvature
@@ -80,7 +83,7 @@ class BeamFields:
         off = np.zeros(self.points - curvature.size)
         return {name: np.concatenate([value, off]) for name, value in values.items()}
 
-    def on_cells(self, nodal: NDArray[Any]) -> NDArray[Any]:
+    def on_cells(self, nodal: Array) -> Array:
         """Mean strain energy density (J/m^3) of every cell: times its volume it sums to the strain energy."""
         a, b = self.begin @ nodal, self.end @ nodal
         values = np.zeros(self.on_beam.size)
@@ -137,9 +140,7 @@ def beam_fields(scene: Scene, structure: Structure, system: System) -> BeamField
     )
 
 
-def _constants(
-    structure: Structure, system: System, x: NDArray[Any], middle: NDArray[Any], side: str
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+def _constants(structure: Structure, system: System, x: Array, middle: Array, side: str) -> tuple[Array, Array, Array]:
     """E I (N m^2), E (Pa) and d(E I)/dx (N m) beside positions.
 
     They are those of the drawn segments where the system does not know its sections.
@@ -164,9 +165,7 @@ def _constants(
     return tuple(np.array(found).T)
 
 
-def _cell_energy(
-    scene: Scene, structure: Structure, system: System, begin: NDArray[Any], end: NDArray[Any], middle: NDArray[Any]
-) -> NDArray[Any]:
+def _cell_energy(scene: Scene, structure: Structure, system: System, begin: Array, end: Array, middle: Array) -> Array:
     """Half the integral of E I w''^2 over cells, by w'' at both ends, over their volume: (cells, 3).
 
     E I is of degree 4 along a taper and w'' linear: four Gauss points are exact.

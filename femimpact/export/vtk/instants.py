@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,8 @@ from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 
 __all__ = ["Frames", "frames_of"]
+
+Array = NDArray[np.float64]
 
 MOST_DOFS = 200
 """Of structure and balls, for states at impacts: the matrix exponential is dense."""
@@ -53,8 +54,8 @@ class Frames:
 
     snapshots: Snapshots
     what: tuple[str, ...]
-    impulse: NDArray[Any]
-    touching: NDArray[Any]
+    impulse: Array
+    touching: NDArray[np.bool_]
     mismatch: float
 
 
@@ -100,11 +101,11 @@ class _State:
     """One snapshot's worth of arrays, as `Snapshots` has them."""
 
     instant: Instant
-    displacement: NDArray[Any]
-    velocity: NDArray[Any]
-    ball_displacement: NDArray[Any]
-    ball_velocity: NDArray[Any]
-    contact_force: NDArray[Any]
+    displacement: Array
+    velocity: Array
+    ball_displacement: Array
+    ball_velocity: Array
+    contact_force: Array
 
 
 def _states(record: ContactRecord, grid: Snapshots, instants: list[Instant]) -> tuple[list[_State], float]:
@@ -174,8 +175,8 @@ def _between(
 
 
 def _through(
-    transition: Transition, record: ContactRecord, state: NDArray[Any], time: float, sticking: frozenset[int]
-) -> NDArray[Any]:
+    transition: Transition, record: ContactRecord, state: Array, time: float, sticking: frozenset[int]
+) -> Array:
     """The state after what happens at a time: impulses of rigid impacts, and pairs that begin to stick."""
     after = record.sticking(math.nextafter(time, math.inf))
     # what lets go at this instant is free before the impulse
@@ -187,7 +188,7 @@ def _through(
 
 
 def _merged(
-    record: ContactRecord, grid: Snapshots, chosen: NDArray[Any], states: list[_State], mismatch: float
+    record: ContactRecord, grid: Snapshots, chosen: NDArray[np.int64], states: list[_State], mismatch: float
 ) -> Frames:
     """Snapshots of the grid and states at instants, in the order of time, one for each time."""
     groups = _by_time(grid, chosen, states)
@@ -213,7 +214,7 @@ def _merged(
     return Frames(snapshots, what, impulse, touching | (forces != 0.0), mismatch)
 
 
-def _by_time(grid: Snapshots, chosen: NDArray[Any], states: list[_State]) -> list[list[_State]]:
+def _by_time(grid: Snapshots, chosen: NDArray[np.int64], states: list[_State]) -> list[list[_State]]:
     """Chosen snapshots and states at instants in the order of time, those of one time together."""
     times = np.array([item.instant.time for item in states])
     slack = SAME_TIME * max(float(grid.time[-1] - grid.time[0]), 1e-300)

@@ -74,12 +74,12 @@ class _Shapes:
     def frame(self, i: int, share: float, speed: float | None, **more: Value) -> Frame:
         """The mode times a share of its largest deflection, with the velocities of a speed (1/s) times it."""
         nodal, balls = share * self.nodal[:, i], share * self.balls[:, i]
-        points: dict[str, NDArray[Any]] = {"displacement": self.scene.displacement(nodal, balls)}
+        points: dict[str, NDArray[np.float64]] = {"displacement": self.scene.displacement(nodal, balls)}
         if speed is not None:
             points["velocity"] = self.scene.motion(speed * self.nodal[:, i], speed * self.balls[:, i])
         points["rotation"] = self.scene.rotation(nodal)
         points |= self.fields.at_points(nodal)
-        cells = {
+        cells: dict[str, NDArray[np.float64 | np.int32]] = {
             "part": self.scene.part,
             "contact_pair": self.scene.pair,
             "mean_strain_energy_density": self.fields.on_cells(nodal),

@@ -27,6 +27,8 @@ from femimpact.system.system import System
 
 __all__ = ["Touching", "Transition"]
 
+Array = NDArray[np.float64]
+
 STEPS_OF_CONTACT = 100
 """Steps of the Runge-Kutta scheme in one contact."""
 
@@ -60,9 +62,9 @@ class Transition:
     response: Response
     system: System = field(init=False)
     drive: Drive = field(init=False)
-    inverse: NDArray[Any] = field(init=False)
-    rows: NDArray[Any] = field(init=False)
-    _known: dict[Any, NDArray[Any]] = field(init=False, default_factory=dict)
+    inverse: Array = field(init=False)
+    rows: Array = field(init=False)
+    _known: dict[Any, Array] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         self.system = self.response.system
@@ -70,7 +72,7 @@ class Transition:
         balls = self.system.balls
         masses = np.diag([pair.mass for pair in balls])
         whole = scipy.linalg.block_diag(self.system.M.toarray(), masses) if balls else self.system.M.toarray()
-        self.inverse = np.linalg.inv(whole)
+        self.inverse = np.asarray(np.linalg.inv(whole), dtype=float)
         # x_j = rows_j (u, y) is what the gaps bound, but for a stop in space
         own = np.array([pair.direction for pair in self.system.contacts]).reshape(-1, self.system.dofs)
         self.rows = np.hstack([-own, np.eye(len(own), len(balls))])
@@ -80,20 +82,20 @@ class Transition:
         """Number of dofs of structure and balls."""
         return int(self.inverse.shape[0])
 
-    def state(self, nodal: NDArray[Any], rates: NDArray[Any], balls: NDArray[Any], speeds: NDArray[Any]) -> Any:
+    def state(self, nodal: Array, rates: Array, balls: Array, speeds: Array) -> Array:
         """The state of a snapshot: the only one of the system's dofs with these nodal values."""
         expansion: Any = self.system.expansion
         expansion = expansion if isinstance(expansion, np.ndarray) else expansion.toarray()
         u, v = np.linalg.lstsq(expansion, np.column_stack([nodal, rates]), rcond=None)[0].T
         return np.concatenate([u, balls, v, speeds, np.zeros(2), [1.0]])
 
-    def nodal(self, state: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
+    def nodal(self, state: Array) -> tuple[Array, Array, Array, Array]:
         """Nodal displacements and velocities, and those of the balls."""
         n, whole = self.system.dofs, self.size
         u, y, v, rate = np.split(state[: 2 * whole], [n, whole, whole + n])
         return np.asarray(self.system.expansion @ u), np.asarray(self.system.expansion @ v), y, rate
 
-    def gap_motion(self, state: NDArray[Any], j: int, time: float) -> tuple[float, float]:
+    def gap_motion(self, state: Array, j: int, time: float) -> tuple[float, float]:
         """Gap coordinate x (m) of a pair, ball or stop minus structure, and its rate."""
         n, pair = self.size, self.system.contacts[j]
         x, rate = float(self.rows[j] @ state[:n]), float(self.rows[j] @ state[n : 2 * n])
@@ -102,7 +104,7 @@ class Transition:
             x, rate = x + float(base.displacement(time)), rate + float(base.velocity(time))
         return x, rate
 
-    def force(self, state: NDArray[Any], touch: Touching, time: float) -> float:
+    def force(self, state: Array, touch: Touching, time: float) -> float:
         """Contact force (N) of the sign of its side; 0 of a rigid contact."""
         pair: ContactPair = self.system.contacts[touch.pair]
         if pair.parameters.is_rigid:
@@ -113,13 +115,13 @@ class Transition:
         normal = contact_force(pair.law, depth, touch.side * rate, touch.approach_speed, pair.effective_mass)
         return touch.side * normal
 
-    def struck(self, state: NDArray[Any], impulse: float, j: int, sticking: frozenset[int]) -> NDArray[Any]:
+    def struck(self, state: Array, impulse: float, j: int, sticking: frozenset[int]) -> Array:
         """The state after an impulse (N s) of a pair, of the sign of its side."""
         after, n = state.copy(), self.size
         after[n : 2 * n] -= self._free(sticking) @ self.inverse @ self.rows[j] * impulse
         return after
 
-    def held(self, state: NDArray[Any], sticking: frozenset[int], time: float) -> NDArray[Any]:
+    def held(self, state: Array, sticking: frozenset[int], time: float) -> Array:
         """The state with the relative speeds of sticking pairs taken out."""
         after, n = state.copy(), self.size
         chosen = sorted(sticking)
@@ -130,8 +132,8 @@ class Transition:
         return after
 
     def moved(
-        self, state: NDArray[Any], start: float, end: float, touching: tuple[Touching, ...], sticking: frozenset[int]
-    ) -> NDArray[Any]:
+        self, state: Array, start: float, end: float, touching: tuple[Touching, ...], sticking: frozenset[int]
+    ) -> Array:
         """The state at `end`, with no event in between."""
         compliant = [touch for touch in touching if not self.system.contacts[touch.pair].parameters.is_rigid]
         linear = frozenset((touch.pair, touch.side) for touch in compliant if self._is_linear(touch.pair))
@@ -154,14 +156,14 @@ class Transition:
     # ---- what it is made of ------------------------------------------------------------------------
 
     def _pushed(
-        self, state: NDArray[Any], time: float, h: float, whole: NDArray[Any], half: NDArray[Any],
-        soft: list[Touching], sticking: frozenset[int],
-    ) -> NDArray[Any]:  # fmt: skip
+        self, state: Array, time: float, h: float, whole: Array, half: Array, soft: list[Touching],
+        sticking: frozenset[int],
+    ) -> Array:  # fmt: skip
         """One step with contact forces: Lawson's scheme of order 4."""
         n, free = self.size, self._free(sticking) @ self.inverse
         columns = [free @ self.rows[touch.pair] for touch in soft]
 
-        def push(now: NDArray[Any], at: float) -> NDArray[Any]:
+        def push(now: Array, at: float) -> Array:
             rate = np.zeros_like(now)
             for touch, column in zip(soft, columns, strict=True):
                 rate[n : 2 * n] -= column * self.force(now, touch, at)
@@ -174,7 +176,7 @@ class Transition:
         fourth = push(whole @ state + h * (half @ third), time + h)
         return np.asarray(whole @ (state + h / 6.0 * first) + half @ (h / 3.0 * (second + third)) + h / 6.0 * fourth)
 
-    def _free(self, sticking: frozenset[int]) -> NDArray[Any]:
+    def _free(self, sticking: frozenset[int]) -> Array:
         """Takes the constrained share out of velocities or accelerations."""
         if not sticking:
             return np.eye(self.size)
@@ -187,14 +189,14 @@ class Transition:
         pair = self.system.contacts[j]
         return pair.parameters.kind == KELVIN_VOIGT and pair.fixed_to == "base"
 
-    def _matrix(self, sticking: frozenset[int], linear: frozenset[tuple[int, int]]) -> NDArray[Any]:
+    def _matrix(self, sticking: frozenset[int], linear: frozenset[tuple[int, int]]) -> Array:
         """Rate of the state, as a matrix, with pairs that stick and contacts (pair, side) of spring and dashpot."""
         key = sticking, linear
         if key not in self._known:
             self._known[key] = self._new_matrix(*key)
         return self._known[key]
 
-    def _new_matrix(self, sticking: frozenset[int], linear: frozenset[tuple[int, int]]) -> NDArray[Any]:
+    def _new_matrix(self, sticking: frozenset[int], linear: frozenset[tuple[int, int]]) -> Array:
         system, n, u = self.system, self.size, self.system.dofs
         stiffness, damping, preload = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
         stiffness[:u, :u], damping[:u, :u] = system.K.toarray(), system.C.toarray()
@@ -228,7 +230,7 @@ class Transition:
         matrix[2 * n + 1, 2 * n] = -self.drive.sine.omega if wave is not None else 0.0
         return matrix
 
-    def _driven(self, state: NDArray[Any], start: float, end: float) -> NDArray[Any]:
+    def _driven(self, state: Array, start: float, end: float) -> Array:
         """The state with the excitation's part set for a time in which it has no corner."""
         state, n = state.copy(), self.size
         if self.drive.is_sine:

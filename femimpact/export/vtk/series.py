@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 __all__ = ["Frame", "Series", "Value"]
@@ -26,8 +26,8 @@ class Frame:
     """
 
     fields: Mapping[str, Value]
-    points: Mapping[str, NDArray[Any]]
-    cells: Mapping[str, NDArray[Any]]
+    points: Mapping[str, NDArray[np.float64]]
+    cells: Mapping[str, NDArray[np.float64 | np.int32]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,10 +45,10 @@ class Series:
     frame : callable of int to Frame
     """
 
-    points: NDArray[Any]
-    connectivity: NDArray[Any]
-    offsets: NDArray[Any]
-    types: NDArray[Any]
+    points: NDArray[np.float64]
+    connectivity: NDArray[np.int64]
+    offsets: NDArray[np.int64]
+    types: NDArray[np.uint8]
     times: Sequence[float]
     names: Sequence[str]
     frame: Callable[[int], Frame]

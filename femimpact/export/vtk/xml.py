@@ -71,8 +71,8 @@ class Grid:
     def text(
         self,
         fields: Mapping[str, Value],
-        points: Mapping[str, NDArray[Any]],
-        cells: Mapping[str, NDArray[Any]],
+        points: Mapping[str, NDArray[np.float64]],
+        cells: Mapping[str, NDArray[np.float64 | np.int32]],
     ) -> str:
         """The whole file of one step."""
         return (
