@@ -38,7 +38,7 @@ from femimpact.system.system import System
 
 __all__ = ["Block", "Inputs", "new_block", "no_cycles", "no_snapshots", "run_block", "working_space"]
 
-Array = NDArray[Any]
+Array = NDArray[np.float64]
 
 LINE = 64
 """Bytes of a cache line."""
@@ -95,7 +95,7 @@ class Block:
     grid: Grid
     tables: Tables
     ledger: Ledger | None
-    stopped: Array
+    stopped: NDArray[np.int64]
     space: Space | None = None
 
 
@@ -235,7 +235,9 @@ def _new_ledger(system: System, whole: Equations, count: int, everywhere: bool) 
     )
 
 
-def run_block(block: Block, begin: Array, end: Array, most: Array, snapshots: Snapshots | None = None) -> None:
+def run_block(
+    block: Block, begin: NDArray[np.int64], end: NDArray[np.int64], most: Array, snapshots: Snapshots | None = None
+) -> None:
     """Take all cases to their sample `end`, reading those after `begin`.
 
     Parameters
@@ -327,7 +329,11 @@ def working_space(block: Block, forms: Forms) -> Space:
         plus=square,
         minus=square,
     )
-    rest: list[Array] = [np.zeros((2, entries + 1), dtype=complex), np.zeros(pairs), np.zeros(block.grid.per_cycle)]
+    rest: list[NDArray[np.float64 | np.complex128]] = [
+        np.zeros((2, entries + 1), dtype=complex),
+        np.zeros(pairs),
+        np.zeros(block.grid.per_cycle),
+    ]
     motion = Motion(
         entry=np.zeros(entries, dtype=complex),
         rigid_body=np.zeros(rigid_bodies),

@@ -17,7 +17,6 @@ the rigid-body coordinates, or the set of pairs in contact. On which side these 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -28,7 +27,8 @@ from femimpact.integrators.event_driven.equations import Equations, undamped_mod
 
 __all__ = ["OF_DISPLACEMENT", "OF_VELOCITY", "ClosedForm", "Rows", "closed_form", "gap_rows"]
 
-Array = NDArray[Any]
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 OF_DISPLACEMENT, OF_VELOCITY = (2, 0), (1, 1)
 """Where ub and ub' stand in `Rows.through` and in `Rows.follow`."""
@@ -55,7 +55,7 @@ class Rows:
         Steady, per unit of ub, ub', s and s', under a straight s(t).
     """
 
-    weight: Array
+    weight: Complex
     rigid_body: Array
     rigid_body_rate: Array
     constant: Array
@@ -99,11 +99,11 @@ class ClosedForm:
     position: Rows
     velocity: Rows
     contact_force: Rows
-    load: Array
-    to_entry_u: Array
-    to_entry_v: Array
+    load: Complex
+    to_entry_u: Complex
+    to_entry_v: Complex
     to_rigid_body: Array
-    impulse_entry: Array
+    impulse_entry: Complex
     impulse_rigid_body: Array
     unheld: tuple[bool, ...]
 
@@ -129,7 +129,7 @@ class _Answer:
     follow: Array  # (4, d) steady, per unit of ub, ub', s and s'
 
 
-def _loads(whole: Equations, active: Array, stiffness: Array, damping: Array) -> _Loads:
+def _loads(whole: Equations, active: NDArray[np.bool_], stiffness: Array, damping: Array) -> _Loads:
     P = whole.force
     K, C = whole.K + (P * stiffness) @ P.T, whole.C + (P * damping) @ P.T
     offset = wall_offsets(whole, active)
@@ -145,7 +145,9 @@ def _loads(whole: Equations, active: Array, stiffness: Array, damping: Array) ->
     return _Loads(C, K, offset, moved, constant, drive, unmet)
 
 
-def closed_form(whole: Equations, active: Array, rigid: Array, stiffness: Array, damping: Array) -> ClosedForm:
+def closed_form(
+    whole: Equations, active: NDArray[np.bool_], rigid: NDArray[np.bool_], stiffness: Array, damping: Array
+) -> ClosedForm:
     """Closed form of the motion while exactly these pairs are in contact.
 
     Parameters
@@ -290,7 +292,8 @@ def gap_rows(whole: Equations, rows: Rows, base: tuple[int, int]) -> Rows:
 
 
 def _compliant_forces(
-    whole: Equations, form: ClosedForm, loads: _Loads, answer: _Answer, active: Array, stiffness: Array, damping: Array
+    whole: Equations, form: ClosedForm, loads: _Loads, answer: _Answer, active: NDArray[np.bool_], stiffness: Array,
+    damping: Array,
 ) -> Rows:  # fmt: skip
     """Forces k (x - w) + c x' of every compliant pair; of those in contact without a difference of near numbers."""
     P = -whole.force.T

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from femimpact.system.system import System
 
 __all__ = ["Held", "final_state", "held_by", "resume_contacts", "touching"]
 
-Array = NDArray[Any]
+Array = NDArray[np.float64]
 
 KIND = "events"
 """All event-driven runs go on from one another: nothing that is held depends on the settings."""

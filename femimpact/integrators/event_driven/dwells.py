@@ -149,7 +149,7 @@ def _run_block(
         kept=np.where(number % per_cycle == 0, number // per_cycle, -1),
         energy=np.zeros(shape),
     )
-    run_block(block, begin, end, float(method.most_events) * cycles)
+    run_block(block, begin, end, float(method.most_events) * cycles.astype(float))
     residual, bound = _residuals(block, measured) if ledger else np.full((2, count), np.nan)
     table = np.where(block.grid.cycles[:, :, 5:] > 0.0, block.grid.cycles, 0.0)
     return DwellStatistics(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -14,6 +13,8 @@ from femimpact.integrators.driving import Drive
 from femimpact.system.system import System
 
 __all__ = ["Equations", "equations_of", "undamped_modes", "wall_offsets"]
+
+Array = NDArray[np.float64]
 
 RIGID = 1e-14
 """Eigenvalues below this share of the largest are rigid motions, where the stiffness is singular."""
@@ -37,14 +38,14 @@ class Equations:
         Of the structure.
     """
 
-    M: NDArray[Any]
-    C: NDArray[Any]
-    K: NDArray[Any]
-    drive: NDArray[Any]
-    given: NDArray[Any]
-    force: NDArray[Any]
-    in_space: NDArray[Any]
-    stop: NDArray[Any]
+    M: Array
+    C: Array
+    K: Array
+    drive: Array
+    given: Array
+    force: Array
+    in_space: Array
+    stop: NDArray[np.bool_]
     dofs: int
 
 
@@ -74,7 +75,7 @@ def equations_of(system: System, drive: Drive) -> Equations:
     return Equations(M, C, K, load, given, force, np.where(fixed & stop, -drive.share, 0.0), stop, n)
 
 
-def wall_offsets(whole: Equations, active: NDArray[Any]) -> NDArray[Any]:
+def wall_offsets(whole: Equations, active: NDArray[np.bool_]) -> Array:
     """Coordinates in which each pair in contact is just at a wall 1 m away and the others at theirs at 0, (d, pairs).
 
     Where several stops cannot be met at once, the nearest.
@@ -99,7 +100,7 @@ def wall_offsets(whole: Equations, active: NDArray[Any]) -> NDArray[Any]:
     return offset
 
 
-def undamped_modes(K: NDArray[Any], M: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def undamped_modes(K: Array, M: Array) -> tuple[Array, Array]:
     """All omega^2 and mass-normalised vectors; the slow modes to rounding, as they carry the energy."""
     off = np.abs(K - np.diag(np.diag(K))).sum() + np.abs(M - np.diag(np.diag(M))).sum()
     if off == 0.0:
@@ -129,9 +130,7 @@ def undamped_modes(K: NDArray[Any], M: NDArray[Any]) -> tuple[NDArray[Any], NDAr
     return omega_squared, vectors
 
 
-def _beside_rigid_motions(
-    K: NDArray[Any], M: NDArray[Any], unheld: NDArray[np.bool_]
-) -> tuple[NDArray[Any], NDArray[Any]]:  # fmt: skip
+def _beside_rigid_motions(K: Array, M: Array, unheld: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Modes where nothing stiffens some coordinates that share mass with others: these modes have no momentum in them.
 
     M_RR z_R + M_RE z_E = 0 leaves K_EE z_E = omega^2 (M_EE - M_ER M_RR^-1 M_RE) z_E of the others.
@@ -147,9 +146,7 @@ def _beside_rigid_motions(
     return omega_squared, vectors
 
 
-def _fast_corrected(
-    omega_squared: NDArray[Any], vectors: NDArray[Any], K: NDArray[Any], M: NDArray[Any]
-) -> tuple[NDArray[Any], NDArray[Any]]:
+def _fast_corrected(omega_squared: Array, vectors: Array, K: Array, M: Array) -> tuple[Array, Array]:
     """Modes of a flexibility, fast ones first: those have lost the square of their frequency ratio in digits.
 
     They are made orthogonal to the slower ones, which keep theirs, and take omega^2 from the stiffness.

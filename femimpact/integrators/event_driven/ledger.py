@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import cmath
-from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import apart, called, inlined
@@ -24,6 +24,8 @@ from femimpact.integrators.event_driven.loop_data import (
 from femimpact.integrators.event_driven.motion import (
     NODES,
     WEIGHTS,
+    Array,
+    Complex,
     Motion,
     Scalars,
     copy_motion,
@@ -74,7 +76,7 @@ def _first_moment(exponent: complex, growth: complex, duration: float) -> comple
 
 
 @called
-def _square(a: NDArray[Any], plus: NDArray[Any], minus: NDArray[Any], terms: int) -> float:
+def _square(a: Complex, plus: Complex, minus: Complex, terms: int) -> float:
     """Integral of the square of a motion given by the strengths of its terms."""
     total = 0.0
     for k in range(terms):
@@ -97,7 +99,7 @@ def _exponent(k: int, scalars: Scalars) -> complex:
 
 
 @apart
-def _integrate_terms(scalars: Scalars, together: NDArray[Any], duration: float, terms: int, s: Products) -> None:
+def _integrate_terms(scalars: Scalars, together: NDArray[np.bool_], duration: float, terms: int, s: Products) -> None:
     """Integrals of e^{mu_k s} e^{mu_m s} and of e^{mu_k s} conj(e^{mu_m s}) over the duration."""
     entries = scalars.exponent.size
     for k in range(terms):
@@ -305,7 +307,7 @@ def _add_separating(pairs: Pairs, case: Case, space: Space) -> float:
 
 
 @apart
-def _stored(j: int, pairs: Pairs, case: Case, position: NDArray[Any], base: float) -> float:
+def _stored(j: int, pairs: Pairs, case: Case, position: Array, base: float) -> float:
     """Energy in a compliant wall."""
     x, side = gap_of(j, pairs, position, base), side_of(case.state[j])
     depth = max(side * x - gap_on(side, j, case), 0.0)
@@ -313,7 +315,7 @@ def _stored(j: int, pairs: Pairs, case: Case, position: NDArray[Any], base: floa
 
 
 @inlined
-def _rounding(pairs: Pairs, case: Case, state: NDArray[Any]) -> float:
+def _rounding(pairs: Pairs, case: Case, state: Array) -> float:
     """Bound on what rounding makes of the energies of contacts.
 
     x = y - w is known to some units in the last place of y, w and the gap, and so the contact's energy to its
@@ -331,7 +333,7 @@ def _rounding(pairs: Pairs, case: Case, state: NDArray[Any]) -> float:
 
 @apart
 def write_energy(
-    pairs: Pairs, case: Case, motion: Motion, state: NDArray[Any], b: Ledger, out: NDArray[Any]
+    pairs: Pairs, case: Case, motion: Motion, state: Array, b: Ledger, out: Array
 ) -> None:  # fmt: skip
     """Energies in the order of ENERGY_COLUMNS, then the loss of every mode, of the coordinates given."""
     c, n, base = case.number, b.loss_of_mode.shape[1], base_motion(case, motion)[0]

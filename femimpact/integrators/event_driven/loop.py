@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import Any
-
-from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.addresses import by_address
 from femimpact.integrators.compiled.compiling import apart, called, compiled_long, inlined
@@ -24,6 +21,8 @@ from femimpact.integrators.event_driven.loop_data import (
     Ledger,
 )
 from femimpact.integrators.event_driven.motion import (
+    Array,
+    Indices,
     Motion,
     copy_motion,
     has_blocks,
@@ -252,7 +251,7 @@ def _case_of(c: int, cases: Cases) -> Case:
 
 @compiled_long
 def run_cases(
-    members: NDArray[Any], begin: NDArray[Any], end: NDArray[Any], most: NDArray[Any], stopped: NDArray[Any],
+    members: Indices, begin: Indices, end: Indices, most: Array, stopped: Indices,
     whole: Job, ledger: Ledger | None,
 ) -> None:  # fmt: skip
     """Take some cases from where they are to their sample `end`, reading those after `begin`.

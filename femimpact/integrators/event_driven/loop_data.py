@@ -7,11 +7,12 @@ force of every pair on the structure, then the outputs, the first of which is th
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.integrators.event_driven.motion import Motion, Scalars, Search
+from femimpact.integrators.event_driven.motion import Array, Complex, Indices, Motion, Scalars, Search
 
 __all__ = [
     "BEGUN", "CONTACT", "ENTERED", "ENTERING", "FITTING", "FREE", "LARGEST_FORCE", "LASTED", "LOST", "PUSHED",
@@ -38,53 +39,53 @@ class Forms(NamedTuple):
     """Closed forms, one for each set of pairs in contact; on which side they are enters by the walls."""
 
     made: int  # number of forms; another thread may be adding more, which this call must not see
-    key: NDArray[Any]  # (F,) bit j is set where pair j is in contact
-    following: NDArray[Any]  # (F,) the next form for the same contact parameters, -1 for none
-    number: NDArray[Any]  # (F,) among those of the same contact parameters
-    entries: NDArray[Any]  # (F,)
-    rigid_bodies: NDArray[Any]  # (F,)
-    exponent: NDArray[Any]  # (F, K) complex
-    coupling: NDArray[Any]  # (F, K, K) complex; see Scalars
-    blocks: NDArray[Any]  # (F, B, 2)
-    size: NDArray[Any]  # (F, K)
-    rigid_body_given: NDArray[Any]  # (F, P, 1 + R) of a unit load, and per m of each wall
-    rigid_body_drive: NDArray[Any]  # (F, P)
-    weight: NDArray[Any]  # (F, 2R + O, K) complex
-    weight_size: NDArray[Any]  # (F, 2R + O, K)
-    rigid_body_weight: NDArray[Any]  # (F, 2R + O, P)
-    rigid_body_rate_weight: NDArray[Any]  # (F, 2R + O, P)
-    constant: NDArray[Any]  # (F, 2R + O, 1 + R)
-    through: NDArray[Any]  # (F, 3, 2R + O) directly of s, ub' and ub
-    follow: NDArray[Any]  # (F, 4, 2R + O) see Scalars
-    shape: NDArray[Any]  # (F, d, K) complex
-    shape_rate: NDArray[Any]  # (F, d, K) complex
-    rigid_body_shape: NDArray[Any]  # (F, d, P)
-    static: NDArray[Any]  # (F, d, 1 + R)
-    position_through: NDArray[Any]  # (F, d) directly of ub
-    position_follow: NDArray[Any]  # (F, 4, d)
-    load: NDArray[Any]  # (F, 3, K) complex: what s, ub' and ub add to the rate of each entry
-    to_entry_u: NDArray[Any]  # (F, K, d) complex
-    to_entry_v: NDArray[Any]  # (F, K, d) complex
-    to_rigid_body: NDArray[Any]  # (F, P, d)
-    impulse_entry: NDArray[Any]  # (F, K, R) complex: what a unit impulse on the structure at a pair adds
-    impulse_rigid_body: NDArray[Any]  # (F, P, R)
-    together: NDArray[Any]  # (F, T, T) whether the product of two terms of the motion occurs in the ledger
-    first: NDArray[Any]  # (F, d + 1) entries that move coordinate i: members[first[i]:first[i + 1]]
-    members: NDArray[Any]  # (F, d K)
+    key: Indices  # (F,) bit j is set where pair j is in contact
+    following: Indices  # (F,) the next form for the same contact parameters, -1 for none
+    number: Indices  # (F,) among those of the same contact parameters
+    entries: Indices  # (F,)
+    rigid_bodies: Indices  # (F,)
+    exponent: Complex  # (F, K)
+    coupling: Complex  # (F, K, K); see Scalars
+    blocks: Indices  # (F, B, 2)
+    size: Array  # (F, K)
+    rigid_body_given: Array  # (F, P, 1 + R) of a unit load, and per m of each wall
+    rigid_body_drive: Array  # (F, P)
+    weight: Complex  # (F, 2R + O, K)
+    weight_size: Array  # (F, 2R + O, K)
+    rigid_body_weight: Array  # (F, 2R + O, P)
+    rigid_body_rate_weight: Array  # (F, 2R + O, P)
+    constant: Array  # (F, 2R + O, 1 + R)
+    through: Array  # (F, 3, 2R + O) directly of s, ub' and ub
+    follow: Array  # (F, 4, 2R + O) see Scalars
+    shape: Complex  # (F, d, K)
+    shape_rate: Complex  # (F, d, K)
+    rigid_body_shape: Array  # (F, d, P)
+    static: Array  # (F, d, 1 + R)
+    position_through: Array  # (F, d) directly of ub
+    position_follow: Array  # (F, 4, d)
+    load: Complex  # (F, 3, K): what s, ub' and ub add to the rate of each entry
+    to_entry_u: Complex  # (F, K, d)
+    to_entry_v: Complex  # (F, K, d)
+    to_rigid_body: Array  # (F, P, d)
+    impulse_entry: Complex  # (F, K, R): what a unit impulse on the structure at a pair adds
+    impulse_rigid_body: Array  # (F, P, R)
+    together: NDArray[np.bool_]  # (F, T, T) whether the product of two terms of the motion occurs in the ledger
+    first: Indices  # (F, d + 1) entries that move coordinate i: members[first[i]:first[i + 1]]
+    members: Indices  # (F, d K)
 
 
 class Shapes(NamedTuple):
     """How coordinates are read from the motion in one closed form."""
 
     omega: float
-    shape: NDArray[Any]  # (d, K) complex
-    shape_rate: NDArray[Any]  # (d, K) complex
-    rigid_body_shape: NDArray[Any]  # (d, P)
-    static: NDArray[Any]  # (d,)
-    harmonic: NDArray[Any]  # (d,) complex
-    follow: NDArray[Any]  # (4, d)
-    first: NDArray[Any]  # (d + 1,)
-    members: NDArray[Any]  # (d K,)
+    shape: Complex  # (d, K)
+    shape_rate: Complex  # (d, K)
+    rigid_body_shape: Array  # (d, P)
+    static: Array  # (d,)
+    harmonic: Complex  # (d,)
+    follow: Array  # (4, d)
+    first: Indices  # (d + 1,)
+    members: Indices  # (d K,)
     rigid_bodies: int
 
 
@@ -93,11 +94,11 @@ class Form(NamedTuple):
 
     scalars: Scalars
     shapes: Shapes
-    together: NDArray[Any]  # (T, T)
-    rigid_body_sine: NDArray[Any]  # (P,) complex
-    impulse_entry: NDArray[Any]  # (K, R) complex
-    impulse_rigid_body: NDArray[Any]  # (P, R)
-    load_on_rigid_body: NDArray[Any]  # (P, 1 + R)
+    together: NDArray[np.bool_]  # (T, T)
+    rigid_body_sine: Complex  # (P,)
+    impulse_entry: Complex  # (K, R)
+    impulse_rigid_body: Array  # (P, R)
+    load_on_rigid_body: Array  # (P, 1 + R)
 
 
 # ---- cases -----------------------------------------------------------------------------------------
@@ -106,46 +107,46 @@ class Form(NamedTuple):
 class Pairs(NamedTuple):
     """What all cases have in common."""
 
-    direction: NDArray[Any]  # (R, d) of a force on the structure
-    in_space: NDArray[Any]  # (R,) -1 for a stop that does not move with the base, whose x is w + ub; else 0
-    rigid: NDArray[Any]  # (R,) whether the law is that of rigid impacts
-    mobility: NDArray[Any]  # (R, R) change of x_i' by a unit impulse on the structure at j
+    direction: Array  # (R, d) of a force on the structure
+    in_space: Array  # (R,) -1 for a stop that does not move with the base, whose x is w + ub; else 0
+    rigid: NDArray[np.bool_]  # (R,) whether the law is that of rigid impacts
+    mobility: Array  # (R, R) change of x_i' by a unit impulse on the structure at j
     closure: float  # m
 
 
 class Cases(NamedTuple):
     """What every case is given, and where it is."""
 
-    omega: NDArray[Any]  # (C,)
-    amplitude: NDArray[Any]  # (C,)
-    knots: NDArray[Any]  # (n,) s(t) of a broken line; none for a sine
+    omega: Array  # (C,)
+    amplitude: Array  # (C,)
+    knots: Array  # (n,) s(t) of a broken line; none for a sine
     knot_interval: float  # s
-    gap_plus: NDArray[Any]  # (C, R)
-    gap_minus: NDArray[Any]  # (C, R)
-    stiffness: NDArray[Any]  # (C, R)
-    damping: NDArray[Any]  # (C, R)
-    restitution: NDArray[Any]  # (C, R)
-    state: NDArray[Any]  # (C, R)
-    form: NDArray[Any]  # (C, 2) the first form for the case's contact parameters, the present one
-    entry: NDArray[Any]  # (C, K) complex
-    rigid_body: NDArray[Any]  # (C, 2, P) and their rates
-    clock: NDArray[Any]  # (C, 2) see Motion
-    drive: NDArray[Any]  # (C, 4) see Motion
-    coordinates: NDArray[Any]  # (C, 2, d) displacements and velocities where a form is to be entered
-    entering: NDArray[Any]  # (C,) ENTERED, or what is to be done first
-    leaving: NDArray[Any]  # (C, 2R) see Search
-    hit: NDArray[Any]  # (C,) number from 1 of the pair that meets a rigid wall at this instant, times its side; else 0
-    released: NDArray[Any]  # (C, R) side of a sticking pair that an impact has let go at this instant
-    sample: NDArray[Any]  # (C,) samples taken since the start
-    events: NDArray[Any]  # (C, 2) in this call, and at one instant
-    known: NDArray[Any]  # (C, N) whether the steady motion in a form is known
-    sine: NDArray[Any]  # (C, N, 2R + O) complex: steady motion of the scalars
-    harmonic: NDArray[Any]  # (C, N, d) complex: of the coordinates
-    rigid_body_sine: NDArray[Any]  # (C, N, P) complex
-    touch: NDArray[Any]  # (C, 6, R) contacts that have not ended; see BEGUN
-    to_modes: NDArray[Any]  # (C, R, n) J, what these have given to each mode
-    window: NDArray[Any]  # (C, 2) s, in which impacts are counted
-    totals: NDArray[Any]  # (C, 6, R) sums over them; see columns.TOTAL_COLUMNS
+    gap_plus: Array  # (C, R)
+    gap_minus: Array  # (C, R)
+    stiffness: Array  # (C, R)
+    damping: Array  # (C, R)
+    restitution: Array  # (C, R)
+    state: Array  # (C, R)
+    form: Indices  # (C, 2) the first form for the case's contact parameters, the present one
+    entry: Complex  # (C, K)
+    rigid_body: Array  # (C, 2, P) and their rates
+    clock: Array  # (C, 2) see Motion
+    drive: Array  # (C, 4) see Motion
+    coordinates: Array  # (C, 2, d) displacements and velocities where a form is to be entered
+    entering: Indices  # (C,) ENTERED, or what is to be done first
+    leaving: Array  # (C, 2R) see Search
+    hit: Array  # (C,) number from 1 of the pair that meets a rigid wall at this instant, times its side; else 0
+    released: Array  # (C, R) side of a sticking pair that an impact has let go at this instant
+    sample: Indices  # (C,) samples taken since the start
+    events: Indices  # (C, 2) in this call, and at one instant
+    known: NDArray[np.bool_]  # (C, N) whether the steady motion in a form is known
+    sine: Complex  # (C, N, 2R + O): steady motion of the scalars
+    harmonic: Complex  # (C, N, d): of the coordinates
+    rigid_body_sine: Complex  # (C, N, P)
+    touch: Array  # (C, 6, R) contacts that have not ended; see BEGUN
+    to_modes: Array  # (C, R, n) J, what these have given to each mode
+    window: Array  # (C, 2) s, in which impacts are counted
+    totals: Array  # (C, 6, R) sums over them; see columns.TOTAL_COLUMNS
 
 
 class Case(NamedTuple):
@@ -154,18 +155,18 @@ class Case(NamedTuple):
     number: int
     omega: float  # of the sine; 0 for a broken line
     amplitude: float  # of s(t): m/s^2 or N
-    gap_plus: NDArray[Any]  # (R,) m, to the + wall
-    gap_minus: NDArray[Any]  # (R,) m, to the - wall
-    stiffness: NDArray[Any]  # (R,)
-    damping: NDArray[Any]  # (R,)
-    restitution: NDArray[Any]  # (R,)
-    state: NDArray[Any]  # (R,) contact states
-    released: NDArray[Any]  # (R,)
-    coordinates: NDArray[Any]  # (2, d)
-    touch: NDArray[Any]  # (6, R)
-    to_modes: NDArray[Any]  # (R, n)
-    window: NDArray[Any]  # (2,)
-    totals: NDArray[Any]  # (6, R)
+    gap_plus: Array  # (R,) m, to the + wall
+    gap_minus: Array  # (R,) m, to the - wall
+    stiffness: Array  # (R,)
+    damping: Array  # (R,)
+    restitution: Array  # (R,)
+    state: Array  # (R,) contact states
+    released: Array  # (R,)
+    coordinates: Array  # (2, d)
+    touch: Array  # (6, R)
+    to_modes: Array  # (R, n)
+    window: Array  # (2,)
+    totals: Array  # (6, R)
 
 
 # ---- what is read and written ----------------------------------------------------------------------
@@ -174,47 +175,47 @@ class Case(NamedTuple):
 class Grid(NamedTuple):
     """What is read on a grid of times."""
 
-    start: NDArray[Any]  # (C,) s, of sample 0
-    interval: NDArray[Any]  # (C,) s
+    start: Array  # (C,) s, of sample 0
+    interval: Array  # (C,) s
     per_cycle: int  # samples
-    origin: NDArray[Any]  # (C,) sample with which the first cycle begins
-    cycle: NDArray[Any]  # (C,) cycle whose peak is being looked for
-    cycles: NDArray[Any]  # (C, cycles, 6); see columns.CYCLE_COLUMNS
-    values: NDArray[Any]  # (C, samples, O), or (C, 0, O) where only cycles are wanted
-    kept: NDArray[Any]  # (samples,) number of the energy row that a sample fills, -1 for none
-    energy: NDArray[Any]  # (C, rows, 7 + n)
+    origin: Indices  # (C,) sample with which the first cycle begins
+    cycle: Indices  # (C,) cycle whose peak is being looked for
+    cycles: Array  # (C, cycles, 6); see columns.CYCLE_COLUMNS
+    values: Array  # (C, samples, O), or (C, 0, O) where only cycles are wanted
+    kept: Indices  # (samples,) number of the energy row that a sample fills, -1 for none
+    energy: Array  # (C, rows, 7 + n)
 
 
 class Snapshots(NamedTuple):
     """Whole motions of a single case."""
 
-    shown: NDArray[Any]  # (samples,) number of the snapshot, -1 for none; no samples where none is wanted
-    fields: NDArray[Any]  # (snapshots, 2, d)
-    forces: NDArray[Any]  # (snapshots, R) N on the structure
+    shown: Indices  # (samples,) number of the snapshot, -1 for none; no samples where none is wanted
+    fields: Array  # (snapshots, 2, d)
+    forces: Array  # (snapshots, R) N on the structure
 
 
 class Tables(NamedTuple):
     """Impacts and sticking phases of a single case, one row each; those beyond the last row are counted."""
 
-    impacts: NDArray[Any]  # (most, 9 + n); see columns.IMPACT_COLUMNS, then the energy given to each mode
-    sticking: NDArray[Any]  # (most, 5): pair, side, start and end (s), impulse (N s)
-    number: NDArray[Any]  # (2,) rows of both
+    impacts: Array  # (most, 9 + n); see columns.IMPACT_COLUMNS, then the energy given to each mode
+    sticking: Array  # (most, 5): pair, side, start and end (s), impulse (N s)
+    number: Indices  # (2,) rows of both
 
 
 class Ledger(NamedTuple):
     """What the ledger needs of the equations, and what it has summed of every case; n coordinates of structure."""
 
-    mass: NDArray[Any]  # (d,)
-    damping: NDArray[Any]  # (d,)
-    stiffness: NDArray[Any]  # (d,)
-    load: NDArray[Any]  # (d,) per unit of s(t)
-    given: NDArray[Any]  # (d,) N
-    free_stiffness: NDArray[Any]  # (R,)
-    work: NDArray[Any]  # (C,) J
-    contact_loss: NDArray[Any]  # (C,) J
-    rounding: NDArray[Any]  # (C,) J, what rounding may have made of the energies of contacts
-    loss_of_mode: NDArray[Any]  # (C, n) J
-    start: NDArray[Any]  # (C, 7 + n) energies that a case starts with
+    mass: Array  # (d,)
+    damping: Array  # (d,)
+    stiffness: Array  # (d,)
+    load: Array  # (d,) per unit of s(t)
+    given: Array  # (d,) N
+    free_stiffness: Array  # (R,)
+    work: Array  # (C,) J
+    contact_loss: Array  # (C,) J
+    rounding: Array  # (C,) J, what rounding may have made of the energies of contacts
+    loss_of_mode: Array  # (C, n) J
+    start: Array  # (C, 7 + n) energies that a case starts with
     everywhere: bool  # or only through compliant contacts, for the table of impacts
 
 
@@ -224,26 +225,26 @@ class Ledger(NamedTuple):
 class Products(NamedTuple):
     """Working space for integrals of products: T terms of a motion, its entries, its sine, and what is constant."""
 
-    before: NDArray[Any]  # (2, d)
-    after: NDArray[Any]  # (2, d)
-    strength: NDArray[Any]  # (d + R, T) complex
-    growth: NDArray[Any]  # (T,) complex
-    plus: NDArray[Any]  # (T, T) complex
-    minus: NDArray[Any]  # (T, T) complex
+    before: Array  # (2, d)
+    after: Array  # (2, d)
+    strength: Complex  # (d + R, T)
+    growth: Complex  # (T,)
+    plus: Complex  # (T, T)
+    minus: Complex  # (T, T)
 
 
 class Bounds(NamedTuple):
     """What the present contact states and walls make of the scalars."""
 
-    upper: NDArray[Any]  # (2R + 1,)
-    lower: NDArray[Any]  # (2R + 1,)
-    lasting: NDArray[Any]  # (2R,)
-    constant: NDArray[Any]  # (2R + O,)
-    static: NDArray[Any]  # (d,)
-    given: NDArray[Any]  # (P,)
-    nothing: NDArray[Any]  # (P,) zero
-    wall: NDArray[Any]  # (1 + R,) 1, then side times gap of each pair in contact or separating
-    steady: NDArray[Any]  # (2, K) complex scratch
+    upper: Array  # (2R + 1,)
+    lower: Array  # (2R + 1,)
+    lasting: Array  # (2R,)
+    constant: Array  # (2R + O,)
+    static: Array  # (d,)
+    given: Array  # (P,)
+    nothing: Array  # (P,) zero
+    wall: Array  # (1 + R,) 1, then side times gap of each pair in contact or separating
+    steady: Complex  # (2, K) scratch
 
 
 class Space(NamedTuple):
@@ -258,9 +259,9 @@ class Space(NamedTuple):
     search: Search
     bounds: Bounds
     products: Products
-    turn: NDArray[Any]  # (2, K + 1) complex
-    impulse: NDArray[Any]  # (R,)
-    samples: NDArray[Any]  # (per_cycle,) w of the cycle that goes on, as far as it is read
+    turn: Complex  # (2, K + 1)
+    impulse: Array  # (R,)
+    samples: Array  # (per_cycle,) w of the cycle that goes on, as far as it is read
 
 
 class Job(NamedTuple):

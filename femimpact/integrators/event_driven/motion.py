@@ -17,8 +17,9 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import apart, inlined
@@ -27,6 +28,9 @@ __all__ = [
     "AT_WALL",
     "NODES",
     "WEIGHTS",
+    "Array",
+    "Complex",
+    "Indices",
     "Motion",
     "Scalars",
     "Search",
@@ -45,6 +49,10 @@ __all__ = [
     "unit_phase",
     "value_now",
 ]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Indices = NDArray[np.int64]
 
 TAYLOR, MOST_STEPS = 18, 100_000
 """Terms of the exponential series of a block, whose steps have a norm below 1; and most of these steps."""
@@ -72,52 +80,52 @@ class Scalars(NamedTuple):
     K entries, P rigid-body coordinates, R scalars.
     """
 
-    exponent: NDArray[Any]  # (K,) complex
-    coupling: NDArray[Any]  # (K, K) complex, above the diagonal of the blocks
-    blocks: NDArray[Any]  # (B, 2) first entry and number of entries of each block; none where its number is 0
-    size: NDArray[Any]  # (K,) |lambda|, or the norm of the block
+    exponent: Complex  # (K,)
+    coupling: Complex  # (K, K), above the diagonal of the blocks
+    blocks: Indices  # (B, 2) first entry and number of entries of each block; none where its number is 0
+    size: Array  # (K,) |lambda|, or the norm of the block
     omega: float  # of the sine
     broken: bool  # whether s(t) is a broken line
-    rigid_body_given: NDArray[Any]  # (P,) constant acceleration
-    rigid_body_drive: NDArray[Any]  # (P,) acceleration per unit of s(t); zero for a sine, as that part is in `sine`
-    lasting: NDArray[Any]  # (E,) side of a contact whose force is watched for its end, else 0
-    upper: NDArray[Any]  # (E + 1,); the last two are those of the search for the peak
-    lower: NDArray[Any]  # (E + 1,)
-    weight: NDArray[Any]  # (R, K) complex
-    weight_size: NDArray[Any]  # (R, K)
-    rigid_body_weight: NDArray[Any]  # (R, P)
-    rigid_body_rate_weight: NDArray[Any]  # (R, P)
-    sine: NDArray[Any]  # (R,) complex
-    constant: NDArray[Any]  # (R,)
-    follow: NDArray[Any]  # (4, R) steady motion under a broken line, per unit of ub, ub', s and s'
-    term: NDArray[Any]  # (K,) complex scratch
+    rigid_body_given: Array  # (P,) constant acceleration
+    rigid_body_drive: Array  # (P,) acceleration per unit of s(t); zero for a sine, as that part is in `sine`
+    lasting: Array  # (E,) side of a contact whose force is watched for its end, else 0
+    upper: Array  # (E + 1,); the last two are those of the search for the peak
+    lower: Array  # (E + 1,)
+    weight: Complex  # (R, K)
+    weight_size: Array  # (R, K)
+    rigid_body_weight: Array  # (R, P)
+    rigid_body_rate_weight: Array  # (R, P)
+    sine: Complex  # (R,)
+    constant: Array  # (R,)
+    follow: Array  # (4, R) steady motion under a broken line, per unit of ub, ub', s and s'
+    term: Complex  # (K,) scratch
 
 
 class Motion(NamedTuple):
     """Where the motion is: homogeneous part, rigid-body coordinates, time, a drive by samples."""
 
-    entry: NDArray[Any]  # (K,) complex
-    rigid_body: NDArray[Any]  # (P,)
-    rigid_body_rate: NDArray[Any]  # (P,)
-    clock: NDArray[Any]  # (2,): time, phase of the sine at t = 0
-    drive: NDArray[Any]  # (4,): ub, ub', s, s' of a broken line; zero for a sine
+    entry: Complex  # (K,)
+    rigid_body: Array  # (P,)
+    rigid_body_rate: Array  # (P,)
+    clock: Array  # (2,): time, phase of the sine at t = 0
+    drive: Array  # (4,): ub, ub', s, s' of a broken line; zero for a sine
 
 
 class Search(NamedTuple):
     """What a search leaves behind, and its scratch space; R scalars, K entries."""
 
-    leaving: NDArray[Any]  # (R,) side of a bound just left, or at which another bound was met at rest; else 0
-    at_wall: NDArray[Any]  # (R,) side of the wall touched at this instant, else 0
-    rate: NDArray[Any]  # (R,)
-    found: NDArray[Any]  # (5,) scratch
-    size: NDArray[Any]  # (K,) |H|; see `measure`
-    power: NDArray[Any]  # (3, K) complex: H', and scratch
-    event: NDArray[Any]  # (2,): scalar, side
-    negligible: NDArray[Any]  # (1,) m/s, see `negligible_approach`
+    leaving: Array  # (R,) side of a bound just left, or at which another bound was met at rest; else 0
+    at_wall: Array  # (R,) side of the wall touched at this instant, else 0
+    rate: Array  # (R,)
+    found: Array  # (5,) scratch
+    size: Array  # (K,) |H|; see `measure`
+    power: Complex  # (3, K): H', and scratch
+    event: Array  # (2,): scalar, side
+    negligible: Array  # (1,) m/s, see `negligible_approach`
 
 
 @inlined
-def unit_phase(omega: float, clock: NDArray[Any]) -> complex:
+def unit_phase(omega: float, clock: Array) -> complex:
     """e^{i theta} of the sine at the present time."""
     theta = omega * clock[0] + clock[1]
     return complex(math.cos(theta), math.sin(theta))
@@ -145,14 +153,14 @@ def move_rigid_bodies(scalars: Scalars, motion: Motion, duration: float) -> None
 
 
 @inlined
-def taylor(follow: NDArray[Any], r: int, d: NDArray[Any]) -> tuple[float, float, float, float]:
+def taylor(follow: Array, r: int, d: Array) -> tuple[float, float, float, float]:
     """What a broken line adds to scalar r: the value and its three derivatives, the last of which is constant."""
     a, b, c, e = follow[0, r], follow[1, r], follow[2, r], follow[3, r]
     return a * d[0] + b * d[1] + c * d[2] + e * d[3], a * d[1] + b * d[2] + c * d[3], a * d[2] + b * d[3], a * d[3]
 
 
 @inlined
-def multiply(scalars: Scalars, entry: NDArray[Any], out: NDArray[Any]) -> None:
+def multiply(scalars: Scalars, entry: Complex, out: Complex) -> None:
     """Lambda times a vector of entries."""
     for k in range(scalars.exponent.size):
         out[k] = scalars.exponent[k] * entry[k]
@@ -398,7 +406,7 @@ def value_now(r: int, active: int, phase: complex, scalars: Scalars, motion: Mot
 
 
 @apart
-def rates_now(r: int, scalars: Scalars, motion: Motion, power: NDArray[Any]) -> tuple[float, float, float]:
+def rates_now(r: int, scalars: Scalars, motion: Motion, power: Complex) -> tuple[float, float, float]:
     """Scalar r with its first and second derivative; `power` (3, K) is scratch space."""
     omega, phase, d = scalars.omega, unit_phase(scalars.omega, motion.clock), motion.drive
     turned = scalars.sine[r] * phase

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
-
-from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import apart, inlined
 from femimpact.integrators.compiled.laws import kelvin_voigt_force
 from femimpact.integrators.event_driven.loop_data import FREE, Case, Grid, Pairs, Shapes, Snapshots, Space
 from femimpact.integrators.event_driven.motion import (
+    Array,
     Motion,
     Scalars,
     Search,
@@ -48,7 +46,7 @@ NEWTON_STEPS = 6
 
 
 @inlined
-def add_to_cycle(number: int, w: float, phase: complex, cycles: NDArray[Any]) -> None:
+def add_to_cycle(number: int, w: float, phase: complex, cycles: Array) -> None:
     """Sums over the cycle that a sample belongs to."""
     row = cycles[number]
     row[0], row[1] = max(row[0], w), min(row[1], w)
@@ -149,7 +147,7 @@ def _excess_between(
 
 @apart
 def _follow_peak(
-    start: float, until: float, least: float, scalars: Scalars, space: Space, row: NDArray[Any]
+    start: float, until: float, least: float, scalars: Scalars, space: Space, row: Array
 ) -> None:  # fmt: skip
     """Extremes of the observed place between two instants, to `PEAK_TOLERANCE`: row[0] and row[1].
 
@@ -194,7 +192,7 @@ def _negligible(r: int, scalars: Scalars, motion: Motion, search: Search) -> flo
 
 
 @inlined
-def _leave_out_ripples(least: float, active: int, weight_size: NDArray[Any], search: Search) -> int:
+def _leave_out_ripples(least: float, active: int, weight_size: Array, search: Search) -> int:
     """Number of the entries that matter: the fastest are left out that together move w by no more than `least`."""
     left = 0.0
     while active > 0:
@@ -208,7 +206,7 @@ def _leave_out_ripples(least: float, active: int, weight_size: NDArray[Any], sea
 
 @inlined
 def _advance_to_crest(
-    rate: float, remaining: float, scalars: Scalars, space: Space, row: NDArray[Any]
+    rate: float, remaining: float, scalars: Scalars, space: Space, row: Array
 ) -> float:  # fmt: skip
     """Time in which w rises on, or in which its only crest has been looked at; the same with a falling w."""
     r, found = scalars.lasting.size, space.search.found

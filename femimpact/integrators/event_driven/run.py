@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact.contact.formulas import RIGID
 from femimpact.errors import DivergenceError, in_range, quantity, require
@@ -39,7 +38,7 @@ from femimpact.system.system import System
 
 __all__ = ["not_finite", "run_events", "unending"]
 
-Array = NDArray[Any]
+Array = NDArray[np.float64]
 
 CYCLES_AT_ONCE = 256
 """Base cycles between two looks at progress and interrupts."""
@@ -167,11 +166,11 @@ def _piece(recorder: Recorder, per_cycle: int) -> int:
     return min(CYCLES_AT_ONCE, fitting) * per_cycle
 
 
-def _rows_kept(keep: _Keep, done: int, count: int) -> tuple[Array, Array]:
+def _rows_kept(keep: _Keep, done: int, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Row of the history and of the snapshots that each sample of a piece fills, -1 for none."""
     number = done + 1 + np.arange(count)
 
-    def rows(every: int, first: int) -> Array:
+    def rows(every: int, first: int) -> NDArray[np.int64]:
         due = (number >= first) & ((number - first) % max(every, 1) == 0) & (every > 0)
         return np.where(due, np.cumsum(due) - 1, -1)
 
@@ -212,7 +211,7 @@ def _run_piece(run: _Run, done: int, count: int) -> None:
     _call(run, done, count, kept, shown)
 
 
-def _call(run: _Run, done: int, count: int, kept: Array, shown: Array) -> None:
+def _call(run: _Run, done: int, count: int, kept: NDArray[np.int64], shown: NDArray[np.int64]) -> None:
     block, per_cycle = run.block, run.method.samples_per_cycle
     block.cases.sample[0] = done
     block.grid = block.grid._replace(
@@ -431,7 +430,7 @@ def _snapshots(run: _Run, before: int) -> Snapshots:
     )
 
 
-def _read_only(array: Array) -> Array:
-    array = np.ascontiguousarray(array)
+def _read_only(values: ArrayLike) -> Array:
+    array = np.ascontiguousarray(values, dtype=float)
     array.setflags(write=False)
     return array

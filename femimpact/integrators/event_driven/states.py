@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
-
-from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import apart, called, inlined
 from femimpact.integrators.event_driven.loop_data import (
@@ -19,7 +16,13 @@ from femimpact.integrators.event_driven.loop_data import (
     Pairs,
     Shapes,
 )
-from femimpact.integrators.event_driven.motion import Motion, Scalars, unit_phase
+from femimpact.integrators.event_driven.motion import (
+    Array,
+    Complex,
+    Motion,
+    Scalars,
+    unit_phase,
+)
 
 __all__ = [
     "base_motion", "enter_form", "find_form", "form_of", "gap_of", "gap_on", "is_active", "read_coordinates",
@@ -49,7 +52,7 @@ def is_active(state: float) -> bool:
 
 
 @inlined
-def find_form(state: NDArray[Any], first: int, forms: Forms) -> int:
+def find_form(state: Array, first: int, forms: Forms) -> int:
     """Number of the closed form for these contact states, or -1 if it was not met before."""
     key = 0
     for j in range(state.size):
@@ -73,7 +76,7 @@ def base_motion(case: Case, motion: Motion) -> tuple[float, float]:
 
 
 @apart
-def set_steady_motion(f: int, case: Case, cases: Cases, forms: Forms, h: NDArray[Any]) -> bool:
+def set_steady_motion(f: int, case: Case, cases: Cases, forms: Forms, h: Complex) -> bool:
     """Steady motion under a sine in one form; False where it is unbounded. `h` (2, K) is scratch space."""
     c, n, omega = case.number, forms.number[f], case.omega
     sine, harmonic, rigid_body_sine = cases.sine[c, n], cases.harmonic[c, n], cases.rigid_body_sine[c, n]
@@ -150,7 +153,7 @@ def set_walls(f: int, case: Case, forms: Forms, bounds: Bounds) -> None:
 
 
 @called
-def _multiply(matrix: NDArray[Any], vector: NDArray[Any], out: NDArray[Any]) -> None:
+def _multiply(matrix: Array, vector: Array, out: Array) -> None:
     for r in range(out.size):
         total = 0.0
         for w in range(vector.size):
@@ -181,7 +184,7 @@ def set_bounds(case: Case, s: Bounds) -> None:
 
 
 @apart
-def read_coordinates(shapes: Shapes, motion: Motion, out: NDArray[Any]) -> None:
+def read_coordinates(shapes: Shapes, motion: Motion, out: Array) -> None:
     """Displacements and velocities of all coordinates (2, d) at the present time."""
     omega, d = shapes.omega, motion.drive
     phase = unit_phase(omega, motion.clock)
@@ -204,7 +207,7 @@ def read_coordinates(shapes: Shapes, motion: Motion, out: NDArray[Any]) -> None:
 
 
 @apart
-def enter_form(f: int, shapes: Shapes, forms: Forms, state: NDArray[Any], motion: Motion) -> None:
+def enter_form(f: int, shapes: Shapes, forms: Forms, state: Array, motion: Motion) -> None:
     """The homogeneous part and the rigid-body coordinates of coordinates (2, d) in a form; these are used up."""
     entries, from_u, from_v, to_rigid_body = (
         forms.entries[f], forms.to_entry_u[f], forms.to_entry_v[f], forms.to_rigid_body[f],
@@ -233,7 +236,7 @@ def enter_form(f: int, shapes: Shapes, forms: Forms, state: NDArray[Any], motion
 
 
 @inlined
-def gap_of(j: int, pairs: Pairs, values: NDArray[Any], base: float) -> float:
+def gap_of(j: int, pairs: Pairs, values: Array, base: float) -> float:
     """The x of a pair, or its rate, from the coordinates, or their rates, and the base's."""
     x = -pairs.in_space[j] * base
     for i in range(values.size):

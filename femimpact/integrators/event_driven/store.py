@@ -24,7 +24,7 @@ from femimpact.system.system import System
 
 __all__ = ["FormStore", "Outputs", "outputs_of"]
 
-Array = NDArray[Any]
+Array = NDArray[np.float64]
 
 MOST_KEPT = 256
 """Closed forms, and what else is derived of a system, beyond which no more are kept with it."""
@@ -78,7 +78,12 @@ class FormStore:
     """
 
     def __init__(
-        self, whole: Equations, rigid: Array, outputs: Outputs, broken: bool, derived: dict[Any, Any] | None = None
+        self,
+        whole: Equations,
+        rigid: NDArray[np.bool_],
+        outputs: Outputs,
+        broken: bool,
+        derived: dict[Any, Any] | None = None,
     ) -> None:
         self.whole = whole
         self.rigid = rigid
@@ -118,7 +123,7 @@ class FormStore:
                 self._add(made, active, key, parameters)
             return self.first[parameters]
 
-    def _closed_form(self, active: Array, stiffness: Array, damping: Array) -> ClosedForm:
+    def _closed_form(self, active: NDArray[np.bool_], stiffness: Array, damping: Array) -> ClosedForm:
         """The closed form of some pairs in contact, made once for a system and the place where its drive acts."""
         of_drive = self.whole.drive.tobytes(), self.whole.in_space.tobytes()
         key = "closed form", *of_drive, active.tobytes(), stiffness.tobytes(), damping.tobytes()
@@ -169,7 +174,7 @@ class FormStore:
             "to_entry_v": (f, entries, d),
             "impulse_entry": (f, entries, pairs),
         }
-        arrays: dict[str, Array] = {name: np.zeros(shape) for name, shape in real.items()}
+        arrays: dict[str, NDArray[Any]] = {name: np.zeros(shape) for name, shape in real.items()}
         arrays |= {name: np.zeros(shape, dtype=np.int64) for name, shape in whole.items()}
         arrays |= {name: np.zeros(shape, dtype=complex) for name, shape in complexes.items()}
         return Forms(made=0, **arrays, together=np.zeros((f, entries, entries), dtype=bool))
@@ -185,7 +190,7 @@ class FormStore:
             new[tuple(slice(0, length) for length in old.shape)] = old
         self.forms = larger
 
-    def _add(self, made: ClosedForm, active: Array, key: int, parameters: bytes) -> None:
+    def _add(self, made: ClosedForm, active: NDArray[np.bool_], key: int, parameters: bytes) -> None:
         modes, f = made.modes, self.count
         self._enlarge((modes.exponent.size, made.rigid_body_drive.size, len(modes.blocks)))
         used = (made.velocity.weight != 0.0) | (made.position.weight != 0.0)
@@ -221,7 +226,7 @@ class FormStore:
         self.known[parameters, key] = f
         self.count += 1
 
-    def _output_rows(self, made: ClosedForm, active: Array) -> Rows:
+    def _output_rows(self, made: ClosedForm, active: NDArray[np.bool_]) -> Rows:
         """Rows of what is read at every sample; a contact force only where it acts."""
         out, p, v = self.outputs, made.position, made.velocity
         through = p.through @ out.position.T + v.through @ out.rate.T
