@@ -172,7 +172,7 @@ MUTATIONS = (
         "    case.touch[PUSHED, j] += 0.0 * impulse\n",
     ),
     Mutation("impact_loss", "0.5 * push * (1.0 - e) * fastest", "0.5 * push * fastest"),
-    Mutation("contact_loss", "loss: float = case.damping[j] * _product(rate", "loss: float = 0.0 * _product(rate"),
+    Mutation("contact_loss", "loss: float = case.damping[j] * _square(rate", "loss: float = 0.0 * _square(rate"),
     Mutation("ball_work", "0.5 * (after * after - before * before)", "0.4 * (after * after - before * before)"),
     Mutation("energy_to_modes", "own * (velocity[i] + 0.5 * own / b.mass[i])", "own * velocity[i]"),
     Mutation("centring_spring", "K += pair.free_stiffness * np.outer(", "K += 0.9 * pair.free_stiffness * np.outer("),
