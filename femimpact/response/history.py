@@ -125,7 +125,7 @@ def history_dataset(
     """Channels, energies and the base's motion over time as a labelled dataset, units in the attributes."""
     import xarray
 
-    def variable(values: NDArray[Any], unit: str, name: str) -> tuple[Any, ...]:
+    def variable(values: Array, unit: str, name: str) -> tuple[Any, ...]:
         return ("time", np.array(values), {"units": unit, "long_name": name})
 
     data = {
