@@ -375,9 +375,9 @@ def test_a_law_without_a_force_at_rest_is_refused_by_name_where_it_is_pressed(la
 
 
 def test_what_has_no_static_state_is_refused():
-    loose = fi.System.from_matrices(1.0, 0.0, 0.0, points={"mass": [1.0]}, constant_load=[1.0])
+    unheld = fi.System.from_matrices(1.0, 0.0, 0.0, points={"mass": [1.0]}, constant_load=[1.0])
     with pytest.raises(fi.InputError, match="initial = 'static': needs a structure that is held: K is singular"):
-        fi.static_state(loose)
+        fi.static_state(unheld)
     walls = [fi.Stop("a", "mass", (-1e-3, math.inf), STIFF), fi.Stop("b", "mass", (math.inf, 0.0), STIFF)]
     with pytest.raises(fi.InputError, match="rigid stops among a, b leave the structure no place"):
         fi.static_state(sprung(stops=walls))

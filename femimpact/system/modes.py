@@ -117,16 +117,16 @@ def solve_modes(system: System, count: int) -> Modes:
     require(within, "count", count, "modes", f"must be a whole number from 1 to {system.dofs} (the dofs)")
     count = int(count)
     rigid = rigid_motions(system)[:, :count]
-    loose = rigid.shape[1]
-    if loose == count:
+    rigid_count = rigid.shape[1]
+    if rigid_count == count:
         vectors = rigid
     elif system.dofs <= DENSE_LIMIT or count > system.dofs // 4:
-        vectors = np.hstack([rigid, _dense_modes(system, count - loose, rigid)])
+        vectors = np.hstack([rigid, _dense_modes(system, count - rigid_count, rigid)])
     else:
-        vectors = np.hstack([rigid, _shift_invert_modes(system, count - loose)])
+        vectors = np.hstack([rigid, _shift_invert_modes(system, count - rigid_count)])
     vectors = _normalised(system, vectors)
     omega = np.linalg.norm(system.stiffness_factor @ vectors, axis=0)
-    omega[:loose] = 0.0
+    omega[:rigid_count] = 0.0
     order = np.argsort(omega)
     vectors, omega = vectors[:, order], omega[order]
     if system.rayleigh is not None and omega[0] > 0.0:
@@ -179,10 +179,10 @@ def solve_stiffness(system: System, loads: Array) -> Array:
 
 def first_elastic_frequency(system: System) -> float:
     """The lowest natural frequency (Hz) that is not that of a rigid motion; 0 where none is known."""
-    loose = rigid_motions(system).shape[1]
-    if system.first_frequency > 0.0 or loose in (0, system.dofs):
+    rigid_count = rigid_motions(system).shape[1]
+    if system.first_frequency > 0.0 or rigid_count in (0, system.dofs):
         return system.first_frequency
-    return float(solve_modes(system, loose + 1).natural_frequency[loose])
+    return float(solve_modes(system, rigid_count + 1).natural_frequency[rigid_count])
 
 
 def first_mode_at(system: System, modes: Modes, row: Array) -> float:
@@ -190,8 +190,8 @@ def first_mode_at(system: System, modes: Modes, row: Array) -> float:
 
     Where rigid motions are free, all of them together, or the first elastic mode at a place that they leave still.
     """
-    loose = int(np.count_nonzero(modes.natural_frequency == 0.0))
-    if loose == 0:
+    rigid_count = int(np.count_nonzero(modes.natural_frequency == 0.0))
+    if rigid_count == 0:
         return float(row @ modes.vectors[:, 0])
     rigid = rigid_motions(system)
     moved = float(np.linalg.norm(row @ rigid))

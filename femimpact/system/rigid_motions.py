@@ -28,9 +28,9 @@ def rigid_motions(system: Any) -> NDArray[np.float64]:
         Orthonormal with M; k = 0 where all is held.
     """
     if system.is_diagonal:
-        loose = np.flatnonzero(system.K.diagonal() == 0.0)
-        motions = np.zeros((system.dofs, loose.size))
-        motions[loose, np.arange(loose.size)] = 1.0 / np.sqrt(system.M.diagonal()[loose])
+        unheld = np.flatnonzero(system.K.diagonal() == 0.0)
+        motions = np.zeros((system.dofs, unheld.size))
+        motions[unheld, np.arange(unheld.size)] = 1.0 / np.sqrt(system.M.diagonal()[unheld])
         return motions
     if system.sections is None or not sparse.issparse(system.expansion):
         return np.zeros((system.dofs, 0))
