@@ -136,7 +136,9 @@ def _limit_memory(most: int) -> None:
 
 
 def _end_with_parent() -> None:
-    sys.stdin.buffer.read()
+    # not by `sys.stdin`: its lock, held by a thread that waits, stops Python at its end
+    while os.read(0, 1):
+        pass
     os._exit(1)
 
 
