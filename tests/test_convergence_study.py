@@ -12,7 +12,14 @@ import pytest
 import femimpact as fi
 from femimpact.convergence.harmonic import newmark_frequency, steady_amplitude
 from femimpact.convergence.measure import run_statistics
-from femimpact.convergence.orders import extrapolated, fitted_order, number_for, observed_order, rounding_floor
+from femimpact.convergence.orders import (
+    extrapolated,
+    fitted_order,
+    local_orders,
+    number_for,
+    observed_order,
+    rounding_floor,
+)
 from femimpact.convergence.orders import usable_rows as usable
 from femimpact.export import tables
 from femimpact.study.convergence import write_convergence
@@ -133,6 +140,33 @@ def test_a_family_of_files_is_sorted_and_a_bad_file_is_a_row(tmp_path):
     assert "bad.msh': must be a mesh that meshio can read as gmsh: it is not in this format" in table.failure[0]
     # gmsh's geometric lengths keep their ratio only as they get many
     np.testing.assert_allclose(table.fitted_order, table.expected_order, atol=0.35)
+
+
+def test_meshes_that_keep_their_longest_element_have_errors_and_no_order():
+    # the half at the root is refined, the other one is one element
+    half = BEAM.length / 2
+    local = [fi.Mesh(np.append(np.linspace(0, half, n + 1), BEAM.length)) for n in (2, 4, 8)]
+    table = fi.convergence_study(BARE, fi.OverMeshes(tuple(local)), [fi.Frequencies(2), fi.ModeShapes(1)])["mesh"]
+    assert np.all(np.isnan(table.order))
+    assert np.all(np.isnan(table.fitted_order))
+    said = "no order is fitted: the longest element of 5 elements, 0.115 m, is no smaller than that of 3 elements; "
+    assert [note.startswith(said) for note in table.notes] == [True, *[False] * (len(table.notes) - 1)]
+    # the errors are those from the exact frequency, to the h^6 that halving each element once leaves of 1e-3
+    exact = 1.8751040687119611**2 / (2 * math.pi * BEAM.length**2) * math.sqrt(EI / RHO_A)
+    np.testing.assert_allclose(table.error[:, 0], table.value[:, 0] / exact - 1.0, rtol=0.05)
+    # they stall at that of the element which stays
+    assert 0.5 < table.error[2, 0] / table.error[1, 0] < 1.0
+    # the number of a case, or none: nothing is extrapolated
+    for wanted, error in zip(table.recommended, table.error.T, strict=True):
+        met = table.number[error <= 1e-3]
+        assert (wanted == met[0]) if met.size else math.isnan(wanted)
+
+
+def test_an_order_is_of_sizes_that_fall():
+    h, error = np.array([0.4, 0.2, 0.2, 0.1]), np.array([16.0, 4.0, 3.0, 1.0])
+    assert math.isnan(fitted_order(h, error, 0.0))
+    np.testing.assert_allclose(local_orders(h, error, 0.0), [np.nan, 2.0, np.nan, math.log2(3.0)])
+    assert fitted_order(h[[0, 1, 3]], error[[0, 1, 3]], 0.0) == pytest.approx(2.0)
 
 
 def test_a_place_that_does_not_move_has_no_relative_error():
