@@ -339,6 +339,46 @@ def test_a_table_goes_to_csv_pandas_and_xarray_and_back(small_study, tmp_path):
         small_study["step"]
 
 
+def test_a_printed_table_holds_every_quantity_its_problem_and_the_reasons_of_cases_without_values(tmp_path):
+    bad = tmp_path / "bad.msh"
+    bad.write_text("no mesh")
+    structure = fi.load_study(MESHES / "stepped_cantilever.toml").structure
+    files = [bad, *(MESHES / f"graded_{n}.msh" for n in (6, 12, 24))]
+    watched = [fi.Frequencies(4), fi.ModeShapes(3), fi.SurfaceStress("joint"), fi.SurfaceStress("joint", side="left")]
+    study = fi.convergence_study(structure, fi.OverMeshes.files(files), watched, BASE)
+    table, shown = study["mesh"], repr(study)
+    assert shown == repr(table)
+    lines = shown.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert lines[0] == "Linear response without contacts, base motion of 0.2 mm at 11 Hz"
+    for name in table.name:
+        # its errors and its orders
+        assert sum(line.startswith(f"{name}  ") for line in lines) == 2
+    assert any(line.startswith("bad.msh: ") for line in lines)
+    assert "it is not in this format" in " ".join(shown.split())
+    assert "with impacts" in shown
+    assert "<pre>" in table._repr_html_()
+
+
+def test_a_recommended_number_that_the_coarsest_case_has_is_a_bound_in_print_csv_and_xarray(tmp_path):
+    axis = fi.OverModes(fi.uniform_mesh(BOXED, 8), (1, 2, 4))
+    for accuracy in (0.5, 1e-4):
+        table = fi.convergence_study(BOXED, axis, fi.BendingMoment(), BASE, accuracy=accuracy)["modes"]
+        met = bool(table.error[0, 0] <= accuracy)
+        assert table.recommended_is_bound.tolist() == [met]
+        assert ("<= 1 " in repr(table)) is met
+        path = tables.write_csv(tmp_path / "summary.csv", *table.summary())
+        assert path.read_text().splitlines()[1].endswith(str(met))
+        assert bool(table.to_xarray()["recommended_is_bound"][0]) is met
+
+
+def test_print_says_how_many_of_its_cases_it_shows():
+    table = fi.convergence_study(BARE, fi.OverMeshes.uniform(BARE, range(2, 12)), fi.Frequencies(1))["mesh"]
+    assert repr(table).splitlines()[:2] == [
+        "Free vibration of the structure without contacts", "Over the mesh: relative errors, 6 of 10 cases"
+    ]  # fmt: skip
+
+
 def test_a_figure_has_a_curve_a_quantity_and_a_slope_an_order(small_study, tmp_path):
     axis = fi.figures.convergence(small_study["mesh"], ax=fi.figures.OffScreen())
     dashed = [line for line in axis.lines if line.get_linestyle() == "--"]
@@ -381,6 +421,8 @@ def test_converge_studies_a_mesh_file_and_its_refinements_in_80_columns(tmp_path
     assert found.tables["mesh"].number.tolist() == [6, 12, 24, 48, 96]
     assert set(found.tables.tables) == {"mesh", "modes"}
     assert any("Newmark's method only" in line for line in lines)
+    # on the thin side of the joint the same moment gives twice the stress and more
+    assert found.tables["mesh"].name.tolist()[-2:] == ["stress root", "stress joint"]
     # errors are told apart where values would not be
     shown = next(line for line in lines if line.startswith("frequency 1 ")).split()[2:]
     assert len(set(shown)) == 5

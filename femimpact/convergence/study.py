@@ -157,7 +157,8 @@ def _table(
         expected_order=np.array([head.order for head in heads]),
         **{name: np.array([column[name] for column in columns]).T for name in columns[0]},
         accuracy=accuracy,
-        notes=(*_not_finer(axis, rows, value), *_notes(axis, heads, columns, independent, accuracy)),
+        notes=(*_not_finer(axis, rows, value), *_notes(axis, plan, heads, columns, independent, accuracy)),
+        problem=_problem(plan, scatter),
     )
 
 
@@ -279,6 +280,18 @@ def _distances(size: NDArray[Any], value: NDArray[Any], order: float, limit: _Li
     return np.asarray(np.hypot(value, own))
 
 
+def _problem(plan: Plan, scatter: NDArray[Any]) -> str:
+    """What the values of a table are of."""
+    scatters = np.any(scatter > 0.0, axis=0)
+    if plan.base is None:
+        return "Free vibration of the structure without contacts"
+    moved = f"base motion of {1e3 * plan.base.amplitude:g} mm at {plan.base.frequency:g} Hz"
+    if np.all(scatters):
+        return f"Runs with contacts, {moved}: means over several starts"
+    also = "; statistics of runs with contacts" if np.any(scatters) else ""
+    return f"Linear response without contacts, {moved}{also}"
+
+
 def _not_finer(axis: Axis, rows: Sequence[Row], value: NDArray[Any]) -> tuple[str, ...]:
     """Why no order is fitted, where a row has no smaller size than the one before."""
     known = [row for row, read in zip(rows, value, strict=True) if np.any(np.isfinite(read))]
@@ -294,8 +307,9 @@ def _not_finer(axis: Axis, rows: Sequence[Row], value: NDArray[Any]) -> tuple[st
 
 
 def _notes(
-    axis: Axis, heads: Sequence[Reading], columns: Sequence[Any], independent: Sequence[str], accuracy: float
-) -> tuple[str, ...]:
+    axis: Axis, plan: Plan, heads: Sequence[Reading], columns: Sequence[Any], independent: Sequence[str],
+    accuracy: float,
+) -> tuple[str, ...]:  # fmt: skip
     counts, _ = axis.units
     notes = []
     floors = [(column["floor"], head.name) for head, column in zip(heads, columns, strict=True)]
@@ -303,7 +317,7 @@ def _notes(
     if seen:
         worst = max(seen)
         notes.append(f"round-off floor: reached by {len(seen)} of {len(floors)}, at most {worst[0]:.1g} ({worst[1]})")
-    elif axis.name == "mesh":
+    elif axis.name == "mesh" and not all(math.isnan(head.order) for head in heads):
         notes.append("round-off floor: not reached")
     for head, column in zip(heads, columns, strict=True):
         found = column["fitted_order"]
@@ -315,5 +329,8 @@ def _notes(
         )
     if independent:
         notes.append(f"do not depend on the {axis.name}: {', '.join(dict.fromkeys(independent))}")
-    notes.append(f"recommended numbers are of {counts}, for a relative error of {accuracy:g}")
+    if not all(math.isnan(head.order) for head in heads):
+        impacting = plan.structure.impactors or plan.structure.stops
+        beside = " without contacts; of runs with impacts compare statistics, which scatter" if impacting else ""
+        notes.append(f"recommended numbers are of {counts}, for a relative error of {accuracy:g}{beside}")
     return tuple(notes)

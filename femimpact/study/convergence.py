@@ -27,12 +27,14 @@ from femimpact.convergence import (
     converge_step,
     convergence_study,
 )
+from femimpact.convergence.cases import Case
 from femimpact.convergence.mesh_and_step import converge_meshes
 from femimpact.errors import FemimpactError, InputError
 from femimpact.export import figures, tables
 from femimpact.fem.mesh import Mesh, uniform_mesh
 from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.newmark import Newmark
+from femimpact.structure.structure import Position
 from femimpact.study.results import OTHER_FILES, prepare_directory
 from femimpact.study.run import Report
 from femimpact.study.study import Study, build_systems, method_for, read_mesh_of
@@ -48,6 +50,9 @@ MOST_REFINED = 2048
 
 STATISTICS_MESHES = 4
 """Coarse meshes of which statistics of runs with contacts are taken."""
+
+MOST_JUMPS = 3
+"""Jumps of the section whose stress is watched: those with the largest."""
 
 MODES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 COARSEST_STEPS = 40
@@ -119,7 +124,7 @@ def write_convergence(
     with prepare_directory(directory, force) as staging:
         folder = staging.folder
         found = convergence_study(
-            study.structure, axes, _watched(full), study.sine, accuracy=accuracy,
+            study.structure, axes, _watched(full, study), study.sine, accuracy=accuracy,
             progress=lambda share: report("quantities", share),
         )  # fmt: skip
         frequencies = converge_meshes(study.structure, [m for m in meshes.meshes if isinstance(m, Mesh)])
@@ -177,14 +182,37 @@ def _moving(system: System) -> tuple[str, ...]:
     return tuple(place for place in dict.fromkeys((system.default_place, "mid")) if np.any(system.point_row(place)))
 
 
-def _watched(system: System) -> list[Any]:
-    """Quantities of any study; the stress is that at a clamped root, else at mid."""
+def _watched(system: System, study: Study) -> list[Any]:
+    """Quantities of any study; the stress is that at a clamped root, else at mid, and at jumps of the section."""
     # a moment before a force; none where springs alone hold the beam
     reactions = sorted(system.reactions, key=lambda name: not name.endswith(".moment"))[:1]
     clamped = {"root.force", "root.moment"} <= set(system.reactions)
     places = _moving(system)
     stress = SurfaceStress("root" if clamped else "mid")
-    return [Frequencies(4), ModeShapes(3), SteadyResponse(places), *map(SupportReaction, reactions), stress]
+    jumps = _stresses_at_jumps(system, study)
+    return [Frequencies(4), ModeShapes(3), SteadyResponse(places), *map(SupportReaction, reactions), stress, *jumps]
+
+
+def _stresses_at_jumps(system: System, study: Study) -> list[SurfaceStress]:
+    """Stresses on the more stressed side of the jumps of the section where the steady response has the largest."""
+    beam, found = study.structure.beam, []
+    steady = Case("mesh", system, system, study.sine).steady
+    for x in beam.joints[1:-1]:
+        at: Position = next((name for name, place in system.points.items() if abs(place - x) < 1e-9 * beam.length), x)
+        sides = {side: system.section_at(at, side) for side in ("left", "right")}
+        properties = [(s.bending_stiffness, s.half_height, s.young_modulus) for s in sides.values()]
+        if np.allclose(properties[0], properties[1], rtol=1e-9, atol=0.0):
+            continue
+        stresses = {
+            side: s.young_modulus
+            * s.half_height
+            * abs(complex(system.curvature_rows([system.position_of(at)], side)[0] @ steady))
+            for side, s in sides.items()
+        }
+        side = max(stresses, key=stresses.__getitem__)
+        found.append((stresses[side], SurfaceStress(at, side=side)))
+    found.sort(key=lambda one: one[0], reverse=True)
+    return [watched for _, watched in found[:MOST_JUMPS]]
 
 
 def _statistics(
