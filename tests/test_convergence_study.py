@@ -179,6 +179,12 @@ def test_a_place_that_does_not_move_has_no_relative_error():
     assert table.fitted_order[1] == pytest.approx(4.0, abs=0.2)
 
 
+def test_a_study_in_the_place_of_its_structure_is_told_to_pass_that():
+    study = fi.load_study(MESHES / "stepped_cantilever.toml")
+    with pytest.raises(fi.InputError, match=r"^structure = 'Study': must be a Structure: pass its \.structure$"):
+        fi.convergence_study(study, fi.OverMeshes.uniform(BARE, [2, 4, 8]))
+
+
 def test_quantities_that_need_a_base_or_another_name_say_so():
     axis = fi.OverMeshes.uniform(BARE, [2, 4, 8])
     with pytest.raises(fi.InputError, match=r"^base: must be a Sine"):

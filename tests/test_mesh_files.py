@@ -229,6 +229,21 @@ def test_gaps_branches_and_overlaps_are_named_with_their_place(tmp_path, x, line
     assert "beam.vtk (vtk)" in str(refused.value)
 
 
+def test_lines_without_a_group_are_named_as_a_reason_of_what_is_wrong_with_a_mesh_of_gmsh(tmp_path):
+    apart = np.column_stack([NODES, np.zeros((NODES.size, 2))])
+    lines = [("line", np.array([[0, 1], [2, 3], [3, 4], [4, 5]]))]
+    meshio.write(tmp_path / "gap.msh", meshio.Mesh(apart, lines), file_format="gmsh22")
+    with pytest.raises(fi.InputError, match=r"a gap from x = 0\.02 to 0\.05 m, or a line there has no physical group$"):
+        fi.read_mesh(tmp_path / "gap.msh")
+    # the second curve loses its group 5, as one that Mesh.SaveAll writes has none
+    text = (SHIPPED.parent / "graded_12.msh").read_text()
+    assert text.count("1 5 2 2 -3") == 1
+    (tmp_path / "all.msh").write_text(text.replace("1 5 2 2 -3", "0 2 2 -3"))
+    with pytest.raises(fi.InputError, match=r"in no physical group, as Mesh\.SaveAll = 1") as refused:
+        fi.read_mesh(tmp_path / "all.msh")
+    assert "cell blocks" not in str(refused.value)
+
+
 def test_a_branch_off_the_axis_is_named_before_the_axis(tmp_path):
     path = vtk_file(tmp_path, [0, 1, 2, 1], [[0, 1], [1, 2], [1, 3]], [0, 0, 0, 0.5])
     with pytest.raises(fi.InputError, match=r"a branch at \(1, 0, 0\) m, where 3 lines meet"):

@@ -188,7 +188,9 @@ def _beam_mesh(read: Mapping[str, Any], label: str) -> Mesh:
     rank = np.full(len(points), -1)
     rank[order] = np.arange(order.size)
     ends = np.sort(rank[lines], axis=1)
-    _check_row(ends, nodes, points[order[0], 0], label)
+    # Gmsh writes no line that is in no group, once there are groups
+    unsaved = ", or a line there has no physical group" if read.get("format") == "gmsh" else ""
+    _check_row(ends, nodes, points[order[0], 0], label, unsaved)
     regions = {name: np.unique(ends[owner[chosen], 0]) for name, chosen in members.items() if chosen.size}
     return Mesh(nodes, _named_points(read, cells, rank, nodes), regions)
 
@@ -247,8 +249,11 @@ def _check_axis(points: NDArray[Any], label: str) -> None:
     require(along_x, "mesh.file", label, "", f"must lie along the x axis; its extent is {size}")
 
 
-def _check_row(ends: NDArray[Any], nodes: NDArray[Any], root: float, label: str) -> None:
-    """Refuse lines (n, 2) between sorted nodes that are not one line between each two neighbours."""
+def _check_row(ends: NDArray[Any], nodes: NDArray[Any], root: float, label: str, unsaved: str) -> None:
+    """Refuse lines (n, 2) between sorted nodes that are not one line between each two neighbours.
+
+    `unsaved` is what else may be wrong where one is missing.
+    """
     between = np.zeros(nodes.size - 1, dtype=int)
     # +1 where a line begins and -1 where it ends: the number of lines over each stretch
     steps = np.zeros(nodes.size, dtype=int)
@@ -264,7 +269,7 @@ def _check_row(ends: NDArray[Any], nodes: NDArray[Any], root: float, label: str)
     elif np.any(between != 1):
         first = int(np.flatnonzero(between != 1)[0])
         span = f"from x = {root + nodes[first]:.6g} to {root + nodes[first + 1]:.6g} m"
-        fault = f"a gap {span}" if between[first] == 0 else f"{between[first]} lines on one another {span}"
+        fault = f"a gap {span}{unsaved}" if between[first] == 0 else f"{between[first]} lines on one another {span}"
     elif np.any(ends[:, 0] == ends[:, 1]):
         fault = f"a line of no length at x = {root + nodes[ends[ends[:, 0] == ends[:, 1], 0][0]]:.6g} m"
     require(not fault, "mesh.file", label, "", f"must be one unbroken row of line elements: {fault}")

@@ -37,7 +37,7 @@ from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.structure import Position
 from femimpact.study.results import OTHER_FILES, prepare_directory
 from femimpact.study.run import Report
-from femimpact.study.study import Study, build_systems, method_for, read_mesh_of
+from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of
 from femimpact.system.system import System
 
 __all__ = ["WrittenConvergence", "write_convergence"]
@@ -111,7 +111,7 @@ def write_convergence(
     own = read_mesh_of(study)
     full, small = build_systems(study, own)
     method = method_for(study, small)
-    method.check(small)
+    check_method(study, small, method)
     meshes = _meshes(study, own)
     mesh = own if own is not None else uniform_mesh(study.structure, cast(int, study.mesh.elements))
     in_steps = study.method.get("name", "newmark") == "newmark"
