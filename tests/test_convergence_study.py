@@ -394,7 +394,33 @@ def test_a_figure_has_a_curve_a_quantity_and_a_slope_an_order(small_study, tmp_p
         assert np.polyfit(x, y, 1)[0] == pytest.approx(order, rel=1e-9)
     fi.figures.save_figure(axis, tmp_path / "mesh.png")
     only = fi.figures.convergence(small_study["modes"], ["moment EI w'' root"], ax=fi.figures.OffScreen())
-    assert [text.get_text().split(":")[0] for text in only.get_legend().get_texts()] == ["moment EI w'' root"]
+    said = ["moment EI w'' root", "accuracy asked for"]
+    assert [text.get_text().split(":")[0] for text in only.get_legend().get_texts()] == said
+
+
+def test_panels_hold_every_quantity_once_and_no_two_curves_of_one_look(tmp_path):
+    axis = fi.OverMeshes.uniform(BOXED, [4, 8, 16])
+    watched = [fi.Frequencies(4), fi.ModeShapes(4), fi.SteadyResponse(), fi.SurfaceStress(), fi.SupportReaction()]
+    table = fi.convergence_study(BOXED, axis, watched, BASE)["mesh"]
+    drawn = fi.figures.convergence_panels(table, fi.figures.OffScreen())
+    assert [axis.get_title() for axis in drawn] == [
+        "natural frequencies", "mode shapes", "displacements", "forces, moments and stresses"
+    ]  # fmt: skip
+    shown = []
+    for axis in drawn:
+        curves = [line for line in axis.lines if ": order " in line.get_label()]
+        assert len({(line.get_color(), line.get_marker()) for line in curves}) == len(curves)
+        shown += [line.get_label().split(": order")[0] for line in curves]
+    assert sorted(shown) == sorted(table.name.tolist())
+    fi.figures.save_figure(drawn, tmp_path / "panels.png")
+
+
+def test_meshes_of_one_longest_element_are_drawn_over_their_number():
+    local = [fi.Mesh(np.append(np.linspace(0, BEAM.length / 2, n + 1), BEAM.length)) for n in (2, 4, 8)]
+    table = fi.convergence_study(BARE, fi.OverMeshes(tuple(local)), fi.Frequencies(1))["mesh"]
+    axis = fi.figures.convergence(table, ax=fi.figures.OffScreen())
+    np.testing.assert_array_equal(axis.lines[0].get_xdata(), [3, 5, 9])
+    assert axis.get_xlabel() == "elements"
 
 
 def test_a_drawn_mesh_shows_regions_points_and_sections(tmp_path):

@@ -244,8 +244,10 @@ def _write_tables(folder: Path, found: ConvergenceStudy, mesh: MeshConvergence) 
     off_screen = figures.OffScreen()
     for axis, table in found.tables.items():
         tables.write_csv(folder / OTHER_FILES[f"quantities_over_{axis}"], *table.columns())
-        drawn = figures.convergence(table, ax=off_screen)
-        figures.save_figure(drawn, folder / OTHER_FILES[f"quantities_over_{axis}_figure"])
+        figures.save_figure(
+            figures.convergence_panels(table, off_screen),
+            folder / OTHER_FILES[f"quantities_over_{axis}_figure"],
+        )
     tables.write_csv(folder / OTHER_FILES["convergence_summary"], *_summary(list(found.tables.values())))
     columns: dict[str, Any] = {"elements": mesh.elements}
     for i in range(mesh.reference.size):
