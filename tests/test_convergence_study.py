@@ -22,7 +22,7 @@ from femimpact.convergence.orders import (
 )
 from femimpact.convergence.orders import usable_rows as usable
 from femimpact.export import tables
-from femimpact.study.convergence import write_convergence
+from femimpact.study.convergence import stresses_at_jumps, write_convergence
 from femimpact.study.convergence_text import convergence_lines
 
 MESHES = Path(__file__).parents[1] / "meshes"
@@ -463,3 +463,17 @@ def test_converge_studies_a_mesh_file_and_its_refinements_in_80_columns(tmp_path
         "quantities_over_mesh.csv", "quantities_over_mesh.png", "quantities_over_modes.csv",
         "quantities_over_modes.png", "convergence_summary.csv", "mesh_convergence.csv", "mesh_convergence.png",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("shift", [0.0, 3e-8])
+def test_converge_watches_the_largeststresses_at_jumps_of_the_section_only(tmp_path, shift):
+    # four equal lengths, thick, thin, thin and thick: two jumps, of which the thin sides have the larger stress
+    thickness = (2e-3, 1e-3, 1e-3, 2e-3)
+    nodes = np.linspace(0.0, 0.24, 9)
+    # single precision puts nodes beside joints
+    nodes[1:-1] += shift
+    mesh = fi.Mesh(nodes, {"neck": nodes[2]}, {f"part {i}": [2 * i, 2 * i + 1] for i in range(4)})
+    beam = fi.Beam([fi.Segment(0.06, 7e10, 2700, 0.02, b, name=f"part {i}") for i, b in enumerate(thickness)])
+    study = replace(fi.load_study(MESHES / "stepped_cantilever.toml"), structure=fi.Structure(beam))
+    found = stresses_at_jumps(fi.assemble(study.structure, mesh=mesh), study)
+    assert found == [fi.SurfaceStress("neck"), fi.SurfaceStress(float(nodes[6]), side="left")]

@@ -31,7 +31,7 @@ from femimpact.convergence.cases import Case
 from femimpact.convergence.mesh_and_step import converge_meshes
 from femimpact.errors import FemimpactError, InputError
 from femimpact.export import figures, tables
-from femimpact.fem.mesh import Mesh, uniform_mesh
+from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
 from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.structure import Position
@@ -189,30 +189,29 @@ def _watched(system: System, study: Study) -> list[Any]:
     clamped = {"root.force", "root.moment"} <= set(system.reactions)
     places = _moving(system)
     stress = SurfaceStress("root" if clamped else "mid")
-    jumps = _stresses_at_jumps(system, study)
+    jumps = stresses_at_jumps(system, study)
     return [Frequencies(4), ModeShapes(3), SteadyResponse(places), *map(SupportReaction, reactions), stress, *jumps]
 
 
-def _stresses_at_jumps(system: System, study: Study) -> list[SurfaceStress]:
+def stresses_at_jumps(system: System, study: Study) -> list[SurfaceStress]:
     """Stresses on the more stressed side of the jumps of the section where the steady response has the largest."""
-    beam, found = study.structure.beam, []
-    steady = Case("mesh", system, system, study.sine).steady
-    for x in beam.joints[1:-1]:
-        at: Position = next((name for name, place in system.points.items() if abs(place - x) < 1e-9 * beam.length), x)
-        sides = {side: system.section_at(at, side) for side in ("left", "right")}
-        properties = [(s.bending_stiffness, s.half_height, s.young_modulus) for s in sides.values()]
+    steady, names, found = Case("mesh", system, system, study.sine).steady, system.points.items(), []
+    for joint in study.structure.beam.joints[1:-1]:
+        # the node itself: a mesh file of single precision has it beside the joint
+        node = float(system.nodes[np.argmin(np.abs(system.nodes - joint))])
+        sections = [system.section_at(node, side) for side in ("left", "right")]
+        properties = [(one.bending_stiffness, one.half_height, one.young_modulus) for one in sections]
         if np.allclose(properties[0], properties[1], rtol=1e-9, atol=0.0):
             continue
-        stresses = {
-            side: s.young_modulus
-            * s.half_height
-            * abs(complex(system.curvature_rows([system.position_of(at)], side)[0] @ steady))
-            for side, s in sides.items()
-        }
-        side = max(stresses, key=stresses.__getitem__)
-        found.append((stresses[side], SurfaceStress(at, side=side)))
+        at: Position = next((name for name, x in names if abs(x - node) <= SAME_PLACE * system.nodes[-1]), node)
+        for side, section in zip(("left", "right"), sections, strict=True):
+            curvature = abs(complex(system.curvature_rows([node], side)[0] @ steady))
+            stress = section.young_modulus * section.half_height * curvature
+            found.append((stress, at, SurfaceStress(at, side=side)))
     found.sort(key=lambda one: one[0], reverse=True)
-    return [watched for _, watched in found[:MOST_JUMPS]]
+    # the first of a place is its more stressed side
+    largest = {at: watched for _, at, watched in reversed(found)}
+    return [watched for _, at, watched in found if largest[at] is watched][:MOST_JUMPS]
 
 
 def _statistics(
