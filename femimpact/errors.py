@@ -449,17 +449,25 @@ def require(condition: bool, key: str, value: object, unit: str, allowed: str) -
 
 
 def require_type(value: object, kind: type, key: str) -> None:
-    """Raise `InputError` unless the value is of a kind."""
-    require(isinstance(value, kind), key, type(value).__name__, "", f"must be a {kind.__name__}")
+    """Raise `InputError` unless the value is of a kind; say so where an attribute of that name is, as of a study."""
+    fits = isinstance(value, kind)
+    inner = None if fits else getattr(value, "__dict__", {}).get(key)
+    hint = f": pass its .{key}" if isinstance(inner, kind) else ""
+    require(fits, key, type(value).__name__, "", f"must be a {kind.__name__}{hint}")
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:
     """Words that offer the closest known name, and list all of them."""
     import difflib
 
+    def nearness(other: str) -> tuple[float, int]:
+        # of two that are as like, the one that begins like it
+        alike = [mine == its for mine, its in zip(name, other, strict=False)]
+        return difflib.SequenceMatcher(None, other, name).ratio(), [*alike, False].index(False)
+
     names = sorted(known)
-    close = difflib.get_close_matches(name, names, n=1)
-    hint = f"did you mean {close[0]!r}? " if close else ""
+    close = max(difflib.get_close_matches(name, names), key=nearness, default="")
+    hint = f"did you mean {close!r}? " if close else ""
     return f"unknown; {hint}known: {', '.join(names)}" if names else "unknown; none is defined"
 
 

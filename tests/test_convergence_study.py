@@ -12,10 +12,17 @@ import pytest
 import femimpact as fi
 from femimpact.convergence.harmonic import newmark_frequency, steady_amplitude
 from femimpact.convergence.measure import run_statistics
-from femimpact.convergence.orders import extrapolated, fitted_order, number_for, observed_order, rounding_floor
+from femimpact.convergence.orders import (
+    extrapolated,
+    fitted_order,
+    local_orders,
+    number_for,
+    observed_order,
+    rounding_floor,
+)
 from femimpact.convergence.orders import usable_rows as usable
 from femimpact.export import tables
-from femimpact.study.convergence import write_convergence
+from femimpact.study.convergence import stresses_at_jumps, write_convergence
 from femimpact.study.convergence_text import convergence_lines
 
 MESHES = Path(__file__).parents[1] / "meshes"
@@ -135,6 +142,33 @@ def test_a_family_of_files_is_sorted_and_a_bad_file_is_a_row(tmp_path):
     np.testing.assert_allclose(table.fitted_order, table.expected_order, atol=0.35)
 
 
+def test_meshes_that_keep_their_longest_element_have_errors_and_no_order():
+    # the half at the root is refined, the other one is one element
+    half = BEAM.length / 2
+    local = [fi.Mesh(np.append(np.linspace(0, half, n + 1), BEAM.length)) for n in (2, 4, 8)]
+    table = fi.convergence_study(BARE, fi.OverMeshes(tuple(local)), [fi.Frequencies(2), fi.ModeShapes(1)])["mesh"]
+    assert np.all(np.isnan(table.order))
+    assert np.all(np.isnan(table.fitted_order))
+    said = "no order is fitted: the longest element of 5 elements, 0.115 m, is no smaller than that of 3 elements; "
+    assert [note.startswith(said) for note in table.notes] == [True, *[False] * (len(table.notes) - 1)]
+    # the errors are those from the exact frequency, to the h^6 that halving each element once leaves of 1e-3
+    exact = 1.8751040687119611**2 / (2 * math.pi * BEAM.length**2) * math.sqrt(EI / RHO_A)
+    np.testing.assert_allclose(table.error[:, 0], table.value[:, 0] / exact - 1.0, rtol=0.05)
+    # they stall at that of the element which stays
+    assert 0.5 < table.error[2, 0] / table.error[1, 0] < 1.0
+    # the number of a case, or none: nothing is extrapolated
+    for wanted, error in zip(table.recommended, table.error.T, strict=True):
+        met = table.number[error <= 1e-3]
+        assert (wanted == met[0]) if met.size else math.isnan(wanted)
+
+
+def test_an_order_is_of_sizes_that_fall():
+    h, error = np.array([0.4, 0.2, 0.2, 0.1]), np.array([16.0, 4.0, 3.0, 1.0])
+    assert math.isnan(fitted_order(h, error, 0.0))
+    np.testing.assert_allclose(local_orders(h, error, 0.0), [np.nan, 2.0, np.nan, math.log2(3.0)])
+    assert fitted_order(h[[0, 1, 3]], error[[0, 1, 3]], 0.0) == pytest.approx(2.0)
+
+
 def test_a_place_that_does_not_move_has_no_relative_error():
     pinned = replace(BARE, supports=(fi.Support("pinned", "root"), fi.Support("pinned", "tip")))
     axis = fi.OverMeshes.uniform(pinned, [2, 4, 8])
@@ -143,6 +177,12 @@ def test_a_place_that_does_not_move_has_no_relative_error():
     assert np.all(np.isnan(table.error[:, 0]))
     assert np.all(np.isnan([table.floor[0], table.recommended[0]]))
     assert table.fitted_order[1] == pytest.approx(4.0, abs=0.2)
+
+
+def test_a_study_in_the_place_of_its_structure_is_told_to_pass_that():
+    study = fi.load_study(MESHES / "stepped_cantilever.toml")
+    with pytest.raises(fi.InputError, match=r"^structure = 'Study': must be a Structure: pass its \.structure$"):
+        fi.convergence_study(study, fi.OverMeshes.uniform(BARE, [2, 4, 8]))
 
 
 def test_quantities_that_need_a_base_or_another_name_say_so():
@@ -305,6 +345,46 @@ def test_a_table_goes_to_csv_pandas_and_xarray_and_back(small_study, tmp_path):
         small_study["step"]
 
 
+def test_a_printed_table_holds_every_quantity_its_problem_and_the_reasons_of_cases_without_values(tmp_path):
+    bad = tmp_path / "bad.msh"
+    bad.write_text("no mesh")
+    structure = fi.load_study(MESHES / "stepped_cantilever.toml").structure
+    files = [bad, *(MESHES / f"graded_{n}.msh" for n in (6, 12, 24))]
+    watched = [fi.Frequencies(4), fi.ModeShapes(3), fi.SurfaceStress("joint"), fi.SurfaceStress("joint", side="left")]
+    study = fi.convergence_study(structure, fi.OverMeshes.files(files), watched, BASE)
+    table, shown = study["mesh"], repr(study)
+    assert shown == repr(table)
+    lines = shown.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert lines[0] == "Linear response without contacts, base motion of 0.2 mm at 11 Hz"
+    for name in table.name:
+        # its errors and its orders
+        assert sum(line.startswith(f"{name}  ") for line in lines) == 2
+    assert any(line.startswith("bad.msh: ") for line in lines)
+    assert "it is not in this format" in " ".join(shown.split())
+    assert "with impacts" in shown
+    assert "<pre>" in table._repr_html_()
+
+
+def test_a_recommended_number_that_the_coarsest_case_has_is_a_bound_in_print_csv_and_xarray(tmp_path):
+    axis = fi.OverModes(fi.uniform_mesh(BOXED, 8), (1, 2, 4))
+    for accuracy in (0.5, 1e-4):
+        table = fi.convergence_study(BOXED, axis, fi.BendingMoment(), BASE, accuracy=accuracy)["modes"]
+        met = bool(table.error[0, 0] <= accuracy)
+        assert table.recommended_is_bound.tolist() == [met]
+        assert ("<= 1 " in repr(table)) is met
+        path = tables.write_csv(tmp_path / "summary.csv", *table.summary())
+        assert path.read_text().splitlines()[1].endswith(str(met))
+        assert bool(table.to_xarray()["recommended_is_bound"][0]) is met
+
+
+def test_print_says_how_many_of_its_cases_it_shows():
+    table = fi.convergence_study(BARE, fi.OverMeshes.uniform(BARE, range(2, 12)), fi.Frequencies(1))["mesh"]
+    assert repr(table).splitlines()[:2] == [
+        "Free vibration of the structure without contacts", "Over the mesh: relative errors, 6 of 10 cases"
+    ]  # fmt: skip
+
+
 def test_a_figure_has_a_curve_a_quantity_and_a_slope_an_order(small_study, tmp_path):
     axis = fi.figures.convergence(small_study["mesh"], ax=fi.figures.OffScreen())
     dashed = [line for line in axis.lines if line.get_linestyle() == "--"]
@@ -314,7 +394,33 @@ def test_a_figure_has_a_curve_a_quantity_and_a_slope_an_order(small_study, tmp_p
         assert np.polyfit(x, y, 1)[0] == pytest.approx(order, rel=1e-9)
     fi.figures.save_figure(axis, tmp_path / "mesh.png")
     only = fi.figures.convergence(small_study["modes"], ["moment EI w'' root"], ax=fi.figures.OffScreen())
-    assert [text.get_text().split(":")[0] for text in only.get_legend().get_texts()] == ["moment EI w'' root"]
+    said = ["moment EI w'' root", "accuracy asked for"]
+    assert [text.get_text().split(":")[0] for text in only.get_legend().get_texts()] == said
+
+
+def test_panels_hold_every_quantity_once_and_no_two_curves_of_one_look(tmp_path):
+    axis = fi.OverMeshes.uniform(BOXED, [4, 8, 16])
+    watched = [fi.Frequencies(4), fi.ModeShapes(4), fi.SteadyResponse(), fi.SurfaceStress(), fi.SupportReaction()]
+    table = fi.convergence_study(BOXED, axis, watched, BASE)["mesh"]
+    drawn = fi.figures.convergence_panels(table, fi.figures.OffScreen())
+    assert [axis.get_title() for axis in drawn] == [
+        "natural frequencies", "mode shapes", "displacements", "forces, moments and stresses"
+    ]  # fmt: skip
+    shown = []
+    for axis in drawn:
+        curves = [line for line in axis.lines if ": order " in line.get_label()]
+        assert len({(line.get_color(), line.get_marker()) for line in curves}) == len(curves)
+        shown += [line.get_label().split(": order")[0] for line in curves]
+    assert sorted(shown) == sorted(table.name.tolist())
+    fi.figures.save_figure(drawn, tmp_path / "panels.png")
+
+
+def test_meshes_of_one_longest_element_are_drawn_over_their_number():
+    local = [fi.Mesh(np.append(np.linspace(0, BEAM.length / 2, n + 1), BEAM.length)) for n in (2, 4, 8)]
+    table = fi.convergence_study(BARE, fi.OverMeshes(tuple(local)), fi.Frequencies(1))["mesh"]
+    axis = fi.figures.convergence(table, ax=fi.figures.OffScreen())
+    np.testing.assert_array_equal(axis.lines[0].get_xdata(), [3, 5, 9])
+    assert axis.get_xlabel() == "elements"
 
 
 def test_a_drawn_mesh_shows_regions_points_and_sections(tmp_path):
@@ -347,6 +453,8 @@ def test_converge_studies_a_mesh_file_and_its_refinements_in_80_columns(tmp_path
     assert found.tables["mesh"].number.tolist() == [6, 12, 24, 48, 96]
     assert set(found.tables.tables) == {"mesh", "modes"}
     assert any("Newmark's method only" in line for line in lines)
+    # on the thin side of the joint the same moment gives twice the stress and more
+    assert found.tables["mesh"].name.tolist()[-2:] == ["stress root", "stress joint"]
     # errors are told apart where values would not be
     shown = next(line for line in lines if line.startswith("frequency 1 ")).split()[2:]
     assert len(set(shown)) == 5
@@ -355,3 +463,17 @@ def test_converge_studies_a_mesh_file_and_its_refinements_in_80_columns(tmp_path
         "quantities_over_mesh.csv", "quantities_over_mesh.png", "quantities_over_modes.csv",
         "quantities_over_modes.png", "convergence_summary.csv", "mesh_convergence.csv", "mesh_convergence.png",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("shift", [0.0, 3e-8])
+def test_converge_watches_the_largeststresses_at_jumps_of_the_section_only(tmp_path, shift):
+    # four equal lengths, thick, thin, thin and thick: two jumps, of which the thin sides have the larger stress
+    thickness = (2e-3, 1e-3, 1e-3, 2e-3)
+    nodes = np.linspace(0.0, 0.24, 9)
+    # single precision puts nodes beside joints
+    nodes[1:-1] += shift
+    mesh = fi.Mesh(nodes, {"neck": nodes[2]}, {f"part {i}": [2 * i, 2 * i + 1] for i in range(4)})
+    beam = fi.Beam([fi.Segment(0.06, 7e10, 2700, 0.02, b, name=f"part {i}") for i, b in enumerate(thickness)])
+    study = replace(fi.load_study(MESHES / "stepped_cantilever.toml"), structure=fi.Structure(beam))
+    found = stresses_at_jumps(fi.assemble(study.structure, mesh=mesh), study)
+    assert found == [fi.SurfaceStress("neck"), fi.SurfaceStress(float(nodes[6]), side="left")]

@@ -125,6 +125,12 @@ def test_a_named_point_of_the_file_is_a_place_for_masses_and_channels():
     assert np.count_nonzero(row) == 1
 
 
+def test_a_mesh_given_in_the_place_of_the_elements_is_told_its_keyword():
+    beam = fi.Structure(fi.Beam.uniform(length=0.25, width=0.02, thickness=1e-3, young_modulus=7e10, density=2700))
+    with pytest.raises(fi.InputError, match=r"^elements = 'Mesh': must be a whole number; pass a mesh as mesh=$"):
+        fi.assemble(beam, fi.uniform_mesh(beam, 3))
+
+
 def test_a_mesh_of_another_length_or_region_is_refused():
     mesh = fi.read_mesh(DATA / "stepped.msh")
     longer = fi.Structure(fi.Beam.uniform(length=0.26, width=0.02, thickness=1e-3, young_modulus=7e10, density=2700))
@@ -135,6 +141,20 @@ def test_a_mesh_of_another_length_or_region_is_refused():
         fi.Segment(0.15, 7e10, 2700, 0.02, 1e-3, name="thin"),
     ]
     with pytest.raises(fi.InputError, match=r"beam\.thick\.length = 0\.1 m: must be the length of the mesh's region"):
+        fi.assemble(fi.Structure(fi.Beam(segments)), mesh=mesh)
+    # the length of the whole beam is wrong too: the segment that makes it so is named
+    segments = [
+        fi.Segment(0.15, 7e10, 2700, 0.02, 2e-3, name="thick"),
+        fi.Segment(100.0, 7e10, 2700, 0.02, 1e-3, name="thin"),
+    ]
+    with pytest.raises(fi.InputError, match=r"^beam\.thin\.length = 100\.0 m: must be .* region, 0\.1 m$"):
+        fi.assemble(fi.Structure(fi.Beam(segments)), mesh=mesh)
+    # in another unit both are: no one segment is to blame
+    segments = [
+        fi.Segment(150.0, 7e10, 2700, 0.02, 2e-3, name="thick"),
+        fi.Segment(100.0, 7e10, 2700, 0.02, 1e-3, name="thin"),
+    ]
+    with pytest.raises(fi.InputError, match=r"^beam\.length = 250\.0 m: must be the mesh's length, 0\.25 m$"):
         fi.assemble(fi.Structure(fi.Beam(segments)), mesh=mesh)
     segments = [
         fi.Segment(0.15, 7e10, 2700, 0.02, 2e-3, name="thik"),

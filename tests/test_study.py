@@ -10,6 +10,7 @@ import pytest
 
 import femimpact as fi
 from femimpact.study.demo import paper_study, paper_study_text
+from femimpact.study.prepared import prepare
 from femimpact.study.study import build
 from femimpact.study.study_file import TABLES, load_study
 
@@ -81,6 +82,8 @@ def test_study_means_the_same_as_the_script(reference):
         ("movie = true", 'vtkhdf = "yes"', ["output.vtkhdf = 'yes': must be True or False"]),
         ("frames = 160", "frames = 0\nvtkhdf = true", ["output.vtkhdf = True: must be false where frames = 0"]),
         ("[sweep]", "[sweeep]", ["sweeep: unknown; did you mean 'sweep'?"]),
+        # as like as "mass", which comes later in the alphabet
+        ("[base]", "[basis]", ["basis: unknown; did you mean 'base'?"]),
         ("[mesh]", "[[mesh]]", ["mesh", "must be a table, [mesh]"]),
         ("[[mass]]", "[mass]", ["mass: must be a list of tables, [[mass]]"]),
         ("[beam]", "[beam", ["must be readable TOML"]),
@@ -135,6 +138,12 @@ def test_stepped_beam_from_segments_has_both_sections(tmp_path):
     assert beam.length == pytest.approx(0.23)
     # second moments of the two rectangles: a factor 8 for twice the thickness
     assert beam.segments[0].bending_stiffness == pytest.approx(8 * beam.segments[1].bending_stiffness)
+
+
+def test_event_driven_without_reduction_is_told_the_table_that_it_lacks(tmp_path):
+    text = TEXT.replace("[reduction]\nmodes = 8", "#\n#").replace('name = "newmark"', 'name = "event-driven"')
+    with pytest.raises(fi.InputError, match=r"coupled dofs.*in a study file add \[reduction\] modes = n$"):
+        prepare(load_study(write(tmp_path, text)))
 
 
 def test_without_reduction_the_physical_dofs_are_integrated(tmp_path):

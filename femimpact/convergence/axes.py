@@ -40,7 +40,11 @@ SIMILAR = 0.02
 
 @dataclass(frozen=True, eq=False)
 class OverMeshes:
-    """Meshes from coarse to fine.
+    """Meshes from coarse to fine, whose size is their longest element.
+
+    The longest element bounds the error: where meshes leave it as it is, being refined elsewhere, their errors tend to
+    the one that it leaves, which has no order. Their errors are still those from an endlessly fine mesh, extrapolated
+    from the finest one with each element halved.
 
     Parameters
     ----------

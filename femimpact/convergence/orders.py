@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
-    "extrapolated", "fitted_order", "local_orders", "number_for", "observed_order", "rounding_floor", "usable_rows",
+    "extrapolated", "fitted_order", "is_finer", "local_orders", "number_for", "observed_order", "rounding_floor",
+    "usable_rows",
 ]  # fmt: skip
 
 Row = NDArray[np.float64]
@@ -20,6 +21,9 @@ ROUNDED = 1e-6
 SMALLEST = 1e-14
 """Relative difference that is rounding whatever the others are."""
 
+FALL = 1e-4
+"""Share of itself by which a size has to fall for a row to be finer than the one before."""
+
 ABOVE_FLOOR = 10.0
 """Times the floor that an error must be for an order to be read of it."""
 
@@ -27,6 +31,11 @@ ABOVE_FLOOR = 10.0
 def extrapolated(coarse: float, fine: float, ratio: float, order: float) -> float:
     """Richardson's value from two sizes, coarse over fine = `ratio`, whose error is C size^order."""
     return float(fine + (fine - coarse) / (ratio**order - 1.0))
+
+
+def is_finer(size: Row) -> NDArray[np.bool_]:
+    """Whether each row has a smaller size than the one before, (n - 1,)."""
+    return np.asarray(size[1:] < (1.0 - FALL) * size[:-1])
 
 
 def usable_rows(size: Row, value: Row, order: float) -> int:
@@ -69,21 +78,27 @@ def observed_order(size: Row, value: Row) -> float:
 
 
 def local_orders(size: Row, error: Row, floor: float) -> Row:
-    """Order between each row and the one before, (n,); not a number at the first and where the floor decides."""
+    """Order between each row and the one before, (n,).
+
+    Not a number at the first, where the floor decides, and where the size does not fall.
+    """
     found = np.full(error.size, np.nan)
     rows = np.flatnonzero(np.isfinite(error) & (error > 0.0))
     for before, row in pairwise(rows):
-        if min(error[before], error[row]) > ABOVE_FLOOR * floor:
+        if min(error[before], error[row]) > ABOVE_FLOOR * floor and is_finer(size[[before, row]])[0]:
             found[row] = math.log(error[before] / error[row]) / math.log(size[before] / size[row])
     return found
 
 
 def fitted_order(size: Row, error: Row, floor: float) -> float:
-    """Slope of log(error) over log(size) where the error is above a floor; the coarsest row is left out of three."""
+    """Slope of log(error) over log(size) where the error is above a floor; the coarsest row is left out of three.
+
+    Not a number where the size does not fall from row to row: it then does not tell how fine a row is.
+    """
     usable = np.isfinite(error) & (error > floor)
     if np.count_nonzero(usable) > 2:
         usable[np.flatnonzero(usable)[0]] = False
-    if np.count_nonzero(usable) < 2:
+    if np.count_nonzero(usable) < 2 or not np.all(is_finer(size[usable])):
         return math.nan
     return float(np.polyfit(np.log(size[usable]), np.log(error[usable]), 1)[0])
 
@@ -92,7 +107,8 @@ def number_for(number: Row, error: Row, order: float, accuracy: float, floor: fl
     """Number (of elements, steps, modes) from which on the error is at most an accuracy.
 
     Between the last row that misses it and the next one the error is taken to fall with the order, and behind the
-    last row too. Not a number where the accuracy is below the floor, or the order is unknown and no row meets it.
+    last row too; without an order (not a number) it is the number of a row. Not a number where the accuracy is below
+    the floor, or no row meets it and there is no order.
     """
     known = np.flatnonzero(np.isfinite(error))
     missing = known[error[known] > accuracy]

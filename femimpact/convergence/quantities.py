@@ -305,6 +305,9 @@ def _of_curvature(
     row = case.system.curvature_rows([case.system.position_of(watched.at)], watched.side)[0]
     at = watched.at if isinstance(watched.at, str) else f"{watched.at:g} m"
     clamped = {f"{at}.force", f"{at}.moment"} <= set(case.system.reactions)
+    if watched.side == "left":
+        # both sides of a place may be watched
+        at += " left"
     if watched.mode is None:
         order = {"mesh": 2.0, "step": 2.0, "modes": 2.0 if clamped else 3.0}[case.axis]
         return (Reading(f"{what} {at}", unit, factor * abs(complex(row @ case.steady)), order),)

@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.convergence.cases import Axis, Case, Plan
+from femimpact.convergence.cases import Axis, Case, Plan, Row
 from femimpact.convergence.orders import (
     extrapolated,
     fitted_order,
+    is_finer,
     local_orders,
     number_for,
     observed_order,
@@ -158,7 +159,8 @@ def _table(
         expected_order=np.array([head.order for head in heads]),
         **{name: np.array([column[name] for column in columns]).T for name in columns[0]},
         accuracy=accuracy,
-        notes=_notes(axis, heads, columns, independent, accuracy),
+        notes=(*_not_finer(axis, rows, value), *_notes(axis, plan, heads, columns, independent, accuracy)),
+        problem=_problem(plan, scatter),
     )
 
 
@@ -225,7 +227,7 @@ def _column(
     error[known] = e
     column["order"][known] = local_orders(h, e, bottom)
     found = fitted_order(h, e, 3.0 * bottom)
-    falls = found if math.isfinite(found) else order
+    falls = found if math.isfinite(found) else order if np.all(is_finer(h)) else nothing
     wanted = number_for(number[known], e, falls, accuracy, 0.0 if math.isnan(floor) else floor)
     return column | {"fitted_order": found, "reference": reference, "floor": floor, "recommended": wanted}
 
@@ -253,6 +255,8 @@ def _reference(size: Array, value: Array, order: float, limit: _Limit) -> tuple[
         size, value = np.append(size, size[-1] / limit.ratio), np.append(value, limit.value)
     if value.size < 2:
         return float(value[-1]), math.nan
+    if not np.all(is_finer(size)):
+        return math.nan, math.nan
     usable = usable_rows(size, value, expected)
     floor = rounding_floor(value, usable) if usable < value.size and np.any(value) else math.nan
     h, v = size[:usable], value[:usable]
@@ -270,15 +274,42 @@ def _distances(size: Array, value: Array, order: float, limit: _Limit) -> Array:
     """
     if math.isfinite(limit.value):
         return np.asarray(np.hypot(value, value[-1] / math.sqrt(limit.ratio ** (2.0 * order) - 1.0)))
-    if value.size < 2:
+    if value.size < 2 or not is_finer(size[-2:])[0]:
         return np.full(value.size, np.nan)
     own = value[-2] / math.sqrt((size[-2] / size[-1]) ** (2.0 * order) - 1.0)
     return np.asarray(np.hypot(value, own))
 
 
+def _problem(plan: Plan, scatter: Array) -> str:
+    """What the values of a table are of."""
+    scatters = np.any(scatter > 0.0, axis=0)
+    if plan.base is None:
+        return "Free vibration of the structure without contacts"
+    moved = f"base motion of {1e3 * plan.base.amplitude:g} mm at {plan.base.frequency:g} Hz"
+    if np.all(scatters):
+        return f"Runs with contacts, {moved}: means over several starts"
+    also = "; statistics of runs with contacts" if np.any(scatters) else ""
+    return f"Linear response without contacts, {moved}{also}"
+
+
+def _not_finer(axis: Axis, rows: Sequence[Row], value: Array) -> tuple[str, ...]:
+    """Why no order is fitted, where a row has no smaller size than the one before."""
+    known = [row for row, read in zip(rows, value, strict=True) if np.any(np.isfinite(read))]
+    finer = is_finer(np.array([row.size for row in known]))
+    if np.all(finer):
+        return ()
+    before, row = known[int(np.argmin(finer)) :][:2]
+    size = {"mesh": "longest element"}.get(axis.name, "size")
+    return (
+        f"no order is fitted: the {size} of {row.label}, {row.size:.4g} {axis.units[1]}, is no smaller than that of "
+        f"{before.label}; errors hold all the same, and a recommended number is that of a case",
+    )
+
+
 def _notes(
-    axis: Axis, heads: Sequence[Reading], columns: Sequence[Any], independent: Sequence[str], accuracy: float
-) -> tuple[str, ...]:
+    axis: Axis, plan: Plan, heads: Sequence[Reading], columns: Sequence[Any], independent: Sequence[str],
+    accuracy: float,
+) -> tuple[str, ...]:  # fmt: skip
     counts, _ = axis.units
     notes = []
     floors = [(column["floor"], head.name) for head, column in zip(heads, columns, strict=True)]
@@ -286,7 +317,7 @@ def _notes(
     if seen:
         worst = max(seen)
         notes.append(f"round-off floor: reached by {len(seen)} of {len(floors)}, at most {worst[0]:.1g} ({worst[1]})")
-    elif axis.name == "mesh":
+    elif axis.name == "mesh" and not all(math.isnan(head.order) for head in heads):
         notes.append("round-off floor: not reached")
     for head, column in zip(heads, columns, strict=True):
         found = column["fitted_order"]
@@ -298,5 +329,8 @@ def _notes(
         )
     if independent:
         notes.append(f"do not depend on the {axis.name}: {', '.join(dict.fromkeys(independent))}")
-    notes.append(f"recommended numbers are of {counts}, for a relative error of {accuracy:g}")
+    if not all(math.isnan(head.order) for head in heads):
+        impacting = plan.structure.impactors or plan.structure.stops
+        beside = " without contacts; of runs with impacts compare statistics, which scatter" if impacting else ""
+        notes.append(f"recommended numbers are of {counts}, for a relative error of {accuracy:g}{beside}")
     return tuple(notes)

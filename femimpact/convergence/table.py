@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.convergence.text import table_lines
 from femimpact.errors import check_fields, choice, column, quantity, require, require_name, require_type, text
-from femimpact.table import Head, frame_of, head_of_columns, short_repr
+from femimpact.table import frame_of
 
 if TYPE_CHECKING:
     import pandas
@@ -25,10 +27,9 @@ MEANINGFUL = 3.0
 """Standard errors beyond which a difference of two means is taken to mean something."""
 
 
-@short_repr
 @dataclass(frozen=True, eq=False)
 class ConvergenceTable:
-    """Values over one axis of a convergence study, with their errors and orders.
+    """Values over one axis of a convergence study, with their errors and orders; `print` shows what they say.
 
     Parameters
     ----------
@@ -62,6 +63,8 @@ class ConvergenceTable:
     accuracy : float, 1
         The relative error asked for.
     notes : tuple of str
+    problem : str
+        What the values are of, in a line.
 
     Raises
     ------
@@ -87,9 +90,27 @@ class ConvergenceTable:
     recommended: Array = field(metadata=column("1", "quantities"))
     accuracy: float = field(metadata=quantity("1", above=0.0, below=1.0))
     notes: tuple[str, ...] = field(default=(), metadata=text(several=True))
+    problem: str = field(default="", metadata=text())
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+    def __repr__(self) -> str:
+        return "\n".join(table_lines(self))
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(repr(self))}</pre>"
+
+    @property
+    def is_statistic(self) -> NDArray[np.bool_]:
+        """Whether a quantity scatters, (quantities,) of bool."""
+        return np.asarray(np.any(self.scatter > 0.0, axis=0))
+
+    @property
+    def recommended_is_bound(self) -> NDArray[np.bool_]:
+        """Whether already the coarsest case has the accuracy, so that fewer may do, (quantities,) of bool."""
+        known = np.isfinite(self.error)
+        return np.asarray(np.any(known, axis=0) & (self.recommended == self.number[np.argmax(known, axis=0)]))
 
     @property
     def meaningful(self) -> NDArray[np.bool_]:
@@ -108,11 +129,6 @@ class ConvergenceTable:
         """Smallest number with which every quantity that has an order is as accurate as asked for."""
         ordered = np.isfinite(self.expected_order)
         return float(self.recommended[ordered].max()) if np.any(ordered) else math.nan
-
-    @property
-    def _head(self) -> Head:
-        columns, units = self.summary()
-        return head_of_columns(f"ConvergenceTable over the {self.axis}: {self.label.size} cases", columns, units)
 
     def index(self, name: str) -> int:
         """Number of the column of a quantity.
@@ -143,7 +159,7 @@ class ConvergenceTable:
         columns = {
             "quantity": self.name, "unit": self.unit, "reference": self.reference,
             "fitted_order": self.fitted_order, "expected_order": self.expected_order, "floor": self.floor,
-            "recommended": self.recommended,
+            "recommended": self.recommended, "recommended_is_bound": self.recommended_is_bound,
         }  # fmt: skip
         return columns, {
             "quantity": "",
@@ -153,6 +169,7 @@ class ConvergenceTable:
             "expected_order": "1",
             "floor": "1",
             "recommended": "1",
+            "recommended_is_bound": "",
         }
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -167,12 +184,15 @@ class ConvergenceTable:
         both, one = ("case", "quantity"), ("quantity",)
         data: dict[str, Any] = {name: (both, np.array(getattr(self, name)))
                                 for name in ("value", "error", "order", "scatter")}  # fmt: skip
-        for name in ("unit", "fitted_order", "expected_order", "reference", "floor", "recommended"):
+        of_quantities = ("unit", "fitted_order", "expected_order", "reference", "floor", "recommended")
+        for name in (*of_quantities, "recommended_is_bound"):
             data[name] = (one, np.array(getattr(self, name)))
         for name in ("number", "size", "failure"):
             data[name] = (("case",), np.array(getattr(self, name)))
         coords = {"case": np.array(self.label), "quantity": np.array(self.name)}
-        attributes = {"axis": self.axis, "accuracy": self.accuracy, "notes": "; ".join(self.notes)}
+        attributes = {
+            "axis": self.axis, "problem": self.problem, "accuracy": self.accuracy, "notes": "; ".join(self.notes),
+        }  # fmt: skip
         return xarray.Dataset(data, coords=coords, attrs=attributes)
 
 
@@ -203,6 +223,12 @@ class ConvergenceStudy:
         for name, table in self.tables.items():
             require_type(table, ConvergenceTable, f"tables.{name}")
             require(table.axis == name, f"tables.{name}", table.axis, "", f"must be of the axis {name!r}")
+
+    def __repr__(self) -> str:
+        return "\n\n".join(map(repr, self.tables.values()))
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(repr(self))}</pre>"
 
     def __getitem__(self, axis: str) -> ConvergenceTable:
         require_name(axis, self.tables, "axis")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -183,6 +184,8 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
     if mesh is not None:
         require_type(mesh, Mesh, "mesh")
     else:
+        kind = type(elements).__name__
+        require(not isinstance(elements, Mesh), "elements", kind, "", "must be a whole number; pass a mesh as mesh=")
         mesh = uniform_mesh(structure, elements)  # type: ignore[arg-type]
     _check_length(structure.beam, mesh)
     _check_names(structure, mesh)
@@ -239,20 +242,29 @@ def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray
     if len(beam.segments) == 1:
         _warn_of_steps(mesh)
         return [(beam.segments[0], np.arange(mesh.elements))]
-    result, lengths = [], np.diff(mesh.nodes)
+    result = []
     for segment in beam.segments:
         known = segment.name in mesh.regions
         require(known, "mesh.regions", segment.name, "", suggestion(segment.name, mesh.regions))
-        members = mesh.regions[segment.name]
-        meshed = float(lengths[members].sum())
-        fits = abs(meshed - segment.length) <= OFF_MESH * beam.length
-        allowed = f"must be the length of the mesh's region, {meshed:.9g} m"
-        require(fits, f"beam.{segment.name}.length", segment.length, "m", allowed)
-        result.append((segment, members))
+        fault = _length_fault(beam, mesh, segment)
+        if fault is not None:
+            raise InputError([fault])
+        result.append((segment, mesh.regions[segment.name]))
     covered = np.sort(np.concatenate([members for _, members in result]))
     whole = bool(np.array_equal(covered, np.arange(mesh.elements)))
     require(whole, "mesh.regions", None, "", "must cover every element once")
     return result
+
+
+def _length_fault(beam: Beam, mesh: Mesh, segment: Segment) -> Fault | None:
+    """What is wrong with the length of a segment, where the mesh has its region."""
+    if segment.name not in mesh.regions:
+        return None
+    meshed = float(np.diff(mesh.nodes)[mesh.regions[segment.name]].sum())
+    if abs(meshed - segment.length) <= OFF_MESH * mesh.nodes[-1]:
+        return None
+    allowed = f"must be the length of the mesh's region, {meshed:.9g} m"
+    return Fault(f"beam.{segment.name}.length", segment.length, "m", allowed)
 
 
 def _warn_of_steps(mesh: Mesh) -> None:
@@ -310,5 +322,8 @@ def _check_names(structure: Structure, mesh: Mesh) -> None:
 def _check_length(beam: Beam, mesh: Mesh) -> None:
     meshed = float(mesh.nodes[-1])
     if abs(meshed - beam.length) > OFF_MESH * beam.length:
+        unlike = [fault for fault in map(partial(_length_fault, beam, mesh), beam.segments) if fault is not None]
+        if len(unlike) == 1 < len(beam.segments):
+            raise InputError(unlike)
         allowed = f"must be the mesh's length, {meshed:.9g} m"
         raise InputError([Fault("beam.length", beam.length, "m", allowed)])

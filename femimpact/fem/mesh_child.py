@@ -27,6 +27,13 @@ MOST_VALUES = 64
 """Distinct values of an array of whole numbers up to which they are tags; more are numbers of cells."""
 
 
+UNGROUPED = (
+    "some of its lines or points are in no physical group, as Mesh.SaveAll = 1 leaves them; give each line one, and "
+    "save with Mesh.SaveAll = 0"
+)
+"""What meshio calls incompatible cell data."""
+
+
 def format_of(path: Path) -> str:
     """The one format in which meshio is to read a file; its name for a suffix that several formats share."""
     known = [name for suffix, names in meshio.extension_to_filetypes.items() if path.name.lower().endswith(suffix)
@@ -55,6 +62,8 @@ def read_plainly(path: Path) -> dict[str, Any]:
     except (Exception, SystemExit) as error:
         if isinstance(error, SystemExit):
             reason = " ".join(words.getvalue().split()) or "it is not in this format"
+        elif kind == "gmsh" and "'gmsh:physical'" in str(error):
+            reason = UNGROUPED
         else:
             reason = f"{type(error).__name__}: {error}".rstrip(": ")
     return {"format": kind, "failure": reason}
@@ -136,7 +145,9 @@ def _limit_memory(most: int) -> None:
 
 
 def _end_with_parent() -> None:
-    sys.stdin.buffer.read()
+    # not by `sys.stdin`: its lock, held by a thread that waits, stops Python at its end
+    while os.read(0, 1):
+        pass
     os._exit(1)
 
 

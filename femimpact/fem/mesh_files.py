@@ -8,8 +8,9 @@ import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+import time
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -28,6 +29,9 @@ TIME_LIMIT = 30.0
 
 MEMORY_LIMIT = 3_000_000_000
 """Bytes of address space of the process that reads, libraries included."""
+
+PIPE_BYTES = 65536
+"""Read of a pipe at once; Linux keeps as many."""
 
 CHILD = Path(__file__).with_name("mesh_child.py")
 
@@ -55,83 +59,102 @@ def read_mesh(path: str | Path) -> Mesh:
         no two-node lines; does not lie along x; or has a gap, a branch or lines on one another, with their places.
     """
     require(isinstance(path, (str, Path)), "mesh.file", path, "", "must be the path of a mesh file")
-    outcome = next(read_outcomes([Path(path)]))
+    (outcome,) = read_outcomes([Path(path)])
     if isinstance(outcome, InputError):
         raise outcome
     return outcome
 
 
-def read_outcomes(paths: Sequence[Path]) -> Iterator[Mesh | InputError]:
+def read_outcomes(paths: Sequence[Path]) -> list[Mesh | InputError]:
     """What becomes of each file, a mesh or what is wrong with it; one process reads them until it has to be ended."""
     existing = [path for path in paths if path.is_file()]
-    answers = _answers(existing)
-    for path in paths:
-        try:
-            require(path in existing, "mesh.file", str(path), "", "must be an existing mesh file")
-            read = next(answers)
-            kind = read.get("format")
-            name = f"{path} ({kind})" if kind else str(path)
-            said = " ".join(str(read.get("failure")).split())
-            allowed = f"must be a mesh that meshio can read{f' as {kind}' if kind else ''}: {said[:300]}"
-            require("failure" not in read, "mesh.file", str(path), "", allowed)
-            yield _beam_mesh(read, name)
-        except InputError as error:
-            yield error
+    # closed here, so that no process outlives the call
+    with closing(_answers(existing)) as answers:
+        return [_outcome(path, next(answers) if path in existing else None) for path in paths]
+
+
+def _outcome(path: Path, read: Mapping[str, Any] | None) -> Mesh | InputError:
+    """The mesh of what a file holds, or what is wrong with it; None stands for a file that is none."""
+    try:
+        if read is None:
+            require(False, "mesh.file", str(path), "", "must be an existing mesh file")
+            raise AssertionError("require raises")
+        kind = read.get("format")
+        said = " ".join(str(read.get("failure")).split())
+        allowed = f"must be a mesh that meshio can read{f' as {kind}' if kind else ''}: {said[:300]}"
+        require("failure" not in read, "mesh.file", str(path), "", allowed)
+        return _beam_mesh(read, f"{path} ({kind})" if kind else str(path))
+    except InputError as error:
+        return error
 
 
 # ---- the process that reads -----------------------------------------------------------------------
 
 
-def _answers(paths: Sequence[Path]) -> Iterator[Mapping[str, Any]]:
+def _answers(paths: Sequence[Path]) -> Generator[Mapping[str, Any]]:
     """What each file holds, or why it could not be read, in order."""
     done = 0
     while done < len(paths):
         with _Reader(paths[done:]) as reader:
-            while done < len(paths):
-                answer = reader.next_answer()
+            while done < len(paths) and not reader.ended:
                 done += 1
-                yield answer
-                if reader.ended:
-                    break
+                yield reader.next_answer()
 
 
 class _Reader:
-    """A process that reads files, from its start to its end."""
+    """A process that reads files, from its start to its end.
+
+    A thread of its own waits for what the process says: Windows can wait for no pipe with a time limit. It reads the
+    pipe without a buffer. The lock of a buffer that a thread waits in stops Python where it ends meanwhile.
+    """
 
     def __init__(self, paths: Sequence[Path]) -> None:
         # one thread: each thread of linear algebra takes address space of its own
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONIOENCODING": "utf-8"}
         self.ended = False
-        self._answers: queue.Queue[bytes] = queue.Queue()
+        self._said: queue.Queue[bytes] = queue.Queue()
+        self._rest = b""
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-W", "ignore", str(CHILD), str(MEMORY_LIMIT), *map(str, map(Path.resolve, paths))],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment, bufsize=0,
         )  # fmt: skip
         self._listener = threading.Thread(target=self._listen, args=(self._process.stdout,), daemon=True)
         self._listener.start()
 
-    def _listen(self, lines: IO[bytes]) -> None:
-        for line in lines:
-            self._answers.put(line)
-        # the end of what it says is the end of the process
-        self._answers.put(b"")
+    def _listen(self, pipe: IO[bytes]) -> None:
+        # the end of what it says, which is nothing, is the end of the process
+        while said := pipe.read(PIPE_BYTES):
+            self._said.put(said)
+        self._said.put(b"")
 
     def next_answer(self) -> Mapping[str, Any]:
         """What the next file holds, or why it could not be read; `ended` if the process did not survive it."""
         reason = f"not done within {TIME_LIMIT:g} s"
         with suppress(queue.Empty):
-            line = self._answers.get(timeout=TIME_LIMIT)
-            if line.endswith(b"\n"):
+            line = self._next_line(time.monotonic() + TIME_LIMIT)
+            if line is not None:
                 answer: Mapping[str, Any] = json.loads(line)
                 return answer
             reason = f"the process that reads ended with status {self._process.wait()}"
         self.ended = True
         return {"failure": reason}
 
+    def _next_line(self, deadline: float) -> bytes | None:
+        """One whole line, or None at the end; `queue.Empty` is raised where the deadline (s) comes first."""
+        parts = [self._rest]
+        while b"\n" not in parts[-1]:
+            said = self._said.get(timeout=max(deadline - time.monotonic(), 0.0))
+            if not said:
+                return None
+            parts.append(said)
+        line, _, self._rest = b"".join(parts).partition(b"\n")
+        return line
+
     def __enter__(self) -> _Reader:
         return self
 
     def __exit__(self, *_about: object) -> None:
+        # what it says ends with the process, and the thread with that
         self._process.kill()
         self._process.wait()
         self._listener.join(10.0)
@@ -167,7 +190,9 @@ def _beam_mesh(read: Mapping[str, Any], label: str) -> Mesh:
     rank = np.full(len(points), -1)
     rank[order] = np.arange(order.size)
     ends = np.sort(rank[lines], axis=1)
-    _check_row(ends, nodes, points[order[0], 0], label)
+    # Gmsh writes no line that is in no group, once there are groups
+    unsaved = ", or a line there has no physical group" if read.get("format") == "gmsh" else ""
+    _check_row(ends, nodes, points[order[0], 0], label, unsaved)
     regions = {name: np.unique(ends[owner[chosen], 0]) for name, chosen in members.items() if chosen.size}
     return Mesh(nodes, _named_points(read, cells, rank, nodes), regions)
 
@@ -228,8 +253,11 @@ def _check_axis(points: Array, label: str) -> None:
     require(along_x, "mesh.file", label, "", f"must lie along the x axis; its extent is {size}")
 
 
-def _check_row(ends: NDArray[np.int64], nodes: Array, root: float, label: str) -> None:
-    """Refuse lines (n, 2) between sorted nodes that are not one line between each two neighbours."""
+def _check_row(ends: NDArray[np.int64], nodes: Array, root: float, label: str, unsaved: str) -> None:
+    """Refuse lines (n, 2) between sorted nodes that are not one line between each two neighbours.
+
+    `unsaved` is what else may be wrong where one is missing.
+    """
     between = np.zeros(nodes.size - 1, dtype=int)
     # +1 where a line begins and -1 where it ends: the number of lines over each stretch
     steps = np.zeros(nodes.size, dtype=int)
@@ -245,7 +273,7 @@ def _check_row(ends: NDArray[np.int64], nodes: Array, root: float, label: str) -
     elif np.any(between != 1):
         first = int(np.flatnonzero(between != 1)[0])
         span = f"from x = {root + nodes[first]:.6g} to {root + nodes[first + 1]:.6g} m"
-        fault = f"a gap {span}" if between[first] == 0 else f"{between[first]} lines on one another {span}"
+        fault = f"a gap {span}{unsaved}" if between[first] == 0 else f"{between[first]} lines on one another {span}"
     elif np.any(ends[:, 0] == ends[:, 1]):
         fault = f"a line of no length at x = {root + nodes[ends[ends[:, 0] == ends[:, 1], 0][0]]:.6g} m"
     require(not fault, "mesh.file", label, "", f"must be one unbroken row of line elements: {fault}")

@@ -27,17 +27,18 @@ from femimpact.convergence import (
     converge_step,
     convergence_study,
 )
-from femimpact.convergence.cases import Axis
+from femimpact.convergence.cases import Axis, Case
 from femimpact.convergence.mesh_and_step import converge_meshes
 from femimpact.convergence.quantities import Watched
 from femimpact.errors import FemimpactError, InputError
 from femimpact.export import figures, tables
-from femimpact.fem.mesh import Mesh, uniform_mesh
+from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
 from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.newmark import Newmark
+from femimpact.structure.structure import Position
 from femimpact.study.results import OTHER_FILES, prepare_directory
 from femimpact.study.run import Report
-from femimpact.study.study import Study, build_systems, method_for, read_mesh_of
+from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of
 from femimpact.system.system import System
 
 __all__ = ["WrittenConvergence", "write_convergence"]
@@ -50,6 +51,9 @@ MOST_REFINED = 2048
 
 STATISTICS_MESHES = 4
 """Coarse meshes of which statistics of runs with contacts are taken."""
+
+MOST_JUMPS = 3
+"""Jumps of the section whose stress is watched: those with the largest."""
 
 MODES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 COARSEST_STEPS = 40
@@ -108,7 +112,7 @@ def write_convergence(
     own = read_mesh_of(study)
     full, small = build_systems(study, own)
     method = method_for(study, small)
-    method.check(small)
+    check_method(study, small, method)
     meshes = _meshes(study, own)
     mesh = own if own is not None else uniform_mesh(study.structure, cast(int, study.mesh.elements))
     in_steps = study.method.get("name", "newmark") == "newmark"
@@ -121,7 +125,7 @@ def write_convergence(
     with prepare_directory(directory, force) as staging:
         folder = staging.folder
         found = convergence_study(
-            study.structure, axes, _watched(full), study.sine, accuracy=accuracy,
+            study.structure, axes, _watched(full, study), study.sine, accuracy=accuracy,
             progress=lambda share: report("quantities", share),
         )  # fmt: skip
         frequencies = converge_meshes(study.structure, [m for m in meshes.meshes if isinstance(m, Mesh)])
@@ -179,14 +183,36 @@ def _moving(system: System) -> tuple[str, ...]:
     return tuple(place for place in dict.fromkeys((system.default_place, "mid")) if np.any(system.point_row(place)))
 
 
-def _watched(system: System) -> list[Watched]:
-    """Quantities of any study; the stress is that at a clamped root, else at mid."""
+def _watched(system: System, study: Study) -> list[Watched]:
+    """Quantities of any study; the stress is that at a clamped root, else at mid, and at jumps of the section."""
     # a moment before a force; none where springs alone hold the beam
     reactions = sorted(system.reactions, key=lambda name: not name.endswith(".moment"))[:1]
     clamped = {"root.force", "root.moment"} <= set(system.reactions)
     places = _moving(system)
     stress = SurfaceStress("root" if clamped else "mid")
-    return [Frequencies(4), ModeShapes(3), SteadyResponse(places), *map(SupportReaction, reactions), stress]
+    jumps = stresses_at_jumps(system, study)
+    return [Frequencies(4), ModeShapes(3), SteadyResponse(places), *map(SupportReaction, reactions), stress, *jumps]
+
+
+def stresses_at_jumps(system: System, study: Study) -> list[SurfaceStress]:
+    """Stresses on the more stressed side of the jumps of the section where the steady response has the largest."""
+    steady, names, found = Case("mesh", system, system, study.sine).steady, system.points.items(), []
+    for joint in study.structure.beam.joints[1:-1]:
+        # the node itself: a mesh file of single precision has it beside the joint
+        node = float(system.nodes[np.argmin(np.abs(system.nodes - joint))])
+        sections = [system.section_at(node, side) for side in ("left", "right")]
+        properties = [(one.bending_stiffness, one.half_height, one.young_modulus) for one in sections]
+        if np.allclose(properties[0], properties[1], rtol=1e-9, atol=0.0):
+            continue
+        at: Position = next((name for name, x in names if abs(x - node) <= SAME_PLACE * system.nodes[-1]), node)
+        for side, section in zip(("left", "right"), sections, strict=True):
+            curvature = abs(complex(system.curvature_rows([node], side)[0] @ steady))
+            stress = section.young_modulus * section.half_height * curvature
+            found.append((stress, at, SurfaceStress(at, side=side)))
+    found.sort(key=lambda one: one[0], reverse=True)
+    # the first of a place is its more stressed side
+    largest = {at: watched for _, at, watched in reversed(found)}
+    return [watched for _, at, watched in found if largest[at] is watched][:MOST_JUMPS]
 
 
 def _statistics(
@@ -218,8 +244,10 @@ def _write_tables(folder: Path, found: ConvergenceStudy, mesh: MeshConvergence) 
     off_screen = figures.OffScreen()
     for axis, table in found.tables.items():
         tables.write_csv(folder / OTHER_FILES[f"quantities_over_{axis}"], *table.columns())
-        drawn = figures.convergence(table, ax=off_screen)
-        figures.save_figure(drawn, folder / OTHER_FILES[f"quantities_over_{axis}_figure"])
+        figures.save_figure(
+            figures.convergence_panels(table, off_screen),
+            folder / OTHER_FILES[f"quantities_over_{axis}_figure"],
+        )
     tables.write_csv(folder / OTHER_FILES["convergence_summary"], *_summary(list(found.tables.values())))
     columns: dict[str, Any] = {"elements": mesh.elements}
     for i in range(mesh.reference.size):

@@ -13,7 +13,7 @@ from femimpact.integrators.methods import Method
 from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder
 from femimpact.study.cost import check_mesh, check_sweep
-from femimpact.study.study import BaseMotion, Study, build_systems, method_for, read_mesh_of
+from femimpact.study.study import BaseMotion, Study, build_systems, check_method, method_for, read_mesh_of
 from femimpact.system.system import System, without_impactors
 
 __all__ = ["PARTS", "PreparedStudy", "history_record", "last_cycles_start", "prepare", "with_base"]
@@ -83,7 +83,7 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     check_mesh(study, elements or 1)
     full, small = build_systems(study, mesh)
     method = method_for(study, small)
-    warnings = method.check(small)
+    warnings = check_method(study, small, method)
     bare = without_impactors(small)
     record = history_record(study, small, method)
     _check_channels(study, small)

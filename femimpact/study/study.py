@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from femimpact.errors import check_fields, choice, instance, optional, quantity, require, require_name, text, truth
+from femimpact.errors import (
+    InputError,
+    check_fields,
+    choice,
+    instance,
+    optional,
+    quantity,
+    require,
+    require_name,
+    text,
+    truth,
+)
 from femimpact.excitation import Sine
 from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import Mesh
@@ -29,6 +40,7 @@ __all__ = [
     "assemble_on",
     "build",
     "build_systems",
+    "check_method",
     "method_for",
     "read_mesh_of",
 ]
@@ -246,6 +258,24 @@ def method_for(study: Study, system: System) -> Method:
     settings = dict(study.method)
     method: Method = METHODS[settings.pop("name", "newmark")].for_system(system, **settings)
     return method
+
+
+def check_method(study: Study, system: System, method: Method) -> tuple[str, ...]:
+    """Warnings of the study's method about a system.
+
+    Raises
+    ------
+    InputError
+        Of the method; where it takes a reduced system only, with the table of the study file that reduces it.
+    """
+    try:
+        return method.check(system)
+    except InputError as error:
+        if study.reduction is not None:
+            raise
+        more = "; in a study file add [reduction] modes = n"
+        faults = [replace(f, allowed=f.allowed + more) if "reduce(" in f.allowed else f for f in error.faults]
+        raise InputError(faults) from None
 
 
 def read_mesh_of(study: Study) -> Mesh | None:

@@ -20,15 +20,15 @@ from femimpact.export.figures.impacts import impact_histograms, impulse_phase
 from femimpact.export.figures.look import COLOURS, STYLE, OffScreen, save_figure
 from femimpact.export.figures.meshes import beam_mesh
 from femimpact.export.figures.motion import motion
-from femimpact.export.figures.orders import convergence
+from femimpact.export.figures.orders import convergence, convergence_panels
 from femimpact.export.figures.portraits import bifurcation, phase_portrait
 from femimpact.export.figures.shapes import mode_shapes
 
 __all__ = [
     "COLOURS", "STYLE", "OffScreen", "amplitude_spectrum", "beam_mesh", "bifurcation", "collision_history",
-    "contact_force", "contact_laws", "convergence", "cycle_averaged_force", "energies", "impact_histograms",
-    "impulse_phase", "mesh_convergence", "mode_convergence", "mode_shapes", "motion", "phase_portrait",
-    "response_curve", "restitution_scan", "save_figure", "spectrum", "step_convergence", "value_map",
+    "contact_force", "contact_laws", "convergence", "convergence_panels", "cycle_averaged_force", "energies",
+    "impact_histograms", "impulse_phase", "mesh_convergence", "mode_convergence", "mode_shapes", "motion",
+    "phase_portrait", "response_curve", "restitution_scan", "save_figure", "spectrum", "step_convergence", "value_map",
 ]  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Figure of a table of a convergence study: relative errors over the size, with reference slopes."""
+"""Figures of a table of a convergence study: relative errors over the size, with reference slopes."""
 
 from __future__ import annotations
 
@@ -6,20 +6,31 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femimpact.convergence import ConvergenceTable
+from femimpact.convergence.orders import is_finer
 from femimpact.errors import require_type
-from femimpact.export.figures.look import COLOURS, GREY, OffScreen, panel, plain_log_ticks
+from femimpact.export.figures.look import COLOURS, GREY, OffScreen, panel, panels, plain_log_ticks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
 
-__all__ = ["convergence"]
+__all__ = ["convergence", "convergence_panels"]
 
 LABELS = {"mesh": ("longest element (mm)", 1e3), "step": ("step dt (µs)", 1e6), "modes": ("modes kept", 1.0)}
 """Of the axis, and the factor of its sizes."""
 
-MARKERS = "os^Dv<>P"
+KINDS = {"Hz": "natural frequencies", "1": "mode shapes", "m": "displacements"}
+"""Of quantities, by their unit."""
+
+MARKERS, LINES = "os^Dv<>P", ("-", ":", "-.")
+CURVES = (*COLOURS, "#222222")
+"""Colours of curves; each next round of them has another line."""
+LARGEST, SMALLEST = 10.0, 5.0
+"""Points, of marks."""
+
 LOWEST = 1e-16
 """Smallest error that is drawn."""
 
@@ -30,7 +41,8 @@ def convergence(
     """Relative error of watched quantities over element length, step or number of modes, on logarithmic axes.
 
     A dashed line for each expected order begins at the largest error of the first quantity that has it. Hollow marks
-    are differences of statistics within their scatter.
+    are differences of statistics within their scatter. Meshes whose longest element does not fall from one to the next
+    are drawn over their number of elements. For many quantities see `convergence_panels`.
 
     Parameters
     ----------
@@ -48,7 +60,10 @@ def convergence(
     chosen = [table.index(name) for name in (table.name.tolist() if names is None else names)]
     axis = panel(ax, 8.6, 5.6)
     label, scale = LABELS[table.axis]
-    x = table.number if table.axis == "modes" else scale * table.size
+    has_order = bool(np.all(is_finer(table.size[np.isfinite(table.size)])))
+    x = table.number if table.axis == "modes" or not has_order else scale * table.size
+    if not has_order:
+        label = "elements"
     slopes: dict[float, int] = {}
     for k, i in enumerate(chosen):
         error = np.where(table.error[:, i] >= LOWEST, table.error[:, i], np.nan)
@@ -56,11 +71,15 @@ def convergence(
             continue
         order = table.fitted_order[i]
         words = f"{table.name[i]}: order {order:.2f}" if np.isfinite(order) else str(table.name[i])
-        style: dict[str, Any] = {"color": COLOURS[k % len(COLOURS)], "marker": MARKERS[k // len(COLOURS) % 8]}
-        axis.loglog(x, error, label=words, **style)
+        style: dict[str, Any] = {
+            "color": CURVES[k % len(CURVES)], "marker": MARKERS[k % len(MARKERS)],
+            # of two curves in one place the first one's marks are seen around those of the other
+            "markersize": max(LARGEST - 3.5 * k, SMALLEST),
+        }  # fmt: skip
+        axis.loglog(x, error, LINES[k // len(CURVES) % len(LINES)], label=words, **style)
         noise = np.where(table.meaningful[:, i], np.nan, error)
         axis.loglog(x, noise, linestyle="none", markerfacecolor="white", **style)
-        if np.isfinite(table.expected_order[i]) and np.count_nonzero(np.isfinite(error)) > 1:
+        if has_order and np.isfinite(table.expected_order[i]) and np.count_nonzero(np.isfinite(error)) > 1:
             slopes.setdefault(float(table.expected_order[i]), i)
     for order, i in sorted(slopes.items()):
         _slope(axis, x, table.error[:, i], order, -1.0 if table.axis == "modes" else 1.0)
@@ -68,16 +87,41 @@ def convergence(
     if floor > 0.0:
         axis.axhspan(LOWEST, floor, color="#eeeeee", zorder=0)
         axis.annotate(f"round-off floor {floor:.0e}", (0.02, floor), xycoords=("axes fraction", "data"), color=GREY)
-    axis.axhline(table.accuracy, color=GREY, linewidth=1.0)
-    words = f"{100.0 * table.accuracy:g} %"
-    axis.annotate(
-        words, (0.99, table.accuracy), xycoords=("axes fraction", "data"), color=GREY, ha="right", va="bottom"
-    )
+    axis.axhline(table.accuracy, color=GREY, linewidth=1.0, label=f"accuracy asked for: {100.0 * table.accuracy:g} %")
     plain_log_ticks(axis.xaxis)
     axis.set_xlabel(label)
     axis.set_ylabel("relative error")
     axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=9.0)
     return axis
+
+
+def convergence_panels(table: ConvergenceTable, figure: FigureBase | OffScreen | None = None) -> NDArray[np.object_]:
+    """The curves of `convergence` in a panel for each kind of quantity: frequencies, shapes, displacements, forces.
+
+    Parameters
+    ----------
+    table : ConvergenceTable
+    figure : Figure, optional
+        Drawn on; a new pyplot figure by default.
+
+    Returns
+    -------
+    ndarray (kinds,) of Axes
+    """
+    require_type(table, ConvergenceTable, "table")
+    kinds: dict[str, list[str]] = {}
+    for name, unit, is_statistic in zip(table.name, table.unit, table.is_statistic, strict=True):
+        kind = "statistics" if is_statistic else KINDS.get(str(unit), "forces, moments and stresses")
+        kinds.setdefault(kind, []).append(str(name))
+    columns = min(len(kinds), 2)
+    rows = -(-len(kinds) // columns)
+    axes = panels(figure, 6.4 * columns, 3.9 * rows, rows, columns).ravel()
+    for axis, (kind, names) in zip(axes, kinds.items(), strict=False):
+        convergence(table, names, ax=axis)
+        axis.set_title(kind)
+    for axis in axes[len(kinds) :]:
+        axis.remove()
+    return np.asarray(axes[: len(kinds)])
 
 
 def _slope(axis: Any, x: Any, error: Any, order: float, sense: float) -> None:
