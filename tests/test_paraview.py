@@ -75,8 +75,16 @@ def test_modes_are_drawn_with_stress_colours_text_and_bar(tmp_path, system, refe
     for path in paths:
         pixels = picture(script_path(moved / path.name), display, *([3] if path.stem == "modes" else []))
         # tension red, compression blue, what is around them white, and black text at the top on the left
-        assert share(pixels, (150, 20, 30), 60) > 0.005
-        assert share(pixels, (40, 80, 110), 60) > 0.005
+        assert share(pixels, (180, 4, 38), 60) > 0.005
+        assert share(pixels, (59, 76, 192), 60) > 0.005
+        # the surfaces with stress have the colours of the bar: no light changes them
+        bar = pixels[708, 322:958]
+        assert np.ptp(bar[len(bar) // 2]) < 10
+        beam = pixels[100:620, 100:1000].reshape(-1, 3)
+        beam = np.unique(beam[np.ptp(beam, axis=1) > 60], axis=0)
+        nearest = np.abs(beam[:, None] - bar[None]).max(axis=2).min(axis=1)
+        # but for pixels on its edges
+        assert np.mean(nearest <= 3) > 0.5
         assert np.mean(pixels.min(axis=2) == 255) > 0.6
         assert np.mean(pixels[:40, :420].max(axis=2) < 128) > 0.005
         assert np.mean(pixels[640:, 320:960].min(axis=2) < 128) > 0.05

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from femimpact.export.vtk.deflection import deflection_series
@@ -152,11 +153,12 @@ def write_deflection(
         If impacts have no frame: more of them than `most` lets in, or states that cannot be computed.
     """
     path = checked_path(path)
-    return _write(path, deflection_series(response, structure, exaggeration, most, frame), DEFLECTION)
+    names = [pair.name for pair in response.system.contacts]
+    return _write(path, deflection_series(response, structure, exaggeration, most, frame), DEFLECTION, names)
 
 
-def _write(path: Path, series: Series, view: View) -> Path:
+def _write(path: Path, series: Series, view: View, names: Sequence[str] = ()) -> Path:
     write, watch = write_vtkhdf if path.suffix == ".vtkhdf" else write_pvd, Watch()
     write(path, watch.watched(series))
-    write_script(path, view, watch)
+    write_script(path, view, watch, names)
     return path
