@@ -25,8 +25,8 @@ COLOURS = {
 """Of the parts that carry no field."""
 
 ARROWS = {
-    "contact_force_vector": ("green: contact force", "N", 0.05, (0.0, 0.62, 0.45)),
-    "contact_impulse_vector": ("orange: impulse of the impact", "N s", 0.07, (0.84, 0.37, 0.0)),
+    "contact_force_vector": ("green: force", "N", 0.05, (0.0, 0.62, 0.45)),
+    "contact_impulse_vector": ("orange: impulse", "N s", 0.07, (0.84, 0.37, 0.0)),
 }
 """Vectors shown as arrows: words, unit, the longest arrow as a share of the length of what is drawn, and colour."""
 

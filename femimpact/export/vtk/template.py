@@ -182,18 +182,21 @@ BARS = %r
 TIMES = %r
 
 
-def start_cue(self):
-    pass
-
-
-def tick(self):
-    now = GetAnimationScene().AnimationTime
+def rescale(now):
     k = min(range(len(TIMES)), key=lambda i: abs(TIMES[i] - now))
     largest, title = BARS[min(k, len(BARS) - 1)]
     colours = GetColorTransferFunction("axial_stress_MPa")
     colours.RescaleTransferFunction(-largest, largest)
     bar = GetScalarBar(colours, FindView(%r))
     bar.Title, bar.CustomLabels = title, [0.5 * i * largest for i in range(-2, 3)]
+
+
+def start_cue(self):
+    pass
+
+
+def tick(self):
+    rescale(self.GetClockTime())
 
 
 def end_cue(self):
@@ -204,7 +207,7 @@ scene.Cues.append(cue)
 scene.AnimationTime = start
 space = {}
 exec(TICK, space)
-space["tick"](None)
+space["rescale"](start)
 
 if len(sys.argv) > 1 and sys.argv[1].endswith(".png"):
     layout.SetSize(PIXELS)
