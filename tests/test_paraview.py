@@ -92,6 +92,17 @@ def test_modes_are_drawn_with_stress_colours_text_and_bar(tmp_path, system, refe
         assert np.mean(pixels[640:, 320:960].min(axis=2) < 128) > 0.05
 
 
+@asked
+def test_without_a_picture_a_window_stays_open(tmp_path, system, reference, display):
+    path = vtk.write_modes(tmp_path / "modes.pvd", system, fi.solve_modes(system, 1), reference)
+    command = [PVPYTHON, script_path(path)]
+    with subprocess.Popen(command, env={**os.environ, "DISPLAY": display}) as window:
+        # it is drawn within a few seconds, and what closes by itself would have closed
+        with pytest.raises(subprocess.TimeoutExpired):
+            window.wait(20.0)
+        window.terminate()
+
+
 STEPS = """
 import sys
 path = sys.argv[1]

@@ -84,6 +84,14 @@ def test_colours_are_those_of_a_preset_that_has_one_neutral_colour_at_zero(tmp_p
     assert "Extended" not in text
 
 
+def test_the_text_of_one_file_needs_no_field_data(tmp_path, system, reference):
+    path = vtk.write_modes(tmp_path / "modes.vtkhdf", system, fi.solve_modes(system, 2), reference)
+    text = script_path(path).read_text(encoding="utf-8")
+    (line,) = [line for line in text.splitlines() if line.startswith("text.Expression = ")]
+    # names that ParaView's annotation has of its own
+    assert eval(ast.literal_eval(line.split(" = ", 1)[1]), {"t_value": 2.0}) == "time value 2"
+
+
 @pytest.fixture(scope="module")
 def two_balls(tmp_path_factory):
     record = fi.Recorder(channels=("tip",), snapshots=8, snapshots_start=2.0)

@@ -34,6 +34,10 @@ BESIDE = 0.006
 """Share of the length of what is drawn by which the arrows of either vector stand beside the point of contact."""
 
 
+WITHOUT_FIELDS = "'time value %.6g' % t_value"
+"""Text of a VTKHDF file, which has no field data."""
+
+
 @dataclass(frozen=True)
 class View:
     """What a script shows: its words, and what its text at the top is made of.
@@ -192,7 +196,7 @@ def write_script(path: Path, view: View, watch: Watch, names: Sequence[str] = ()
         "START": repr(first.time),
         "WHY": why,
         "CLOSE_UP": repr(names[max(first.pressed, 0)] if names else None),
-        "TEXT": repr(view.text),
+        "TEXT": repr(view.text if path.suffix == ".pvd" else WITHOUT_FIELDS),
         "BARS": _listed(_bars(view, watch)),
         "BOUNDS": repr(watch.whole.bounds()),
         "CLOSE_UPS": "{" + "".join(f"\n    {name!r}: {space!r}," for name, space in close.items()) + "\n}",

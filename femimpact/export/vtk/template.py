@@ -209,11 +209,14 @@ space = {}
 exec(TICK, space)
 space["rescale"](start)
 
-if len(sys.argv) > 1 and sys.argv[1].endswith(".png"):
+# in ParaView's window there is no script among the arguments
+alone = sys.argv[0].endswith("@STEM@")
+if alone:
     layout.SetSize(PIXELS)
+if len(sys.argv) > 1 and sys.argv[1].endswith(".png"):
     SaveScreenshot(sys.argv[1], layout, ImageResolution=PIXELS)
 else:
     RenderAllViews()
-    if "pvpython" in os.path.basename(sys.executable or ""):
-        Interact()
+    if alone:
+        Interact(view)
 '''

@@ -140,7 +140,8 @@ def write_deflection(
         `femimpact.system.sections`. Cell arrays `part` (0 beam, 1 box, 2 ball, 3 support, 4 body, 5 stop,
         6 contact point, 7 spring or dashpot), `contact_pair` (-1: none), `contact_force` (N, on box and
         ball), `state` (1 in contact) and `mean_strain_energy_density` (J/m^3). The units are in the field data as
-        `units`. All but the displacement are true, not exaggerated.
+        `units`; `name` says time and impact, `contacts` what presses, with force and impulse. All but the displacement
+        are true, not exaggerated.
 
     Raises
     ------
