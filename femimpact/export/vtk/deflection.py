@@ -70,7 +70,7 @@ def _name(frames: Frames, k: int) -> str:
     return f"t = {frames.snapshots.time[k]:.6g} s" + (f", {frames.what[k]}" if frames.what[k] else "")
 
 
-def _contacts(response: Response, forces: NDArray[Any], impulses: NDArray[Any]) -> str:
+def _contacts(response: Response, forces: NDArray[np.float64], impulses: NDArray[np.float64]) -> str:
     """What presses in a frame, in words: name, wall or side, force and impulse; one line for each contact."""
     lines = []
     for pair, force, impulse in zip(response.system.contacts, forces, impulses, strict=True):

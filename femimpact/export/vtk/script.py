@@ -138,10 +138,10 @@ class Watch:
 class Space:
     """The smallest box about points, m."""
 
-    low: NDArray[Any] = field(default_factory=lambda: np.full(3, np.inf))
-    high: NDArray[Any] = field(default_factory=lambda: np.full(3, -np.inf))
+    low: NDArray[np.float64] = field(default_factory=lambda: np.full(3, np.inf))
+    high: NDArray[np.float64] = field(default_factory=lambda: np.full(3, -np.inf))
 
-    def add(self, points: NDArray[Any]) -> None:
+    def add(self, points: NDArray[np.float64]) -> None:
         """Make it hold these points (n, 3) too."""
         self.low, self.high = np.minimum(self.low, points.min(axis=0)), np.maximum(self.high, points.max(axis=0))
 
@@ -152,7 +152,7 @@ class Space:
         return tuple(float(f"{value:.6g}") for pair in ends for value in pair)
 
 
-def _seen(series: Series, frame: Frame, k: int, pair_of_entry: NDArray[Any]) -> Seen:
+def _seen(series: Series, frame: Frame, k: int, pair_of_entry: NDArray[np.float64 | np.int32]) -> Seen:
     peaks = {name: float(np.abs(frame.points.get(name, 0.0)).max()) for name in ("axial_stress", *ARROWS)}
     pressed = -1
     for name in ARROWS:
