@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import sys
 
 import numpy as np
 import pytest
+from builders import reduced
 
 import femimpact as fi
 from femimpact.export import movie, sheet
@@ -78,6 +80,40 @@ def test_a_hit_is_coloured_and_nothing_else_is(hits, reference, renderer):
     # the ball in the close-up alone is a disc of about 40 pixels radius
     assert min(coloured[:3]) > 4500
     assert coloured[3:] == [0, 0, 0]
+
+
+@pytest.fixture(scope="module")
+def two(reference):
+    """A run of two balls, the second one in the middle."""
+    second = dataclasses.replace(reference.impactors[0], name="mid ball", at=0.11, gap=1e-3)
+    structure = dataclasses.replace(reference, impactors=(*reference.impactors, second))
+    system = reduced(structure, modes=4)
+    method = fi.Newmark(dt=fi.recommended_step(system))
+    return structure, fi.integrate(system, fi.Sine(0.3e-3, 4.9), method, 0.5, fi.Recorder(snapshots=200))
+
+
+@pytest.mark.parametrize("renderer", ["matplotlib", "pyvista"])
+def test_two_balls_have_a_trace_and_a_close_up_each(two, renderer):
+    if renderer == "pyvista" and movie.gl_window() is None:
+        pytest.skip("VTK cannot render here")
+    structure, response = two
+    film = movie._film(response, structure, None, 25, 4)
+    film = dataclasses.replace(film, chosen=film.chosen[:2], hits=np.array([[1, 0], [0, -1]]))
+    draw = (
+        movie._matplotlib_frames(film) if renderer == "matplotlib" else movie._pyvista_frames(film, movie.gl_window())
+    )
+    # the right half is the close-up of the one, then that of the other
+    start, middle = (0.63, 0.8) if renderer == "matplotlib" else (0.5, 0.75)
+    for struck, picture in enumerate(draw):
+        edges = [round(share * sheet.WIDTH) for share in (start, middle, 1.0)]
+        coloured = [vermilion(picture[:, a:b]) for a, b in itertools.pairwise(edges)]
+        assert coloured[struck] > 1000
+        assert coloured[1 - struck] == 0
+        # a blue line, and nothing but white at the right edge: no label is cut
+        strip = picture[500:650].astype(int)
+        for rows in np.array_split(strip, 2):
+            assert np.count_nonzero((rows[..., 2] > 120) & (rows[..., 0] < 60)) > 500
+        assert picture[470:, -3:].min() == 255
 
 
 @pytest.mark.impacts

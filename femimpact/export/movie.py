@@ -18,6 +18,7 @@ from femimpact.errors import require
 from femimpact.export.figures.look import BLUE, ORANGE
 from femimpact.export.files import atomic_path
 from femimpact.export.scene import BALL, BEAM, BOX, ball_radius, build_scene, snapshots_of, thinned
+from femimpact.export.scene_pieces import section_at
 from femimpact.export.sheet import HEIGHT, VIEWS, WIDTH, Film, sheets
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
@@ -196,18 +197,20 @@ def _pyvista_frames(film: Film, window: str) -> Iterator[NDArray[np.uint8]]:
     """Both views in three dimensions, pasted into the sheet."""
     import pyvista
 
-    draw, views, height = sheets(film, plane=False), 1 + bool(film.response.system.balls), VIEWS.stop - VIEWS.start
+    draw, balls, height = sheets(film, plane=False), len(film.response.system.balls), VIEWS.stop - VIEWS.start
+    # the whole beam on the left half, the balls on the right one
+    layout: Any = {"shape": (1, 1 + balls), "col_weights": [max(balls, 1), *balls * [1]], "border": False}
     with _window(window):
-        plotter: Any = pyvista.Plotter(off_screen=True, window_size=[WIDTH, height], shape=(1, views), border=False)
+        plotter: Any = pyvista.Plotter(off_screen=True, window_size=[WIDTH, height], **layout)
     plotter.render_window.SetMultiSamples(4)
     plotter.set_background("white")
     pieces, actors = _pieces(film), []
-    for view in range(views):
+    for view in range(1 + balls):
         plotter.subplot(0, view)
         actors.append([plotter.add_mesh(mesh, **look) for mesh, _, look, _ in pieces])
         for block in _supports(film):
             plotter.add_mesh(block, color="#333333")
-        _aim(plotter, film, close=view == 1)
+        _aim(plotter, film, view - 1)
     try:
         for i in range(film.chosen.size):
             moved = film.moved(i)
@@ -216,17 +219,19 @@ def _pyvista_frames(film: Film, window: str) -> Iterator[NDArray[np.uint8]]:
                 struck = hit is not None and film.struck(i, *hit)
                 for scene in actors:
                     scene[k].prop.color = ORANGE if struck else look["color"]
-            if views == 2:
-                # the close-up goes with its box
-                x, _, z = plotter.renderers[1].camera.focal_point
-                y = film.scene.exaggeration * film.at_pair(0)[film.chosen[i]]
-                plotter.renderers[1].camera.focal_point = (x, y, z)
-                plotter.renderers[1].camera.position = (x, y + TILT[1], z + TILT[2])
+            for j in range(balls):
+                # a close-up goes with its box
+                camera = plotter.renderers[1 + j].camera
+                x, _, z = camera.focal_point
+                y = film.scene.exaggeration * film.at_pair(j)[film.chosen[i]]
+                camera.focal_point = (x, y, z)
+                camera.position = (x, y + TILT[1], z + TILT[2])
             plotter.render()
             picture = draw(i)
             picture[VIEWS] = plotter.screenshot(None, return_img=True)[:height, :WIDTH, :3]
-            if views == 2:
-                picture[VIEWS, WIDTH // 2 - 1 : WIDTH // 2 + 1] = 205
+            for j in range(balls):
+                edge = WIDTH // 2 + j * WIDTH // (2 * balls)
+                picture[VIEWS, edge - 1 : edge + 1] = 205
             yield picture
     finally:
         plotter.close()
@@ -270,17 +275,21 @@ def _supports(film: Film) -> list[Any]:
     return [pyvista.Cube(center=(x + shift.get(x, 0.0), 0.0, 0.0), **size) for x in places]
 
 
-def _aim(plotter: Any, film: Film, close: bool) -> None:
-    """Point the camera of a view and choose its scale: a parallel projection, so that lengths stay lengths."""
-    aspect = (1 + (not film.response.system.balls)) * 0.5 * WIDTH / (VIEWS.stop - VIEWS.start)
+def _aim(plotter: Any, film: Film, j: int) -> None:
+    """Point the camera of a view, of the whole beam (-1) or of a ball, and choose its scale.
+
+    A parallel projection, so that lengths stay lengths.
+    """
+    balls = film.response.system.balls
+    aspect = (1 + (not balls)) * 0.5 * WIDTH / (VIEWS.stop - VIEWS.start)
     length = film.structure.beam.length
     upright = 1.0 / np.hypot(1.0, TILT[1])
-    if close:
-        pair = film.response.system.balls[0]
-        ball = film.scene.points[np.unique(film.scene.connectivity)]
-        height = float(ball[:, 2].max()) - ball_radius(pair.mass)
+    if j >= 0:
+        pair, radius = balls[j], ball_radius(balls[j].mass)
+        height = 0.5 * section_at(film.structure, pair.position)[0] + 1.3 * radius
         target = (pair.position, 0.0, height)
-        scale = upright * (film.scene.exaggeration * max(pair.gaps) + 2.2 * ball_radius(pair.mass))
+        high = upright * (film.scene.exaggeration * max(pair.gaps) + 2.2 * radius)
+        scale = max(high, 1.6 * radius * len(balls) / aspect)
     else:
         target = (0.5 * length, 0.0, 0.25 * film.structure.beam.segments[0].rectangle[0])
         scale = max(upright * 1.08 * film.reach, 0.56 * length / aspect)

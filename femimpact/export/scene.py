@@ -178,7 +178,8 @@ def build_whole_scene(structure: Structure, system: System, exaggeration: float 
             continue
         radius = ball_radius(pair.mass)
         add_box(pieces, j, x, section[0], radius, pair.gaps, exaggeration)
-        height = float(add_ball(pieces, j, x, section[0], radius)[2])
+        # in front of the ball, or the ball would hide the arrows that begin there
+        height = float(add_ball(pieces, j, x, section[0], radius)[2]) + 1.3 * radius
         for side, gap in ((1, pair.gaps[0]), (-1, pair.gaps[1])):
             pieces.mark((x, side * (exaggeration * gap + radius), height), x, j, side, False)
             pieces.mark((x, side * radius, height), math.nan, j, side, True, ball=j)

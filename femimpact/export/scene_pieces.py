@@ -265,5 +265,6 @@ def add_stop(
         low, high = sorted((side * face, side * (face + thick)))
         corners = _block((x - 0.5 * thick, low, -0.5 * width), (x + 0.5 * thick, high, 0.5 * width))
         pieces.add(corners, math.nan, [(HEXAHEDRON, BLOCK)], STOP, j, in_space=in_space)
-        pieces.mark((x, side * half, 0.0), x, j, side, False)
-        pieces.mark((x, side * face, 0.0), math.nan, j, side, True, in_space=in_space)
+        # in front of the stop, or it would hide the arrows that begin there
+        pieces.mark((x, side * half, 0.6 * width), x, j, side, False)
+        pieces.mark((x, side * face, 0.6 * width), math.nan, j, side, True, in_space=in_space)

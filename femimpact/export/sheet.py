@@ -114,42 +114,61 @@ def sheets(film: Film, plane: bool) -> Callable[[int], NDArray[np.uint8]]:
 def _titles(film: Film) -> list[tuple[float, str]]:
     """Words above the two views, with the sizes that an exaggerated picture cannot be measured for."""
     titles = [(0.02, f"Whole beam ({1e3 * film.structure.beam.length:.4g} mm), relative to the moving base")]
-    for pair in film.response.system.balls[:1]:
+    balls = film.response.system.balls
+    for j, pair in enumerate(balls):
         plus, minus = (1e3 * gap for gap in pair.gaps)
         gaps = f"gaps {plus:.3g} mm" if plus == minus else f"gaps +{plus:.3g}, -{minus:.3g} mm"
-        titles.append((0.52, f"Close-up, moving with the box ({gaps})"))
+        name = "Close-up, moving with the box" if len(balls) == 1 else pair.name
+        titles.append((0.52 + 0.5 * j / len(balls), f"{name} ({gaps})"))
     return titles
 
 
 def _histories(figure: Any, film: Film) -> Draw:
-    """Strip of beam and ball over time, true millimetres, with a marker at the frame's time."""
-    snapshots, contacts, impacts = film.snapshots, film.response.system.balls, film.response.impacts
-    axis, time = figure.add_axes((0.065, 0.105, 0.915, 0.195)), snapshots.time
-    if contacts:
-        pair, wall, ball = contacts[0], 1e3 * film.at_pair(0), 1e3 * snapshots.ball_displacement[:, 0]
-        inside = (wall - 1e3 * pair.gaps[1], wall + 1e3 * pair.gaps[0])
-        axis.fill_between(time, *inside, color="#e6eaee", label="free travel of the ball")
-        axis.plot(time, wall, color=BEAM_COLOUR, label="beam at the box")
-        axis.plot(time, ball, color=BLUE, label=pair.name)
-        at = impacts.time[(impacts.impactor == pair.name) & (impacts.time >= time[0]) & (impacts.time <= time[-1])]
-        axis.plot(at, np.interp(at, time, ball), "o", color=ORANGE, markersize=5.0, label="hit")
-    else:
-        axis.plot(time, 1e3 * snapshots.displacement[:, -2], color=BEAM_COLOUR, label="tip of the beam")
-    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1)
-    axis.set_ylabel("y (mm)")
-    axis.set_xlabel("time (s)")
-    axis.set_xlim(time[0], max(time[-1], time[0] + 1e-9))
-    marker = axis.axvline(time[0], color="black", linewidth=1.6, animated=True)
-    clock = figure.text(0.98, 0.325, "", ha="right", va="center", fontsize=14.0, animated=True)
+    """Strips over time, true millimetres, one for each ball, with a marker at the frame's time."""
+    time, balls = film.snapshots.time, film.response.system.balls
+    count, space = max(len(balls), 1), 0.02
+    height = (0.195 - space * (count - 1)) / count
+    # the last label of the time is centred below the right end of the axes
+    places = [(0.065, 0.105 + (height + space) * (count - 1 - k), 0.9, height) for k in range(count)]
+    axes = [figure.add_axes(place) for place in places]
+    for j, axis in enumerate(axes):
+        if balls:
+            _history(axis, film, j)
+        else:
+            axis.plot(time, 1e3 * film.snapshots.displacement[:, -2], color=BEAM_COLOUR, label="tip of the beam")
+        axis.set_ylabel("y (mm)")
+        axis.set_xlim(time[0], max(time[-1], time[0] + 1e-9))
+        axis.tick_params(labelbottom=j == count - 1)
+    axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1)
+    axes[-1].set_xlabel("time (s)")
+    markers = [axis.axvline(time[0], color="black", linewidth=1.6, animated=True) for axis in axes]
+    clock = figure.text(0.965, 0.325, "", ha="right", va="center", fontsize=14.0, animated=True)
 
     def draw(i: int) -> None:
         now = time[film.chosen[i]]
-        marker.set_xdata([now, now])
         clock.set_text(f"t = {now:.3f} s")
-        axis.draw_artist(marker)
         figure.draw_artist(clock)
+        for axis, marker in zip(axes, markers, strict=True):
+            marker.set_xdata([now, now])
+            axis.draw_artist(marker)
 
     return draw
+
+
+def _history(axis: Any, film: Film, j: int) -> None:
+    """A ball, the beam at its box and what is free between the walls, over time."""
+    snapshots, balls, impacts = film.snapshots, film.response.system.balls, film.response.impacts
+    time, pair = snapshots.time, balls[j]
+    wall, ball = 1e3 * film.at_pair(j), 1e3 * snapshots.ball_displacement[:, j]
+    inside = (wall - 1e3 * pair.gaps[1], wall + 1e3 * pair.gaps[0])
+    axis.fill_between(time, *inside, color="#e6eaee", label="free travel of the ball")
+    axis.plot(time, wall, color=BEAM_COLOUR, label="beam at the box")
+    axis.plot(time, ball, color=BLUE, label=pair.name if len(balls) == 1 else "ball")
+    at = impacts.time[(impacts.impactor == pair.name) & (impacts.time >= time[0]) & (impacts.time <= time[-1])]
+    axis.plot(at, np.interp(at, time, ball), "o", color=ORANGE, markersize=5.0, label="hit")
+    if len(balls) > 1:
+        # beside the axes, where no curve is
+        axis.text(1.005, 0.5, pair.name, transform=axis.transAxes, rotation=90.0, ha="left", va="center", color=GREY)
 
 
 def _plane_views(figure: Any, film: Film) -> list[Draw]:
@@ -161,11 +180,15 @@ def _plane_views(figure: Any, film: Film) -> list[Draw]:
         x = 1e3 * film.response.system.position_of(support.at)
         axis.plot([x, x], [-0.05 * length, 0.05 * length], color="black", linewidth=5.0)
     views = [_moving_parts(axis, film, None)]
-    if contacts:
-        half = 1e3 * (s * max(contacts[0].gaps) + 1.6 * ball_radius(contacts[0].mass))
-        close = figure.add_axes((0.64, 0.435, 0.34, 0.435))
-        _fit(close, 1e3 * contacts[0].position, half, half, s)
-        views.append(_moving_parts(close, film, 0))
+    space = 0.06
+    width = (0.34 + space) / max(len(contacts), 1) - space
+    for j, pair in enumerate(contacts):
+        half = 1e3 * (s * max(pair.gaps) + 1.6 * ball_radius(pair.mass))
+        close = figure.add_axes((0.64 + j * (width + space), 0.435, width, 0.435))
+        _fit(close, 1e3 * pair.position, 1.6e3 * ball_radius(pair.mass), half, s)
+        if j > 0:
+            close.set_ylabel("")
+        views.append(_moving_parts(close, film, j))
     return views
 
 

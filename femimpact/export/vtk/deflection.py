@@ -57,6 +57,7 @@ def deflection_series(
         about: dict[str, Value] = {
             "name": _name(frames, k),
             "impact": float(bool(frames.what[k])),
+            "contacts": _contacts(response, snapshots.contact_force[k], frames.impulse[k]),
             "units": in_words(points),
         }
         return Frame({**about, **fixed}, points, cells)
@@ -67,6 +68,19 @@ def deflection_series(
 
 def _name(frames: Frames, k: int) -> str:
     return f"t = {frames.snapshots.time[k]:.6g} s" + (f", {frames.what[k]}" if frames.what[k] else "")
+
+
+def _contacts(response: Response, forces: NDArray[np.float64], impulses: NDArray[np.float64]) -> str:
+    """What presses in a frame, in words: name, wall or side, force and impulse; one line for each contact."""
+    lines = []
+    for pair, force, impulse in zip(response.system.contacts, forces, impulses, strict=True):
+        known = (("force", force, "N"), ("impulse", impulse, "N s"))
+        values = [f"{what} {abs(value):.3g} {unit}" for what, value, unit in known if value != 0.0]
+        if values:
+            pressed = (impulse or force) * (-1.0 if pair.is_stop else 1.0)
+            place = f"{'+' if pressed > 0.0 else '-'} {'side' if pair.is_stop else 'wall'}"
+            lines.append(f"{pair.name} on its {place}: {', '.join(values)}")
+    return "\n".join(lines)
 
 
 def _about(response: Response, exaggeration: float, frame: str, mismatch: float) -> dict[str, Value]:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femimpact.export.files import atomic_write
-from femimpact.export.scene_pieces import BEAM, CONTACT_POINT, PARTS
+from femimpact.export.scene_pieces import BEAM, CONNECTION, CONTACT_POINT, PARTS
 from femimpact.export.vtk.series import Frame, Series
+from femimpact.export.vtk.template import TEMPLATE
 
 __all__ = ["DEFLECTION", "MODE", "MODES", "View", "Watch", "script_path", "write_script"]
 
@@ -21,9 +24,18 @@ COLOURS = {
 }  # fmt: skip
 """Of the parts that carry no field."""
 
-ARROWS = {"contact_force_vector": ("green: contact force", "N", 0.1), "contact_impulse_vector":
-          ("orange: impulse of the impact", "N s", 0.15)}  # fmt: skip
-"""Vectors that are shown as arrows: words, unit, and the longest arrow as a share of the length of what is drawn."""
+ARROWS = {
+    "contact_force_vector": ("green: force", "N", 0.05, (0.0, 0.62, 0.45)),
+    "contact_impulse_vector": ("orange: impulse", "N s", 0.07, (0.84, 0.37, 0.0)),
+}
+"""Vectors shown as arrows: words, unit, the longest arrow as a share of the length of what is drawn, and colour."""
+
+BESIDE = 0.006
+"""Share of the length of what is drawn by which the arrows of either vector stand beside the point of contact."""
+
+
+WITHOUT_FIELDS = "'time value %.6g' % t_value"
+"""Text of a VTKHDF file, which has no field data."""
 
 
 @dataclass(frozen=True)
@@ -37,19 +49,23 @@ class View:
     text : str
         Expression of ParaView's Python annotation, on the field data.
     stress_title : str
-        Of the colour bar.
+        Of the colour bar; `{mode}` is the number of the mode.
+    each : bool
+        Whether every frame has a colour bar of its own, not all frames the same.
     """
 
     title: str
     text: str
     stress_title: str
+    each: bool = False
 
 
-DRAWN_STRESS = "axial stress (MPa) of the drawn deflection"
+DRAWN_STRESS = "axial stress (MPa) of mode {mode:.0f} as drawn"
 MODES = View(
-    "Mode shapes, one time value for each mode: its number.",
+    "Mode shapes, one time value for each mode: its number. The colour bar is that of the mode.",
     "'mode %d: %.5g Hz' % (mode[0], natural_frequency[0])",
     DRAWN_STRESS,
+    each=True,
 )
 MODE = View(
     "One mode over one period: press Play.",
@@ -58,33 +74,93 @@ MODE = View(
 )
 DEFLECTION = View(
     "The moving beam, with arrows of the contact forces and, at an impact, of its impulse.",
-    "'t = %.5f s%s%s' % (t_value, ', impact' if impact[0] else '', "
-    "', displacement drawn %g times as large' % exaggeration[0] if exaggeration[0] != 1 else '')",
+    "name.GetValue(0).replace(', ', '\\n', 1) + '\\n' + contacts.GetValue(0)"
+    " + ('\\ndisplacement drawn %g times as large' % exaggeration[0] if exaggeration[0] != 1 else '')",
     "axial stress (MPa)",
 )
 
 
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What a script must know of one frame.
+
+    Parameters
+    ----------
+    time : float
+    mode : float
+        Its number; 0 of a deflection.
+    peaks : mapping of str to float
+        Largest axial stress (Pa), contact force (N) and impulse (N s), 0 where there is none.
+    pressed : int
+        Number of the contact with the largest impulse, or the largest force where there is no impulse; -1 for none.
+    """
+
+    time: float
+    mode: float
+    peaks: Mapping[str, float]
+    pressed: int
+
+
 class Watch:
-    """What a script must know of all frames: the space that they fill, and the largest stress, force and impulse."""
+    """What a script must know of all frames: the space that they and their contacts fill, and the largest values."""
 
     def __init__(self) -> None:
-        self.low, self.high = np.full(3, np.inf), np.full(3, -np.inf)
-        self.peaks = dict.fromkeys(("axial_stress", *ARROWS), 0.0)
+        self.whole = Space()
+        self.contacts: dict[int, Space] = {}
+        self.frames: dict[int, Seen] = {}
         self.parts: list[int] = []
 
     def watched(self, series: Series) -> Series:
         """The same series, whose frames are looked at when they are made."""
+        sizes = np.diff(series.offsets, prepend=0)
 
         def frame(k: int) -> Frame:
             found = series.frame(k)
             moved = series.points + found.points["displacement"]
-            self.low, self.high = np.minimum(self.low, moved.min(axis=0)), np.maximum(self.high, moved.max(axis=0))
-            for name in self.peaks:
-                self.peaks[name] = max(self.peaks[name], float(np.abs(found.points.get(name, 0.0)).max()))
+            self.whole.add(moved)
+            pairs = found.cells["contact_pair"]
+            pair_of_entry = np.repeat(pairs, sizes)
+            for pair in np.unique(pairs[pairs >= 0]):
+                of_pair = series.connectivity[pair_of_entry == pair]
+                self.contacts.setdefault(int(pair), Space()).add(moved[of_pair])
             self.parts = [int(part) for part in np.unique(found.cells["part"])]
+            self.frames[k] = _seen(series, found, k, pair_of_entry)
             return found
 
         return replace(series, frame=frame)
+
+    def peak(self, name: str) -> float:
+        """Largest value of an array in all frames."""
+        return max((seen.peaks[name] for seen in self.frames.values()), default=0.0)
+
+
+@dataclass(eq=False)
+class Space:
+    """The smallest box about points, m."""
+
+    low: NDArray[np.float64] = field(default_factory=lambda: np.full(3, np.inf))
+    high: NDArray[np.float64] = field(default_factory=lambda: np.full(3, -np.inf))
+
+    def add(self, points: NDArray[np.float64]) -> None:
+        """Make it hold these points (n, 3) too."""
+        self.low, self.high = np.minimum(self.low, points.min(axis=0)), np.maximum(self.high, points.max(axis=0))
+
+    def bounds(self, room: float = 0.0) -> tuple[float, ...]:
+        """Lower and upper bound of x, y and z in turn, as VTK has them, with room (m) on both sides along y."""
+        more = np.array([0.0, room, 0.0])
+        ends = zip(self.low - more, self.high + more, strict=True)
+        return tuple(float(f"{value:.6g}") for pair in ends for value in pair)
+
+
+def _seen(series: Series, frame: Frame, k: int, pair_of_entry: NDArray[np.float64 | np.int32]) -> Seen:
+    peaks = {name: float(np.abs(frame.points.get(name, 0.0)).max()) for name in ("axial_stress", *ARROWS)}
+    pressed = -1
+    for name in ARROWS:
+        if peaks[name] > 0.0:
+            point = int(np.abs(frame.points[name][:, 1]).argmax())
+            pressed = int(pair_of_entry[series.connectivity == point][0])
+    mode = frame.fields.get("mode", 0.0)
+    return Seen(float(series.times[k]), mode if isinstance(mode, float) else 0.0, peaks, pressed)
 
 
 def script_path(path: Path) -> Path:
@@ -92,7 +168,7 @@ def script_path(path: Path) -> Path:
     return path.with_name(f"{path.stem}_paraview.py")
 
 
-def write_script(path: Path, view: View, watch: Watch) -> Path:
+def write_script(path: Path, view: View, watch: Watch, names: Sequence[str] = ()) -> Path:
     """Write the script of a series.
 
     Parameters
@@ -102,29 +178,31 @@ def write_script(path: Path, view: View, watch: Watch) -> Path:
     view : View
     watch : Watch
         Of the series that was written.
+    names : sequence of str
+        Of the contacts that a second view may look at; none for no second view.
 
     Returns
     -------
     Path
     """
-    size = float(watch.high[0] - watch.low[0])
-    parts = [(number, PARTS[number], COLOURS[PARTS[number]]) for number in watch.parts if PARTS[number] in COLOURS]
-    arrows, legend = [], []
-    for name, (words, unit, share) in ARROWS.items():
-        if watch.peaks[name] > 0.0:
-            arrows.append((name, share * size / watch.peaks[name]))
-            legend.append(f"{words}, at most {watch.peaks[name]:.3g} {unit}")
+    size = float(watch.whole.high[0] - watch.whole.low[0])
+    first, why = _first(watch)
+    room = max(share for _, _, share, _ in ARROWS.values()) * size
+    close = {name: watch.contacts[pair].bounds(room) for pair, name in enumerate(names)}
     lines = {
         "TITLE": view.title,
         "STEM": script_path(path).name,
         "FILE": path.name,
-        "TEXT": view.text,
-        "STRESS": view.stress_title,
-        "LARGEST": repr(_rounded_up(1e-6 * watch.peaks["axial_stress"])),
-        "BOUNDS": repr(tuple(float(value) for pair in zip(watch.low, watch.high, strict=True) for value in pair)),
-        "PARTS": _listed(parts),
-        "ARROWS": _listed(arrows),
-        "LEGEND": repr("\n".join(legend)),
+        "START": repr(first.time),
+        "WHY": why,
+        "CLOSE_UP": repr(names[max(first.pressed, 0)] if names else None),
+        "TEXT": repr(view.text if path.suffix == ".pvd" else WITHOUT_FIELDS),
+        "BARS": _listed(_bars(view, watch)),
+        "BOUNDS": repr(watch.whole.bounds()),
+        "CLOSE_UPS": "{" + "".join(f"\n    {name!r}: {space!r}," for name, space in close.items()) + "\n}",
+        "PARTS": _listed(_parts(watch)),
+        "ARROWS": _listed(_arrows(watch, size)),
+        "LEGEND": repr("\n".join(_legend(watch))),
         "BEAM": str(BEAM),
         "MARKS": str(CONTACT_POINT),
     }
@@ -134,6 +212,43 @@ def write_script(path: Path, view: View, watch: Watch) -> Path:
     script = script_path(path)
     atomic_write(script, text)
     return script
+
+
+def _first(watch: Watch) -> tuple[Seen, str]:
+    """The frame that is shown first: of the largest impulse, else of the largest force, else the first one."""
+    frames = [watch.frames[k] for k in sorted(watch.frames)]
+    for name, why in (("contact_impulse_vector", "the largest impact"), ("contact_force_vector", "the largest force")):
+        if watch.peak(name) > 0.0:
+            return max(frames, key=lambda seen: seen.peaks[name]), why
+    return frames[0], "the first one"
+
+
+def _bars(view: View, watch: Watch) -> list[tuple[float, str]]:
+    """End (MPa) and title of the colour bar, one for each frame, or one for all."""
+    frames = [watch.frames[k] for k in sorted(watch.frames)]
+    ends = [seen.peaks["axial_stress"] for seen in frames] if view.each else [watch.peak("axial_stress")]
+    titles = (view.stress_title.format(mode=seen.mode) for seen in frames)
+    return [(_rounded_up(1e-6 * end), title) for end, title in zip(ends, titles, strict=False)]
+
+
+def _parts(watch: Watch) -> list[tuple[Any, ...]]:
+    """Number, name, colour and width of lines of the parts that carry no field; of most parts the lines are edges."""
+    named = [(number, PARTS[number]) for number in watch.parts if PARTS[number] in COLOURS]
+    return [(number, name, COLOURS[name], 4.0 if number == CONNECTION else 1.0) for number, name in named]
+
+
+def _arrows(watch: Watch, size: float) -> list[tuple[Any, ...]]:
+    """Name, metres for each unit, metres beside the contact, and colour of the vectors that are not zero."""
+    return [
+        (name, share * size / watch.peak(name), side * BESIDE * size, colour)
+        for side, (name, (_, _, share, colour)) in zip((-1.0, 1.0), ARROWS.items(), strict=True)
+        if watch.peak(name) > 0.0
+    ]
+
+
+def _legend(watch: Watch) -> list[str]:
+    peaks = [(words, watch.peak(name), unit) for name, (words, unit, _, _) in ARROWS.items()]
+    return [f"{words}, longest {peak:.3g} {unit}" for words, peak, unit in peaks if peak > 0.0]
 
 
 def _rounded_up(value: float) -> float:
@@ -146,133 +261,3 @@ def _rounded_up(value: float) -> float:
 
 def _listed(rows: list[Any]) -> str:
     return "(" + "".join(f"\n    {row!r}," for row in rows) + ("\n)" if rows else ")")
-
-
-TEMPLATE = '''"""@TITLE@
-
-Written by femimpact. In ParaView: View > Python Shell > Run Script. In a terminal:
-
-    pvpython @STEM@                         a window
-    pvpython @STEM@ PICTURE.png [TIME]      a picture at a time value, the last one unless given
-
-The data is expected beside this script.
-"""
-
-import os
-import sys
-
-from paraview.simple import *
-
-try:
-    SCRIPT = __file__
-except NameError:
-    SCRIPT = sys._getframe().f_code.co_filename
-DATA = os.path.join(os.path.dirname(os.path.abspath(SCRIPT)), "@FILE@")
-if not os.path.isfile(DATA):
-    raise RuntimeError(DATA + " is missing: run this script from its file, beside @FILE@")
-
-LARGEST_STRESS = @LARGEST@  # MPa, of all frames
-BOUNDS = @BOUNDS@  # m, of all frames
-# number, name and colour of the parts that carry no field
-PARTS = @PARTS@
-# vectors at points of contact, and metres of arrow for each unit
-ARROWS = @ARROWS@
-LEGEND = @LEGEND@
-
-reader = OpenDataFile(DATA)
-RenameSource("@FILE@", reader)
-scene = GetAnimationScene()
-scene.UpdateAnimationUsingDataTimeSteps()
-times = list(reader.TimestepValues)
-
-view = GetActiveViewOrCreate("RenderView")
-view.UseColorPaletteForBackground = 0
-view.Background = [1.0, 1.0, 1.0]
-view.OrientationAxesVisibility = 1
-view.OrientationAxesLabelColor = [0.0, 0.0, 0.0]
-
-warp = WarpByVector(registrationName="moved", Input=reader)
-warp.Vectors = ["POINTS", "displacement"]
-warp.ScaleFactor = 1.0
-
-
-def part(number, name):
-    """Cells of one part."""
-    chosen = Threshold(registrationName=name, Input=warp)
-    chosen.Scalars = ["CELLS", "part"]
-    chosen.LowerThreshold = chosen.UpperThreshold = number
-    return chosen
-
-
-beam = Calculator(registrationName="stress in MPa", Input=part(@BEAM@, "beam"))
-beam.Function, beam.ResultArrayName = "axial_stress / 1e6", "axial_stress_MPa"
-shown = Show(beam, view)
-ColorBy(shown, ("POINTS", "axial_stress_MPa"))
-colours = GetColorTransferFunction("axial_stress_MPa")
-colours.ApplyPreset("Cool to Warm (Extended)", True)
-colours.AutomaticRescaleRangeMode = "Never"
-colours.RescaleTransferFunction(-LARGEST_STRESS, LARGEST_STRESS)
-bar = GetScalarBar(colours, view)
-bar.Title, bar.ComponentTitle = "@STRESS@", ""
-bar.TitleColor = bar.LabelColor = [0.0, 0.0, 0.0]
-bar.Orientation, bar.WindowLocation = "Horizontal", "Lower Center"
-bar.ScalarBarLength = 0.4
-bar.TitleFontSize, bar.LabelFontSize = 16, 14
-bar.UseCustomLabels, bar.AddRangeLabels = 1, 0
-bar.CustomLabels = [0.5 * k * LARGEST_STRESS for k in range(-2, 3)]
-shown.SetScalarBarVisibility(view, True)
-
-for number, name, colour in PARTS:
-    display = Show(part(number, name), view)
-    display.ColorArrayName = [None, ""]
-    display.DiffuseColor = display.AmbientColor = colour
-    display.LineWidth = 4.0
-
-if ARROWS:
-    marks = part(@MARKS@, "points of contact")
-for name, length in ARROWS:
-    arrows = Glyph(registrationName=name, Input=marks, GlyphType="Arrow")
-    arrows.OrientationArray = ["POINTS", name]
-    arrows.ScaleArray = ["POINTS", name]
-    arrows.ScaleFactor = length
-    arrows.GlyphMode = "All Points"
-    if "force" in name:
-        arrows.GlyphType.ShaftRadius, arrows.GlyphType.TipRadius = 0.05, 0.14
-    display = Show(arrows, view)
-    display.ColorArrayName = [None, ""]
-    colour = [0.84, 0.37, 0.0] if "impulse" in name else [0.0, 0.62, 0.45]
-    display.DiffuseColor = display.AmbientColor = colour
-
-text = PythonAnnotation(registrationName="text", Input=reader)
-text.ArrayAssociation = "Field Data"
-text.Expression = "@TEXT@"
-written = Show(text, view)
-written.Color = [0.0, 0.0, 0.0]
-written.FontSize = 20
-
-if LEGEND:
-    legend = Text(registrationName="arrows", Text=LEGEND)
-    written = Show(legend, view)
-    written.Color, written.FontSize, written.WindowLocation = [0.0, 0.0, 0.0], 14, "Upper Right Corner"
-
-low, high = BOUNDS[0::2], BOUNDS[1::2]
-centre = [0.5 * (a + b) for a, b in zip(low, high)]
-size = [b - a for a, b in zip(low, high)]
-distance = 3.0 * max(size)
-view.CameraParallelProjection = 1
-view.CameraFocalPoint = centre
-view.CameraPosition = [centre[0] + 0.25 * distance, centre[1] + 0.45 * distance, centre[2] + distance]
-view.CameraViewUp = [0.0, 1.0, 0.0]
-pixels = [1280, 720]
-view.CameraParallelScale = 0.6 * max(size[1] + 0.4 * size[2], (size[0] + 0.25 * size[2]) * pixels[1] / pixels[0])
-
-scene.AnimationTime = times[0]
-if len(sys.argv) > 1 and sys.argv[1].endswith(".png"):
-    scene.AnimationTime = min(times, key=lambda t: abs(t - float(sys.argv[2]))) if len(sys.argv) > 2 else times[-1]
-    view.ViewSize = pixels
-    SaveScreenshot(sys.argv[1], view, ImageResolution=pixels)
-else:
-    Render()
-    if "pvpython" in os.path.basename(sys.executable or ""):
-        Interact()
-'''

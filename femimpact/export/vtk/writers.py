@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from femimpact.export.vtk.deflection import deflection_series
@@ -139,7 +140,8 @@ def write_deflection(
         `femimpact.system.sections`. Cell arrays `part` (0 beam, 1 box, 2 ball, 3 support, 4 body, 5 stop,
         6 contact point, 7 spring or dashpot), `contact_pair` (-1: none), `contact_force` (N, on box and
         ball), `state` (1 in contact) and `mean_strain_energy_density` (J/m^3). The units are in the field data as
-        `units`. All but the displacement are true, not exaggerated.
+        `units`; `name` says time and impact, `contacts` what presses, with force and impulse. All but the displacement
+        are true, not exaggerated.
 
     Raises
     ------
@@ -152,11 +154,12 @@ def write_deflection(
         If impacts have no frame: more of them than `most` lets in, or states that cannot be computed.
     """
     path = checked_path(path)
-    return _write(path, deflection_series(response, structure, exaggeration, most, frame), DEFLECTION)
+    names = [pair.name for pair in response.system.contacts]
+    return _write(path, deflection_series(response, structure, exaggeration, most, frame), DEFLECTION, names)
 
 
-def _write(path: Path, series: Series, view: View) -> Path:
+def _write(path: Path, series: Series, view: View, names: Sequence[str] = ()) -> Path:
     write, watch = write_vtkhdf if path.suffix == ".vtkhdf" else write_pvd, Watch()
     write(path, watch.watched(series))
-    write_script(path, view, watch)
+    write_script(path, view, watch, names)
     return path
