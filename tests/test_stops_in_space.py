@@ -194,6 +194,29 @@ def test_a_ball_comes_to_rest_on_a_beam_that_a_stop_in_space_holds(seed):
     assert np.all((run["wall.gap"] < plus + 2e-9) & (run["wall.gap"] > -minus - 2e-9))
 
 
+def test_what_rests_on_a_stop_in_space_rests_in_space():
+    """The stop carries the spring that the base moves, the dashpot and both weights; the ball its own weight alone."""
+    K, damping, mass, weight, ball_weight, gap = 400.0, 2.0, 1.0, 9.81, 0.981, 1e-4
+    stop = fi.Stop("wall", "mass", (math.inf, gap), fi.Rigid(0.3), fixed_to="space")
+    ball = fi.Impactor("ball", "mass", 0.1, (2e-4, gap), fi.Rigid(0.5), acceleration=-9.81)
+    system = fi.System.from_matrices(
+        mass, damping, K, points={"mass": [1.0]}, stops=[stop], impactors=[ball], constant_load=[-weight]
+    )
+    base = fi.Sine(2e-3, 1.3)
+    run = fi.integrate(
+        system, base, fi.EventDriven(), 3.0, fi.Recorder(("mass", "wall.contact_force", "ball.contact_force"))
+    )
+    # a second after the last impact of the start
+    late = run.time > 1.0
+    assert np.all(run.impacts.time < 0.1)
+    w, rate = -gap - base.displacement(run.time), -base.velocity(run.time)
+    np.testing.assert_allclose(run["mass"][late], w[late], rtol=0, atol=1e-15)
+    held = K * w + damping * rate + weight + ball_weight
+    np.testing.assert_allclose(run["wall.contact_force"][late], held[late], rtol=1e-12)
+    np.testing.assert_allclose(np.abs(run["ball.contact_force"][late]), ball_weight, rtol=1e-12)
+    assert run.energy.residual < 1e-12
+
+
 def test_a_stiff_stop_pushes_a_soft_spring_as_two_springs_in_a_row():
     """F = ub/(1/k + 1/K) with k = 1e6 K: a difference of displacements would leave eight digits of the force."""
     K = 200.0
