@@ -317,9 +317,12 @@ def _print_results(study: Study, results: StudyResults) -> None:
         columns = list(results.modes)
         print_table(where, columns, zip(*results.modes.values(), strict=True), "Modes (Hz, 1, kg^0.5, kg)")
     for label, curve in summary.get("sweep", {}).items():
+        coarse = curve.get("resolved") is False
+        low = f" (up to {_percent(curve['peak_too_low_at_most'], 2)} too low)" if coarse else ""
         where.print(
-            f"sweep, {label}: peak {_number(curve['peak_amplitude'], 1e3)} mm at {curve['peak_frequency']:.5g} Hz; "
-            f"damping {_percent(curve['damping_fit'])} by fit, {_percent(curve['damping_half_power'])} by half-power"
+            f"sweep, {label}: peak {_number(curve['peak_amplitude'], 1e3)} mm{low} at "
+            f"{curve['peak_frequency']:.5g} Hz; damping {_percent(curve['damping_fit'])} by fit, "
+            f"{_percent(curve['damping_half_power'])} by half-power{' (not resolved)' if coarse else ''}"
         )
     if "amplitude_ratio" in summary:
         where.print(f"amplitude ratio without / with ball: {summary['amplitude_ratio']:.4g}")
@@ -344,8 +347,8 @@ def _number(value: float | None, scale: float = 1.0) -> str:
     return "none" if value is None else f"{scale * value:.4g}"
 
 
-def _percent(value: float | None) -> str:
-    return "none" if value is None else f"{100 * value:.3g} %"
+def _percent(value: float | None, digits: int = 3) -> str:
+    return "none" if value is None else f"{100 * value:.{digits}g} %"
 
 
 def _print_closing(where: Console, results: StudyResults) -> None:

@@ -54,9 +54,9 @@ def _of_gaps(structure: Structure) -> Iterator[str]:
     length = structure.beam.length
     pairs = [(f"impactor.{ball.name}", ball.gaps) for ball in structure.impactors]
     for path, gaps in [*pairs, *((f"stop.{stop.name}", stop.gaps) for stop in structure.stops)]:
-        widest = max(gap for gap in gaps if math.isfinite(gap))
-        if widest > length:
-            yield f"{path}.gap = {widest:.4g} m: wider than the beam is long, {length:.4g} m; is it in metres?"
+        # one wall out of reach may be meant
+        if length < min(gaps):
+            yield f"{path}.gap = {min(gaps):.4g} m: wider than the beam is long, {length:.4g} m; is it in metres?"
 
 
 def _of_masses(structure: Structure) -> Iterator[str]:

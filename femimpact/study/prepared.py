@@ -14,6 +14,8 @@ from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder
 from femimpact.study.cost import check_mesh, check_sweep
 from femimpact.study.study import BaseMotion, Study, build_systems, check_method, method_for, read_mesh_of
+from femimpact.study.sweep_grid import resonances_in
+from femimpact.system.modes import solve_modes
 from femimpact.system.system import System, without_impactors
 
 __all__ = ["PARTS", "PreparedStudy", "history_record", "last_cycles_start", "prepare", "with_base"]
@@ -89,7 +91,7 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     _check_channels(study, small)
     prepared = PreparedStudy(
         study, mesh, full, small, bare, method, method_for(study, bare), record=record,
-        warnings=(*warnings, *_coarse_history(study, method)),
+        warnings=(*warnings, *_coarse_history(study, method), *_empty_sweep(study, bare, parts)),
     )  # fmt: skip
     _check_drives(prepared, parts)
     return prepared
@@ -140,6 +142,18 @@ def _coarse_history(study: Study, method: Method) -> tuple[str, ...]:
     return (
         f"output.every = {study.output.every}: the history keeps {samples:.3g} samples of a base cycle, below "
         f"{LEAST_SAMPLES}, and misses the extremes between them; take a smaller one",
+    )
+
+
+def _empty_sweep(study: Study, bare: System, parts: tuple[str, ...]) -> tuple[str, ...]:
+    """A warning where no resonance of the structure without balls lies within the sweep."""
+    plan = study.sweep
+    if "sweep" not in parts or plan is None or resonances_in(plan, bare):
+        return ()
+    natural = ", ".join(f"{f:.4g}" for f in solve_modes(bare, min(3, bare.dofs)).natural_frequency)
+    return (
+        f"sweep.start = {plan.start:g} Hz, sweep.stop = {plan.stop:g} Hz: no natural frequency lies between them (the "
+        f"first without balls: {natural} Hz): the curve has no resonance, and its peak no damping",
     )
 
 
