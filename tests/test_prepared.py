@@ -74,6 +74,18 @@ def test_the_demo_assembles_once_beside_its_scans(study, assembled, tmp_path, mo
     assert assembled == [short.structure, fi.glue_impactors(short.structure)]
 
 
+@pytest.mark.parametrize("method", [{"name": "event-driven"}, {"name": "newmark"}])
+@pytest.mark.parametrize("frequency", [0.5, 4.9, 400.0])
+def test_a_history_resolves_a_base_cycle_unless_told_otherwise(study, method, frequency):
+    base = dataclasses.replace(study.base, frequency=frequency)
+    ready = prepare(dataclasses.replace(study, base=base, method=method, output=Output()), ("modes",))
+    samples = 1.0 / (frequency * ready.method.time_grid(frequency) * ready.record.every)
+    assert samples >= 20
+    assert not any("output.every" in text for text in ready.warnings)
+    told = prepare(dataclasses.replace(ready.study, output=Output(every=100_000)), ("modes",))
+    assert any("output.every = 100000: the history keeps" in text for text in told.warnings)
+
+
 def test_another_base_motion_leaves_systems_and_methods_as_they_are(study):
     one = prepare(study)
     other = with_base(one, dataclasses.replace(study.base, duration=1.0, frequency=5.0))

@@ -29,6 +29,9 @@ FIGURE_CYCLES = 40
 LEAST_SAMPLES = 20
 """Of a base cycle, below which a history is warned of: half the spacing then hides 1 % of a sine's maximum."""
 
+USUAL_STRIDE = 10
+"""One of so many steps is kept in a history unless the study says otherwise or a base cycle has too few."""
+
 
 @dataclass(frozen=True, eq=False)
 class PreparedStudy:
@@ -116,7 +119,7 @@ def history_record(study: Study, small: System, method: Method) -> Recorder:
         channels += [*moving, f"{pair.name}.contact_force"]
     return Recorder(
         channels=tuple(dict.fromkeys([*channels, *output.channels])),
-        every=output.every,
+        every=_stride(study, method),
         snapshots=max(round(kept / (output.frames * grid)), 1) if output.frames else 0,
         snapshots_start=max(study.base.duration - kept, 0.0),
         state_at=last_cycles_start(study),
@@ -134,14 +137,23 @@ def _grid(study: Study, method: Method) -> float:
     return method.time_grid(study.base.frequency)
 
 
+def _stride(study: Study, method: Method) -> int:
+    """One of so many samples is kept in the history: as the study says, or so many that a base cycle is resolved."""
+    if study.output.every is not None:
+        return study.output.every
+    return min(USUAL_STRIDE, method.stride(study.base.frequency, LEAST_SAMPLES))
+
+
 def _coarse_history(study: Study, method: Method) -> tuple[str, ...]:
     """A warning where the history keeps so few samples of a base cycle that its maxima are not those of the motion."""
-    samples = 1.0 / (study.base.frequency * _grid(study, method) * study.output.every)
+    every = _stride(study, method)
+    samples = 1.0 / (study.base.frequency * _grid(study, method) * every)
     if samples >= LEAST_SAMPLES:
         return ()
+    mend = "a smaller one" if every > 1 else "a smaller method.dt, or more method.samples_per_cycle"
     return (
-        f"output.every = {study.output.every}: the history keeps {samples:.3g} samples of a base cycle, below "
-        f"{LEAST_SAMPLES}, and misses the extremes between them; take a smaller one",
+        f"output.every = {every}: the history keeps {samples:.3g} samples of a base cycle, below "
+        f"{LEAST_SAMPLES}, and misses the extremes between them; take {mend}",
     )
 
 
