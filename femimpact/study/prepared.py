@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femimpact.errors import InputError
+from femimpact.excitation.remarks import motion_warnings
 from femimpact.fem.mesh import Mesh
 from femimpact.integrators.memory import check_memory
 from femimpact.integrators.methods import Method
@@ -94,7 +95,8 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     _check_channels(study, small)
     prepared = PreparedStudy(
         study, mesh, full, small, bare, method, method_for(study, bare), record=record,
-        warnings=(*warnings, *_coarse_history(study, method), *_empty_sweep(study, bare, parts)),
+        warnings=(*warnings, *_coarse_history(study, method), *_empty_sweep(study, bare, parts),
+                  *motion_warnings(study.sine, small.length)),
     )  # fmt: skip
     _check_drives(prepared, parts)
     return prepared

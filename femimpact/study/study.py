@@ -144,12 +144,12 @@ class SweepPlan:
 class Output:
     """`[output]`: what is written.
 
-    `every`: one of so many samples is kept, which are the steps of a method with steps (absent: of 10, or of so many fewer
-    that a base cycle has 20, of a method that reads as it likes all); `channels` are kept in it besides those of the tip, the middle, the
-    balls and the contacts, by their names (see `response.channels.QUANTITIES`), as "root.reaction_force"; `frames`
-    whole deflections are kept over the last `frame_cycles` base cycles for ParaView and the movie; `exaggeration`
-    scales the motion there (absent: chosen by the movie, 1 for ParaView); `vtkhdf` asks for the deflections in one
-    temporal VTKHDF file too; a run that would keep more than `memory_limit` is refused.
+    `every`: one of so many samples is kept in the history, which are steps of a method that has them (absent: one of
+    10, or of fewer where a base cycle would have less than 20, and all of an event-driven run); `channels` are kept in
+    it besides those of the tip, the middle, the balls and the contacts, by their names (see
+    `response.channels.QUANTITIES`), as "root.reaction_force"; `frames` whole deflections are kept over the last
+    `frame_cycles` base cycles for ParaView and the movie; `exaggeration` scales the motion there (absent: chosen by the
+    movie, 1 for ParaView); `vtkhdf` asks for the deflections in one temporal VTKHDF file too; a run that would keep more than `memory_limit` is refused.
 
     Raises
     ------

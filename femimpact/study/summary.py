@@ -225,7 +225,10 @@ def summary_of(
         summary["notes"] = list(response.notes)
     elif sweeps is not None:
         summary["energy_residual"] = float(np.nanmax((sweeps.ball or sweeps.empty).energy_residual))
-    summary["warnings"] = list(dict.fromkeys(warnings))
+    # a run repeats what is said of its study
+    known = prepared.warnings
+    repeated = {f"{part}: {text}" for part in ("history", "sweep without ball", "sweep with ball") for text in known}
+    summary["warnings"] = [text for text in dict.fromkeys(warnings) if text not in repeated]
     return summary
 
 

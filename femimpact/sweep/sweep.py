@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import DivergenceError, checked, quantity, require_type, truth
+from femimpact.excitation import Sine
+from femimpact.excitation.remarks import motion_warnings
 from femimpact.identification import peak_resolution, resolution_warnings
 from femimpact.integrators.answers import SineDwellResults, SineDwells
 from femimpact.integrators.methods import Method, require_method
@@ -102,6 +104,7 @@ def frequency_sweep(
     columns, warnings = _columns(found, dwells.frequency, ledger)
     warnings += _steadiness_warnings(dwells.frequency, columns["steadiness"]) + _dwell_warnings(system, dwells)
     warnings += _grid_warnings(system, dwells.frequency)
+    warnings += motion_warnings(Sine(amplitude, float(dwells.frequency[0])), system.length)
     return FrequencyResponse(
         frequency=_read_only(dwells.frequency),
         **{name: _read_only(column) for name, column in columns.items()},
