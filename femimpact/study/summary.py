@@ -220,6 +220,7 @@ def summary_of(
             "impacts": len(response.impacts) + response.impacts.dropped,
             "impacts_per_cycle": response.statistics.impacts_per_cycle,
             "regime": asdict(response.regime),
+            "channels": _channel_summary(response),
         }
         summary["energy_residual"] = response.energy.residual if response.energy is not None else math.nan
         summary["notes"] = list(response.notes)
@@ -230,6 +231,24 @@ def summary_of(
     repeated = {f"{part}: {text}" for part in ("history", "sweep without ball", "sweep with ball") for text in known}
     summary["warnings"] = [text for text in dict.fromkeys(warnings) if text not in repeated]
     return summary
+
+
+def _channel_summary(response: Response) -> dict[str, Any]:
+    """Of every channel: its unit, largest absolute value and rms over the last third, the largest of the whole run.
+
+    These are of the samples that the history keeps; the tip's peak between samples is the history's own.
+    """
+    steady = response.time >= response.window[0]
+    found = {}
+    for name, unit in response.units.items():
+        size = np.abs(response[name])
+        found[name] = {
+            "unit": unit,
+            "largest": float(np.max(size[steady])),
+            "rms": float(np.sqrt(np.mean(size[steady] ** 2))),
+            "largest_of_run": float(np.max(size)),
+        }
+    return found
 
 
 def contacts_of(summary: Mapping[str, Any]) -> dict[str, Any]:
@@ -256,6 +275,7 @@ def _contact_summary(pair: ContactPair, method: Method, response: Response | Non
         "effective_mass": pair.effective_mass,
         "total_clearance": sum(pair.gaps),
         "achieved_restitution": achieved,
+        "achieved_by": "law" if stepped is None else "step",
     }
     if response is not None and statistics is not None:
         mine = response.impacts.impactor == pair.name
