@@ -82,12 +82,15 @@ class RecordedBase:
 
         samples, interval = read_record(path, scale, detrend, columns)
         base = cls(samples, interval)
-        return base if detrend == "none" else replace(base, initial_velocity=base._speed_back())
+        return base if detrend == "none" else base.returning()
 
-    def _speed_back(self) -> float:
-        """Velocity (m/s) at t = 0 with which the base is back in its place at the last sample."""
+    def returning(self) -> RecordedBase:
+        """The same with the velocity at t = 0 that brings the base back to its place at the last sample.
+
+        Motions relative to the base do not depend on it.
+        """
         moved = float(self._knots[1][-1])
-        return float(self.initial_velocity - moved / self.duration)
+        return replace(self, initial_velocity=self.initial_velocity - moved / self.duration)
 
     def __post_init__(self) -> None:
         check_fields(self)

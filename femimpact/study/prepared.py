@@ -164,7 +164,7 @@ def _empty_sweep(study: Study, bare: System, parts: tuple[str, ...]) -> tuple[st
     plan = study.sweep
     if "sweep" not in parts or plan is None or resonances_in(plan, bare):
         return ()
-    natural = ", ".join(f"{f:.4g}" for f in solve_modes(bare, min(3, bare.dofs)).natural_frequency)
+    natural = ", ".join(f"{f:.4g}" for f in solve_modes(bare, min(3, bare.dofs)).natural_frequency if f > 0.0)
     return (
         f"sweep.start = {plan.start:g} Hz, sweep.stop = {plan.stop:g} Hz: no natural frequency lies between them (the "
         f"first without balls: {natural} Hz): the curve has no resonance, and its peak no damping",

@@ -20,7 +20,15 @@ from femimpact.table import Head, frame_of, head_of_columns, short_repr
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["Modes", "first_elastic_frequency", "first_mode_at", "first_resonance", "flexibility", "solve_modes", "solve_stiffness"]
+__all__ = [
+    "Modes",
+    "first_elastic_frequency",
+    "first_mode_at",
+    "first_resonance",
+    "flexibility",
+    "solve_modes",
+    "solve_stiffness",
+]
 
 Array = NDArray[np.float64]
 
