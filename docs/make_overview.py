@@ -26,8 +26,9 @@ def frame_of(movie: Path) -> Image.Image:
     raise ValueError(f"{movie}: no frame")
 
 
-def main(results: Path, target: Path = Path(__file__).with_name("overview.png")) -> Path:
-    """Write the picture; its path."""
+def main(results: Path) -> Path:
+    """Write the picture beside this file; its path."""
+    target = Path(__file__).with_name("overview.png")
     above = frame_of(results / "deflection.mp4")
     with Image.open(results / "response.png") as picture:
         size = (above.width, round(picture.height * above.width / picture.width))

@@ -12,7 +12,7 @@ from femimpact.study.demo import paper_study
 from femimpact.study.prepared import prepare
 from femimpact.study.run import run_sweep
 from femimpact.study.summary import summary_of
-from femimpact.study.sweep_grid import finer_grid_words, refined_grid
+from femimpact.study.sweep_grid import finer_grid_words, most_frequencies, refined_grid
 
 F0, RATIO = 5.3, 0.0029
 WIDTH = 2.0 * RATIO * F0
@@ -49,8 +49,9 @@ def with_plan(ready, **changes):
 
 @pytest.mark.parametrize("refine", [1, 6, 20, 41])
 def test_a_refined_grid_holds_the_natural_frequency_so_that_its_largest_point_is_the_peak(ready, refine):
-    small = ready.small
-    f = refined_grid(with_plan(ready, refine=refine).study.sweep, small, None)
+    small, plan = ready.small, with_plan(ready, refine=refine).study.sweep
+    f = refined_grid(plan, small, None)
+    assert f.size <= refined_grid(plan, small, 4.9173).size <= most_frequencies(plan)
     first = fi.solve_modes(small, 1)
     f0, ratio = float(first.natural_frequency[0]), float(first.damping_ratio[0])
     peak = one_pole_amplitude(f0 / math.sqrt(1.0 - 2.0 * ratio**2), 1.0, f0, ratio)

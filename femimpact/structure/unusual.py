@@ -66,7 +66,9 @@ def _of_masses(structure: Structure) -> Iterator[str]:
         if ball.mass > whole:
             usual = f"more than beam and bodies together, {whole:.4g} kg"
             yield f"impactor.{ball.name}.mass = {ball.mass:.4g} kg: {usual}; is it in kilograms?"
+    # a density that is none is named already
+    solid = all(USUAL_DENSITY[0] <= segment.density for segment in structure.beam.segments)
     for body in structure.masses:
-        if body.mass > HEAVY_BODY * beam:
+        if solid and body.mass > HEAVY_BODY * beam:
             usual = f"more than {HEAVY_BODY:g} times the beam's {beam:.4g} kg"
             yield f"mass.{body.name}.mass = {body.mass:.4g} kg: {usual}; is it in kilograms?"

@@ -12,7 +12,7 @@ from femimpact.study.study import SweepPlan
 from femimpact.system.modes import first_resonance, solve_modes
 from femimpact.system.system import System
 
-__all__ = ["even_grid", "finer_grid_words", "refined_grid", "resonances_in"]
+__all__ = ["even_grid", "finer_grid_words", "most_frequencies", "refined_grid", "resonances_in"]
 
 REACH = 8.0
 """Half-width of the refined part around the first mode over damping ratio times frequency: 4 half-power widths."""
@@ -56,6 +56,11 @@ def refined_grid(plan: SweepPlan, bare: System, peak_with_ball: float | None) ->
         parts.append(np.linspace(peak_with_ball - around, peak_with_ball + around, plan.refine))
     inside = [part[(part > plan.start) & (part < plan.stop)] for part in parts]
     return np.asarray(np.unique(np.round(np.concatenate([even, *inside]), 9)))
+
+
+def most_frequencies(plan: SweepPlan) -> int:
+    """How many frequencies a sweep has at most."""
+    return plan.points + (2 * plan.refine + 1 if plan.refine else 0)
 
 
 def finer_grid_words(plan: SweepPlan, bare: System, found: PeakResolution) -> str:
