@@ -6,14 +6,13 @@ straight, so that velocity and displacement of the base are its exact integrals 
     M u'' + C u' + K u = -M r a(t) + b F,    m (y'' + a(t)) = -F
 
 has a closed form between impacts. The file of this example is a sweep over 12 s from 4 to 6 Hz,
-a(t) = 0.2 sin(2 pi (4 t + t^2 / 12)); a file from an accelerometer takes its place.
+a(t) = 0.2 sin(2 pi (4 t + t^2 / 12)); a file from an accelerometer takes its place, with `scale=9.80665` where it is in
+g, and `detrend="line"` where the sensor has an offset or drifts.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-
-import numpy as np
 
 import femimpact as fi
 
@@ -22,15 +21,14 @@ FILE = Path(__file__).with_name("base_acceleration.csv")
 
 def main(path=FILE) -> dict[str, fi.Response]:
     """The run without and with the ball."""
-    time, acceleration = np.loadtxt(path, delimiter=",", skiprows=1).T
-    base = fi.RecordedBase(acceleration, interval=(time[-1] - time[0]) / (time.size - 1))
+    base = fi.RecordedBase.from_csv(path)
     box, wall = fi.PointMass("box", at="tip", mass=0.023), fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)
     ball = fi.Impactor("ball", at="tip", mass=3.4e-3, gap=2e-3, contact=wall)
     beam = fi.Beam.uniform(length=0.23, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700)
     damping = fi.Rayleigh(ratio=0.0029, modes=(1, 2))
     system = fi.reduce(fi.assemble(fi.Structure(beam, [box], [ball], damping), elements=20), modes=3)
     systems = {"without ball": fi.without_impactors(system), "with ball": system}
-    return {name: fi.integrate(s, base, fi.EventDriven(), duration=time[-1]) for name, s in systems.items()}
+    return {name: fi.integrate(s, base, fi.EventDriven(), duration=base.duration) for name, s in systems.items()}
 
 
 if __name__ == "__main__":

@@ -11,12 +11,25 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import check_fields, checked, quantity, real_array, require, require_type, text
 
-__all__ = ["DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power", "one_pole_amplitude"]
+__all__ = [
+    "UNRESOLVED",
+    "DampingEstimate",
+    "PeakResolution",
+    "amplitude_ratio_damping",
+    "fit_one_pole",
+    "half_power",
+    "one_pole_amplitude",
+    "peak_resolution",
+    "resolution_warnings",
+]
 
 Array = NDArray[np.float64]
 
 RESOLVED = 4.0
-"""A half-power width counts as resolved when it holds this many frequency steps."""
+"""A half-power width counts as resolved when it holds this many frequency steps: the peak is then 3 % low at most."""
+
+UNRESOLVED = "does not resolve the half-power width"
+"""Words of every warning that a grid is too coarse, by which it is known."""
 
 
 SYSTEMATIC = 2.5
@@ -164,18 +177,89 @@ def half_power(frequency: ArrayLike, amplitude: ArrayLike) -> DampingEstimate:
         return float(((high / f[top]) ** 2 - (low / f[top]) ** 2) / 4.0)
 
     interval = (ratio(brackets[0][0], brackets[1][0]), ratio(brackets[0][1], brackets[1][1]))
-    warnings = _resolution_warnings(f, top, crossings[1] - crossings[0])
+    # a coarse grid widens it: how low the peak is does not follow from it
+    warnings = resolution_warnings(peak_resolution(f, f[top], crossings[1] - crossings[0]), of_peak=False)
     value = ratio(crossings[0], crossings[1])
     return DampingEstimate(value, float(f[top]), interval, "half-power", warnings)
 
 
-def _resolution_warnings(f: Array, top: int, width: float) -> tuple[str, ...]:
-    step = float(np.max(np.diff(f[max(top - 1, 0) : top + 2])))
-    if width >= RESOLVED * step:
+def _rounded_down(value: float) -> float:
+    """The value, > 0, to two digits and not above it."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.floor(value / unit) * unit
+
+
+@dataclass(frozen=True)
+class PeakResolution:
+    """How well a grid of frequencies resolves one resonance.
+
+    Parameters
+    ----------
+    frequency : float, Hz
+        The point of the grid beside which the steps are read.
+    step : float, Hz
+        The larger of the two steps beside it.
+    width : float, Hz
+        Half-power width of the resonance.
+    """
+
+    frequency: float
+    step: float
+    width: float
+
+    @property
+    def resolved(self) -> bool:
+        """Whether the width holds enough steps for a damping ratio and a peak."""
+        return self.width >= RESOLVED * self.step
+
+    @property
+    def largest_miss(self) -> float:
+        """Share by which the largest point of the grid may be below the peak: 1 - 1/sqrt(1 + (step/width)^2).
+
+        Near a resonance at f0 the amplitude is that of the peak over sqrt(1 + (2 (f - f0)/width)^2), and a point of the
+        grid lies within half a step of f0. (Derived here.)
+        """
+        return 1.0 - 1.0 / math.hypot(1.0, self.step / self.width)
+
+    @property
+    def step_needed(self) -> float:
+        """Largest step (Hz) that resolves the width."""
+        return self.width / RESOLVED
+
+
+def peak_resolution(frequency: ArrayLike, near: float, width: float) -> PeakResolution:
+    """Resolution of a resonance by a grid of frequencies.
+
+    Parameters
+    ----------
+    frequency : array_like (n,), Hz
+        n >= 2, ascending.
+    near : float, Hz
+        The resonance: steps are read beside the point of the grid next to it.
+    width : float, Hz
+        Its half-power width, 2 zeta f0 where the damping ratio zeta is small.
+
+    Returns
+    -------
+    PeakResolution
+    """
+    f = real_array("frequency", frequency, "Hz", "must be finite numbers")
+    near = checked("near", near, quantity("Hz", above=0.0))
+    width = checked("width", width, quantity("Hz", above=0.0))
+    require(f.ndim == 1 and f.size >= 2, "frequency", f.size, "points", "must hold at least 2")
+    top = int(np.argmin(np.abs(f - near)))
+    return PeakResolution(float(f[top]), float(np.max(np.diff(f[max(top - 1, 0) : top + 2]))), width)
+
+
+def resolution_warnings(found: PeakResolution, *, of_peak: bool = True) -> tuple[str, ...]:
+    """A warning where a grid is too coarse for a resonance; `of_peak` says too how low the peak may be read."""
+    if found.resolved:
         return ()
+    low = f"the peak may be read up to {100 * found.largest_miss:.2g} % too low (1 - 1/sqrt(1 + (step/width)^2)); "
     return (
-        f"the frequency step of {step:.3g} Hz does not resolve the half-power width of {width:.3g} Hz "
-        f"(at least {RESOLVED:g} steps are needed): refine the grid around {f[top]:.4g} Hz",
+        f"the frequency step of {found.step:.3g} Hz {UNRESOLVED} of {found.width:.3g} Hz "
+        f"(at least {RESOLVED:g} steps are needed): {low if of_peak else ''}"
+        f"take frequencies at most {_rounded_down(found.step_needed):.2g} Hz apart around {found.frequency:.4g} Hz",
     )
 
 
@@ -201,7 +285,7 @@ def fit_one_pole(
     -------
     DampingEstimate
         With the 95 % interval of the linearised fit. There is none where the misfit is systematic, and no ratio
-        where the points do not determine it.
+        where the points do not determine it or the largest amplitude is at an end of the grid.
     """
     from scipy.optimize import least_squares
 
@@ -209,6 +293,9 @@ def fit_one_pole(
     misfit_limit = checked("misfit_limit", misfit_limit, quantity("1", at_least=0.0))
     f, x = _checked(frequency, amplitude, 4)
     top = int(np.argmax(x))
+    if top in (0, f.size - 1):
+        message = f"no resonance within {f[0]:g} to {f[-1]:g} Hz: the largest amplitude is at the edge, {f[top]:.4g} Hz"
+        return DampingEstimate(math.nan, float(f[top]), (math.nan, math.nan), "one-pole least squares", (message,))
     chosen = x >= share * x[top]
     chosen[np.argsort(np.abs(f - f[top]))[:7]] = True
     # both as shares of the peak's: the fit does not hang on units
@@ -249,7 +336,7 @@ def _judged(f: Array, at: float, f_fit: Array, x_fit: Array, best: Any, misfit_l
             f"refine the grid around {at:.4g} Hz"
         )
         return DampingEstimate(math.nan, frequency_found, (math.nan, math.nan), "one-pole least squares", (message,))
-    warnings = list(_resolution_warnings(f, int(np.argmin(np.abs(f - frequency_found))), 2.0 * ratio * frequency_found))
+    warnings = list(resolution_warnings(peak_resolution(f, frequency_found, 2.0 * ratio * frequency_found)))
     interval = (ratio * math.exp(-spread), ratio * math.exp(spread))
     misfit = math.sqrt(2.0 * best.cost / f_fit.size)
     if misfit > NEGLIGIBLE_MISFIT:

@@ -165,7 +165,9 @@ def test_forced_results_do_not_stand_beside_older_ones(tmp_path):
 @pytest.mark.parametrize("request_to_end", [signal.SIGINT, signal.SIGTERM])
 def test_interrupt_leaves_nothing_behind(tmp_path, request_to_end):
     text = (
-        paper_study_text().replace("duration = 120.0 ", "duration = 200000.0 ").replace("every = 10 ", "every = 1000 ")
+        paper_study_text()
+        .replace("duration = 120.0 ", "duration = 200000.0 ")
+        .replace("# every = 10 ", "every = 1000 ")
     )
     (tmp_path / "long.toml").write_text(text, encoding="utf-8")
     child = subprocess.Popen(

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
+from femimpact.cli import _print_results as print_results
 from femimpact.study import demo
 from femimpact.study import run as runs
 from femimpact.study import study as studies
@@ -72,6 +73,18 @@ def test_the_demo_assembles_once_beside_its_scans(study, assembled, tmp_path, mo
     monkeypatch.setattr(demo, "paper_study", lambda: short)
     demo.run_demo(tmp_path / "out", scan=demo.ScanPlan((0.7,), points=4, cycles=24, starts=1))
     assert assembled == [short.structure, fi.glue_impactors(short.structure)]
+
+
+@pytest.mark.parametrize("method", [{"name": "event-driven"}, {"name": "newmark"}])
+@pytest.mark.parametrize("frequency", [0.5, 4.9, 400.0])
+def test_a_history_resolves_a_base_cycle_unless_told_otherwise(study, method, frequency):
+    base = dataclasses.replace(study.base, frequency=frequency)
+    ready = prepare(dataclasses.replace(study, base=base, method=method, output=Output()), ("modes",))
+    samples = 1.0 / (frequency * ready.method.time_grid(frequency) * ready.record.every)
+    assert samples >= 20
+    assert not any("output.every" in text for text in ready.warnings)
+    told = prepare(dataclasses.replace(ready.study, output=Output(every=100_000)), ("modes",))
+    assert any("output.every = 100000: the history keeps" in text for text in told.warnings)
 
 
 def test_another_base_motion_leaves_systems_and_methods_as_they_are(study):
@@ -246,6 +259,33 @@ def test_no_block_of_a_summary_is_repeated(study, tmp_path):
     assert list(contacts_of(summary)) == ["ball", "second"]
     assert summary["contact"]["name"] == "ball"
     assert summary["further_contacts"]["second"]["law"] == "kelvin-voigt"
+
+
+@pytest.mark.impacts
+@pytest.mark.parametrize(("method", "by"), [("event-driven", "law"), ("newmark", "step")])
+def test_a_summary_has_every_channel_and_what_the_method_does_to_the_restitution_in_words(
+    study, tmp_path, method, by, capsys
+):
+    asked = ("root.surface_stress", "tip.absolute_acceleration")
+    output = dataclasses.replace(study.output, channels=asked, figures=False)
+    changed = dataclasses.replace(study, method={"name": method}, output=output, sweep=None)
+    results = run_study(changed, tmp_path / "out", parts=("simulate",))
+    kept, found = results.history, results.summary["history"]["channels"]
+    assert set(asked) <= set(found)
+    last = kept["time"] >= 2.0 / 3.0 * float(kept["time"][-1])
+    for name, channel in found.items():
+        size = np.abs(kept[name])
+        assert channel["unit"] == kept[name].attrs["units"]
+        assert channel["largest_of_run"] == float(size.max())
+        assert channel["largest"] == float(size[last].max())
+        # sums in another order
+        assert channel["rms"] == pytest.approx(float(np.sqrt((size[last] ** 2).mean())), rel=1e-12)
+    assert results.summary["contact"]["achieved_by"] == by
+    print_results(changed, results)
+    printed = " ".join(capsys.readouterr().out.split())
+    for name in asked:
+        assert f"{name}: largest {found[name]['largest']:.4g} {found[name]['unit']} and rms" in printed
+    assert ("with this step" in printed) == (by == "step")
 
 
 def test_a_study_without_a_contact_has_none_in_its_summary(study):

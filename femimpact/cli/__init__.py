@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -317,9 +317,12 @@ def _print_results(study: Study, results: StudyResults) -> None:
         columns = list(results.modes)
         print_table(where, columns, zip(*results.modes.values(), strict=True), "Modes (Hz, 1, kg^0.5, kg)")
     for label, curve in summary.get("sweep", {}).items():
+        coarse = curve.get("resolved") is False
+        low = f" (up to {_percent(curve['peak_too_low_at_most'], 2)} too low)" if coarse else ""
         where.print(
-            f"sweep, {label}: peak {_number(curve['peak_amplitude'], 1e3)} mm at {curve['peak_frequency']:.5g} Hz; "
-            f"damping {_percent(curve['damping_fit'])} by fit, {_percent(curve['damping_half_power'])} by half-power"
+            f"sweep, {label}: peak {_number(curve['peak_amplitude'], 1e3)} mm{low} at "
+            f"{curve['peak_frequency']:.5g} Hz; damping {_percent(curve['damping_fit'])} by fit, "
+            f"{_percent(curve['damping_half_power'])} by half-power{' (not resolved)' if coarse else ''}"
         )
     if "amplitude_ratio" in summary:
         where.print(f"amplitude ratio without / with ball: {summary['amplitude_ratio']:.4g}")
@@ -330,22 +333,41 @@ def _print_results(study: Study, results: StudyResults) -> None:
             f"{_number(history['rms'], 1e3)} mm, {history['steadiness']}; {history['impacts']} impacts, "
             f"{history['regime']['label']}"
         )
+        for name in study.output.channels:
+            channel = history["channels"][name]
+            where.print(
+                f"{name}: largest {_number(channel['largest'])} {channel['unit']} and rms {_number(channel['rms'])} "
+                f"{channel['unit']} over the last third; largest of the run {_number(channel['largest_of_run'])} "
+                f"{channel['unit']}"
+            )
         for name, contact in contacts_of(summary).items():
             where.print(
                 f"{name} ({contact['law']}): peak force {_number(contact['peak_force'])} N, mean impulse "
                 f"{1e3 * contact['mean_impulse']:.4g} mN s, cycle-averaged force {contact['cycle_mean_force']:.4g} N; "
-                f"restitution {contact['restitution']:.4g} asked, {contact['achieved_restitution']['mean']:.4g} with "
-                f"this step, {_number(contact['observed_restitution'])} seen (median of {contact['impacts']} impacts)"
+                f"{_restitution_words(contact)}"
             )
     _print_closing(where, results)
+
+
+def _restitution_words(contact: Mapping[str, Any]) -> str:
+    """Restitution of a contact's law, with the step where the method has one, and of the run's impacts."""
+    words = f"restitution {contact['restitution']:.4g} of the law"
+    if contact["achieved_by"] == "step":
+        words += f", {contact['achieved_restitution']['mean']:.4g} with this step"
+    if contact["observed_restitution"] is None:
+        return words
+    return (
+        f"{words}; the run's impacts rebound with {contact['observed_restitution']:.4g} of their approach speed "
+        f"(median of {contact['impacts']}: the beam moves meanwhile)"
+    )
 
 
 def _number(value: float | None, scale: float = 1.0) -> str:
     return "none" if value is None else f"{scale * value:.4g}"
 
 
-def _percent(value: float | None) -> str:
-    return "none" if value is None else f"{100 * value:.3g} %"
+def _percent(value: float | None, digits: int = 3) -> str:
+    return "none" if value is None else f"{100 * value:.{digits}g} %"
 
 
 def _print_closing(where: Console, results: StudyResults) -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +24,10 @@ Array = NDArray[np.float64]
 class RecordedBase:
     """Base motion from samples of its acceleration, straight between them; at rest at t = 0.
 
-    Beyond the last sample the base moves on uniformly.
+    Velocity and displacement are the exact integrals of these straight lines, and nothing is filtered: an offset or a
+    drift of the sensor is taken for motion. An offset a moves the base by a t^2/2, so that offset and drift are to be
+    removed before; of relative motion, a constant one bends the beam by its static deflection. Between samples a sine
+    is read too low, by (pi f interval)^2/3 at a frequency f. Beyond the last sample the base moves on uniformly.
 
     Parameters
     ----------
@@ -41,6 +46,51 @@ class RecordedBase:
     samples: Any
     interval: float = field(metadata=quantity("s", above=0.0))
     initial_velocity: float = field(default=0.0, metadata=quantity("m/s"))
+
+    @classmethod
+    def from_csv(
+        cls, path: str | Path, scale: float = 1.0, detrend: str = "none", columns: Sequence[int | str] = (0, 1)
+    ) -> RecordedBase:
+        """The motion that a text file of columns holds: time (s) and acceleration, evenly spaced.
+
+        Parameters
+        ----------
+        path : str or Path
+            Rows of numbers, in columns between commas, semicolons, tabulators or spaces. A header before the first row
+            may have any number of lines; empty lines, and those that begin with #, are left out. The first row is at
+            t = 0.
+        scale : float
+            Times which the column is m/s^2: 9.80665 for a record in g.
+        detrend : {"none", "mean", "line"}
+            What is removed: the mean of the acceleration (an offset), or its line of least squares (offset and drift).
+            With either the base moves at t = 0 with the velocity that brings it back to its place at the last sample,
+            which no motion relative to the base depends on.
+        columns : two of int or str
+            Time and acceleration, by their numbers from 0 or their names in the header.
+
+        Returns
+        -------
+        RecordedBase
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, lacks a column, holds what is no finite number, or its times are not evenly
+            spaced.
+        """
+        from femimpact.excitation.record_file import read_record
+
+        samples, interval = read_record(path, scale, detrend, columns)
+        base = cls(samples, interval)
+        return base if detrend == "none" else base.returning()
+
+    def returning(self) -> RecordedBase:
+        """The same with the velocity at t = 0 that brings the base back to its place at the last sample.
+
+        Motions relative to the base do not depend on it.
+        """
+        moved = float(self._knots[1][-1])
+        return replace(self, initial_velocity=self.initial_velocity - moved / self.duration)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -72,6 +122,11 @@ class RecordedBase:
         beyond = index >= self.samples.size - 1
         slope = np.where(beyond, 0.0, (padded[index + 1] - padded[index]) / self.interval)
         return index, t - index * self.interval, np.where(beyond, 0.0, padded[index]), slope
+
+    @property
+    def duration(self) -> float:
+        """Time (s) of the last sample."""
+        return float((self.samples.size - 1) * self.interval)
 
     @cached_property
     def frequency(self) -> float:

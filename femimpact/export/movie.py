@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -128,7 +129,8 @@ def _film(response: Response, structure: Structure, exaggeration: float | None, 
     chosen = thinned(snapshots.time.size, most)
     shown = float(snapshots.time[chosen[-1]] - snapshots.time[chosen[0]])
     slow = f"   Slowed {(chosen.size - 1) / fps / shown:.2g} times." if shown > 0.0 else ""
-    base = f"Base: sine, {response.base.frequency:.4g} Hz, {1e3 * response.base.amplitude:.4g} mm."
+    sine = f"Base: sine, {response.base.frequency:.4g} Hz, {1e3 * response.base.amplitude:.4g} mm."
+    base = "Base: a record." if math.isnan(response.base.phase) else sine
     drawn = "Motion and clearance" if response.system.balls else "Motion"
     size = "to scale" if exaggeration == 1.0 else f"{exaggeration:g} times as large"
     caption = f"{base}   {drawn} drawn {size}.{slow}"

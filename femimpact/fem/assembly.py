@@ -20,6 +20,7 @@ from femimpact.fem.mesh import Mesh
 from femimpact.fem.stiffness_factor import stiffness_factor
 from femimpact.structure.springs import Dashpot, Spring
 from femimpact.structure.structure import SUPPORTS, Impactor, Stop, Structure
+from femimpact.structure.unusual import unusual_numbers
 from femimpact.system.contact_pair import contact_pair
 from femimpact.system.damped import damped_with_modes
 from femimpact.system.hermite import hermite_rows
@@ -80,8 +81,10 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     Warns
     -----
     InputWarning
-        Of a beam of more than a tonne or less slender than 5, a first mode outside 0.01 Hz to 100 kHz, or a mesh of
-        several regions under a beam of one segment.
+        Of numbers that may be in another unit: a beam of more than a tonne or less slender than 5, a first mode
+        outside 0.01 Hz to 100 kHz, a modulus outside 1e8 to 2e12 Pa, a density outside 10 to 30,000 kg/m^3, a width or
+        a gap beyond the beam's length, a ball heavier than beam and bodies, a body of more than 1000 beams. Of a mesh
+        of several regions under a beam of one segment.
 
     Notes
     -----
@@ -139,7 +142,7 @@ def _warn_of_unusual(structure: Structure, first_frequency: float) -> None:
         )
     if not low <= first_frequency <= high:
         found.append(f"first mode at {first_frequency:.4g} Hz: outside {low:g} to {high:g} Hz; are units SI?")
-    for words in found:
+    for words in (*found, *unusual_numbers(structure)):
         warnings.warn(words, InputWarning, stacklevel=3)
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, cast, overload
 
 from femimpact.errors import require, require_type
 from femimpact.excitation import Excitation, require_excitation
+from femimpact.excitation.remarks import motion_notes, motion_warnings
 from femimpact.integrators.memory import check_memory, memory_needed
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.threads import Progress, check_progress, run_each, workers_of
@@ -111,7 +113,12 @@ def integrate(
     require(alone, "record.sink", None, "", f"must serve one run, of {len(drives)} the pieces could not be told apart")
 
     def run(drive: Excitation, report: Progress | None) -> Response:
-        return method.run(system, drive, duration, recorder, start, report)
+        response = method.run(system, drive, duration, recorder, start, report)
+        warnings = motion_warnings(drive, system.length)
+        notes = motion_notes(drive, start.time + duration)
+        if not (warnings or notes):
+            return response
+        return replace(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))
 
     responses = run_each(run, drives, workers, progress)
     return responses if several else responses[0]

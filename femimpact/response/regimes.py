@@ -210,7 +210,10 @@ def _without_period(impacts: Impacts, window: _Window, rules: RegimeCriteria) ->
         words = f"a period needs {rules.repeats + 1} cycles to show {rules.repeats} repeats"
         return Regime("undecided", 0, 0, f"undecided: {cycles} whole cycles are too few", words)
     asked = f"no period up to {testable} cycle{'s' if testable > 1 else ''}"
-    words = f"{asked}, where {_period_words(rules)}; a longer period, a transient and chaos are not told apart"
+    words = (
+        f'{asked}, where {_period_words(rules)}; no more than this is meant by the kind "chaotic": a longer period, a '
+        "transient and noise have it too"
+    )
     return Regime("chaotic", 0, 0, asked, words)
 
 

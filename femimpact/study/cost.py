@@ -14,6 +14,7 @@ from femimpact.integrators.methods import Method
 from femimpact.integrators.threads import workers_of
 from femimpact.response.response import Recorder
 from femimpact.study.study import Study
+from femimpact.study.sweep_grid import most_frequencies
 from femimpact.system.modes import DENSE_LIMIT
 from femimpact.system.system import System
 
@@ -129,7 +130,7 @@ def sweep_cost(study: Study, small: System, method: Method) -> Cost:
     plan = study.sweep
     if plan is None:
         return Cost(0.0, 0.0)
-    cases = plan.points + 2 * plan.refine
+    cases = most_frequencies(plan)
     cost = method.cost(small, 0.5 * (plan.start + plan.stop))
     at_once = min(cases, cost.cases_at_once * workers_of(None))
     memory = cost.sweep_memory * at_once * plan.cycles + POINT * cases

@@ -383,7 +383,7 @@ def _write_scans(folder: Path, scans: Mapping[str, RestitutionScan], sweeps: Map
     figures.save_figure(drawn, folder / OTHER_FILES["restitution_figure"])
     curves = {f"with ball, {STARTS[start]}": pair.ball for start, pair in sweeps.items() if pair.ball is not None}
     named = {"without ball": sweeps["base"].empty, **curves}
-    drawn = figures.response_curve(named, coarse=sweeps["base"].coarse, join_all=True, ax=off_screen)
+    drawn = figures.response_curve(named, coarse=sweeps["base"].coarse, ax=off_screen)
     figures.save_figure(drawn, folder / OTHER_FILES["response_of_starts"])
 
 

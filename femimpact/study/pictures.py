@@ -117,7 +117,7 @@ def _figures(source: Path, summary: Mapping[str, Any]) -> Iterator[tuple[str, Ca
         curves, coarse = swept
         labels = {"empty": "without ball", "ball": "with ball"}
         named = {label: curves[case] for case, label in labels.items() if case in curves}
-        yield "response_figure", lambda: figures.response_curve(named, coarse=coarse, join_all=True, ax=off_screen)
+        yield "response_figure", lambda: figures.response_curve(named, coarse=coarse, ax=off_screen)
     last = read_last_cycles(source, summary)
     if last is None:
         return

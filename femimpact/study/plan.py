@@ -8,6 +8,7 @@ from femimpact.integrators.stepping.step_size import shortest_contact
 from femimpact.study.cost import history_cost, mesh_memory, picture_seconds, sweep_cost
 from femimpact.study.prepared import prepare
 from femimpact.study.study import Study
+from femimpact.study.sweep_grid import most_frequencies
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.system import System
@@ -55,7 +56,7 @@ def plan_lines(study: Study) -> list[str]:
     )
     if study.sweep is not None:
         plan = study.sweep
-        cases = plan.points + 2 * plan.refine
+        cases = most_frequencies(plan)
         total = cases * plan.cycles / (0.5 * (plan.start + plan.stop)) / grid
         swept = sweep_cost(study, small, method)
         lines.append(

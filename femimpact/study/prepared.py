@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femimpact.errors import InputError
+from femimpact.excitation.remarks import motion_warnings
 from femimpact.fem.mesh import Mesh
 from femimpact.integrators.memory import check_memory
 from femimpact.integrators.methods import Method
@@ -14,6 +15,8 @@ from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder
 from femimpact.study.cost import check_mesh, check_sweep
 from femimpact.study.study import BaseMotion, Study, build_systems, check_method, method_for, read_mesh_of
+from femimpact.study.sweep_grid import resonances_in
+from femimpact.system.modes import solve_modes
 from femimpact.system.system import System, without_impactors
 
 __all__ = ["PARTS", "PreparedStudy", "history_record", "last_cycles_start", "prepare", "with_base"]
@@ -26,6 +29,9 @@ FIGURE_CYCLES = 40
 
 LEAST_SAMPLES = 20
 """Of a base cycle, below which a history is warned of: half the spacing then hides 1 % of a sine's maximum."""
+
+USUAL_STRIDE = 10
+"""One of so many steps is kept in a history unless the study says otherwise or a base cycle has too few."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +95,8 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     _check_channels(study, small)
     prepared = PreparedStudy(
         study, mesh, full, small, bare, method, method_for(study, bare), record=record,
-        warnings=(*warnings, *_coarse_history(study, method)),
+        warnings=(*warnings, *_coarse_history(study, method), *_empty_sweep(study, bare, parts),
+                  *motion_warnings(study.sine, small.length)),
     )  # fmt: skip
     _check_drives(prepared, parts)
     return prepared
@@ -114,7 +121,7 @@ def history_record(study: Study, small: System, method: Method) -> Recorder:
         channels += [*moving, f"{pair.name}.contact_force"]
     return Recorder(
         channels=tuple(dict.fromkeys([*channels, *output.channels])),
-        every=output.every,
+        every=_stride(study, method),
         snapshots=max(round(kept / (output.frames * grid)), 1) if output.frames else 0,
         snapshots_start=max(study.base.duration - kept, 0.0),
         state_at=last_cycles_start(study),
@@ -132,14 +139,35 @@ def _grid(study: Study, method: Method) -> float:
     return method.time_grid(study.base.frequency)
 
 
+def _stride(study: Study, method: Method) -> int:
+    """One of so many samples is kept in the history: as the study says, or so many that a base cycle is resolved."""
+    if study.output.every is not None:
+        return study.output.every
+    return min(USUAL_STRIDE, method.stride(study.base.frequency, LEAST_SAMPLES))
+
+
 def _coarse_history(study: Study, method: Method) -> tuple[str, ...]:
     """A warning where the history keeps so few samples of a base cycle that its maxima are not those of the motion."""
-    samples = 1.0 / (study.base.frequency * _grid(study, method) * study.output.every)
+    every = _stride(study, method)
+    samples = 1.0 / (study.base.frequency * _grid(study, method) * every)
     if samples >= LEAST_SAMPLES:
         return ()
+    mend = "a smaller one" if every > 1 else "a smaller method.dt, or more method.samples_per_cycle"
     return (
-        f"output.every = {study.output.every}: the history keeps {samples:.3g} samples of a base cycle, below "
-        f"{LEAST_SAMPLES}, and misses the extremes between them; take a smaller one",
+        f"output.every = {every}: the history keeps {samples:.3g} samples of a base cycle, below "
+        f"{LEAST_SAMPLES}, and misses the extremes between them; take {mend}",
+    )
+
+
+def _empty_sweep(study: Study, bare: System, parts: tuple[str, ...]) -> tuple[str, ...]:
+    """A warning where no resonance of the structure without balls lies within the sweep."""
+    plan = study.sweep
+    if "sweep" not in parts or plan is None or resonances_in(plan, bare):
+        return ()
+    natural = ", ".join(f"{f:.4g}" for f in solve_modes(bare, min(3, bare.dofs)).natural_frequency if f > 0.0)
+    return (
+        f"sweep.start = {plan.start:g} Hz, sweep.stop = {plan.stop:g} Hz: no natural frequency lies between them (the "
+        f"first without balls: {natural} Hz): the curve has no resonance, and its peak no damping",
     )
 
 

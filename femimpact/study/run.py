@@ -37,9 +37,9 @@ from femimpact.study.results import (
 from femimpact.study.study import Study, assemble_on
 from femimpact.study.study_text import study_text
 from femimpact.study.summary import SweepPair, summary_of
+from femimpact.study.sweep_grid import even_grid, refined_grid
 from femimpact.sweep import SWEEP_UNITS, frequency_sweep, on_grid
-from femimpact.system.modes import Modes, first_elastic_frequency, solve_modes
-from femimpact.system.rigid_motions import rigid_motions
+from femimpact.system.modes import Modes, solve_modes
 from femimpact.system.state import State
 from femimpact.system.system import System
 
@@ -131,24 +131,16 @@ def run_sweep(prepared: PreparedStudy, report: Report = _silent, initial: State 
     if plan is None:
         raise AssertionError("require raises")
     method, bare_method = prepared.method, prepared.bare_method
-    coarse = np.linspace(plan.start, plan.stop, plan.points)
+    coarse = even_grid(plan)
     state = initial or study.initial
-    frequencies = coarse
-    if plan.refine:
-        # not a rigid motion, which has no resonance
-        centres = [first_elastic_frequency(small)]
-        first = solve_modes(bare, min(rigid_motions(bare).shape[1] + 1, bare.dofs))
-        reach = [8.0 * max(float(first.damping_ratio[-1]), 1e-4) * centres[0]]
-        if small.contacts:
-            even = frequency_sweep(
-                small, study.base.amplitude, coarse, method, plan.cycles, initial=state, ledger=False,
-                progress=lambda share: report("sweep with ball, even grid", share),
-            )  # fmt: skip
-            centres.append(even.peak_frequency)
-            reach.append(1.5 * float(coarse[1] - coarse[0]))
-        fine = [np.linspace(c - r, c + r, plan.refine) for c, r in zip(centres, reach, strict=True)]
-        inside = [part[(part > plan.start) & (part < plan.stop)] for part in fine]
-        frequencies = np.unique(np.round(np.concatenate([coarse, *inside]), 9))
+    peak_with_ball = None
+    if plan.refine and small.contacts:
+        first = frequency_sweep(
+            small, study.base.amplitude, coarse, method, plan.cycles, initial=state, ledger=False,
+            progress=lambda share: report("sweep with ball, even grid", share),
+        )  # fmt: skip
+        peak_with_ball = first.peak_frequency
+    frequencies = refined_grid(plan, bare, peak_with_ball)
     empty = frequency_sweep(
         bare, study.base.amplitude, frequencies, bare_method, plan.cycles, initial=_structure_only(state),
         progress=lambda share: report("sweep without ball", share),

@@ -144,11 +144,13 @@ class SweepPlan:
 class Output:
     """`[output]`: what is written.
 
-    `every` is the stride of the history in steps; `channels` are kept in it besides those of the tip, the middle, the
-    balls and the contacts, by their names (see `response.channels.QUANTITIES`), as "root.reaction_force"; `frames`
-    whole deflections are kept over the last `frame_cycles` base cycles for ParaView and the movie; `exaggeration`
-    scales the motion there (absent: chosen by the movie, 1 for ParaView); `vtkhdf` asks for the deflections in one
-    temporal VTKHDF file too; a run that would keep more than `memory_limit` is refused.
+    `every`: one of so many samples is kept in the history, which are steps of a method that has them (absent: one of
+    10, or of fewer where a base cycle would have less than 20, and all of an event-driven run); `channels` are kept in
+    it besides those of the tip, the middle, the balls and the contacts, by their names (see
+    `response.channels.QUANTITIES`), as "root.reaction_force"; `frames` whole deflections are kept over the last
+    `frame_cycles` base cycles for ParaView and the movie; `exaggeration` scales the motion there (absent: chosen by the
+    movie, 1 for ParaView); `vtkhdf` asks for the deflections in one temporal VTKHDF file too; a run that would keep
+    more than `memory_limit` is refused.
 
     Raises
     ------
@@ -156,7 +158,7 @@ class Output:
         If a value is out of range or of the wrong kind.
     """
 
-    every: int = field(default=10, metadata=quantity("steps", at_least=1, integer=True))
+    every: int | None = field(default=None, metadata=quantity("samples", at_least=1, integer=True))
     channels: tuple[str, ...] = field(default=(), metadata=text(several=True))
     frames: int = field(default=160, metadata=quantity("1", at_least=0, at_most=5000, integer=True))
     frame_cycles: float = field(default=3.0, metadata=quantity("1", above=0.0))

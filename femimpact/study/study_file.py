@@ -245,6 +245,16 @@ def _damping(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any
     return _noun(ModalDamping if "ratios" in values else Rayleigh, prefix, values, faults)
 
 
+def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    """A sine; a record is refused with what takes it."""
+    asked = sorted({"file", "record", "samples", "scale", "detrend", "columns"} & set(values))
+    if not asked:
+        return _noun(BaseMotion, prefix, values, faults)
+    allowed = "a study drives the base by a sine; a recorded motion is for scripts: RecordedBase.from_csv, as in "
+    faults += [Fault(f"{prefix}.{name}", values[name], "", f"{allowed}examples/base_from_csv.py") for name in asked]
+    return None
+
+
 def _method(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
     settings = {key: value for key, value in values.items() if key != "name"}
     name = values.get("name", "newmark")
@@ -279,7 +289,7 @@ TABLES: Mapping[str, _Table] = {
     "damping": _Table(_damping),
     "gravity": _Table(partial(_noun, Gravity)),
     "reduction": _Table(partial(_noun, Reduction)),
-    "base": _Table(partial(_noun, BaseMotion), required=True),
+    "base": _Table(_base, required=True),
     "method": _Table(_method),
     "sweep": _Table(partial(_noun, SweepPlan)),
     "output": _Table(partial(_noun, Output)),

@@ -12,10 +12,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
+from femimpact.identification import (
+    UNRESOLVED,
+    DampingEstimate,
+    PeakResolution,
+    amplitude_ratio_damping,
+    fit_one_pole,
+    half_power,
+    peak_resolution,
+)
 from femimpact.integrators.methods import Method
 from femimpact.response.response import Response
 from femimpact.study.prepared import PreparedStudy
+from femimpact.study.sweep_grid import finer_grid_words
 from femimpact.sweep import FrequencyResponse, on_grid
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import Modes
@@ -107,14 +116,24 @@ def _estimates(curve: FrequencyResponse) -> tuple[DampingEstimate, DampingEstima
     return none, none
 
 
-def _curve_summary(curve: FrequencyResponse, coarse: NDArray[np.float64]) -> dict[str, Any]:
+def _resolution(curve: FrequencyResponse, fit: DampingEstimate) -> PeakResolution | None:
+    """How well a curve's frequencies resolve its resonance; None where it shows none."""
+    if math.isnan(fit.ratio) or fit.ratio == 0.0:
+        return None
+    return peak_resolution(np.unique(curve.frequency), fit.frequency, 2.0 * fit.ratio * fit.frequency)
+
+
+def _curve_summary(curve: FrequencyResponse, coarse: NDArray[np.float64], prepared: PreparedStudy) -> dict[str, Any]:
     even = on_grid(curve.frequency, coarse)
     fit, half = _estimates(curve)
+    resolution = _resolution(curve, fit)
     grid = (curve.frequency[even], curve.peak[even])
     coarse_fit, coarse_half = (fit, half) if math.isnan(fit.ratio) else (fit_one_pole(*grid), half_power(*grid))
     return {
         "peak_frequency": curve.peak_frequency,
         "peak_amplitude": curve.peak_amplitude,
+        "peak_too_low_at_most": resolution.largest_miss if resolution else math.nan,
+        "resolved": resolution.resolved if resolution else None,
         "damping_fit": fit.ratio,
         "damping_fit_interval": fit.interval,
         "damping_fit_frequency": fit.frequency,
@@ -125,9 +144,23 @@ def _curve_summary(curve: FrequencyResponse, coarse: NDArray[np.float64]) -> dic
         "cycles": curve.cycles,
         "largest_energy_residual": float(np.nanmax(curve.energy_residual)),
         "steadiness": {str(k): int(n) for k, n in zip(*np.unique(curve.steadiness, return_counts=True), strict=True)},
-        "warnings": [*curve.warnings, *_estimate_warnings(fit, half)],
+        "warnings": _curve_warnings(curve, fit, half, prepared),
         "coarse_warnings": _estimate_warnings(coarse_fit, coarse_half),
     }
+
+
+def _curve_warnings(
+    curve: FrequencyResponse, fit: DampingEstimate, half: DampingEstimate, prepared: PreparedStudy
+) -> list[str]:
+    """Warnings of a curve and its damping: that the grid is too coarse once, with the key that makes it finer."""
+    texts = list(dict.fromkeys([*curve.warnings, *_estimate_warnings(fit, half)]))
+    coarse = [text for text in texts if UNRESOLVED in text]
+    plan, resolution = prepared.study.sweep, _resolution(curve, fit)
+    if coarse and resolution is not None and plan is not None:
+        key = finer_grid_words(plan, prepared.bare, resolution)
+        texts = [text for text in texts if text not in coarse]
+        texts.append(f"{coarse[0]} ({key}); the amplitude ratio and the damping by half-power are as inexact")
+    return texts
 
 
 def _estimate_warnings(fit: DampingEstimate, half: DampingEstimate) -> list[str]:
@@ -166,10 +199,10 @@ def summary_of(
             summary["further_contacts"] = {name: contacts[name] for name in others}
         warnings += _restitution_warnings(contacts)
     if sweeps is not None:
-        summary["sweep"] = {"empty": _curve_summary(sweeps.empty, sweeps.coarse)}
+        summary["sweep"] = {"empty": _curve_summary(sweeps.empty, sweeps.coarse, prepared)}
         warnings += [f"sweep without ball: {text}" for text in summary["sweep"]["empty"]["warnings"]]
         if sweeps.ball is not None:
-            summary["sweep"]["ball"] = _curve_summary(sweeps.ball, sweeps.coarse)
+            summary["sweep"]["ball"] = _curve_summary(sweeps.ball, sweeps.coarse, prepared)
             ratio = sweeps.empty.peak_amplitude / sweeps.ball.peak_amplitude
             by_ratio = amplitude_ratio_damping(
                 sweeps.empty.damping, sweeps.empty.peak_amplitude, sweeps.ball.peak_amplitude
@@ -187,13 +220,35 @@ def summary_of(
             "impacts": len(response.impacts) + response.impacts.dropped,
             "impacts_per_cycle": response.statistics.impacts_per_cycle,
             "regime": asdict(response.regime),
+            "channels": _channel_summary(response),
         }
         summary["energy_residual"] = response.energy.residual if response.energy is not None else math.nan
         summary["notes"] = list(response.notes)
     elif sweeps is not None:
         summary["energy_residual"] = float(np.nanmax((sweeps.ball or sweeps.empty).energy_residual))
-    summary["warnings"] = list(dict.fromkeys(warnings))
+    # a run repeats what is said of its study
+    known = prepared.warnings
+    repeated = {f"{part}: {text}" for part in ("history", "sweep without ball", "sweep with ball") for text in known}
+    summary["warnings"] = [text for text in dict.fromkeys(warnings) if text not in repeated]
     return summary
+
+
+def _channel_summary(response: Response) -> dict[str, Any]:
+    """Of every channel: its unit, largest absolute value and rms over the last third, the largest of the whole run.
+
+    These are of the samples that the history keeps; the tip's peak between samples is the history's own.
+    """
+    steady = response.time >= response.window[0]
+    found = {}
+    for name, unit in response.units.items():
+        size = np.abs(response[name])
+        found[name] = {
+            "unit": unit,
+            "largest": float(np.max(size[steady])),
+            "rms": float(np.sqrt(np.mean(size[steady] ** 2))),
+            "largest_of_run": float(np.max(size)),
+        }
+    return found
 
 
 def contacts_of(summary: Mapping[str, Any]) -> dict[str, Any]:
@@ -220,6 +275,7 @@ def _contact_summary(pair: ContactPair, method: Method, response: Response | Non
         "effective_mass": pair.effective_mass,
         "total_clearance": sum(pair.gaps),
         "achieved_restitution": achieved,
+        "achieved_by": "law" if stepped is None else "step",
     }
     if response is not None and statistics is not None:
         mine = response.impacts.impactor == pair.name

@@ -10,6 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import DivergenceError, checked, quantity, require_type, truth
+from femimpact.excitation import Sine
+from femimpact.excitation.remarks import motion_warnings
+from femimpact.identification import peak_resolution, resolution_warnings
 from femimpact.integrators.answers import SineDwellResults, SineDwells
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.threads import Progress, check_progress, workers_of
@@ -19,7 +22,7 @@ from femimpact.structure.damping import realised_damping_ratio
 from femimpact.structure.structure import Position
 from femimpact.sweep.curve import IMPACT_NAMES, SWEEP_UNITS, FrequencyResponse
 from femimpact.sweep.dwells import dwells_of
-from femimpact.system.modes import first_elastic_frequency
+from femimpact.system.modes import first_elastic_frequency, first_resonance
 from femimpact.system.state import State
 from femimpact.system.system import System
 
@@ -76,7 +79,8 @@ def frequency_sweep(
     Returns
     -------
     FrequencyResponse
-        A frequency that diverged is a row of not-a-numbers, "failed", with a warning.
+        A frequency that diverged is a row of not-a-numbers, "failed", with a warning. Without contacts there is a
+        warning too where the frequencies are too far apart for the peak of the first mode.
 
     Raises
     ------
@@ -99,6 +103,8 @@ def frequency_sweep(
     found = method.run_dwells(system, dwells, state, observed, ledger, workers, progress)
     columns, warnings = _columns(found, dwells.frequency, ledger)
     warnings += _steadiness_warnings(dwells.frequency, columns["steadiness"]) + _dwell_warnings(system, dwells)
+    warnings += _grid_warnings(system, dwells.frequency)
+    warnings += motion_warnings(Sine(amplitude, float(dwells.frequency[0])), system.length)
     return FrequencyResponse(
         frequency=_read_only(dwells.frequency),
         **{name: _read_only(column) for name, column in columns.items()},
@@ -176,6 +182,17 @@ def _dwell_warnings(system: System, dwells: SineDwells) -> list[str]:
         f"(damping ratio {ratio:.3g}) is left there: peaks and damping near {first:.4g} Hz need a "
         "longer dwell"
     ]
+
+
+def _grid_warnings(system: System, f: Array) -> list[str]:
+    """Where the grid is too coarse for the first resonance of a structure without contacts, whose width is known."""
+    if system.contacts or np.unique(f).size < 2:
+        return []
+    near, ratio = first_resonance(system)
+    width = 2.0 * ratio * near
+    if not f.min() < near < f.max() or width == 0.0:
+        return []
+    return list(resolution_warnings(peak_resolution(np.unique(f), near, width)))
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:

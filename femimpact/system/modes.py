@@ -20,7 +20,15 @@ from femimpact.table import Head, frame_of, head_of_columns, short_repr
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["Modes", "first_elastic_frequency", "first_mode_at", "flexibility", "solve_modes", "solve_stiffness"]
+__all__ = [
+    "Modes",
+    "first_elastic_frequency",
+    "first_mode_at",
+    "first_resonance",
+    "flexibility",
+    "solve_modes",
+    "solve_stiffness",
+]
 
 Array = NDArray[np.float64]
 
@@ -183,6 +191,12 @@ def first_elastic_frequency(system: System) -> float:
     if system.first_frequency > 0.0 or rigid_count in (0, system.dofs):
         return system.first_frequency
     return float(solve_modes(system, rigid_count + 1).natural_frequency[rigid_count])
+
+
+def first_resonance(system: System) -> tuple[float, float]:
+    """Natural frequency (Hz) and damping ratio (1) of the lowest mode that is no rigid motion, or of the last one."""
+    modes = solve_modes(system, min(rigid_motions(system).shape[1] + 1, system.dofs))
+    return float(modes.natural_frequency[-1]), float(modes.damping_ratio[-1])
 
 
 def first_mode_at(system: System, modes: Modes, row: Array) -> float:

@@ -269,6 +269,11 @@ class System:
         return "tip" if "tip" in self.points or not self.directions else next(iter(self.directions))
 
     @property
+    def length(self) -> float:
+        """From the first node to the last, m; 0 without nodes."""
+        return float(self.nodes[-1] - self.nodes[0]) if self.nodes.size else 0.0
+
+    @property
     def dofs(self) -> int:
         """Number of degrees of freedom of the structure."""
         return int(self.base_load.size)

@@ -72,7 +72,8 @@ def response_curve(
             axis.plot(curve.frequency, 1e3 * curve.rms, color=colour, linestyle=":", label=f"{prefix}rms")
         if coarse is not None:
             seen = on_grid(curve.frequency, coarse)
-            axis.plot(curve.frequency[seen], 1e3 * curve.peak[seen], "o", color=colour, markersize=4.5)
+            rings: Any = {"markersize": 7.0, "markerfacecolor": "none", "markeredgewidth": 1.2}
+            axis.plot(curve.frequency[seen], 1e3 * curve.peak[seen], "o", color=colour, **rings)
     for marker, mark in zip("*PX", published, strict=False):
         _mark(axis, marker, *mark)
     first = next(iter(named.values()))
@@ -80,7 +81,7 @@ def response_curve(
         peak = (first.peak_frequency, 1e3 * first.peak_amplitude)
         axis.annotate(f"{peak[1]:.3g} mm at {peak[0]:.4g} Hz", peak, xytext=(8, -2), textcoords="offset points",
                       color=COLOURS[0])  # fmt: skip
-    note = "" if coarse is None else f"\ndots: the {len(np.asarray(coarse))} points of the coarse grid"
+    note = "" if coarse is None else f"\nrings: the {len(np.asarray(coarse))} points of the even grid"
     axis.set_title((title or f"base amplitude {1e3 * first.amplitude:.4g} mm") + note, loc="left")
     axis.set_xlabel("base frequency (Hz)")
     place = first.at if isinstance(first.at, str) else f"{1e3 * first.at:.4g} mm from the root,"

@@ -17,6 +17,7 @@ from femimpact.export.figures.look import (
     PURPLE,
     WALLS,
     OffScreen,
+    last_cycles,
     panel,
     panels,
     prefixed,
@@ -256,7 +257,7 @@ def _last_cycles(axis: Any, response: Response, names: list[str], cycles: int) -
     axis.set_ylabel("force on the beam (N)")
     axis.set_xlabel("time (s)")
     law = response.statistics.law
-    axis.set_title(f"last {cycles} cycles at {response.base.frequency:.4g} Hz, law: {law}", loc="left")
+    axis.set_title(f"{last_cycles(response.base, cycles)}, law: {law}", loc="left")
     if len(names) > 1:
         axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1)
 

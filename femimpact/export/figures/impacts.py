@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.export.figures.look import GREY, WALLS, OffScreen, panel, panels, scaled
+from femimpact.export.figures.look import GREY, WALLS, OffScreen, base_words, panel, panels, scaled
 from femimpact.response.response import Response
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def impact_histograms(response: Response, figure: FigureBase | OffScreen | None 
     axes[2].legend(loc="upper right", frameon=False)
     count = int(np.count_nonzero(inside))
     axes[0].figure.suptitle(
-        f"{count} impacts from {start:.4g} to {end:.4g} s, base at {response.base.frequency:.4g} Hz",
+        f"{count} impacts from {start:.4g} to {end:.4g} s, {base_words(response.base)}",
         x=0.01, ha="left", fontsize=11.0,
     )  # fmt: skip
     return axes
@@ -98,6 +98,6 @@ def impulse_phase(response: Response, ax: Axes | OffScreen | None = None) -> Axe
     axis.set_xlabel("phase of the base (degrees)" if has_phase else "time (s)")
     axis.set_ylabel(f"impulse ({unit})")
     label = response.regime.label.replace(": ", ":\n", 1)
-    axis.set_title(f"{response.base.frequency:.4g} Hz, {start:.4g} to {end:.4g} s: {label}", loc="left")
+    axis.set_title(f"{base_words(response.base)}, {start:.4g} to {end:.4g} s: {label}", loc="left")
     axis.legend(loc="upper right", ncols=2, frameon=False)
     return axis

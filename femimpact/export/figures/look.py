@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import Fault, InputError, require, require_type, suggestion
+from femimpact.excitation import Excitation
 from femimpact.export.files import atomic_path
 from femimpact.response.response import Response
 
@@ -19,7 +21,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BLUE", "COLOURS", "GREEN", "GREY", "ORANGE", "PURPLE", "SKY", "STYLE", "WALLS", "OffScreen", "ball_of",
-    "beam_at", "panel", "panels", "place_of", "plain_log_ticks", "prefixed", "require_history", "save_figure", "scaled",
+    "base_words", "beam_at", "last_cycles", "panel", "panels", "place_of", "plain_log_ticks", "prefixed",
+    "require_history", "save_figure", "scaled",
 ]  # fmt: skip
 
 BLUE, ORANGE, GREEN, PURPLE, SKY, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#666666"
@@ -48,6 +51,21 @@ PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))
 @dataclass(frozen=True)
 class OffScreen:
     """In the place of axes or of a figure: a new figure that no window and no notebook shows, for a file."""
+
+
+# ---- what drives it -------------------------------------------------------------------------------
+
+
+def last_cycles(base: Excitation, cycles: float) -> str:
+    """Words for the last base cycles of a run, or for their time under a record, which has no phase and no cycles."""
+    if math.isnan(base.phase):
+        return f"last {cycles / base.frequency:.3g} s"
+    return f"last {cycles:g} cycles at {base.frequency:.4g} Hz"
+
+
+def base_words(base: Excitation) -> str:
+    """Words for the motion of the base."""
+    return "base: a record" if math.isnan(base.phase) else f"base at {base.frequency:.4g} Hz"
 
 
 # ---- where a figure is drawn ----------------------------------------------------------------------

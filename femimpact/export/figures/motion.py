@@ -9,7 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import checked, quantity
-from femimpact.export.figures.look import BLUE, ORANGE, OffScreen, beam_at, panels, place_of, prefixed, require_history
+from femimpact.export.figures.look import (
+    BLUE,
+    ORANGE,
+    OffScreen,
+    beam_at,
+    last_cycles,
+    panels,
+    place_of,
+    prefixed,
+    require_history,
+)
 from femimpact.response.response import Response
 
 if TYPE_CHECKING:
@@ -65,7 +75,7 @@ def motion(
         pair_of_axes[1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1)
         if i == len(rows) - 1:
             pair_of_axes[0].set_xlabel("time (s)")
-            pair_of_axes[1].set_xlabel(f"time (s), last {shown:g} cycles at {response.base.frequency:.4g} Hz")
+            pair_of_axes[1].set_xlabel(f"time (s), {last_cycles(response.base, shown)}")
     return axes
 
 

@@ -16,6 +16,7 @@ from femimpact.export.figures.look import (
     OffScreen,
     ball_of,
     beam_at,
+    last_cycles,
     panel,
     place_of,
     require_history,
@@ -90,7 +91,7 @@ def phase_portrait(
         label = f"once per cycle, base at {math.degrees(section.phase):.4g} degrees"
         axis.plot(*points, "o", color=ORANGE, markersize=4.5, linestyle="none", label=label)
         axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1)
-    shown = f"last {cycles} cycles at {response.base.frequency:.4g} Hz"
+    shown = last_cycles(response.base, cycles)
     if pair is None:
         title, to = f"{names[0]}, {shown}", "the base"
     else:

@@ -1,0 +1,45 @@
+"""Make the picture of README from the results of the demo: `python docs/make_overview.py femimpact-demo`.
+
+A frame of the movie above the response curve, as wide as the frame.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import imageio_ffmpeg
+from PIL import Image
+
+SHARE = 0.37
+"""Of the movie before its frame: the ball is between its walls."""
+
+
+def frame_of(movie: Path) -> Image.Image:
+    """One frame of a movie."""
+    count = imageio_ffmpeg.count_frames_and_secs(str(movie))[0]
+    frames = imageio_ffmpeg.read_frames(str(movie))
+    size = next(frames)["size"]
+    for number, data in enumerate(frames):
+        if number >= SHARE * count:
+            return Image.frombytes("RGB", size, data)
+    raise ValueError(f"{movie}: no frame")
+
+
+def main(results: Path) -> Path:
+    """Write the picture beside this file; its path."""
+    target = Path(__file__).with_name("overview.png")
+    above = frame_of(results / "deflection.mp4")
+    with Image.open(results / "response.png") as picture:
+        size = (above.width, round(picture.height * above.width / picture.width))
+        below = picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+    whole = Image.new("RGB", (above.width, above.height + below.height), "white")
+    whole.paste(above, (0, 0))
+    whole.paste(below, (0, above.height))
+    # a few hundred colours are enough for a drawing
+    whole.quantize(256, dither=Image.Dither.NONE).save(target, optimize=True)
+    return target
+
+
+if __name__ == "__main__":
+    print(main(Path(sys.argv[1])))
