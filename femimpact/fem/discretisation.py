@@ -189,11 +189,12 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
         mesh = uniform_mesh(structure, elements)  # type: ignore[arg-type]
     _check_length(structure.beam, mesh)
     _check_names(structure, mesh)
+    # what is refused, before what is warned of
+    free = np.setdiff1d(np.arange(2 * mesh.nodes.size), _held_dofs(structure, mesh))
     sections = _sections(structure.beam, mesh)
     # the product of two cubics, and rho A of degree 2 where width and thickness taper
     degree = 8 if sections.is_tapered.any() else 6
     basis = Basis(MeshLine(mesh.nodes), ElementLineHermiteReference(), intorder=degree)
-    free = np.setdiff1d(np.arange(2 * mesh.nodes.size), _held_dofs(structure, mesh))
     return Discretisation(structure, mesh, basis, free, sections)
 
 
