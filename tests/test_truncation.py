@@ -66,7 +66,7 @@ def test_without_a_body_at_the_contact_the_loss_goes_to_the_structure():
     bare = fi.mode_convergence(full, fi.Sine(0.2e-3, full.first_frequency), fi.EventDriven(), 2.0, [1, 4, 12])
     assert bare.first_loss[-1, 0] < 0.5 * bare.first_loss[0, 0]
     assert bare.displacement_error[-1, 0] < 1e-2
-    assert any("where no body sits" in note for note in bare.notes)
+    assert any("at a rigid contact without a body" in note for note in bare.notes)
 
 
 def test_a_compliant_contact_has_its_peak_force_in_a_column_and_in_a_note():
