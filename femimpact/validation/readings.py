@@ -130,7 +130,7 @@ def scan_without_touch() -> Case:
     """A scan whose ball touches nothing, beside a sweep at three times the amplitude."""
     first, second = (beam_frequency(root) for root in ROOTS[:2])
     damping = Rayleigh(ratio=0.05, frequencies=(first, second))
-    ball = Impactor("ball", "tip", 1e-3, 1.0, Rigid(0.5))
+    ball = Impactor("ball", "tip", 1e-3, 0.1, Rigid(0.5))
     structure = Structure(uniform_beam(), impactors=(ball,), damping=damping)
     frequencies = first * np.linspace(0.9, 1.1, 9)
     bare = without_impactors(reduce(assemble(structure, 4), 1))
