@@ -53,7 +53,7 @@ def test_columns_go_by_number_and_by_name(tmp_path):
 def test_rounded_times_have_the_interval_of_the_whole_record(tmp_path):
     time = np.arange(2049) / 2048.0
     path = tmp_path / "a.csv"
-    path.write_text("\n".join(f"{t:.4f},0.0" for t in time), encoding="utf-8")
+    path.write_text("\n".join(f"{t:.4f},0.5" for t in time), encoding="utf-8")
     # 4 decimals of 4.9e-4 s: steps look like 4e-4 and 5e-4 s
     assert fi.RecordedBase.from_csv(path).interval == pytest.approx(1 / 2048, rel=1e-4)
 
@@ -173,3 +173,10 @@ def test_figures_of_a_run_on_a_record_name_seconds_and_no_cycles(small, record):
     sine = fi.integrate(small, fi.Sine(1e-4, 5.0), fi.EventDriven(), 2.0)
     axes = fi.figures.motion(sine, cycles=4, figure=matplotlib.figure.Figure())
     assert axes[0, 1].get_xlabel() == "time (s), last 4 cycles at 5 Hz"
+
+
+def test_a_column_of_zeros_is_no_record(tmp_path, record):
+    time, _, _ = record
+    path = written(tmp_path / "a.csv", time, 0.0 * time)
+    with pytest.raises(fi.InputError, match="the second holds zeros only"):
+        fi.RecordedBase.from_csv(path)

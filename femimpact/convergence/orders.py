@@ -106,9 +106,9 @@ def fitted_order(size: Row, error: Row, floor: float) -> float:
 def number_for(number: Row, error: Row, order: float, accuracy: float, floor: float) -> float:
     """Number (of elements, steps, modes) from which on the error is at most an accuracy.
 
-    Between the last row that misses it and the next one the error is taken to fall with the order, and behind the
-    last row too; without an order (not a number) it is the number of a row. Not a number where the accuracy is below
-    the floor, or no row meets it and there is no order.
+    Between the last row that misses it and the next one the error is taken to fall with the order, or as from one to
+    the other where that is slower, and behind the last row with the order; without an order (not a number) it is the
+    number of a row. Not a number where the accuracy is below the floor, or no row meets it and there is no order.
     """
     known = np.flatnonzero(np.isfinite(error))
     missing = known[error[known] > accuracy]
@@ -119,6 +119,9 @@ def number_for(number: Row, error: Row, order: float, accuracy: float, floor: fl
     last = missing[-1]
     after = known[known > last]
     met = float(number[after[0]]) if after.size else math.inf
+    if after.size and error[after[0]] > 0.0 and met > number[last]:
+        between = math.log(error[last] / error[after[0]]) / math.log(met / float(number[last]))
+        order = min(order, between) if order > 0.0 else order
     found = math.ceil(float(number[last]) * (error[last] / accuracy) ** (1.0 / order)) if order > 0.0 else math.inf
     best = min(met, float(found))
     return best if math.isfinite(best) else math.nan

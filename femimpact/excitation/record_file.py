@@ -37,7 +37,7 @@ def read_record(
     ------
     InputError
         If an argument is out of range, or the file cannot be read, lacks a column, holds what is not a finite number
-        or fewer than two samples, or its times are not evenly spaced.
+        or fewer than two samples, its times are not evenly spaced, or all its accelerations are zero.
     """
     require(isinstance(path, (str, Path)), "path", path, "", "must be the path of a text file")
     scale = checked("scale", scale, quantity("1"))
@@ -48,6 +48,9 @@ def read_record(
     rows = list(_rows(Path(path), tuple(columns)))
     require(len(rows) >= 2, "path", str(path), "", "must hold 2 or more rows of numbers")
     time, values = np.array(rows).T
+    require(
+        bool(values.any()), "columns", tuple(columns), "", "must be time and acceleration: the second holds zeros only"
+    )
     samples = scale * values
     if detrend != "none":
         from scipy import signal

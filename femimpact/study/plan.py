@@ -33,7 +33,8 @@ def plan_lines(study: Study) -> list[str]:
     lines = [
         f"dofs: {full.dofs} of the mesh ({full.nodes.size - 1} elements), {small.dofs} integrated ({kind}), "
         f"{len(small.balls)} ball(s), {len(small.contacts) - len(small.balls)} stop(s)",
-        f"first natural frequency: {first_elastic_frequency(small):.6g} Hz without ball{_rigid(small)}",
+        f"first natural frequency: {first_elastic_frequency(small):.6g} Hz"
+        f"{' without ball' if small.balls else ''}{_rigid(small)}",
         f"contact time: {contact_time:.4g} s" if np.isfinite(contact_time) else "contact time: no contact",
     ]
     if study.structure.gravity:
@@ -43,7 +44,7 @@ def plan_lines(study: Study) -> list[str]:
         preload = f", preloaded by {-1e3 * min(pair.gaps):.4g} mm" if pair.is_preloaded else ""
         lines.append(
             f"contact of {pair.name}: {pair.law.name}, {_numbers(pair)}restitution {pair.parameters.restitution:.4g}, "
-            f"effective mass {1e3 * pair.effective_mass:.4g} g, total clearance {1e3 * sum(pair.gaps):.4g} mm"
+            f"effective mass {1e3 * pair.effective_mass:.4g} g, {_clearance(pair.gaps)}"
             f"{preload}{fixed}"
         )
     origin = "given" if "dt" in study.method else "recommended"
@@ -70,6 +71,12 @@ def plan_lines(study: Study) -> list[str]:
     lines.append("besides: some 200 MB for the libraries; the first run on a machine compiles for 15 to 60 s")
     lines += [f"note: {text}" for text in method.notes(small)]
     return lines + [f"warning: {text}" for text in prepared.warnings]
+
+
+def _clearance(gaps: tuple[float, float]) -> str:
+    if np.isfinite(sum(gaps)):
+        return f"total clearance {1e3 * sum(gaps):.4g} mm"
+    return f"wall on the {'+' if np.isfinite(gaps[0]) else '-'} side alone, gap {1e3 * min(gaps):.4g} mm"
 
 
 def _rigid(small: System) -> str:
