@@ -158,7 +158,7 @@ class FrequencyResponse:
         span = f" at {self.frequency.min():.5g} to {self.frequency.max():.5g} Hz" if size else ""
         found = bool(np.any(np.isfinite(self.peak)))
         highest = f", peak {self.peak_amplitude:.5g} m at {self.peak_frequency:.5g} Hz" if found else ""
-        title = f"FrequencyResponse: {size}{span}{highest}, {len(self.warnings)} in .warnings"
+        title = f"FrequencyResponse: {size}{span}{highest}, {len(self.warnings)} warnings"
         return head_of_columns(title, *flat_columns(self))
 
     @cached_property

@@ -54,6 +54,8 @@ times = list(reader.TimestepValues)
 if len(sys.argv) > 2 and sys.argv[1].endswith(".png"):
     START = float(sys.argv[2])
 start = min(times, key=lambda t: abs(t - START))
+if not times[0] <= START <= times[-1]:
+    print("%g is outside %g to %g: %g is shown" % (START, times[0], times[-1], start), file=sys.stderr)
 
 
 def part(number, name, source):
