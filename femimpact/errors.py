@@ -26,6 +26,7 @@ __all__ = [
     "choice",
     "column",
     "field_faults",
+    "having",
     "in_range",
     "instance",
     "items",
@@ -184,6 +185,14 @@ def instance(*kinds: Any) -> dict[str, Any]:
     return {"unit": "", "allowed": f"must be a {names}", "take": functools.partial(_instance, kinds=kinds)}
 
 
+def having(what: str, names: tuple[str, ...]) -> dict[str, Any]:
+    """Metadata of a dataclass field that holds any object with some members, however it comes by them.
+
+    `isinstance` of a protocol does not find those that `__getattr__` gives, from Python 3.12 on.
+    """
+    return {"unit": "", "allowed": f"must be {what}", "take": functools.partial(_having, names=names)}
+
+
 def items(*kinds: Any) -> dict[str, Any]:
     """Metadata of a dataclass field that holds a tuple of values of some kinds; a list becomes one."""
     names = " or ".join(kind.__name__ for kind in kinds)
@@ -263,6 +272,12 @@ def _instance(value: Any, kinds: tuple[Any, ...], among: tuple[str, ...] | None 
         raise _Refused
     # numpy's own text is one, but of another type
     return str(value) if isinstance(value, str) and type(value) is not str else value
+
+
+def _having(value: Any, names: tuple[str, ...]) -> Any:
+    if isinstance(value, type) or not all(hasattr(value, name) for name in names):
+        raise _Refused
+    return value
 
 
 def _items(value: Any, kinds: tuple[Any, ...]) -> tuple[Any, ...]:

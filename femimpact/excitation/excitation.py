@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import real_array, require
 
-__all__ = ["BrokenLine", "Excitation", "Harmonic", "require_excitation", "times"]
+__all__ = ["MEMBERS", "BrokenLine", "Excitation", "Harmonic", "require_excitation", "times"]
 
 Array = NDArray[np.float64]
 
@@ -108,6 +108,7 @@ class BrokenLine:
 
 
 MEMBERS = ("frequency", "phase", "amplitude", "displacement", "velocity", "acceleration")
+"""What every excitation has."""
 
 
 def require_excitation(value: object, key: str = "excitation") -> None:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import check_fields, checked, column, instance, optional, require, require_type
+from femimpact.errors import check_fields, checked, column, having, instance, optional, require, require_type
 from femimpact.excitation import Excitation
+from femimpact.excitation.excitation import MEMBERS
 from femimpact.response.energy import EnergyLedger
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ class HistoryPiece:
     units: Mapping[str, str]
     energy: EnergyLedger | None = field(metadata=optional(instance(EnergyLedger)))
     snapshots: Snapshots | None = field(metadata=optional(instance(Snapshots)))
-    base: Excitation = field(metadata=instance(Excitation))
+    base: Excitation = field(metadata=having("an excitation", MEMBERS))
 
     def __post_init__(self) -> None:
         check_fields(self)

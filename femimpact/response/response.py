@@ -14,6 +14,7 @@ from femimpact.errors import (
     Fault,
     check_fields,
     column,
+    having,
     in_range,
     instance,
     optional,
@@ -25,6 +26,7 @@ from femimpact.errors import (
     truth,
 )
 from femimpact.excitation import Excitation
+from femimpact.excitation.excitation import MEMBERS
 from femimpact.response.channels import Channel, Motion, channel_of
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.history import HistoryPiece, Snapshots, check_histories, history_dataset
@@ -224,7 +226,7 @@ class Response:
     steady: SteadyMotion = field(metadata=instance(SteadyMotion))
     energy: EnergyLedger | None = field(metadata=optional(instance(EnergyLedger)))
     snapshots: Snapshots | None = field(metadata=optional(instance(Snapshots)))
-    base: Excitation = field(metadata=instance(Excitation))
+    base: Excitation = field(metadata=having("an excitation", MEMBERS))
     system: System = field(metadata=instance(ShownSystem))
     warnings: tuple[str, ...] = field(default=(), metadata=text(several=True))
     notes: tuple[str, ...] = field(default=(), metadata=text(several=True))

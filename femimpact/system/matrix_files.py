@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,10 @@ def read_matrix(path: str | Path, name: str | None = None) -> Matrix:
     require(known, "path", str(path), "", f"must end with {', '.join(SUFFIXES)}")
     require(path.is_file(), "path", str(path), "", "must be an existing file")
     try:
-        found = _arrays(path, name) if path.suffix == ".npz" else scipy.io.mmread(path)
+        with warnings.catch_warnings():
+            # newer versions of the reader speak of a default that is to change, older ones have no such argument
+            warnings.simplefilter("ignore", DeprecationWarning)
+            found = _arrays(path, name) if path.suffix == ".npz" else scipy.io.mmread(path)
     except InputError:
         raise
     except Exception as error:  # readers of damaged files raise errors of any kind
