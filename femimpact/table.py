@@ -137,7 +137,7 @@ class Head(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Lines of at most 80 characters; the last ones name the columns that do not fit."""
+        """Lines of at most 80 characters; the last one names the columns that do not fit."""
         # a number stands under the end of its column's name, a value behind its own name
         justify = str.rjust if self.headings else str.ljust
         columns = list(zip(*self.rows, strict=True))
@@ -150,12 +150,8 @@ class Head(NamedTuple):
             for row in self.rows
         ]
         left_out = ", ".join(column[0] for column in columns[fitting:])
-        more = textwrap.wrap(f"also: {left_out}", WIDTH, subsequent_indent=" " * len("also: ")) if left_out else []
-        lines = [_cut(line) for line in (self.title, *rows)]
-        room = max(LINES - len(lines), 1)
-        if len(more) > room:
-            more[room - 1 :] = [f"{more[room - 1][: WIDTH - 4]} ..."]
-        return "\n".join(lines + more)
+        also = [textwrap.shorten(f"also: {left_out}", WIDTH, placeholder=" ...")] if left_out else []
+        return "\n".join([*map(_cut, (self.title, *rows)), *also])
 
     @property
     def html(self) -> str:

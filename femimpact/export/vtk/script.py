@@ -145,9 +145,9 @@ class Space:
         """Make it hold these points (n, 3) too."""
         self.low, self.high = np.minimum(self.low, points.min(axis=0)), np.maximum(self.high, points.max(axis=0))
 
-    def bounds(self, room: float = 0.0) -> tuple[float, ...]:
-        """Lower and upper bound of x, y and z in turn, as VTK has them, with room (m) on both sides along y."""
-        more = np.array([0.0, room, 0.0])
+    def bounds(self, margin: float = 0.0) -> tuple[float, ...]:
+        """Lower and upper bound of x, y and z in turn, as VTK has them, with margin (m) on both sides along y."""
+        more = np.array([0.0, margin, 0.0])
         ends = zip(self.low - more, self.high + more, strict=True)
         return tuple(float(f"{value:.6g}") for pair in ends for value in pair)
 
@@ -187,8 +187,8 @@ def write_script(path: Path, view: View, watch: Watch, names: Sequence[str] = ()
     """
     size = float(watch.whole.high[0] - watch.whole.low[0])
     first, why = _first(watch)
-    room = max(share for _, _, share, _ in ARROWS.values()) * size
-    close = {name: watch.contacts[pair].bounds(room) for pair, name in enumerate(names)}
+    margin = max(share for _, _, share, _ in ARROWS.values()) * size
+    close = {name: watch.contacts[pair].bounds(margin) for pair, name in enumerate(names)}
     lines = {
         "TITLE": view.title,
         "STEM": script_path(path).name,
