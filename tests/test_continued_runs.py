@@ -318,14 +318,33 @@ def test_the_recorder_keeps_from_an_absolute_time_on(modal):
 
 
 @pytest.mark.parametrize("sink", [None, lambda piece: None])
-def test_a_state_kept_within_a_run_goes_on_with_the_bits_of_the_run(modal, sink):
-    first = fi.integrate(modal, SINE, NEWMARK, 0.2)
-    record = replace(recorder(modal), state_at=0.70001, sink=sink, piece_samples=900)
-    whole = fi.integrate(modal, SINE, NEWMARK, 0.8, record, first.final_state)
-    assert whole.kept_state.time == pytest.approx(0.7, abs=1e-12)
-    end = fi.integrate(modal, SINE, NEWMARK, 0.3, recorder(modal), whole.kept_state).final_state
+@pytest.mark.parametrize(("method", "time"), [(NEWMARK, 0.7), (EXACT, 0.2 + 2 / 5.2)], ids=repr)
+def test_a_state_kept_within_a_run_goes_on_with_the_bits_of_the_run(modal, method, time, sink):
+    first = fi.integrate(modal, SINE, method, 0.2)
+    # event-driven at the end of a base cycle, with a grid of readings that goes on
+    start = first.final_state.time
+    time = start + (time - 0.2)
+    record = replace(recorder(modal), state_at=time + 1e-5, sink=sink, piece_samples=900)
+    whole = fi.integrate(modal, SINE, method, 0.8, record, first.final_state)
+    assert whole.kept_state.time == pytest.approx(time, abs=1e-12)
+    left = whole.final_state.time - time
+    end = fi.integrate(modal, SINE, method, left, replace(recorder(modal), sink=sink), whole.kept_state).final_state
+    assert_same_state(end, whole.final_state)
+
+
+def assert_same_state(one, other):
     for name in ("time", "displacement", "velocity", "ball_displacement", "ball_velocity"):
-        np.testing.assert_array_equal(getattr(end, name), getattr(whole.final_state, name))
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+def test_a_run_read_more_often_from_a_kept_state_on_is_the_same_motion(several):
+    record = replace(recorder(several), state_at=1.0)
+    whole = fi.integrate(several, RECORD, EXACT, 1.9, record)
+    kept = whole.kept_state
+    often = replace(EXACT, samples_per_cycle=4 * EXACT.samples_per_cycle)
+    rest = fi.integrate(several, RECORD, often, whole.final_state.time - kept.time, recorder(several), kept)
+    assert_same_state(rest.final_state, whole.final_state)
+    np.testing.assert_array_equal(rest.time[::4], whole.time[-rest.time[::4].size :])
 
 
 @pytest.mark.parametrize("time", [None, 0.0, 0.2, 1.5])

@@ -204,8 +204,8 @@ def test_memory_does_not_grow_with_the_length_of_a_run(small):
     short, long = _peak(small, 4.0), _peak(small, 40.0)
     cycles = 36.0 * BASE.frequency
     # statistics of base cycles: 13 numbers of 8 bytes each, doubled for what is read from them; the whole
-    # history would be 360,000 samples of 18 numbers, 52 MB
-    assert long - short < 2 * 13 * 8 * cycles + 20_000
+    # history would be 360,000 samples of 18 numbers, 52 MB; the rest is what Python has not collected yet
+    assert long - short < 2 * 13 * 8 * cycles + 100_000
 
 
 def test_the_memory_limit_counts_one_piece(small):

@@ -70,7 +70,8 @@ class Recorder:
     snapshots_start : float, s
         First time of a snapshot, to the nearest sample.
     state_at : float, s, optional
-        Keep the state at this time too, to the nearest step, as `Response.kept_state`.
+        Keep the state at this time too as `Response.kept_state`: to the nearest step, or, event-driven, at the end of
+        the base cycle before it.
     impacts : int
         Most impacts kept in the table; later ones are counted only.
     ledger : bool
@@ -207,8 +208,8 @@ class Response:
     final_state : State or None
         At the end of the run, relative to the base; as `initial` of the next run, that goes on from there.
     kept_state : State or None
-        The same at `Recorder.state_at`, of a method with steps: a run from there has the bits of this one. None
-        without one, where that time is not within the run, and of the event-driven method.
+        The same at `Recorder.state_at`: a run from there has the bits of this one. None
+        without one, and where that time is not within the run.
 
     Raises
     ------

@@ -96,20 +96,17 @@ def last_cycles(prepared: PreparedStudy, response: Response) -> Response:
     that it kept there. A method that keeps none makes the run once more.
     """
     study, method, record = prepared.study, prepared.method, prepared.record
-    start = last_cycles_start(study)
+    start, grid = last_cycles_start(study), method.time_grid(study.base.frequency)
+    steps = round(study.base.duration / grid)
     finely = _read_within_contacts(method, prepared.small, study.base.frequency)
     if record.every == 1 and finely == method:
-        grid = method.time_grid(study.base.frequency)
-        first = first_steps(replace(record, start=start), round(study.base.duration / grid), grid)[0]
+        first = first_steps(replace(record, start=start), steps, grid)[0]
         channels = {name: values[first:] for name, values in response.channels.items()}
         return replace(response, time=response.time[first:], channels=channels, energy=None, snapshots=None)
-    initial, duration = study.initial, study.base.duration
-    if response.kept_state is not None:
-        initial = response.kept_state
-        grid = method.time_grid(study.base.frequency)
-        # whole steps, so that no rounding of a time adds one
-        duration = (round(duration / grid) - round(initial.time / grid)) * grid
-    record = replace(record, every=1, start=start, snapshots=0, ledger=False, state_at=None)
+    initial = response.kept_state or study.initial
+    # whole steps, so that no rounding of a time adds one
+    duration = (steps - round(initial.time / grid)) * grid
+    record = replace(record, every=1, start=start, snapshots=0, ledger=False)
     return integrate(prepared.small, study.sine, finely, duration, record, initial)
 
 

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from femimpact.errors import require
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven import loop
-from femimpact.integrators.event_driven.continued import Held, resume_contacts
+from femimpact.integrators.event_driven.continued import Held, resumed
 from femimpact.integrators.event_driven.equations import Equations
 from femimpact.integrators.event_driven.loop_data import (
+    CONTACT,
     STARTING,
     Bounds,
     Cases,
@@ -60,7 +61,7 @@ class Inputs:
     start : float, s
         When all of them begin.
     held : Held, optional
-        Contacts in progress of a case alone.
+        What an earlier run has left to a case alone.
     """
 
     drives: Sequence[Drive]
@@ -197,8 +198,11 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
         window=np.array(inputs.window, dtype=float),
         totals=np.zeros((count, 6, pairs)),
     )
-    if inputs.held is not None:
-        resume_contacts(inputs.held, cases)
+    if inputs.held is None:
+        return cases
+    cases = resumed(inputs.held, cases)
+    # the arrays of all forms are then as large as a motion in this one
+    _add_form(0, cases, store)
     return cases
 
 
@@ -272,8 +276,13 @@ def run_block(
             require(False, "frequency", frequency, "Hz", allowed)
         members = members[block.stopped[members] == loop.FORM_WANTED]
         for c in members:
-            key = sum(1 << j for j in np.flatnonzero(np.abs(block.cases.state[c]) == 1.0).tolist())
-            block.cases.form[c, 0] = store.form(key, block.cases.stiffness[c], block.cases.damping[c])
+            _add_form(c, block.cases, store)
+
+
+def _add_form(c: int, cases: Cases, store: FormStore) -> None:
+    """See that the closed form of a case's contact states is among those for its contact parameters."""
+    key = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[c]) == CONTACT).tolist())
+    cases.form[c, 0] = store.form(key, cases.stiffness[c], cases.damping[c])
 
 
 def _fitted(cases: Cases, forms: Forms) -> Cases:

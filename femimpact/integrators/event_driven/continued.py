@@ -2,32 +2,64 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact.contact.formulas import RIGID
 from femimpact.excitation import Excitation
-from femimpact.integrators.event_driven.loop_data import BEGUN, FREE, STARTED, Cases
+from femimpact.integrators.event_driven.loop_data import BEGUN, FREE, RESUMED, STARTED, Cases, Forms
 from femimpact.system.continuation import Continuation
 from femimpact.system.state import State
 from femimpact.system.system import System
 
-__all__ = ["Held", "final_state", "held_by", "resume_contacts", "touching"]
+__all__ = ["Held", "Sampling", "final_state", "held_by", "resumed", "sampling_from", "touching"]
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+Number = TypeVar("Number", np.float64, np.complex128)
 
 KIND = "events"
 """All event-driven runs go on from one another: nothing that is held depends on the settings."""
 
 
-@dataclass(frozen=True, eq=False)
-class Held:
-    """Contacts of a case at the end of its run.
+@dataclass(frozen=True)
+class Sampling:
+    """Instants at which a run is read.
 
     Parameters
     ----------
+    origin : float, s
+        Time of sample 0.
+    interval : float, s
+    first : int
+        Sample at which the run begins.
+    """
+
+    origin: float
+    interval: float
+    first: int = 0
+
+    def time(self, number: ArrayLike) -> Array:
+        """Times (s) of samples counted from the beginning of the run."""
+        return np.asarray(self.origin + self.interval * (self.first + np.asarray(number)))
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """What a run of one case has reached.
+
+    Parameters
+    ----------
+    sampling : Sampling
+        Its own, from its end on.
+    motion : mapping of str to ndarray
+        Arrays of `loop_data.Cases` by their names, in the closed form of the contact states; none where only the
+        contacts go on.
     state : ndarray (pairs,)
         Contact states.
     touch : ndarray (6, pairs)
@@ -38,6 +70,8 @@ class Held:
         See `motion.Search`.
     """
 
+    sampling: Sampling
+    motion: Mapping[str, Array | Complex]
     state: Array
     touch: Array
     to_modes: Array
@@ -45,7 +79,7 @@ class Held:
 
 
 def held_by(initial: State, system: System, excitation: Excitation) -> Held | None:
-    """Contacts of the run that ended at an initial state, where they go on.
+    """What goes on of the run that ended at an initial state.
 
     Another acceleration of the base jumps, and with it the force of a pair that sticks: whether it still does is
     found anew.
@@ -60,26 +94,45 @@ def held_by(initial: State, system: System, excitation: Excitation) -> Held | No
     touch = held.touch.copy()
     touch[BEGUN] += initial.time - left.time
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
-    return Held(np.where(rigid, FREE, held.state), touch, held.to_modes, np.zeros_like(held.leaving))
+    state = np.where(rigid, FREE, held.state)
+    return replace(held, motion={}, state=state, touch=touch, leaving=np.zeros_like(held.leaving))
 
 
-def resume_contacts(held: Held, cases: Cases) -> None:
-    """Contacts in progress go on in a case alone."""
+def sampling_from(held: Held | None, time: float, interval: float) -> Sampling:
+    """That of the earlier run where to the last bit its instants are among the new ones, else one from a time (s)."""
+    if held is not None and held.motion:
+        before = held.sampling
+        going_on = Sampling(before.origin, interval, round(before.first * before.interval / interval))
+        if going_on.time(0) == before.time(0):
+            return going_on
+    return Sampling(time, interval)
+
+
+def resumed(held: Held, cases: Cases) -> Cases:
+    """A case alone that goes on with its contacts in progress, and with the motion where that is held."""
     cases.state[0], cases.touch[0], cases.leaving[0] = held.state, held.touch, held.leaving
     if held.to_modes.shape == cases.to_modes[0].shape:
         cases.to_modes[0] = held.to_modes
     else:
         # it was not summed before
         cases.to_modes[0, held.state != FREE] = np.nan
-    cases.entering[0] = STARTED
+    cases.entering[0] = RESUMED if held.motion else STARTED
+    motion: dict[str, Any] = {name: values[None].copy() for name, values in held.motion.items()}
+    return cases._replace(**motion)
 
 
 def final_state(
-    system: System, excitation: Excitation, cases: Cases, coordinates: Array, time: float
+    system: System, excitation: Excitation, cases: Cases, forms: Forms, coordinates: Array, sampling: Sampling
 ) -> State:  # fmt: skip
-    """Where a case alone stands at a time (s) with its coordinates (2, d), and its contacts."""
-    n = system.dofs
-    held = Held(*(_copy(getattr(cases, name)[0]) for name in ("state", "touch", "to_modes", "leaving")))
+    """Where a case alone stands at the beginning of a sampling, with its coordinates (2, d)."""
+    n, f, time = system.dofs, cases.form[0, 1], float(sampling.time(0))
+    motion = {
+        "entry": cases.entry[0, : forms.entries[f]], "rigid_body": cases.rigid_body[0, :, : forms.rigid_bodies[f]],
+        "clock": cases.clock[0], "drive": cases.drive[0],
+    }  # fmt: skip
+    contacts = (cases.state, cases.touch, cases.to_modes, cases.leaving)
+    copies = {name: _copy(values) for name, values in motion.items()}
+    held = Held(sampling, copies, *(_copy(values[0]) for values in contacts))
     places, rates = ((_copy(row[:n]), _copy(row[n:])) for row in coordinates)
     left = Continuation(KIND, held, places, rates, time, system, excitation, touching(held, system))
     return State(places[0], rates[0], places[1], rates[1], time=time, continuation=left)
@@ -91,7 +144,7 @@ def touching(held: Held | None, system: System) -> tuple[str, ...]:
     return tuple(pair.name for pair, state in zip(system.contacts, states, strict=False) if state != FREE)
 
 
-def _copy(array: Array) -> Array:
+def _copy(array: NDArray[Number]) -> NDArray[Number]:
     copy = np.array(array)
     copy.setflags(write=False)
     return copy

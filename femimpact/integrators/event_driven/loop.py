@@ -12,6 +12,7 @@ from femimpact.integrators.event_driven.loop_data import (
     ENTERED,
     ENTERING,
     FITTING,
+    RESUMED,
     STARTED,
     STARTING,
     Case,
@@ -84,11 +85,12 @@ def _enter(case: Case, job: Job, b: Ledger | None) -> int:
     cases.form[c, 1] = f
     set_walls(f, case, forms, bounds)
     form = by_address(form_of(f, case, cases, forms, bounds))
-    if b is not None and cases.entering[c] == STARTED:
+    if b is not None and cases.entering[c] >= STARTED:
         write_energy(pairs, case, motion, case.coordinates, b, b.start[c])
     for i in range(before.shape[1]):
         before[1, i] = case.coordinates[1, i]
-    enter_form(f, form.shapes, forms, case.coordinates, motion)
+    if cases.entering[c] != RESUMED:
+        enter_form(f, form.shapes, forms, case.coordinates, motion)
     if b is not None and cases.entering[c] == FITTING:
         read_coordinates(form.shapes, motion, after)
         # after it the velocities fit the walls, so that M (v - v') v is what walls that move do

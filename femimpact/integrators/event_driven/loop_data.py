@@ -16,16 +16,17 @@ from femimpact.integrators.event_driven.motion import Array, Complex, Indices, M
 
 __all__ = [
     "BEGUN", "CONTACT", "ENTERED", "ENTERING", "FITTING", "FREE", "LARGEST_FORCE", "LASTED", "LOST", "PUSHED",
-    "SEPARATING", "STARTED", "STARTING", "TOUCH_SPEED", "Bounds", "Case", "Cases", "Form", "Forms", "Grid", "Job",
-    "Ledger", "Pairs", "Products", "Shapes", "Snapshots", "Space", "Tables",
+    "RESUMED", "SEPARATING", "STARTED", "STARTING", "TOUCH_SPEED", "Bounds", "Case", "Cases", "Form", "Forms", "Grid",
+    "Job", "Ledger", "Pairs", "Products", "Shapes", "Snapshots", "Space", "Tables",
 ]  # fmt: skip
 
 FREE, CONTACT, SEPARATING = range(3)
 """Contact states of a pair; the last two times the side of the wall. A rigid pair in contact sticks."""
 
-ENTERED, ENTERING, FITTING, STARTED, STARTING = range(5)
+ENTERED, ENTERING, FITTING, STARTED, RESUMED, STARTING = range(6)
 """How a case stands to its closed form: in it; to enter it with the coordinates it has; the same with velocities that
-are made to fit its sticking pairs; as a start whose contact states are found, or are still to be found."""
+are made to fit its sticking pairs; as a start whose contact states are found; the same with the motion of an earlier
+run in that form; or as a start whose contact states are still to be found."""
 
 BEGUN, TOUCH_SPEED, PUSHED, LARGEST_FORCE, LASTED, LOST = range(6)
 """What a contact that has not ended adds up to: start (s), approach speed (m/s), impulse (N s), largest force (N),

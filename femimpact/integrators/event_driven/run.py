@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -16,7 +16,13 @@ from femimpact.integrators.channel_rows import ChannelRows, channel_rows, reacti
 from femimpact.integrators.driving import Drive, drive_of
 from femimpact.integrators.event_driven import loop_data
 from femimpact.integrators.event_driven.block import Block, Inputs, new_block, no_cycles, run_block
-from femimpact.integrators.event_driven.continued import final_state, held_by, touching
+from femimpact.integrators.event_driven.continued import (
+    Sampling,
+    final_state,
+    held_by,
+    sampling_from,
+    touching,
+)
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop import UNENDING
 from femimpact.integrators.event_driven.loop_data import BEGUN, CONTACT, FREE, PUSHED
@@ -68,7 +74,7 @@ class _Run:
     keep: _Keep
     block: Block
     initial: State
-    interval: float
+    sampling: Sampling
     samples: list[Array] = field(default_factory=list)
     energy: list[Array] = field(default_factory=list)
     fields: list[Array] = field(default_factory=list)
@@ -115,14 +121,19 @@ def run_events(
     # the start belongs to the first piece
     _read_start(run)
     done, piece = 0, _piece(recorder, method.samples_per_cycle)
+    state_at, kept_state = _sample_to_keep(run, recorder, samples), None
     while done < samples:
-        count = min(piece, samples - done)
-        _run_piece(run, done, count)
-        done += count
+        end = min(done + piece, samples)
+        if done < state_at:
+            end = min(end, state_at)
+        _run_piece(run, done, end - done)
+        done = end
         stream.hand_over()
+        if done == state_at:
+            kept_state = _state(run, done)
         if progress is not None:
             progress(done / samples)
-    return _response(run, stream, samples, begin, _read_end(run, samples))
+    return replace(_response(run, stream, samples, begin), kept_state=kept_state)
 
 
 def _new_run(
@@ -144,7 +155,7 @@ def _new_run(
     outputs = outputs_of(system, system.point_row(system.default_place), rows)
     store = FormStore(whole, rigid, outputs, broken=drive.line is not None, derived=system.derived)
     u, v, y, y_rate = initial.relative_to_base(system, excitation)
-    balls = len(system.balls)
+    balls, held = len(system.balls), held_by(initial, system, excitation)
     inputs = Inputs(
         drives=[drive],
         contacts=[system.contacts],
@@ -152,11 +163,12 @@ def _new_run(
         velocity=np.concatenate([v, y_rate[:balls]])[None],
         window=np.array([[begin, math.inf]]),
         start=initial.time,
-        held=held_by(initial, system, excitation),
+        held=held,
     )
     block = new_block(system, store, inputs, method, recorder.ledger, recorder.impacts if system.contacts else 0)
-    interval = float(block.grid.interval[0])
-    return _Run(system, excitation, method, drive, channels, rows, recorder.ledger, keep, block, initial, interval)
+    sampling = sampling_from(held, initial.time, float(block.grid.interval[0]))
+    block.grid = block.grid._replace(start=np.array([sampling.origin]))
+    return _Run(system, excitation, method, drive, channels, rows, recorder.ledger, keep, block, initial, sampling)
 
 
 def _piece(recorder: Recorder, per_cycle: int) -> int:
@@ -164,6 +176,15 @@ def _piece(recorder: Recorder, per_cycle: int) -> int:
     wanted = 0 if recorder.sink is None else recorder.piece_samples
     fitting = max(wanted * max(recorder.every, 1) // per_cycle, 1) if wanted else CYCLES_AT_ONCE
     return min(CYCLES_AT_ONCE, fitting) * per_cycle
+
+
+def _sample_to_keep(run: _Run, recorder: Recorder, samples: int) -> int:
+    """Sample after the beginning at which the state is kept, 0 for none: base cycles stay whole."""
+    if recorder.state_at is None:
+        return 0
+    per_cycle = run.method.samples_per_cycle
+    sample = math.floor(min(recorder.state_at / (per_cycle * run.sampling.interval) + 1e-9, samples)) * per_cycle
+    return sample if sample <= samples else 0
 
 
 def _rows_kept(keep: _Keep, done: int, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -188,7 +209,7 @@ def _read_start(run: _Run) -> None:
     if not (kept or shown):
         return
     _call(run, -1, 1, np.array([0 if kept else -1]), np.array([0 if shown else -1]))
-    block.cases.sample[0] = 0
+    block.cases.sample[0] = run.sampling.first
     given, own = outputs.position @ position + outputs.rate @ velocity, ~np.any(outputs.force, axis=1)
     for sample in run.samples:
         sample[:, own] = given[own]
@@ -198,11 +219,13 @@ def _read_start(run: _Run) -> None:
         shot[:] = np.array([position, velocity])
 
 
-def _read_end(run: _Run, samples: int) -> Array:
-    """Coordinates (2, d) at the last sample, by a piece of no length."""
-    _call(run, samples - 1, 1, np.array([-1]), np.array([0]))
+def _state(run: _Run, sample: int) -> State:
+    """Where the run stands at the sample that it has reached; its coordinates are read by a piece of no length."""
+    _call(run, sample - 1, 1, np.array([-1]), np.array([0]))
     run.forces.pop()
-    return np.asarray(run.fields.pop()[0])
+    coordinates, block = run.fields.pop()[0], run.block
+    sampling = replace(run.sampling, first=run.sampling.first + sample)
+    return final_state(run.system, run.excitation, block.cases, block.store.forms, coordinates, sampling)
 
 
 def _run_piece(run: _Run, done: int, count: int) -> None:
@@ -212,11 +235,11 @@ def _run_piece(run: _Run, done: int, count: int) -> None:
 
 
 def _call(run: _Run, done: int, count: int, kept: NDArray[np.int64], shown: NDArray[np.int64]) -> None:
-    block, per_cycle = run.block, run.method.samples_per_cycle
-    block.cases.sample[0] = done
+    block, per_cycle, begin = run.block, run.method.samples_per_cycle, run.sampling.first + done
+    block.cases.sample[0] = begin
     block.grid = block.grid._replace(
         values=np.zeros((1, count, block.grid.values.shape[2])),
-        origin=np.array([done]),
+        origin=np.array([begin]),
         cycle=np.full(1, -1, dtype=np.int64),
         cycles=no_cycles(1, count // per_cycle if done >= 0 else 0),
         kept=kept,
@@ -229,10 +252,10 @@ def _call(run: _Run, done: int, count: int, kept: NDArray[np.int64], shown: NDAr
         np.zeros((pictures, pairs)),
     )
     most = np.array([float(run.method.most_events) * max(count // per_cycle, 1)])
-    run_block(block, np.array([done]), np.array([done + count]), most, snapshots)
+    run_block(block, np.array([begin]), np.array([begin + count]), most, snapshots)
     if block.stopped[0] == UNENDING:
         raise DivergenceError(unending(float(block.cases.clock[0, 0]), run.method))
-    _require_finite(block.grid.values, run.initial.time + (done + count) * run.interval)
+    _require_finite(block.grid.values, float(run.sampling.time(done + count)))
     run.samples.append(block.grid.values[0][kept >= 0])
     run.energy.append(block.grid.energy[0])
     run.fields.append(snapshots.fields)
@@ -273,7 +296,7 @@ def _history(run: _Run, samples_before: int, snapshots_before: int) -> HistoryPi
     keep, width = run.keep, len(run.channels) + 1
     values = np.concatenate([np.zeros((0, width)), *run.samples])
     number = samples_before + np.arange(values.shape[0])
-    time = _read_only(run.initial.time + run.interval * (keep.first + keep.every * number))
+    time = _read_only(run.sampling.time(keep.first + keep.every * number))
     return HistoryPiece(
         time=time,
         channels={
@@ -287,9 +310,9 @@ def _history(run: _Run, samples_before: int, snapshots_before: int) -> HistoryPi
     )
 
 
-def _response(run: _Run, stream: Stream, samples: int, begin: float, end: Array) -> Response:
-    system, frequency, left, start = run.system, run.excitation.frequency, stream.left(), run.initial.time
-    length = start + samples * run.interval - begin
+def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response:
+    system, frequency, left = run.system, run.excitation.frequency, stream.left()
+    length = float(run.sampling.time(samples)) - begin
     laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
     totals = run.block.cases.totals[0].copy()
     # an impulse has no peak
@@ -326,8 +349,8 @@ def _response(run: _Run, stream: Stream, samples: int, begin: float, end: Array)
             *_open_contacts(run),
         ),
         streamed_to=stream.streamed_to,
-        start=start,
-        final_state=final_state(system, run.excitation, run.block.cases, end, start + samples * run.interval),
+        start=run.initial.time,
+        final_state=_state(run, samples),
     )
 
 
@@ -421,7 +444,7 @@ def _snapshots(run: _Run, before: int) -> Snapshots:
     number = before + np.arange(fields.shape[0])
     u, v = (np.asarray((system.expansion @ fields[:, k, :n].T).T) for k in (0, 1))
     return Snapshots(
-        time=_read_only(run.initial.time + run.interval * (keep.first_snapshot + keep.snapshots * number)),
+        time=_read_only(run.sampling.time(keep.first_snapshot + keep.snapshots * number)),
         displacement=_read_only(u),
         velocity=_read_only(v),
         ball_displacement=_read_only(fields[:, 0, n:]),
