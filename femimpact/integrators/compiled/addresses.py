@@ -7,17 +7,30 @@ of the time of compiling went there. By address a tuple is one argument, and a f
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, TypeVar, cast
 
+import numpy as np
 from llvmlite import ir
+from numba import typeof
 from numba.core import cgutils, types
 from numba.core.typing.templates import AttributeTemplate
-from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model
+from numba.extending import (
+    NativeValue,
+    infer_getattr,
+    intrinsic,
+    lower_getattr_generic,
+    models,
+    register_model,
+    unbox,
+)
 
 from femimpact.integrators.compiled.compiling import UNCOUNTED, inlined
 
-__all__ = ["by_address"]
+if UNCOUNTED:
+    from numba._dispatcher import compute_fingerprint
+
+__all__ = ["by_address", "from_python"]
 
 Held = TypeVar("Held")
 
@@ -95,6 +108,89 @@ def _by_address(typing: Any, value: Any) -> Any:
     return _Address(value)(value), generate
 
 
+# ---- from Python -----------------------------------------------------------------------------------
+
+
+class _Leaves:
+    """Arrays and numbers of a named tuple, one after another, and the type of it all."""
+
+    def __init__(self, value: Any) -> None:
+        arrays: list[Any] = []
+        numbers: list[Any] = []
+        _gather(value, arrays, numbers)
+        self.arrays = tuple(arrays)
+        self.numbers = tuple(numbers)
+        # arrays of other types would be read as those of the type
+        key = type(value), compute_fingerprint(value)
+        kind = _ADDRESSES.get(key)
+        if kind is None:
+            kind = _ADDRESSES.setdefault(key, _Address(typeof(value)))  # type: ignore[no-untyped-call]
+        self._numba_type_ = kind
+
+
+_ADDRESSES: dict[tuple[type, bytes], _Address] = {}
+"""Types by what tells them apart, as numba keeps its own: to find one anew takes longer than a short run."""
+
+
+def _gather(value: Any, arrays: list[Any], numbers: list[Any]) -> None:
+    for field in value:
+        if isinstance(field, np.ndarray):
+            arrays.append(field)
+        elif isinstance(field, tuple):
+            _gather(field, arrays, numbers)
+        else:
+            numbers.append(field)
+
+
+def _fields_in(context: Any, kind: Any, start: int = 0) -> Iterator[tuple[int, Any]]:
+    """Word and type of each array and number of a named tuple."""
+    for field in kind.types:
+        if _is_tuple(field):
+            yield from _fields_in(context, field, start)
+        else:
+            yield start, field
+        start += _words(context, field)
+
+
+@unbox(_Address)  # type: ignore[untyped-decorator, no-untyped-call]
+def _taken(kind: Any, value: Any, c: Any) -> Any:
+    """Fill the memory of a named tuple: its arrays in one loop, not in code of its own for each."""
+    builder, context, api = c.builder, c.context, c.pyapi
+    memory = ir.ArrayType(WORD, max(_words(context, kind.held), 1))
+    start = builder.bitcast(cgutils.alloca_once(builder, memory), BYTES)  # type: ignore[no-untyped-call]
+    numbers, arrays = (api.object_getattr_string(value, name) for name in ("numbers", "arrays"))
+    fields = list(_fields_in(context, kind.held))
+    words = [word for word, field in fields if isinstance(field, types.Array)]
+    own = [(word, field) for word, field in fields if not isinstance(field, types.Array)]
+    for index, (word, field) in enumerate(own):
+        number = c.unbox(field, api.tuple_getitem(numbers, index)).value
+        data = context.data_model_manager[field].as_data(builder, number)
+        place = builder.gep(start, [ir.Constant(WORD, 8 * word)], inbounds=True)
+        builder.store(data, builder.bitcast(place, data.type.as_pointer()))
+    places = ir.Constant.literal_array([WORD(word) for word in words])
+    table = cgutils.global_constant(builder, "words", places)  # type: ignore[no-untyped-call]
+    failed = cgutils.alloca_once_value(builder, ir.IntType(32)(0))  # type: ignore[no-untyped-call]
+    item = api._get_function(ir.FunctionType(api.pyobj, [api.pyobj, api.py_ssize_t]), name="PyTuple_GetItem")
+    with cgutils.for_range(builder, WORD(len(words))) as loop:
+        word = builder.load(builder.gep(table, [WORD(0), loop.index], inbounds=True))
+        place = builder.gep(start, [builder.mul(word, WORD(8))], inbounds=True)
+        status = api.numba_array_adaptor(builder.call(item, [arrays, loop.index]), place)
+        builder.store(builder.or_(builder.load(failed), status), failed)
+    for held in (numbers, arrays):
+        api.decref(held)
+    wrong = cgutils.is_not_null(builder, builder.load(failed))  # type: ignore[no-untyped-call]
+    with builder.if_then(wrong, likely=False):
+        api.err_set_string("PyExc_TypeError", "a field of a named tuple is no array that compiled code can read")
+    return NativeValue(start, is_error=wrong)  # type: ignore[no-untyped-call]
+
+
+def _from_python(value: Any) -> Any:
+    return None if value is None else _Leaves(value)
+
+
+# ---- in compiled code ------------------------------------------------------------------------------
+
+
 @infer_getattr
 class _Fields(AttributeTemplate):
     key = _Address
@@ -121,6 +217,9 @@ def _field(context: Any, builder: Any, kind: Any, start: Any, name: str) -> Any:
 def _same(value: Held) -> Held:
     return value
 
+
+from_python: Callable[[Held], Held] = cast(Any, _from_python) if UNCOUNTED else lambda value: value
+"""A named tuple, or None, as Python is to give it to a compiled function: good as long as its arrays are."""
 
 # what lies there is not counted as a reference: where numba counts them, tuples are passed as they are
 by_address: Callable[[Held], Held] = cast(Any, _by_address) if UNCOUNTED else _same

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import require
+from femimpact.integrators.compiled.addresses import from_python
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven import loop
 from femimpact.integrators.event_driven.continued import Held, resumed
@@ -268,7 +269,7 @@ def run_block(
         if block.space is None or (block.space.motion.entry.size, block.space.motion.rigid_body.size) != wanted:
             block.space = working_space(block, forms)
         job = Job(block.pairs, block.cases, forms, block.grid, snapshots, block.tables, block.space)
-        loop.run_cases(members, begin, end, most, block.stopped, job, block.ledger)
+        loop.run_cases(members, begin, end, most, block.stopped, from_python(job), from_python(block.ledger))
         resonant = np.flatnonzero(block.stopped == loop.RESONANT)
         if resonant.size:
             frequency = float(block.cases.omega[resonant[0]]) / (2.0 * np.pi)
