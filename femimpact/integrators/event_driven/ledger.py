@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import cmath
-
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import apart, called, inlined
 from femimpact.integrators.compiled.laws import spring_potential
+from femimpact.integrators.event_driven.exponentials import cosine_and_sine, exponentials
 from femimpact.integrators.event_driven.loop_data import (
     FREE,
     LARGEST_FORCE,
@@ -44,7 +43,7 @@ from femimpact.integrators.event_driven.states import (
     side_of,
 )
 
-__all__ = ["add_to_ledger", "any_compliant", "integral", "write_energy"]
+__all__ = ["add_to_ledger", "any_compliant", "integral_of", "write_energy"]
 
 PLACES = 16.0 * 2.220446049250313e-16
 """Rounding of a displacement as a share of the terms that make it."""
@@ -57,12 +56,6 @@ def integral_of(exponent: complex, growth: complex, duration: float) -> complex:
     if z.real * z.real + z.imag * z.imag < 1e-4:
         return duration * (1 + z / 2 * (1 + z / 3 * (1 + z / 4 * (1 + z / 5 * (1 + z / 6 * (1 + z / 7))))))
     return (growth - 1.0) / exponent
-
-
-@inlined
-def integral(exponent: complex, duration: float) -> complex:
-    """Integral of e^{mu s} over the duration."""
-    return integral_of(exponent, cmath.exp(exponent * duration), duration)
 
 
 @inlined
@@ -102,8 +95,11 @@ def _exponent(k: int, scalars: Scalars) -> complex:
 def _integrate_terms(scalars: Scalars, together: NDArray[np.bool_], duration: float, terms: int, s: Products) -> None:
     """Integrals of e^{mu_k s} e^{mu_m s} and of e^{mu_k s} conj(e^{mu_m s}) over the duration."""
     entries = scalars.exponent.size
-    for k in range(terms):
-        s.growth[k] = cmath.exp(_exponent(k, scalars) * duration)
+    exponentials(scalars.exponent, duration, s.growth)
+    cosine, sine = cosine_and_sine(scalars.omega * duration)
+    s.growth[entries] = complex(cosine, sine)
+    if terms > entries + 1:
+        s.growth[entries + 1] = 1.0
     for k in range(terms):
         e = _exponent(k, scalars)
         for m in range(k, terms):

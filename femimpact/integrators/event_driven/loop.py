@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 
 from femimpact.integrators.compiled.addresses import by_address
 from femimpact.integrators.compiled.compiling import apart, called, compiled_long, inlined
+from femimpact.integrators.event_driven.exponentials import cosine_and_sine, exponentials
 from femimpact.integrators.event_driven.ledger import add_to_ledger, any_compliant, write_energy
 from femimpact.integrators.event_driven.loop_data import (
     ENTERED,
@@ -110,28 +110,31 @@ def _read(begin: int, until: float, event: bool, form: Form, case: Case, job: Jo
     """
     c, cases, grid, snapshots, turn = case.number, job.cases, job.grid, job.snapshots, job.space.turn
     scalars, motion = form.scalars, job.space.motion
-    dt, started, phase, active = grid.interval[c], False, complex(1.0, 0.0), 0
+    dt, read, phase, wave, active = grid.interval[c], 0, complex(1.0, 0.0), complex(1.0, 0.0), 0
     alone, events, observed = not has_blocks(scalars), scalars.lasting.size, 0.0
     measured = grid.cycles.shape[1]
-    wave = complex(math.cos(scalars.omega * dt), math.sin(scalars.omega * dt))
     while True:
         sample = cases.sample[c] + 1
         i, time = sample - begin - 1, grid.start[c] + sample * dt
         if time > until or (event and time == until):
             break
-        if started and alone:
+        if read > 0 and alone:
+            if read == 1:
+                exponentials(scalars.exponent, dt, turn[0])
+                cosine, sine = cosine_and_sine(scalars.omega * dt)
+                wave = complex(cosine, sine)
             for k in range(active):
                 motion.entry[k] *= turn[0, k]
             move_rigid_bodies(scalars, motion, time - motion.clock[0])
             phase *= wave
         else:
             move(scalars, motion, time - motion.clock[0])
-            theta = scalars.omega * time + motion.clock[1]
-            started, phase = True, complex(math.cos(theta), math.sin(theta))
+            motion.clock[0] = time
+            phase = unit_phase(scalars.omega, motion.clock)
             for k in range(scalars.exponent.size):
                 if motion.entry[k] != 0.0:
-                    active, turn[0, k] = k + 1, cmath.exp(scalars.exponent[k] * dt)
-        motion.clock[0] = time
+                    active = k + 1
+        motion.clock[0], read = time, read + 1
         for o in range(grid.values.shape[2]):
             value = value_now(events + o, active, phase, scalars, motion)
             if o == 0:

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import apart, inlined
+from femimpact.integrators.event_driven.exponentials import cosine_and_sine, exponentials
 
 __all__ = [
     "AT_WALL",
@@ -99,6 +100,7 @@ class Scalars(NamedTuple):
     constant: Array  # (R,)
     follow: Array  # (4, R) steady motion under a broken line, per unit of ub, ub', s and s'
     term: Complex  # (K,) scratch
+    growth: Complex  # (K,) scratch
 
 
 class Motion(NamedTuple):
@@ -127,8 +129,8 @@ class Search(NamedTuple):
 @inlined
 def unit_phase(omega: float, clock: Array) -> complex:
     """e^{i theta} of the sine at the present time."""
-    theta = omega * clock[0] + clock[1]
-    return complex(math.cos(theta), math.sin(theta))
+    cosine, sine = cosine_and_sine(omega * clock[0] + clock[1])
+    return complex(cosine, sine)
 
 
 @inlined
@@ -191,7 +193,7 @@ def measure(scalars: Scalars, motion: Motion, search: Search) -> None:
 
 @apart
 def _move_block(scalars: Scalars, first: int, last: int, motion: Motion, duration: float) -> None:
-    """e^{Lambda t} of one block into `term`: e^{mean t}, and Taylor's series of what is left, small in every step."""
+    """Advance the entries of one block: by e^{mean t}, and Taylor's series of what is left, small in every step."""
     mean = complex(0.0, 0.0)
     for k in range(first, last):
         mean += scalars.exponent[k] / (last - first)
@@ -210,29 +212,22 @@ def _move_block(scalars: Scalars, first: int, last: int, motion: Motion, duratio
                     total += scalars.coupling[k, m] * term[m]
                 term[k] = total * (step / order)
                 entry[k] += term[k]
-    for k in range(first, last):
-        term[k] = entry[k]
 
 
 @apart
 def move(scalars: Scalars, motion: Motion, duration: float) -> None:
     """Advance the homogeneous part, the rigid-body coordinates and the clock."""
+    growth = scalars.growth
+    exponentials(scalars.exponent, duration, growth)
     for b in range(scalars.blocks.shape[0]):
         first = scalars.blocks[b, 0]
-        if scalars.blocks[b, 1] > 0:
-            _move_block(scalars, first, first + scalars.blocks[b, 1], motion, duration)
+        last = first + scalars.blocks[b, 1]
+        if last > first:
+            _move_block(scalars, first, last, motion, duration)
+        for k in range(first, last):
+            growth[k] = 1.0
     for k in range(scalars.exponent.size):
-        if motion.entry[k] == 0.0:
-            continue
-        e = scalars.exponent[k]
-        decay = math.exp(e.real * duration)
-        angle = e.imag * duration
-        motion.entry[k] *= complex(decay * math.cos(angle), decay * math.sin(angle))
-    # what an entry of a block was multiplied by here means nothing
-    for b in range(scalars.blocks.shape[0]):
-        first = scalars.blocks[b, 0]
-        for k in range(first, first + scalars.blocks[b, 1]):
-            motion.entry[k] = scalars.term[k]
+        motion.entry[k] *= growth[k]
     move_rigid_bodies(scalars, motion, duration)
     motion.clock[0] += duration
 

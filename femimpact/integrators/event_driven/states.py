@@ -127,7 +127,7 @@ def form_of(f: int, case: Case, cases: Cases, forms: Forms, bounds: Bounds) -> F
         forms.exponent[f][:last], forms.coupling[f], forms.blocks[f], forms.size[f][:last], case.omega, broken,
         bounds.given[:rigid_bodies], drive, bounds.lasting, bounds.upper, bounds.lower, forms.weight[f],
         forms.weight_size[f], forms.rigid_body_weight[f], forms.rigid_body_rate_weight[f], cases.sine[c, n],
-        bounds.constant, forms.follow[f], bounds.steady[0],
+        bounds.constant, forms.follow[f], bounds.steady[0], bounds.steady[1],
     )  # fmt: skip
     shapes = Shapes(
         case.omega, forms.shape[f], forms.shape_rate[f], forms.rigid_body_shape[f], bounds.static,

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import cmath
-
 from femimpact.integrators.compiled.compiling import apart, inlined
-from femimpact.integrators.event_driven.ledger import integral
+from femimpact.integrators.event_driven.exponentials import cosine_and_sine, exponentials
+from femimpact.integrators.event_driven.ledger import integral_of
 from femimpact.integrators.event_driven.loop_data import (
     BEGUN,
     LARGEST_FORCE,
@@ -74,9 +73,14 @@ def _impulse(r: int, side: float, scalars: Scalars, motion: Motion, duration: fl
         value, rate, bend, twist = taylor(scalars.follow, r, motion.drive)
         total += duration * (value + duration * (rate / 2 + duration * (bend / 6 + duration * twist / 24)))
     else:
-        total += (scalars.sine[r] * unit_phase(scalars.omega, motion.clock) * integral(wave, duration)).real
+        cosine, sine = cosine_and_sine(scalars.omega * duration)
+        own = integral_of(wave, complex(cosine, sine), duration)
+        total += (scalars.sine[r] * unit_phase(scalars.omega, motion.clock) * own).real
+    growth = scalars.growth
+    exponentials(scalars.exponent, duration, growth)
     for k in range(scalars.exponent.size):
-        total += (scalars.weight[r, k] * motion.entry[k] * integral(scalars.exponent[k], duration)).real
+        own = integral_of(scalars.exponent[k], growth[k], duration)
+        total += (scalars.weight[r, k] * motion.entry[k] * own).real
     return float(side * total)
 
 
@@ -91,13 +95,12 @@ def _largest_probe(
     if scalars.broken:
         value, rate, bend, twist = taylor(scalars.follow, r, motion.drive)
     value += scalars.constant[r]
-    for k in range(last + 1):
-        e = scalars.exponent[k] if k < last else complex(0.0, scalars.omega)
-        turn[0, k] = cmath.exp(e * (duration / PROBES))
-        if k < last:
-            turn[1, k] = scalars.weight[r, k] * motion.entry[k]
-        else:
-            turn[1, k] = scalars.sine[r] * unit_phase(scalars.omega, motion.clock)
+    exponentials(scalars.exponent, duration / PROBES, turn[0])
+    for k in range(last):
+        turn[1, k] = scalars.weight[r, k] * motion.entry[k]
+    cosine, sine = cosine_and_sine(scalars.omega * duration / PROBES)
+    turn[0, last] = complex(cosine, sine)
+    turn[1, last] = scalars.sine[r] * unit_phase(scalars.omega, motion.clock)
     best, largest = 0.0, 0.0
     for probe in range(PROBES + 1):
         t = probe * duration / PROBES
