@@ -12,6 +12,8 @@ from femimpact.excitation.remarks import motion_notes, motion_warnings
 from femimpact.integrators.memory import check_memory, memory_needed
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.threads import Progress, check_progress, run_each, workers_of
+from femimpact.response.channels import Motion, resolve_channels
+from femimpact.response.remarks import deflection_warnings
 from femimpact.response.response import Recorder, Response
 from femimpact.system.state import State
 from femimpact.system.system import System
@@ -115,6 +117,7 @@ def integrate(
     def run(drive: Excitation, report: Progress | None) -> Response:
         response = method.run(system, drive, duration, recorder, start, report)
         warnings = motion_warnings(drive, system.length)
+        warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
         notes = motion_notes(drive, start.time + duration)
         if not (warnings or notes):
             return response
@@ -122,3 +125,15 @@ def integrate(
 
     responses = run_each(run, drives, workers, progress)
     return responses if several else responses[0]
+
+
+def _largest_deflections(response: Response, recorder: Recorder) -> list[float]:
+    """Largest |w| (m): of the default place over the last third of the run, of recorded places over the whole run."""
+    found = [float(response.steady.peak[0])]
+    if recorder.sink is None:
+        balls = [pair.name for pair in response.system.contacts]
+        for channel in resolve_channels(response.system, recorder.channels):
+            if isinstance(channel, Motion) and (channel.derivative, channel.absolute) == (0, False):
+                values = response.channels[channel.name]
+                found += [] if channel.at in balls else [max(values.max(initial=0.0), -values.min(initial=0.0))]
+    return found
