@@ -129,11 +129,13 @@ def integrate(
 
 def _largest_deflections(response: Response, recorder: Recorder) -> list[float]:
     """Largest |w| (m): of the default place over the last third of the run, of recorded places over the whole run."""
-    found = [float(response.steady.peak[0])]
-    if recorder.sink is None:
-        balls = [pair.name for pair in response.system.contacts]
-        for channel in resolve_channels(response.system, recorder.channels):
-            if isinstance(channel, Motion) and (channel.derivative, channel.absolute) == (0, False):
-                values = response.channels[channel.name]
-                found += [] if channel.at in balls else [max(values.max(initial=0.0), -values.min(initial=0.0))]
+    system, found = response.system, [float(response.steady.peak[0])]
+    balls = [pair.name for pair in system.contacts]
+    for channel in resolve_channels(system, recorder.channels):
+        # of a streamed run there are none
+        values = response.channels.get(channel.name)
+        if values is None or not isinstance(channel, Motion):
+            continue
+        if channel.derivative == 0 and not channel.absolute and channel.at not in balls:
+            found.append(max(values.max(initial=0.0), -values.min(initial=0.0)))
     return found
