@@ -7,6 +7,7 @@ import functools
 import math
 import numbers
 import operator
+import types
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -30,6 +31,7 @@ __all__ = [
     "in_range",
     "instance",
     "items",
+    "kind_of",
     "optional",
     "place",
     "quantity",
@@ -45,6 +47,9 @@ __all__ = [
 
 LONGEST_SHOWN = 200
 """Characters of a value that a line shows."""
+
+MOST_ARGUMENTS = 3
+"""Arguments of a call that a line names."""
 
 MOST = 10**15
 """A whole number beyond this is taken for a mistake: it neither counts anything nor fits into a float."""
@@ -74,12 +79,33 @@ def _shown(value: object) -> str:
         value = value.item()
     if hasattr(value, "dtype") and getattr(value, "shape", ()) != ():
         return f"array of {value.dtype} of shape {value.shape}"  # type: ignore[attr-defined]
+    if dataclasses.is_dataclass(value) and isinstance(value, type):
+        return f"the class {value.__name__} (did you mean {_call_of(value)}?)"
+    if isinstance(value, types.FunctionType) and value.__name__.isidentifier():
+        return f"the function {value.__name__} (did you mean {_call_of(value)}?)"
     try:
         words = " ".join(repr(value).split())
     except ValueError:
         # Python shows no whole number of more than some thousand digits
         words = f"a {type(value).__name__} too long to show"
     return words if len(words) <= LONGEST_SHOWN else f"{words[: LONGEST_SHOWN - 3]}..."
+
+
+def _call_of(noun: Any) -> str:
+    """A call of a class or a function, with the arguments that it needs where they are few."""
+    import inspect
+
+    given = inspect.signature(noun).parameters.values()
+    needed = [
+        one for one in given if one.default is one.empty and one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)
+    ]
+    named = [f"{one.name}=..." for one in needed]
+    return f"{noun.__name__}({', '.join(named) if len(named) <= MOST_ARGUMENTS else '...'})"
+
+
+def kind_of(value: object) -> object:
+    """What a line shows of a value that is of the wrong kind: the name of its kind, or the class that it is itself."""
+    return value if isinstance(value, (type, types.FunctionType)) else type(value).__name__
 
 
 @dataclasses.dataclass(frozen=True)
@@ -468,7 +494,7 @@ def require_type(value: object, kind: type, key: str) -> None:
     fits = isinstance(value, kind)
     inner = None if fits else getattr(value, "__dict__", {}).get(key)
     hint = f": pass its .{key}" if isinstance(inner, kind) else ""
-    require(fits, key, type(value).__name__, "", f"must be a {kind.__name__}{hint}")
+    require(fits, key, kind_of(value), "", f"must be a {kind.__name__}{hint}")
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
@@ -152,3 +153,28 @@ def holds(kept: object, given: object, metadata: dict[str, object]) -> bool:
     # one number may stand for a row of one
     row = np.atleast_1d(np.asarray(kept, dtype=float))
     return np.array_equal(row, np.atleast_1d(np.asarray(given, dtype=float)), equal_nan=True)
+
+
+@pytest.mark.parametrize("name", [name for name in VERBS if name not in REFUSED_ANYWAY])
+def test_a_class_in_place_of_what_it_makes_is_named_with_the_call(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    call, good = VERBS[name]
+    faults = []
+    for key, value in good().items():
+        if is_dataclass(value):
+            kind = type(value)
+            try:
+                call(**{**good(), key: kind})
+                faults.append(f"{key}: taken")
+            except fi.InputError as error:
+                if f"the class {kind.__name__} (did you mean {kind.__name__}(" not in str(error):
+                    faults.append(f"{key}: {error}")
+            except Exception as error:
+                faults.append(f"{key}: {type(error).__name__}: {error}")
+    assert not faults, "\n".join(faults)
+
+
+def test_a_function_in_place_of_its_result_is_named_with_the_call():
+    words = re.escape("dt = the function recommended_step (did you mean recommended_step(system=...)?) s: must be")
+    with pytest.raises(fi.InputError, match=words):
+        fi.Newmark(dt=fi.recommended_step)

@@ -64,6 +64,8 @@ def test_the_script_of_the_readme_runs_as_it_stands(monkeypatch, tmp_path, capsy
     assert 2e-3 < names["curves"]["with ball"].peak_amplitude < 2e-2
     assert 4.5 < names["curves"]["with ball"].peak_frequency < 5.7
     assert names["run"].energy.residual < 1e-10
+    # as the page says of linear beam theory
+    assert any("0.16 of its length" in text for text in names["curves"]["without ball"].warnings)
     # the errors of the first frequency fall with the fourth power of the element's length
     lines = [line for line in capsys.readouterr().out.splitlines() if re.match(r"\d+ \[", line)]
     first = [float(re.search(r"\[\s*([\d.]+)", line)[1]) for line in lines]
@@ -93,6 +95,18 @@ def test_the_script_of_the_page_on_scripting_runs_as_it_stands(capsys):
     assert drawn == 5
     np.testing.assert_array_equal(names["motion"][0, 0].lines[2].get_ydata(), 1e3 * names["run"]["tip"])
     assert names["section"]["tip"].shape == (151,)
+
+
+@pytest.mark.parametrize("page", ["docs/convergence.md", "meshes/README.md"])
+def test_the_pages_on_convergence_run_as_they_stand(monkeypatch, drawn_off_screen, page):
+    # their meshes are beside the repository's root
+    monkeypatch.chdir(ROOT)
+    names = ran(page)
+    table = names["table"] if "table" in names else names["study"]["mesh"]
+    stress = table.index("stress root")
+    # the coarsest mesh is enough, as the page says
+    assert table.error[0, stress] < 1e-3
+    assert table.recommended[stress] == table.number[0] == 6
 
 
 def test_the_page_on_paraview_runs_as_it_stands(monkeypatch, tmp_path):

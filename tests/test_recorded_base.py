@@ -180,3 +180,20 @@ def test_a_column_of_zeros_is_no_record(tmp_path, record):
     path = written(tmp_path / "a.csv", time, 0.0 * time)
     with pytest.raises(fi.InputError, match="the second holds zeros only"):
         fi.RecordedBase.from_csv(path)
+
+
+@pytest.mark.parametrize("cycles", [2, 2.4, 3.5, 17, 40.5])
+@pytest.mark.parametrize("trend", [(0.0, 0.0), (1e3, 0.0), (0.0, 1e3), (-5.0, 40.0)])
+def test_offset_and_drift_are_no_cycle(cycles, trend):
+    # the sine's line of the spectrum, or one of the two beside it
+    n, interval = 1000, 1e-3
+    t = interval * np.arange(n)
+    offset, drift = trend
+    for phase in (0.0, 0.7, np.pi / 2):
+        base = fi.RecordedBase(np.sin(2 * np.pi * cycles * t + phase) + offset + drift * t, interval)
+        assert base.frequency == pytest.approx(cycles, abs=(1.0 if cycles % 1 else 1e-9) / (n * interval))
+
+
+@pytest.mark.parametrize("samples", [np.ones(50), np.linspace(-3.0, 8.0, 50), [0.0, 1.0], np.zeros(50)])
+def test_a_straight_record_is_one_cycle(samples):
+    assert fi.RecordedBase(samples, 0.1).frequency == pytest.approx(1.0 / (0.1 * len(samples)))

@@ -35,6 +35,7 @@ SHORT = {
     "Modes": lambda: fi.solve_modes(system(), 8),
     "Response": response,
     "StickingPhases": NOUNS["StickingPhases"],
+    "StroboscopicSection": NOUNS["StroboscopicSection"],
     "System": system,
     "System, reduced": small,
     "System of matrices": oscillators,
@@ -215,7 +216,7 @@ def test_many_contacts_points_and_channels_stay_short():
     ]
     many = fi.System.from_matrices(np.eye(dofs), np.eye(dofs), np.eye(dofs), points=points, impactors=balls)
     run = fi.integrate(many, fi.Sine(1e-4, 5.0), fi.EventDriven(), 0.1)
-    for noun in (many, run, run.impacts, fi.solve_modes(many, dofs)):
+    for noun in (many, run, run.impacts, run.stroboscopic(), fi.solve_modes(many, dofs)):
         lines = repr(noun).splitlines()
         assert len(lines) <= 10
         assert max(map(len, lines)) <= 80

@@ -18,6 +18,10 @@ def with_ball(**changes):
     return fi.Structure(fi.Beam.uniform(**GIVEN), [box], [fi.Impactor("ball", at="tip", **ball)])
 
 
+def with_box(**box):
+    return fi.Structure(fi.Beam.uniform(**GIVEN), [fi.PointMass("box", at="tip", **box)])
+
+
 GIVEN = {"length": 0.23, "width": 0.02, "thickness": 1e-3, "young_modulus": 70e9, "density": 2700.0}
 
 
@@ -45,16 +49,24 @@ def test_an_unusual_beam_is_taken_with_a_warning_that_names_the_number(changes, 
         # g/cm^3
         (beam(density=2.7), r"beam\.density = 2\.7 kg/m\^3: outside 10 to 30000 kg/m\^3"),
         (beam(density=2.7e6), r"beam\.density = 2\.7e\+06 kg/m\^3: outside"),
-        (beam(width=20.0), r"beam\.width = 20 m: wider than the beam is long, 0\.23 m"),
-        (with_ball(gap=3.0), r"impactor\.ball\.gap = 3 m: wider than the beam is long, 0\.23 m"),
+        (beam(width=20.0), r"beam\.width = 20 m: wider than the beam .* 20 mm are 0\.02 m"),
+        (with_ball(gap=3.0), r"impactor\.ball\.gap = 3 m: wider than the beam is long, 0\.23 m; .* 3 mm are"),
         (with_ball(gap=(2.0, 3.0)), r"impactor\.ball\.gap = 2 m: wider"),
-        (with_ball(mass=3.0), r"impactor\.ball\.mass = 3 kg: more than beam and bodies together, 0\.03242 kg"),
-        (replace(beam(), masses=(fi.PointMass("box", "tip", 23.0),)), r"mass\.box\.mass = 23 kg: more than 1000 times"),
+        (with_ball(mass=3.0), r"impactor\.ball\.mass = 3 kg: more than beam and bodies together, 0\.03242 kg; .* 3 g"),
+        (with_box(mass=2.0), r"mass\.box\.mass = 2 kg: more than 100 times the beam's .* 2 g are 0\.002 kg"),
+        (with_box(mass=0.02, offset=-5.0), r"mass\.box\.offset = -5 m: longer than the beam, .* are -0\.005 m"),
     ],
 )  # fmt: skip
 def test_a_number_that_may_be_in_another_unit_is_named_with_what_is_usual(structure, words):
     with pytest.warns(fi.InputWarning, match=words):
         fi.assemble(structure, elements=4)
+
+
+def test_box_and_ball_in_grams_are_both_named():
+    ball = fi.Impactor("ball", at="tip", mass=3.4, gap=4e-3, contact=fi.Rigid(restitution=0.6))
+    with pytest.warns(fi.InputWarning) as told:
+        fi.assemble(replace(with_box(mass=23.0), impactors=(ball,)), elements=4)
+    assert [str(one.message).split(" = ")[0] for one in told] == ["mass.box.mass", "impactor.ball.mass"]
 
 
 def test_a_segment_is_named_and_one_wall_out_of_reach_may_be_meant():
@@ -71,6 +83,8 @@ def test_a_segment_is_named_and_one_wall_out_of_reach_may_be_meant():
     [
         beam(),
         with_ball(gap=0.0),
+        # a sensor of half a kilogram on a strip of 12 g, with its centre beyond the tip
+        with_box(mass=0.5, offset=0.1),
         # light foam, gold, diamond, polyethylene; a plate strip that is nearly as wide as it is long
         beam(young_modulus=2e8, density=20.0, width=0.2),
         beam(young_modulus=79e9, density=19300.0),

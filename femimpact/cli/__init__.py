@@ -39,7 +39,12 @@ app = App(
 
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="Directory of the results.")]
 Force = Annotated[bool, Parameter(negative="", help="Replace results of the same names.")]
-Quiet = Annotated[bool, Parameter(name=["-q", "--quiet"], negative="", help="No progress, no tables.")]
+Quiet = Annotated[
+    bool,
+    Parameter(
+        name=["-q", "--quiet"], negative="", help="No progress, no tables: warnings and errors alone, on stderr."
+    ),
+]
 
 
 def main() -> None:
@@ -92,6 +97,12 @@ def _show_warning(message: Warning | str, *_about: Any) -> None:
     print(f"femimpact: warning: {message}", file=sys.stderr)
 
 
+def _show_warnings(results: StudyResults) -> None:
+    """The warnings of results, where nothing else of them is printed."""
+    for text in results.summary.get("warnings", []):
+        _show_warning(text)
+
+
 def _fail(message: str, status: int) -> None:
     for line in message.splitlines():
         print(f"femimpact: {line}", file=sys.stderr)
@@ -110,6 +121,7 @@ def demo(*, output: Output = None, force: Force = False, quiet: Quiet = False) -
     with _progress(quiet) as report:
         found = run_demo(directory, force=force, report=report)
     if quiet:
+        _show_warnings(found.results)
         return
     where = console()
     header = (
@@ -296,7 +308,9 @@ def _run(
         require(study.sweep is not None, "sweep", None, "", "table [sweep] is missing from the study")
     with _progress(quiet) as report:
         results = run_study(study, output or _directory(path, kind), parts=parts, force=force, report=report)
-    if not quiet:
+    if quiet:
+        _show_warnings(results)
+    else:
         _print_results(study, results)
 
 
@@ -383,7 +397,7 @@ def _print_closing(where: Console, results: StudyResults) -> None:
 
 @contextmanager
 def _progress(quiet: bool) -> Iterator[Report]:
-    """A reporter that draws one bar for each kind of work, with the time that remains."""
+    """A reporter that draws one bar for each kind of work that has begun, with the time that remains."""
     if quiet:
         yield lambda _what, _share: None
         return
@@ -391,12 +405,18 @@ def _progress(quiet: bool) -> Iterator[Report]:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True)) as bars:
-        tasks: dict[str, Any] = {}
+    bars = Progress(*columns, console=Console(stderr=True))
+    tasks: dict[str, Any] = {}
 
-        def report(what: str, share: float) -> None:
-            if what not in tasks:
-                tasks[what] = bars.add_task(what, total=1.0)
-            bars.update(tasks[what], completed=share)
+    def report(what: str, share: float) -> None:
+        if what not in tasks:
+            # bars that stop before the first of them leave an empty line
+            bars.start()
+            tasks[what] = bars.add_task(what, total=1.0)
+        bars.update(tasks[what], completed=share)
 
+    try:
         yield report
+    finally:
+        if tasks:
+            bars.stop()

@@ -87,9 +87,10 @@ def require_law(law: object, key: str = "law") -> None:
     missing = [name for name in VALUES if not hasattr(law, name)]
     missing += [f"{name}()" for name in METHODS if not callable(getattr(law, name, None))]
     allowed = "must be a contact law (KelvinVoigt, ..., Rigid)"
-    if missing and len(missing) < len(VALUES) + len(METHODS):
+    own = not isinstance(law, type)
+    if own and missing and len(missing) < len(VALUES) + len(METHODS):
         allowed += f"; as one of your own it has no {', '.join(missing)}"
-    require(not missing and not isinstance(law, type), key, law, "", allowed)
+    require(own and not missing, key, law, "", allowed)
 
 
 def resolve(law: ContactLaw, effective_mass: float) -> ContactParameters:

@@ -13,7 +13,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import real_array, require
+from femimpact.errors import kind_of, real_array, require
 
 __all__ = ["MEMBERS", "BrokenLine", "Excitation", "Harmonic", "require_excitation", "times"]
 
@@ -115,7 +115,7 @@ def require_excitation(value: object, key: str = "excitation") -> None:
     """Raise `InputError` unless a value answers what an excitation must."""
     missing = [name for name in MEMBERS if not hasattr(value, name)]
     allowed = "must be a Sine, a PointForce or a RecordedBase, or an object with all of " + ", ".join(MEMBERS)
-    require(not missing, key, type(value).__name__, "", allowed)
+    require(not missing and not isinstance(value, type), key, kind_of(value), "", allowed)
 
 
 def times(time: ArrayLike) -> Array:

@@ -19,6 +19,9 @@ __all__ = ["RecordedBase"]
 
 Array = NDArray[np.float64]
 
+ROUNDING = 1e-12
+"""Share of the largest sample that is rounding beside a straight record."""
+
 
 @dataclass(frozen=True, eq=False)
 class RecordedBase:
@@ -130,9 +133,17 @@ class RecordedBase:
 
     @cached_property
     def frequency(self) -> float:
-        """Frequency (Hz) of the largest line of the spectrum."""
-        lines = np.abs(np.fft.rfft(self.samples - self.samples.mean()))
-        return float(max(np.argmax(lines), 1) / (self.samples.size * self.interval))
+        """Frequency (Hz) of the largest line of the spectrum, a multiple of 1/(n interval).
+
+        That of the record without its line of least squares: an offset or a drift is no cycle. Where nothing is left
+        beside that line, all of the record is one cycle.
+        """
+        a, n = self.samples, self.samples.size
+        along = np.linspace(-1.0, 1.0, n)
+        rest = a - a.mean() - along * (along @ a) / (along @ along)
+        straight = np.abs(rest).max() <= ROUNDING * np.abs(a).max()
+        line = 1 if straight else max(np.argmax(np.abs(np.fft.rfft(rest))), 1)
+        return float(line / (n * self.interval))
 
     @property
     def phase(self) -> float:

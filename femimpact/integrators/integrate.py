@@ -12,6 +12,8 @@ from femimpact.excitation.remarks import motion_notes, motion_warnings
 from femimpact.integrators.memory import check_memory, memory_needed
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.threads import Progress, check_progress, run_each, workers_of
+from femimpact.response.channels import Motion, resolve_channels
+from femimpact.response.remarks import deflection_warnings
 from femimpact.response.response import Recorder, Response
 from femimpact.system.state import State
 from femimpact.system.system import System
@@ -115,6 +117,7 @@ def integrate(
     def run(drive: Excitation, report: Progress | None) -> Response:
         response = method.run(system, drive, duration, recorder, start, report)
         warnings = motion_warnings(drive, system.length)
+        warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
         notes = motion_notes(drive, start.time + duration)
         if not (warnings or notes):
             return response
@@ -122,3 +125,17 @@ def integrate(
 
     responses = run_each(run, drives, workers, progress)
     return responses if several else responses[0]
+
+
+def _largest_deflections(response: Response, recorder: Recorder) -> list[float]:
+    """Largest |w| (m): of the default place over the last third of the run, of recorded places over the whole run."""
+    system, found = response.system, [float(response.steady.peak[0])]
+    balls = [pair.name for pair in system.contacts]
+    for channel in resolve_channels(system, recorder.channels):
+        # of a streamed run there are none
+        values = response.channels.get(channel.name)
+        if values is None or not isinstance(channel, Motion):
+            continue
+        if channel.derivative == 0 and not channel.absolute and channel.at not in balls:
+            found.append(max(values.max(initial=0.0), -values.min(initial=0.0)))
+    return found

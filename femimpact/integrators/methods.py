@@ -8,7 +8,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import require
+from femimpact.errors import kind_of, require
 from femimpact.excitation import Excitation
 from femimpact.integrators.answers import AchievedRestitution, MethodCost, SineDwellResults, SineDwells
 from femimpact.integrators.event_driven import EventDriven
@@ -103,4 +103,4 @@ def require_method(method: object) -> None:
     missing = [name for name in ANSWERS if not hasattr(method, name)]
     if missing and len(missing) < len(ANSWERS):
         allowed += f", or a method of your own that also has {', '.join(missing)}"
-    require(not missing and not isinstance(method, type), "method", type(method).__name__, "", allowed)
+    require(not missing and not isinstance(method, type), "method", kind_of(method), "", allowed)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import check_fields, checked, choice, quantity, require, require_type, text
+from femimpact.errors import check_fields, checked, choice, kind_of, quantity, require, require_type, text
 from femimpact.response.impacts import Impacts, StickingPhases
 
 __all__ = ["Regime", "RegimeCriteria", "classify", "impacts_per_cycle", "significant"]
@@ -232,9 +232,7 @@ def _chatter_words(rules: RegimeCriteria) -> str:
 def _require_table(table: object, kind: type, key: str) -> None:
     """Refuse what has no column of times; any table that has those of a kind will do."""
     first = "time" if kind is Impacts else "start"
-    require(
-        isinstance(getattr(table, first, None), np.ndarray), key, type(table).__name__, "", f"must be {kind.__name__}"
-    )
+    require(isinstance(getattr(table, first, None), np.ndarray), key, kind_of(table), "", f"must be {kind.__name__}")
 
 
 def _checked_window(frequency: object, start: object, end: object) -> tuple[float, float, float]:

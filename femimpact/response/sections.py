@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from femimpact.errors import check_fields, checked, column, quantity, real_array, require, require_type, suggestion
 from femimpact.excitation import Excitation
 from femimpact.structure.structure import Position
+from femimpact.table import Head, head_of_columns, short_repr
 
 __all__ = ["StroboscopicSection", "stroboscopic"]
 
@@ -21,6 +22,7 @@ SAME_INSTANT = 1e-9
 """Cycles by which an instant may differ from that of a sample and still be it: rounding of long times."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class StroboscopicSection:
     """Channels once per base cycle, at one phase of the base.
@@ -55,6 +57,11 @@ class StroboscopicSection:
             array = real_array(f"channels.{name}", values, self.units[name], "must hold numbers", finite=False)
             fits = array.shape == self.time.shape
             require(fits, f"channels.{name}", f"array of shape {array.shape}", "", "must have the samples of time")
+
+    @property
+    def _head(self) -> Head:
+        title = f"StroboscopicSection: {self.time.size} cycles, at {self.phase:.5g} rad of the base"
+        return head_of_columns(title, {"time": self.time, **self.channels}, {"time": "s", **self.units})
 
     def __getitem__(self, name: Position) -> Array:
         key = str(name)

@@ -15,7 +15,7 @@ USUAL_MODULUS = (1e8, 2e12)
 USUAL_DENSITY = (10.0, 3e4)
 """Densities (kg/m^3) of what beams are made of: from light foam to osmium, 22,600."""
 
-HEAVY_BODY = 1e3
+HEAVY_BODY = 100.0
 """Mass of a body over that of the beam above which grams may have been typed as kilograms."""
 
 
@@ -47,7 +47,7 @@ def _of_sections(structure: Structure) -> Iterator[str]:
             yield f"{path}.density = {segment.density:.4g} kg/m^3: {usual}; is it in kg/m^3?"
         if segment.width is not None and segment.width > beam.length:
             usual = f"wider than the beam is long, {beam.length:.4g} m, which is no beam"
-            yield f"{path}.width = {segment.width:.4g} m: {usual}; is it in metres?"
+            yield f"{path}.width = {segment.width:.4g} m: {usual}; {_in_millimetres(segment.width)}"
 
 
 def _of_gaps(structure: Structure) -> Iterator[str]:
@@ -56,19 +56,33 @@ def _of_gaps(structure: Structure) -> Iterator[str]:
     for path, gaps in [*pairs, *((f"stop.{stop.name}", stop.gaps) for stop in structure.stops)]:
         # one wall out of reach may be meant
         if length < min(gaps):
-            yield f"{path}.gap = {min(gaps):.4g} m: wider than the beam is long, {length:.4g} m; is it in metres?"
+            usual = f"wider than the beam is long, {length:.4g} m"
+            yield f"{path}.gap = {min(gaps):.4g} m: {usual}; {_in_millimetres(min(gaps))}"
+    for body in structure.masses:
+        if length < abs(body.offset):
+            usual = f"longer than the beam, {length:.4g} m"
+            yield f"mass.{body.name}.offset = {body.offset:.4g} m: {usual}; {_in_millimetres(body.offset)}"
 
 
 def _of_masses(structure: Structure) -> Iterator[str]:
     beam = structure.beam.mass
-    whole = beam + math.fsum(body.mass for body in structure.masses)
+    # a density that is none is named already
+    solid = all(USUAL_DENSITY[0] <= segment.density for segment in structure.beam.segments)
+    heavy = [body for body in structure.masses if solid and body.mass > HEAVY_BODY * beam]
+    for body in heavy:
+        usual = f"more than {HEAVY_BODY:g} times the beam's {beam:.4g} kg"
+        yield f"mass.{body.name}.mass = {body.mass:.4g} kg: {usual}; {_in_grams(body.mass)}"
+    # beside a body in grams a ball in grams is not heavy
+    whole = beam + math.fsum(body.mass for body in structure.masses if body not in heavy)
     for ball in structure.impactors:
         if ball.mass > whole:
             usual = f"more than beam and bodies together, {whole:.4g} kg"
-            yield f"impactor.{ball.name}.mass = {ball.mass:.4g} kg: {usual}; is it in kilograms?"
-    # a density that is none is named already
-    solid = all(USUAL_DENSITY[0] <= segment.density for segment in structure.beam.segments)
-    for body in structure.masses:
-        if solid and body.mass > HEAVY_BODY * beam:
-            usual = f"more than {HEAVY_BODY:g} times the beam's {beam:.4g} kg"
-            yield f"mass.{body.name}.mass = {body.mass:.4g} kg: {usual}; is it in kilograms?"
+            yield f"impactor.{ball.name}.mass = {ball.mass:.4g} kg: {usual}; {_in_grams(ball.mass)}"
+
+
+def _in_millimetres(metres: float) -> str:
+    return f"is it in metres? {metres:.4g} mm are {1e-3 * metres:.4g} m"
+
+
+def _in_grams(kilograms: float) -> str:
+    return f"is it in kilograms? {kilograms:.4g} g are {1e-3 * kilograms:.4g} kg"

@@ -18,6 +18,7 @@ from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.threads import Progress, check_progress, workers_of
 from femimpact.response.energy import residual_warnings
 from femimpact.response.impacts import statistics_of_cases
+from femimpact.response.remarks import deflection_warnings
 from femimpact.structure.damping import realised_damping_ratio
 from femimpact.structure.structure import Position
 from femimpact.sweep.curve import IMPACT_NAMES, SWEEP_UNITS, FrequencyResponse
@@ -105,6 +106,7 @@ def frequency_sweep(
     warnings += _steadiness_warnings(dwells.frequency, columns["steadiness"]) + _dwell_warnings(system, dwells)
     warnings += _grid_warnings(system, dwells.frequency)
     warnings += motion_warnings(Sine(amplitude, float(dwells.frequency[0])), system.length)
+    warnings += deflection_warnings(columns["peak"], system.length)
     return FrequencyResponse(
         frequency=_read_only(dwells.frequency),
         **{name: _read_only(column) for name, column in columns.items()},

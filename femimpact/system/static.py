@@ -17,7 +17,7 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from femimpact.contact.formulas import KELVIN_VOIGT, POWER, RIGID
-from femimpact.errors import checked, quantity, require
+from femimpact.errors import checked, kind_of, quantity, require
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.matrices import stiffness_solver
 from femimpact.system.rigid_motions import rigid_motions
@@ -94,7 +94,7 @@ def static_state(system: Any, stop_displacement: float = 0.0) -> tuple[Array, Ar
 def static_contacts(system: Any, stop_displacement: float = 0.0) -> StaticContacts:
     """The same with the contact forces; see `static_state`."""
     fits = all(hasattr(system, name) for name in ("stiffness_factor", "constant_load", "contacts"))
-    require(fits, "system", type(system).__name__, "", "must be a System")
+    require(fits, "system", kind_of(system), "", "must be a System")
     offset = checked("stop_displacement", stop_displacement, quantity("m"))
     pairs = system.contacts
     rigid = rigid_motions(system)

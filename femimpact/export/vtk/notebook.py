@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from femimpact.errors import require, require_type
+from femimpact.errors import kind_of, require, require_type
 from femimpact.export.vtk.deflection import deflection_series
 from femimpact.export.vtk.modes import mode_series
 from femimpact.export.vtk.series import Series
@@ -58,7 +58,7 @@ def to_pyvista(
     InputError
         If a value is out of range, or the system of modes is missing.
     """
-    require(isinstance(result, (Modes, Response)), "result", type(result).__name__, "", "must be Modes or a Response")
+    require(isinstance(result, (Modes, Response)), "result", kind_of(result), "", "must be Modes or a Response")
     require_type(structure, Structure, "structure")
     if isinstance(result, Response):
         return _grids(deflection_series(result, structure, exaggeration, most, frame))
