@@ -111,13 +111,13 @@ def _by_address(typing: Any, value: Any) -> Any:
 # ---- from Python -----------------------------------------------------------------------------------
 
 
-class _Leaves:
+class _Flattened:
     """Arrays and numbers of a named tuple, one after another, and the type of it all."""
 
     def __init__(self, value: Any) -> None:
         arrays: list[Any] = []
         numbers: list[Any] = []
-        _gather(value, arrays, numbers)
+        _flatten(value, arrays, numbers)
         self.arrays = tuple(arrays)
         self.numbers = tuple(numbers)
         # arrays of other types would be read as those of the type
@@ -132,12 +132,12 @@ _ADDRESSES: dict[tuple[type, bytes], _Address] = {}
 """Types by what tells them apart, as numba keeps its own: to find one anew takes longer than a short run."""
 
 
-def _gather(value: Any, arrays: list[Any], numbers: list[Any]) -> None:
+def _flatten(value: Any, arrays: list[Any], numbers: list[Any]) -> None:
     for field in value:
         if isinstance(field, np.ndarray):
             arrays.append(field)
         elif isinstance(field, tuple):
-            _gather(field, arrays, numbers)
+            _flatten(field, arrays, numbers)
         else:
             numbers.append(field)
 
@@ -153,7 +153,7 @@ def _fields_in(context: Any, kind: Any, start: int = 0) -> Iterator[tuple[int, A
 
 
 @unbox(_Address)  # type: ignore[untyped-decorator, no-untyped-call]
-def _taken(kind: Any, value: Any, c: Any) -> Any:
+def _unbox_flattened(kind: Any, value: Any, c: Any) -> Any:
     """Fill the memory of a named tuple: its arrays in one loop, not in code of its own for each."""
     builder, context, api = c.builder, c.context, c.pyapi
     memory = ir.ArrayType(WORD, max(_words(context, kind.held), 1))
@@ -185,7 +185,7 @@ def _taken(kind: Any, value: Any, c: Any) -> Any:
 
 
 def _from_python(value: Any) -> Any:
-    return None if value is None else _Leaves(value)
+    return None if value is None else _Flattened(value)
 
 
 # ---- in compiled code ------------------------------------------------------------------------------
