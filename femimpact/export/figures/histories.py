@@ -253,8 +253,11 @@ def _last_cycles(axis: Any, response: Response, names: list[str], cycles: int) -
     period = 1.0 / response.base.frequency
     cycles = min(cycles, max(round((response.time[-1] - response.time[0]) / period), 1))
     last = response.time >= response.time[-1] - cycles * period
+    rigid = [pair.name for pair in response.system.contacts if pair.parameters.is_rigid]
     for colour, name in zip(COLOURS, names, strict=False):
-        axis.plot(response.time[last], response[name][last], color=colour, label=name.replace("_", " "))
+        owner = name.rpartition(".")[0]
+        label = f"{owner} (rigid: impulses only)" if owner in rigid else owner or None
+        axis.plot(response.time[last], response[name][last], color=colour, label=label)
     axis.set_ylabel("force on the beam (N)")
     axis.set_xlabel("time (s)")
     law = response.statistics.law
