@@ -256,7 +256,7 @@ def _last_cycles(axis: Any, response: Response, names: list[str], cycles: int) -
     rigid = [pair.name for pair in response.system.contacts if pair.parameters.is_rigid]
     for colour, name in zip(COLOURS, names, strict=False):
         owner = name.rpartition(".")[0]
-        label = f"{owner} (rigid: impulses only)" if owner in rigid else owner or None
+        label = f"{owner} (rigid: force only while sticking)" if owner in rigid else owner or None
         axis.plot(response.time[last], response[name][last], color=colour, label=label)
     axis.set_ylabel("force on the beam (N)")
     axis.set_xlabel("time (s)")
