@@ -34,9 +34,10 @@ def main(path=FILE) -> dict[str, fi.Response]:
 if __name__ == "__main__":
     import matplotlib.pyplot as plt
 
+    plt.rcParams.update(fi.figures.STYLE)
     axes = plt.figure(figsize=(9.0, 4.0), layout="constrained").subplots()
     for name, response in main().items():
         axes.plot(response.time, 1e3 * response["tip"], label=name)
     axes.set(xlabel="time (s)", ylabel="tip relative to the base (mm)")
-    axes.legend()
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False)
     print("wrote", fi.figures.save_figure(axes, "base_from_csv.png"))

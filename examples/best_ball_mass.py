@@ -34,8 +34,10 @@ if __name__ == "__main__":
     import matplotlib.pyplot as plt
 
     curves = main()
+    plt.rcParams.update(fi.figures.STYLE)
     figure, axes = plt.subplots(1, 2, figsize=(13.0, 5.0), layout="constrained")
     fi.figures.response_curve({"without ball": curves[0], "ball of 3 g": curves[5]}, ax=axes[0])
     axes[1].semilogy(1e3 * MASSES, [1e3 * curve.rms.max() for curve in curves[1:]], "o-")
+    axes[1].set_yticks([1, 2, 5, 10], ["1", "2", "5", "10"])
     axes[1].set(xlabel="mass of the ball (g)", ylabel="largest rms of the tip over the sweep (mm)")
     print("wrote", fi.figures.save_figure(figure, "best_ball_mass.png"))

@@ -33,6 +33,7 @@ if __name__ == "__main__":
     import matplotlib.pyplot as plt
 
     responses = main()
+    plt.rcParams.update(fi.figures.STYLE)
     figure, axes = plt.subplots(1, 2, figsize=(13.0, 5.0), layout="constrained")
     fi.figures.bifurcation(responses, "tip", ax=axes[0])
     fi.figures.phase_portrait(responses[90], "tip", cycles=70, ax=axes[1])

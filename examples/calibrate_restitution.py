@@ -25,15 +25,16 @@ def main(plan: ScanPlan | None = None) -> dict[str, fi.RestitutionScan]:
 
 if __name__ == "__main__":
     scans = main()
+    names = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
     target = (PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"])
     for start, scan in scans.items():
-        print(f"at rest in the frame of the {start}:")
+        print(f"{names[start]}:")
         print("  restitution   peak (Hz)   amplitude ratio   misfit")
         rows = zip(scan.restitution, scan.peak_frequency, scan.amplitude_ratio, scan.misfit(*target), strict=True)
         for row in rows:
             print("  {:11.2f}   {:9.2f}   {:15.1f}   {:6.1f}".format(*row))
         near = ", ".join(f"{e:.2f}" for e in scan.restitution[scan.misfit(*target) < NEAR])
         print(f"  near the published resonance (misfit below {NEAR:g}): {near or 'none'}")
-    labelled = [(f"at rest, frame of the {start}", scan) for start, scan in scans.items()]
+    labelled = [(names[start], scan) for start, scan in scans.items()]
     axes = fi.figures.restitution_scan(labelled, *target)
     print("wrote", fi.figures.save_figure(axes, "calibrate_restitution.png"))

@@ -35,6 +35,6 @@ def main(gaps=GAPS, restitutions=RESTITUTIONS, amplitude=0.2e-3, cycles=200) -> 
 
 if __name__ == "__main__":
     axes = fi.figures.value_map(RESTITUTIONS, 1e3 * GAPS, main())
-    axes.set_title("largest rms of the tip, with over without the ball")
+    axes.set_title("largest rms of the tip, with over without the ball", loc="left")
     axes.set(xlabel="restitution (1)", ylabel="clearance to either wall (mm)")
     print("wrote", fi.figures.save_figure(axes, "clearance_restitution_map.png"))

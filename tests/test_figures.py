@@ -9,8 +9,10 @@ import sys
 
 import numpy as np
 import pytest
+from builders import reduced, with_ball
 
 import femimpact as fi
+from femimpact.export.figures.phase_curve import changes_of_contact, corners_of, phase_curve
 
 plt = pytest.importorskip("matplotlib.pyplot")
 
@@ -271,17 +273,119 @@ def test_the_portrait_holds_the_motion_in_the_box_with_its_section(run):
     axis = fi.figures.phase_portrait(run, cycles=10)
     last = run.time >= run.time[-1] - 10 / 5.0
     relative = (run["ball"] - run["tip"])[last]
-    np.testing.assert_allclose(axis.lines[0].get_xdata(), 1e3 * relative)
-    np.testing.assert_allclose(axis.lines[0].get_ydata(), 1e3 * (run["ball.velocity"] - run["tip.velocity"])[last])
+    # every sample is on the curve, and so is every touch
+    drawn = axis.lines[0].get_xydata()
+    rate = (run["ball.velocity"] - run["tip.velocity"])[last]
+    own = run.impacts.time >= run.time[last][0]
+    side, speed = run.impacts.side[own], run.impacts.approach_speed[own]
+    for points in ((1e3 * relative, 1e3 * rate), (4.0 * side, 1e3 * side * speed)):
+        for point in np.column_stack(points):
+            assert np.abs(drawn - point).max(axis=1).min() < 1e-9
     section = run.stroboscopic(0.0)
     points = line(axis, "once per cycle, base at 0 degrees")
     np.testing.assert_allclose(points.get_xdata(), 1e3 * (section["ball"] - section["tip"])[-points.get_xdata().size :])
     assert points.get_xdata().size in (10, 11)
     assert {found.get_xdata()[0] for found in axis.lines if len(found.get_xdata()) == 2} == {4.0, -4.0}
     tip = fi.figures.phase_portrait(run, "tip", phase=None)
-    np.testing.assert_allclose(tip.lines[0].get_xdata(), 1e3 * run["tip"])
+    np.testing.assert_allclose(tip.lines[0].get_xdata()[::16], 1e3 * run["tip"])
     with pytest.raises(fi.InputError, match=r"must hold 'contact_force\.velocity'"):
         fi.figures.phase_portrait(run, "contact_force")
+
+
+def test_a_curve_through_samples_of_a_cubic_is_the_cubic():
+    time = np.array([0.0, 0.1, 0.4, 0.5, 1.1])
+    value, rate = time**3 - 2.0 * time**2 + 0.5, 3.0 * time**2 - 4.0 * time
+    t, x, v = phase_curve(time, value, rate, np.zeros(0), points=5)
+    np.testing.assert_allclose(x, t**3 - 2.0 * t**2 + 0.5, atol=1e-14)
+    np.testing.assert_allclose(v, 3.0 * t**2 - 4.0 * t, atol=1e-14)
+    # where a contact changes it is straight, and nowhere else
+    _, x, v = phase_curve(time, value, rate, np.array([0.2]), points=5)
+    for drawn, samples in ((x, value), (v, rate)):
+        np.testing.assert_allclose(drawn[5:10], samples[1] + np.arange(5) / 5 * (samples[2] - samples[1]), atol=1e-14)
+    np.testing.assert_allclose(v[10:], 3.0 * t[10:] ** 2 - 4.0 * t[10:], atol=1e-14)
+
+
+@pytest.fixture(scope="module")
+def rigid(reference):
+    """The same motion read at 64 and at 1024 instants of a cycle, with rigid impacts of one ball."""
+    system = reduced(with_ball(reference, contact=fi.Rigid(0.6)), 2, 10)
+    record = fi.Recorder(channels=("tip", "tip.velocity", "ball", "ball.velocity"))
+    return [
+        fi.integrate(system, fi.Sine(0.2037e-3, 5.0), fi.EventDriven(samples_per_cycle=samples), 2.0, record)
+        for samples in (64, 1024)
+    ]
+
+
+def test_a_portrait_of_few_samples_is_that_of_many(rigid):
+    few, many = rigid
+    np.testing.assert_array_equal(few.impacts.time, many.impacts.time)
+    assert len(few.impacts) > 10
+
+    def curve(run, points):
+        relative = [run["ball"] - run["tip"], run["ball.velocity"] - run["tip.velocity"]]
+        return phase_curve(run.time, *relative, changes_of_contact(run), corners_of(run, "ball"), points)
+
+    exact = [many["ball"] - many["tip"], many["ball.velocity"] - many["tip.velocity"]]
+
+    def largest_error(time, *drawn):
+        # between an impact and a sample the instants are others
+        at = np.searchsorted(many.time, time - 1e-9)
+        known = np.abs(many.time[at] - time) < 1e-9
+        assert np.count_nonzero(known) > 0.95 * many.time.size
+        return [np.abs(one[known] - of[at[known]]).max() / np.ptp(of) for one, of in zip(drawn, exact, strict=True)]
+
+    # of the two modes the second one, of 70 Hz, has 4.6 samples in a period: the rate of its cubic is off by
+    # (2 pi / 4.6)^3 / (72 sqrt 3) = 2 % of that mode's rate, of which some tenths are in the whole
+    assert max(largest_error(*curve(few, 16))) < 0.004
+    # drawn straight, the rate of the second mode is off by (2 pi / 4.6)^2 / 8 = 23 %
+    samples = [few["ball"] - few["tip"], few["ball.velocity"] - few["tip.velocity"]]
+    straight = [np.interp(many.time, few.time, values) for values in samples]
+    assert max(largest_error(many.time, *straight)) > 0.02
+
+
+def test_corners_of_a_portrait_are_on_the_walls_with_both_speeds(rigid):
+    few, _ = rigid
+    axis = fi.figures.phase_portrait(few, phase=None, cycles=10)
+    x, v = (np.asarray(data) for data in axis.lines[0].get_data())
+    wall, impacts = 4.0, few.impacts
+    # the ball of a rigid impact is nowhere inside a wall; the cubic beside an impact is off by far less than a pixel
+    assert np.abs(x).max() < wall * (1.0 + 1e-4)
+    for side, before, after in zip(impacts.side, impacts.approach_speed, impacts.rebound_speed, strict=True):
+        at = np.flatnonzero((x == side * wall) & np.isclose(v, 1e3 * side * before, rtol=1e-12))
+        assert at.size
+        np.testing.assert_allclose(v[at + 1 + 15], -1e3 * side * after, rtol=1e-12)
+
+
+def test_legends_are_over_nothing(run, curves, mesh, two_balls):
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.legend import Legend
+
+    three = {"without ball": curves[0]} | {f"with ball, at rest in frame {i} of two": curves[1] for i in (1, 2)}
+    published = [("paper", 4.95, 7e-3)]
+
+    def named(ax):
+        return fi.figures.response_curve(three, coarse=FREQUENCIES[::2], published=published, ax=ax)
+
+    for name, draw in (panels(run, curves, mesh, two_balls) | several(run, two_balls) | {"named": named}).items():
+        drawn = draw(fi.figures.OffScreen())
+        whole = np.atleast_1d(drawn)
+        figure = whole.flat[0].figure
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        legends = figure.findobj(Legend)
+        boxes = [legend.get_window_extent() for legend in legends]
+        words = [axis._left_title for axis in whole.flat] + [axis.title for axis in whole.flat]
+        others = [text.get_window_extent() for text in words if text.get_text()]
+        others += [axis.get_window_extent() for axis in whole.flat]
+        for i, box in enumerate(boxes):
+            # of the line of an axis half a point is drawn outside
+            inner = box.padded(-2.0)
+            assert not any(inner.overlaps(other) for other in others), name
+            assert not any(inner.overlaps(other) for other in boxes[:i]), name
+            assert inner.x0 >= 0.0, name
+            assert inner.x1 <= figure.bbox.x1, name
+            assert inner.y1 <= figure.bbox.y1, name
+    assert len(legends) == 2
 
 
 def test_a_bifurcation_has_the_sections_of_every_run(small):

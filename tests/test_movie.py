@@ -52,13 +52,13 @@ def test_gif_where_ffmpeg_is_missing(tmp_path, response, reference, monkeypatch)
 
 
 def vermilion(picture):
-    """Number of pixels in the two views that have the colour of a hit, near enough for a shaded surface."""
+    """Number of pixels in the two views that have the colour of an impact, near enough for a shaded surface."""
     red, green, blue = np.moveaxis(picture[sheet.VIEWS].astype(int), -1, 0)
     return np.count_nonzero((red > 120) & (red > 1.7 * green) & (green > 1.7 * blue))
 
 
 @pytest.fixture(scope="module")
-def hits(small):
+def meeting(small):
     record = fi.Recorder(channels=("tip",), every=100, snapshots=100)
     method = fi.Newmark(dt=fi.recommended_step(small))
     return fi.integrate(small, fi.Sine(amplitude=0.2037e-3, frequency=4.9), method, duration=3.0, record=record)
@@ -66,13 +66,13 @@ def hits(small):
 
 @pytest.mark.impacts
 @pytest.mark.parametrize("renderer", ["matplotlib", "pyvista"])
-def test_a_hit_is_coloured_and_nothing_else_is(hits, reference, renderer):
+def test_an_impact_is_coloured_and_nothing_else_is(meeting, reference, renderer):
     if renderer == "pyvista" and movie.gl_window() is None:
         pytest.skip("VTK cannot render here")
-    film = movie._film(hits, reference, None, 25, hits.snapshots.time.size)
-    struck = film.hits[:, 0] != 0
+    film = movie._film(meeting, reference, None, 25, meeting.snapshots.time.size)
+    struck = film.touched[:, 0] != 0
     shown = np.concatenate([np.flatnonzero(struck)[:3], np.flatnonzero(~struck)[:3]])
-    film = dataclasses.replace(film, chosen=film.chosen[shown], hits=film.hits[shown])
+    film = dataclasses.replace(film, chosen=film.chosen[shown], touched=film.touched[shown])
     pictures = (
         movie._pyvista_frames(film, movie.gl_window()) if renderer == "pyvista" else movie._matplotlib_frames(film)
     )
@@ -98,7 +98,7 @@ def test_two_balls_have_a_trace_and_a_close_up_each(two, renderer):
         pytest.skip("VTK cannot render here")
     structure, response = two
     film = movie._film(response, structure, None, 25, 4)
-    film = dataclasses.replace(film, chosen=film.chosen[:2], hits=np.array([[1, 0], [0, -1]]))
+    film = dataclasses.replace(film, chosen=film.chosen[:2], touched=np.array([[1, 0], [0, -1]]))
     draw = (
         movie._matplotlib_frames(film) if renderer == "matplotlib" else movie._pyvista_frames(film, movie.gl_window())
     )
@@ -117,19 +117,49 @@ def test_two_balls_have_a_trace_and_a_close_up_each(two, renderer):
 
 
 @pytest.mark.impacts
-def test_a_hit_is_shown_though_it_is_shorter_than_a_frame(hits):
-    times = hits.snapshots.time
-    side = movie._hits(hits, hits.snapshots, np.arange(times.size))[:, 0]
-    whole = hits.impacts.time < times[-2]
+@pytest.mark.parametrize("fixed_to", ["base", "space"])
+def test_a_stop_stands_at_its_gap_and_is_coloured_when_it_is_touched(reference, fixed_to):
+    stop = fi.Stop("stop", at=0.1, gap=(2e-4, np.inf), contact=fi.Rigid(0.6), fixed_to=fixed_to)
+    structure = dataclasses.replace(reference, impactors=(), stops=(stop,))
+    base = fi.Sine(0.2e-3, 5.3)
+    response = fi.integrate(reduced(structure, 3, 10), base, fi.EventDriven(), 2.0, fi.Recorder(snapshots=4))
+    film = movie._film(response, structure, 5.0, 25, 200)
+    ((cell, pair, side),) = film.stops()
+    assert (pair, side) == (0, 1)
+    times = film.snapshots.time[film.chosen]
+    corners = np.split(film.scene.connectivity, film.scene.offsets[:-1])[cell]
+    for i, time in enumerate(times):
+        low = film.moved(i)[corners, 1].min()
+        # 5 times the gap above the upper face of the beam of 1 mm; relative to the base, space moves against it
+        moves = 5.0 * base.displacement(time) if fixed_to == "space" else 0.0
+        assert low == pytest.approx(5.0 * 2e-4 + 0.5e-3 - moves, abs=1e-15)
+    assert len(response.impacts) > 3
+    touched = np.array([film.touches(i, 0, 1) for i in range(times.size)])
+    first = response.impacts.time[0]
+    assert not touched[times < first].any()
+    assert touched[np.searchsorted(times, first)]
+    frames = movie._matplotlib_frames(dataclasses.replace(film, chosen=film.chosen[:1]))
+    assert vermilion(next(frames)) == 0
+    at = np.flatnonzero(touched)[:1]
+    frames = movie._matplotlib_frames(dataclasses.replace(film, chosen=film.chosen[at], touched=film.touched[at]))
+    # the block is 2 % of the length of a beam that fills nearly the width: 22 pixels square
+    assert vermilion(next(frames)) > 300
+
+
+@pytest.mark.impacts
+def test_an_impact_is_shown_though_it_is_shorter_than_a_frame(meeting):
+    times = meeting.snapshots.time
+    side = movie._touched(meeting, meeting.snapshots, np.arange(times.size))[:, 0]
+    whole = meeting.impacts.time < times[-2]
     assert whole.sum() > 3
-    for start, wall in zip(hits.impacts.time[whole], hits.impacts.side[whole], strict=True):
+    for start, wall in zip(meeting.impacts.time[whole], meeting.impacts.side[whole], strict=True):
         assert side[np.searchsorted(times, start)] == wall
     # a ball in contact at a frame is at that wall
-    touching = hits.snapshots.contact_force[:, 0]
+    touching = meeting.snapshots.contact_force[:, 0]
     assert np.all(side[touching > 0] == 1)
     assert np.all(side[touching < 0] == -1)
     # and not all the time: before the first impact nothing is coloured
-    assert not side[times < hits.impacts.time[0]].any()
+    assert not side[times < meeting.impacts.time[0]].any()
 
 
 def test_a_beam_without_a_ball_and_one_snapshot_make_a_movie(tmp_path, reference):

@@ -12,12 +12,18 @@ import time
 
 import numpy as np
 import pytest
-from builders import short_study
+from builders import REFERENCE, short_study
 
 import femimpact as fi
-from femimpact.export import movie
+from femimpact.export import figures, movie
 from femimpact.study import pictures
-from femimpact.study.picture_data import read_curves, read_film, read_last_cycles, read_mode_shapes
+from femimpact.study.picture_data import (
+    read_curves,
+    read_film,
+    read_last_cycles,
+    read_mode_shapes,
+    write_mode_shapes,
+)
 from femimpact.study.prepared import prepare
 from femimpact.study.results import FILES, read_summary
 from femimpact.study.run import run_simulation, run_study, run_sweep
@@ -73,6 +79,7 @@ def test_what_is_stored_is_what_was_computed(ran, study):
         np.testing.assert_array_equal(stored, computed)
     assert film.structure.beam == study.structure.beam
     assert film.structure.supports == study.structure.supports
+    assert film.structure.masses == study.structure.masses
     pair, drawn = response.system.balls[0], film.response.system.balls[0]
     assert (drawn.name, drawn.position, drawn.mass, drawn.gaps) == (pair.name, pair.position, pair.mass, pair.gaps)
     for name in ("time", "impulse", "side", "impactor", "restitution", "mode_share"):
@@ -89,11 +96,57 @@ def test_what_is_stored_is_what_was_computed(ran, study):
 
 
 def test_stored_mode_shapes_are_those_of_the_system(ran, system):
-    drawn, modes = read_mode_shapes(ran, read_summary(ran))
+    drawn, modes, structure = read_mode_shapes(ran, read_summary(ran))
     x = np.linspace(0.0, system.nodes[-1], 7)
     shapes = system.deflection_rows(x) @ fi.solve_modes(system, 4).vectors
     np.testing.assert_allclose(drawn.deflection_rows(x) @ modes.vectors, shapes, atol=1e-9 * np.abs(shapes).max())
     assert drawn.total_mass == system.total_mass
+    assert structure.masses == REFERENCE.masses
+    (ball,) = drawn.contacts
+    assert (ball.name, ball.position, ball.is_stop) == ("ball", system.nodes[-1], False)
+
+
+def test_stored_modes_are_drawn_with_the_same_parts_as_those_in_memory(tmp_path):
+    rigid = fi.Rigid(0.5)
+    structure = fi.Structure(
+        REFERENCE.beam,
+        [fi.PointMass("box", "tip", 0.02), fi.PointMass("midbox", 0.1, 0.005, offset=0.004)],
+        [fi.Impactor("ball", "box", 3e-3, (3e-3, 5e-3), rigid), fi.Impactor("second", "midbox", 1e-3, 2e-3, rigid)],
+        fi.Rayleigh(0.003, (1, 2)),
+        stops=[fi.Stop("post", 0.2, (6e-3, np.inf), rigid), fi.Stop("fork", 0.15, (4e-3, 5e-3), rigid)],
+        springs=[fi.Spring("wire", 0.18, 5.0), fi.Spring("tie", 0.05, 5.0, to="midbox")],
+        dashpots=[fi.Dashpot("damper", "mid", 0.1)],
+    )
+    system = fi.assemble(structure, elements=8)
+    modes = fi.solve_modes(system, count=3)
+    write_mode_shapes(tmp_path / FILES["mode_shapes"], system, modes, structure)
+    off_screen = figures.OffScreen()
+    drawn = [
+        figures.mode_shapes(*given[:2], structure=given[2], figure=off_screen)
+        for given in (read_mode_shapes(tmp_path, {}), (system, modes, structure))
+    ]
+    for stored, computed in zip(*drawn, strict=True):
+        for ours, theirs in zip(stored.lines, computed.lines, strict=True):
+            assert ours.get_label() == theirs.get_label()
+            np.testing.assert_allclose(ours.get_xydata(), theirs.get_xydata(), atol=1e-9)
+        at = {found.get_label(): found.get_xydata() for found in stored.lines}
+        for name, x in (("post", 200.0), ("fork", 150.0), ("ball", 1e3 * system.nodes[-1]), ("second", 100.0)):
+            assert at[name][0, 0] == pytest.approx(x)
+        # a mark of a stop on each side that is closed
+        assert sum(found.get_label() == "fork" for found in stored.lines) == 2
+        assert sum(found.get_label() == "post" for found in stored.lines) == 1
+
+
+def test_the_exaggeration_of_a_study_is_that_of_movie_and_paraview_alike(tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    study = short_study(1.0, frames=4, figures=False, movie=False)
+    study = dataclasses.replace(study, sweep=None, output=dataclasses.replace(study.output, exaggeration=3.0))
+    run_study(study, tmp_path / "out", parts=("simulate",))
+    film = read_film(tmp_path / "out", read_summary(tmp_path / "out"))
+    assert film.exaggeration == 3.0
+    assert "drawn 3 times as large" in movie._film(film.response, film.structure, film.exaggeration, 25, 4).caption
+    reader = pyvista.get_reader(tmp_path / "out" / FILES["deflection_scene"])
+    assert reader.read()[0].field_data["exaggeration"][0] == 3.0
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a shell script in the place of ffmpeg")

@@ -89,7 +89,8 @@ def test_a_record_has_no_phase_and_no_section_and_still_a_portrait(small):
     with pytest.raises(fi.InputError, match=r"base\.phase = nan rad: must be finite"):
         response.stroboscopic()
     (portrait,) = fi.figures.phase_portrait(response, ax=fi.figures.OffScreen()).lines
-    np.testing.assert_allclose(portrait.get_ydata(), 1e3 * response["tip.velocity"])
+    # of 64 samples in a cycle, each interval is drawn in 16 pieces
+    np.testing.assert_allclose(portrait.get_ydata()[::16], 1e3 * response["tip.velocity"])
 
 
 def test_a_streamed_run_has_no_cycles(small):

@@ -1,4 +1,4 @@
-"""A slow-motion movie in which the beam swings and the ball hits its walls, by pyvista or by matplotlib alone."""
+"""A slow-motion movie in which the beam swings and the ball meets its walls, by pyvista or by matplotlib alone."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import require
-from femimpact.export.figures.look import BLUE, ORANGE
+from femimpact.export.figures.look import BLUE, DARK, ORANGE
 from femimpact.export.files import atomic_path
 from femimpact.export.scene import BALL, BEAM, BOX, ball_radius, build_scene, snapshots_of, thinned
 from femimpact.export.scene_pieces import section_at
@@ -131,27 +131,27 @@ def _film(response: Response, structure: Structure, exaggeration: float | None, 
     slow = f"   Slowed {(chosen.size - 1) / fps / shown:.2g} times." if shown > 0.0 else ""
     sine = f"Base: sine, {response.base.frequency:.4g} Hz, {1e3 * response.base.amplitude:.4g} mm."
     base = "Base: a record." if math.isnan(response.base.phase) else sine
-    drawn = "Motion and clearance" if response.system.balls else "Motion"
+    drawn = "Motion and clearance" if response.system.contacts else "Motion"
     size = "to scale" if exaggeration == 1.0 else f"{exaggeration:g} times as large"
     caption = f"{base}   {drawn} drawn {size}.{slow}"
     scene = build_scene(structure, response.system, exaggeration)
-    return Film(response, structure, snapshots, chosen, scene, caption, _hits(response, snapshots, chosen))
+    return Film(response, structure, snapshots, chosen, scene, caption, _touched(response, snapshots, chosen))
 
 
-def _hits(response: Response, snapshots: Snapshots, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Side of the wall that each ball touches: at the frame, or since the frame before the last.
+def _touched(response: Response, snapshots: Snapshots, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Side on which each contact is closed: at the frame, or since the frame before the last.
 
-    A hit is shorter than a frame, so one that fell between two frames is shown by the next two.
+    An impact is shorter than a frame, so one that fell between two frames is shown by the next two.
     """
-    hits = np.sign(snapshots.contact_force[chosen]).astype(int)
+    touched = np.sign(snapshots.contact_force[chosen]).astype(int)
     times, earlier = snapshots.time[chosen], snapshots.time[np.concatenate([chosen[:1], chosen[:1], chosen])[:-2]]
-    for j, pair in enumerate(response.system.balls):
+    for j, pair in enumerate(response.system.contacts):
         mine = response.impacts.impactor == pair.name
         start, side = response.impacts.time[mine], response.impacts.side[mine]
         last = np.searchsorted(start, times, side="right")
         recent = last > np.searchsorted(start, earlier, side="right")
-        hits[recent, j] = side[last[recent] - 1]
-    return np.asarray(hits)
+        touched[recent, j] = side[last[recent] - 1]
+    return np.asarray(touched)
 
 
 def _encode(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int) -> Path:
@@ -211,16 +211,16 @@ def _pyvista_frames(film: Film, window: str) -> Iterator[NDArray[np.uint8]]:
         plotter.subplot(0, view)
         actors.append([plotter.add_mesh(mesh, **look) for mesh, _, look, _ in pieces])
         for block in _supports(film):
-            plotter.add_mesh(block, color="#333333")
+            plotter.add_mesh(block, color=DARK)
         _aim(plotter, film, view - 1)
     try:
         for i in range(film.chosen.size):
             moved = film.moved(i)
-            for k, (mesh, source, look, hit) in enumerate(pieces):
+            for k, (mesh, source, look, contact) in enumerate(pieces):
                 mesh.points = moved[source]
-                struck = hit is not None and film.struck(i, *hit)
+                touches = contact is not None and film.touches(i, *contact)
                 for scene in actors:
-                    scene[k].prop.color = ORANGE if struck else look["color"]
+                    scene[k].prop.color = ORANGE if touches else look["color"]
             for j in range(balls):
                 # a close-up goes with its box
                 camera = plotter.renderers[1 + j].camera
@@ -244,7 +244,7 @@ TILT = (0.0, -0.4, 1.0)
 
 
 def _pieces(film: Film) -> list[tuple[Any, NDArray[np.intp], dict[str, Any], tuple[int, int] | None]]:
-    """Meshes to draw: each with its point numbers, its look, and the hit (pair, side or 0) that colours it."""
+    """Meshes to draw: each with its point numbers, its look, and the contact (pair, side or 0) that colours it."""
     import pyvista
 
     scene = film.scene
@@ -259,10 +259,11 @@ def _pieces(film: Film) -> list[tuple[Any, NDArray[np.intp], dict[str, Any], tup
         plan.append((minus, {"color": "#7b8a9a", "ambient": 0.4}, (j, -1)))
         plan.append((floor, {"color": "#c3ced9"}, None))
         plan.append((np.flatnonzero((scene.part == BALL) & (scene.pair == j)), shiny, (j, 0)))
+    plan += [(np.array([cell]), {"color": DARK, "ambient": 0.4}, (j, side)) for cell, j, side in film.stops()]
     pieces = []
-    for chosen, look, hit in plan:
+    for chosen, look, contact in plan:
         mesh: Any = whole.extract_cells(chosen.tolist())
-        pieces.append((mesh, np.asarray(mesh.point_data["vtkOriginalPointIds"]), look, hit))
+        pieces.append((mesh, np.asarray(mesh.point_data["vtkOriginalPointIds"]), look, contact))
     return pieces
 
 

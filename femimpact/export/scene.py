@@ -116,7 +116,7 @@ class Scene:
 
 
 def build_scene(structure: Structure, system: System, exaggeration: float = 1.0) -> Scene:
-    """The beam of its real cross-section, with one box and one ball for each impactor: what a movie shows.
+    """The beam of its real cross-section, a box and a ball for each impactor, and the stops: what a movie shows.
 
     Parameters
     ----------
@@ -137,11 +137,18 @@ def build_scene(structure: Structure, system: System, exaggeration: float = 1.0)
         width, _ = section_at(structure, pair.position)
         add_box(pieces, j, pair.position, width, ball_radius(pair.mass), pair.gaps, exaggeration)
         add_ball(pieces, j, pair.position, width, ball_radius(pair.mass))
+    for j, pair in enumerate(system.contacts):
+        if pair.is_stop:
+            section = section_at(structure, pair.position)
+            add_stop(
+                pieces, j, pair.position, structure.beam.length, section, pair.gaps, exaggeration,
+                pair.fixed_to == "space",
+            )  # fmt: skip
     return _scene(pieces, system, stretches, exaggeration)
 
 
 def build_whole_scene(structure: Structure, system: System, exaggeration: float = 1.0, subdivisions: int = 1) -> Scene:
-    """The same with supports, bodies, stops and points of contact.
+    """The same with supports, bodies, springs, dashpots and points of contact of the balls.
 
     Parameters
     ----------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -9,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.export.figures.look import BLUE, GREY, ORANGE, STYLE
+from femimpact.export.figures.look import BLUE, DARK, GREY, ORANGE, STYLE, name_at
 from femimpact.export.scene import BALL, BEAM, BOX, Scene, ball_radius
+from femimpact.export.scene_pieces import CONTACT_POINT, STOP
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
@@ -22,6 +24,8 @@ WIDTH, HEIGHT = 1280, 720
 """Pixels; multiples of 16, or the encoder would resize."""
 VIEWS = slice(82, 462)
 """Rows of pixels that hold the two views."""
+CLOSE_UPS, SPACE = 0.64, 0.06
+"""Left end of the close-ups in the plane of motion, and what is between them, by the width of the sheet."""
 BEAM_COLOUR = "#555b63"
 
 Draw = Callable[[int], None]
@@ -29,7 +33,7 @@ Draw = Callable[[int], None]
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """What every renderer needs: the chosen snapshots, the scene, and which ball hits which wall when.
+    """What every renderer needs: the chosen snapshots, the scene, and which contact is closed when.
 
     Parameters
     ----------
@@ -41,8 +45,8 @@ class Film:
         Numbers of the snapshots that are shown.
     scene : Scene
     caption : str
-    hits : ndarray (frames, balls)
-        Side of the wall that a ball touches, 0 without contact.
+    touched : ndarray (frames, contacts)
+        Side of the wall that a ball touches, or of a stop that the beam touches; 0 without contact.
     """
 
     response: Response
@@ -51,17 +55,19 @@ class Film:
     chosen: NDArray[np.int64]
     scene: Scene
     caption: str
-    hits: NDArray[np.int64]
+    touched: NDArray[np.int64]
 
-    def struck(self, i: int, pair: int, side: int) -> bool:
-        """Whether the ball of a pair touches that wall at frame i; side 0 means either."""
-        return bool(self.hits[i, pair] != 0 and side in (0, self.hits[i, pair]))
+    def touches(self, i: int, pair: int, side: int) -> bool:
+        """Whether a pair touches on that side at frame i; side 0 means either."""
+        return bool(self.touched[i, pair] != 0 and side in (0, self.touched[i, pair]))
 
     def moved(self, i: int) -> NDArray[np.float64]:
         """Points (points, 3), m, of frame i."""
         k = self.chosen[i]
         nodal, balls = self.snapshots.displacement[k], self.snapshots.ball_displacement[k]
-        return np.asarray(self.scene.points + self.scene.displacement(nodal, balls))
+        # seen from the base, what is fixed in space moves against it
+        space = -float(self.response.base.displacement(self.snapshots.time[k]))
+        return np.asarray(self.scene.points + self.scene.displacement(nodal, balls, space=space))
 
     def at_pair(self, j: int) -> NDArray[np.float64]:
         """Deflection (m) of the beam at pair j in every snapshot."""
@@ -69,10 +75,24 @@ class Film:
         rows = hermite_rows(self.response.system.nodes, [position])
         return np.asarray((rows @ self.snapshots.displacement.T)[0])
 
+    def stops(self) -> list[tuple[int, int, int]]:
+        """Cell, pair and side of each block of a stop, in the order of the scene."""
+        cells = iter(np.flatnonzero(self.scene.part == STOP).tolist())
+        sides = [
+            (j, side)
+            for j, pair in enumerate(self.response.system.contacts)
+            for side, gap in zip((1, -1), pair.gaps, strict=True)
+            if pair.is_stop and math.isfinite(gap)
+        ]
+        return [(cell, j, side) for cell, (j, side) in zip(cells, sides, strict=True)]
+
     @property
     def reach(self) -> float:
-        """Largest exaggerated |y| (m) of anything drawn."""
-        return max(float(np.abs(self.moved(i)[:, 1]).max()) for i in range(self.chosen.size))
+        """Largest exaggerated |y| (m) of anything drawn but stops, which may be far from the beam."""
+        scene = self.scene
+        kinds = np.repeat(scene.part, np.diff(scene.offsets, prepend=0))
+        shown = np.unique(scene.connectivity[(kinds != STOP) & (kinds != CONTACT_POINT)])
+        return max(float(np.abs(self.moved(i)[shown, 1]).max()) for i in range(self.chosen.size))
 
 
 def sheets(film: Film, plane: bool) -> Callable[[int], NDArray[np.uint8]]:
@@ -96,7 +116,7 @@ def sheets(film: Film, plane: bool) -> Callable[[int], NDArray[np.uint8]]:
         figure = Figure(figsize=(WIDTH / 100, HEIGHT / 100), dpi=100)
         canvas: Any = FigureCanvasAgg(figure)
         figure.text(0.02, 0.965, film.caption, va="center", color="black", fontsize=14.0)
-        for x, title in _titles(film):
+        for x, title in _titles(film, plane):
             figure.text(x, 0.905, title, va="center", color=GREY)
         draws = [_histories(figure, film), *(_plane_views(figure, film) if plane else [])]
         canvas.draw()
@@ -111,7 +131,7 @@ def sheets(film: Film, plane: bool) -> Callable[[int], NDArray[np.uint8]]:
     return frame
 
 
-def _titles(film: Film) -> list[tuple[float, str]]:
+def _titles(film: Film, plane: bool) -> list[tuple[float, str]]:
     """Words above the two views, with the sizes that an exaggerated picture cannot be measured for."""
     titles = [(0.02, f"Whole beam ({1e3 * film.structure.beam.length:.4g} mm), relative to the moving base")]
     balls = film.response.system.balls
@@ -119,7 +139,8 @@ def _titles(film: Film) -> list[tuple[float, str]]:
         plus, minus = (1e3 * gap for gap in pair.gaps)
         gaps = f"gaps {plus:.3g} mm" if plus == minus else f"gaps +{plus:.3g}, -{minus:.3g} mm"
         name = "Close-up, moving with the box" if len(balls) == 1 else pair.name
-        titles.append((0.52 + 0.5 * j / len(balls), f"{name} ({gaps})"))
+        first, width = (CLOSE_UPS, 0.98 + SPACE - CLOSE_UPS) if plane else (0.52, 0.5)
+        titles.append((first + width * j / len(balls), f"{name} ({gaps})"))
     return titles
 
 
@@ -129,18 +150,20 @@ def _histories(figure: Any, film: Film) -> Draw:
     count, space = max(len(balls), 1), 0.02
     height = (0.195 - space * (count - 1)) / count
     # the last label of the time is centred below the right end of the axes
-    places = [(0.065, 0.105 + (height + space) * (count - 1 - k), 0.9, height) for k in range(count)]
+    places = [(0.078, 0.105 + (height + space) * (count - 1 - k), 0.887, height) for k in range(count)]
     axes = [figure.add_axes(place) for place in places]
     for j, axis in enumerate(axes):
         if balls:
             _history(axis, film, j)
         else:
-            axis.plot(time, 1e3 * film.snapshots.displacement[:, -2], color=BEAM_COLOUR, label="tip of the beam")
-        axis.set_ylabel("y (mm)")
+            axis.plot(time, 1e3 * film.snapshots.displacement[:, -2], color=BEAM_COLOUR, label="tip")
         axis.set_xlim(time[0], max(time[-1], time[0] + 1e-9))
         axis.tick_params(labelbottom=j == count - 1)
     axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1)
     axes[-1].set_xlabel("time (s)")
+    # one for all strips: of two or three of them none is as high as these words are long
+    words = "relative to\nthe base (mm)"
+    figure.text(0.004, 0.2025, words, rotation=90.0, ha="left", va="center", multialignment="center")
     markers = [axis.axvline(time[0], color="black", linewidth=1.6, animated=True) for axis in axes]
     clock = figure.text(0.965, 0.325, "", ha="right", va="center", fontsize=14.0, animated=True)
 
@@ -161,11 +184,12 @@ def _history(axis: Any, film: Film, j: int) -> None:
     time, pair = snapshots.time, balls[j]
     wall, ball = 1e3 * film.at_pair(j), 1e3 * snapshots.ball_displacement[:, j]
     inside = (wall - 1e3 * pair.gaps[1], wall + 1e3 * pair.gaps[0])
-    axis.fill_between(time, *inside, color="#e6eaee", label="free travel of the ball")
-    axis.plot(time, wall, color=BEAM_COLOUR, label="beam at the box")
+    place = name_at(film.response.system, pair.position) or "beam at the box"
+    axis.fill_between(time, *inside, color="#e6eaee", label="between the walls")
+    axis.plot(time, wall, color=BEAM_COLOUR, label=place if len(balls) == 1 else "beam at the box")
     axis.plot(time, ball, color=BLUE, label=pair.name if len(balls) == 1 else "ball")
     at = impacts.time[(impacts.impactor == pair.name) & (impacts.time >= time[0]) & (impacts.time <= time[-1])]
-    axis.plot(at, np.interp(at, time, ball), "o", color=ORANGE, markersize=5.0, label="hit")
+    axis.plot(at, np.interp(at, time, ball), "o", color=ORANGE, markersize=5.0, label="impact")
     if len(balls) > 1:
         # beside the axes, where no curve is
         axis.text(1.005, 0.5, pair.name, transform=axis.transAxes, rotation=90.0, ha="left", va="center", color=GREY)
@@ -175,24 +199,27 @@ def _plane_views(figure: Any, film: Film) -> list[Draw]:
     """Axes of the whole beam, and of the close-up where there is a ball."""
     length, s, contacts = 1e3 * film.structure.beam.length, film.scene.exaggeration, film.response.system.balls
     axis = figure.add_axes((0.065, 0.435, 0.5 if contacts else 0.915, 0.435))
-    _fit(axis, 0.52 * length, 0.56 * length, 1.05e3 * film.reach, s)
+    _fit(axis, 0.52 * length, 0.56 * length, 1.05e3 * film.reach, s, "relative to the base (mm)")
     for support in film.structure.supports:
         x = 1e3 * film.response.system.position_of(support.at)
         axis.plot([x, x], [-0.05 * length, 0.05 * length], color="black", linewidth=5.0)
     views = [_moving_parts(axis, film, None)]
-    space = 0.06
-    width = (0.34 + space) / max(len(contacts), 1) - space
+    width = (0.98 + SPACE - CLOSE_UPS) / max(len(contacts), 1) - SPACE
+    if contacts:
+        # one for all: below each of several it would be wider than its view
+        figure.text(0.5 * (CLOSE_UPS + 0.98), 0.378, axis.get_xlabel(), ha="center", va="center")
     for j, pair in enumerate(contacts):
         half = 1e3 * (s * max(pair.gaps) + 1.6 * ball_radius(pair.mass))
-        close = figure.add_axes((0.64 + j * (width + space), 0.435, width, 0.435))
-        _fit(close, 1e3 * pair.position, 1.6e3 * ball_radius(pair.mass), half, s)
+        close = figure.add_axes((CLOSE_UPS + j * (width + SPACE), 0.435, width, 0.435))
+        _fit(close, 1e3 * pair.position, 1.6e3 * ball_radius(pair.mass), half, s, "relative to the box (mm)")
+        close.set_xlabel("")
         if j > 0:
             close.set_ylabel("")
         views.append(_moving_parts(close, film, j))
     return views
 
 
-def _fit(axis: Any, middle: float, half_x: float, half_y: float, exaggeration: float) -> None:
+def _fit(axis: Any, middle: float, half_x: float, half_y: float, exaggeration: float, label: str) -> None:
     """Show at least these half spans (mm) about (middle, 0), x and y to one scale; label y by the true mm."""
     from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 
@@ -204,8 +231,8 @@ def _fit(axis: Any, middle: float, half_x: float, half_y: float, exaggeration: f
     ticks = MaxNLocator(nbins=6).tick_values(-half / exaggeration, half / exaggeration)
     axis.yaxis.set_major_locator(MultipleLocator(exaggeration * float(ticks[1] - ticks[0])))
     axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y / exaggeration:g}".replace("-", "\u2212")))
-    axis.set_xlabel("x along the beam (mm)")
-    axis.set_ylabel("y (mm)")
+    axis.set_xlabel("distance from the root (mm)")
+    axis.set_ylabel(label)
 
 
 def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
@@ -218,7 +245,8 @@ def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
     # the faces that look along z: of a hexahedron of the beam, and of one of a box
     beam = [cells[c][[0, 1, 5, 4]] for c in np.flatnonzero(scene.part == BEAM)]
     boxes = [cells[c][:4] for c in np.flatnonzero(scene.part == BOX)]
-    faces = np.array([*boxes, *beam])
+    stops = film.stops()
+    faces = np.array([*boxes, *beam, *(cells[cell][:4] for cell, _, _ in stops)])
     collection = PolyCollection([], linewidths=2.0, joinstyle="round", animated=True)
     axis.add_collection(collection, autolim=False)
     balls = [np.unique(scene.connectivity[_entries(scene, BALL, j)]) for j in range(len(contacts))]
@@ -233,11 +261,12 @@ def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
             moved[:, 1] -= 1e3 * scene.exaggeration * film.at_pair(follow)[film.chosen[i]]
         colours = [colour for j in range(len(contacts)) for colour in _box_colours(film, i, j)]
         colours += [BEAM_COLOUR] * len(beam)
+        colours += [ORANGE if film.touches(i, j, side) else DARK for _, j, side in stops]
         collection.set(verts=moved[faces], facecolors=colours, edgecolors=colours)
         axis.draw_artist(collection)
         for j, (circle, ball) in enumerate(zip(circles, balls, strict=True)):
             circle.set_center((1e3 * contacts[j].position, float(moved[ball, 1].mean())))
-            circle.set_color(ORANGE if film.struck(i, j, 0) else BLUE)
+            circle.set_color(ORANGE if film.touches(i, j, 0) else BLUE)
             axis.draw_artist(circle)
 
     return draw
@@ -251,5 +280,5 @@ def _entries(scene: Scene, part: int, pair: int) -> NDArray[np.bool_]:
 
 def _box_colours(film: Film, i: int, j: int) -> tuple[str, str, str]:
     """Of the + wall, the - wall and the floor, in the order in which a scene holds them."""
-    plus, minus = (ORANGE if film.struck(i, j, side) else "#7b8a9a" for side in (1, -1))
+    plus, minus = (ORANGE if film.touches(i, j, side) else "#7b8a9a" for side in (1, -1))
     return plus, minus, "#e3e8ee"

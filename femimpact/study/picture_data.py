@@ -20,8 +20,8 @@ from femimpact.response.history import Snapshots
 from femimpact.response.impacts import IMPACT_UNITS, Impacts, ImpactStatistics, StickingPhases
 from femimpact.response.response import Response
 from femimpact.response.signals import no_steady_motion
-from femimpact.structure.springs import Spring
-from femimpact.structure.structure import Beam, Segment, Structure, Support
+from femimpact.structure.springs import Dashpot, Spring
+from femimpact.structure.structure import Beam, PointMass, Segment, Structure, Support
 from femimpact.study.results import FILES, read_dataset, read_sticking
 from femimpact.sweep import SWEEP_UNITS, FrequencyResponse
 from femimpact.system.hermite import hermite_rows
@@ -59,6 +59,13 @@ SNAPSHOT_DIMS = {
 
 
 @dataclass(frozen=True)
+class DrawnLaw:
+    """What pictures show of the law of a contact pair."""
+
+    is_rigid: bool
+
+
+@dataclass(frozen=True)
 class DrawnContact:
     """What pictures show of a contact pair; a stop has an infinite mass."""
 
@@ -66,7 +73,8 @@ class DrawnContact:
     position: float
     mass: float
     gaps: tuple[float, float]
-    rigid: bool
+    parameters: DrawnLaw
+    fixed_to: str = "base"
 
     @property
     def is_stop(self) -> bool:
@@ -119,8 +127,8 @@ class Film:
 # ---- modes ----------------------------------------------------------------------------------------
 
 
-def write_mode_shapes(path: Path, system: System, modes: Modes) -> None:
-    """Write mode shapes at the nodes."""
+def write_mode_shapes(path: Path, system: System, modes: Modes, structure: Structure) -> None:
+    """Write mode shapes at the nodes, with the parts that a picture shows on them."""
     import xarray
 
     data: dict[str, Any] = {
@@ -135,18 +143,77 @@ def write_mode_shapes(path: Path, system: System, modes: Modes) -> None:
     text = "deflection and slope at each node in turn, mass-normalised"
     data["shape"] = (("dof", "mode"), shapes, {"units": "kg^-0.5, kg^-0.5/m", "long_name": text})
     data["node"] = ("node", np.array(system.nodes), {"units": "m", "long_name": "distance from the root"})
+    about = _parts(structure) | {"points": dict(system.points), "contacts": _contacts(system)}
+    data[ABOUT] = ((), json.dumps(tables.plain(about)))
     tables.write_netcdf(path, xarray.Dataset(data, attrs={"total_mass_kg": system.total_mass}))
 
 
-def read_mode_shapes(folder: Path, summary: Mapping[str, Any]) -> tuple[System, Modes] | None:
-    """System and modes as pictures take them; None where the results have no modes."""
+def read_mode_shapes(folder: Path, summary: Mapping[str, Any]) -> tuple[System, Modes, Structure | None] | None:
+    """System, modes and structure as pictures take them; None where the results have no modes.
+
+    Results of earlier versions have no structure.
+    """
     data = read_dataset(folder, "mode_shapes", summary)
     if data is None:
         return None
     names = ("natural_frequency", "damping_ratio", "participation_factor")
     modes = Modes(**{name: data[name].to_numpy() for name in names}, vectors=data["shape"].to_numpy())
-    system = DrawnSystem(data["node"].to_numpy(), {}, total_mass=float(data.attrs["total_mass_kg"]))
-    return cast(System, system), modes
+    about = json.loads(data[ABOUT].item()) if ABOUT in data else {"points": {}, "contacts": []}
+    total_mass = float(data.attrs["total_mass_kg"])
+    system = DrawnSystem(data["node"].to_numpy(), about["points"], _drawn_contacts(about), total_mass)
+    return cast(System, system), modes, _structure(about) if ABOUT in data else None
+
+
+# ---- parts ----------------------------------------------------------------------------------------
+
+
+def _parts(structure: Structure) -> dict[str, Any]:
+    """The structure without its contacts, which are those of the system."""
+    parts = {name: getattr(structure, name) for name in ("supports", "springs", "dashpots", "masses")}
+    return {
+        name: [dataclasses.asdict(part) for part in several]
+        for name, several in (parts | {"segments": structure.beam.segments}).items()
+    }
+
+
+def _structure(about: Mapping[str, Any]) -> Structure:
+    """What `_parts` wrote; results of earlier versions have fewer parts."""
+    return Structure(
+        beam=Beam(tuple(Segment(**segment) for segment in about["segments"])),
+        supports=tuple(Support(**support) for support in about["supports"]),
+        masses=tuple(PointMass(**body) for body in about.get("masses", ())),
+        springs=tuple(Spring(**spring) for spring in about.get("springs", ())),
+        dashpots=tuple(Dashpot(**dashpot) for dashpot in about.get("dashpots", ())),
+    )
+
+
+def _contacts(system: System) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": pair.name,
+            "position": pair.position,
+            "mass": pair.mass,
+            "gaps": pair.gaps,
+            "rigid": pair.parameters.is_rigid,
+            "fixed_to": pair.fixed_to,
+        }
+        for pair in system.contacts
+    ]
+
+
+def _drawn_contacts(about: Mapping[str, Any]) -> tuple[DrawnContact, ...]:
+    return tuple(
+        DrawnContact(
+            name=contact["name"],
+            position=contact["position"],
+            mass=_finite_or(contact["mass"], math.inf),
+            gaps=(_finite_or(contact["gaps"][0], math.inf), _finite_or(contact["gaps"][1], math.inf)),
+            parameters=DrawnLaw(contact["rigid"]),
+            # results of earlier versions do not have it
+            fixed_to=contact.get("fixed_to", "base"),
+        )
+        for contact in about["contacts"]
+    )
 
 
 # ---- history --------------------------------------------------------------------------------------
@@ -195,18 +262,11 @@ def _write(path: Path, data: dict[str, Any], time: Array) -> None:
 
 def _about(structure: Structure, response: Response) -> dict[str, Any]:
     """All that pictures of a run show besides its arrays."""
-    base, points = response.base, dict(response.system.points)
-    contacts = [
-        {"name": p.name, "position": p.position, "mass": p.mass, "gaps": p.gaps, "rigid": p.parameters.is_rigid}
-        for p in response.system.contacts
-    ]
-    return {
+    base = response.base
+    return _parts(structure) | {
         "base": {"amplitude": base.amplitude, "frequency": base.frequency, "phase": getattr(base, "phase", 0.0)},
-        "segments": [dataclasses.asdict(segment) for segment in structure.beam.segments],
-        "supports": [dataclasses.asdict(support) for support in structure.supports],
-        "springs": [dataclasses.asdict(spring) for spring in structure.springs],
-        "contacts": contacts,
-        "points": points,
+        "contacts": _contacts(response.system),
+        "points": dict(response.system.points),
         "end": response.window[1],
         "statistics": dataclasses.asdict(response.statistics),
         "statistics_of": {name: dataclasses.asdict(own) for name, own in response.statistics_of.items()},
@@ -221,14 +281,8 @@ def read_film(folder: Path, summary: Mapping[str, Any]) -> Film | None:
     about = json.loads(data[ABOUT].item())
     arrays = {name: data[name].to_numpy() for name in SNAPSHOT_DIMS}
     snapshots = Snapshots(time=data["time"].to_numpy(), **arrays)
-    structure = Structure(
-        beam=Beam(tuple(Segment(**segment) for segment in about["segments"])),
-        supports=tuple(Support(**support) for support in about["supports"]),
-        # results of earlier versions have none
-        springs=tuple(Spring(**spring) for spring in about.get("springs", ())),
-    )
     response = _response(folder, summary, about, data["node"].to_numpy())
-    return Film(dataclasses.replace(response, snapshots=snapshots), structure, about["exaggeration"])
+    return Film(dataclasses.replace(response, snapshots=snapshots), _structure(about), about["exaggeration"])
 
 
 def read_last_cycles(folder: Path, summary: Mapping[str, Any]) -> tuple[Response, Response] | None:
@@ -245,16 +299,6 @@ def read_last_cycles(folder: Path, summary: Mapping[str, Any]) -> tuple[Response
 
 def _response(folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any], nodes: Array) -> Response:
     """A response without a history: its impacts, its end, and what pictures show of its system."""
-    contacts = tuple(
-        DrawnContact(
-            name=contact["name"],
-            position=contact["position"],
-            mass=_finite_or(contact["mass"], math.inf),
-            gaps=(_finite_or(contact["gaps"][0], math.inf), _finite_or(contact["gaps"][1], math.inf)),
-            rigid=contact["rigid"],
-        )
-        for contact in about["contacts"]
-    )
     return Response(
         time=np.array([about["end"]]),
         channels={},
@@ -267,7 +311,7 @@ def _response(folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any]
         energy=None,
         snapshots=None,
         base=Sine(**about["base"]),
-        system=cast(System, DrawnSystem(nodes, about["points"], contacts)),
+        system=cast(System, DrawnSystem(nodes, about["points"], _drawn_contacts(about))),
     )
 
 

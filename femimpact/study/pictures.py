@@ -111,7 +111,8 @@ def _figures(source: Path, summary: Mapping[str, Any]) -> Iterator[tuple[str, Ca
     off_screen = figures.OffScreen()
     modes = read_mode_shapes(source, summary)
     if modes is not None:
-        yield "mode_figure", lambda: figures.mode_shapes(*modes, figure=off_screen)
+        system, shapes, structure = modes
+        yield "mode_figure", lambda: figures.mode_shapes(system, shapes, structure=structure, figure=off_screen)
     swept = read_curves(source, summary)
     if swept is not None:
         curves, coarse = swept
@@ -125,7 +126,7 @@ def _figures(source: Path, summary: Mapping[str, Any]) -> Iterator[tuple[str, Ca
     yield "impact_histograms", lambda: figures.impact_histograms(run, off_screen)
     yield "impulse_phase", lambda: figures.impulse_phase(run, off_screen)
     contacts: Any = end.system.contacts
-    if not all(contact.rigid for contact in contacts):
+    if not all(contact.parameters.is_rigid for contact in contacts):
         # a rigid impact has an impulse and no force to draw
         yield "force_figure", lambda: figures.contact_force(end, averaged=False, figure=off_screen)
     if end.system.balls:

@@ -324,7 +324,7 @@ def _write_modes(prepared: PreparedStudy, folder: Path, modes: Modes, glued: Mod
     if glued is not None:
         columns["natural_frequency_glued"], units["natural_frequency_glued"] = glued.natural_frequency, "Hz"
     tables.write_csv(folder / FILES["modes"], columns, units)
-    write_mode_shapes(folder / FILES["mode_shapes"], full, modes)
+    write_mode_shapes(folder / FILES["mode_shapes"], full, modes, study.structure)
     if study.output.paraview:
         from femimpact.export import vtk
 

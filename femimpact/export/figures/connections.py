@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.export.figures.look import GREY
+from femimpact.export.figures.look import DARK, GREY
 from femimpact.structure.springs import Dashpot, Spring
 
 __all__ = ["draw_connection", "draw_ground"]
@@ -16,9 +16,6 @@ Point = tuple[float, float]
 
 TURNS = 6
 """Of a zigzag."""
-
-DARK = "#333333"
-"""No mode and no region has this colour."""
 
 
 def draw_connection(axis: Any, item: Spring | Dashpot, ends: tuple[Point, Point], across: Point) -> None:

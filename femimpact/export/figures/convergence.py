@@ -14,6 +14,7 @@ from femimpact.export.figures.look import (
     GREY,
     ORANGE,
     OffScreen,
+    legend_above,
     panel,
     panels,
     plain_log_ticks,
@@ -54,9 +55,10 @@ def mesh_convergence(result: MeshConvergence, slope: float | None = 4.0, ax: Axe
     axis.axhspan(1e-16, 1e-12, color="#eeeeee", zorder=0)
     axis.annotate("round-off floor", (0.02, 1.5e-13), xycoords=("axes fraction", "data"), color=GREY)
     axis.set_ylim(bottom=1e-16)
+    plain_log_ticks(axis.xaxis)
     axis.set_xlabel("elements")
     axis.set_ylabel("relative error of the natural frequency")
-    axis.legend(loc="upper right", frameon=False)
+    legend_above(axis)
     return axis
 
 
@@ -88,7 +90,7 @@ def step_convergence(result: StepConvergence, slope: float | None = 2.0, ax: Axe
         _reference(axis, 1e6 * result.dt, result.linear_error[:, None], slope, 0.5, f"reference: order {slope:g}")
     axis.set_xlabel("step dt (microseconds)")
     axis.set_ylabel("relative error")
-    axis.legend(loc="lower right", frameon=False)
+    legend_above(axis)
     return axis
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.calibration import RestitutionScan
 from femimpact.errors import require, require_type
-from femimpact.export.figures.look import COLOURS, GREY, OffScreen, panel, panels, plain_log_ticks
+from femimpact.export.figures.look import COLOURS, DARK, GREY, OffScreen, legend_above, panel, panels, plain_log_ticks
 from femimpact.sweep import FrequencyResponse, on_grid
 
 if TYPE_CHECKING:
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
 __all__ = ["response_curve", "restitution_scan", "value_map"]
+
+RINGS: Any = {"markersize": 7.0, "markerfacecolor": "none", "markeredgewidth": 1.2}
+"""Marks of an even grid."""
 
 
 def response_curve(
@@ -68,27 +71,58 @@ def response_curve(
     for colour, (label, curve) in zip(COLOURS, named.items(), strict=False):
         prefix = f"{label}: " if label else ""
         _peaks(axis, curve, colour, f"{prefix}peak", join_all)
-        if len(named) <= 3 and np.nansum(curve.impacts_per_cycle) > 0.0:
+        if _has_rms(named, curve):
             axis.plot(curve.frequency, 1e3 * curve.rms, color=colour, linestyle=":", label=f"{prefix}rms")
         if coarse is not None:
             seen = on_grid(curve.frequency, coarse)
-            rings: Any = {"markersize": 7.0, "markerfacecolor": "none", "markeredgewidth": 1.2}
-            axis.plot(curve.frequency[seen], 1e3 * curve.peak[seen], "o", color=colour, **rings)
-    for marker, mark in zip("*PX", published, strict=False):
-        _mark(axis, marker, *mark)
+            axis.plot(curve.frequency[seen], 1e3 * curve.peak[seen], "o", color=colour, **RINGS)
+    marks = [_mark(axis, marker, *mark) for marker, mark in zip("*PX", published, strict=False)]
     first = next(iter(named.values()))
     if not _scatter(first, join_all)[np.nanargmax(first.peak)]:
         peak = (first.peak_frequency, 1e3 * first.peak_amplitude)
-        axis.annotate(f"{peak[1]:.3g} mm at {peak[0]:.4g} Hz", peak, xytext=(8, -2), textcoords="offset points",
-                      color=COLOURS[0])  # fmt: skip
-    note = "" if coarse is None else f"\nrings: the {len(np.asarray(coarse))} points of the even grid"
-    axis.set_title((title or f"base amplitude {1e3 * first.amplitude:.4g} mm") + note, loc="left")
+        # on the side of the peak that has more room
+        low, high = first.frequency[0], first.frequency[-1]
+        side: Any = {"xytext": (8, -2)} if peak[0] <= 0.25 * low + 0.75 * high else {"xytext": (-8, -2), "ha": "right"}
+        axis.annotate(f"{peak[1]:.3g} mm at {peak[0]:.4g} Hz", peak, textcoords="offset points", color=COLOURS[0],
+                      **side)  # fmt: skip
+    axis.set_title(title or f"base amplitude {1e3 * first.amplitude:.4g} mm", loc="left")
     axis.set_xlabel("base frequency (Hz)")
     place = first.at if isinstance(first.at, str) else f"{1e3 * first.at:.4g} mm from the root,"
     axis.set_ylabel(f"{place} displacement relative to the base (mm)")
     plain_log_ticks(axis.yaxis)
-    axis.legend(loc="upper left", frameon=False)
+    _legend(axis, named, coarse, join_all, marks)
     return axis
+
+
+def _legend(
+    axis: Axes, named: Mapping[str, FrequencyResponse], coarse: ArrayLike | None, join_all: bool, marks: Sequence[Any]
+) -> None:
+    """Colours of the curves in one row, what their lines and dots are in another, then the published peaks."""
+    from matplotlib.lines import Line2D
+
+    def entry(label: str, **style: Any) -> Line2D:
+        return Line2D([], [], **{"color": DARK, "label": label} | style)
+
+    colours = [
+        entry(label, color=colour, linewidth=3.0) for colour, label in zip(COLOURS, named, strict=False) if label
+    ]
+    scatter = [_scatter(curve, join_all) for curve in named.values()]
+    kinds = []
+    if not all(map(np.all, scatter)):
+        kinds.append(entry("peak"))
+    if any(map(np.any, scatter)):
+        kinds.append(entry("peak, not periodic" if kinds else "peak", marker=".", markersize=7.0, linestyle="none"))
+    if any(_has_rms(named, curve) for curve in named.values()):
+        kinds.append(entry("rms", linestyle=":"))
+    if coarse is not None:
+        label = f"even grid, {len(np.asarray(coarse))} points"
+        kinds.append(entry(label, marker="o", linestyle="none", **RINGS))
+    legend_above(axis, colours, [*kinds, *marks])
+
+
+def _has_rms(named: Mapping[str, FrequencyResponse], curve: FrequencyResponse) -> bool:
+    """Whether the rms of a curve is drawn: of more than three curves it would be too much."""
+    return len(named) <= 3 and bool(np.nansum(curve.impacts_per_cycle) > 0.0)
 
 
 def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_all: bool) -> None:
@@ -113,12 +147,12 @@ def _scatter(curve: FrequencyResponse, join_all: bool) -> NDArray[np.bool_]:
     return np.asarray((curve.steadiness != "periodic") & (curve.impacts_per_cycle > 0.0) & (not join_all))
 
 
-def _mark(axis: Any, marker: str, label: str, frequency: float, amplitude: float) -> None:
+def _mark(axis: Any, marker: str, label: str, frequency: float, amplitude: float) -> Any:
     """A published peak, or its frequency alone."""
-    if np.isfinite(amplitude):
-        axis.plot(frequency, 1e3 * amplitude, marker, color="black", markersize=11.0, linestyle="none", label=label)
-    else:
-        axis.axvline(frequency, color=GREY, linestyle="--", linewidth=1.2, label=label)
+    if not np.isfinite(amplitude):
+        return axis.axvline(frequency, color=GREY, linestyle="--", linewidth=1.2, label=label)
+    style: Any = {"color": "black", "markersize": 11.0, "linestyle": "none"}
+    return axis.plot(frequency, 1e3 * amplitude, marker, label=label, **style)[0]
 
 
 def restitution_scan(
@@ -143,7 +177,7 @@ def restitution_scan(
     -------
     ndarray (2,) of Axes
     """
-    axes = panels(figure, 8.0, 6.4, 2, 1, sharex=True)[:, 0]
+    axes = panels(figure, 8.0, 7.4, 2, 1, sharex=True)[:, 0]
     for colour, marker, (label, scan) in zip(COLOURS, "os^D", scans, strict=False):
         # hollow, so that curves that coincide are both seen
         style: Any = {"color": colour, "marker": marker, "label": label, "markersize": 6.0, "markerfacecolor": "none"}
@@ -157,8 +191,7 @@ def restitution_scan(
     axes[1].set_ylabel("amplitude ratio without / with ball")
     axes[1].set_xlabel("restitution of the contact")
     axes[1].set_ylim(bottom=0.0)
-    # above the axes: no corner is free for every scan
-    axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False)
+    legend_above(axes[0])
     return axes
 
 

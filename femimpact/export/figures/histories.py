@@ -18,6 +18,7 @@ from femimpact.export.figures.look import (
     WALLS,
     OffScreen,
     last_cycles,
+    legend_above,
     panel,
     panels,
     prefixed,
@@ -79,7 +80,7 @@ def energies(response: Response, figure: FigureBase | OffScreen | None = None) -
         for label, values, colour in rows:
             axis.plot(ledger.time, factor * values, color=colour, linewidth=1.2, label=label)
         axis.set_ylabel(f"energy ({unit})")
-        axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1)
+        legend_above(axis)
     axes[2].plot(ledger.time, ledger.residual_history, color=PURPLE, linewidth=1.2)
     axes[2].set_ylabel("residual (1)")
     axes[2].set_title(f"energy unaccounted for over the energy put in: at most {ledger.residual:.2g}", loc="left")
@@ -164,7 +165,7 @@ def spectrum(
     axis.set_xlabel("frequency (Hz)")
     axis.set_ylabel(f"amplitude of {name.replace('_', ' ')} ({unit})")
     axis.set_title(f"last {cycles} cycles, lines {base / cycles:.3g} Hz apart, Hann window", loc="left")
-    axis.legend(loc="upper right", frameon=False)
+    legend_above(axis)
     return axis
 
 
@@ -241,10 +242,10 @@ def contact_force(
         axes[1].axhline(statistics.cycle_mean_force, color=GREY, linestyle="--", linewidth=1.2)
         title += f"dashed: cycle-averaged force {1e3 * statistics.cycle_mean_force:.3g} mN;\n"
     axes[1].set_title(f"{title}mean impulse {1e3 * statistics.mean_impulse:.3g} mN s", loc="left")
-    axes[1].set_ylim(0.0, 1.25 * (np.nanmax(impacts.peak_force, initial=0.0) or 1.0))
+    axes[1].set_ylim(0.0, 1.05 * (np.nanmax(impacts.peak_force, initial=0.0) or 1.0))
     axes[1].set_ylabel("peak force (N)")
     axes[1].set_xlabel("time (s)")
-    axes[1].legend(loc="upper left", ncols=2, frameon=False)
+    legend_above(axes[1])
     return axes
 
 
@@ -252,14 +253,17 @@ def _last_cycles(axis: Any, response: Response, names: list[str], cycles: int) -
     period = 1.0 / response.base.frequency
     cycles = min(cycles, max(round((response.time[-1] - response.time[0]) / period), 1))
     last = response.time >= response.time[-1] - cycles * period
+    rigid = [pair.name for pair in response.system.contacts if pair.parameters.is_rigid]
     for colour, name in zip(COLOURS, names, strict=False):
-        axis.plot(response.time[last], response[name][last], color=colour, label=name.replace("_", " "))
+        owner = name.rpartition(".")[0]
+        label = f"{owner} (rigid: force only while sticking)" if owner in rigid else owner or None
+        axis.plot(response.time[last], response[name][last], color=colour, label=label)
     axis.set_ylabel("force on the beam (N)")
     axis.set_xlabel("time (s)")
     law = response.statistics.law
     axis.set_title(f"{last_cycles(response.base, cycles)}, law: {law}", loc="left")
     if len(names) > 1:
-        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1)
+        legend_above(axis)
 
 
 def _averages(axis: Any, response: Response) -> None:

@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.export.figures.look import GREY, WALLS, OffScreen, base_words, panel, panels, scaled
+from femimpact.export.figures.look import (
+    GREY,
+    LEGEND,
+    WALLS,
+    OffScreen,
+    base_words,
+    legend_above,
+    panel,
+    panels,
+    scaled,
+)
 from femimpact.response.response import Response
 
 if TYPE_CHECKING:
@@ -51,12 +61,14 @@ def impact_histograms(response: Response, figure: FigureBase | OffScreen | None 
             axis.set_title(f"mean {values.mean():.3g} {unit}", loc="left")
         axis.set_xlabel(f"{name} ({unit})")
     axes[0].set_ylabel("impacts")
-    axes[2].legend(loc="upper right", frameon=False)
     count = int(np.count_nonzero(inside))
     axes[0].figure.suptitle(
         f"{count} impacts from {start:.4g} to {end:.4g} s, {base_words(response.base)}",
         x=0.01, ha="left", fontsize=11.0,
     )  # fmt: skip
+    # outside the axes: any bin may be the highest
+    handles, labels = axes[0].get_legend_handles_labels()
+    axes[0].figure.legend(handles, labels, loc="outside upper right", ncols=2, frameon=False, fontsize=LEGEND)
     return axes
 
 
@@ -94,10 +106,10 @@ def impulse_phase(response: Response, ax: Axes | OffScreen | None = None) -> Axe
         axis.set_xticks(np.arange(0.0, 361.0, 45.0))
     else:
         axis.set_xlim(start, end)
-    axis.set_ylim(0.0, 1.2 * (impulse.max(initial=0.0) or 1.0))
+    axis.set_ylim(0.0, 1.05 * (impulse.max(initial=0.0) or 1.0))
     axis.set_xlabel("phase of the base (degrees)" if has_phase else "time (s)")
     axis.set_ylabel(f"impulse ({unit})")
     label = response.regime.label.replace(": ", ":\n", 1)
     axis.set_title(f"{base_words(response.base)}, {start:.4g} to {end:.4g} s: {label}", loc="left")
-    axis.legend(loc="upper right", ncols=2, frameon=False)
+    legend_above(axis)
     return axis

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,19 +15,22 @@ from femimpact.errors import Fault, InputError, require, require_type, suggestio
 from femimpact.excitation import Excitation
 from femimpact.export.files import atomic_path
 from femimpact.response.response import Response
+from femimpact.system.system import System
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, FigureBase
 
 __all__ = [
-    "BLUE", "COLOURS", "GREEN", "GREY", "ORANGE", "PURPLE", "SKY", "STYLE", "WALLS", "OffScreen", "ball_of",
-    "base_words", "beam_at", "last_cycles", "panel", "panels", "place_of", "plain_log_ticks", "prefixed",
-    "require_history", "save_figure", "scaled",
+    "BLUE", "COLOURS", "DARK", "GREEN", "GREY", "LEGEND", "ORANGE", "PURPLE", "SKY", "STYLE", "WALLS", "OffScreen",
+    "ball_of", "base_words", "beam_at", "last_cycles", "legend_above", "name_at", "panel", "panels", "place_of",
+    "plain_log_ticks", "prefixed", "require_history", "save_figure", "scaled",
 ]  # fmt: skip
 
 BLUE, ORANGE, GREEN, PURPLE, SKY, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#666666"
 """Okabe and Ito's colours, which most colour-blind readers can tell apart."""
+DARK = "#333333"
+"""Of what is no curve, no mode and no region."""
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY)
 WALLS: tuple[tuple[int, str, str, str], ...] = ((1, BLUE, "o", "+ wall"), (-1, ORANGE, "^", "- wall"))
 """Side, colour, marker and label."""
@@ -39,12 +43,18 @@ STYLE: Any = {
     "grid.color": "#e4e4e4",
     "grid.linewidth": 0.8,
     "axes.axisbelow": True,
+    "axes.prop_cycle": f"cycler('color', {list(COLOURS)})",
     "lines.linewidth": 1.6,
     "savefig.dpi": 150,
 }
 """Settings of matplotlib, for `matplotlib.rc_context`."""
 SMALLEST_IN_MM = 1e-5
 """Metres."""
+LEGEND = 10.0
+"""Points, of the words of a legend."""
+LETTER, HANDLE, GAP, ROW = 0.46, 4.0, 1.6, 1.55
+"""Of a legend, by its size: the width of a letter, of what is beside the words of an entry, of the space between its
+columns, which is part of that; and the height of a row."""
 PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))
 
 
@@ -158,6 +168,51 @@ def plain_log_ticks(axis: Any) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
+def legend_above(axis: Axes, *groups: Sequence[Any]) -> None:
+    """Name the curves between the axes and their left title: inside, no corner is free for every result.
+
+    Parameters
+    ----------
+    axis : Axes
+        With its title.
+    *groups : sequence of Artist
+        Entries, by their labels, that begin a row of their own; all labelled artists of the axes by default.
+    """
+    from matplotlib.transforms import ScaledTranslation
+
+    named = [list(group) for group in groups if group] or [axis.get_legend_handles_labels()[0]]
+    figure: Any = axis.figure
+    width, height = 72.0 * axis.get_window_extent().width / figure.dpi, 0.0
+    for handles in reversed(named):
+        if not handles:
+            continue
+        earlier = axis.get_legend()
+        if earlier is not None:
+            axis.add_artist(earlier)
+        columns = _columns([str(handle.get_label()) for handle in handles], width)
+        above = axis.transAxes + ScaledTranslation(0.0, height / 72.0, figure.dpi_scale_trans)
+        axis.legend(
+            handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), bbox_transform=above, ncols=columns,
+            fontsize=LEGEND, frameon=False, borderaxespad=0.1, borderpad=0.2, handlelength=1.6,
+            columnspacing=GAP,
+        )  # fmt: skip
+        height += ROW * LEGEND * -(-len(handles) // columns)
+    title = axis.get_title(loc="left")
+    if title and height:
+        axis.set_title(title, loc="left", pad=height + 0.8 * LEGEND)
+
+
+def _columns(labels: Sequence[str], width: float) -> int:
+    """Columns of the legend with the fewest rows that is not wider (points) than the axes, as far as can be guessed."""
+    lengths = np.array([len(label) for label in labels])
+    for rows in range(1, len(labels)):
+        columns = -(-len(labels) // rows)
+        longest = [part.max() for part in np.array_split(lengths, columns)]
+        if LEGEND * (sum(LETTER * letters + HANDLE for letters in longest) - GAP) <= width:
+            return columns
+    return 1
+
+
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
     """Factor and unit with the prefix in which the largest value is at least 1; lengths from 0.01 mm on in mm."""
     if unit == "m" and largest >= SMALLEST_IN_MM:
@@ -200,6 +255,11 @@ def place_of(response: Response, pair: Any) -> str | None:
     return None
 
 
+def name_at(system: System, position: float) -> str | None:
+    """Name of the point of a system at a position (m), the first of several."""
+    return next((name for name, x in system.points.items() if x == position), None)
+
+
 def _number(name: str) -> float | None:
     try:
         return float(name)
@@ -221,5 +281,5 @@ def beam_at(response: Response, pair: Any) -> NDArray[np.float64]:
     for gap in (f"{pair.name}.gap", "gap"):
         if gap in response.channels and pair.name in response.channels:
             return np.asarray(response[pair.name] - response[gap])
-    at = next((name for name, x in response.system.points.items() if x == pair.position), f"{pair.position:g}")
+    at = name_at(response.system, pair.position) or f"{pair.position:g}"
     raise InputError([Fault("channels", list(response.channels), "", f"must hold {at!r}, where {pair.name!r} is")])

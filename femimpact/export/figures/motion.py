@@ -15,6 +15,7 @@ from femimpact.export.figures.look import (
     OffScreen,
     beam_at,
     last_cycles,
+    legend_above,
     panels,
     place_of,
     prefixed,
@@ -72,7 +73,7 @@ def motion(
             row.draw(axis, inside, close)
         pair_of_axes[0].set_title(row.title, loc="left")
         pair_of_axes[0].set_ylabel(f"relative to the base ({row.unit})")
-        pair_of_axes[1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1)
+        legend_above(pair_of_axes[1])
         if i == len(rows) - 1:
             pair_of_axes[0].set_xlabel("time (s)")
             pair_of_axes[1].set_xlabel(f"time (s), {last_cycles(response.base, shown)}")

@@ -86,7 +86,12 @@ def convergence(
     floor = np.nanmax(table.floor[chosen], initial=0.0)
     if floor > 0.0:
         axis.axhspan(LOWEST, floor, color="#eeeeee", zorder=0)
-        axis.annotate(f"round-off floor {floor:.0e}", (0.02, floor), xycoords=("axes fraction", "data"), color=GREY)
+        # where the sizes are coarse, in the band: the errors that are as small as this are at the other side
+        coarse: Any = {"ha": "left"} if table.axis == "modes" or not has_order else {"ha": "right"}
+        axis.annotate(
+            f"round-off floor {floor:.0e}", (0.02 if coarse["ha"] == "left" else 0.98, floor), va="top", color=GREY,
+            xycoords=("axes fraction", "data"), xytext=(0, -3), textcoords="offset points", **coarse,
+        )  # fmt: skip
     axis.axhline(table.accuracy, color=GREY, linewidth=1.0, label=f"accuracy asked for: {100.0 * table.accuracy:g} %")
     plain_log_ticks(axis.xaxis)
     axis.set_xlabel(label)
@@ -126,6 +131,8 @@ def convergence_panels(table: ConvergenceTable, figure: FigureBase | OffScreen |
 
 def _slope(axis: Any, x: Any, error: Any, order: float, sense: float) -> None:
     """A line of a slope through the largest error, as far as the errors go."""
+    from matplotlib.patheffects import withStroke
+
     known = np.flatnonzero(np.isfinite(error) & (error > 0.0))
     first = known[np.argmax(error[known])]
     line = 0.5 * error[first] * (x / x[first]) ** (sense * order)
@@ -133,5 +140,10 @@ def _slope(axis: Any, x: Any, error: Any, order: float, sense: float) -> None:
     if np.count_nonzero(kept) < 2:
         return
     axis.loglog(x[kept], line[kept], "--", color=GREY, linewidth=1.0)
-    last = np.flatnonzero(kept)[-1]
-    axis.annotate(f"{order:g}", (x[last], line[last]), color=GREY, fontsize=9.0, ha="right", va="top")
+    middle = np.flatnonzero(kept)[np.count_nonzero(kept) // 2]
+    # on the side away from the curve, which begins above the slope; below other curves where it meets them
+    outline, left = [withStroke(linewidth=2.5, foreground="white")], sense < 0.0
+    axis.annotate(
+        f"order {order:g}", (x[middle], line[middle]), xytext=(-3 if left else 3, -2), textcoords="offset points",
+        ha="right" if left else "left", va="top", color=GREY, fontsize=9.0, path_effects=outline, zorder=1.5,
+    )  # fmt: skip

@@ -17,11 +17,13 @@ from femimpact.export.figures.look import (
     ball_of,
     beam_at,
     last_cycles,
+    legend_above,
     panel,
     place_of,
     require_history,
     scaled,
 )
+from femimpact.export.figures.phase_curve import POINTS, changes_of_contact, corners_of, phase_curve
 from femimpact.response.response import Response
 
 if TYPE_CHECKING:
@@ -77,11 +79,10 @@ def phase_portrait(
         names = (name, f"{name}.velocity")
     for name in (*names, *minus):
         require(name in response.channels, "channels", list(response.channels), "", f"must hold {name!r}")
-    x, rate = _pair(response.channels, names, minus)
-    last = response.time >= response.time[-1] - cycles / response.base.frequency
+    x, rate = _curve(response, cycles, names, minus, None if pair is None else pair.name)
     drawn = phase if np.isfinite(response.base.phase) else None
     axis = panel(ax, 6.4, 5.6)
-    axis.plot(x[last], rate[last], color=BLUE, linewidth=0.7)
+    axis.plot(x, rate, color=BLUE, linewidth=0.7)
     if pair is None:
         _stops(axis, response, names[0])
     if drawn is not None:
@@ -90,14 +91,14 @@ def phase_portrait(
         points = [values[once] for values in _pair(section.channels, names, minus)]
         label = f"once per cycle, base at {math.degrees(section.phase):.4g} degrees"
         axis.plot(*points, "o", color=ORANGE, markersize=4.5, linestyle="none", label=label)
-        axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1)
     shown = last_cycles(response.base, cycles)
     if pair is None:
         title, to = f"{names[0]}, {shown}", "the base"
     else:
-        _walls(axis, pair, float(np.abs(x[last]).max()))
+        _walls(axis, pair, x)
         title, to = f"{pair.name} in its box, {shown}; grey: inside the walls", "the box"
-    axis.set_title(title, loc="left", pad=26.0 if drawn is not None else None)
+    axis.set_title(title, loc="left")
+    legend_above(axis)
     axis.set_xlabel(f"{'ball' if pair else names[0]} relative to {to} (mm)")
     axis.set_ylabel(f"velocity relative to {to} (mm/s)")
     return axis
@@ -113,12 +114,36 @@ def _pair(
     return 1e3 * values[0], 1e3 * values[1]
 
 
-def _walls(axis: Any, pair: Any, largest: float) -> None:
-    reach = 1.12 * max(largest, 1e3 * max(pair.gaps))
-    for wall, outer in ((1e3 * pair.gaps[0], reach), (-1e3 * pair.gaps[1], -reach)):
+def _curve(
+    response: Response, cycles: int, names: tuple[str, ...], minus: tuple[str, ...], ball: str | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The last cycles in mm and mm/s, drawn as often as a smooth curve takes."""
+    x, rate = _pair(response.channels, names, minus)
+    last = response.time >= response.time[-1] - cycles / response.base.frequency
+    time = response.time[last]
+    # of an impact that met a full table no instant is known
+    known = response.impacts.dropped == 0 and time.size > 1
+    if not known:
+        return x[last], rate[last]
+    corners = None
+    if ball is not None:
+        at, *others = corners_of(response, ball)
+        place, before, after = (1e3 * values for values in others)
+        corners = (at, place, before, after)
+    samples = (time.size - 1) / ((time[-1] - time[0]) * response.base.frequency)
+    points = max(math.ceil(POINTS / samples), 1)
+    return phase_curve(time, x[last], rate[last], changes_of_contact(response), corners, points)[1:]
+
+
+def _walls(axis: Any, pair: Any, x: NDArray[np.float64]) -> None:
+    walls = (-1e3 * pair.gaps[1], 1e3 * pair.gaps[0])
+    # as much of either wall, however the gaps and the depths differ
+    low, high = min(walls[0], float(x.min())), max(walls[1], float(x.max()))
+    low, high = low - 0.06 * (high - low), high + 0.06 * (high - low)
+    for wall, outer in zip(walls, (low, high), strict=True):
         axis.axvspan(min(wall, outer), max(wall, outer), color="#dddddd", zorder=0)
         axis.axvline(wall, color="black", linewidth=1.4)
-    axis.set_xlim(-reach, reach)
+    axis.set_xlim(low, high)
 
 
 def _stops(axis: Any, response: Response, place: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import require, require_type
 from femimpact.export.figures.connections import draw_connection, draw_ground
-from femimpact.export.figures.look import BLUE, COLOURS, GREY, OffScreen, panels
+from femimpact.export.figures.look import BLUE, COLOURS, DARK, GREY, OffScreen, panels
 from femimpact.structure.structure import Structure
 from femimpact.system.modes import Modes
 from femimpact.system.system import System
@@ -26,6 +27,8 @@ SUPPORT_MARKS: dict[str, tuple[Any, float, str]] = {
     "guided": ("_", 26.0, "guided: no slope"),
 }
 """Marker, its size in points, and its label."""
+STOP_AT = 1.13
+"""Height of the mark of a stop, whose point is towards the beam."""
 MOST = 4
 """Modes that are drawn."""
 
@@ -47,7 +50,8 @@ def mode_shapes(
     points : int
         Along the beam.
     structure : Structure, optional
-        Its bodies, balls, supports, springs and dashpots are drawn on the shapes.
+        Its bodies, supports, springs and dashpots are drawn on the shapes, with the balls and stops of the system. A
+        stop is at its place and on its side; its gap is not drawn, for a shape has no length.
     figure : Figure, optional
         Drawn on; a new one of pyplot's by default.
 
@@ -108,8 +112,14 @@ def _parts(axis: Any, system: System, structure: Structure, vector: NDArray[np.f
             draw_ground(axis, base)
     for body in structure.masses:
         mark(body.at, "s", 15.0, markerfacecolor="white", markeredgecolor=BOX, markeredgewidth=2.5, label=body.name)
-    for ball in structure.impactors:
-        mark(ball.at, "o", 7.0, color=BLUE, label=ball.name)
+    for contact in system.contacts:
+        if not contact.is_stop:
+            mark(contact.position, "o", 7.0, color=BLUE, label=contact.name)
+            continue
+        for side, gap, marker in zip((1.0, -1.0), contact.gaps, ("v", "^"), strict=True):
+            if math.isfinite(gap):
+                at = (1e3 * contact.position, side * STOP_AT)
+                axis.plot(*at, marker, color=DARK, markersize=9.0, linestyle="none", clip_on=False, label=contact.name)
     for support in structure.supports:
         marker, size, label = SUPPORT_MARKS[support.kind]
         mark(support.at, marker, size, color="black", markeredgewidth=4.0 if size > 20.0 else 1.0, label=label)
@@ -119,8 +129,10 @@ def _legend(axis: Any) -> None:
     """Names of the parts, outside the axes: no corner is free for every shape."""
     handles, labels = axis.get_legend_handles_labels()
     named = dict(zip(labels, handles, strict=True))
+    # rows of equal length
+    columns = math.ceil(len(named) / math.ceil(len(named) / 6))
     legend = axis.figure.legend(
-        list(named.values()), list(named), loc="outside lower center", ncols=len(named), frameon=False
+        list(named.values()), list(named), loc="outside lower center", ncols=columns, frameon=False
     )
     for handle in legend.legend_handles:
         handle.set_markersize(min(handle.get_markersize(), 12.0))
