@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import apart, inlined
 from femimpact.integrators.compiled.packs import WIDTH, Value, entry, fill, fma, load, product, store
-from femimpact.integrators.stepping.layout import Motion, Operator, Scheme
+from femimpact.integrators.stepping.layout import BandedStep, Coordinates, Motion, Operator, Scheme
 
 __all__ = ["free_step_banded", "free_step_banded_single"]
 
@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 @inlined
 def free_step_banded(op: Operator, s: Scheme, m: Motion, acting: Array) -> None:
     """The step of every case, eight at a time."""
-    if op.narrow.size > 0:
-        _packs(op.narrow, op.factor, op.load, s, m.q, m.v, m.a, acting)
+    if op.narrow.columns.size > 0:
+        _packs(op.narrow, op.drive_load, s, Coordinates(m.q, m.v, m.a), acting)
     else:
         for c in range(0, acting.size, WIDTH):
             _step_wide(op, s, m, c, load(acting, 0, c, fill(0.0)))
@@ -27,37 +27,34 @@ def free_step_banded(op: Operator, s: Scheme, m: Motion, acting: Array) -> None:
 @inlined
 def free_step_banded_single(op: Operator, s: Scheme, m: Motion, c: int, acting: float) -> None:
     """The same step, operation by operation, of one case alone."""
-    if op.narrow.size > 0:
-        _alone(op.narrow, op.factor, op.load, s, m.q, m.v, m.a, c, acting)
+    if op.narrow.columns.size > 0:
+        _alone(op.narrow, op.drive_load, s, Coordinates(m.q, m.v, m.a), c, acting)
     else:
         _step_wide(op, s, m, c, acting)
 
 
 @apart
-def _packs(narrow: Array, factor: Array, drive: Array, s: Scheme, q: Array, v: Array, a: Array, acting: Array) -> None:
+def _packs(matrices: BandedStep, drive: Array, s: Scheme, state: Coordinates, acting: Array) -> None:
     zero = fill(0.0)
     for c in range(0, acting.size, WIDTH):
-        _step(narrow, factor, drive, s, q, v, a, c, load(acting, 0, c, zero), zero)
+        _step(matrices, drive, s, state, c, load(acting, 0, c, zero), zero)
 
 
 @apart
-def _alone(
-    narrow: Array, factor: Array, drive: Array, s: Scheme, q: Array, v: Array, a: Array, c: int, acting: float
-) -> None:
-    _step(narrow, factor, drive, s, q, v, a, c, acting, 0.0)
+def _alone(matrices: BandedStep, drive: Array, s: Scheme, state: Coordinates, c: int, acting: float) -> None:
+    _step(matrices, drive, s, state, c, acting, 0.0)
 
 
 @inlined
 def _step(
-    narrow: Array, factor: Array, drive: Array, s: Scheme, q: Array, v: Array, a: Array, c: int, acting: Value,
-    zero: Value,
-) -> None:  # fmt: skip
+    matrices: BandedStep, drive: Array, s: Scheme, state: Coordinates, c: int, acting: Value, zero: Value
+) -> None:
     """Two sweeps: right-hand side with forward substitution, back substitution with the new state.
 
     Column j of the matrices reaches the rows j - 3 to j + 3; r0 to r6 are the sums of those so far. In between,
     q and v hold what is predicted, a half of the solution.
     """
-    n = q.shape[0]
+    narrow, factor, q, v, a, n = matrices.columns, matrices.factor, state.q, state.v, state.a, state.q.shape[0]
     averaged = (s.alpha_f != 0.0) | (s.alpha_m != 0.0)
     r0 = r1 = r2 = r3 = r4 = r5 = y1 = y2 = y3 = zero
     for j in range(n + 3):
@@ -113,7 +110,7 @@ def _step_wide(op: Operator, s: Scheme, m: Motion, c: int, acting: Value) -> Non
         store(u_felt, i, c, fma(-s.alpha_f, increment, u))
         store(v_felt, i, c, fma(-s.alpha_f, gain, rate))
     for i in range(n):
-        value = product(op.load[i], acting)
+        value = product(op.drive_load[i], acting)
         for j in range(max(0, i - bands + 1), min(n, i + bands)):
             k, first = abs(i - j), min(i, j)
             value = fma(-op.stiffness_band[k, first], load(u_felt, j, c, acting), value)

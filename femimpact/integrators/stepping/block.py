@@ -149,7 +149,15 @@ def run_block(block: Block, progress: Progress | None = None, stop: threading.Ev
         Ends the run early once set.
     """
     lanes, dofs = block.motion.q.shape[1], block.motion.q.shape[0]
-    work, energy = np.zeros((6, max(len(block.pairs.row), 1))), np.zeros(len(ENERGY_COLUMNS))
+    cases = layout.Cases(
+        pairs=block.pairs,
+        motion=block.motion,
+        cycles=block.cycles,
+        record=block.record,
+        pair_scratch=np.zeros((6, max(len(block.pairs.row), 1))),
+        energy_scratch=np.zeros(len(ENERGY_COLUMNS)),
+    )
+    physical = True if block.operator.banded else None
     piece = max(1000, STEPS_BETWEEN_CHECKS // (lanes * dofs))
     done = 0
     while done < block.steps:
@@ -157,10 +165,7 @@ def run_block(block: Block, progress: Progress | None = None, stop: threading.Ev
             return
         # pieces end where cases end, so that what comes after does not count
         steps = min(piece, int(block.ends[block.ends > done].min()) - done)
-        loop.advance(
-            steps, block.operator, block.scheme, block.fine, block.pairs, block.motion, block.cycles, block.record,
-            block.ledger, work, energy, True if block.operator.banded else None,
-        )  # fmt: skip
+        loop.advance(steps, block.operator, block.scheme, block.fine, cases, block.ledger, physical)
         done += steps
         with np.errstate(invalid="ignore"):
             out = ~(np.abs(block.motion.w[0]) <= block.limit) & np.isinf(block.diverged)

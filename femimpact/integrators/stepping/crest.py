@@ -131,12 +131,12 @@ def _impact_in(c: int, begun: float, rigid: bool, touch: Array) -> float:
 
 @apart
 def add_crests(
-    first: int, begun: float, dt: float, rigid: bool, w: Array, w_rate: Array, touch: Array, sums: Array, last: Array
+    first: int, begun: float, s: Scheme, w: Array, w_rate: Array, touch: Array, sums: Array, last: Array
 ) -> None:
     """Crests of the step that began at that time (s) in the pack of cases from `first` on, or in one case alone."""
     for c in range(first, min(first + WIDTH, w.shape[1])):
         if differ_in_sign(last[LAST_RATE, c], w_rate[0, c]):
-            _extend(c, dt, w[0, c], w_rate[0, c], _impact_in(c, begun, rigid, touch), sums, last)
+            _extend(c, s.dt, w[0, c], w_rate[0, c], _impact_in(c, begun, s.rigid, touch), sums, last)
 
 
 @apart

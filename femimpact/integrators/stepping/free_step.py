@@ -41,7 +41,9 @@ from femimpact.integrators.stepping.layout import (
     X_BEFORE,
     Y_ACCELERATION,
     Y_RATE,
+    Coordinates,
     Cycles,
+    ModalStep,
     Motion,
     Operator,
     Pairs,
@@ -91,40 +93,39 @@ def blend_drive(alpha: float, base: Array, before: Array, acting: Array) -> None
 
 @inlined
 def free_step_diagonal(
-    load_of: Array, inertia: Array, damping: Array, stiffness: Array, row: Array, s: Scheme, q: Array, v: Array,
-    a: Array, w: Array, w_rate: Array, acting: Array,
-) -> None:  # fmt: skip
+    modes: ModalStep, row: Array, s: Scheme, state: Coordinates, w: Array, w_rate: Array, acting: Array
+) -> None:
     """One step of every mode without contact force, and the first place that is read every step."""
     zero = fill(0.0)
     for c in range(0, acting.size, WIDTH):
-        total, total_rate = _step_modes(
-            load_of, inertia, damping, stiffness, row, s, q, v, a, c, load(acting, 0, c, zero), zero
-        )
+        total, total_rate = _step_modes(modes, row, s, state, c, load(acting, 0, c, zero), zero)
         store(w, 0, c, total)
         store(w_rate, 0, c, total_rate)
 
 
 @inlined
 def free_step_single(
-    load_of: Array, inertia: Array, damping: Array, stiffness: Array, row: Array, s: Scheme, q: Array, v: Array,
-    a: Array, c: int, acting: float,
-) -> tuple[float, float]:  # fmt: skip
+    modes: ModalStep, row: Array, s: Scheme, state: Coordinates, c: int, acting: float
+) -> tuple[float, float]:
     """The same step, operation by operation, of one case alone."""
-    return _step_modes(load_of, inertia, damping, stiffness, row, s, q, v, a, c, acting, 0.0)
+    return _step_modes(modes, row, s, state, c, acting, 0.0)
 
 
 @inlined
 def _step_modes(
-    load_of: Array, inertia: Array, damping: Array, stiffness: Array, row: Array, s: Scheme, q: Array, v: Array,
-    a: Array, c: int, acting: Value, zero: Value,
-) -> tuple[Value, Value]:  # fmt: skip
+    modes: ModalStep, row: Array, s: Scheme, state: Coordinates, c: int, acting: Value, zero: Value
+) -> tuple[Value, Value]:
     """The step of one case, or of a pack of them: the sums that are read stay in registers."""
+    q, v, a = state.q, state.v, state.a
     total, total_rate = zero, zero
     for i in range(q.shape[0]):
         u, rate, old = load(q, i, c, zero), load(v, i, c, zero), load(a, i, c, zero)
         acceleration = fma(
-            -entry(stiffness, i), u,
-            fma(-entry(damping, i), rate, fma(-entry(inertia, i), old, product(entry(load_of, i), acting))),
+            -entry(modes.stiffness, i), u,
+            fma(
+                -entry(modes.damping, i), rate,
+                fma(-entry(modes.inertia, i), old, product(entry(modes.load, i), acting)),
+            ),
         )  # fmt: skip
         u_new = fma(s.correct_u, acceleration, fma(s.predict_u, old, fma(s.dt, rate, u)))
         v_new = fma(s.correct_v, acceleration, fma(s.predict_v, old, rate))
@@ -278,7 +279,7 @@ def _observe(c: int, w: Value, rate: Value, step: int, s: Scheme, m: Motion, cyc
     drive, sums, last = m.drive, cycles.sums, cycles.last
     # rare; the extremes have no other part in this loop
     if differ_in_sign(rate, load(last, LAST_RATE, c, w)):
-        add_crests(c, (step - 1) * s.dt, s.dt, s.rigid, m.w, m.w_rate, m.touch, sums, last)
+        add_crests(c, (step - 1) * s.dt, s, m.w, m.w_rate, m.touch, sums, last)
     store(last, LAST, c, w)
     store(last, LAST_RATE, c, rate)
     store(sums, 2, c, fma(1.0, times(w, w), load(sums, 2, c, w)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,16 @@ from femimpact.integrators.stepping.layout import (
 )
 
 
+class PairSolution(NamedTuple):
+    """What the equations of a step give for one pair."""
+
+    time: float  # s, of the step's end
+    gate: float  # +1 or -1: the side at hand, 0 between contacts
+    x_free: float  # m, as it would be without contact forces in this step
+    approach: float  # m/s, at which the contact opens or has opened
+    normal: float  # N, positive where the wall pushes
+
+
 @inlined
 def law_numbers(j: int, c: int, approach: float, pairs: Pairs) -> LawNumbers:
     """Numbers of one pair's law in one case, for a contact that opened at this speed (m/s)."""
@@ -62,9 +73,8 @@ def law_numbers(j: int, c: int, approach: float, pairs: Pairs) -> LawNumbers:
 
 @inlined
 def record_contact(
-    j: int, c: int, time: float, gate: float, x_free: float, approach: float, normal: float, row: NDArray[np.float64],
-    s: Scheme, pairs: Pairs, m: Motion, record: Record,
-) -> None:  # fmt: skip
+    j: int, c: int, found: PairSolution, row: NDArray[np.float64], s: Scheme, pairs: Pairs, m: Motion, record: Record
+) -> None:
     """Open, follow and close the record of one contact.
 
     It opens with the first force, even one that turns the ball back within the step, and closes
@@ -72,7 +82,7 @@ def record_contact(
     without an impulse: impulses in consecutive steps, of a ball that sticks to its wall, are one
     contact, whose duration runs from the first to the last of them.
     """
-    touch, constants, kind = m.touch, pairs.constants, pairs.kind[j]
+    touch, constants, kind, gate, normal = m.touch, pairs.constants, pairs.kind[j], found.gate, found.normal
     side = penetration(m.ball[X, j, c], constants[GAP_PLUS, j, c], constants[GAP_MINUS, j, c])[1]
     always = kind == SWITCHING_SPRING or constants[FREE_STIFFNESS, j, c] > 0.0
     if kind == SWITCHING_SPRING:
@@ -82,7 +92,7 @@ def record_contact(
         if normal == 0.0:
             touch[BUSY, j, c] = 1.0 if always else 0.0
             return
-        _open(j, c, time, gate, x_free, approach, s, pairs, m)
+        _open(j, c, gate, found, s, pairs, m)
     elif kind == RIGID and normal > 0.0:
         touch[DURATION, j, c] += s.dt
     # of a coarse step from wall to wall the force may be that of the other one
@@ -108,21 +118,19 @@ def record_contact(
 
 
 @inlined
-def _open(
-    j: int, c: int, time: float, gate: float, x_free: float, approach: float, s: Scheme, pairs: Pairs, m: Motion
-) -> None:
-    touch = m.touch
+def _open(j: int, c: int, gate: float, found: PairSolution, s: Scheme, pairs: Pairs, m: Motion) -> None:
+    touch, approach = m.touch, found.approach
     gap = pairs.constants[GAP_PLUS, j, c] if gate > 0.0 else pairs.constants[GAP_MINUS, j, c]
     if pairs.kind[j] == RIGID:
         approach = gate * m.ball[RATE_BEFORE, j, c]
         # the gap closed up to half a step before this one, or within its first half
         late = s.dt - min(max((gap - gate * m.ball[X_BEFORE, j, c]) / max(approach, 1e-300), -s.dt), s.dt)
     else:
-        late = min(max((gate * x_free - gap) / max(approach, 1e-300), 0.0), s.dt)
+        late = min(max((gate * found.x_free - gap) / max(approach, 1e-300), 0.0), s.dt)
     for field in range(OPEN, REBOUND + 1):
         touch[field, j, c] = 0.0
     touch[BUSY, j, c] = touch[OPEN, j, c] = 1.0
-    touch[SIDE, j, c], touch[APPROACH, j, c], touch[START, j, c] = gate, approach, time - late
+    touch[SIDE, j, c], touch[APPROACH, j, c], touch[START, j, c] = gate, approach, found.time - late
     for k in range(m.to_modes.shape[1]):
         m.to_modes[j, k] = 0.0
 

@@ -58,23 +58,32 @@ class Scheme(NamedTuple):
     rigid: bool  # that force is an impulse that sets the rebound
 
 
-class Operator(NamedTuple):
-    """The structure, ready for a step: S = (1 - alpha_m) M + (1 - alpha_f)(correct_v C + correct_u K), factorised.
+class ModalStep(NamedTuple):
+    """The step of a diagonal system, mode by mode: a1 = load s - (stiffness u0 + damping v0 + inertia a0)."""
 
-    Of a diagonal system a1 = load s - (stiffness u0 + damping v0 + inertia a0).
-    """
+    load: Array  # (n,) of the drive; like the others divided by S
+    inertia: Array  # (n,)
+    damping: Array  # (n,)
+    stiffness: Array  # (n,)
+
+
+class BandedStep(NamedTuple):
+    """The step of matrices of up to four bands, dof by dof; its tables have no entries where there are more."""
+
+    columns: Array  # (12 (n + 6),) lower bands of -C, -K and -alpha_m M; three dofs of zeros around
+    factor: Array  # (4 (n + 6),) 1/D and the entries of -L left of it, S = L D L^T
+
+
+class Operator(NamedTuple):
+    """The structure, ready for a step: S = (1 - alpha_m) M + (1 - alpha_f)(correct_v C + correct_u K), factorised."""
 
     banded: bool
-    load: Array  # (n,) of the drive; diagonal systems: divided by S
-    inertia: Array  # (n,) of a diagonal system
-    damping: Array  # (n,) of a diagonal system
-    stiffness: Array  # (n,) of a diagonal system
+    modes: ModalStep
     mass_band: Array  # (k + 1, n) lower bands; a diagonal system has one
     damping_band: Array  # (K + 1, n) as wide as the Cholesky factor
     stiffness_band: Array  # (K + 1, n)
     cholesky_band: Array  # (K + 1, n) lower bands of L, S = L L^T, diagonal inverted
-    narrow: Array  # (12 (n + 6),) up to four bands dof by dof, -C, -K, -alpha_m M; three dofs of zeros around
-    factor: Array  # (4 (n + 6),) 1/D and the entries of -L left of it, S = L D L^T; with more bands: none
+    narrow: BandedStep
     drive_load: Array  # (n,) of the drive
     constant_load: Array  # (n,) N, or none
     constant_a: Array  # (n,) what the constant load does in a step, or none
@@ -105,6 +114,14 @@ class Pairs(NamedTuple):
     address: Indices  # (pairs,) of a custom law's compiled function
     constants: Array  # (11, pairs, cases)
     obstacles: Indices  # (stops fixed in space,) their pairs, where the base moves; else none
+
+
+class Coordinates(NamedTuple):
+    """Displacements of the dofs and their rates; the case axis last."""
+
+    q: Array  # (n, cases)
+    v: Array  # (n, cases)
+    a: Array  # (n, cases)
 
 
 class Motion(NamedTuple):
@@ -156,3 +173,14 @@ class Record(NamedTuple):
     impacts: Array  # (most, columns and modes)
     stride: Indices  # (4,): every, first sample, snapshot stride, first snapshot
     tally: Indices  # (4,): step, samples, snapshots, impacts met
+
+
+class Cases(NamedTuple):
+    """A block of cases side by side: where they are, what is kept of them, and working space."""
+
+    pairs: Pairs
+    motion: Motion
+    cycles: Cycles
+    record: Record
+    pair_scratch: Array  # (6, pairs) for the contact equations of one case
+    energy_scratch: Array  # (columns,) for the energies of one case

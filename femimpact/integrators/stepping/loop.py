@@ -32,18 +32,16 @@ from femimpact.integrators.stepping.layout import (
     GAP_PLUS,
     LOAD,
     MASS,
-    NEAR,
-    OPEN,
     RATE,
     RATE_BEFORE,
     REFINED,
     SHARE,
     STRUCTURE_LOSS,
     WORK,
-    X_BEFORE,
     Y_BEFORE,
     Y_RATE,
-    Cycles,
+    Cases,
+    Coordinates,
     Fine,
     Motion,
     Operator,
@@ -78,13 +76,11 @@ def _free_step(op: Operator, s: Scheme, m: Motion, acting: Array, physical: bool
             free_step_banded(op, s, m, acting)
         read_row(op.rows[0], m.q, m.v, m.w[0], m.w_rate[0])
     elif m.w.shape[1] == 1:
-        m.w[0, 0], m.w_rate[0, 0] = free_step_single(
-            op.load, op.inertia, op.damping, op.stiffness, op.rows[0], s, m.q, m.v, m.a, 0, acting[0]
-        )
+        state = Coordinates(m.q, m.v, m.a)
+        m.w[0, 0], m.w_rate[0, 0] = free_step_single(op.modes, op.rows[0], s, state, 0, acting[0])
     else:
-        free_step_diagonal(
-            op.load, op.inertia, op.damping, op.stiffness, op.rows[0], s, m.q, m.v, m.a, m.w[0], m.w_rate[0], acting
-        )
+        state = Coordinates(m.q, m.v, m.a)
+        free_step_diagonal(op.modes, op.rows[0], s, state, m.w[0], m.w_rate[0], acting)
     for r in range(1, m.w.shape[0]):
         read_row(op.rows[r], m.q, m.v, m.w[r], m.w_rate[r])
     if op.constant_load.size > 0:
@@ -114,17 +110,14 @@ def _write_ledger(op: Operator, s: Scheme, pairs: Pairs, m: Motion, physical: bo
 
 
 @inlined
-def _redo(
-    s: Scheme, fine: Fine, pairs: Pairs, m: Motion, cycles: Cycles, record: Record, ledger: bool, work: Array,
-    physical: bool | None,
-) -> int:  # fmt: skip
+def _redo(s: Scheme, fine: Fine, cases: Cases, ledger: bool, physical: bool | None) -> int:
     """Cases in which a contact lasts or could have begun take the step in fine ones; returns how many."""
     refined = 0
     if fine.parts == 1:
         return refined
-    for c in range(m.q.shape[1]):
-        if is_near(c, m):
-            redo_step(c, fine.parts, s.dt, fine.operator, fine.scheme, pairs, m, cycles, record, ledger, work, physical)
+    for c in range(cases.motion.q.shape[1]):
+        if is_near(c, cases.motion):
+            redo_step(c, s.dt, fine, cases, ledger, physical)
             refined += 1
     return refined
 
@@ -148,10 +141,7 @@ def _look_around(j: int, s: Scheme, fine: Fine, pairs: Pairs, m: Motion) -> int:
     keep_rate(m.ball[RATE, j], m.ball[RATE_BEFORE, j], m.ball[Y_RATE, j], m.w_rate[pairs.row[j]])
     if fine.parts == 1:
         return 0
-    return look_around(
-        s.dt, m.ball[X, j], m.ball[X_BEFORE, j], m.ball[RATE, j], m.ball[RATE_BEFORE, j],
-        pairs.constants[GAP_PLUS, j], pairs.constants[GAP_MINUS, j], m.touch[OPEN, j], m.touch[NEAR, j],
-    )  # fmt: skip
+    return look_around(j, s.dt, m.ball, pairs.constants, m.touch)
 
 
 @inlined
@@ -184,15 +174,15 @@ def _touch(
 
 @compiled_long
 def advance(
-    steps: int, op: Operator, s: Scheme, fine: Fine | None, pairs: Pairs, m: Motion, cycles: Cycles, record: Record,
-    ledger: bool, work: Array, energy: Array, physical: bool | None,
-) -> None:  # fmt: skip
+    steps: int, op: Operator, s: Scheme, fine: Fine | None, cases: Cases, ledger: bool, physical: bool | None
+) -> None:
     """Take that many steps with every case; all results are written into the arrays given.
 
     Without `fine`, for a method that neither divides steps nor looks ahead, all that concerns it is
     left out when compiled; so is what concerns banded matrices unless the dofs are
-    `physical`. `work` (6, pairs) and `energy` (columns,) are scratch space.
+    `physical`.
     """
+    pairs, m, cycles, record = cases.pairs, cases.motion, cases.cycles, cases.record
     next_wrap = least(cycles.next_wrap)
     keeping = record.channels.shape[0] + record.fields.shape[0] > 0
     base, constants = m.drive[BASE], pairs.constants
@@ -222,8 +212,8 @@ def advance(
                 looking += _look_around(j, s, fine, pairs, m)
         if looking > 0:
             if fine is not None:
-                refined = _redo(s, fine, pairs, m, cycles, record, ledger, work, physical)
-            _touch(looking, op, s, fine, pairs, m, record, work)
+                refined = _redo(s, fine, cases, ledger, physical)
+            _touch(looking, op, s, fine, pairs, m, record, cases.pair_scratch)
         if ledger and (refined == 0 or base.size > 1):
             _write_ledger(op, s, pairs, m, physical)
         step = record.tally[0] + 1
@@ -234,7 +224,7 @@ def advance(
         observe(step, s, m, cycles)
         record.tally[0] = step
         if step == next_wrap:
-            close_cycles(step, ledger, op, pairs, m, cycles, energy)
+            close_cycles(step, ledger, op, pairs, m, cycles, cases.energy_scratch)
             next_wrap = least(cycles.next_wrap)
         if keeping and any_due(step, record):
             keep(step, op, pairs, m, record, ledger)

@@ -7,7 +7,7 @@ import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from femimpact.integrators.stepping.layout import Operator, Scheme
+from femimpact.integrators.stepping.layout import BandedStep, ModalStep, Operator, Scheme
 from femimpact.system.matrices import Matrix
 from femimpact.system.system import System
 
@@ -61,19 +61,19 @@ def operator_of(system: System, s: Scheme, observed: Array, load: Array) -> Oper
     constant = _constant(system, s, (factor, True))
     lower = factor.copy()
     lower[0] = 1.0 / lower[0]
-    narrow, unit = _tables(system, s, factor)
     return Operator(
         banded=not diagonal,
-        load=load / scale,
-        inertia=(s.alpha_m * m + felt * (s.predict_v * c + s.predict_u * k)) / scale,
-        damping=(c + felt * s.dt * k) / scale,
-        stiffness=k / scale,
+        modes=ModalStep(
+            load=load / scale,
+            inertia=(s.alpha_m * m + felt * (s.predict_v * c + s.predict_u * k)) / scale,
+            damping=(c + felt * s.dt * k) / scale,
+            stiffness=k / scale,
+        ),
         mass_band=bands(M),
         damping_band=_widened(bands(C), lower.shape[0]),
         stiffness_band=_widened(bands(K), lower.shape[0]),
         cholesky_band=lower,
-        narrow=narrow,
-        factor=unit,
+        narrow=_banded_step(system, s, factor),
         drive_load=np.array(load),
         constant_load=constant[0],
         constant_a=constant[1],
@@ -89,11 +89,11 @@ def operator_of(system: System, s: Scheme, observed: Array, load: Array) -> Oper
     )
 
 
-def _tables(system: System, s: Scheme, factor: Array) -> tuple[Array, Array]:
+def _banded_step(system: System, s: Scheme, factor: Array) -> BandedStep:
     """Up to four bands dof by dof, as the banded step reads them once from the first to the last."""
     most, n = factor.shape
     if most > 4 or system.is_diagonal:
-        return np.zeros(0), np.zeros(0)
+        return BandedStep(np.zeros(0), np.zeros(0))
     narrow, unit = np.zeros((n + 6, 12)), np.zeros((n + 6, 4))
     for first, matrix in ((0, system.C), (4, system.K), (8, s.alpha_m * system.M)):
         band = bands(matrix)
@@ -101,7 +101,7 @@ def _tables(system: System, s: Scheme, factor: Array) -> tuple[Array, Array]:
     unit[3:-3, 0] = 1.0 / factor[0] ** 2
     for k in range(1, most):
         unit[3 + k : -3, k] = -(factor[k] / factor[0])[: n - k]
-    return narrow.ravel(), unit.ravel()
+    return BandedStep(narrow.ravel(), unit.ravel())
 
 
 def _rows(system: System, observed: Array) -> Array:

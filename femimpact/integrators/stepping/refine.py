@@ -38,11 +38,12 @@ from femimpact.integrators.stepping.layout import (
     X_BEFORE,
     Y_ACCELERATION,
     Y_RATE,
-    Cycles,
+    Cases,
+    Coordinates,
+    Fine,
     Motion,
     Operator,
     Pairs,
-    Record,
     Scheme,
     X,
     Y,
@@ -149,7 +150,7 @@ def _fine_free_step(
     if physical is not None:
         free_step_banded_single(op, s, m, c, acting)
     else:
-        free_step_single(op.load, op.inertia, op.damping, op.stiffness, op.rows[0], s, m.q, m.v, m.a, c, acting)
+        free_step_single(op.modes, op.rows[0], s, Coordinates(m.q, m.v, m.a), c, acting)
     add_constant_load_single(c, op, m)
     _read_rows(c, op.rows, m.q, m.v, m.w, m.w_rate)
     scale, inertia = 1.0 / (1.0 - s.alpha_m), s.alpha_m / (1.0 - s.alpha_m)
@@ -177,11 +178,9 @@ def _read_rows(c: int, rows: Array, q: Array, v: Array, w: Array, w_rate: Array)
 
 
 @called
-def redo_step(
-    c: int, parts: int, dt: float, op: Operator, s: Scheme, pairs: Pairs, m: Motion, cycles: Cycles, record: Record,
-    ledger: bool, work: Array, physical: bool | None,
-) -> None:  # fmt: skip
-    """Take one case through its step of dt again, in `parts` fine ones; its ledger and its crests are its own."""
+def redo_step(c: int, dt: float, fine: Fine, cases: Cases, ledger: bool, physical: bool | None) -> None:
+    """Take one case through its step of dt again, in fine ones; its ledger and its crests are its own."""
+    parts, op, s, pairs, m, record = fine.parts, fine.operator, fine.scheme, cases.pairs, cases.motion, cases.record
     step = record.tally[0]
     _restore(c, m)
     after = _drive_within(c, step, 0, parts, m)
@@ -191,8 +190,8 @@ def redo_step(
             _move_obstacles_within(c, step, part + 1, parts, s, pairs, m)
         _fine_free_step(c, before, after, op, s, pairs, m, physical)
         if in_reach(c, pairs, m) > 0:
-            contact_step(c, step * dt + (part + 1) * s.dt, op, s, pairs, m, record, work)
-        add_fine_step(c, step, part, parts, dt, m, cycles)
+            contact_step(c, step * dt + (part + 1) * s.dt, op, s, pairs, m, record, cases.pair_scratch)
+        add_fine_step(c, step, part, parts, dt, m, cases.cycles)
         if ledger:
             write_ledger_of_case(c, before, after, op, s, pairs, m)
     m.ledger[REFINED, c] = 1.0

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import apart, compiled, inlined
 from femimpact.integrators.compiled.laws import RIGID, LawNumbers, penetration
-from femimpact.integrators.stepping.impact import law_numbers, record_contact
+from femimpact.integrators.stepping.impact import PairSolution, law_numbers, record_contact
 from femimpact.integrators.stepping.layout import (
     APPROACH,
     FORCE,
@@ -122,9 +122,8 @@ def contact_step(
     for j in range(count):
         m.ball[X, j, c] = m.ball[Y, j, c] - m.w[pairs.row[j], c]
         m.ball[RATE, j, c] = m.ball[Y_RATE, j, c] - m.w_rate[pairs.row[j], c]
-        record_contact(
-            j, c, time, gate[j], x_free[j], approach[j], normal[j], op.rows[pairs.row[j]], s, pairs, m, record
-        )
+        found = PairSolution(time, gate[j], x_free[j], approach[j], normal[j])
+        record_contact(j, c, found, op.rows[pairs.row[j]], s, pairs, m, record)
 
 
 @apart

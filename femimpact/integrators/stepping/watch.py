@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.compiled.compiling import inlined
+from femimpact.integrators.stepping.layout import GAP_MINUS, GAP_PLUS, NEAR, OPEN, RATE, RATE_BEFORE, X_BEFORE, X
 
 __all__ = ["keep_rate", "look_ahead", "look_around", "save"]
 
@@ -30,14 +31,13 @@ def look_ahead(half: float, x: Array, rate: Array, gap_plus: Array, gap_minus: A
 
 
 @inlined
-def look_around(
-    dt: float, x: Array, x_before: Array, rate: Array, rate_before: Array, gap_plus: Array, gap_minus: Array,
-    opened: Array, near: Array,
-) -> int:  # fmt: skip
-    """After a step without contact: mark the cases in which a contact lasts, or could have taken place within it.
+def look_around(j: int, dt: float, ball: Array, constants: Array, touch: Array) -> int:
+    """After a step without contact: mark the cases in which one of pair j lasts, or could have taken place within it.
 
     The cubic through both ends with their rates stays below max(x0, x1) + 4/27 dt (|x0'| + |x1'|).
     """
+    x, x_before, rate, rate_before = ball[X, j], ball[X_BEFORE, j], ball[RATE, j], ball[RATE_BEFORE, j]
+    gap_plus, gap_minus, opened, near = constants[GAP_PLUS, j], constants[GAP_MINUS, j], touch[OPEN, j], touch[NEAR, j]
     reach = dt / 6.0
     looking = 0
     for c in range(x.size):
