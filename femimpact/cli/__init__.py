@@ -180,8 +180,7 @@ def simulate(
     study: Path, *, frequency: float | None = None, output: Output = None, force: Force = False, quiet: Quiet = False
 ) -> None:
     """One history: the study's base motion, or another frequency (Hz)."""
-    changes = {} if frequency is None else {"frequency": frequency}
-    _run(study, output, force, quiet, ("simulate",), "simulate", changes)
+    _run(study, output, force, quiet, ("simulate",), "simulate", frequency)
 
 
 @app.command
@@ -296,15 +295,17 @@ def _directory(study: Path, kind: str) -> Path:
 
 def _run(
     path: Path, output: Path | None, force: bool, quiet: bool, parts: tuple[str, ...], kind: str,
-    base_changes: dict[str, Any] | None = None,
+    frequency: float | None = None,
 ) -> None:  # fmt: skip
     from femimpact.study.run import run_study
+    from femimpact.study.study import sine_of
     from femimpact.study.study_file import load_study
 
     study = load_study(path)
-    if base_changes:
-        study = replace(study, base=replace(study.base, **base_changes))
-    if "sweep" in parts and len(parts) == 1:
+    if frequency is not None:
+        study = replace(study, base=replace(sine_of(study, "frequency", frequency, "Hz"), frequency=frequency))
+    if parts == ("sweep",):
+        sine_of(study, "sweep")
         require(study.sweep is not None, "sweep", None, "", "table [sweep] is missing from the study")
     with _progress(quiet) as report:
         results = run_study(study, output or _directory(path, kind), parts=parts, force=force, report=report)
@@ -343,7 +344,7 @@ def _print_results(study: Study, results: StudyResults) -> None:
     if "history" in summary:
         history = summary["history"]
         where.print(
-            f"history at {history['frequency']:.5g} Hz: peak {_number(history['peak'], 1e3)} mm, rms "
+            f"history {_base_words(study, history['frequency'])}: peak {_number(history['peak'], 1e3)} mm, rms "
             f"{_number(history['rms'], 1e3)} mm, {history['steadiness']}; {history['impacts']} impacts, "
             f"{history['regime']['label']}"
         )
@@ -361,6 +362,12 @@ def _print_results(study: Study, results: StudyResults) -> None:
                 f"{_restitution_words(contact)}"
             )
     _print_closing(where, results)
+
+
+def _base_words(study: Study, frequency: float) -> str:
+    """What drove a history, in words that follow its name."""
+    record = getattr(study.base, "record", None)
+    return f"at {frequency:.5g} Hz" if record is None else f"of the record {record!r}"
 
 
 def _restitution_words(contact: Mapping[str, Any]) -> str:

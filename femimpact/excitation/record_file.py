@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import Fault, InputError, checked, choice, quantity, require
 
-__all__ = ["read_record"]
+__all__ = ["record_text", "samples_of"]
 
 UNEVEN = 0.25
 """Share of the interval by which a time may lie off the even grid: rounding is less, a lost sample half or more."""
@@ -21,10 +21,28 @@ TRENDS: dict[str, Literal["constant", "linear"]] = {"mean": "constant", "line": 
 """Names of `scipy.signal.detrend` for what is removed."""
 
 
-def read_record(
-    path: str | Path, scale: float = 1.0, detrend: str = "none", columns: Sequence[int | str] = (0, 1)
+def record_text(path: str | Path) -> str:
+    """What the file of a record holds.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is no text.
+    """
+    require(isinstance(path, (str, Path)), "path", path, "", "must be the path of a text file")
+    try:
+        return Path(path).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        reason = error.strerror or "cannot be read"
+    except UnicodeDecodeError:
+        reason = "is no text"
+    raise InputError([Fault("path", str(path), "", f"must be a text file of columns: {reason}")])
+
+
+def samples_of(
+    text: str, scale: float, detrend: str, columns: Sequence[int | str], path: str | Path
 ) -> tuple[NDArray[np.float64], float]:
-    """Samples and interval of a record; see `RecordedBase.from_csv`.
+    """Samples and interval of what `record_text` read from a path; see `RecordedBase.from_csv`.
 
     Returns
     -------
@@ -36,16 +54,15 @@ def read_record(
     Raises
     ------
     InputError
-        If an argument is out of range, or the file cannot be read, lacks a column, holds what is not a finite number
-        or fewer than two samples, its times are not evenly spaced, or all its accelerations are zero.
+        If an argument is out of range, or the text lacks a column, holds what is not a finite number or fewer than two
+        samples, its times are not evenly spaced, or all its accelerations are zero.
     """
-    require(isinstance(path, (str, Path)), "path", path, "", "must be the path of a text file")
     scale = checked("scale", scale, quantity("1"))
     require(scale != 0.0, "scale", scale, "1", "must not be 0")
     detrend = checked("detrend", detrend, choice("none", *TRENDS))
     two = isinstance(columns, (tuple, list)) and len(columns) == 2 and all(map(_is_column, columns))
     require(two, "columns", columns, "", "must be two numbers from 0 or names of the header, of time and acceleration")
-    rows = list(_rows(Path(path), tuple(columns)))
+    rows = list(_rows(text, Path(path), tuple(columns)))
     require(len(rows) >= 2, "path", str(path), "", "must hold 2 or more rows of numbers")
     time, values = np.array(rows).T
     require(
@@ -63,9 +80,9 @@ def _is_column(value: object) -> bool:
     return isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool) and value >= 0)
 
 
-def _rows(path: Path, columns: tuple[int | str, ...]) -> Iterator[tuple[float, ...]]:
+def _rows(text: str, path: Path, columns: tuple[int | str, ...]) -> Iterator[tuple[float, ...]]:
     """The two numbers of every row behind the header; lines that are empty or begin with # are left out."""
-    lines = [(i, line) for i, line in enumerate(_lines(path), start=1) if line.strip() and line.lstrip()[0] != "#"]
+    lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip() and line.lstrip()[0] != "#"]
     cells = [(i, _fields(line)) for i, line in lines]
     places, first = _header(path, cells, columns)
     for i, fields in cells[first:]:
@@ -78,16 +95,6 @@ def _rows(path: Path, columns: tuple[int | str, ...]) -> Iterator[tuple[float, .
             )
             row.append(value)
         yield tuple(row)
-
-
-def _lines(path: Path) -> list[str]:
-    try:
-        return path.read_text(encoding="utf-8-sig").splitlines()
-    except OSError as error:
-        reason = error.strerror or "cannot be read"
-    except UnicodeDecodeError:
-        reason = "is no text"
-    raise InputError([Fault("path", str(path), "", f"must be a text file of columns: {reason}")])
 
 
 def _header(

@@ -81,9 +81,41 @@ class RecordedBase:
             If the file cannot be read, lacks a column, holds what is no finite number, or its times are not evenly
             spaced.
         """
-        from femimpact.excitation.record_file import read_record
+        from femimpact.excitation.record_file import record_text
 
-        samples, interval = read_record(path, scale, detrend, columns)
+        return cls.from_text(record_text(path), scale, detrend, columns, path)
+
+    @classmethod
+    def from_text(
+        cls,
+        text: str,
+        scale: float = 1.0,
+        detrend: str = "none",
+        columns: Sequence[int | str] = (0, 1),
+        path: str | Path = "text",
+    ) -> RecordedBase:
+        """The motion that the text of such a file holds, once it is read.
+
+        Parameters
+        ----------
+        text : str
+        scale, detrend, columns
+            As of `from_csv`.
+        path : str or Path
+            What a fault calls the text.
+
+        Returns
+        -------
+        RecordedBase
+
+        Raises
+        ------
+        InputError
+            As of `from_csv`.
+        """
+        from femimpact.excitation.record_file import samples_of
+
+        samples, interval = samples_of(text, scale, detrend, columns, path)
         base = cls(samples, interval)
         return base if detrend == "none" else base.returning()
 

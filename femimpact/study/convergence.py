@@ -38,7 +38,7 @@ from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.structure import Position
 from femimpact.study.results import OTHER_FILES, prepare_directory
 from femimpact.study.run import Report
-from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of
+from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
 from femimpact.system.system import System
 
 __all__ = ["WrittenConvergence", "write_convergence"]
@@ -107,8 +107,9 @@ def write_convergence(
     Raises
     ------
     InputError
-        If the mesh or the method does not fit the study.
+        If the mesh or the method does not fit the study, or its base does not move by a sine.
     """
+    sine_of(study, "converge")
     own = read_mesh_of(study)
     full, small = build_systems(study, own)
     method = method_for(study, small)

@@ -32,7 +32,7 @@ from femimpact.study.run import (
     run_simulation,
     run_sweep,
 )
-from femimpact.study.study import Study
+from femimpact.study.study import Study, sine_of
 from femimpact.study.study_file import load_study
 from femimpact.study.summary import Spread, SweepPair, spread_of, summary_of
 from femimpact.sweep import FrequencyResponse, frequency_sweep
@@ -191,7 +191,7 @@ def _at_resonance(prepared: PreparedStudy, sweeps: SweepPair) -> PreparedStudy:
     curve = sweeps.ball or sweeps.empty
     on_grid = np.isin(curve.frequency, np.round(sweeps.coarse, 9))
     peak = float(curve.frequency[on_grid][np.argmax(curve.peak[on_grid])])
-    return with_base(prepared, dataclasses.replace(prepared.study.base, frequency=peak))
+    return with_base(prepared, dataclasses.replace(sine_of(prepared.study, "demo"), frequency=peak))
 
 
 def states(start: str, count: int) -> tuple[State, ...]:
@@ -213,7 +213,7 @@ def _scans(prepared: PreparedStudy, plan: ScanPlan, report: Report) -> dict[str,
     width = small.first_frequency * 0.02
     fine = np.unique(np.concatenate([frequencies, np.linspace(-width, width, 41) + small.first_frequency]))
     empty = frequency_sweep(
-        prepared.bare, study.base.amplitude, fine, prepared.bare_method, study.sweep.cycles, ledger=False
+        prepared.bare, study.sine.amplitude, fine, prepared.bare_method, study.sweep.cycles, ledger=False
     )
 
     def scan_from(start: str) -> tuple[RestitutionScan, ...]:
@@ -276,7 +276,7 @@ def sample_starts(prepared: PreparedStudy, start: str, empty: FrequencyResponse,
     step = float(frequencies[1] - frequencies[0])
     curves = [
         frequency_sweep(
-            small, study.base.amplitude, frequencies, method, plan.cycles, initial=state, ledger=False,
+            small, study.sine.amplitude, frequencies, method, plan.cycles, initial=state, ledger=False,
             progress=_part(report, f"{SAMPLES} starts, {STARTS[start]}", i, SAMPLES),
         )
         for i, state in enumerate(states(start, SAMPLES))

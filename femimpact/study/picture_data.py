@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import require
-from femimpact.excitation import Sine
+from femimpact.excitation import Excitation, RecordedBase, Sine
 from femimpact.export import tables
 from femimpact.response.history import Snapshots
 from femimpact.response.impacts import IMPACT_UNITS, Impacts, ImpactStatistics, StickingPhases
@@ -48,6 +48,9 @@ Array = NDArray[np.float64]
 
 ABOUT = "about"
 """Variable that holds, as JSON, what is no array."""
+
+BASE_SAMPLES = "base_samples"
+"""Variable that holds the samples of the record that moves the base."""
 
 SNAPSHOT_DIMS = {
     "displacement": "dof",
@@ -231,6 +234,7 @@ def write_snapshots(path: Path, structure: Structure, response: Response, exagge
     }
     data["ball_velocity"][2]["units"] = "m/s"
     data["node"] = ("node", np.array(response.system.nodes), {"units": "m"})
+    data |= _base_arrays(response)
     data[ABOUT] = ((), _about(structure, response) | {"exaggeration": exaggeration})
     _write(path, data, snapshots.time)
 
@@ -249,6 +253,7 @@ def write_last_cycles(path: Path, structure: Structure, response: Response, end:
     """
     data: dict[str, Any] = {name: ("time", np.array(values), {"units": end.units[name]}) for name, values in
                             end.channels.items()}  # fmt: skip
+    data |= _base_arrays(response)
     data[ABOUT] = ((), _about(structure, response))
     _write(path, data, end.time)
 
@@ -262,15 +267,36 @@ def _write(path: Path, data: dict[str, Any], time: Array) -> None:
 
 def _about(structure: Structure, response: Response) -> dict[str, Any]:
     """All that pictures of a run show besides its arrays."""
-    base = response.base
     return _parts(structure) | {
-        "base": {"amplitude": base.amplitude, "frequency": base.frequency, "phase": getattr(base, "phase", 0.0)},
+        "base": _base_numbers(response.base),
         "contacts": _contacts(response.system),
         "points": dict(response.system.points),
         "end": response.window[1],
         "statistics": dataclasses.asdict(response.statistics),
         "statistics_of": {name: dataclasses.asdict(own) for name, own in response.statistics_of.items()},
     }
+
+
+def _base_numbers(base: Excitation) -> dict[str, float]:
+    """What makes a sine or a record again, but for the samples."""
+    if isinstance(base, RecordedBase):
+        return {"interval": base.interval, "initial_velocity": base.initial_velocity}
+    return {"amplitude": base.amplitude, "frequency": base.frequency, "phase": getattr(base, "phase", 0.0)}
+
+
+def _base_arrays(response: Response) -> dict[str, Any]:
+    """The samples of a record; none of a sine."""
+    base = response.base
+    if not isinstance(base, RecordedBase):
+        return {}
+    return {BASE_SAMPLES: ("base_sample", np.array(base.samples), {"units": "m/s^2"})}
+
+
+def _base(data: xarray.Dataset, about: Mapping[str, Any]) -> Sine | RecordedBase:
+    """What `_base_numbers` and `_base_arrays` wrote."""
+    if BASE_SAMPLES in data:
+        return RecordedBase(data[BASE_SAMPLES].to_numpy(), **about["base"])
+    return Sine(**about["base"])
 
 
 def read_film(folder: Path, summary: Mapping[str, Any]) -> Film | None:
@@ -281,7 +307,7 @@ def read_film(folder: Path, summary: Mapping[str, Any]) -> Film | None:
     about = json.loads(data[ABOUT].item())
     arrays = {name: data[name].to_numpy() for name in SNAPSHOT_DIMS}
     snapshots = Snapshots(time=data["time"].to_numpy(), **arrays)
-    response = _response(folder, summary, about, data["node"].to_numpy())
+    response = _response(folder, summary, about, data["node"].to_numpy(), _base(data, about))
     return Film(dataclasses.replace(response, snapshots=snapshots), _structure(about), about["exaggeration"])
 
 
@@ -291,13 +317,16 @@ def read_last_cycles(folder: Path, summary: Mapping[str, Any]) -> tuple[Response
     if data is None:
         return None
     about = json.loads(data[ABOUT].item())
-    response = _response(folder, summary, about, np.zeros(0))
-    channels = {str(name): values.to_numpy() for name, values in data.data_vars.items() if name != ABOUT}
+    response = _response(folder, summary, about, np.zeros(0), _base(data, about))
+    others = (ABOUT, BASE_SAMPLES)
+    channels = {str(name): values.to_numpy() for name, values in data.data_vars.items() if name not in others}
     units = {name: data[name].attrs["units"] for name in channels}
     return response, dataclasses.replace(response, time=data["time"].to_numpy(), channels=channels, units=units)
 
 
-def _response(folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any], nodes: Array) -> Response:
+def _response(
+    folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any], nodes: Array, base: Excitation
+) -> Response:
     """A response without a history: its impacts, its end, and what pictures show of its system."""
     return Response(
         time=np.array([about["end"]]),
@@ -310,7 +339,7 @@ def _response(folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any]
         steady=no_steady_motion(),
         energy=None,
         snapshots=None,
-        base=Sine(**about["base"]),
+        base=base,
         system=cast(System, DrawnSystem(nodes, about["points"], _drawn_contacts(about))),
     )
 

@@ -14,6 +14,7 @@ from femimpact.integrators.methods import Method
 from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder
 from femimpact.study.cost import check_mesh, check_sweep
+from femimpact.study.recorded_motion import RecordedMotion
 from femimpact.study.study import BaseMotion, Study, build_systems, check_method, method_for, read_mesh_of
 from femimpact.study.sweep_grid import resonances_in
 from femimpact.system.modes import solve_modes
@@ -96,13 +97,13 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     prepared = PreparedStudy(
         study, mesh, full, small, bare, method, method_for(study, bare), record=record,
         warnings=(*warnings, *_coarse_history(study, method), *_empty_sweep(study, bare, parts),
-                  *motion_warnings(study.sine, small.length)),
+                  *motion_warnings(study.excitation, small.length)),
     )  # fmt: skip
     _check_drives(prepared, parts)
     return prepared
 
 
-def with_base(prepared: PreparedStudy, base: BaseMotion) -> PreparedStudy:
+def with_base(prepared: PreparedStudy, base: BaseMotion | RecordedMotion) -> PreparedStudy:
     """The same study with another motion of its base: the systems and methods stay, the record is made anew."""
     study = replace(prepared.study, base=base)
     return replace(prepared, study=study, record=history_record(study, prepared.small, prepared.method))
@@ -185,7 +186,7 @@ def _check_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> None:
     study, small, method, record = prepared.study, prepared.small, prepared.method, prepared.record
     base = study.base
     if "simulate" in parts:
-        method.check_drive(np.array([base.frequency]), "base.frequency")
+        method.check_drive(np.array([base.frequency]), base.FREQUENCY_KEY)
         grid = _grid(study, method)
         channels, key = len(record.channels or ()), "output.memory_limit"
         check_memory(small, record, channels, round(base.duration / grid), grid, base.frequency, key)

@@ -70,6 +70,7 @@ OTHER_FILES = {
     "deflection_hdf": "deflection.vtkhdf",
     "sticking": "sticking.csv",
     "old_sticking": "riding.csv",
+    "base_record": "base_record.csv",
     "contact_table": "contact.csv",
     "movie_without_encoder": "deflection.gif",
     "comparison": "comparison.csv",
@@ -90,8 +91,8 @@ OTHER_FILES = {
     "convergence_summary": "convergence_summary.csv",
 }
 """What is left besides: one file of deflections where the study asks for it, what a history leaves in which something
-stuck (and its name in results of earlier versions), and what a table of contacts, a movie without an encoder, the demo
-and a convergence study leave."""
+stuck (and its name in results of earlier versions), the record of the base, and what a table of contacts, a movie
+without an encoder, the demo and a convergence study leave."""
 
 STICKING_FILE = OTHER_FILES["sticking"]
 

@@ -24,6 +24,7 @@ from femimpact.structure.structure import glue_impactors
 from femimpact.study.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
 from femimpact.study.pictures import draw_in_child, with_pictures
 from femimpact.study.prepared import PARTS, PreparedStudy, last_cycles_start, prepare
+from femimpact.study.recorded_motion import RecordedMotion
 from femimpact.study.result_directory import Staging
 from femimpact.study.results import (
     FILES,
@@ -35,7 +36,7 @@ from femimpact.study.results import (
     write_summary,
 )
 from femimpact.study.study import Study, assemble_on
-from femimpact.study.study_text import study_text
+from femimpact.study.study_text import study_text, with_record
 from femimpact.study.summary import SweepPair, summary_of
 from femimpact.study.sweep_grid import even_grid, refined_grid
 from femimpact.sweep import SWEEP_UNITS, frequency_sweep, on_grid
@@ -84,7 +85,7 @@ def run_simulation(prepared: PreparedStudy, report: Report = _silent) -> Respons
     """The history of the study, with snapshots over its last cycles."""
     study, record = prepared.study, prepared.record
     return integrate(
-        prepared.small, study.sine, prepared.method, study.base.duration, record, study.initial,
+        prepared.small, study.excitation, prepared.method, study.base.duration, record, study.initial,
         lambda share: report("history", share),
     )  # fmt: skip
 
@@ -107,7 +108,7 @@ def last_cycles(prepared: PreparedStudy, response: Response) -> Response:
     # whole steps, so that no rounding of a time adds one
     duration = (steps - round(initial.time / grid)) * grid
     record = replace(record, every=1, start=start, snapshots=0, ledger=False)
-    return integrate(prepared.small, study.sine, finely, duration, record, initial)
+    return integrate(prepared.small, study.excitation, finely, duration, record, initial)
 
 
 def _read_within_contacts(method: Method, system: System, frequency: float) -> Method:
@@ -127,25 +128,25 @@ def run_sweep(prepared: PreparedStudy, report: Report = _silent, initial: State 
     require(plan is not None, "sweep", None, "", "table [sweep] is missing")
     if plan is None:
         raise AssertionError("require raises")
-    method, bare_method = prepared.method, prepared.bare_method
+    method, bare_method, amplitude = prepared.method, prepared.bare_method, study.sine.amplitude
     coarse = even_grid(plan)
     state = initial or study.initial
     peak_with_ball = None
     if plan.refine and small.contacts:
         first = frequency_sweep(
-            small, study.base.amplitude, coarse, method, plan.cycles, initial=state, ledger=False,
+            small, amplitude, coarse, method, plan.cycles, initial=state, ledger=False,
             progress=lambda share: report("sweep with ball, even grid", share),
         )  # fmt: skip
         peak_with_ball = first.peak_frequency
     frequencies = refined_grid(plan, bare, peak_with_ball)
     empty = frequency_sweep(
-        bare, study.base.amplitude, frequencies, bare_method, plan.cycles, initial=_structure_only(state),
+        bare, amplitude, frequencies, bare_method, plan.cycles, initial=_structure_only(state),
         progress=lambda share: report("sweep without ball", share),
     )  # fmt: skip
     ball = None
     if small.contacts:
         ball = frequency_sweep(
-            small, study.base.amplitude, frequencies, method, plan.cycles, initial=state,
+            small, amplitude, frequencies, method, plan.cycles, initial=state,
             progress=lambda share: report("sweep with ball", share),
         )  # fmt: skip
     return SweepPair(empty, ball, coarse)
@@ -228,7 +229,12 @@ def run_study(
 
 
 def keep_study(staging: Staging, study: Study) -> None:
-    """Write the study file: that of the study as it is run."""
+    """Write the study file, that of the study as it is run, and the record that it names."""
+    if isinstance(study.base, RecordedMotion):
+        name, path = OTHER_FILES["base_record"], staging.folder / FILES["study"]
+        atomic_write(staging.folder / name, study.base.content)
+        text = with_record(study.text, name)
+        study = replace(study, base=replace(study.base, record=name), path=path, text=text)
     atomic_write(staging.folder / FILES["study"], study_text(study))
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from femimpact.errors import (
+    Fault,
     InputError,
     check_fields,
     choice,
@@ -19,12 +20,13 @@ from femimpact.errors import (
     text,
     truth,
 )
-from femimpact.excitation import Sine
+from femimpact.excitation import RecordedBase, Sine
 from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import Mesh
 from femimpact.fem.mesh_files import read_mesh
 from femimpact.integrators.methods import METHODS, Method
 from femimpact.structure.structure import Structure
+from femimpact.study.recorded_motion import RecordedMotion
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
 from femimpact.system.system import System
@@ -43,6 +45,7 @@ __all__ = [
     "check_method",
     "method_for",
     "read_mesh_of",
+    "sine_of",
 ]
 
 
@@ -109,6 +112,9 @@ class BaseMotion:
         If a value is out of range.
     """
 
+    FREQUENCY_KEY: ClassVar[str] = "base.frequency"
+    """What a study file has where the frequency of a cycle comes from."""
+
     amplitude: float = field(metadata=quantity("m", above=0.0))
     frequency: float = field(metadata=quantity("Hz", above=0.0))
     duration: float = field(default=30.0, metadata=quantity("s", above=0.0))
@@ -117,6 +123,16 @@ class BaseMotion:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+    @property
+    def excitation(self) -> Sine:
+        """The motion that drives the history."""
+        return Sine(self.amplitude, self.frequency, self.phase)
+
+    @property
+    def words(self) -> str:
+        """How long the history is, and what drives it."""
+        return f"{self.duration:g} s at {self.frequency:g} Hz"
 
 
 @dataclass(frozen=True)
@@ -182,7 +198,7 @@ class Study:
     ----------
     structure : Structure
     mesh : MeshChoice
-    base : BaseMotion
+    base : BaseMotion or RecordedMotion
     reduction : Reduction or None
         None integrates in physical dofs.
     method : mapping of str to value
@@ -196,12 +212,12 @@ class Study:
     Raises
     ------
     InputError
-        If a field is of another kind, or the method's name is unknown.
+        If a field is of another kind, the method's name is unknown, or there is a sweep and no sine.
     """
 
     structure: Structure = field(metadata=instance(Structure))
     mesh: MeshChoice = field(metadata=instance(MeshChoice))
-    base: BaseMotion = field(metadata=instance(BaseMotion))
+    base: BaseMotion | RecordedMotion = field(metadata=instance(BaseMotion, RecordedMotion))
     reduction: Reduction | None = field(metadata=optional(instance(Reduction)))
     method: Mapping[str, Any] = field(metadata=instance(Mapping))
     sweep: SweepPlan | None = field(metadata=optional(instance(SweepPlan)))
@@ -212,16 +228,37 @@ class Study:
     def __post_init__(self) -> None:
         check_fields(self)
         require_name(self.method.get("name", "newmark"), METHODS, "method.name")
+        if self.sweep is not None:
+            sine_of(self, "sweep")
+
+    @property
+    def excitation(self) -> Sine | RecordedBase:
+        """Base motion of the simulated history."""
+        return self.base.excitation
 
     @property
     def sine(self) -> Sine:
-        """Base motion of the simulated history."""
-        return Sine(self.base.amplitude, self.base.frequency, self.base.phase)
+        """The same of a study whose base moves by a sine; of another it is refused."""
+        return sine_of(self, "study.sine").excitation
 
     @property
     def initial(self) -> State:
         """State at the start."""
         return State.static() if self.base.start == "static" else State.at_rest(self.base.start)
+
+
+def sine_of(study: Study, key: str, value: object = None, unit: str = "") -> BaseMotion:
+    """The base motion of a study whose base moves by a sine.
+
+    Raises
+    ------
+    InputError
+        Of a record, naming what needs a sine.
+    """
+    if isinstance(study.base, BaseMotion):
+        return study.base
+    allowed = f"needs a sine of the base, and [base] of this study has a record, {study.base.record!r}"
+    raise InputError([Fault(key, value, unit, allowed)])
 
 
 def build(study: Study) -> tuple[System, System, Method]:

@@ -20,6 +20,7 @@ from femimpact.integrators.methods import METHODS
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.springs import Dashpot, Spring
 from femimpact.structure.structure import Beam, Impactor, PointMass, Segment, Stop, Structure, Support
+from femimpact.study.recorded_motion import RecordedMotion, record_beside
 from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
 
 __all__ = ["load_study", "read_study"]
@@ -35,6 +36,11 @@ LAWS: Mapping[str, tuple[Any, Mapping[str, Any]]] = {
     "rigid": (Rigid, {}),
 }
 """Each law of a study file: its noun, and the fields that the law's name fixes."""
+
+
+OF_SINE = frozenset({"amplitude", "frequency", "phase"})
+OF_RECORD = frozenset({"scale", "detrend", "columns", "file", "samples"})
+"""Keys of [base] that only one of its motions has, or might be taken to have."""
 
 
 def load_study(path: str | Path) -> Study:
@@ -70,7 +76,7 @@ def read_study(text: str, path: Path) -> Study:
     ----------
     text : str
     path : Path
-        Of the file: a mesh file is looked for beside it.
+        Of the file: a mesh file and a record are looked for beside it.
 
     Returns
     -------
@@ -95,7 +101,8 @@ def _from_tables(data: Mapping[str, Any], path: Path, text: str) -> Study:
     missing = [name for name, table in TABLES.items() if table.required and name not in data]
     faults += [Fault(name, None, "", f"table [{name}] is missing") for name in missing]
     made: dict[str, Any] = {}
-    for name, table in TABLES.items():
+    base = dataclasses.replace(TABLES["base"], make=partial(_base, folder=path.parent))
+    for name, table in {**TABLES, "base": base}.items():
         if name in data and name not in unknown:
             before = len(faults)
             made[name] = _table(name, table, data[name], faults)
@@ -245,14 +252,25 @@ def _damping(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any
     return _noun(ModalDamping if "ratios" in values else Rayleigh, prefix, values, faults)
 
 
-def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
-    """A sine; a record is refused with what takes it."""
-    asked = sorted({"file", "record", "samples", "scale", "detrend", "columns"} & set(values))
-    if not asked:
+def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault], folder: Path = Path()) -> Any:
+    """A sine, or a record whose path is given from a folder."""
+    if "record" not in values:
+        if OF_RECORD & set(values):
+            given = ", ".join(sorted(OF_RECORD & set(values)))
+            allowed = f"is missing: [base] has {given}, and a record is given by its path, record = 'shaker.csv'"
+            faults.append(Fault(f"{prefix}.record", None, "", allowed))
+            return None
         return _noun(BaseMotion, prefix, values, faults)
-    allowed = "a study drives the base by a sine; a recorded motion is for scripts: RecordedBase.from_csv, as in "
-    faults += [Fault(f"{prefix}.{name}", values[name], "", f"{allowed}examples/base_from_csv.py") for name in asked]
-    return None
+    record, before = values["record"], len(faults)
+    for name in sorted(OF_SINE & set(values)):
+        allowed = "belongs to a sine, and [base] has a record: give one of the two (scale multiplies a record)"
+        faults.append(Fault(f"{prefix}.{name}", values[name], "", allowed))
+    # of another type there is nothing to read: that is the fault of the key
+    read = partial(record_beside, folder, record) if isinstance(record, str) else str
+    content = _collected(prefix, read, faults)
+    rest = {name: value for name, value in values.items() if name not in OF_SINE}
+    noun = _noun(RecordedMotion, prefix, rest, faults, content=content)
+    return noun if len(faults) == before else None
 
 
 def _method(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:

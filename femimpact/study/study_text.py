@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -12,7 +13,10 @@ from femimpact.errors import InputError
 from femimpact.study.study import Study
 from femimpact.study.study_file import LAWS, read_study
 
-__all__ = ["same_study", "study_text"]
+__all__ = ["same_study", "study_text", "with_record"]
+
+RECORD_LINE = re.compile(r"""^(\s*record\s*=\s*)("[^"\n]*"|'[^'\n]*')""", re.MULTILINE)
+"""The usual line of a record in a study file, and the quoted path in it."""
 
 
 def study_text(study: Study) -> str:
@@ -40,6 +44,14 @@ def same_study(one: Study, other: Study) -> bool:
     """Whether two studies mean the same, wherever and however they are written."""
     names = [item.name for item in dataclasses.fields(Study) if item.name not in ("path", "text")]
     return all(getattr(one, name) == getattr(other, name) for name in names)
+
+
+def with_record(text: str, record: str) -> str:
+    """The text of a study file with another path of its record, where that stands on a line of its own.
+
+    Where it stands elsewhere the text does not fit its study any more, which `study_text` finds.
+    """
+    return RECORD_LINE.sub(lambda found: found[1] + _value(record), text, count=1)
 
 
 def _lines(study: Study) -> Iterator[str]:
@@ -74,8 +86,8 @@ def _lines(study: Study) -> Iterator[str]:
 
 
 def _given(noun: Any) -> dict[str, Any]:
-    """Fields of a noun that are not as they are by default."""
-    values = {item.name: (getattr(noun, item.name), item.default) for item in dataclasses.fields(noun)}
+    """Fields of a noun that are not as they are by default, but for those that its text leaves out."""
+    values = {item.name: (getattr(noun, item.name), item.default) for item in dataclasses.fields(noun) if item.repr}
     return {name: value for name, (value, default) in values.items() if value != default}
 
 
