@@ -95,16 +95,6 @@ def test_bad_input_is_one_line_with_path_value_unit_and_range(tmp_path, find, pu
     assert any(all(word in line for word in words) for line in lines), lines
 
 
-def test_a_recorded_base_is_refused_in_one_line_that_says_what_takes_it(tmp_path):
-    path = tmp_path / "study.toml"
-    path.write_text(paper_study_text().replace("[base]", '[base]\nfile = "acc.csv"'), encoding="utf-8")
-    with pytest.raises(
-        fi.InputError, match=r"base\.file = 'acc\.csv': .*RecordedBase\.from_csv.*base_from_csv\.py$"
-    ) as told:
-        load_study(path)
-    assert len(told.value.faults) == 1
-
-
 def test_every_fault_is_in_one_message(tmp_path):
     text = TEXT
     for find, put in (

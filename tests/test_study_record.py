@@ -1,0 +1,263 @@
+"""A study whose base moves by a record: the file of columns beside the study file."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+import femimpact as fi
+from femimpact.cli import app
+from femimpact.study.convergence import write_convergence
+from femimpact.study.picture_data import read_film, read_last_cycles
+from femimpact.study.pictures import draw_again
+from femimpact.study.plan import plan_lines
+from femimpact.study.prepared import prepare
+from femimpact.study.results import OTHER_FILES, ResultsWarning
+from femimpact.study.study import BaseMotion
+from femimpact.study.study_file import load_study
+from femimpact.study.study_text import same_study, study_text
+
+pytestmark = pytest.mark.impacts
+
+G = 9.80665
+FREQUENCY, PER_CYCLE, CYCLES, AMPLITUDE = 5.0, 40, 20, 0.2e-3
+
+BEAM = """
+[beam]
+length = 0.23026615
+width = 0.020
+thickness = 1e-3
+young_modulus = 70e9
+density = 2700.0
+
+[mesh]
+elements = 10
+
+[[mass]]
+name = "box"
+at = "tip"
+mass = 0.02290976
+
+[damping]
+ratio = 0.0029
+modes = [1, 2]
+
+[reduction]
+modes = 4
+
+[method]
+name = "event-driven"
+
+[output]
+figures = false
+paraview = false
+movie = false
+"""
+
+BALL = """
+[[impactor]]
+name = "ball"
+at = "tip"
+mass = 3.43e-3
+gap = 1e-3
+contact = { law = "rigid", restitution = 0.6 }
+"""
+
+BASE = """
+[base]
+record = "shaker.csv"   # of the table, in g
+scale = 9.80665
+detrend = "mean"
+"""
+
+SWEEP = "[sweep]\nstart = 4.0\nstop = 6.0\npoints = 5\ncycles = 24\n"
+
+
+@pytest.fixture
+def shaker(tmp_path):
+    """The file of a logger: whole cycles of a sine at FREQUENCY, in g, on an offset."""
+    time = np.arange(CYCLES * PER_CYCLE) / (FREQUENCY * PER_CYCLE)
+    sine = -AMPLITUDE * (2 * np.pi * FREQUENCY) ** 2 * np.sin(2 * np.pi * FREQUENCY * time) / G
+    path = tmp_path / "shaker.csv"
+    rows = (f"{t!r},{a!r}" for t, a in zip(time.tolist(), (sine + 0.02).tolist(), strict=True))
+    path.write_text("time (s),base (g)\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+def written(tmp_path, text):
+    path = tmp_path / "study.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_study_with_a_record_gives_the_history_of_the_same_record_in_python(tmp_path, shaker):
+    study = fi.load_study(written(tmp_path, BEAM + BALL + BASE))
+    base = fi.RecordedBase.from_csv(shaker, scale=G, detrend="mean")
+    assert study.base.duration == base.duration
+    assert study.excitation.frequency == base.frequency == pytest.approx(FREQUENCY, rel=1e-12)
+    results = fi.run_study(study, tmp_path / "out")
+    prepared = prepare(study)
+    run = fi.integrate(prepared.small, base, prepared.method, base.duration, prepared.record)
+    assert len(run.impacts) > 10
+    # the same call on the same samples
+    assert np.array_equal(results.history["tip"], run["tip"])
+    assert np.array_equal(results.history["base"], base.displacement(run.time))
+    assert np.array_equal(results.impacts["time"], run.impacts.time)
+    # a record has no phase, and no impact has one in it
+    assert np.isnan(results.impact_data["phase"]).all()
+    assert results.summary["history"]["impacts"] == len(run.impacts)
+
+
+def test_a_record_of_a_sine_gives_the_motion_of_the_sine_but_for_the_lines_between_its_samples(tmp_path, shaker):
+    base = f"\n[base]\namplitude = {AMPLITUDE}\nfrequency = {FREQUENCY}\nduration = 3.9\n"
+    studies = [load_study(written(tmp_path, BEAM + more)) for more in (BASE + "duration = 3.9\n", base)]
+    recorded, exact = (
+        fi.run_study(study, tmp_path / f"out-{i}").history["tip"].to_numpy() for i, study in enumerate(studies)
+    )
+    # as the docstring of RecordedBase says; what is left is the next term of sinc^2 and the images of the sine about
+    # the rate of the samples, both below a twentieth of it
+    low = (np.pi / PER_CYCLE) ** 2 / 3.0
+    size = np.abs(exact).max()
+    assert 1.0 - np.abs(recorded).max() / size == pytest.approx(low, rel=0.05)
+    np.testing.assert_allclose(recorded, (1.0 - low) * exact, rtol=0, atol=0.05 * low * size)
+
+
+@pytest.mark.parametrize(("method", "rounding"), [("event-driven", 1e-11), ("newmark", 0.0)])
+def test_the_last_cycles_of_a_record_are_the_rows_of_the_history(tmp_path, shaker, method, rounding):
+    text = (BEAM + BALL + BASE).replace('"event-driven"', f'"{method}"').replace("figures = false", "figures = true")
+    # no impact amplifies what rounding leaves
+    text = text.replace('law = "rigid"', 'law = "kelvin-voigt", contact_time = 2e-3').replace("gap = 1e-3", "gap = 0.1")
+    # a record of many cycles begins its last ones within the run
+    time = np.arange(60 * 40) / 400.0
+    np.savetxt(shaker, np.column_stack([time, np.sin(20 * np.pi * time)]), delimiter=",")
+    results = fi.run_study(load_study(written(tmp_path, text.replace("9.80665", "0.2"))), tmp_path / "out")
+    _, end = read_last_cycles(results.directory, results.summary)
+    assert end.time[0] == pytest.approx(results.history["time"].to_numpy()[-1] - 4.0, abs=1e-2)
+    rows = results.history.sel(time=slice(end.time[0] - 1e-9, None))
+    same = np.searchsorted(end.time, rows["time"].to_numpy() - 1e-9)
+    # they go on from a state within the run: step methods to the last bit, the event-driven one to rounding
+    largest = float(np.abs(rows["tip"]).max())
+    np.testing.assert_allclose(end["tip"][same], rows["tip"], rtol=0.0, atol=rounding * largest)
+    assert largest > 1e-5
+
+
+def test_results_are_whole_without_the_file_of_the_record(tmp_path, shaker):
+    text = (BEAM + BALL + BASE).replace("figures = false", "figures = true")
+    study = load_study(written(tmp_path, text))
+    shaker.unlink()
+    # what was read once is not read again
+    results = fi.run_study(study, tmp_path / "out")
+    assert results.summary["pictures"] == {"figures": "drawn"}
+    run, end = read_last_cycles(results.directory, results.summary)
+    film = read_film(results.directory, results.summary)
+    times = np.linspace(0.0, study.base.duration, 101)
+    for response in (run, end, film.response):
+        assert np.array_equal(response.base.displacement(times), study.excitation.displacement(times))
+        assert np.isnan(response.base.phase)
+    assert set(end.channels) == set(results.summary["history"]["channels"])
+    drawn = draw_again(results.directory, "figures", lambda _what, _share: None)
+    assert {"modes.png", "phase_portrait.png", "impact_histograms.png", "impulse_phase.png"} <= set(drawn)
+
+
+def test_the_study_of_the_results_runs_again_from_there(tmp_path, shaker):
+    study = load_study(written(tmp_path, BEAM + BALL + BASE))
+    first = fi.run_study(study, tmp_path / "out")
+    copy = first.directory / OTHER_FILES["base_record"]
+    assert copy.read_text() == shaker.read_text()
+    assert copy.name in json.loads((first.directory / "summary.json").read_text())["checksums"]
+    # as it was written, but for the name of the record
+    kept = (first.directory / "study.toml").read_text(encoding="utf-8")
+    assert kept == study.text.replace("shaker.csv", copy.name)
+    shaker.unlink()
+    again = fi.run_study(load_study(first.directory / "study.toml"), tmp_path / "again")
+    for name in ("history.nc", "impacts.csv", "study.toml", copy.name):
+        assert (again.directory / name).read_bytes() == (first.directory / name).read_bytes()
+    # in its own place, too
+    fi.run_study(load_study(first.directory / "study.toml"), first.directory, force=True)
+    assert copy.read_bytes() == (again.directory / copy.name).read_bytes()
+    copy.write_text(copy.read_text() + "# later\n")
+    with pytest.warns(ResultsWarning, match=r"base_record\.csv: is not as the study left it"):
+        fi.load(first.directory)
+
+
+def test_a_later_run_with_a_sine_leaves_no_record_beside_its_results(tmp_path, shaker):
+    out = tmp_path / "out"
+    fi.run_study(load_study(written(tmp_path, BEAM + BASE)), out, parts=("modes",))
+    assert (out / OTHER_FILES["base_record"]).exists()
+    sine = "[base]\namplitude = 1e-4\nfrequency = 5.0\n"
+    fi.run_study(load_study(written(tmp_path, BEAM + sine)), out, parts=("modes",), force=True)
+    assert not (out / OTHER_FILES["base_record"]).exists()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"scale": 2.0}, {"duration": 1.5}, {"columns": ("time (s)", 1)}, {"detrend": "line"}, {"start": "space"}],
+)
+def test_a_changed_record_is_written_anew_and_read_as_the_same_study(tmp_path, shaker, changes):
+    study = load_study(written(tmp_path, BEAM + BALL + BASE))
+    changed = dataclasses.replace(study, base=dataclasses.replace(study.base, **changes))
+    results = fi.run_study(changed, tmp_path / "out", parts=("modes",))
+    found = load_study(results.directory / "study.toml")
+    renamed = dataclasses.replace(changed.base, record=OTHER_FILES["base_record"])
+    assert same_study(found, dataclasses.replace(changed, base=renamed))
+    data = tomllib.loads((results.directory / "study.toml").read_text(encoding="utf-8"))
+    assert "content" not in data["base"]
+    assert study_text(study) == study.text
+
+
+@pytest.mark.parametrize(
+    ("find", "put", "words"),
+    [
+        ('"shaker.csv"', '"nowhere.csv"', "nowhere.csv': must be a text file of columns: No such file"),
+        ('"shaker.csv"', '"damaged.csv"', "damaged.csv': line 3, column 1: 'x' is no finite number"),
+        ('"shaker.csv"', '"binary.csv"', "binary.csv': must be a text file of columns: is no text"),
+        ('"shaker.csv"', '"uneven.csv"', "uneven.csv, steps of 0.1 to 0.2 s': must have evenly spaced times"),
+        ('"shaker.csv"', "5", "base.record = 5: must be a text"),
+        ("scale = 9.80665", "scale = 0", "base.scale = 0.0: must not be 0"),
+        ('"mean"', '"linear"', "base.detrend = 'linear': must be 'none' or 'mean' or 'line'"),
+        ('"mean"', '"mean"\ncolumns = [0]', "base.columns = (0,): must be two numbers"),
+        ('"mean"', '"mean"\ncolumns = ["t", "x"]', "base.columns = ['t', 'x']: must be two columns of numbers in"),
+        ('"mean"', '"mean"\nduration = 0', "base.duration = 0 s: must be a finite number > 0 s"),
+        ('"mean"', '"mean"\nscael = 2.0', "base.scael: unknown; did you mean 'scale'?"),
+        ('"mean"', '"mean"\ncontent = "0,1"', "base.content: unknown"),
+        ('"mean"', '"mean"\nfrequency = 5.0', "base.frequency = 5.0: belongs to a sine"),
+        ("record =", "file =", "base.record: is missing: [base] has detrend, file, scale"),
+        ("\n[base]", f"\n{SWEEP}[base]", "sweep: needs a sine of the base"),
+    ],
+)  # fmt: skip
+def test_what_does_not_go_with_a_record_is_one_clear_line(tmp_path, shaker, find, put, words):
+    (tmp_path / "damaged.csv").write_text("t,a\n0,1\n0.1,x\n", encoding="utf-8")
+    (tmp_path / "uneven.csv").write_text("0,1\n0.1,2\n0.3,3\n", encoding="utf-8")
+    (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00\x81")
+    assert find in BEAM + BASE
+    with pytest.raises(fi.InputError) as told:
+        load_study(written(tmp_path, (BEAM + BASE).replace(find, put)))
+    (line,) = str(told.value).splitlines()
+    assert words in line
+
+
+def test_what_needs_a_sine_is_refused_before_any_work(tmp_path, shaker):
+    path = written(tmp_path, BEAM + BALL + BASE)
+    study, out = load_study(path), tmp_path / "out"
+    words = r"needs a sine of the base, and \[base\] of this study has a record, 'shaker.csv'"
+    refused = [
+        (r"^frequency = 5\.0 Hz: ", lambda: app(["simulate", str(path), "--frequency", "5", "-o", str(out)])),
+        ("^sweep: ", lambda: app(["sweep", str(path), "-o", str(out)])),
+        ("^converge: ", lambda: write_convergence(study, out, False, lambda _what, _share: None)),
+        (r"^study\.sine: ", lambda: study.sine),
+    ]
+    for key, ask in refused:
+        with pytest.raises(fi.InputError, match=key + words + "$"):
+            ask()
+    assert not out.exists()
+
+
+def test_the_plan_says_that_a_record_drives_the_history(tmp_path, shaker):
+    study = load_study(written(tmp_path, BEAM + BALL + BASE))
+    (line,) = [line for line in plan_lines(study) if line.startswith("history: ")]
+    assert "3.995 s of the record 'shaker.csv' (800 samples, 0.005 s apart; a cycle is that of its largest" in line
+    assert BaseMotion(1e-4, 5.0, 4.0).words == "4 s at 5 Hz"
