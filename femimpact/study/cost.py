@@ -114,13 +114,13 @@ def check_sweep(study: Study, small: System, method: Method) -> None:
 def history_cost(study: Study, small: System, method: Method, record: Recorder) -> Cost:
     """Of one history, until it is written."""
     grid = method.time_grid(study.base.frequency)
-    steps = round(study.base.duration / grid)
+    steps = round(study.base.history_duration / grid)
     parts: Mapping[str, int] = memory_needed(
         small, record, len(record.channels or ()), steps, grid, study.base.frequency
     )
     kept = parts["channels"] + parts["energies"]
     rest = sum(parts.values()) - kept
-    cycles = study.base.duration * study.base.frequency
+    cycles = study.base.history_duration * study.base.frequency
     seconds = method.cost(small, study.base.frequency).history_seconds * cycles
     return Cost(LEAST + COPIES * kept + rest, START + seconds + WRITING * kept)
 

@@ -27,7 +27,7 @@ def plan_lines(study: Study) -> list[str]:
     prepared = prepare(study)
     full, small, method = prepared.full, prepared.small, prepared.method
     grid = method.time_grid(study.base.frequency)
-    steps = round(study.base.duration / grid)
+    steps = round(study.base.history_duration / grid)
     contact_time = shortest_contact(small)
     kind = "modal" if small.is_diagonal else "physical"
     lines = [

@@ -112,7 +112,7 @@ def with_base(prepared: PreparedStudy, base: BaseMotion | RecordedMotion) -> Pre
 def history_record(study: Study, small: System, method: Method) -> Recorder:
     """What the study's history keeps: every place that carries a ball, the balls, the last cycles whole."""
     output = study.output
-    kept, grid = min(output.frame_cycles / study.base.frequency, study.base.duration), _grid(study, method)
+    kept, grid = min(output.frame_cycles / study.base.frequency, study.base.history_duration), _grid(study, method)
     channels: list[str | float] = ["tip", "tip.velocity", "mid"]
     for pair in small.contacts:
         place = next((name for name, x in small.points.items() if x == pair.position), None)
@@ -124,7 +124,7 @@ def history_record(study: Study, small: System, method: Method) -> Recorder:
         channels=tuple(dict.fromkeys([*channels, *output.channels])),
         every=_stride(study, method),
         snapshots=max(round(kept / (output.frames * grid)), 1) if output.frames else 0,
-        snapshots_start=max(study.base.duration - kept, 0.0),
+        snapshots_start=max(study.base.history_duration - kept, 0.0),
         state_at=last_cycles_start(study),
         memory_limit=output.memory_limit,
     )
@@ -132,7 +132,7 @@ def history_record(study: Study, small: System, method: Method) -> Recorder:
 
 def last_cycles_start(study: Study) -> float:
     """Time (s) at which the last cycles begin that figures show."""
-    return max(study.base.duration - FIGURE_CYCLES / study.base.frequency, 0.0)
+    return max(study.base.history_duration - FIGURE_CYCLES / study.base.frequency, 0.0)
 
 
 def _grid(study: Study, method: Method) -> float:
@@ -189,7 +189,7 @@ def _check_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> None:
         method.check_drive(np.array([base.frequency]), base.FREQUENCY_KEY)
         grid = _grid(study, method)
         channels, key = len(record.channels or ()), "output.memory_limit"
-        check_memory(small, record, channels, round(base.duration / grid), grid, base.frequency, key)
+        check_memory(small, record, channels, round(base.history_duration / grid), grid, base.frequency, key)
     if "sweep" in parts and study.sweep is not None:
         check_sweep(study, small, method)
         for each in (method, prepared.bare_method):

@@ -28,8 +28,8 @@ class RecordedMotion:
         The file as read: no run reads it again, wherever it is by then.
     scale, detrend, columns
         As of `RecordedBase.from_csv`.
-    duration : float, s, optional
-        Of the simulated history; that of the record by default.
+    duration : float or None, s
+        Of the simulated history; None is that of the record.
     start : {"base", "space", "static"}
         As of `BaseMotion`.
 
@@ -47,7 +47,7 @@ class RecordedMotion:
     scale: float = field(default=1.0, metadata=quantity("1"))
     detrend: str = field(default="none", metadata=choice("none", "mean", "line"))
     columns: tuple[int | str, int | str] = (0, 1)
-    duration: float = field(default=None, metadata=optional(quantity("s", above=0.0)))  # type: ignore[assignment]
+    duration: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
     start: str = field(default="base", metadata=choice("base", "space", "static"))
 
     def __post_init__(self) -> None:
@@ -55,9 +55,8 @@ class RecordedMotion:
         if isinstance(self.columns, list):
             object.__setattr__(self, "columns", tuple(self.columns))
         with _faults_of_record():
-            recorded = self.excitation.duration
-        if self.duration is None:
-            object.__setattr__(self, "duration", recorded)
+            # made here, so that its faults are those of this noun
+            _ = self.excitation
 
     @cached_property
     def excitation(self) -> RecordedBase:
@@ -70,12 +69,17 @@ class RecordedMotion:
         return self.excitation.frequency
 
     @property
+    def history_duration(self) -> float:
+        """Time (s) that the history takes."""
+        return self.excitation.duration if self.duration is None else self.duration
+
+    @property
     def words(self) -> str:
         """How long the history is, and what drives it."""
         base = self.excitation
         return (
-            f"{self.duration:g} s of the record {self.record!r} ({base.samples.size} samples, {base.interval:.6g} s "
-            f"apart; a cycle is that of its largest line, {base.frequency:.4g} Hz)"
+            f"{self.history_duration:g} s of the record {self.record!r} ({base.samples.size} samples, "
+            f"{base.interval:.6g} s apart; a cycle is that of its largest line, {base.frequency:.4g} Hz)"
         )
 
 

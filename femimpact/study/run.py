@@ -85,7 +85,7 @@ def run_simulation(prepared: PreparedStudy, report: Report = _silent) -> Respons
     """The history of the study, with snapshots over its last cycles."""
     study, record = prepared.study, prepared.record
     return integrate(
-        prepared.small, study.excitation, prepared.method, study.base.duration, record, study.initial,
+        prepared.small, study.excitation, prepared.method, study.base.history_duration, record, study.initial,
         lambda share: report("history", share),
     )  # fmt: skip
 
@@ -98,7 +98,7 @@ def last_cycles(prepared: PreparedStudy, response: Response) -> Response:
     """
     study, method, record = prepared.study, prepared.method, prepared.record
     start, grid = last_cycles_start(study), method.time_grid(study.base.frequency)
-    steps = round(study.base.duration / grid)
+    steps = round(study.base.history_duration / grid)
     finely = _read_within_contacts(method, prepared.small, study.base.frequency)
     if record.every == 1 and finely == method:
         first = first_steps(replace(record, start=start), steps, grid)[0]

@@ -130,6 +130,11 @@ class BaseMotion:
         return Sine(self.amplitude, self.frequency, self.phase)
 
     @property
+    def history_duration(self) -> float:
+        """Time (s) that the history takes."""
+        return self.duration
+
+    @property
     def words(self) -> str:
         """How long the history is, and what drives it."""
         return f"{self.duration:g} s at {self.frequency:g} Hz"
