@@ -36,6 +36,9 @@ def record_text(path: str | Path) -> str:
         reason = error.strerror or "cannot be read"
     except UnicodeDecodeError:
         reason = "is no text"
+    except ValueError:
+        # a null character
+        reason = "no path of a file"
     raise InputError([Fault("path", str(path), "", f"must be a text file of columns: {reason}")])
 
 

@@ -9,11 +9,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
 
-from femimpact.errors import InputError, check_fields, choice, optional, quantity, text
+from femimpact.errors import InputError, check_fields, checked, choice, optional, quantity, text
 from femimpact.excitation import RecordedBase
 from femimpact.excitation.record_file import record_text
 
 __all__ = ["RecordedMotion", "record_beside"]
+
+NUMBER = quantity("1", at_least=0, integer=True)
+"""Of a column that has no name."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +55,9 @@ class RecordedMotion:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        if isinstance(self.columns, list):
-            object.__setattr__(self, "columns", tuple(self.columns))
+        if isinstance(self.columns, (tuple, list)):
+            plain = (str(c) if isinstance(c, str) else checked("columns", c, NUMBER) for c in self.columns)
+            object.__setattr__(self, "columns", tuple(plain))
         with _faults_of_record():
             # made here, so that its faults are those of this noun
             _ = self.excitation
