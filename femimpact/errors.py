@@ -1,4 +1,4 @@
-"""What can go wrong, and how it is worded: the only home of input-error texts, and of what counts as a sound value."""
+"""Errors and their words: the one place for the texts of input errors, and for what counts as a sound value."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class DivergenceError(FemimpactError):
 
 
 class _Shown(str):
-    """Words in place of a value that does not travel between processes."""
+    """Words in place of a value that cannot be pickled from one process to another."""
 
     __slots__ = ()
 
@@ -148,7 +148,7 @@ class InputError(FemimpactError, ValueError):
         return type(self), (self.faults,)
 
 
-class _Refused(Exception):  # noqa: N818 - never seen outside this module
+class _Refused(Exception):  # noqa: N818 - raised and caught in this module only
     """A value is not what a field's metadata allows."""
 
 
@@ -360,7 +360,7 @@ def real_array(key: str, value: Any, unit: str, allowed: str, *, finite: bool = 
     Raises
     ------
     InputError
-        If the value holds anything but real numbers, finite ones unless told otherwise: text, truth values,
+        If the value holds anything but real numbers, finite ones where they must be: text, truth values,
         nothing, masked entries, rows of several lengths.
     """
     import numpy as np
@@ -406,7 +406,7 @@ def checked(key: str, value: object, metadata: Mapping[str, Any]) -> Any:
 
 
 class _Declared(NamedTuple):
-    """What a field says of itself, laid out for nouns that are made in every run."""
+    """The metadata of one field, prepared once: some dataclasses are made in every run."""
 
     name: str
     take: Callable[[Any], Any]
@@ -418,7 +418,7 @@ class _Declared(NamedTuple):
 
 @functools.cache
 def _declared(kind: Any) -> tuple[_Declared, ...]:
-    """Fields of a dataclass with a range of their own; looked up often."""
+    """Fields of a dataclass that have metadata."""
     return tuple(
         _Declared(field.name, m["take"], field.default is None, m["unit"], m["allowed"], m.get("axes", ()))
         for field in dataclasses.fields(kind)

@@ -48,7 +48,7 @@ KNOWN = 1e-8
 """Share of the peak to which any point is known."""
 
 UNDETERMINED = math.log(10.0)
-"""Half-width of the logarithm's interval beyond which the points say nothing about the ratio."""
+"""Half-width of the logarithm's interval beyond which the points do not determine the ratio."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def _one_pole(f: Array, scale: float, natural_frequency: float, ratio: float) ->
 
 
 def _checked(frequency: ArrayLike, amplitude: ArrayLike, least: int) -> tuple[Array, Array]:
-    # a case that failed is not a number and left out; a masked one says nothing of why it is masked
+    # a case that failed is not a number and left out; why a masked one is masked is unknown
     f = real_array("frequency", frequency, "Hz", "must be a row of numbers", finite=False)
     x = real_array("amplitude", amplitude, "m", "must be a row of numbers", finite=False)
     same = f.ndim == 1 and f.shape == x.shape
@@ -144,6 +144,8 @@ def _checked(frequency: ArrayLike, amplitude: ArrayLike, least: int) -> tuple[Ar
 
 def half_power(frequency: ArrayLike, amplitude: ArrayLike) -> DampingEstimate:
     """Half-power bandwidth: zeta = (f2^2 - f1^2)/(4 f_peak^2) between the crossings of peak/sqrt(2).
+
+    Clough and Penzien (2003).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Contact of one scalar pair: when a ball touches, which wall, with what force, and what comes back."""
+"""Contact of one scalar pair: when a ball touches, which wall, with what force, and how fast it rebounds."""
 
 from femimpact.contact.collision import Collision, integrated_collision
 from femimpact.contact.law import ContactLaw, collide, contact_force, contact_potential, require_law, resolve

@@ -1,7 +1,7 @@
 """Contact formulas: numbers in, numbers out.
 
-The compiled time loop, the energy ledger and the figures all call these same functions; nobody
-else writes a contact force down.
+The compiled time loop, the energy ledger and the figures all call these same functions; a contact
+force is written down nowhere else.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def switching_potential(x: float, gap_plus: float, gap_minus: float, free_stiffn
 def power_force(
     depth: float, rate: float, stiffness: float, exponent: float, loss: float, approach_speed: float
 ) -> float:
-    """Normal force k p^n max(0, 1 + d p'/v0) in N of Hertz and of the laws that brake it in proportion."""
+    """Normal force k p^n max(0, 1 + d p'/v0) in N of Hertz and of the laws that add damping to it."""
     if depth <= 0.0:
         return 0.0
     elastic = stiffness * (depth * math.sqrt(depth) if exponent == 1.5 else depth**exponent)

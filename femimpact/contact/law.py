@@ -1,4 +1,4 @@
-"""What a contact law is, and what every law can be asked for."""
+"""The protocol of a contact law; force, stored energy and one collision of any law."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ KINDS = (KELVIN_VOIGT, SWITCHING_SPRING, POWER, CUSTOM, RIGID)
 
 @runtime_checkable
 class ContactLaw(Protocol):
-    """What a contact law answers: any object with these attributes is one.
+    """A contact law: any object with these attributes is one.
 
     Numbers are checked before they come here: `effective_mass` (kg) and `approach_speed` (m/s, at the start of the
     contact) are > 0, `depth` (m) is the penetration, negative off the wall, and `rate` (m/s) is its rate.
@@ -30,7 +30,7 @@ class ContactLaw(Protocol):
 
     @property
     def restitution(self) -> float | None:
-        """Restitution (1) that was asked for; None where it follows from other numbers."""
+        """Restitution (1) that the law was given; None where it follows from other numbers."""
         ...
 
     @property

@@ -1,4 +1,4 @@
-"""Restitution of a law in closed form: what a damping ratio or a loss factor gives back, and the reverse."""
+"""Restitution of a law in closed form: that of a damping ratio or of a loss factor, and the reverse."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """What drives a run: an open protocol, and the closed forms that a history may have.
 
-Every excitation answers the same questions: the base's displacement, velocity and acceleration
-(consistent with one another), and the frequency that "a cycle" means in statistics.
+Every excitation gives the base's displacement, velocity and acceleration (consistent with one
+another), and the frequency that "a cycle" means in statistics.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ MEMBERS = ("frequency", "phase", "amplitude", "displacement", "velocity", "accel
 
 
 def require_excitation(value: object, key: str = "excitation") -> None:
-    """Raise `InputError` unless a value answers what an excitation must."""
+    """Raise `InputError` unless a value has the members of an excitation."""
     missing = [name for name in MEMBERS if not hasattr(value, name)]
     allowed = "must be a Sine, a PointForce or a RecordedBase, or an object with all of " + ", ".join(MEMBERS)
     require(not missing and not isinstance(value, type), key, kind_of(value), "", allowed)

@@ -1,4 +1,4 @@
-"""What is said of a motion of the base that is allowed, and so unusual that something else may have been meant."""
+"""Warnings and notes on a motion of the base that is allowed, and so unusual that another one may have been meant."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from femimpact.excitation.excitation import BrokenLine, Excitation
 __all__ = ["motion_notes", "motion_warnings"]
 
 FAR = 0.5
-"""Displacement of the base over the length of the beam beyond which its unit, or an offset, is asked about."""
+"""Displacement of the base over the length of the beam beyond which a wrong unit, or an offset, is likely."""
 
 
 def motion_warnings(excitation: Excitation, length: float) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ import meshio
 import numpy as np
 
 MOST_NODES = 1_000_000
-"""Of a mesh that is handed over; no beam has as many."""
+"""Of a mesh file; no beam has as many."""
 
 __all__ = ["format_of", "plain_mesh", "read_plainly"]
 
@@ -152,7 +152,7 @@ def _end_with_parent() -> None:
 
 
 def main(memory: str, *files: str) -> None:
-    """Read files one after the other, within a memory (bytes), and answer on what was the standard output."""
+    """Read files one after the other, within a memory (bytes), and write answers to what was the standard output."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     silence = os.open(os.devnull, os.O_WRONLY)

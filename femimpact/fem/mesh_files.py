@@ -80,8 +80,8 @@ def _outcome(path: Path, read: Mapping[str, Any] | None) -> Mesh | InputError:
             require(False, "mesh.file", str(path), "", "must be an existing mesh file")
             raise AssertionError("require raises")
         kind = read.get("format")
-        said = " ".join(str(read.get("failure")).split())
-        allowed = f"must be a mesh that meshio can read{f' as {kind}' if kind else ''}: {said[:300]}"
+        reason = " ".join(str(read.get("failure")).split())
+        allowed = f"must be a mesh that meshio can read{f' as {kind}' if kind else ''}: {reason[:300]}"
         require("failure" not in read, "mesh.file", str(path), "", allowed)
         return _beam_mesh(read, f"{path} ({kind})" if kind else str(path))
     except InputError as error:
@@ -104,15 +104,15 @@ def _answers(paths: Sequence[Path]) -> Generator[Mapping[str, Any]]:
 class _Reader:
     """A process that reads files, from its start to its end.
 
-    A thread of its own waits for what the process says: Windows can wait for no pipe with a time limit. It reads the
-    pipe without a buffer. The lock of a buffer that a thread waits in stops Python where it ends meanwhile.
+    A thread of its own waits for the output of the process: Windows can wait for no pipe with a time limit. It reads
+    the pipe without a buffer. The lock of a buffer that a thread waits in stops Python where it ends meanwhile.
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:
         # one thread: each thread of linear algebra takes address space of its own
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONIOENCODING": "utf-8"}
         self.ended = False
-        self._said: queue.Queue[bytes] = queue.Queue()
+        self._output: queue.Queue[bytes] = queue.Queue()
         self._rest = b""
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-W", "ignore", str(CHILD), str(MEMORY_LIMIT), *map(str, map(Path.resolve, paths))],
@@ -122,10 +122,10 @@ class _Reader:
         self._listener.start()
 
     def _listen(self, pipe: IO[bytes]) -> None:
-        # the end of what it says, which is nothing, is the end of the process
-        while said := pipe.read(PIPE_BYTES):
-            self._said.put(said)
-        self._said.put(b"")
+        # no bytes mean that the process has ended
+        while part := pipe.read(PIPE_BYTES):
+            self._output.put(part)
+        self._output.put(b"")
 
     def next_answer(self) -> Mapping[str, Any]:
         """What the next file holds, or why it could not be read; `ended` if the process did not survive it."""
@@ -143,10 +143,10 @@ class _Reader:
         """One whole line, or None at the end; `queue.Empty` is raised where the deadline (s) comes first."""
         parts = [self._rest]
         while b"\n" not in parts[-1]:
-            said = self._said.get(timeout=max(deadline - time.monotonic(), 0.0))
-            if not said:
+            part = self._output.get(timeout=max(deadline - time.monotonic(), 0.0))
+            if not part:
                 return None
-            parts.append(said)
+            parts.append(part)
         line, _, self._rest = b"".join(parts).partition(b"\n")
         return line
 
@@ -154,7 +154,7 @@ class _Reader:
         return self
 
     def __exit__(self, *_about: object) -> None:
-        # what it says ends with the process, and the thread with that
+        # the pipe ends with the process, and the thread with the pipe
         self._process.kill()
         self._process.wait()
         self._listener.join(10.0)

@@ -1,4 +1,4 @@
-"""What is said of a motion that is larger than linear beam theory takes."""
+"""The warning of a motion that is larger than linear beam theory holds for."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ class ModalDamping:
 
     Notes
     -----
-    Clough and Penzien, Dynamics of Structures, on damping matrices by modal superposition.
+    Clough and Penzien (2003), on damping matrices by modal superposition.
     """
 
     ratios: float | tuple[float, ...] = field(metadata=quantity("1", at_least=0.0, below=1.0, several=True))
@@ -90,7 +90,7 @@ class ModalDamping:
 def rayleigh_coefficients(omega: tuple[float, float], ratio: tuple[float, float]) -> tuple[float, float]:
     """Coefficients (alpha in 1/s, beta in s) of C = alpha M + beta K from two target ratios.
 
-    ratio_i = alpha/(2 omega_i) + beta omega_i/2 for i = 1, 2.
+    ratio_i = alpha/(2 omega_i) + beta omega_i/2 for i = 1, 2 (Clough and Penzien, 2003).
 
     Parameters
     ----------

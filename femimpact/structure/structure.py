@@ -110,6 +110,12 @@ class PointMass:
 class Support:
     """What holds the beam to the moving base: "clamped", "pinned" (no deflection), "guided" (no slope).
 
+    Parameters
+    ----------
+    kind : {"clamped", "pinned", "guided"}
+    at : str or float
+        Place on the beam; see `Position`.
+
     Raises
     ------
     InputError
@@ -185,7 +191,7 @@ class Stop:
     gap : float or pair of float, m
         Free travel of the beam to the + and to the - side; `math.inf` leaves a side open. A negative gap
         preloads: the undeformed beam would be that far inside the obstacle, and a run starts from the static
-        state (`State`) unless told otherwise.
+        state (`State`) unless its initial state gives displacements.
     contact : a contact law
     fixed_to : {"base", "space"}
         Whether the obstacle moves with the base or is fixed in space.
@@ -206,7 +212,7 @@ class Stop:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        # not a number is no gap, and none at all is no stop
+        # one gap may be infinite, both would leave no obstacle
         fine = sound_gaps(self.gaps) and min(self.gaps) < math.inf
         require(fine, "gap", self.gap, "m", GAP_OF_STOP)
         require_law(self.contact, "contact")
@@ -328,7 +334,7 @@ class Structure:
         places = [standard.get(str(at), at) for at in given]
         metres = [place for place in places if not isinstance(place, str)]
         apart = bool(metres) and max(metres) - min(metres) > 1e-6 * self.beam.length
-        # a name that only the mesh knows counts as a place of its own here; assembly looks again
+        # a name that only the mesh defines counts as a place of its own here; assembly checks again where it is
         named = {place for place in places if isinstance(place, str)}
         stiff = apart or len(named) + bool(metres) >= 2 or (bool(places) and "slope" in held)
         # a rotation about a single spring may stay free

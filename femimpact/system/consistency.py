@@ -80,7 +80,7 @@ def check_factor(system: Any) -> None:
 
 
 def check_damping(system: Any) -> None:
-    """Refuse a damping matrix that is not what its coefficients say, or that feeds energy in."""
+    """Refuse a damping matrix that is not the one of its coefficients, or that feeds energy in."""
     shape = getattr(system.C, "shape", None)
     fits = sparse.issparse(system.C) and shape == system.M.shape
     require(fits, "C", shape or type(system.C).__name__, "", f"must be a sparse matrix of shape {system.M.shape}")

@@ -1,4 +1,4 @@
-"""One ball between its walls, or the structure beside a stop, seen through one direction vector."""
+"""One ball between its walls, or the structure beside a stop: a scalar gap along one direction vector."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ContactPair:
-    """One ball between its two walls, or the beam between two stops, seen through one direction vector.
+    """One ball between its two walls, or the beam between two stops: a scalar gap along one direction vector.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class ContactPair:
     first_mode : float, kg^-0.5
         phi1, the first mass-normalised mode at the pair.
     flexibility : float, m/N
-        b^T K^-1 b of the whole structure, to see what a reduction leaves out; not a number unknown.
+        b^T K^-1 b of the whole structure, which a reduced one is compared with; not a number where it is unknown.
     free_stiffness : float, N/m
     acceleration : float, m/s^2
         Constant one of the ball, gravity included.
@@ -110,7 +110,7 @@ class ContactPair:
         return moved
 
     def shares_place(self, other: ContactPair) -> bool:
-        """Whether what the structure says of both pairs is the same: the very direction, the place and its mode."""
+        """Whether both pairs are at one place: the same direction object, position, first mode and flexibility."""
         return (
             self.direction is other.direction
             and self.is_stop == other.is_stop

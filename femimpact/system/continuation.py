@@ -47,7 +47,7 @@ class Continuation:
     def has_contacts_of(self, system: Any, excitation: Excitation, time: float) -> bool:
         """Whether contacts in progress are those of a system under an excitation from a time (s) on.
 
-        A base that jumps takes along the cavities of balls, but not a stop that is fixed in space.
+        The cavities of balls move with a base that jumps, a stop that is fixed in space does not.
         """
         alone = all(pair.fixed_to == "base" for pair in system.contacts)
         return _same_contacts(self.system, system) and (alone or self._same_drive(excitation, time))

@@ -44,7 +44,7 @@ def read_matrix(path: str | Path, name: str | None = None) -> Matrix:
     require(path.is_file(), "path", str(path), "", "must be an existing file")
     try:
         with warnings.catch_warnings():
-            # newer versions of the reader speak of a default that is to change, older ones have no such argument
+            # newer versions of the reader warn of a default that is to change, older ones have no such argument
             warnings.simplefilter("ignore", DeprecationWarning)
             found = _arrays(path, name) if path.suffix == ".npz" else scipy.io.mmread(path)
     except InputError:

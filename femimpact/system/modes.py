@@ -166,7 +166,7 @@ def solve_stiffness(system: System, loads: Array) -> Array:
     """Static displacements K^-1 f, with K applied through its factor G.
 
     K x = f is solved as the stable mixed problem [s I, G; G^T, 0] [-G x / s; x] = [0; f] / s
-    (Bjorck's augmented system): its rounding grows like the condition of G, the root of K's.
+    (the augmented system of Bjoerck, 1967): its rounding grows like the condition of G, the root of K's.
 
     Parameters
     ----------

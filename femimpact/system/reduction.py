@@ -50,7 +50,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     Raises
     ------
     InputError
-        If modes is out of range, the damping does not decouple, or a static correction is asked of a
+        If modes is out of range, the damping does not decouple, or a static correction is requested of a
         structure that is not held (K^-1 does not exist).
 
     Notes
@@ -62,7 +62,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
 
     It is M- and K-orthogonal to the kept modes. Several of them are made orthogonal to one another by
     psi^T K psi w = omega^2 psi^T M psi w, so that the system stays diagonal, and b^T K^-1 b is exact at
-    every contact. Their frequencies are no natural frequencies: they say how far the correction is static.
+    every contact. Their frequencies are no natural frequencies: below them the correction is static.
     """
     require_type(system, System, "system")
     static_correction = checked("static_correction", static_correction, truth())
@@ -186,15 +186,16 @@ def _flexibility_note(pair: ContactPair, omega: Array) -> list[str]:
 
 
 def _stiff_note(pairs: list[ContactPair], modes: int) -> str:
-    """One note for all rigid or short contacts, with the mass that the kept modes put behind them."""
-    felt = [float(pair.direction @ pair.direction) for pair in pairs]
+    """One note for all rigid or short contacts, with the mass that acts in an impulse on the kept modes."""
+    mobilities = [float(pair.direction @ pair.direction) for pair in pairs]
     masses = ", ".join(
-        f"{pair.name} {1.0 / mobility:.4g} kg" for pair, mobility in zip(pairs, felt, strict=True) if mobility > 0.0
+        f"{pair.name} {1.0 / own:.4g} kg" for pair, own in zip(pairs, mobilities, strict=True) if own > 0.0
     )
     return (
         f"{_modes(modes)} kept: the peak force of a rigid or very short contact does not converge with their number; "
         "displacement and the whole energy loss do. Impulse and contact loss of a single rigid impact go with the mass "
-        f"felt at once, which settles only where there is a body at the contact; of these modes: {masses or 'none'}"
+        "that an impulse moves, which settles only where there is a body at the contact; of these modes: "
+        f"{masses or 'none'}"
     )
 
 
@@ -203,7 +204,7 @@ def _modes(count: int) -> str:
 
 
 def _check_decoupled(damping: Array) -> None:
-    """Raise unless the modal damping matrix is diagonal, seen against its diagonal."""
+    """Raise unless the modal damping matrix is diagonal to 1e-6 of its diagonal."""
     diagonal = np.sqrt(np.abs(np.diag(damping)))
     off = np.abs(damping - np.diag(np.diag(damping)))
     allowed = "must decouple on the normal modes (Rayleigh does) to reduce the system"

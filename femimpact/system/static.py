@@ -259,16 +259,16 @@ def _complementary(compliance: Array, own: Array, free: Array, names: str) -> Ar
     """
     whole = compliance + np.diag(own)
     scale = np.sqrt(np.maximum(np.diag(whole), 0.0))
-    felt = scale > 0.0
+    yielding = scale > 0.0
     size = np.max(np.abs(free))
     # a wall where nothing yields has no force to be found: it must not be pressed
-    fine = bool(np.all(free[~felt] <= EXACT * size))
+    fine = bool(np.all(free[~yielding] <= EXACT * size))
     force = np.zeros(free.size)
     if fine and np.any(free > 0.0):
-        part = whole[np.ix_(felt, felt)] / np.outer(scale[felt], scale[felt])
-        target = free[felt] / scale[felt]
+        part = whole[np.ix_(yielding, yielding)] / np.outer(scale[yielding], scale[yielding])
+        target = free[yielding] / scale[yielding]
         solved, fine = _solved(part, target)
-        force[felt] = solved / scale[felt]
+        force[yielding] = solved / scale[yielding]
     allowed = f"is not one: the rigid stops among {names} leave the structure no place"
     require(fine, "initial", "static", "", allowed)
     return force

@@ -483,7 +483,7 @@ def _contacts_of_matrices(
         row = system.directions[str(item.at)]
         first = float(np.linalg.norm(row @ lowest))
         if not elastic or first == 0.0:
-            # no first mode to speak of: the mass that an impulse moves at once
+            # without a first mode there: the mass that an impulse moves
             first = math.sqrt(float(row @ np.linalg.solve(dense["M"], row)))
         flexibility = float(row @ np.linalg.solve(dense["K"], row)) if elastic else math.nan
         contacts.append(contact_pair(item, row, math.nan, first, flexibility))

@@ -73,11 +73,11 @@ class CustomLaw:
         return self.force
 
     def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
-        """None that is known."""
+        """Empty: of a function no number is known."""
         return ()
 
     def with_restitution(self, restitution: float) -> None:
-        """None: the function decides what comes back."""
+        """None: the function decides the restitution."""
 
     def _finite_force(self, depth: float, rate: float, approach_speed: float) -> float:
         return float(checked("force", self.force(depth, rate, approach_speed), quantity("N")))

@@ -1,4 +1,4 @@
-"""Hertz's power law, and the laws that brake it in proportion to its force."""
+"""Hertz's power law, and the laws that add damping in proportion to its force."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ LOSS_FACTORS: Mapping[str, Callable[[float], float]] = {
 class PowerLaw:
     """Force N = k p^n max(0, 1 + d p'/v0), v0 the approach speed at the start of each contact.
 
-    The common form of Hertz's law and of those that brake it in proportion to its force. They
+    The common form of Hertz's law and of those that add damping in proportion to its force. They
     differ in nothing but the loss factor d that each author takes for a restitution e:
 
     =============================  =====================================
@@ -55,7 +55,7 @@ class PowerLaw:
     Carvalho and Martins, 2019)    d (1 + e) = ln[(1 + d)/(1 - e d)]
     =============================  =====================================
 
-    Only the last returns the restitution asked for; `collide` gives what the others return.
+    Only the last has the restitution given; `collide` computes what the others have.
     `Hertz`, `HuntCrossley`, `LankaraniNikravesh`, `Flores` and `GonthierCarvalhoMartins` make one.
 
     Parameters
@@ -63,7 +63,7 @@ class PowerLaw:
     stiffness : float, N/m^n
         n = 3/2 for a sphere; see `hertz_stiffness`.
     restitution : float, 1
-        As asked for.
+        The one that the author's loss factor is made for.
     loss : {"none", "hunt-crossley", "lankarani-nikravesh", "flores", "exact"}
     exponent : float, 1
     reference_speed : float, m/s
@@ -126,7 +126,7 @@ class PowerLaw:
         return ("stiffness", self.stiffness, f"N/m^{self.exponent:g}"), ("loss factor", loss_factor(self), "")
 
     def with_restitution(self, restitution: float) -> None:
-        """None: what most authors' loss factors return is not the restitution asked for."""
+        """None: with most authors' loss factors the restitution is not the one given."""
 
 
 def Hertz(stiffness: float, exponent: float = 1.5, reference_speed: float = 0.25) -> PowerLaw:  # noqa: N802
@@ -170,7 +170,7 @@ def Flores(  # noqa: N802
 def GonthierCarvalhoMartins(  # noqa: N802
     stiffness: float, restitution: float, exponent: float = 1.5, reference_speed: float = 0.25
 ) -> PowerLaw:
-    """`PowerLaw` with the exact d: every e comes back.
+    """`PowerLaw` with the exact d: its restitution is the one given.
 
     Gonthier et al., 2004; Carvalho and Martins, 2019.
     """
