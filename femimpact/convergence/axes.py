@@ -122,7 +122,7 @@ class OverMeshes:
 
     @property
     def name(self) -> str:
-        """Of the axis."""
+        """Name of the axis."""
         return "mesh"
 
     @property
@@ -147,7 +147,7 @@ class OverMeshes:
 
     @property
     def ratio(self) -> float:
-        """Of the finest mesh to its refinement."""
+        """2: the longest element of the finest mesh over that of its refinement."""
         return 2.0
 
     def limit(self, plan: Plan, finest: Case) -> Case:
@@ -183,7 +183,7 @@ class OverSteps:
 
     @property
     def name(self) -> str:
-        """Of the axis."""
+        """Name of the axis."""
         return "step"
 
     @property
@@ -202,12 +202,12 @@ class OverSteps:
 
     @property
     def is_family(self) -> bool:
-        """Steps are."""
+        """True: a step is described by its size."""
         return True
 
     @property
     def ratio(self) -> float:
-        """The limit is exact."""
+        """Infinite: the limit is exact in time."""
         return np.inf
 
     def limit(self, plan: Plan, finest: Case) -> Case:
@@ -240,7 +240,7 @@ class OverModes:
 
     @property
     def name(self) -> str:
-        """Of the axis."""
+        """Name of the axis."""
         return "modes"
 
     @property
@@ -261,12 +261,12 @@ class OverModes:
 
     @property
     def is_family(self) -> bool:
-        """Counts are."""
+        """True: a count is described by its size, one over the number of modes."""
         return True
 
     @property
     def ratio(self) -> float:
-        """The limit is exact on its mesh."""
+        """Infinite: the limit is exact on its mesh."""
         return np.inf
 
     def limit(self, plan: Plan, finest: Case) -> Case:

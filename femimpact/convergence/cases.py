@@ -96,7 +96,7 @@ class Axis(Protocol):
 
     @property
     def name(self) -> str:
-        """In one word."""
+        """Name of the axis, one word."""
 
     @property
     def units(self) -> tuple[str, str]:

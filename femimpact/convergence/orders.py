@@ -93,7 +93,7 @@ def local_orders(size: Row, error: Row, floor: float) -> Row:
 def fitted_order(size: Row, error: Row, floor: float) -> float:
     """Slope of log(error) over log(size) where the error is above a floor; the coarsest row is left out of three.
 
-    Not a number where the size does not fall from row to row: it then does not tell how fine a row is.
+    Not a number where the size does not fall from row to row: it is then no measure of how fine a row is.
     """
     usable = np.isfinite(error) & (error > floor)
     if np.count_nonzero(usable) > 2:

@@ -39,7 +39,7 @@ def mode_convergence(
 
     Two questions are kept apart. The statistics are of a whole run from rest, over its last third;
     impacting motion is often chaotic, two counts then never give the same history, and only differences
-    beyond the scatter say something: take a long duration. The first impact is one event from one state,
+    beyond the scatter mean something: take a long duration. The first impact is one event from one state,
     the same for every count, and does converge: the displacement always; the loss in the contact of a rigid
     impact only where there is a body at the contact, for without one it goes over to the structure's damping as
     modes are added (a note says so).

@@ -52,7 +52,7 @@ class Reading(NamedTuple):
 
 @runtime_checkable
 class Watched(Protocol):
-    """A quantity of a study: it reads a case, beside the finest one, and says what it does not depend on."""
+    """A quantity of a study, which reads its values of a case."""
 
     def read(self, case: Case, finest: Case) -> tuple[Reading, ...]:
         """Values of a case; none where the quantity does not depend on the case's axis."""

@@ -1,4 +1,4 @@
-"""Statistics of event-driven runs over several starts, with the scatter that says which differences mean something."""
+"""Statistics of event-driven runs over several starts, with the scatter beyond which a difference means something."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class ContactStatistics:
 
     Impacting motion is often chaotic, and two meshes then never give the same history: what can agree are means over
     long runs. Each case is run from several phases of the base, and each value is the mean over these starts with its
-    standard error. No order is fitted; a difference from the finest case within three standard errors of both says
-    nothing. Rigid impacts of a bare beam have means that do depend on the mesh without end: the mass that an impact
-    meets falls with the element length (`mode_convergence`).
+    standard error. No order is fitted; a difference from the finest case within three standard errors of both means
+    nothing. Rigid impacts of a bare beam have means that do depend on the mesh without end: the mass that acts
+    in an impact falls with the element length (`mode_convergence`).
 
     Runs are event-driven over meshes and modes, and take the steps of the case over steps.
 
@@ -78,7 +78,7 @@ class ContactStatistics:
         if known.size < 2:
             return Reading(name.replace("_", " "), STATISTICS[name], math.nan, math.nan)
         error = float(np.std(known, ddof=1) / math.sqrt(known.size))
-        # equal to rounding is no scatter of chance; a difference below the digits of a run says nothing either
+        # equal to rounding is no scatter of chance; a difference below the digits of a run means nothing either
         least = 1e-12 * float(np.abs(known).max())
         return Reading(
             name.replace("_", " "), STATISTICS[name], float(known.mean()), math.nan, scatter=max(error, least)

@@ -324,9 +324,7 @@ def _notes(
         if math.isfinite(found) and math.isfinite(head.order) and found < head.order - AS_EXPECTED:
             notes.append(f"{head.name}: order {found:.2f}, below the expected {head.order:g}; see its docstring")
     if any(math.isnan(head.order) for head in heads):
-        notes.append(
-            "statistics: differences within three standard errors of both means say nothing; no order is fitted"
-        )
+        notes.append("statistics: differences within three standard errors of both mean nothing; no order is fitted")
     if independent:
         notes.append(f"do not depend on the {axis.name}: {', '.join(dict.fromkeys(independent))}")
     if not all(math.isnan(head.order) for head in heads):

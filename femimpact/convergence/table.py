@@ -29,7 +29,7 @@ MEANINGFUL = 3.0
 
 @dataclass(frozen=True, eq=False)
 class ConvergenceTable:
-    """Values over one axis of a convergence study, with their errors and orders; `print` shows what they say.
+    """Values over one axis of a convergence study, with their errors and orders; `print` shows both.
 
     Parameters
     ----------

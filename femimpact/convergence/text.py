@@ -27,7 +27,7 @@ COUNTED = {"mesh": "elements", "step": "steps in a first period", "modes": "mode
 
 
 def table_lines(table: ConvergenceTable) -> list[str]:
-    """Lines of at most 80 columns: the problem, relative errors, what they say, and notes."""
+    """Lines of at most 80 columns: the problem, relative errors, their orders, and notes."""
     width = max([NAME, *(len(str(name)) + 1 for name in table.name)])
     return [
         *textwrap.wrap(table.problem, WIDTH), *_errors(table, width), *_reasons(table), "",
@@ -90,10 +90,10 @@ def _orders(table: ConvergenceTable, width: int) -> list[str]:
     lines = [_wide("", ["order", "expected", "floor", f"for {100.0 * table.accuracy:g} %"], "  limit", width)]
     for j in shown:
         orders = [cell(table.fitted_order[j], ".2f"), cell(table.expected_order[j], "g")]
-        wanted = ("<= " if table.recommended_is_bound[j] else "") + cell(table.recommended[j], ".5g")
+        number = ("<= " if table.recommended_is_bound[j] else "") + cell(table.recommended[j], ".5g")
         unit = "" if table.unit[j] == "1" else f" {table.unit[j]}"
         limit = "" if math.isnan(table.reference[j]) else f"  {table.reference[j]:.7g}{unit}"
-        lines.append(_wide(str(table.name[j]), [*orders, cell(table.floor[j]), wanted], limit, width))
+        lines.append(_wide(str(table.name[j]), [*orders, cell(table.floor[j]), number], limit, width))
     return [*lines, ""]
 
 

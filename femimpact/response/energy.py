@@ -22,7 +22,7 @@ CLOSED = 1e-9
 """Residual that rounding leaves of a ledger in closed form, unless contacts are so stiff that it leaves more."""
 
 BALANCED = 1e-2
-"""Residual beyond which a run is not to be believed without a reason."""
+"""Residual beyond which a stepped run is warned of, and an event-driven one has failed."""
 
 
 def largest_input(stored: Array, work: Array) -> Array:

@@ -73,7 +73,7 @@ class Impacts:
     law : mapping of str to str
         Contact law of each impactor.
     dropped : int
-        Impacts that met a full table and were counted only.
+        Impacts after the table was full: counted, not kept.
 
     Raises
     ------
@@ -303,7 +303,7 @@ def impact_statistics(totals: Array, duration: float, frequency: float, law: str
     ----------
     totals : ndarray (6, balls)
         Impacts, sum and largest of the approach speed (m/s), sum of the impulse (N s), largest
-        force (N), integral of the force (N s); see `integrators.columns.TOTAL_COLUMNS`.
+        force (N), integral of the force (N s); see `columns.TOTAL_COLUMNS`.
     duration : float, s
         Of the window.
     frequency : float, Hz

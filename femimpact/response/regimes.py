@@ -77,7 +77,7 @@ class Regime:
     label : str
         In words, and what was tested: "2:1 periodic", "no period up to 8 cycles".
     criterion : str
-        What was asked of the motion, with the numbers.
+        What the motion was tested for, with the numbers.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def classify(
     say that it repeats. Of what does not repeat the label says up to how many cycles a period was
     looked for; its kind is "chaotic" by this criterion alone, for a longer period, a transient and
     noise look the same. Where the excitation has no phase (`RecordedBase`), 2 pi frequency time takes
-    its place. A soft contact never sticks here: a ball that lies on its wall there is one long contact.
+    its place. A compliant contact never sticks here: a ball that lies on its wall there is one long contact.
 
     Parameters
     ----------
@@ -209,12 +209,12 @@ def _without_period(impacts: Impacts, window: _Window, rules: RegimeCriteria) ->
     if not testable:
         words = f"a period needs {rules.repeats + 1} cycles to show {rules.repeats} repeats"
         return Regime("undecided", 0, 0, f"undecided: {cycles} whole cycles are too few", words)
-    asked = f"no period up to {testable} cycle{'s' if testable > 1 else ''}"
+    tested = f"no period up to {testable} cycle{'s' if testable > 1 else ''}"
     words = (
-        f'{asked}, where {_period_words(rules)}; no more than this is meant by the kind "chaotic": a longer period, a '
+        f'{tested}, where {_period_words(rules)}; no more than this is meant by the kind "chaotic": a longer period, a '
         "transient and noise have it too"
     )
-    return Regime("chaotic", 0, 0, asked, words)
+    return Regime("chaotic", 0, 0, tested, words)
 
 
 def _period_words(rules: RegimeCriteria) -> str:

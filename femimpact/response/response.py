@@ -135,7 +135,7 @@ class Recorder:
 
 
 def _is_channel(channel: object) -> bool:
-    """Whether a channel is a name, a finite number of metres, or answers for itself."""
+    """Whether a channel is a name, a finite number of metres, or has name, unit and reading."""
     return isinstance(channel, (str, Channel)) or in_range(channel, quantity("m"))
 
 

@@ -121,7 +121,7 @@ def _curve(
     x, rate = _pair(response.channels, names, minus)
     last = response.time >= response.time[-1] - cycles / response.base.frequency
     time = response.time[last]
-    # of an impact that met a full table no instant is known
+    # of an impact after the table was full no instant is known
     known = response.impacts.dropped == 0 and time.size > 1
     if not known:
         return x[last], rate[last]

@@ -24,7 +24,7 @@ UNITS = {
 
 @dataclass(frozen=True)
 class SectionReading:
-    """What the deflection says of the section at a place on the beam, with the signs of `femimpact.system.sections`.
+    """A quantity of the section at a place on the beam, with the signs of `femimpact.system.sections`.
 
     - curvature w'' (1/m); its error in an element is of the second order of the element's length;
     - bending_moment EI w'' (N m), the elastic part: damping in proportion to the stiffness and terms of one's own
