@@ -1,4 +1,4 @@
-"""What methods answer with: the restitution that they achieve, what they cost, and what many dwells leave behind."""
+"""What methods return: the restitution that they achieve, what a run costs, and the results of many dwells."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class SineDwells:
 
 @dataclass(frozen=True, eq=False)
 class SineDwellResults:
-    """What dwells left behind, measured at their ends.
+    """Results of dwells, measured at their ends.
 
     Parameters
     ----------

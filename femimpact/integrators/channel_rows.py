@@ -53,7 +53,7 @@ class ChannelRows:
     constant: Array
 
     def of_time(self, channel: int, time: Array, excitation: Excitation, drive: Drive) -> Array | float:
-        """What a channel reads of the base, of the drive and of nothing at times in s: the state has no part in it."""
+        """The part of a channel that the state has no share in, at times in s: base, drive and constant."""
         total: Array | float = float(self.constant[channel])
         motions = (excitation.displacement, excitation.velocity, excitation.acceleration)
         for weight, motion in zip(self.base[channel], motions, strict=True):

@@ -13,7 +13,7 @@ __all__ = ["AchievedRestitution", "achieved_restitution"]
 def achieved_restitution(
     pair: ContactPair, method: Method, approach_speed: float, phases: int = 32
 ) -> AchievedRestitution:
-    """Throw the pair's effective mass at a wall with the method's own step, and look at the rebound.
+    """Restitution that a method achieves when the pair's effective mass collides with a wall in its own steps.
 
     Parameters
     ----------

@@ -112,7 +112,7 @@ def integrate(
     for drive in drives:
         require_excitation(drive)
     alone = recorder.sink is None or len(drives) == 1
-    require(alone, "record.sink", None, "", f"must serve one run, of {len(drives)} the pieces could not be told apart")
+    require(alone, "record.sink", None, "", "must serve one run: pieces of several could not be distinguished")
 
     def run(drive: Excitation, report: Progress | None) -> Response:
         response = method.run(system, drive, duration, recorder, start, report)

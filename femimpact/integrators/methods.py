@@ -38,13 +38,13 @@ class Method(Protocol):
         """What the instants are called at which a run can be read: "steps" or "samples"."""
 
     def description(self, frequency: float, origin: str) -> str:
-        """How it meets time under a drive of a frequency (Hz), in words; `origin` says where fields come from."""
+        """How it advances in time under a drive of a frequency (Hz), in words; `origin` says where fields come from."""
 
     def check(self, system: System) -> tuple[str, ...]:
         """Warnings on a system; `InputError` for one that the method does not take."""
 
     def check_drive(self, frequencies: NDArray[np.float64], key: str) -> None:
-        """Raise `InputError`, naming the key, for frequencies of the drive (Hz) that the method does not see."""
+        """Raise `InputError`, naming the key, for frequencies of the drive (Hz) that the method does not resolve."""
 
     def notes(self, system: System) -> tuple[str, ...]:
         """Notes on what of a system the method does not follow."""

@@ -34,7 +34,7 @@ def check_progress(progress: object) -> None:
 
 
 def workers_of(threads: int | None) -> int:
-    """Number of threads that are asked for: all cores by default."""
+    """Number of threads to use: all cores by default."""
     positive = threads is None or in_range(threads, quantity("1", at_least=1, integer=True))
     require(positive, "threads", threads, "", "must be a whole number >= 1")
     return cores() if threads is None else int(threads)
@@ -64,7 +64,7 @@ def run_each(
     stop, lock, shares = threading.Event(), threading.Lock(), [0.0] * len(cases)
 
     def report(index: int, share: float) -> None:
-        # runs look here now and then: the only place where one can be told to end
+        # runs report now and then: the only place where one can be ended
         if stop.is_set():
             raise _Stopped
         with lock:

@@ -129,7 +129,7 @@ class _Flattened:
 
 
 _ADDRESSES: dict[tuple[type, bytes], _Address] = {}
-"""Types by what tells them apart, as numba keeps its own: to find one anew takes longer than a short run."""
+"""Types by what distinguishes them, as numba keeps its own: to find one anew takes longer than a short run."""
 
 
 def _flatten(value: Any, arrays: list[Any], numbers: list[Any]) -> None:

@@ -78,7 +78,7 @@ def sources_of(package: Path) -> tuple[Path, ...]:
 def stamp_of(package: Path, *more: str) -> bytes:
     """Digest of the contents of every source that a kernel is made of, and of more words.
 
-    Contents, not times: a package unpacked with all times alike, and one copied, are told right.
+    Contents, not times, which may be equal in a package that was unpacked, and new in one that was copied.
     """
     digest = hashlib.sha256("\n".join(more).encode())
     for source in sources_of(package):

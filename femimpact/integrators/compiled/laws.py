@@ -88,7 +88,7 @@ def elastic_potential(
 
 
 class LawNumbers(NamedTuple):
-    """What the law of one pair says of a contact."""
+    """Numbers of one pair's law, and of its contact in progress."""
 
     kind: int
     gap_plus: float  # m

@@ -59,7 +59,7 @@ class _Part(JITCodeLibrary):
         return self
 
     def set_env(self, name: str, environment: object) -> None:
-        """Nothing: there is no machine code that could be told where its environment lies."""
+        """Nothing: there is no machine code to set the place of its environment in."""
 
 
 class _Apart(_Part):
@@ -143,7 +143,7 @@ class _ApartCompiler(_WholeCompiler):
 class _OnDisk(NullCache):
     """numba's interface to a cache of one function, over files that are checked before they are read.
 
-    numba's own files end the process that reads a damaged one, and know the function's own source only.
+    numba's own files end the process that reads a damaged one, and are stamped with the function's own source only.
     """
 
     def __init__(self, function: Callable[..., Any], files: CodeFiles, long: bool) -> None:

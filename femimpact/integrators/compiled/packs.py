@@ -102,7 +102,7 @@ def store(typing: Any, array: Any, row: Any, case: Any, value: Any) -> Any:
 
 @_generated
 def entry(typing: Any, table: Any, index: Any) -> Any:
-    """Read a number of a flat table; nothing looks whether the index is negative."""
+    """Read a number of a flat table; the index is not checked, and must not be negative."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         descriptor = context.make_array(table)(context, builder, values[0])

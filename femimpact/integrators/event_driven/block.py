@@ -1,4 +1,4 @@
-"""Cases that share one compiled call: their arrays, and the closed forms made as they are met."""
+"""Cases that share one compiled call: their arrays, and the closed forms made when they are first needed."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class Block:
     ledger : Ledger or None
     stopped : ndarray (C,) of int
     space : Space or None
-        Working space, as large as the closed forms of the last call wanted it.
+        Working space, of the size for the closed forms of the last call.
     """
 
     store: FormStore
@@ -248,7 +248,7 @@ def run_block(
     Parameters
     ----------
     block : Block
-        `stopped` tells how each ended: loop.DONE, or loop.UNENDING at the time `cases.clock[:, 0]`.
+        `stopped` is how each ended: loop.DONE, or loop.UNENDING at the time `cases.clock[:, 0]`.
     begin, end : ndarray (C,) of int
     most : ndarray (C,)
         Events beyond which a case is given up.
@@ -265,15 +265,17 @@ def run_block(
     while members.size:
         forms = store.snapshot()
         block.cases = _fitted(block.cases, forms)
-        wanted = forms.exponent.shape[1], forms.rigid_body_drive.shape[1]
-        if block.space is None or (block.space.motion.entry.size, block.space.motion.rigid_body.size) != wanted:
+        needed = forms.exponent.shape[1], forms.rigid_body_drive.shape[1]
+        if block.space is None or (block.space.motion.entry.size, block.space.motion.rigid_body.size) != needed:
             block.space = working_space(block, forms)
         job = Job(block.pairs, block.cases, forms, block.grid, snapshots, block.tables, block.space)
         loop.run_cases(members, begin, end, most, block.stopped, from_python(job), from_python(block.ledger))
         resonant = np.flatnonzero(block.stopped == loop.RESONANT)
         if resonant.size:
             frequency = float(block.cases.omega[resonant[0]]) / (2.0 * np.pi)
-            allowed = "must not be a natural frequency of an undamped mode: the steady answer is unbounded; add damping"
+            allowed = (
+                "must not be a natural frequency of an undamped mode: the steady response is unbounded; add damping"
+            )
             require(False, "frequency", frequency, "Hz", allowed)
         members = members[block.stopped[members] == loop.FORM_WANTED]
         for c in members:
@@ -281,13 +283,13 @@ def run_block(
 
 
 def _add_form(c: int, cases: Cases, store: FormStore) -> None:
-    """See that the closed form of a case's contact states is among those for its contact parameters."""
+    """Make the closed form of a case's contact states for its contact parameters, unless it is there."""
     key = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[c]) == CONTACT).tolist())
     cases.form[c, 0] = store.form(key, cases.stiffness[c], cases.damping[c])
 
 
 def _fitted(cases: Cases, forms: Forms) -> Cases:
-    """Arrays of the cases, as large as the closed forms now want them."""
+    """The cases, with arrays of the size that the closed forms need now."""
     entries, rigid_bodies = forms.exponent.shape[1], forms.rigid_body_drive.shape[1]
     count = 1 + int(forms.number[: forms.made].max(initial=0))
     sizes = {

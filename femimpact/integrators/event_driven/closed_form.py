@@ -10,7 +10,7 @@ x_j = -P_j p, and ub more for a stop fixed in space. Its solution is
     p(t) = Re(E e^{Lambda t} H) + (rigid-body coordinates) + (steady motion) + p0 + sum_j w_j p_j:
 
 decaying exponentials of the homogeneous equations (see `complex_modes`), motions that nothing pulls back (free
-balls) on parabolas, and the steady answer to s(t), a sine or a straight line. An event changes H and the rates of
+balls) on parabolas, and the steady response to s(t), a sine or a straight line. An event changes H and the rates of
 the rigid-body coordinates, or the set of pairs in contact. On which side these are enters by the walls only.
 """
 
@@ -50,7 +50,7 @@ class Rows:
     constant : ndarray (R, 1 + pairs)
         Of constant loads, and per metre of each wall.
     through : ndarray (3, R)
-        Directly of s, ub' and ub, beside what the entries do in answer to them.
+        Directly of s, ub' and ub, beside the response of the entries to them.
     follow : ndarray (4, R)
         Steady, per unit of ub, ub', s and s', under a straight s(t).
     """
@@ -89,7 +89,7 @@ class ClosedForm:
         Change of H and of the rates by a unit impulse on the structure at each pair.
     unheld : pair of bool
         Whether a constant load, and whether s(t), drives a motion that is braked but not pulled back: neither it nor
-        a straight s(t) has a steady answer.
+        a straight s(t) has a steady response.
     """
 
     modes: ComplexModes
@@ -110,7 +110,7 @@ class ClosedForm:
 
 @dataclass(frozen=True, eq=False)
 class _Loads:
-    """Matrices with the springs of the contacts, and loads seen from where the walls are just met."""
+    """Matrices with the springs of the contacts, and loads from where each pair is just at its wall."""
 
     C: Array
     K: Array
@@ -122,8 +122,8 @@ class _Loads:
 
 
 @dataclass(frozen=True, eq=False)
-class _Answer:
-    """What the loads do to the coordinates, seen from where the walls are just met: small where a contact is stiff."""
+class _SteadyResponse:
+    """Response of the coordinates to the loads, from where each pair is just at its wall: small at stiff contacts."""
 
     constant: Array  # (d, 1 + pairs) of constant loads, and per metre of each wall
     follow: Array  # (4, d) steady, per unit of ub, ub', s and s'
@@ -167,9 +167,9 @@ def closed_form(
     loads = _loads(whole, active, np.where(pressed, stiffness, 0.0), np.where(pressed, damping, 0.0))
     basis = _free_basis(whole, sticking, pressed)
     # what a pair does to a motion that leaves its gap as it is, is exactly nothing
-    felt = basis.T @ whole.force
-    K = basis.T @ whole.K @ basis + (felt * np.where(pressed, stiffness, 0.0)) @ felt.T
-    C = basis.T @ whole.C @ basis + (felt * np.where(pressed, damping, 0.0)) @ felt.T
+    direction = basis.T @ whole.force
+    K = basis.T @ whole.K @ basis + (direction * np.where(pressed, stiffness, 0.0)) @ direction.T
+    C = basis.T @ whole.C @ basis + (direction * np.where(pressed, damping, 0.0)) @ direction.T
     omega_squared, vectors = undamped_modes(K, basis.T @ whole.M @ basis)
     shapes, damped = basis @ vectors, vectors.T @ C @ vectors
     # what nothing pulls back and nothing brakes moves on parabolas: free balls, rigid motions
@@ -212,10 +212,10 @@ def closed_form(
         impulse_rigid_body=rigid_body.T @ whole.force,
         unheld=unheld,
     )
-    answer = _Answer(settled, from_walls)
-    force = _compliant_forces(whole, form, loads, answer, active, np.where(rigid, 0.0, stiffness), damping)
+    response = _SteadyResponse(settled, from_walls)
+    force = _compliant_forces(whole, form, loads, response, active, np.where(rigid, 0.0, stiffness), damping)
     if sticking.size:
-        force = _with_sticking(whole, form, loads, answer, sticking, force)
+        force = _with_sticking(whole, form, loads, response, sticking, force)
     return replace(form, contact_force=force)
 
 
@@ -292,19 +292,19 @@ def gap_rows(whole: Equations, rows: Rows, base: tuple[int, int]) -> Rows:
 
 
 def _compliant_forces(
-    whole: Equations, form: ClosedForm, loads: _Loads, answer: _Answer, active: NDArray[np.bool_], stiffness: Array,
-    damping: Array,
+    whole: Equations, form: ClosedForm, loads: _Loads, response: _SteadyResponse, active: NDArray[np.bool_],
+    stiffness: Array, damping: Array,
 ) -> Rows:  # fmt: skip
     """Forces k (x - w) + c x' of every compliant pair; of those in contact without a difference of near numbers."""
     P = -whole.force.T
     x, rate = gap_rows(whole, form.position, OF_DISPLACEMENT), gap_rows(whole, form.velocity, OF_VELOCITY)
-    depth = P @ answer.constant
+    depth = P @ response.constant
     wall = np.where(active[:, None], -loads.unmet, -np.eye(active.size))
     own = np.where(active[:, None], 0.0, P @ loads.offset)
     x.constant[:, 0] = depth[:, 0]
     x.constant[:, 1:] = depth[:, 1:] + own + wall
     moved = -(loads.unmet @ whole.in_space)
-    follow_depth = P @ answer.follow[0] + moved
+    follow_depth = P @ response.follow[0] + moved
     x.follow[0] = np.where(active, follow_depth, x.follow[0])
     x.through[2] = np.where(active, moved, x.through[2])
     rate.follow[1] = np.where(active, follow_depth, rate.follow[1])
@@ -313,7 +313,12 @@ def _compliant_forces(
 
 
 def _with_sticking(
-    whole: Equations, form: ClosedForm, loads: _Loads, answer: _Answer, sticking: NDArray[np.intp], force: Rows
+    whole: Equations,
+    form: ClosedForm,
+    loads: _Loads,
+    response: _SteadyResponse,
+    sticking: NDArray[np.intp],
+    force: Rows,
 ) -> Rows:
     """Forces of the pairs that stick: what the equations of motion leave over."""
     M, C, K = whole.M, loads.C, loads.K
@@ -323,12 +328,12 @@ def _with_sticking(
     project = np.linalg.solve(directions.T @ inverse, inverse.T)
     shape, rate, modes = form.position.weight, form.velocity.weight, form.modes
     left = M @ (rate @ modes.rate) + C @ rate + K @ shape
-    # the answer of the entries to a load begins with an acceleration
+    # the response of the entries to a load begins with an acceleration
     begun = (rate @ form.load.T).real.T
     rigid_body = M @ form.rigid_body_shape
     drive = loads.drive
     driven = rigid_body @ form.rigid_body_drive
-    a = answer.follow
+    a = response.follow
     follow = np.array([
         a[0] @ K.T - drive[2],
         a[1] @ K.T + a[0] @ C.T - drive[1],
@@ -338,7 +343,7 @@ def _with_sticking(
     through = np.array([begun[0] @ M.T - drive[0] + driven, begun[1] @ M.T - drive[1], begun[2] @ M.T - drive[2]])
     force.weight[sticking] = project @ left
     force.rigid_body[sticking] = force.rigid_body_rate[sticking] = 0.0
-    force.constant[sticking] = project @ (K @ answer.constant - loads.constant + rigid_body @ form.rigid_body_given)
+    force.constant[sticking] = project @ (K @ response.constant - loads.constant + rigid_body @ form.rigid_body_given)
     force.through[:, sticking] = through @ project.T
     force.follow[:, sticking] = follow @ project.T
     return force

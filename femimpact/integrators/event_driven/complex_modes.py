@@ -186,7 +186,7 @@ def _check_complete(modes: ComplexModes) -> None:
 def _components(damping: Real) -> tuple[NDArray[np.intp], list[NDArray[np.intp]]]:
     """Coordinates that move alone, and groups that damping couples; terms of the size of rounding couple nothing."""
     diagonal = np.diag(damping)
-    # a dashpot that a mode does not feel may leave rounding below zero
+    # a dashpot that does not act on a mode may leave rounding below zero
     scale = np.sqrt(np.abs(np.outer(diagonal, diagonal)))
     off = np.abs(damping)
     coupled = (off > 1e-12 * (scale + 1e-300)) & (off > 1e-13 * float(diagonal.max(initial=0.0)))
@@ -272,7 +272,7 @@ def _simple(members: NDArray[np.intp], values: Complex, X: Complex, omega_square
         residual = np.einsum("kij,jk->ki", border[:, :n, :n], X)
         border[:, :n, n] = (2.0 * values * X + damping @ X).T
         border[rows, n, pivot] = 1.0
-        # rows scaled to one another: the fast modes must not drown the slow one
+        # rows scaled to one another: rounding of the fast modes must not exceed the slow one
         scale = 1.0 / np.max(np.abs(border), axis=2)
         right = np.concatenate([-residual, np.zeros((k, 1))], axis=1) * scale
         step = np.linalg.solve(border * scale[:, :, None], right[:, :, None])[:, :, 0]
@@ -326,7 +326,7 @@ def _newton_step(X: Complex, S: Complex, omega_squared: Real, damping: Real) -> 
             -residual[:, j] - dX[:, :j] @ square[:j, j] - damping @ earlier - X @ (dS[:, :j] @ S[:j, j]),
             -rates.conj().T @ earlier,
         ])  # fmt: skip
-        # rows scaled to one another: the fast modes must not drown the slow ones
+        # rows scaled to one another: rounding of the fast modes must not exceed the slow ones
         scale = 1.0 / np.max(np.abs(border), axis=1)
         step = np.linalg.solve(border * scale[:, None], right * scale)
         dX[:, j], dS[:, j] = step[:n], step[n:]

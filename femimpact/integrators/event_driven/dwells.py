@@ -30,7 +30,7 @@ __all__ = ["DwellCases", "DwellStatistics", "run_dwells"]
 Array = NDArray[np.float64]
 
 LARGEST_BLOCK = 64
-"""Cases between two looks at progress and interrupts."""
+"""Cases between two reports of progress, when interrupts are checked."""
 
 BLOCKS = 8
 """Blocks per thread: cases cost differently, small blocks even that out."""
@@ -62,7 +62,7 @@ class DwellCases:
 
 @dataclass(frozen=True, eq=False)
 class DwellStatistics:
-    """What many cases left behind.
+    """Statistics of many cases.
 
     Parameters
     ----------

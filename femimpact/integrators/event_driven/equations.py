@@ -89,7 +89,7 @@ def wall_offsets(whole: Equations, active: NDArray[np.bool_]) -> Array:
     offset = np.zeros((size, pairs))
     stops = np.flatnonzero(active & whole.stop)
     if stops.size:
-        # the static shape of the push: its force has nothing to do in the motions that are left
+        # the static deflection under a push: its force does no work on the motions that are left
         push = whole.force[:n, stops]
         shape = np.linalg.lstsq(whole.K[:n, :n], push, rcond=None)[0]
         shape = shape if np.allclose(whole.K[:n, :n] @ shape, push) else push
@@ -115,7 +115,7 @@ def undamped_modes(K: Array, M: Array) -> tuple[Array, Array]:
     except np.linalg.LinAlgError:
         values, vectors = scipy.linalg.eigh(K, M)
         return np.where(values > RIGID * float(values[-1]), values, 0.0), vectors
-    # of the flexibility, whose largest eigenvalue is the slowest mode; solve_triangular would wake BLAS
+    # of the flexibility, whose largest eigenvalue is the slowest mode; solve_triangular would start BLAS
     # threads, which takes a thousand times as long as these few numbers
     flexible = np.linalg.solve(lower, np.linalg.solve(lower, M[bound]).T)
     values, z = np.linalg.eigh(0.5 * (flexible + flexible.T))

@@ -59,7 +59,7 @@ from femimpact.integrators.event_driven.transition import (
 __all__ = ["DONE", "FORM_WANTED", "RESONANT", "UNENDING", "run_cases"]
 
 DONE, FORM_WANTED, RESONANT, UNENDING = range(4)
-"""What a case stopped for: its end, a closed form not met before, a steady motion that is unbounded, or events that
+"""What a case stopped for: its end, a closed form not made before, a steady motion that is unbounded, or events that
 do not end."""
 
 EVENTS_AT_ONCE = 200
@@ -267,14 +267,14 @@ def run_cases(
     cases, space = job.cases, job.space
     for i in range(members.size):
         c = members[i]
-        home, case = by_address(_motion_of(c, cases)), by_address(_case_of(c, cases))
-        copy_motion(home, space.motion)
+        kept, case = by_address(_motion_of(c, cases)), by_address(_case_of(c, cases))
+        copy_motion(kept, space.motion)
         for r in range(space.search.leaving.size):
             space.search.leaving[r] = cases.leaving[c, r]
         # nothing is read before
         cases.sample[c] = max(cases.sample[c], begin[c])
         until = job.grid.start[c] + end[c] * job.grid.interval[c]
         stopped[c] = _run_case(begin[c], until, most[c], case, job, b)
-        copy_motion(space.motion, home)
+        copy_motion(space.motion, kept)
         for r in range(space.search.leaving.size):
             cases.leaving[c, r] = space.search.leaving[r]

@@ -235,7 +235,7 @@ class Products(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """What the present contact states and walls make of the scalars."""
+    """Bounds and constant parts of the scalars, from the present contact states and walls."""
 
     upper: Array  # (2R + 1,)
     lower: Array  # (2R + 1,)

@@ -1,4 +1,4 @@
-"""The event-driven method as a value, and its answers; see `integrators.methods.Method` for the questions."""
+"""The event-driven method as a value, with the members of `integrators.methods.Method`."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class EventDriven:
         return "samples"
 
     def description(self, frequency: float, origin: str) -> str:
-        """How motion and time are met, in words, under a drive of a frequency (Hz)."""
+        """How it advances in time, in words, under a drive of a frequency (Hz)."""
         return f"exact between impacts and through compliant ones, read every {self.time_grid(frequency):.4g} s"
 
     def check(self, system: System) -> tuple[str, ...]:
@@ -105,7 +105,7 @@ class EventDriven:
         return 1.0 / (frequency * self.samples_per_cycle)
 
     def stride(self, frequency: float, points: int) -> int:
-        """One: the grid of readings is chosen, and all of it is wanted."""
+        """One: the grid of readings was chosen, and all of it is kept."""
         return 1
 
     def read_at_least(self, samples: int) -> Self:

@@ -68,7 +68,7 @@ WEIGHTS = (
 )  # fmt: skip
 """Gauss-Legendre points on -1 to 1: where entries do not stand alone, products of motions are summed over them."""
 
-DIED_OUT = 80.0
+DECAY_EXPONENT = 80.0
 """Decay e^-80, 2e-35, of which nothing is left in any sum; two entries of a block decay by it nearly together."""
 
 AT_WALL = 32.0 * 2.220446049250313e-16
@@ -197,7 +197,7 @@ def _move_block(scalars: Scalars, first: int, last: int, motion: Motion, duratio
     mean = complex(0.0, 0.0)
     for k in range(first, last):
         mean += scalars.exponent[k] / (last - first)
-    # all of it has died out long before so many steps
+    # all of it has decayed long before so many steps
     steps = min(int(duration * (scalars.size[first] + abs(mean))), MOST_STEPS) + 1
     step = duration / steps
     turn, entry, term = cmath.exp(mean * step), motion.entry, scalars.term
@@ -254,12 +254,12 @@ def copy_motion(source: Motion, target: Motion) -> None:
 def next_panel(elapsed: float, remaining: float, scalars: Scalars, motion: Motion) -> float:
     """Next part of a time (s) in which ten Gauss points integrate products of two motions to rounding.
 
-    Their error is below 1e-14 where twice the largest |lambda| times the part is below 6. An entry that has died out
-    since the time began is set to zero, and asks for no short parts.
+    Their error is below 1e-14 where twice the largest |lambda| times the part is below 6. An entry that has decayed
+    since the time began is set to zero, and needs no short parts.
     """
     fastest = scalars.omega
     for k in range(scalars.exponent.size):
-        if -scalars.exponent[k].real * elapsed > DIED_OUT:
+        if -scalars.exponent[k].real * elapsed > DECAY_EXPONENT:
             motion.entry[k] = 0.0
         elif motion.entry[k] != 0.0:
             fastest = max(fastest, scalars.size[k])

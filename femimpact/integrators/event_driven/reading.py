@@ -170,7 +170,7 @@ def _follow_peak(
         row[0], row[1] = max(row[0], value), min(row[1], value)
         if safe >= remaining:
             return
-        # far below the extremes so far long times are safe, and curvature need not be asked for
+        # far below the extremes so far long times are safe, and curvature need not be computed
         if 0.25 * abs(rate) * safe < row[0] - row[1] or safe < SHORT * least:
             derivatives(r, scalars, motion, phase, search)
             safe = max(max(safe, least), _advance_to_crest(rate, remaining, scalars, space, row))

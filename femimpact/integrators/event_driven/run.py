@@ -47,7 +47,7 @@ __all__ = ["not_finite", "run_events", "unending"]
 Array = NDArray[np.float64]
 
 CYCLES_AT_ONCE = 256
-"""Base cycles between two looks at progress and interrupts."""
+"""Base cycles between two reports of progress, when interrupts are checked."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class _Run:
     cycles: list[Array] = field(default_factory=list)
 
     def clear(self) -> None:
-        """Forget the history that was handed over."""
+        """Drop the history that was passed on."""
         for part in (self.samples, self.energy, self.fields, self.forces):
             part.clear()
 
@@ -172,9 +172,9 @@ def _new_run(
 
 
 def _piece(recorder: Recorder, per_cycle: int) -> int:
-    """Samples between two looks at progress: whole cycles, and no more than a sink wants at once if it can be."""
-    wanted = 0 if recorder.sink is None else recorder.piece_samples
-    fitting = max(wanted * max(recorder.every, 1) // per_cycle, 1) if wanted else CYCLES_AT_ONCE
+    """Samples between two reports of progress: whole cycles, and if possible no more than a piece for the sink."""
+    most = 0 if recorder.sink is None else recorder.piece_samples
+    fitting = max(most * max(recorder.every, 1) // per_cycle, 1) if most else CYCLES_AT_ONCE
     return min(CYCLES_AT_ONCE, fitting) * per_cycle
 
 

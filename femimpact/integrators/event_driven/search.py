@@ -17,26 +17,26 @@ from femimpact.integrators.event_driven.motion import (
     unit_phase,
 )
 
-__all__ = ["END", "HIT", "RELEASE", "REST", "STUCK", "look", "negligible_approach", "next_event"]
+__all__ = ["END", "HIT", "RELEASE", "REST", "STUCK", "negligible_approach", "next_event", "safe_advance"]
 
 END, HIT, REST, RELEASE, STUCK = range(5)
-"""What was met: the time's end, a bound at speed, one at rest that presses on, the end of a contact, or nothing
-within any reasonable number of advances."""
+"""How a search ended: at the end of the time, at a bound at speed, at one at rest that presses on, at the end of a
+contact, or with nothing within any reasonable number of advances."""
 
 
-DECAYED = 1e-24
-"""Share of the largest entry below which one has died out, and is left out from then on."""
+NEGLIGIBLE_SHARE = 1e-24
+"""Share of the largest entry below which one has decayed, and is left out from then on."""
 
 
-GONE = 1e-60
-"""Size of an entry that has died out, whatever the others: a motion that nothing drives is at rest in the end."""
+NEGLIGIBLE_SIZE = 1e-60
+"""Size of an entry that has decayed, whatever the others: a motion that nothing drives is at rest in the end."""
 
 
 SETTLED = 1e5
 """Times its rounding that a rate must have, to end what began at rest at this instant: its own start had none."""
 
 
-NEGLIGIBLE = 1e-3
+NEGLIGIBLE_APPROACH = 1e-3
 """Share of the closure that an approach may cross in a cycle and still be none, of a pair just let go and beside others
 that stick."""
 
@@ -44,7 +44,7 @@ that stick."""
 @inlined
 def negligible_approach(closure: float, omega: float) -> float:
     """Speed (m/s) of an approach that rounding has left: it crosses less than the closure in a cycle, or in 1 s."""
-    return NEGLIGIBLE * closure * (omega / (2.0 * math.pi) if omega > 0.0 else 1.0)
+    return NEGLIGIBLE_APPROACH * closure * (omega / (2.0 * math.pi) if omega > 0.0 else 1.0)
 
 
 @inlined
@@ -71,8 +71,13 @@ def _creep_time(clearance: float, speed: float, bend: float, twist: float, bound
 
 
 @inlined
-def look(r: int, scalars: Scalars, motion: Motion, active: int, phase: complex, remaining: float, c: Search) -> float:
-    """Safe time of one scalar; `at_wall` tells whether it is at a bound now."""
+def safe_advance(
+    r: int, scalars: Scalars, motion: Motion, active: int, phase: complex, remaining: float, c: Search
+) -> float:  # fmt: skip
+    """Time (s) in which scalar r crosses no bound; `at_wall` gets the side of the bound that it is at now, else 0.
+
+    0 where it is at a bound and approaches it at speed, -1 where it presses on one at rest.
+    """
     safe: float = clear_time(r, scalars, motion, active, phase, remaining, c)
     value, rate, rounding, rate_rounding = c.found[0], c.found[1], c.found[2], c.found[3]
     c.rate[r] = rate
@@ -93,7 +98,7 @@ def look(r: int, scalars: Scalars, motion: Motion, active: int, phase: complex, 
             return 0.0
     elif toward > max(SETTLED * rate_rounding, c.negligible[0] if r < scalars.lasting.size // 2 else 0.0):
         return 0.0
-    # it creeps along its wall, where the bound of a parabola says little
+    # it creeps along its wall, where the bound by a parabola is far too low
     derivatives(r, scalars, motion, phase, c)
     bend, twist = side * c.found[0], side * c.found[1]
     if c.at_wall[r] != 0.0 and toward >= -rate_rounding:
@@ -128,7 +133,7 @@ def next_event(scalars: Scalars, motion: Motion, until: float, c: Search) -> int
             largest = max(largest, c.size[k])
         active = ZERO
         for k in range(scalars.size.size):
-            if c.size[k] < DECAYED * largest or c.size[k] < GONE:
+            if c.size[k] < NEGLIGIBLE_SHARE * largest or c.size[k] < NEGLIGIBLE_SIZE:
                 c.size[k], motion.entry[k], c.power[0, k] = 0.0, 0.0, 0.0
             elif c.size[k] > 0.0:
                 active = k + 1
@@ -137,7 +142,7 @@ def next_event(scalars: Scalars, motion: Motion, until: float, c: Search) -> int
         for r in range(scalars.lasting.size):
             if scalars.upper[r] == math.inf and scalars.lower[r] == -math.inf:
                 continue
-            own = look(r, scalars, motion, active, phase, remaining, c)
+            own = safe_advance(r, scalars, motion, active, phase, remaining, c)
             if own > 0.0:
                 safe = min(safe, own)
                 continue

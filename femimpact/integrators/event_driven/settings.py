@@ -1,4 +1,4 @@
-"""What the event-driven loop wants of its method, and which systems it takes."""
+"""The numbers that the event-driven loop takes of its method, and which systems it takes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Closed forms of the contact states that were met, and how a motion is taken from one to another."""
+"""Closed forms of the contact states that have occurred, and how a motion is taken from one to another."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def is_active(state: float) -> bool:
 
 @inlined
 def find_form(state: Array, first: int, forms: Forms) -> int:
-    """Number of the closed form for these contact states, or -1 if it was not met before."""
+    """Number of the closed form for these contact states, or -1 if it was not made before."""
     key = 0
     for j in range(state.size):
         if is_active(state[j]):
@@ -66,7 +66,7 @@ def find_form(state: Array, first: int, forms: Forms) -> int:
 
 @inlined
 def base_motion(case: Case, motion: Motion) -> tuple[float, float]:
-    """Displacement and velocity of the base, as far as stops fixed in space feel it."""
+    """Displacement and velocity of the base, by which stops fixed in space move against it."""
     omega = case.omega
     if omega == 0.0:
         return motion.drive[0], motion.drive[1]

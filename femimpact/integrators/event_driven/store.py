@@ -1,4 +1,4 @@
-"""The closed forms that a call has met, in arrays for the compiled loop: each is made when it is first asked for."""
+"""The closed forms that a call has needed, in arrays for the compiled loop: each is made when it is first needed."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def outputs_of(system: System, observed: Array, rows: ChannelRows | None = None)
 
 
 class FormStore:
-    """Closed forms of one system under one kind of drive; several threads may ask for them.
+    """Closed forms of one system under one kind of drive; several threads may share them.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class FormStore:
         Raises
         ------
         InputError
-            If the form has no steady answer to the loads.
+            If the form has no steady response to the loads.
         """
         parameters = np.concatenate([stiffness, damping]).tobytes()
         with self.lock:

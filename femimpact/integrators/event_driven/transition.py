@@ -24,7 +24,7 @@ from femimpact.integrators.event_driven.motion import (
     unit_phase,
     value_now,
 )
-from femimpact.integrators.event_driven.search import REST, look
+from femimpact.integrators.event_driven.search import REST, safe_advance
 from femimpact.integrators.event_driven.states import (
     base_motion,
     gap_of,
@@ -196,7 +196,7 @@ def _find_touching(first: int, side: float, scalars: Scalars, pairs: Pairs, case
     for r in range(case.state.size):
         search.at_wall[r] = 0.0
         if pairs.rigid[r]:
-            look(r, scalars, space.motion, scalars.size.size, phase, 1.0, search)
+            safe_advance(r, scalars, space.motion, scalars.size.size, phase, 1.0, search)
             if case.released[r] != 0.0:
                 search.at_wall[r], case.released[r] = case.released[r], 0.0
     search.at_wall[first] = side
