@@ -25,7 +25,7 @@ import numpy as np
 
 import femimpact as fi
 from femimpact.contact import resolve
-from femimpact.export.figures.look import COLOURS, GREY, panels
+from femimpact.export.figures.drawing import COLOURS, GREY, panels
 
 DURATION, FREQUENCY, AMPLITUDE, MODES, RESTITUTION = 0.801, 5.2, 0.2037e-3, 8, 0.7
 SINE = fi.Sine(AMPLITUDE, FREQUENCY)

@@ -1,4 +1,4 @@
-r"""Which restitution does the paper's resonance ask for, and how unique is the answer?
+r"""Which restitution gives the paper's resonance, and is it the only one?
 
 The restitution e of the ball against its box is the one unknown that decides the response curve with
 the ball. For every e of a scan the contact is a Kelvin-Voigt pair with the same contact time,

@@ -131,7 +131,7 @@ def compare(
 ) -> list[Compared]:
     """The same sweep by rigid impacts and by Newmark with ever stiffer Kelvin-Voigt walls.
 
-    The dashpot is made for the mass that a rigid impact feels, all kept modes together, so that both
+    The dashpot is made for the mass that acts in a rigid impact, all kept modes together, so that both
     laws have one restitution where the contact is short.
     """
     full = fi.assemble(structure(study, restitution), elements=40)
@@ -144,9 +144,9 @@ def compare(
     for contact_time in contact_times:
         numbers = resolve(fi.KelvinVoigt(restitution=restitution, contact_time=contact_time), mass)
         law = fi.KelvinVoigt(stiffness=numbers.stiffness, damping=numbers.damping)
-        soft = structure(study)
-        ball = replace(soft.impactors[0], contact=law)
-        system = fi.reduce(fi.assemble(replace(soft, impactors=(ball,)), elements=40), modes)
+        given = structure(study)
+        ball = replace(given.impactors[0], contact=law)
+        system = fi.reduce(fi.assemble(replace(given, impactors=(ball,)), elements=40), modes)
         method = fi.Newmark(dt=contact_time / 20.0)
         results.append(
             Compared("Newmark", contact_time, fi.frequency_sweep(system, AMPLITUDE, frequencies, method, cycles))

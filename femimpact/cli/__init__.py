@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["app", "main"]
 
 LEAST_MEMORY = 1e9
-"""Address space in bytes that every command has been seen to run in."""
+"""Address space in bytes in which every command was run."""
 
 app = App(
     name="femimpact",
@@ -49,7 +49,7 @@ Quiet = Annotated[
 
 def main() -> None:
     """Run the command line; input errors are lines on stderr and exit status 2, never a traceback."""
-    # a polite request to end is an interrupt: nothing half-written stays behind. What the parent has ignored
+    # a request to end is an interrupt: nothing half-written stays behind. What the parent has ignored
     # (a job in the background) stays ignored, as with SIGINT, of which Python takes care
     if signal.getsignal(signal.SIGTERM) is not signal.SIG_IGN:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -88,7 +88,7 @@ def _check_memory_limit() -> None:
 
 
 def _with_notes(text: str, error: BaseException) -> str:
-    """The text, and behind it what the error's notes say of what was written, all on one line."""
+    """The text, and behind it the error's notes on what was written, all on one line."""
     return "; ".join([text, *getattr(error, "__notes__", [])])
 
 

@@ -72,7 +72,7 @@ class GuardedFile(io.RawIOBase):
     """A file for the HDF5 library that keeps the first failed write to itself and raises it when left.
 
     A write that fails inside HDF5 (a full disk) leaves its caches in a state in which closing the file ends
-    the process. Here the library is told that all went well, and the caller is told what did not.
+    the process. Here the library gets success from every write, and the caller gets the first failure.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ class GuardedFile(io.RawIOBase):
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the file; a failed write takes the place of whatever it made HDF5 say."""
+        """Close the file; a failed write is raised in place of the error that HDF5 raised for it."""
         self.close()
         if self.failure is not None and (value is None or isinstance(value, Exception)):
             raise self.failure from None

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import require
-from femimpact.export.figures.look import BLUE, DARK, ORANGE
+from femimpact.export.figures.drawing import BLUE, DARK, ORANGE
 from femimpact.export.files import atomic_path
 from femimpact.export.scene import BALL, BEAM, BOX, ball_radius, build_scene, snapshots_of, thinned
 from femimpact.export.scene_pieces import section_at
@@ -209,18 +209,18 @@ def _pyvista_frames(film: Film, window: str) -> Iterator[NDArray[np.uint8]]:
     pieces, actors = _pieces(film), []
     for view in range(1 + balls):
         plotter.subplot(0, view)
-        actors.append([plotter.add_mesh(mesh, **look) for mesh, _, look, _ in pieces])
+        actors.append([plotter.add_mesh(mesh, **style) for mesh, _, style, _ in pieces])
         for block in _supports(film):
             plotter.add_mesh(block, color=DARK)
         _aim(plotter, film, view - 1)
     try:
         for i in range(film.chosen.size):
             moved = film.moved(i)
-            for k, (mesh, source, look, contact) in enumerate(pieces):
+            for k, (mesh, source, style, contact) in enumerate(pieces):
                 mesh.points = moved[source]
                 touches = contact is not None and film.touches(i, *contact)
                 for scene in actors:
-                    scene[k].prop.color = ORANGE if touches else look["color"]
+                    scene[k].prop.color = ORANGE if touches else style["color"]
             for j in range(balls):
                 # a close-up goes with its box
                 camera = plotter.renderers[1 + j].camera
@@ -244,7 +244,7 @@ TILT = (0.0, -0.4, 1.0)
 
 
 def _pieces(film: Film) -> list[tuple[Any, NDArray[np.intp], dict[str, Any], tuple[int, int] | None]]:
-    """Meshes to draw: each with its point numbers, its look, and the contact (pair, side or 0) that colours it."""
+    """Meshes to draw: each with its point numbers, its style, and the contact (pair, side or 0) that colours it."""
     import pyvista
 
     scene = film.scene
@@ -261,9 +261,9 @@ def _pieces(film: Film) -> list[tuple[Any, NDArray[np.intp], dict[str, Any], tup
         plan.append((np.flatnonzero((scene.part == BALL) & (scene.pair == j)), shiny, (j, 0)))
     plan += [(np.array([cell]), {"color": DARK, "ambient": 0.4}, (j, side)) for cell, j, side in film.stops()]
     pieces = []
-    for chosen, look, contact in plan:
+    for chosen, style, contact in plan:
         mesh: Any = whole.extract_cells(chosen.tolist())
-        pieces.append((mesh, np.asarray(mesh.point_data["vtkOriginalPointIds"]), look, contact))
+        pieces.append((mesh, np.asarray(mesh.point_data["vtkOriginalPointIds"]), style, contact))
     return pieces
 
 

@@ -54,7 +54,7 @@ class Scene:
     points : ndarray (points, 3), m
         At rest; clearances already exaggerated. Those of the beam come first, four for each section.
     connectivity, offsets, types : ndarray
-        Cells as VTK wants them.
+        Cells in VTK's form: points of all, the end of each among these, and its type.
     part, pair : ndarray (cells,)
         Number in `PARTS`; number of the contact pair, -1 where there is none.
     deflection, slope : csr_array (points, 2 nodes)

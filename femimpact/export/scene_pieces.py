@@ -21,7 +21,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 BALL_DENSITY = 7850.0
-"""kg/m^3. The model knows no ball radius; a steel sphere of the ball's mass is drawn, and a steel cube of a body's."""
+"""kg/m^3. The model has no ball radius; a steel sphere of the ball's mass is drawn, and a steel cube of a body's."""
 
 BEAM, BOX, BALL, SUPPORT, BODY, STOP, CONTACT_POINT, CONNECTION = range(8)
 PARTS = ("beam", "box", "ball", "support", "body", "stop", "contact point", "spring or dashpot")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.export.figures.look import BLUE, DARK, GREY, ORANGE, STYLE, name_at
+from femimpact.export.figures.drawing import BLUE, DARK, GREY, ORANGE, STYLE, name_at
 from femimpact.export.scene import BALL, BEAM, BOX, Scene, ball_radius
 from femimpact.export.scene_pieces import CONTACT_POINT, STOP
 from femimpact.response.history import Snapshots

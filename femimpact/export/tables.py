@@ -59,7 +59,7 @@ def read_csv(path: str | Path) -> dict[str, Any]:
 
 
 def write_json(path: str | Path, data: Mapping[str, Any]) -> Path:
-    """Write plain data as JSON; what is not a finite number becomes null, as the format has no word for it."""
+    """Write plain data as JSON; what is not a finite number becomes null, the only notation that JSON has for it."""
     path = Path(path)
     atomic_write(path, json.dumps(plain(data), indent=2, allow_nan=False) + "\n")
     return path

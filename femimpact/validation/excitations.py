@@ -49,8 +49,8 @@ def _resting_ball(law: ContactLaw, method: Method) -> Response:
 
 def ball_stays(event_driven: bool) -> Case:
     """A ball that nothing touches stays where it is in space, however the base moves."""
-    soft = KelvinVoigt(restitution=0.5, contact_time=0.1)
-    run = _resting_ball(Rigid(0.5), EventDriven()) if event_driven else _resting_ball(soft, Newmark(1e-3))
+    compliant = KelvinVoigt(restitution=0.5, contact_time=0.1)
+    run = _resting_ball(Rigid(0.5), EventDriven()) if event_driven else _resting_ball(compliant, Newmark(1e-3))
     largest = float(np.max(np.abs(run.absolute("ball"))))
     return Case(
         f"ball at rest in the inertial frame on a shaken base, {'event-driven' if event_driven else 'Newmark'}",
@@ -118,8 +118,8 @@ def _recurrence(history: NDArray[np.float64], dt: float, mass: float, force: flo
     u, v, a = 0.0, 0.0, float(history[0])
     for before, after in itertools.pairwise(history):
         u_free, v_free = u + dt * v + dt**2 * (0.5 - beta) * a, v + dt * (1 - gamma) * a
-        felt = (1 - force) * (after - c * v_free - k * u_free) + force * (before - c * v - k * u) - mass * a
-        a = float(felt / (1 - mass + (1 - force) * (gamma * dt * c + beta * dt**2 * k)))
+        load = (1 - force) * (after - c * v_free - k * u_free) + force * (before - c * v - k * u) - mass * a
+        a = float(load / (1 - mass + (1 - force) * (gamma * dt * c + beta * dt**2 * k)))
         u, v = u_free + beta * dt**2 * a, v_free + gamma * dt * a
     return u
 

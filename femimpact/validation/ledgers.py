@@ -36,7 +36,7 @@ __all__ = ["CASES"]
 
 MASS, SPEED = 0.05, 0.3
 """Of the ball, kg and m/s."""
-SOFT = KelvinVoigt(stiffness=2000.0, damping=3.0)
+COMPLIANT = KelvinVoigt(stiffness=2000.0, damping=3.0)
 STILL = Sine(0.0, 50.0)
 
 # ---- one collision with a wall that does not move ------------------------------------------------
@@ -84,7 +84,7 @@ UNITS = {"restitution": "1", "contact time": "s", "peak force": "N", "energy los
 
 def linear_collision(quantity: str) -> Case:
     """The closed form of a linear contact."""
-    found = collide(SOFT, MASS, SPEED)
+    found = collide(COMPLIANT, MASS, SPEED)
     computed = {
         "restitution": found.restitution, "contact time": found.contact_time, "peak force": found.peak_force,
         "energy loss": found.energy_loss,
@@ -97,7 +97,7 @@ def linear_collision(quantity: str) -> Case:
 
 def event_driven_collision(quantity: str) -> Case:
     """The same contact event-driven: its row in the table of impacts."""
-    impacts = _collision_run(SOFT, EventDriven()).impacts
+    impacts = _collision_run(COMPLIANT, EventDriven()).impacts
     computed = {
         "restitution": impacts.restitution, "contact time": impacts.duration, "peak force": impacts.peak_force,
         "energy loss": impacts.energy_loss,
@@ -171,7 +171,7 @@ def switching_energy() -> Case:
     gap, free, stiffness = 1e-3, 100.0, 2000.0
     run = _collision_run(SwitchingSpring(free, stiffness), Newmark(1e-5))
     energy = np.asarray(run.energy.contact) if run.energy is not None else np.zeros(1)
-    # the ball's own kinetic energy says nothing here: this law makes energy; its deepest place does
+    # from the largest displacement, not from the ball's kinetic energy: this law makes energy
     x = float(np.max(np.abs(run["ball"])))
     work = 0.5 * free * gap**2 + 0.5 * stiffness * (x**2 - gap**2)
     return Case(

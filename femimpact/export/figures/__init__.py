@@ -1,14 +1,15 @@
-"""Figures of results, one look for all of femimpact: every figure is a function of a result.
+"""Figures of results, in one style: every figure is a function of a result.
 
 A figure of one panel takes `ax=None` and returns axes; one of several panels takes `figure=None` and returns
 its axes as an array. Without them it is drawn on a new pyplot figure, which a notebook shows. `OffScreen()` in their
 place gives a figure that is not shown, for a file. matplotlib is loaded by the first figure. For figures of one's own
-in the same look there are `STYLE`, which `matplotlib.rc_context` takes, and `COLOURS`.
+in the same style there are `STYLE`, which `matplotlib.rc_context` takes, and `COLOURS`.
 """
 
 from femimpact.export.figures.contact_laws import collision_history, contact_laws
 from femimpact.export.figures.convergence import mesh_convergence, mode_convergence, step_convergence
 from femimpact.export.figures.curves import response_curve, restitution_scan, value_map
+from femimpact.export.figures.drawing import COLOURS, STYLE, OffScreen, save_figure
 from femimpact.export.figures.histories import (
     amplitude_spectrum,
     contact_force,
@@ -17,7 +18,6 @@ from femimpact.export.figures.histories import (
     spectrum,
 )
 from femimpact.export.figures.impacts import impact_histograms, impulse_phase
-from femimpact.export.figures.look import COLOURS, STYLE, OffScreen, save_figure
 from femimpact.export.figures.meshes import beam_mesh
 from femimpact.export.figures.motion import motion
 from femimpact.export.figures.orders import convergence, convergence_panels

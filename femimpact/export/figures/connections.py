@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.export.figures.look import DARK, GREY
+from femimpact.export.figures.drawing import DARK, GREY
 from femimpact.structure.springs import Dashpot, Spring
 
 __all__ = ["draw_connection", "draw_ground"]

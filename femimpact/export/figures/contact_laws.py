@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from femimpact.contact import ContactLaw, collide, contact_force, resolve
 from femimpact.errors import require
-from femimpact.export.figures.look import COLOURS, GREY, OffScreen, panels
+from femimpact.export.figures.drawing import COLOURS, GREY, OffScreen, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.convergence import MeshConvergence, ModeConvergence, StepConvergence
-from femimpact.export.figures.look import (
+from femimpact.export.figures.drawing import (
     BLUE,
     COLOURS,
     GREY,

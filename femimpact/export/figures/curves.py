@@ -10,7 +10,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.calibration import RestitutionScan
 from femimpact.errors import require, require_type
-from femimpact.export.figures.look import COLOURS, DARK, GREY, OffScreen, legend_above, panel, panels, plain_log_ticks
+from femimpact.export.figures.drawing import (
+    COLOURS,
+    DARK,
+    GREY,
+    OffScreen,
+    legend_above,
+    panel,
+    panels,
+    plain_log_ticks,
+)
 from femimpact.sweep import FrequencyResponse, on_grid
 
 if TYPE_CHECKING:
@@ -44,7 +53,7 @@ def response_curve(
         By label. The first one's largest peak is annotated, unless it is one sample of a scatter.
     title : str
     coarse : array_like of Hz, optional
-        Frequencies marked on the curves, to show what a coarse grid sees.
+        Frequencies marked on the curves, to show which points a coarse grid has.
     published : sequence of (label, Hz, m)
         Peaks to compare with, marked by stars; an amplitude that is not a number marks the frequency only.
     join_all : bool
@@ -80,7 +89,7 @@ def response_curve(
     first = next(iter(named.values()))
     if not _scatter(first, join_all)[np.nanargmax(first.peak)]:
         peak = (first.peak_frequency, 1e3 * first.peak_amplitude)
-        # on the side of the peak that has more room
+        # on the side of the peak that is farther from the end of the axis
         low, high = first.frequency[0], first.frequency[-1]
         side: Any = {"xytext": (8, -2)} if peak[0] <= 0.25 * low + 0.75 * high else {"xytext": (-8, -2), "ha": "right"}
         axis.annotate(f"{peak[1]:.3g} mm at {peak[0]:.4g} Hz", peak, textcoords="offset points", color=COLOURS[0],

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import Fault, InputError, checked, quantity, require
-from femimpact.export.figures.look import (
+from femimpact.export.figures.drawing import (
     BLUE,
     COLOURS,
     GREEN,

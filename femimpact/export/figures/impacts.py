@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.export.figures.look import (
+from femimpact.export.figures.drawing import (
     GREY,
     LEGEND,
     WALLS,

@@ -8,7 +8,7 @@ import numpy as np
 
 from femimpact.errors import require_type
 from femimpact.export.figures.connections import draw_connection, draw_ground
-from femimpact.export.figures.look import COLOURS, GREY, OffScreen, panel
+from femimpact.export.figures.drawing import COLOURS, GREY, OffScreen, panel
 from femimpact.fem.discretisation import Discretisation, discretise
 from femimpact.fem.mesh import Mesh
 from femimpact.structure.structure import Structure

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import checked, quantity
-from femimpact.export.figures.look import (
+from femimpact.export.figures.drawing import (
     BLUE,
     ORANGE,
     OffScreen,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from femimpact.convergence import ConvergenceTable
 from femimpact.convergence.orders import is_finer
 from femimpact.errors import require_type
-from femimpact.export.figures.look import COLOURS, GREY, OffScreen, panel, panels, plain_log_ticks
+from femimpact.export.figures.drawing import COLOURS, GREY, OffScreen, panel, panels, plain_log_ticks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

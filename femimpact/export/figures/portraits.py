@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import require
-from femimpact.export.figures.look import (
+from femimpact.export.figures.drawing import (
     BLUE,
     ORANGE,
     OffScreen,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import require, require_type
 from femimpact.export.figures.connections import draw_connection, draw_ground
-from femimpact.export.figures.look import BLUE, COLOURS, DARK, GREY, OffScreen, panels
+from femimpact.export.figures.drawing import BLUE, COLOURS, DARK, GREY, OffScreen, panels
 from femimpact.structure.structure import Structure
 from femimpact.system.modes import Modes
 from femimpact.system.system import System

@@ -1,4 +1,4 @@
-"""What the tables of a run say of a stretch of time: when contacts begin and end, which go on, which stick."""
+"""Contacts in a stretch of time, from the tables of a run: when they begin and end, which go on, which stick."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ def beam_fields(scene: Scene, structure: Structure, system: System) -> BeamField
     structure : Structure
         Whose rectangles are drawn.
     system : System
-        Gives nodes, and the constants of the section in every element where it knows them.
+        Gives nodes, and the constants of the section in every element where it has them.
 
     Returns
     -------
@@ -143,7 +143,7 @@ def beam_fields(scene: Scene, structure: Structure, system: System) -> BeamField
 def _constants(structure: Structure, system: System, x: Array, middle: Array, side: str) -> tuple[Array, Array, Array]:
     """E I (N m^2), E (Pa) and d(E I)/dx (N m) beside positions.
 
-    They are those of the drawn segments where the system does not know its sections.
+    They are those of the drawn segments where the system has no sections.
     """
     if system.sections is not None:
         element, s = place_in_element(system.nodes, x, side)

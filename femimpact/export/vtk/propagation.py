@@ -137,35 +137,35 @@ class Transition:
         """The state at `end`, with no event in between."""
         compliant = [touch for touch in touching if not self.system.contacts[touch.pair].parameters.is_rigid]
         linear = frozenset((touch.pair, touch.side) for touch in compliant if self._is_linear(touch.pair))
-        soft = [touch for touch in compliant if (touch.pair, touch.side) not in linear]
+        nonlinear = [touch for touch in compliant if (touch.pair, touch.side) not in linear]
         knots, matrix = self._knots(start, end), self._matrix(sticking, linear)
-        shortest = min((touch.duration for touch in soft if touch.duration > 0.0), default=math.inf)
+        shortest = min((touch.duration for touch in nonlinear if touch.duration > 0.0), default=math.inf)
         for a, b in itertools.pairwise(knots):
             state = self._driven(state, a, b)
-            steps = max(math.ceil(STEPS_OF_CONTACT * (b - a) / shortest), 4) if soft else 1
+            steps = max(math.ceil(STEPS_OF_CONTACT * (b - a) / shortest), 4) if nonlinear else 1
             h = (b - a) / steps
             whole = scipy.linalg.expm(matrix * h)
-            if not soft:
+            if not nonlinear:
                 state = whole @ state
                 continue
             half = scipy.linalg.expm(matrix * (0.5 * h))
             for i in range(steps):
-                state = self._pushed(state, a + i * h, h, whole, half, soft, sticking)
+                state = self._pushed(state, a + i * h, h, whole, half, nonlinear, sticking)
         return state
 
     # ---- what it is made of ------------------------------------------------------------------------
 
     def _pushed(
-        self, state: Array, time: float, h: float, whole: Array, half: Array, soft: list[Touching],
+        self, state: Array, time: float, h: float, whole: Array, half: Array, nonlinear: list[Touching],
         sticking: frozenset[int],
     ) -> Array:  # fmt: skip
         """One step with contact forces: Lawson's scheme of order 4."""
         n, free = self.size, self._free(sticking) @ self.inverse
-        columns = [free @ self.rows[touch.pair] for touch in soft]
+        columns = [free @ self.rows[touch.pair] for touch in nonlinear]
 
         def push(now: Array, at: float) -> Array:
             rate = np.zeros_like(now)
-            for touch, column in zip(soft, columns, strict=True):
+            for touch, column in zip(nonlinear, columns, strict=True):
                 rate[n : 2 * n] -= column * self.force(now, touch, at)
             return rate
 
@@ -185,7 +185,7 @@ class Transition:
         return np.asarray(np.eye(self.size) - along @ np.linalg.solve(rows @ along, rows))
 
     def _is_linear(self, j: int) -> bool:
-        """Whether a pair's contact is a spring and a dashpot beside a wall that the state knows."""
+        """Whether a pair's contact is linear in the state: spring and dashpot, but not of a stop fixed in space."""
         pair = self.system.contacts[j]
         return pair.parameters.kind == KELVIN_VOIGT and pair.fixed_to == "base"
 

@@ -1,4 +1,4 @@
-"""A script for pvpython and for ParaView's own script window, which opens a series ready to look at."""
+"""A script for pvpython and for ParaView's own script window, which opens a series with colours, arrows and text."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from femimpact.export.scene_pieces import BEAM, CONNECTION, CONTACT_POINT, PARTS
 from femimpact.export.vtk.series import Frame, Series
 from femimpact.export.vtk.template import TEMPLATE
 
-__all__ = ["DEFLECTION", "MODE", "MODES", "View", "Watch", "script_path", "write_script"]
+__all__ = ["DEFLECTION", "MODE", "MODES", "SeriesSummary", "View", "script_path", "write_script"]
 
 COLOURS = {
     "box": (0.48, 0.54, 0.60), "ball": (0.0, 0.447, 0.698), "support": (0.2, 0.2, 0.2), "body": (0.60, 0.65, 0.70),
@@ -81,8 +81,8 @@ DEFLECTION = View(
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
-    """What a script must know of one frame.
+class FrameSummary:
+    """What a script needs of one frame.
 
     Parameters
     ----------
@@ -101,17 +101,17 @@ class Seen:
     pressed: int
 
 
-class Watch:
-    """What a script must know of all frames: the space that they and their contacts fill, and the largest values."""
+class SeriesSummary:
+    """What a script needs of all frames: the space that they and their contacts fill, and the largest values."""
 
     def __init__(self) -> None:
         self.whole = Space()
         self.contacts: dict[int, Space] = {}
-        self.frames: dict[int, Seen] = {}
+        self.frames: dict[int, FrameSummary] = {}
         self.parts: list[int] = []
 
-    def watched(self, series: Series) -> Series:
-        """The same series, whose frames are looked at when they are made."""
+    def gathering(self, series: Series) -> Series:
+        """The same series, each of whose frames is added to the summary when it is made."""
         sizes = np.diff(series.offsets, prepend=0)
 
         def frame(k: int) -> Frame:
@@ -124,14 +124,14 @@ class Watch:
                 of_pair = series.connectivity[pair_of_entry == pair]
                 self.contacts.setdefault(int(pair), Space()).add(moved[of_pair])
             self.parts = [int(part) for part in np.unique(found.cells["part"])]
-            self.frames[k] = _seen(series, found, k, pair_of_entry)
+            self.frames[k] = _summary_of(series, found, k, pair_of_entry)
             return found
 
         return replace(series, frame=frame)
 
     def peak(self, name: str) -> float:
         """Largest value of an array in all frames."""
-        return max((seen.peaks[name] for seen in self.frames.values()), default=0.0)
+        return max((frame.peaks[name] for frame in self.frames.values()), default=0.0)
 
 
 @dataclass(eq=False)
@@ -152,7 +152,7 @@ class Space:
         return tuple(float(f"{value:.6g}") for pair in ends for value in pair)
 
 
-def _seen(series: Series, frame: Frame, k: int, pair_of_entry: NDArray[np.float64 | np.int32]) -> Seen:
+def _summary_of(series: Series, frame: Frame, k: int, pair_of_entry: NDArray[np.float64 | np.int32]) -> FrameSummary:
     peaks = {name: float(np.abs(frame.points.get(name, 0.0)).max()) for name in ("axial_stress", *ARROWS)}
     pressed = -1
     for name in ARROWS:
@@ -160,7 +160,7 @@ def _seen(series: Series, frame: Frame, k: int, pair_of_entry: NDArray[np.float6
             point = int(np.abs(frame.points[name][:, 1]).argmax())
             pressed = int(pair_of_entry[series.connectivity == point][0])
     mode = frame.fields.get("mode", 0.0)
-    return Seen(float(series.times[k]), mode if isinstance(mode, float) else 0.0, peaks, pressed)
+    return FrameSummary(float(series.times[k]), mode if isinstance(mode, float) else 0.0, peaks, pressed)
 
 
 def script_path(path: Path) -> Path:
@@ -168,7 +168,7 @@ def script_path(path: Path) -> Path:
     return path.with_name(f"{path.stem}_paraview.py")
 
 
-def write_script(path: Path, view: View, watch: Watch, names: Sequence[str] = ()) -> Path:
+def write_script(path: Path, view: View, summary: SeriesSummary, names: Sequence[str] = ()) -> Path:
     """Write the script of a series.
 
     Parameters
@@ -176,19 +176,19 @@ def write_script(path: Path, view: View, watch: Watch, names: Sequence[str] = ()
     path : Path
         Of the series.
     view : View
-    watch : Watch
+    summary : SeriesSummary
         Of the series that was written.
     names : sequence of str
-        Of the contacts that a second view may look at; none for no second view.
+        Of the contacts that a second view may show; none for no second view.
 
     Returns
     -------
     Path
     """
-    size = float(watch.whole.high[0] - watch.whole.low[0])
-    first, why = _first(watch)
+    size = float(summary.whole.high[0] - summary.whole.low[0])
+    first, why = _first(summary)
     margin = max(share for _, _, share, _ in ARROWS.values()) * size
-    close = {name: watch.contacts[pair].bounds(margin) for pair, name in enumerate(names)}
+    close = {name: summary.contacts[pair].bounds(margin) for pair, name in enumerate(names)}
     lines = {
         "TITLE": view.title,
         "STEM": script_path(path).name,
@@ -197,12 +197,12 @@ def write_script(path: Path, view: View, watch: Watch, names: Sequence[str] = ()
         "WHY": why,
         "CLOSE_UP": repr(names[max(first.pressed, 0)] if names else None),
         "TEXT": repr(view.text if path.suffix == ".pvd" else WITHOUT_FIELDS),
-        "BARS": _listed(_bars(view, watch)),
-        "BOUNDS": repr(watch.whole.bounds()),
+        "BARS": _listed(_bars(view, summary)),
+        "BOUNDS": repr(summary.whole.bounds()),
         "CLOSE_UPS": "{" + "".join(f"\n    {name!r}: {space!r}," for name, space in close.items()) + "\n}",
-        "PARTS": _listed(_parts(watch)),
-        "ARROWS": _listed(_arrows(watch, size)),
-        "LEGEND": repr("\n".join(_legend(watch))),
+        "PARTS": _listed(_parts(summary)),
+        "ARROWS": _listed(_arrows(summary, size)),
+        "LEGEND": repr("\n".join(_legend(summary))),
         "BEAM": str(BEAM),
         "MARKS": str(CONTACT_POINT),
     }
@@ -214,40 +214,40 @@ def write_script(path: Path, view: View, watch: Watch, names: Sequence[str] = ()
     return script
 
 
-def _first(watch: Watch) -> tuple[Seen, str]:
+def _first(summary: SeriesSummary) -> tuple[FrameSummary, str]:
     """The frame that is shown first: of the largest impulse, else of the largest force, else the first one."""
-    frames = [watch.frames[k] for k in sorted(watch.frames)]
+    frames = [summary.frames[k] for k in sorted(summary.frames)]
     for name, why in (("contact_impulse_vector", "the largest impact"), ("contact_force_vector", "the largest force")):
-        if watch.peak(name) > 0.0:
-            return max(frames, key=lambda seen: seen.peaks[name]), why
+        if summary.peak(name) > 0.0:
+            return max(frames, key=lambda frame: frame.peaks[name]), why
     return frames[0], "the first one"
 
 
-def _bars(view: View, watch: Watch) -> list[tuple[float, str]]:
+def _bars(view: View, summary: SeriesSummary) -> list[tuple[float, str]]:
     """End (MPa) and title of the colour bar, one for each frame, or one for all."""
-    frames = [watch.frames[k] for k in sorted(watch.frames)]
-    ends = [seen.peaks["axial_stress"] for seen in frames] if view.each else [watch.peak("axial_stress")]
-    titles = (view.stress_title.format(mode=seen.mode) for seen in frames)
+    frames = [summary.frames[k] for k in sorted(summary.frames)]
+    ends = [frame.peaks["axial_stress"] for frame in frames] if view.each else [summary.peak("axial_stress")]
+    titles = (view.stress_title.format(mode=frame.mode) for frame in frames)
     return [(_rounded_up(1e-6 * end), title) for end, title in zip(ends, titles, strict=False)]
 
 
-def _parts(watch: Watch) -> list[tuple[Any, ...]]:
+def _parts(summary: SeriesSummary) -> list[tuple[Any, ...]]:
     """Number, name, colour and width of lines of the parts that carry no field; of most parts the lines are edges."""
-    named = [(number, PARTS[number]) for number in watch.parts if PARTS[number] in COLOURS]
+    named = [(number, PARTS[number]) for number in summary.parts if PARTS[number] in COLOURS]
     return [(number, name, COLOURS[name], 4.0 if number == CONNECTION else 1.0) for number, name in named]
 
 
-def _arrows(watch: Watch, size: float) -> list[tuple[Any, ...]]:
+def _arrows(summary: SeriesSummary, size: float) -> list[tuple[Any, ...]]:
     """Name, metres for each unit, metres beside the contact, and colour of the vectors that are not zero."""
     return [
-        (name, share * size / watch.peak(name), side * BESIDE * size, colour)
+        (name, share * size / summary.peak(name), side * BESIDE * size, colour)
         for side, (name, (_, _, share, colour)) in zip((-1.0, 1.0), ARROWS.items(), strict=True)
-        if watch.peak(name) > 0.0
+        if summary.peak(name) > 0.0
     ]
 
 
-def _legend(watch: Watch) -> list[str]:
-    peaks = [(words, watch.peak(name), unit) for name, (words, unit, _, _) in ARROWS.items()]
+def _legend(summary: SeriesSummary) -> list[str]:
+    peaks = [(words, summary.peak(name), unit) for name, (words, unit, _, _) in ARROWS.items()]
     return [f"{words}, longest {peak:.3g} {unit}" for words, peak, unit in peaks if peak > 0.0]
 
 

@@ -32,13 +32,13 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Frames on one grid, each made when it is asked for.
+    """Frames on one grid, each made when it is needed.
 
     Parameters
     ----------
     points : ndarray (points, 3), m
     connectivity, offsets, types : ndarray
-        Cells as VTK wants them.
+        Cells in VTK's form: points of all, the end of each among these, and its type.
     times : sequence of float
     names : sequence of str
         Of every frame.

@@ -8,7 +8,7 @@ from pathlib import Path
 from femimpact.export.vtk.deflection import deflection_series
 from femimpact.export.vtk.hdf import write_vtkhdf
 from femimpact.export.vtk.modes import mode_motion_series, mode_series
-from femimpact.export.vtk.script import DEFLECTION, MODE, MODES, View, Watch, write_script
+from femimpact.export.vtk.script import DEFLECTION, MODE, MODES, SeriesSummary, View, write_script
 from femimpact.export.vtk.series import Series
 from femimpact.export.vtk.xml import checked_path, write_pvd
 from femimpact.response.response import Response
@@ -159,7 +159,7 @@ def write_deflection(
 
 
 def _write(path: Path, series: Series, view: View, names: Sequence[str] = ()) -> Path:
-    write, watch = write_vtkhdf if path.suffix == ".vtkhdf" else write_pvd, Watch()
-    write(path, watch.watched(series))
-    write_script(path, view, watch, names)
+    write, summary = write_vtkhdf if path.suffix == ".vtkhdf" else write_pvd, SeriesSummary()
+    write(path, summary.gathering(series))
+    write_script(path, view, summary, names)
     return path

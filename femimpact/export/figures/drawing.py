@@ -1,4 +1,4 @@
-"""One look for all figures of femimpact, and where they are drawn: on axes given, in a notebook, or for a file."""
+"""Colours and settings of all figures, and where they are drawn: on axes given, in a notebook, or for a file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ __all__ = [
 ]  # fmt: skip
 
 BLUE, ORANGE, GREEN, PURPLE, SKY, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#666666"
-"""Okabe and Ito's colours, which most colour-blind readers can tell apart."""
+"""Okabe and Ito's colours, which most colour-blind readers can distinguish."""
 DARK = "#333333"
 """Of what is no curve, no mode and no region."""
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY)
