@@ -27,7 +27,7 @@ from femimpact.study.demo import paper_study
 
 @dataclass(frozen=True)
 class Row:
-    """One run: law, k_I (N/m), step (s), peak of the tip (m), energy residual (1) and its sign at the end."""
+    """One run: law, k_I (N/m), step (s), largest |w| of the tip (m), energy residual (1) and its sign at the end."""
 
     law: str
     stiffness: float
@@ -71,7 +71,7 @@ def main(stiffnesses: tuple[float, ...] = (10.0, 1e3, 1e5), duration: float = 60
 
 
 if __name__ == "__main__":
-    print("law                k_I (N/m)     dt (s)   peak of the tip (m)   energy unaccounted for / put in")
+    print("law                k_I (N/m)     dt (s)      largest tip (m)   energy unaccounted for / put in")
     for row in main():
         sign = "created" if row.created > 0 else "lost"
         print(

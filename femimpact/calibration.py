@@ -103,7 +103,12 @@ class RestitutionScan:
         Returns
         -------
         ndarray (n,), 1
-            Below about 1: met within the step of the sweep and 25 % of the ratio.
+            Below about 1: within the step of the sweep and 25 % of the ratio.
+
+        Raises
+        ------
+        InputError
+            If an argument is not > 0.
         """
         peak_frequency, amplitude_ratio, frequency_scale = (
             checked(key, value, quantity(unit, above=0.0))
@@ -174,6 +179,11 @@ def scan_restitution(
     Returns
     -------
     RestitutionScan
+
+    Raises
+    ------
+    InputError
+        If an argument is of the wrong kind or out of range, or a contact cannot be given a restitution.
     """
     require_type(structure, Structure, "structure")
     require_type(empty, FrequencyResponse, "empty")

@@ -157,6 +157,12 @@ def half_power(frequency: ArrayLike, amplitude: ArrayLike) -> DampingEstimate:
     DampingEstimate
         Crossings interpolated linearly between points; the interval is what the points on either
         side of each crossing allow. A width of fewer than 4 frequency steps is warned of.
+
+    Raises
+    ------
+    InputError
+        If frequency and amplitude are not of one length, fewer than 3 points are finite, a frequency is not > 0 or
+        there twice, or an amplitude is negative.
     """
     f, x = _checked(frequency, amplitude, 3)
     top = int(np.argmax(x))
@@ -288,6 +294,12 @@ def fit_one_pole(
     DampingEstimate
         With the 95 % interval of the linearised fit. There is none where the misfit is systematic, and no ratio
         where the points do not determine it or the largest amplitude is at an end of the grid.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range, frequency and amplitude are not of one length, fewer than 4 points are
+        finite, a frequency is not > 0 or there twice, or an amplitude is negative.
     """
     from scipy.optimize import least_squares
 
@@ -434,6 +446,11 @@ def amplitude_ratio_damping(reference: DampingEstimate, reference_peak: float, p
     -------
     DampingEstimate
         At the reference's frequency; the interval scales with the reference's.
+
+    Raises
+    ------
+    InputError
+        If the reference is none, or a peak is not > 0.
     """
     require_type(reference, DampingEstimate, "reference")
     reference_peak = checked("reference_peak", reference_peak, quantity("m", above=0.0))

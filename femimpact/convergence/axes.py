@@ -75,35 +75,65 @@ class OverMeshes:
 
     @classmethod
     def uniform(cls, structure: Structure, elements: Sequence[int]) -> OverMeshes:
-        """Meshes of `uniform_mesh` with increasing numbers of elements."""
+        """Meshes of `uniform_mesh` with increasing numbers of elements.
+
+        Raises
+        ------
+        InputError
+            If the numbers are not three or more that increase, or the structure is none.
+        """
         counts = rising_numbers("elements", elements, MOST_ELEMENTS)
         require_type(structure, Structure, "structure")
         return cls._of([partial(uniform_mesh, structure, int(n)) for n in counts], counts)
 
     @classmethod
     def graded(cls, structure: Structure, elements: Sequence[int], ratio: float) -> OverMeshes:
-        """Meshes of `graded_mesh` of one ratio, with increasing numbers of elements."""
+        """Meshes of `graded_mesh` of one ratio, with increasing numbers of elements.
+
+        Raises
+        ------
+        InputError
+            If the numbers are not three or more that increase, or the finest mesh cannot be made.
+        """
         counts = rising_numbers("elements", elements, MOST_ELEMENTS)
         graded_mesh(structure, int(counts[-1]), ratio)
         return cls._of([partial(graded_mesh, structure, int(n), ratio) for n in counts], counts)
 
     @classmethod
     def random(cls, structure: Structure, elements: Sequence[int], seed: int) -> OverMeshes:
-        """Meshes of `random_mesh` with increasing numbers of elements, each of a seed of its own."""
+        """Meshes of `random_mesh` with increasing numbers of elements, each of a seed of its own.
+
+        Raises
+        ------
+        InputError
+            If the numbers are not three or more that increase, or the finest mesh cannot be made.
+        """
         counts = rising_numbers("elements", elements, MOST_ELEMENTS)
         random_mesh(structure, int(counts[-1]), seed)
         return cls._of([partial(random_mesh, structure, int(n), seed + int(n)) for n in counts], counts)
 
     @classmethod
     def refinements(cls, mesh: Mesh, times: int = 3) -> OverMeshes:
-        """A mesh and its refinements, each with twice the elements of the one before."""
+        """A mesh and its refinements, each with twice the elements of the one before.
+
+        Raises
+        ------
+        InputError
+            If the mesh is none, or the number of refinements is not from 1 to 12.
+        """
         require_type(mesh, Mesh, "mesh")
         times = checked("times", times, quantity("1", at_least=1, at_most=12, integer=True))
         return cls(tuple(mesh.refined(k) for k in range(times + 1)))
 
     @classmethod
     def files(cls, paths: Sequence[str | Path]) -> OverMeshes:
-        """Mesh files, in the order of their numbers of elements; one that cannot be read is a row with its reason."""
+        """Mesh files, in the order of their numbers of elements; one that cannot be read is a row with its reason.
+
+        Raises
+        ------
+        InputError
+            If the paths are no list of paths, or fewer than two files hold a mesh.
+        """
         fine = isinstance(paths, (list, tuple)) and all(isinstance(path, (str, Path)) for path in paths)
         require(fine, "paths", paths, "", "must be a list of paths of mesh files")
         found = list(zip(map(Path, paths), read_outcomes([Path(path) for path in paths]), strict=True))

@@ -63,6 +63,12 @@ def mode_convergence(
     ModeConvergence
         A run that diverged is a row of not-a-numbers, with a note.
 
+    Raises
+    ------
+    InputError
+        If an argument is of the wrong kind or out of range, the system has no contact or is not held, or the
+        duration is shorter than 24 base cycles.
+
     Notes
     -----
     The first impact: the structure is undeformed and at rest on a base at rest; the first ball starts 1e-6

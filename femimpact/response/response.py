@@ -293,7 +293,13 @@ class Response:
         return classify(self.impacts, self.sticking, self.base.frequency, *self.window)
 
     def absolute(self, name: Position) -> Array:
-        """A displacement (m), velocity (m/s) or acceleration (m/s^2) channel in space: relative plus the base's."""
+        """A displacement (m), velocity (m/s) or acceleration (m/s^2) channel in space: relative plus the base's.
+
+        Raises
+        ------
+        InputError
+            If there is no such channel, it is of another kind, or the history went to `Recorder.sink`.
+        """
         values, channel = self[name], channel_of(self.system, name)
         moving = isinstance(channel, Motion) and not channel.absolute
         allowed = "must be a relative displacement, velocity or acceleration to have an absolute value"

@@ -348,7 +348,13 @@ class Structure:
 
 
 def glue_impactors(structure: Structure) -> Structure:
-    """The same structure with every ball glued to the beam as a point mass (Table 1's second case)."""
+    """The same structure with every ball glued to the beam as a point mass (the second case of the paper's Table 1).
+
+    Raises
+    ------
+    InputError
+        If the value is no structure.
+    """
     require_type(structure, Structure, "structure")
     glued = tuple(PointMass(ball.name, ball.at, ball.mass) for ball in structure.impactors)
     return replace(structure, masses=(*structure.masses, *glued), impactors=())

@@ -128,6 +128,11 @@ class State:
         those fixed in space. Rigid contacts start between their walls, to 1e-12 m; compliant ones no deeper than
         in the static state where the start refers to it (`State`). Where a run has left it
         a contact may be anywhere.
+
+        Raises
+        ------
+        InputError
+            If values are not one for each dof or ball, or a contact starts beyond a wall.
         """
         balls, stops = len(system.balls), system.contacts[len(system.balls) :]
         rest = self.static_contacts(system, base)

@@ -284,7 +284,13 @@ class System:
         return all(_is_diagonal(matrix) for matrix in (self.M, self.C, self.K))
 
     def position_of(self, at: Position) -> float:
-        """Metres from the root of a named place or of a number, checked to lie on the beam."""
+        """Metres from the root of a named place or of a number, checked to lie on the beam.
+
+        Raises
+        ------
+        InputError
+            If the name is unknown, there is no beam, or the number lies off it.
+        """
         if isinstance(at, str):
             if at not in self.points:
                 require(False, "at", at, "", suggestion(at, self.points))
@@ -434,7 +440,13 @@ class System:
         return shares
 
     def point_row(self, at: Position) -> Array:
-        """Row (dofs,) that reads the deflection at one named or numbered place."""
+        """Row (dofs,) that reads the deflection at a named place, or at metres from the root.
+
+        Raises
+        ------
+        InputError
+            If the place is unknown, or lies off the beam.
+        """
         place = isinstance(at, str) or in_range(at, quantity("m"))
         require(place, "at", at, "", "must be the name of a place, or metres from the root")
         if at in self.directions:
@@ -497,6 +509,12 @@ def _is_diagonal(matrix: Matrix) -> bool:
 
 
 def without_impactors(system: System) -> System:
-    """The same system with its cavities empty: no ball, no contact but that of stops."""
+    """The same system with its cavities empty: no ball, no contact but that of stops.
+
+    Raises
+    ------
+    InputError
+        If the value is no system.
+    """
     require_type(system, System, "system")
     return replace(system, contacts=tuple(pair for pair in system.contacts if pair.is_stop))

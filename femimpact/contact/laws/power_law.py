@@ -130,7 +130,9 @@ class PowerLaw:
 
 
 def Hertz(stiffness: float, exponent: float = 1.5, reference_speed: float = 0.25) -> PowerLaw:  # noqa: N802
-    """Elastic sphere on a wall, N = k p^1.5: `PowerLaw` without loss; stiffness in N/m^1.5.
+    """Elastic sphere on a wall, N = k p^1.5: `PowerLaw` without loss.
+
+    The stiffness is in N/m^n with another exponent n, the reference speed in m/s.
 
     Hertz, 1882.
     """
@@ -140,7 +142,7 @@ def Hertz(stiffness: float, exponent: float = 1.5, reference_speed: float = 0.25
 def HuntCrossley(  # noqa: N802
     stiffness: float, restitution: float, exponent: float = 1.5, reference_speed: float = 0.25
 ) -> PowerLaw:
-    """`PowerLaw` with d = 3 (1 - e)/2: right near e = 1.
+    """`PowerLaw` with d = 3 (1 - e)/2: its restitution is near the one given where that is near 1.
 
     Hunt and Crossley, 1975.
     """
@@ -150,7 +152,7 @@ def HuntCrossley(  # noqa: N802
 def LankaraniNikravesh(  # noqa: N802
     stiffness: float, restitution: float, exponent: float = 1.5, reference_speed: float = 0.25
 ) -> PowerLaw:
-    """`PowerLaw` with d = 3 (1 - e^2)/4: right near e = 1.
+    """`PowerLaw` with d = 3 (1 - e^2)/4: its restitution is near the one given where that is near 1.
 
     Lankarani and Nikravesh, 1990.
     """
@@ -160,7 +162,7 @@ def LankaraniNikravesh(  # noqa: N802
 def Flores(  # noqa: N802
     stiffness: float, restitution: float, exponent: float = 1.5, reference_speed: float = 0.25
 ) -> PowerLaw:
-    """`PowerLaw` with d = 8 (1 - e)/(5 e): right at both ends.
+    """`PowerLaw` with d = 8 (1 - e)/(5 e): its restitution is near the one given at 0 and at 1.
 
     Flores et al., 2011.
     """
