@@ -1,4 +1,4 @@
-"""One collision in continuous time: what a mass that meets a wall of a law returns."""
+"""One collision in continuous time: restitution, duration, force and loss of a mass at a wall of a law."""
 
 from __future__ import annotations
 

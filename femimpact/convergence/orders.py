@@ -118,10 +118,10 @@ def number_for(number: Row, error: Row, order: float, accuracy: float, floor: fl
         return float(number[known[0]])
     last = missing[-1]
     after = known[known > last]
-    met = float(number[after[0]]) if after.size else math.inf
-    if after.size and error[after[0]] > 0.0 and met > number[last]:
-        between = math.log(error[last] / error[after[0]]) / math.log(met / float(number[last]))
+    enough = float(number[after[0]]) if after.size else math.inf
+    if after.size and error[after[0]] > 0.0 and enough > number[last]:
+        between = math.log(error[last] / error[after[0]]) / math.log(enough / float(number[last]))
         order = min(order, between) if order > 0.0 else order
     found = math.ceil(float(number[last]) * (error[last] / accuracy) ** (1.0 / order)) if order > 0.0 else math.inf
-    best = min(met, float(found))
+    best = min(enough, float(found))
     return best if math.isfinite(best) else math.nan

@@ -245,7 +245,7 @@ def _statistic(value: Array, scatter: Array, number: Array, known: NDArray[np.in
 
 
 def _reference(size: Array, value: Array, order: float, limit: _Limit) -> tuple[float, float]:
-    """The value that a column tends to, and its round-off floor where that was met."""
+    """The value that a column tends to, and its round-off floor where this was reached."""
     expected = order if math.isfinite(order) else 2.0
     if math.isinf(limit.ratio) and math.isfinite(limit.value):
         return limit.value, math.nan

@@ -103,15 +103,15 @@ def stroboscopic(
     InputError
         If the phase is no finite number, or the base has none, as a record.
     """
-    wanted = checked("phase", phase, quantity("rad")) % (2.0 * math.pi)
+    taken_at = checked("phase", phase, quantity("rad")) % (2.0 * math.pi)
     require(math.isfinite(base.phase), "base.phase", base.phase, "rad", "must be finite: a record has no phase")
-    instants = _instants(time, base, wanted)
+    instants = _instants(time, base, taken_at)
     right = np.clip(np.searchsorted(time, instants), 1, max(time.size - 1, 1))
     read = {}
     for name, values in channels.items():
         rate = channels.get(f"{name}.velocity") if units[name] == "m" else None
         read[name] = _read(time, values, rate, instants, right, SAME_INSTANT / base.frequency)
-    return StroboscopicSection(wanted, instants, read, dict(units))
+    return StroboscopicSection(taken_at, instants, read, dict(units))
 
 
 def _instants(time: Array, base: Excitation, phase: float) -> Array:

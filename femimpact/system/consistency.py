@@ -40,12 +40,12 @@ def check_shapes(system: Any) -> None:
     n, nodes = system.dofs, system.nodes
     require(n > 0, "base_load", "empty", "kg", "must have one dof or more")
     shapes = {"M": (n, n), "C": (n, n), "K": (n, n), "stiffness_factor": (None, n), "expansion": (2 * nodes.size, n)}
-    for name, wanted in shapes.items():
+    for name, expected in shapes.items():
         matrix = getattr(system, name)
         given = getattr(matrix, "shape", ())
         dense = name == "expansion" and isinstance(matrix, np.ndarray)
         fits = (sparse.issparse(matrix) or dense) and len(given) == 2
-        fits = fits and all(size is None or size == own for size, own in zip(wanted, given, strict=True))
+        fits = fits and all(size is None or size == own for size, own in zip(expected, given, strict=True))
         allowed = f"must be a sparse matrix with {n} columns, one for each dof"
         require(fits, name, given or type(matrix).__name__, "", allowed)
         entries = matrix if dense else matrix.data

@@ -155,7 +155,7 @@ def _with_terms(
 
 
 def _with_contacts(bare: System, contacts: tuple[ContactPair, ...]) -> System:
-    """First frequency, and what the structure says of its contacts, of a system whose matrices are new."""
+    """A system whose matrices are new, with its first frequency and what its contacts take from the matrices."""
     modes = solve_modes(bare, 1)
     rows = np.array([-pair.direction if pair.is_stop else pair.direction for pair in contacts])
     compliance = flexibility(bare, rows.reshape(len(contacts), bare.dofs))

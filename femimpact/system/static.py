@@ -1,6 +1,6 @@
 """Static equilibrium of structure, balls and stops under constant forces: contacts push, and never pull.
 
-K u = f + sum_j b_j F_j. A ball at rest hands its whole constant force on, F_j = m_j g_j, whichever of spring and wall
+K u = f + sum_j b_j F_j. A ball at rest passes its whole constant force on, F_j = m_j g_j, whichever of spring and wall
 carries it. Walls of stops, with p_i their penetration and c_i the compliance of their law, are the complementarity
 problem 0 <= F_i, p_i <= c_i F_i, one of them with equality.
 """

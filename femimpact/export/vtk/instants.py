@@ -1,8 +1,8 @@
 """Frames of a run: an even grid of its snapshots, and the instants of its impacts.
 
 Snapshots are kept on a grid, impacts are not. The state at an impact is computed from the snapshot before it
-(`propagation`), and taken on to the snapshot after it, where it must meet the recorded state: by how much it misses is
-`Frames.mismatch`, and what misses it by more than 1 % has no frame. The error of an event-driven run is that of
+(`propagation`), and taken on to the snapshot after it, where it must agree with the recorded state: the difference is
+`Frames.mismatch`, and what differs by more than 1 % has no frame. The error of an event-driven run is that of
 rounding; the error of a method that takes steps is what the method's own error makes of the time between two snapshots.
 """
 

@@ -355,7 +355,7 @@ def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response
 
 
 def _balance_warnings(run: _Run, energy: EnergyLedger) -> list[str]:
-    """What the ledger's residual says, an error where it does not close at all."""
+    """A warning where the ledger's residual is above its bound, an error where it does not close at all."""
     rounding = 0.0 if run.block.ledger is None else float(run.block.ledger.rounding[0])
     bound = max(CLOSED, rounding / energy.largest_input) if energy.largest_input > 0.0 else CLOSED
     if not energy.residual <= BALANCED:
@@ -377,8 +377,8 @@ def _steady(run: _Run) -> SteadyMotion:
 
 def _impacts(run: _Run) -> Impacts:
     tables, contacts, excitation = run.block.tables, run.system.contacts, run.excitation
-    met = int(tables.number[0])
-    table = tables.impacts[: min(met, tables.impacts.shape[0])]
+    count = int(tables.number[0])
+    table = tables.impacts[: min(count, tables.impacts.shape[0])]
     columns = {name: _read_only(table[:, i]) for i, name in enumerate(IMPACT_COLUMNS)}
     pair, time = columns.pop("pair"), columns["time"]
     names = np.array([contact.name for contact in contacts] or [""])
@@ -388,7 +388,7 @@ def _impacts(run: _Run) -> Impacts:
         impactor=names[pair.astype(int)],
         energy_to_modes=_read_only(table[:, len(IMPACT_COLUMNS) :]),
         law={contact.name: contact.law.name for contact in contacts},
-        dropped=met - table.shape[0],
+        dropped=count - table.shape[0],
     )
 
 

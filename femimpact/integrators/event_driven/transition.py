@@ -1,4 +1,4 @@
-"""What an event does: an impulse where rigid bodies meet, a change of contact state everywhere else."""
+"""What an event does: an impulse where rigid bodies collide, a change of contact state everywhere else."""
 
 from __future__ import annotations
 
