@@ -59,7 +59,7 @@ def contact_table(study: Study, speed_min: float = 0.01, speed_max: float = 1.0)
     Returns
     -------
     dict of str to list
-        By column, units in `UNITS`: the restitution asked for, that of one collision in continuous
+        By column, units in `UNITS`: the restitution given, that of one collision in continuous
         time and that with the study's step. Not a number where a law is given no restitution, has
         no force or duration, or cannot be stepped alone.
 

@@ -171,8 +171,8 @@ def draw_in_child(
     def listen(lines: IO[bytes]) -> None:
         for line in lines:
             with suppress(ValueError, KeyError, TypeError):
-                told = json.loads(line)
-                found[told["kind"]] = told["failure"]
+                message = json.loads(line)
+                found[message["kind"]] = message["failure"]
                 report("pictures", len(found) / len(kinds))
 
     package = Path(__file__).parents[1]
@@ -199,7 +199,7 @@ def _ended(process: subprocess.Popen[bytes], listen: Callable[[IO[bytes]], None]
     """Wait for a child; whether it ended by itself. Nothing that it started is left running."""
     stdout = process.stdout
     if stdout is None:
-        raise AssertionError("a pipe was asked for")
+        raise AssertionError("the output is a pipe")
     listener = threading.Thread(target=listen, args=(stdout,), daemon=True)
     listener.start()
     try:

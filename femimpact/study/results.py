@@ -90,7 +90,7 @@ OTHER_FILES = {
     "statistics_over_mesh": "statistics_over_mesh.csv",
     "convergence_summary": "convergence_summary.csv",
 }
-"""What is left besides: one file of deflections where the study asks for it, what a history leaves in which something
+"""What is left besides: one file of deflections where the study has `vtkhdf`, what a history leaves in which something
 stuck (and its name in results of earlier versions), the record of the base, and what a table of contacts, a movie
 without an encoder, the demo and a convergence study leave."""
 

@@ -208,17 +208,17 @@ def run_study(
         require_name(part, PARTS, "parts")
     force = checked("force", force, truth())
     prepared = prepare(study, parts)
-    wanted = [part for part in parts if part != "sweep" or study.sweep is not None]
+    run = [part for part in parts if part != "sweep" or study.sweep is not None]
     with prepare_directory(directory, force) as staging:
         found = Found()
         keep_study(staging, study)
-        if "modes" in wanted:
+        if "modes" in run:
             found = replace(found, modes=run_modes(prepared))
-            keep_modes(staging, prepared, found, [part for part in wanted if part != "modes"])
-        if "simulate" in wanted:
+            keep_modes(staging, prepared, found, [part for part in run if part != "modes"])
+        if "simulate" in run:
             found = replace(found, response=run_simulation(prepared, report))
-            found = keep_history(staging, prepared, found, [part for part in wanted if part == "sweep"])
-        if "sweep" in wanted:
+            found = keep_history(staging, prepared, found, [part for part in run if part == "sweep"])
+        if "sweep" in run:
             found = replace(found, sweeps=run_sweep(prepared, report))
             keep_sweeps(staging, prepared, found)
         keep_pictures(staging, prepared, found, report)
@@ -251,13 +251,13 @@ def keep_history(staging: Staging, prepared: PreparedStudy, found: Found, left: 
     if found.response is None:
         raise AssertionError("there is a history to keep")
     response = found.response
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         _write_history(prepared.study, staging.folder, response)
     # the same of both files
-    texts = dict.fromkeys(f"{one.message}" for one in told if issubclass(one.category, UserWarning))
-    told_of = [f"{scene}: {text}" for scene in _deflection_scenes(prepared.study)[-1:] for text in texts]
-    found = replace(found, response=replace(response, warnings=(*response.warnings, *told_of)))
+    texts = dict.fromkeys(f"{one.message}" for one in caught if issubclass(one.category, UserWarning))
+    left_out = [f"{scene}: {text}" for scene in _deflection_scenes(prepared.study)[-1:] for text in texts]
+    found = replace(found, response=replace(response, warnings=(*response.warnings, *left_out)))
     _finish(staging, prepared, found, "history", left)
     return found
 
@@ -388,8 +388,8 @@ def _write_history(study: Study, folder: Path, response: Response) -> None:
 def _deflection_scenes(study: Study) -> list[str]:
     """Names of the files for ParaView; the last one is the one that its script opens."""
     output = study.output
-    asked = {OTHER_FILES["deflection_hdf"]: output.vtkhdf, FILES["deflection_scene"]: output.paraview}
-    return [name for name, wanted in asked.items() if wanted]
+    scenes = {OTHER_FILES["deflection_hdf"]: output.vtkhdf, FILES["deflection_scene"]: output.paraview}
+    return [name for name, written in scenes.items() if written]
 
 
 def _write_impacts(folder: Path, response: Response) -> None:

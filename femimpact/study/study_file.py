@@ -214,8 +214,8 @@ def _fault(noun: Any, prefix: str, model: type[BaseModel], problem: Any) -> Faul
     if problem["type"] == "extra_forbidden":
         return Fault(path, None, "", suggestion(key, model.model_fields))
     if problem["type"] == "missing":
-        wanted = f"; {allowed_range(metadata)}" if metadata else ""
-        return Fault(path, None, "", f"is missing{wanted}")
+        allowed = f"; {allowed_range(metadata)}" if metadata else ""
+        return Fault(path, None, "", f"is missing{allowed}")
     if problem["type"] == "quantity":
         return Fault(path, problem["input"], metadata["unit"], problem["msg"])
     return Fault(path, problem["input"], "", problem["msg"].replace("Input should be", "must be"))
