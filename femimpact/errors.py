@@ -100,6 +100,12 @@ def _call_of(noun: Any) -> str:
         one for one in given if one.default is one.empty and one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)
     ]
     named = [f"{one.name}=..." for one in needed]
+    if not named and isinstance(noun, type):
+        try:
+            noun()
+        except InputError:
+            # it needs some of several
+            return f"{noun.__name__}(...)"
     return f"{noun.__name__}({', '.join(named) if len(named) <= MOST_ARGUMENTS else '...'})"
 
 
@@ -222,7 +228,11 @@ def having(what: str, names: tuple[str, ...]) -> dict[str, Any]:
 def items(*kinds: Any) -> dict[str, Any]:
     """Metadata of a dataclass field that holds a tuple of values of some kinds; a list becomes one."""
     names = " or ".join(kind.__name__ for kind in kinds)
-    return {"unit": "", "allowed": f"must be a tuple of {names}", "take": functools.partial(_items, kinds=kinds)}
+    return {
+        "unit": "",
+        "allowed": f"must be a list or a tuple of {names}",
+        "take": functools.partial(_items, kinds=kinds),
+    }
 
 
 def column(unit: str, *axes: str | int, of: str = "number", finite: bool = False) -> dict[str, Any]:
@@ -494,7 +504,9 @@ def require_type(value: object, kind: type, key: str) -> None:
     fits = isinstance(value, kind)
     inner = None if fits else getattr(value, "__dict__", {}).get(key)
     hint = f": pass its .{key}" if isinstance(inner, kind) else ""
-    require(fits, key, kind_of(value), "", f"must be a {kind.__name__}{hint}")
+    # of a list one is made
+    name = "list or a tuple" if kind is tuple else kind.__name__
+    require(fits, key, kind_of(value), "", f"must be a {name}{hint}")
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:

@@ -143,9 +143,9 @@ def test_numpy_scalars_and_arrays_are_numbers_too(small):
         (lambda s, m, r: fi.Sine((1e-4,), 5.0), r"amplitude = \(0.0001,\) m: must be a finite number"),
         (lambda s, m, r: fi.Newmark((1e-4,)), r"dt = \(0.0001,\) s: must be a finite number"),
         (lambda s, m, r: fi.Support(("clamped",), "root"), r"kind = \('clamped',\): must be 'clamped'"),
-        (lambda s, m, r: dataclasses.replace(r, masses=r.masses[0]), "masses = 'PointMass': must be a tuple"),
+        (lambda s, m, r: dataclasses.replace(r, masses=r.masses[0]), "masses = 'PointMass': must be a list or a tuple"),
         (lambda s, m, r: dataclasses.replace(r, masses=["box"]), "masses = 'str': must be a PointMass"),
-        (lambda s, m, r: fi.Beam(r.beam.segments[0]), "segments = 'Segment': must be a tuple"),
+        (lambda s, m, r: fi.Beam(r.beam.segments[0]), "segments = 'Segment': must be a list or a tuple"),
         (
             lambda s, m, r: dataclasses.replace(r, damping=0.01),
             "damping = 0.01: must be a Rayleigh, a Mod",

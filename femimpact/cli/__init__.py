@@ -367,7 +367,7 @@ def _print_results(study: Study, results: StudyResults) -> None:
 def _base_words(study: Study, frequency: float) -> str:
     """What drove a history, in words that follow its name."""
     record = getattr(study.base, "record", None)
-    return f"at {frequency:.5g} Hz" if record is None else f"of the record {record!r}"
+    return f"at {frequency:.5g} Hz" if record is None else f"of the record {record!r}, its last third"
 
 
 def _restitution_words(contact: Mapping[str, Any]) -> str:
