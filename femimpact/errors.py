@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
+    "CoreError",
     "DivergenceError",
     "Fault",
     "FemimpactError",
@@ -61,6 +62,10 @@ class FemimpactError(Exception):
 
 class DivergenceError(FemimpactError):
     """A run whose motion is not finite, or grew past every physical bound."""
+
+
+class CoreError(FemimpactError, ImportError):
+    """The compiled core is missing, older than its sources, or not made for this processor."""
 
 
 class _Shown(str):

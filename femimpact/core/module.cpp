@@ -1,0 +1,121 @@
+// femimpact._core: Python's side of the kernels, in the limited API. Compiled once, for the lowest processor.
+#include "arguments.hpp"
+#include "targets.hpp"
+
+#include <cstdlib>
+
+// the build gives FEMIMPACT_COMPILER, FEMIMPACT_KIND, FEMIMPACT_SOURCES and FEMIMPACT_KEY, each a text
+namespace FEMIMPACT_TARGET {
+
+namespace {
+
+// found by the build in the file of the binary, without loading it
+__attribute__((used)) const char KEY[] = "femimpact build key " FEMIMPACT_KEY;
+
+// chosen when the module is imported
+const femimpact_kernels *kernels = nullptr;
+
+bool put(PyObject *dict, const char *name, PyObject *value) {
+    const bool done = value != nullptr && PyDict_SetItemString(dict, name, value) == 0;
+    if (value != nullptr) {
+        Py_DecRef(value);
+    }
+    return done;
+}
+
+PyObject *target_names() {
+    PyObject *names = PyTuple_New(TARGET_COUNT);
+    for (int k = 0; names != nullptr && k < TARGET_COUNT; k++) {
+        PyObject *name = PyUnicode_FromString(TARGETS[k].name);
+        // the tuple takes it, also where it fails
+        if (name == nullptr || PyTuple_SetItem(names, k, name) != 0) {
+            Py_DecRef(names);
+            return nullptr;
+        }
+    }
+    return names;
+}
+
+PyObject *build_info(PyObject *, PyObject *) {
+    PyObject *info = PyDict_New();
+    if (info == nullptr) {
+        return nullptr;
+    }
+    if (put(info, "target", PyUnicode_FromString(kernels->target)) && put(info, "targets", target_names()) &&
+        put(info, "compiler", PyUnicode_FromString(FEMIMPACT_COMPILER)) &&
+        put(info, "sources", PyUnicode_FromString(FEMIMPACT_SOURCES)) &&
+        put(info, "kind", PyUnicode_FromString(FEMIMPACT_KIND))) {
+        return info;
+    }
+    Py_DecRef(info);
+    return nullptr;
+}
+
+PyObject *choose(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
+    double level = 0.0;
+    if (!take_count(count, 2, "choose_target") || !take_number(arguments[0], "level", &level)) {
+        return nullptr;
+    }
+    const char *asked = PyUnicode_AsUTF8AndSize(arguments[1], nullptr);
+    if (asked == nullptr) {
+        return nullptr;
+    }
+    const Choice choice = choose_target(level >= 4.0 ? 4 : level >= 1.0 ? static_cast<int>(level) : 0, asked);
+    if (choice.target == nullptr) {
+        return PyErr_Format(PyExc_ImportError, "%s", choice.refusal);
+    }
+    return PyUnicode_FromString(choice.target->name);
+}
+
+PyObject *exponentials(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
+    static constexpr Wanted EXPONENT = {"exponent", Type::complex128, 1, "(K,)", false};
+    static constexpr Wanted OUT = {"out", Type::complex128, 1, "(K,)", true};
+    Array exponent, out;
+    double time = 0.0;
+    if (!take_count(count, 3, "exponentials") || !exponent.take(arguments[0], EXPONENT) ||
+        !take_number(arguments[1], "time", &time) || !out.take(arguments[2], OUT) ||
+        !same_size(exponent, out, 0, "exponent and out")) {
+        return nullptr;
+    }
+    {
+        const WithoutLock others_run;
+        kernels->exponentials(exponent.doubles(), time, out.doubles(), exponent.size(0));
+    }
+    Py_IncRef(Py_None);
+    return Py_None;
+}
+
+template <typename Function> PyCFunction method(Function function) {
+    return reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(function));
+}
+
+PyMethodDef METHODS[] = {
+    {"build_info", build_info, METH_NOARGS,
+     "build_info()\n--\n\nTarget in use, targets held, compiler, hash of the sources, kind of build."},
+    {"choose_target", method(choose), METH_FASTCALL,
+     "choose_target(level, asked, /)\n--\n\nName of the target that a processor of x86-64-v<level> takes."},
+    {"exponentials", method(exponentials), METH_FASTCALL,
+     "exponentials(exponent, time, out, /)\n--\n\ne^{lambda t} of several lambda with Re lambda <= 0, written to out."},
+    {nullptr, nullptr, 0, nullptr},
+};
+
+PyModuleDef MODULE = {
+    {{1, nullptr}, nullptr, 0, nullptr}, "_core", "The compiled core.", -1, METHODS, nullptr, nullptr, nullptr, nullptr,
+};
+
+} // namespace
+
+static PyObject *created() {
+    const Choice choice = choose_target(processor_level(), getenv("FEMIMPACT_CORE"));
+    if (choice.target == nullptr) {
+        return PyErr_Format(PyExc_ImportError, "%s", choice.refusal);
+    }
+    kernels = choice.target->kernels();
+    return PyModule_Create2(&MODULE, PYTHON_ABI_VERSION);
+}
+
+} // namespace FEMIMPACT_TARGET
+
+extern "C" __attribute__((visibility("default"))) PyObject *PyInit__core(void) {
+    return FEMIMPACT_TARGET::created();
+}
