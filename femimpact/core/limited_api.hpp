@@ -74,6 +74,7 @@ struct PyModuleDef {
 #define METH_NOARGS 0x0004
 #define PyBUF_RECORDS_RO 0x001c
 #define PYTHON_ABI_VERSION 3
+#define Py_TPFLAGS_TUPLE_SUBCLASS (1UL << 26)
 
 FEMIMPACT_PYTHON_DATA PyObject _Py_NoneStruct;
 #define Py_None (&_Py_NoneStruct)
@@ -96,10 +97,20 @@ int PyBuffer_IsContiguous(const Py_buffer *, char);
 void PyBuffer_Release(Py_buffer *);
 
 double PyFloat_AsDouble(PyObject *);
+PyObject *PyFloat_FromDouble(double);
+long long PyLong_AsLongLong(PyObject *);
+PyObject *PyLong_FromLongLong(long long);
+int PyObject_IsTrue(PyObject *);
+PyObject *Py_BuildValue(const char *, ...);
 PyObject *PyUnicode_FromString(const char *);
 const char *PyUnicode_AsUTF8AndSize(PyObject *, Py_ssize_t *);
 PyObject *PyTuple_New(Py_ssize_t);
 int PyTuple_SetItem(PyObject *, Py_ssize_t, PyObject *);
+PyObject *PyTuple_GetItem(PyObject *, Py_ssize_t);
+Py_ssize_t PyTuple_Size(PyObject *);
+PyObject *PyList_New(Py_ssize_t);
+int PyList_Append(PyObject *, PyObject *);
+unsigned long PyType_GetFlags(PyTypeObject *);
 PyObject *PyDict_New();
 int PyDict_SetItemString(PyObject *, const char *, PyObject *);
 

@@ -1,5 +1,6 @@
 // femimpact._core: Python's side of the kernels, in the limited API. Compiled once, for the lowest processor.
 #include "arguments.hpp"
+#include "event_driven/entries.hpp"
 #include "targets.hpp"
 
 #include <cstdlib>
@@ -70,7 +71,7 @@ PyObject *choose(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
 PyObject *exponentials(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
     static constexpr Wanted EXPONENT = {"exponent", Type::complex128, 1, "(K,)", false};
     static constexpr Wanted OUT = {"out", Type::complex128, 1, "(K,)", true};
-    Array exponent, out;
+    Argument exponent, out;
     double time = 0.0;
     if (!take_count(count, 3, "exponentials") || !exponent.take(arguments[0], EXPONENT) ||
         !take_number(arguments[1], "time", &time) || !out.take(arguments[2], OUT) ||
@@ -85,6 +86,27 @@ PyObject *exponentials(PyObject *, PyObject *const *arguments, Py_ssize_t count)
     return Py_None;
 }
 
+PyObject *cosine_and_sine(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
+    double angle = 0.0, cosine = 0.0, sine = 0.0;
+    if (!take_count(count, 1, "cosine_and_sine") || !take_number(arguments[0], "angle", &angle)) {
+        return nullptr;
+    }
+    kernels->cosine_and_sine(angle, &cosine, &sine);
+    return Py_BuildValue("(dd)", cosine, sine);
+}
+
+PyObject *run_cases(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
+    return run_cases_entry(*kernels, arguments, count);
+}
+
+PyObject *next_event(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
+    return next_event_entry(*kernels, arguments, count);
+}
+
+PyObject *tables(PyObject *, PyObject *) {
+    return tables_of_entries();
+}
+
 template <typename Function> PyCFunction method(Function function) {
     return reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(function));
 }
@@ -96,6 +118,14 @@ PyMethodDef METHODS[] = {
      "choose_target(level, asked, /)\n--\n\nName of the target that a processor of x86-64-v<level> takes."},
     {"exponentials", method(exponentials), METH_FASTCALL,
      "exponentials(exponent, time, out, /)\n--\n\ne^{lambda t} of several lambda with Re lambda <= 0, written to out."},
+    {"cosine_and_sine", method(cosine_and_sine), METH_FASTCALL,
+     "cosine_and_sine(angle, /)\n--\n\nBoth of an angle (rad)."},
+    {"run_cases", method(run_cases), METH_FASTCALL,
+     "run_cases(task, job, ledger, /)\n--\n\nTake event-driven cases to their last samples; the arrays are written to."},
+    {"next_event", method(next_event), METH_FASTCALL,
+     "next_event(call, until, /)\n--\n\nMove to the first event or to `until`; returns how the search ended."},
+    {"tables", tables, METH_NOARGS,
+     "tables()\n--\n\nName, type, shape and whether it is written to, of every value of each tuple handed over."},
     {nullptr, nullptr, 0, nullptr},
 };
 
