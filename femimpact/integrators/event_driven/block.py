@@ -345,6 +345,7 @@ def working_space(block: Block, forms: Forms) -> Space:
         np.zeros((2, entries + 1), dtype=complex),
         np.zeros(pairs),
         np.zeros(block.grid.per_cycle),
+        np.zeros(2),
     ]
     motion = Motion(
         entry=np.zeros(entries, dtype=complex),

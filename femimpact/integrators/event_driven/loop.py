@@ -174,7 +174,7 @@ def _to_next_event(begin: int, until: float, form: Form, case: Case, job: Job, b
         cases.events[c, 1] = 0
         for j in range(case.state.size):
             if is_active(case.state[j]):
-                add_contact(j, job.pairs.rigid[j], reached - motion.clock[0], scalars, case, space)
+                add_contact(j, reached - motion.clock[0], job.grid.interval[c], scalars, case, space)
     copy_motion(motion, space.begin)
     _read(begin, reached, status != END, form, case, job, b)
     # the samples first: where they exclude a peak none is looked for

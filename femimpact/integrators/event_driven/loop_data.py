@@ -263,6 +263,7 @@ class Space(NamedTuple):
     turn: Complex  # (2, K + 1)
     impulse: Array  # (R,)
     samples: Array  # (per_cycle,) w of the cycle that goes on, as far as it is read
+    extremes: Array  # (2,) largest and smallest value of a contact force
 
 
 class Job(NamedTuple):

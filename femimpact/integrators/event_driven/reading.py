@@ -25,19 +25,19 @@ from femimpact.integrators.event_driven.motion import (
 )
 from femimpact.integrators.event_driven.states import base_motion, gap_of, gap_on, read_coordinates, side_of
 
-__all__ = ["add_peaks", "add_to_cycle", "keep_snapshot"]
+__all__ = ["LEAST_ADVANCE", "add_peaks", "add_to_cycle", "follow_peak", "keep_snapshot"]
 
 PEAK_TOLERANCE = 1e-10
-"""Share of a cycle's largest |w| by which a crest may stand out and not be looked for."""
+"""Share of the largest value by which a crest may stand out and not be looked for."""
 
 LEAST_ADVANCE = 1e-6
 """Of the time between two samples: what the search for a peak advances at least."""
 
 CANCELLED = 1e-11
-"""Share of the terms that make w below which no peak is looked for, where these cancel."""
+"""Share of the terms that make a value below which no peak is looked for, where these cancel."""
 
 LEAST_MOTION = 1e-20
-"""Metres below which nothing moves."""
+"""Metres below which nothing moves, and newtons below which nothing pushes."""
 
 SHORT = 1e3
 """Least advances below which a time is short."""
@@ -75,7 +75,7 @@ def keep_snapshot(number: int, shapes: Shapes, pairs: Pairs, case: Case, space: 
             snapshots.forces[number, j] = side * force
 
 
-# ---- the peak of a cycle ---------------------------------------------------------------------------
+# ---- the peak of a cycle, and of a contact ---------------------------------------------------------
 
 
 @apart
@@ -115,11 +115,11 @@ def add_peaks(
         if max(before, value) + excess > row[0] or min(before, value) - excess < row[1]:
             start = min(start, time)
         elif start < time:
-            _follow_peak(start, time, least, scalars, space, row)
+            follow_peak(r, 0.0, start, time, least, scalars, space, row)
             start = math.inf
         time, before = at, value
     if start < until:
-        _follow_peak(start, until, least, scalars, space, row)
+        follow_peak(r, 0.0, start, until, least, scalars, space, row)
 
 
 @inlined
@@ -146,42 +146,45 @@ def _excess_between(
 
 
 @apart
-def _follow_peak(
-    start: float, until: float, least: float, scalars: Scalars, space: Space, row: Array
+def follow_peak(
+    r: int, wanted: float, start: float, until: float, least: float, scalars: Scalars, space: Space, row: Array
 ) -> None:  # fmt: skip
-    """Extremes of the observed place between two instants, to `PEAK_TOLERANCE`: row[0] and row[1].
+    """Extremes of scalar r of the spare motion between two instants, to `PEAK_TOLERANCE`: row[0] and row[1].
 
-    Advances by times in which a bound on the motion excludes more than the extremes so far; where these are
-    approached, by those in which w surely rises on, or is surely concave, so that its only crest is found. The
-    extremes hold what w is at both ends already.
+    `wanted` is 1 where only the largest value is, -1 for the smallest, 0 for both. Advances by times in which a bound
+    on the motion excludes more than the extremes so far; where these are approached, by those in which the scalar
+    surely rises on, or is surely concave, so that its only crest is found. The extremes hold what it is at the end
+    already.
     """
-    r, entries, motion, search = scalars.lasting.size, scalars.size.size, space.spare, space.search
+    entries, motion, search = scalars.size.size, space.spare, space.search
+    upper, lower = scalars.upper[r], scalars.lower[r]
     move(scalars, motion, start - motion.clock[0])
     motion.clock[0] = start
-    while True:
+    safe, remaining = 0.0, until - start
+    while safe < remaining:
         phase = unit_phase(scalars.omega, motion.clock)
         measure(scalars, motion, search)
         remaining = until - motion.clock[0]
         slack = PEAK_TOLERANCE * max(abs(row[0]), abs(row[1])) + _negligible(r, scalars, motion, search)
-        scalars.upper[r], scalars.lower[r] = row[0] + slack, row[1] - slack
+        scalars.upper[r] = math.inf if wanted < 0.0 else row[0] + slack
+        scalars.lower[r] = -math.inf if wanted > 0.0 else row[1] - slack
         active = _leave_out_ripples(0.25 * slack, entries, scalars.weight_size[r], search)
         safe = clear_time(r, scalars, motion, active, phase, remaining, search)
         value, rate = search.found[0], search.found[1]
         row[0], row[1] = max(row[0], value), min(row[1], value)
-        if safe >= remaining:
-            return
         # far below the extremes so far long times are safe, and curvature need not be computed
-        if 0.25 * abs(rate) * safe < row[0] - row[1] or safe < SHORT * least:
+        if safe < remaining and (0.25 * abs(rate) * safe < row[0] - row[1] or safe < SHORT * least):
             derivatives(r, scalars, motion, phase, search)
-            safe = max(max(safe, least), _advance_to_crest(rate, remaining, scalars, space, row))
-            if safe >= remaining:
-                return
-        move(scalars, motion, safe)
+            safe = max(max(safe, least), _advance_to_crest(r, wanted, rate, remaining, scalars, space, row))
+        if safe < remaining:
+            move(scalars, motion, safe)
+    # the bounds of a contact are those of its end too
+    scalars.upper[r], scalars.lower[r] = upper, lower
 
 
 @inlined
 def _negligible(r: int, scalars: Scalars, motion: Motion, search: Search) -> float:
-    """What is too little to be looked for in w where large terms cancel."""
+    """What is too little to be looked for in scalar r where large terms cancel."""
     wave = scalars.sine[r]
     scale = abs(scalars.constant[r]) + abs(wave.real) + abs(wave.imag)
     for k in range(scalars.size.size):
@@ -193,7 +196,7 @@ def _negligible(r: int, scalars: Scalars, motion: Motion, search: Search) -> flo
 
 @inlined
 def _leave_out_ripples(least: float, active: int, weight_size: Array, search: Search) -> int:
-    """Number of the entries that matter: the fastest are left out that together move w by no more than `least`."""
+    """Number of the entries that matter: the fastest are left out that together add no more than `least`."""
     left = 0.0
     while active > 0:
         left += weight_size[active - 1] * search.size[active - 1]
@@ -206,10 +209,10 @@ def _leave_out_ripples(least: float, active: int, weight_size: Array, search: Se
 
 @inlined
 def _advance_to_crest(
-    rate: float, remaining: float, scalars: Scalars, space: Space, row: Array
+    r: int, wanted: float, rate: float, remaining: float, scalars: Scalars, space: Space, row: Array
 ) -> float:  # fmt: skip
-    """Time in which w rises on, or in which its only crest has been looked at; the same with a falling w."""
-    r, found = scalars.lasting.size, space.search.found
+    """Time in which scalar r rises on, or in which its only crest has been looked at; the same where it falls."""
+    found = space.search.found
     side = 1.0 if rate >= 0.0 else -1.0
     speed, bend, bound = side * rate, side * found[0], found[3]
     if bound <= 0.0:
@@ -218,8 +221,9 @@ def _advance_to_crest(
     if bend >= 0.0:
         return rising
     concave: float = min(-bend / bound, remaining)
-    if rising >= concave:
-        return rising
+    # where crests alone are wanted, a trough has none inside
+    if rising >= concave or side * wanted < 0.0:
+        return max(rising, concave)
     # to second order in the rate, which is speed + bend t + twist t^2/2
     inner = bend * bend - 2.0 * speed * side * found[1]
     first = 2.0 * speed / (math.sqrt(inner) - bend) if inner > 0.0 else -speed / bend

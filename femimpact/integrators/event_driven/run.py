@@ -31,7 +31,7 @@ from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.integrators.memory import check_memory
 from femimpact.integrators.threads import Progress
 from femimpact.response.channels import Channel, resolve_channels
-from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
+from femimpact.response.columns import COUNT, CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, PEAK_FORCE
 from femimpact.response.energy import BALANCED, CLOSED, EnergyLedger, unbalanced
 from femimpact.response.history import HistoryPiece, Snapshots, Stream
 from femimpact.response.impacts import Impacts, StickingPhases, impact_statistics
@@ -42,7 +42,7 @@ from femimpact.system.reduction import truncation_notes
 from femimpact.system.state import State
 from femimpact.system.system import System
 
-__all__ = ["not_finite", "run_events", "unending"]
+__all__ = ["not_finite", "peaks_of_forces", "run_events", "unending"]
 
 Array = NDArray[np.float64]
 
@@ -114,7 +114,7 @@ def run_events(
     channels, recorder = resolve_channels(system, recorder.channels), recorder.seen_from(initial.time)
     check_memory(system, recorder, len(channels), samples, interval, excitation.frequency)
     first, first_field = (min(round(t / interval), samples) for t in (recorder.start, recorder.snapshots_start))
-    begin = initial.time + interval * (2 * samples // 3)
+    begin = initial.time + 2.0 * (interval * samples) / 3.0
     keep = _Keep(recorder.every, first, recorder.snapshots, first_field)
     run = _new_run(system, excitation, method, channels, recorder, keep, begin, initial)
     stream = Stream(read=partial(_history, run), clear=run.clear, sink=recorder.sink)
@@ -263,6 +263,13 @@ def _call(run: _Run, done: int, count: int, kept: NDArray[np.int64], shown: NDAr
     run.cycles.append(block.grid.cycles[0])
 
 
+def peaks_of_forces(totals: Array, rigid: NDArray[np.bool_]) -> Array:
+    """Sums of a window (6, pairs, ...) with no peak force where a rigid pair collided: an impulse has none."""
+    totals = totals.copy()
+    totals[PEAK_FORCE, rigid] = np.where(totals[COUNT, rigid] > 0.0, math.nan, totals[PEAK_FORCE, rigid])
+    return totals
+
+
 def unending(time: float, method: EventSettings) -> str:
     """Words for events that do not end."""
     return (
@@ -314,9 +321,7 @@ def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response
     system, frequency, left = run.system, run.excitation.frequency, stream.left()
     length = float(run.sampling.time(samples)) - begin
     laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
-    totals = run.block.cases.totals[0].copy()
-    # an impulse has no peak
-    totals[4, run.block.pairs.rigid] = math.nan
+    totals = peaks_of_forces(run.block.cases.totals[0], run.block.pairs.rigid)
     impacts = _impacts(run)
     energy, warnings = left.energy, list[str]()
     if energy is not None:
