@@ -15,7 +15,9 @@ from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven.block import Inputs, new_block, run_block
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop import DONE
+from femimpact.integrators.event_driven.loop_data import PUSHED
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
+from femimpact.response.columns import TOTAL_COLUMNS
 
 pytestmark = pytest.mark.impacts
 
@@ -141,3 +143,77 @@ def test_the_impulse_in_a_window_is_the_change_of_momentum_and_the_weight(law):
             sampled = smooth_peak(run["contact_force"][first:])
             assert run.statistics.peak_force == pytest.approx(sampled, rel=1e-9)
     assert cut >= 2
+
+
+# ---- random structures -------------------------------------------------------------------------------
+
+
+def run_in_windows(case, windows, rows=0):
+    """A run of a random case, once for each window (s): the sums of each, and the block with its tables."""
+    system, drive, count = case.system, drive_of(case.system, case.excitation), len(windows)
+    rigid = np.array([isinstance(pair.law, fi.Rigid) for pair in system.contacts])
+    observed = outputs_of(system, system.point_row(system.default_place))
+    store = FormStore(equations_of(system, drive), rigid, observed, broken=drive.line is not None)
+    u, v, y, y_rate = case.initial.relative_to_base(system, case.excitation)
+    balls = len(system.balls)
+    inputs = Inputs(
+        drives=[drive] * count, contacts=[system.contacts] * count, window=np.array(windows),
+        position=np.tile(np.concatenate([u, y[:balls]]), (count, 1)),
+        velocity=np.tile(np.concatenate([v, y_rate[:balls]]), (count, 1)),
+    )  # fmt: skip
+    block = new_block(system, store, inputs, EXACT, None, rows)
+    samples = round(case.duration / float(block.grid.interval[0]))
+    run_block(block, np.zeros(count, dtype=np.int64), np.full(count, samples), np.full(count, 1e7))
+    assert np.all(block.stopped == DONE), case.description
+    return {name: block.cases.totals[:, i] for i, name in enumerate(TOTAL_COLUMNS)}, block
+
+
+@pytest.mark.parametrize("seed", range(0, 100, 3))
+def test_windows_that_are_cut_within_contacts_add_up_to_the_run(seed):
+    case = random_case(seed)
+    always = (-math.inf, math.inf)
+    totals, block = run_in_windows(case, [always], 1_000_000)
+    impacts, sticking = (
+        table[:count] for table, count in zip(block.tables[:2], block.tables.number.tolist(), strict=True)
+    )
+    # what has ended, and what goes on
+    pushed = np.zeros(len(case.system.contacts))
+    np.add.at(pushed, impacts[:, 1].astype(int), impacts[:, 5])
+    np.add.at(pushed, sticking[:, 0].astype(int), sticking[:, 4])
+    pushed += np.where(block.cases.state[0] != 0.0, block.cases.touch[0, PUSHED], 0.0)
+    rounding = 1e-12 * np.abs(impacts[:, 5]).sum() + 1e-18
+    # a sticking phase that another rigid pair ends while its bounces would still go on has no row
+    rigid = block.pairs.rigid
+    whole = ~rigid | (np.count_nonzero(rigid) == 1)
+    words = case.description
+    np.testing.assert_allclose(totals["force_time"][0][whole], pushed[whole], rtol=1e-9, atol=rounding, err_msg=words)
+    # one cut in the middle of the contact that lasts longest, one in that of the last sticking phase or contact
+    longest = impacts[impacts[:, 7].argmax()] if len(impacts) else np.zeros(9)
+    last = sticking[-1, 2:4].mean() if len(sticking) else (impacts[-1, 0] + 0.5 * impacts[-1, 7] if len(impacts) else 0)
+    first, second = sorted([float(longest[0] + 0.5 * longest[7]), float(last)])
+    parts, _ = run_in_windows(case, [(-math.inf, first), (first, second), (second, math.inf)])
+    np.testing.assert_array_equal(parts["count"].sum(axis=0), totals["count"][0])
+    for name in ("force_time", "impulse", "approach_speed"):
+        np.testing.assert_allclose(parts[name].sum(axis=0), totals[name][0], rtol=1e-12, atol=rounding)
+    # the tolerance of the search for a peak
+    np.testing.assert_allclose(parts["peak_force"].max(axis=0), totals["peak_force"][0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(1, 100, 3))
+def test_no_sample_of_a_force_is_above_its_peak(seed):
+    case = random_case(seed)
+    names = tuple(f"{pair.name}.contact_force" for pair in case.system.contacts)
+    method = replace(EXACT, samples_per_cycle=512)
+    run = fi.integrate(case.system, case.excitation, method, case.duration, fi.Recorder(names), case.initial)
+    inside = run.time >= run.window[0]
+    for pair, name in zip(case.system.contacts, names, strict=True):
+        statistics = run.statistics_of[pair.name]
+        if isinstance(pair.law, fi.Rigid) and statistics.count:
+            assert math.isnan(statistics.peak_force)
+            continue
+        largest = np.abs(run[name][inside]).max(initial=0.0)
+        # below 1e-20 N nothing pushes
+        assert largest <= statistics.peak_force * (1.0 + 1e-9) + 1e-20, case.description
+        # of contacts that began and ended in the window, and of parts of others
+        own = (run.impacts.impactor == pair.name) & (run.impacts.time >= run.window[0])
+        assert statistics.peak_force >= run.impacts.peak_force[own].max(initial=0.0), case.description

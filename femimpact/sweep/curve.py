@@ -93,9 +93,9 @@ class FrequencyResponse:
     mean_approach_speed, largest_approach_speed : ndarray (n,), m/s
     mean_impulse : ndarray (n,), N s
     peak_force : ndarray (n,), N
-        Under the law named in `law`.
+        Largest of the measured time, under the law named in `law`; see `ImpactStatistics`.
     cycle_mean_force : ndarray (n,), N
-        Integral of the force over the measured time.
+        Integral of the force over the measured time, divided by that time.
     energy_residual : ndarray (n,), 1
         Largest at the ends of base cycles, event-driven through compliant contacts or without any of the measured ones;
         not a number without a ledger.
