@@ -58,7 +58,7 @@ class Inputs:
     position, velocity : ndarray (C, d)
         Structure and balls relative to the base, m and m/s.
     window : ndarray (C, 2), s
-        In which impacts are counted.
+        Of which the totals are.
     start : float, s
         When all of them begin.
     held : Held, optional
@@ -342,7 +342,7 @@ def working_space(block: Block, forms: Forms) -> Space:
         minus=square,
     )
     rest: list[NDArray[np.float64 | np.complex128]] = [
-        np.zeros((2, entries + 1), dtype=complex),
+        np.zeros(entries, dtype=complex),
         np.zeros(pairs),
         np.zeros(block.grid.per_cycle),
         np.zeros(2),

@@ -120,11 +120,11 @@ def _read(begin: int, until: float, event: bool, form: Form, case: Case, job: Jo
             break
         if read > 0 and alone:
             if read == 1:
-                exponentials(scalars.exponent, dt, turn[0])
+                exponentials(scalars.exponent, dt, turn)
                 cosine, sine = cosine_and_sine(scalars.omega * dt)
                 wave = complex(cosine, sine)
             for k in range(active):
-                motion.entry[k] *= turn[0, k]
+                motion.entry[k] *= turn[k]
             move_rigid_bodies(scalars, motion, time - motion.clock[0])
             phase *= wave
         else:
@@ -174,7 +174,7 @@ def _to_next_event(begin: int, until: float, form: Form, case: Case, job: Job, b
         cases.events[c, 1] = 0
         for j in range(case.state.size):
             if is_active(case.state[j]):
-                add_contact(j, reached - motion.clock[0], job.grid.interval[c], scalars, case, space)
+                add_contact(j, reached, job.grid.interval[c], scalars, case, space)
     copy_motion(motion, space.begin)
     _read(begin, reached, status != END, form, case, job, b)
     # the samples first: where they exclude a peak none is looked for

@@ -146,7 +146,7 @@ class Cases(NamedTuple):
     rigid_body_sine: Complex  # (C, N, P)
     touch: Array  # (C, 6, R) contacts that have not ended; see BEGUN
     to_modes: Array  # (C, R, n) J, what these have given to each mode
-    window: Array  # (C, 2) s, in which impacts are counted
+    window: Array  # (C, 2) s, of which the totals are: impacts that end in it, and the forces in it
     totals: Array  # (C, 6, R) sums over them; see columns.TOTAL_COLUMNS
 
 
@@ -260,7 +260,7 @@ class Space(NamedTuple):
     search: Search
     bounds: Bounds
     products: Products
-    turn: Complex  # (2, K + 1)
+    turn: Complex  # (K,) growth of the entries between two samples
     impulse: Array  # (R,)
     samples: Array  # (per_cycle,) w of the cycle that goes on, as far as it is read
     extremes: Array  # (2,) largest and smallest value of a contact force

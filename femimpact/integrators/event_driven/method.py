@@ -55,8 +55,8 @@ class EventDriven:
         displacement below the closure and the energy m_eff v^2/2 of that bounce, which is counted as
         loss; the accumulation's end, 2 v/(a (1 - e)) later, is the start in the table of sticking phases.
     samples_per_cycle : int
-        Grid on which channels, rms, harmonics and the ledger are read; neither events nor the peak of a cycle, which
-        is exact, depend on it.
+        Grid on which channels, rms, harmonics and the ledger are read; neither events nor the peak of a cycle nor the
+        largest contact force, which are exact, depend on it.
     most_events : int
         Impacts and changes of contact for each base cycle, on average over what is computed at once,
         beyond which a run is given up.

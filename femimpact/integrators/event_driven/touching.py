@@ -37,15 +37,15 @@ __all__ = [
     "add_contact", "add_impulse", "begin_contact", "count_impact", "end_contact", "end_sticking", "take_back",
 ]  # fmt: skip
 
+
 @apart
-def add_contact(j: int, duration: float, interval: float, scalars: Scalars, case: Case, space: Space) -> None:
-    """Add impulse and largest force of one contact over some time from the present motion on.
+def add_contact(j: int, until: float, interval: float, scalars: Scalars, case: Case, space: Space) -> None:
+    """Add impulse and largest force of one contact from the present motion on to an instant (s).
 
     What lies within the window is added to its sums: a contact that goes on across an end of it is cut there.
     `interval` (s) is that of two samples.
     """
     touch, totals, window, start = case.touch, case.totals, case.window, space.motion.clock[0]
-    until = start + duration
     opened = min(max(window[0], start), until)
     parts = (start, opened, min(max(window[1], opened), until), until)
     for part in range(3):
@@ -53,7 +53,7 @@ def add_contact(j: int, duration: float, interval: float, scalars: Scalars, case
         if end <= begin:
             continue
         impulse = _impulse(j, begin, end, scalars, case, space)
-        # before the window this contact may have pushed more than in it, and in it another one more than this
+        # this contact may have pushed more before the window, and another one more within it
         known = min(touch[LARGEST_FORCE, j], totals[PEAK_FORCE, j]) if inside else touch[LARGEST_FORCE, j]
         largest = _largest(j, begin, end, known, LEAST_ADVANCE * min(interval, end - begin), scalars, case, space)
         touch[PUSHED, j] += impulse
@@ -61,7 +61,7 @@ def add_contact(j: int, duration: float, interval: float, scalars: Scalars, case
         if inside:
             totals[FORCE_TIME, j] += impulse
             totals[PEAK_FORCE, j] = max(totals[PEAK_FORCE, j], largest)
-    touch[LASTED, j] += duration
+    touch[LASTED, j] += until - start
 
 
 @inlined
