@@ -17,8 +17,14 @@ from femimpact.export import tables
 from femimpact.export.files import atomic_write
 from femimpact.export.vtk import xml
 from femimpact.study import result_directory
-from femimpact.study.result_directory import ResultsWarning, _Lock, unfinished_state
-from femimpact.study.results import finish_results, prepare_directory, write_summary
+from femimpact.study.result_directory import (
+    ResultsWarning,
+    _Lock,
+    finish_results,
+    prepare_directory,
+    unfinished_state,
+)
+from femimpact.study.results import write_summary
 
 OLD, NEW = 1.0, 2.0
 
@@ -231,7 +237,7 @@ def test_finished_parts_are_kept_beside_earlier_results_until_they_are_asked_for
     assert f"'femimpact finish {out} --force' puts them in their place" in note
     assert value_of(out) == OLD
     # parts of a run do not take the place of a whole one unasked
-    with pytest.raises(fi.InputError, match=r"holds whole earlier results, which modes of a later run would replace"):
+    with pytest.raises(fi.InputError, match=r"holds earlier results, which modes of a later run would replace"):
         finish_results(out)
     assert value_of(out) == OLD
     assert finish_results(out, force=True) == ("modes",)
