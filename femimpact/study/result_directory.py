@@ -221,7 +221,9 @@ def _left(running: Path) -> _Left | None:
     try:
         if not is_folder(running) or not _is_ours(running):
             return None
-        if is_folder(running / REPLACING) or is_folder(running / MOVING):
+        replacing = running / REPLACING
+        # without a file it would remove earlier results and put nothing in their place
+        if is_folder(running / MOVING) or (is_folder(replacing) and result_files(replacing)):
             return _Left.MOVE
         if _parts(running / FINISHED):
             return _Left.PARTS
@@ -441,9 +443,10 @@ def _move_noted(target: Path, running: Path) -> None:
 def _move(target: Path, running: Path) -> None:
     """Put files that are done into the directory, from wherever that was interrupted."""
     replacing, moving = running / REPLACING, running / MOVING
-    names = result_files(replacing if is_folder(replacing) else moving)
+    in_move = is_folder(moving)
+    names = result_files(moving if in_move else replacing)
     _check_places(target, names)
-    if is_folder(replacing):
+    if not in_move and is_folder(replacing):
         # all that has no successor, and the summary first
         _unlink_results(target, {SUMMARY})
         _unlink_results(target, set(earlier_files(target)) - set(names))
