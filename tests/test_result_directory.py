@@ -16,10 +16,10 @@ import femimpact as fi
 from femimpact.export import files, tables
 from femimpact.export.files import atomic_write
 from femimpact.export.vtk import xml
-from femimpact.study import result_directory
+from femimpact.study import directory_lock, result_directory
+from femimpact.study.directory_lock import Lock
 from femimpact.study.result_directory import (
     ResultsWarning,
-    _Lock,
     finish_results,
     prepare_directory,
     unfinished_state,
@@ -87,8 +87,9 @@ class Mortal:
         self.left = last
         for name in ("replace", "rename", "unlink", "rmdir", "mkdir"):
             monkeypatch.setattr(os, name, self.counted(getattr(os, name)))
-        # what the kernel does
-        monkeypatch.setattr(_Lock, "release", lambda lock: os.close(lock.file))
+        # what the kernel does, and nothing of what the process would have removed
+        monkeypatch.setattr(Lock, "release", lambda lock: os.close(lock.file))
+        monkeypatch.setattr(result_directory, "_drop_unfinished", lambda running: None)
 
     def counted(self, change):
         """The same change, counted."""
@@ -535,7 +536,7 @@ def test_the_lock_ends_with_its_process(tmp_path):
 
 
 def test_a_lock_that_was_removed_between_opening_and_locking_is_taken_anew(tmp_path, monkeypatch):
-    lock_file = result_directory._lock_file
+    lock_file = directory_lock._lock_file
     calls = []
 
     def removed(file):
@@ -546,7 +547,7 @@ def test_a_lock_that_was_removed_between_opening_and_locking_is_taken_anew(tmp_p
             (tmp_path / ".running").rmdir()
         lock_file(file)
 
-    monkeypatch.setattr(result_directory, "_lock_file", removed)
+    monkeypatch.setattr(directory_lock, "_lock_file", removed)
     run(tmp_path, NEW)
     assert len(calls) == 2
     assert value_of(tmp_path) == NEW

@@ -17,7 +17,6 @@ last, so that a summary always belongs to its files. Nothing is read to find out
 
 from __future__ import annotations
 
-import errno
 import os
 import re
 import shutil
@@ -30,11 +29,11 @@ from pathlib import Path
 
 from femimpact.errors import Fault, InputError, require
 from femimpact.export.files import to_disk
+from femimpact.study.directory_lock import LOCK, RUNNING, Lock, is_ours
 from femimpact.study.result_files import (
     PLACES,
     SUMMARY,
     earlier_files,
-    is_file,
     is_folder,
     replaced_by,
     result_files,
@@ -42,18 +41,13 @@ from femimpact.study.result_files import (
 
 __all__ = ["ResultsWarning", "Staging", "finish_results", "prepare_directory", "unfinished_state", "update_results"]
 
-RUNNING = ".running"
 FILES = "files"
 FINISHED = "finished"
 REPLACING = "replacing"
 MOVING = "moving"
-LOCK = "lock"
 
 PART = re.compile(r"[1-9][0-9]* [a-z ]+")
 """Name of the folder in which the files of a part came."""
-
-NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)
-"""What a file system without locks answers."""
 
 
 class ResultsWarning(UserWarning):
@@ -189,7 +183,7 @@ def finish_results(directory: str | Path, force: bool = False) -> tuple[str, ...
     target = Path(directory)
     running, state = target / RUNNING, unfinished_state(target)
     require(state is not None, "directory", str(target), "", "holds no unfinished results")
-    usable = _left(running) in (_Left.MOVE, _Left.PARTS) or _Lock.is_held(running)
+    usable = _left(running) in (_Left.MOVE, _Left.PARTS) or Lock.is_held(running)
     require(usable, "directory", str(target), "", str(state))
     with _taken(target, True), _named(target, None):
         left, parts = _left(running), _part_names(running)
@@ -206,7 +200,7 @@ def finish_results(directory: str | Path, force: bool = False) -> tuple[str, ...
 def unfinished_state(target: Path) -> str | None:
     """What a directory holds of a run that is not done, in words with what to do; None where there is nothing."""
     running = target / RUNNING
-    if _Lock.is_held(running):
+    if Lock.is_held(running):
         return "a run is writing into it"
     left = _left(running)
     return None if left is None else _in_words(left, target)
@@ -219,7 +213,7 @@ def _in_words(left: _Left, target: Path) -> str:
 def _left(running: Path) -> _Left | None:
     """What is left of a run, by the names of its folders."""
     try:
-        if not is_folder(running) or not _is_ours(running):
+        if not is_folder(running) or not is_ours(running):
             return None
         replacing = running / REPLACING
         # without a file it would remove earlier results and put nothing in their place
@@ -259,11 +253,14 @@ def _taken(target: Path, occupied: bool) -> Iterator[Path]:
     made = [folder for folder in (target, *target.parents) if not folder.exists()]
     try:
         with _named(target, "output"):
-            lock = _Lock(target)
+            lock = Lock(target)
         try:
             yield lock.running
         finally:
-            lock.release()
+            try:
+                _drop_unfinished(lock.running)
+            finally:
+                lock.release()
     finally:
         for folder in made:
             # only what is empty goes
@@ -281,7 +278,7 @@ def _check_target(target: Path, occupied: bool) -> None:
         held = any(item.name != RUNNING for item in target.iterdir())
     left = _left(target / RUNNING)
     if left is _Left.STRANGE or (held and left is _Left.MOVE):
-        state = "another run is writing into it" if _Lock.is_held(target / RUNNING) else _in_words(left, target)
+        state = "another run is writing into it" if Lock.is_held(target / RUNNING) else _in_words(left, target)
         raise InputError([Fault("output", str(target), "", state)])
     require(not held, "output", str(target), "", "exists already: choose another directory with -o, or --force")
 
@@ -312,98 +309,6 @@ def _clear_leftovers(target: Path, running: Path, names: Iterable[str]) -> None:
         warnings.warn(text, ResultsWarning, stacklevel=4)
     for name in names:
         _remove(running / name)
-
-
-class _Lock:
-    """Sole use of a directory for as long as this process runs: DIR/.running with a locked file in it."""
-
-    def __init__(self, target: Path) -> None:
-        self.running = target / RUNNING
-        refused = InputError([Fault("output", str(target), "", "another run is writing into it")])
-        allowed = f"holds a {RUNNING} that no run made: remove it, or choose another"
-        while True:
-            require(_is_ours(self.running), "output", str(target), "", allowed)
-            # through a symbolic link to the directory whose end is missing, too
-            Path(os.path.realpath(target), RUNNING).mkdir(parents=True, exist_ok=True)
-            try:
-                self.file = _open_lock(self.running, os.O_CREAT)
-            except FileNotFoundError:
-                continue  # the run before removed the folder just now
-            try:
-                _lock_file(self.file)
-                same = os.path.samestat(os.fstat(self.file), os.lstat(self.running / LOCK))
-            except BlockingIOError:
-                os.close(self.file)
-                raise refused from None
-            except FileNotFoundError:
-                same = False
-            except BaseException:
-                os.close(self.file)
-                raise
-            if same:
-                return
-            os.close(self.file)  # it was removed between opening and locking
-
-    @staticmethod
-    def is_held(running: Path) -> bool:
-        """Whether a living process holds the lock."""
-        try:
-            file = _open_lock(running)
-        except OSError:
-            return False
-        try:
-            _lock_file(file)
-        except BlockingIOError:
-            return True
-        except OSError:
-            return False
-        finally:
-            os.close(file)
-        return False
-
-    def release(self) -> None:
-        """Let others in; the folder goes unless it holds something that can be finished, or is not of this version."""
-        with suppress(OSError):
-            _remove(self.running / FILES)
-            if not _parts(self.running / FINISHED):
-                _remove(self.running / FINISHED)
-            if os.listdir(self.running) == [LOCK]:
-                (self.running / LOCK).unlink()
-                self.running.rmdir()
-        os.close(self.file)
-
-
-def _open_lock(running: Path, create: int = 0) -> int:
-    """Open the file of the lock, which is a file itself and no link."""
-    return os.open(running / LOCK, os.O_RDWR | create | getattr(os, "O_NOFOLLOW", 0), 0o666)
-
-
-def _lock_file(file: int) -> None:
-    """Lock an open file without waiting.
-
-    Raises
-    ------
-    BlockingIOError
-        If another process holds it.
-    """
-    try:
-        import fcntl
-    except ImportError:  # no such locks outside POSIX: two runs at once are not found there
-        return
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise
-    except OSError as error:
-        if error.errno not in NO_LOCKS:
-            raise
-
-
-def _is_ours(running: Path) -> bool:
-    """Whether there is no folder of that name, or one that a run made: the content of another must not be removed."""
-    if not is_folder(running):
-        return not os.path.lexists(running)
-    return is_file(running / LOCK) or not os.listdir(running)
 
 
 # ---- after the work -------------------------------------------------------------------------------
@@ -481,6 +386,13 @@ def _sync(folder: Path) -> None:
     names = result_files(folder)
     for place in (*(folder / name for name in names), *{folder, *((folder / name).parent for name in names)}):
         to_disk(place)
+
+
+def _drop_unfinished(running: Path) -> None:
+    """Remove files of a part that was not finished, and what is empty of finished ones."""
+    _remove(running / FILES)
+    if not _parts(running / FINISHED):
+        _remove(running / FINISHED)
 
 
 def _remove(item: Path) -> None:
