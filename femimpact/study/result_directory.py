@@ -21,7 +21,7 @@ import os
 import re
 import shutil
 import warnings
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from enum import Enum
@@ -31,6 +31,7 @@ from femimpact.errors import Fault, InputError, require
 from femimpact.export.files import to_disk
 from femimpact.study.directory_lock import LOCK, RUNNING, Lock, is_ours
 from femimpact.study.result_files import (
+    NAMES,
     PLACES,
     SUMMARY,
     earlier_files,
@@ -352,11 +353,9 @@ def _move(target: Path, running: Path) -> None:
     names = result_files(moving if in_move else replacing)
     _check_places(target, names)
     if not in_move and is_folder(replacing):
-        # all that has no successor, and the summary first
-        _unlink_results(target, {SUMMARY})
-        _unlink_results(target, set(earlier_files(target)) - set(names))
+        _unlink_results(target, (name for name in earlier_files(target, names) if name == SUMMARY or name not in names))
         os.rename(replacing, moving)
-    _unlink_results(target, replaced_by(names))
+    _unlink_results(target, replaced_by(names).intersection(earlier_files(target)))
     _merge(moving, target, names)
     if is_folder(moving):
         shutil.rmtree(moving)
@@ -371,14 +370,13 @@ def _merge(source: Path, target: Path, names: Sequence[str]) -> None:
         to_disk(folder)
 
 
-def _unlink_results(target: Path, names: Collection[str]) -> None:
-    """Remove earlier results of some names, and what of their folders is empty then."""
-    removed = [name for name in earlier_files(target) if name in names]
-    for name in removed:
+def _unlink_results(target: Path, names: Iterable[str]) -> None:
+    """Remove earlier results, and their folders when they are empty."""
+    for name in names:
         (target / name).unlink()
-    for folder in {(target / name).parent for name in removed} - {target}:
-        with suppress(OSError):
-            folder.rmdir()
+        if name not in NAMES:
+            with suppress(OSError):
+                (target / name).parent.rmdir()
 
 
 def _sync(folder: Path) -> None:

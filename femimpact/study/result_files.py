@@ -13,6 +13,7 @@ from pathlib import Path
 
 __all__ = [
     "FILES",
+    "NAMES",
     "OTHER_FILES",
     "PLACES",
     "SUMMARY",
@@ -93,7 +94,7 @@ PLACES = (*NAMES, *(f"{scene}/0000.vtu" for scene in SCENES))
 """Every name, with one frame of each scene."""
 
 INPUTS = frozenset({FILES["study"], OTHER_FILES["base_record"]})
-"""What a run is made from: replaced by that of another run, but never removed, for it may be the user's own."""
+"""What a run is made from: it goes only where another run brings its own, for it may be the user's."""
 
 MOVIES = frozenset({FILES["movie"], OTHER_FILES["movie_without_encoder"]})
 
@@ -103,19 +104,17 @@ def result_files(folder: Path) -> list[str]:
     return _standing(folder, stat.S_ISREG)
 
 
-def earlier_files(folder: Path) -> list[str]:
-    """Names of the results in a folder that another run supersedes: also links of such a name, but no inputs."""
+def earlier_files(folder: Path, new: Iterable[str] = ()) -> list[str]:
+    """Names of the results in a folder that new ones supersede, the summary first; links of such a name, too."""
     found = _standing(folder, lambda mode: stat.S_ISREG(mode) or stat.S_ISLNK(mode))
-    return [name for name in found if name not in INPUTS]
+    kept = frozenset() if FILES["study"] in new else INPUTS
+    return [name for name in reversed(found) if name not in kept]
 
 
-def replaced_by(names: Iterable[str]) -> frozenset[str]:
-    """Names of results that must not stand beside some that are added to them, which have another name or other files.
-
-    These are the summary, and of the two movies the other one.
-    """
-    added = frozenset(names)
-    return added & {SUMMARY} | (MOVIES - added if added & MOVIES else frozenset())
+def replaced_by(added: Iterable[str]) -> frozenset[str]:
+    """Names of results that must be gone before some are added to them: the summary, and the other of two movies."""
+    names = frozenset(added)
+    return names & {SUMMARY} | (MOVIES - names if names & MOVIES else frozenset())
 
 
 def is_file(path: Path) -> bool:
