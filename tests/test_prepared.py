@@ -18,7 +18,7 @@ from femimpact.study import study as studies
 from femimpact.study.demo import paper_study
 from femimpact.study.plan import plan_lines
 from femimpact.study.prepared import prepare, with_base
-from femimpact.study.results import FILES, OTHER_FILES
+from femimpact.study.result_files import FILES, OTHER_FILES
 from femimpact.study.run import last_cycles, run_simulation, run_study
 from femimpact.study.study import Gravity, MeshChoice, Output, Reduction, SweepPlan
 from femimpact.study.study_file import LAWS, TABLES, load_study, read_study

@@ -229,7 +229,7 @@ def movie(directory: Path, *, quiet: Quiet = False) -> None:
 @app.command
 def finish(directory: Path, *, force: Force = False) -> None:
     """Keep what an ended run had finished, or finish the move of its files."""
-    from femimpact.study.results import finish_results
+    from femimpact.study.result_directory import finish_results
 
     parts = finish_results(directory, force)
     print(f"kept in {directory}: {', '.join(parts) or 'all of the run'}")

@@ -36,7 +36,8 @@ from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
 from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.structure import Position
-from femimpact.study.results import OTHER_FILES, prepare_directory
+from femimpact.study.result_directory import prepare_directory
+from femimpact.study.result_files import OTHER_FILES
 from femimpact.study.run import Report
 from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
 from femimpact.system.system import System

@@ -19,7 +19,9 @@ from femimpact.calibration import RestitutionScan, scan_restitution
 from femimpact.errors import Fault, InputError
 from femimpact.export import figures, tables
 from femimpact.study.prepared import PreparedStudy, prepare, with_base
-from femimpact.study.results import OTHER_FILES, StudyResults, load, prepare_directory
+from femimpact.study.result_directory import prepare_directory
+from femimpact.study.result_files import OTHER_FILES
+from femimpact.study.results import StudyResults, load
 from femimpact.study.run import (
     Found,
     Report,

@@ -25,16 +25,9 @@ from femimpact.study.picture_data import write_last_cycles, write_mode_shapes, w
 from femimpact.study.pictures import draw_in_child, with_pictures
 from femimpact.study.prepared import PARTS, PreparedStudy, last_cycles_start, prepare
 from femimpact.study.recorded_motion import RecordedMotion
-from femimpact.study.result_directory import Staging
-from femimpact.study.results import (
-    FILES,
-    OTHER_FILES,
-    STICKING_FILE,
-    StudyResults,
-    load,
-    prepare_directory,
-    write_summary,
-)
+from femimpact.study.result_directory import Staging, prepare_directory
+from femimpact.study.result_files import FILES, OTHER_FILES
+from femimpact.study.results import STICKING_FILE, StudyResults, load, write_summary
 from femimpact.study.study import Study, assemble_on
 from femimpact.study.study_text import study_text, with_record
 from femimpact.study.summary import SweepPair, summary_of
@@ -299,11 +292,11 @@ def keep_pictures(
     kinds = [*(["figures"] if output.figures else []), *(["movie"] if output.movie and filmed else [])]
     if kinds:
         ended = dict.fromkeys(kinds, "the run was ended before")
-        write_summary(folder, with_pictures(summary, ended, staging.target))
+        write_summary(folder, with_pictures(summary, ended, staging.target), staging.finished)
         # what they are drawn from stays with the results, should the run end now
         staging.finish_part("data of pictures")
-        summary = with_pictures(summary, draw_in_child(folder, folder, kinds, report), staging.target)
-    write_summary(folder, summary)
+        summary = with_pictures(summary, draw_in_child(staging.finished, folder, kinds, report), staging.target)
+    write_summary(folder, summary, staging.finished)
 
 
 def _finish(staging: Staging, prepared: PreparedStudy, found: Found, part: str, left: Sequence[str]) -> None:
@@ -313,7 +306,7 @@ def _finish(staging: Staging, prepared: PreparedStudy, found: Found, part: str, 
         summary["unfinished"] = list(left)
         text = f"the run was ended before its part{'s' if len(left) > 1 else ''} {' and '.join(left)}"
         summary["warnings"] = [*summary["warnings"], text]
-    write_summary(staging.folder, summary)
+    write_summary(staging.folder, summary, staging.finished)
     staging.finish_part(part)
 
 
