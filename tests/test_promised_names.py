@@ -73,9 +73,9 @@ NAMES = """
     StudyResults: directory history impact_data impacts modes riding sticking summary sweep
     Support: at kind
     SwitchingSpring: free_stiffness name stiffness
-    System: C K M balls base_load computed_together constant_load constant_resultant contacts default_place deflection_rows
-        directions dofs expansion first_frequency from_matrices is_diagonal nodes point_row points position_of
-        rayleigh rigid_translation stiffness_factor total_mass
+    System: C K M balls base_load computed_together constant_load constant_resultant contacts default_place
+        deflection_rows directions dofs expansion first_frequency from_matrices is_diagonal nodes point_row points
+        position_of rayleigh rigid_translation stiffness_factor total_mass
     WBZ: allow_coarse_step alpha divergence_limit dt refine
     achieved_restitution
     amplitude_ratio_damping
