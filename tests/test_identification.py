@@ -115,6 +115,17 @@ def test_a_large_scatter_is_said_to_scatter_and_has_an_interval():
     assert estimate.interval[0] <= 0.01 <= estimate.interval[1]
 
 
+@pytest.mark.parametrize("points", [7, 21, 60])
+def test_points_of_no_curve_at_all_have_an_answer(points):
+    f = np.linspace(4.0, 6.0, points)
+    for seed in range(40):
+        random = np.random.default_rng(seed)
+        # peaks of a chaotic sweep lie anywhere over two decades
+        estimate = fi.fit_one_pole(f, 10.0 ** random.uniform(-2.0, 0.0, points))
+        assert np.isnan(estimate.ratio) or estimate.ratio > 0.0
+        assert estimate.warnings
+
+
 def test_of_few_points_nothing_is_said_of_noise():
     f = np.linspace(4.9, 5.1, 9)
     noise = np.random.default_rng(4).standard_normal(f.size)

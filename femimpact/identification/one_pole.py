@@ -29,6 +29,9 @@ NEGLIGIBLE_MISFIT = 1e-5
 KNOWN = 1e-8
 """Share of the peak to which any point is known."""
 
+LARGEST = 50.0
+"""Power of e that a scale and a ratio are tried up to."""
+
 UNDETERMINED = math.log(10.0)
 """Half-width of the logarithm's interval beyond which the points do not determine the ratio."""
 
@@ -115,14 +118,17 @@ def fit_one_pole(
     # both as shares of the peak's: the fit does not hang on units
     f_fit, x_fit = f[chosen] / f[top], x[chosen] / x[top]
 
+    def curve_of(p: Array) -> Array:
+        return _one_pole(f_fit, _power(p[0]), p[1], _power(p[2]))
+
     def misfit_of(p: Array) -> Array:
-        return np.asarray(_one_pole(f_fit, math.exp(p[0]), p[1], math.exp(p[2])) - x_fit)
+        return np.asarray(curve_of(p) - x_fit)
 
     def tangents(p: Array) -> Array:
-        apart, damped = p[1] ** 2 - f_fit**2, 2.0 * math.exp(p[2]) * p[1] * f_fit
-        value, square = misfit_of(p) + x_fit, apart**2 + damped**2
-        by_frequency = -value * (2.0 * p[1] * apart + damped**2 / p[1]) / square
-        return np.column_stack([value, by_frequency, -value * damped**2 / square])
+        value, ratio = curve_of(p), _power(p[2])
+        apart, damped = p[1] ** 2 - f_fit**2, 2.0 * ratio * p[1] * f_fit
+        by_frequency = -2.0 * p[1] * value * (apart + 2.0 * (ratio * f_fit) ** 2) / (apart**2 + damped**2)
+        return np.column_stack([value, by_frequency, -value * damped**2 / (apart**2 + damped**2)])
 
     # the residual has several valleys when the grid is coarse: start from narrow and wide peaks
     step = float(np.mean(np.diff(f)))
@@ -139,6 +145,11 @@ def fit_one_pole(
     return _judged(f, float(f[top]), f_fit, x_fit, best, misfit_limit)
 
 
+def _power(logarithm: float) -> float:
+    """E to a power, finite: a search among points of no resonance may try any."""
+    return math.exp(min(max(logarithm, -LARGEST), LARGEST))
+
+
 def _judged(f: Array, at: float, f_fit: Array, x_fit: Array, best: Any, misfit_limit: float) -> DampingEstimate:
     """The estimate of the best fit, as far as its points determine it: they are shares of the peak, which lies at `at`.
 
@@ -147,7 +158,7 @@ def _judged(f: Array, at: float, f_fit: Array, x_fit: Array, best: Any, misfit_l
     from scipy.special import stdtrit
 
     step = float(np.mean(np.diff(f)))
-    ratio, frequency_found = math.exp(best.x[2]), float(best.x[1] * at)
+    ratio, frequency_found = _power(best.x[2]), float(best.x[1] * at)
     spread = _spread_of_logarithm(best.jac, 2.0 * best.cost, stdtrit)
     if not f[0] <= frequency_found <= f[-1]:
         message = f"no resonance within {f[0]:g} to {f[-1]:g} Hz: the best fit has its pole at {frequency_found:.4g} Hz"
