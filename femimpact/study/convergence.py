@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -161,7 +162,7 @@ def _meshes(study: Study, own: Mesh | None) -> OverMeshes:
                 # fewer elements than stretches between joints and attachments
                 if count == MESHES[-1]:
                     raise
-        return OverMeshes(tuple(made))
+        return OverMeshes(tuple(made), make=partial(uniform_mesh, study.structure))
     times = max(int(math.log2(MOST_REFINED / own.elements)) if own.elements < MOST_REFINED else 0, 1)
     return OverMeshes.refinements(own, min(times, 4))
 

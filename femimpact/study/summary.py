@@ -132,6 +132,7 @@ def _curve_summary(curve: FrequencyResponse, coarse: NDArray[np.float64], prepar
     return {
         "peak_frequency": curve.peak_frequency,
         "peak_amplitude": curve.peak_amplitude,
+        "peak_is_one_start": curve.peak_is_sample,
         "peak_too_low_at_most": resolution.largest_miss if resolution else math.nan,
         "resolved": resolution.resolved if resolution else None,
         "damping_fit": fit.ratio,

@@ -87,6 +87,8 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
         contacts=contacts,
         directions={name: _row(row @ phi) for name, row in system.directions.items()},
         constant_load=_row(phi.T @ system.constant_load),
+        # nothing is left out of a resultant, as nothing is of the total mass
+        constant_resultant=system.constant_resultant,
         reactions=reduced_reactions(system.reactions, phi),
         computed_together=None,
     )

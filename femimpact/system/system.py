@@ -91,6 +91,9 @@ class System:
     constant_load : ndarray (dofs,), N
         Constant force on the structure, as of gravity; None is none. It may be replaced: nothing else follows from
         it. Balls have an `acceleration`.
+    constant_resultant : float, N
+        Sum of the constant forces along w on the free dofs, r^T f: that of all modes also where some are left out, as
+        `total_mass` is the mass of all. None is rigid_translation^T constant_load, as after a replaced `constant_load`.
     reactions : mapping of str to Reaction
         Forces and moments of the supports, as "root.force" and "root.moment", read from the motion; none where the
         rows of held dofs are not known: for matrices of other programs, and after the damping was replaced by one
@@ -126,6 +129,7 @@ class System:
     )
     directions: Mapping[str, Array] = field(default_factory=dict)
     constant_load: Any = field(default=None, metadata=column("N", "dofs", finite=True))
+    constant_resultant: Any = field(default=None, metadata=optional(quantity("N")))
     reactions: Mapping[str, Reaction] = field(default_factory=dict)
     sections: SectionFields | None = field(default=None, metadata=optional(instance(SectionFields)))
     computed_together: SystemOrigin | None = field(default=None, repr=False)
@@ -146,6 +150,7 @@ class System:
                 self._set_reactions(damped_reactions(self.reactions, *self.rayleigh) if self.rayleigh else {})
             if self.constant_load is not origin.constant_load:
                 self._set_reactions(unloaded_reactions(self.reactions))
+                object.__setattr__(self, "constant_resultant", None)
             check_contacts(self, origin)
         names = [pair.name for pair in self.contacts]
         require(len(set(names)) == len(names), "contacts", names, "", "must have distinct names")
@@ -153,6 +158,9 @@ class System:
         require(stops == sorted(stops), "contacts", names, "", "must be balls first, then stops")
         kept = tuple(getattr(self, name) for name in TOGETHER)
         pairs = self.contacts if origin is None else origin.contacts
+        if self.constant_resultant is None:
+            resultant = float(self.rigid_translation @ np.asarray(self.constant_load))
+            object.__setattr__(self, "constant_resultant", resultant)
         object.__setattr__(self, "computed_together", SystemOrigin(kept, pairs, self.constant_load))
 
     def _set_reactions(self, reactions: Mapping[str, Reaction]) -> None:
