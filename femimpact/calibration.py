@@ -188,9 +188,10 @@ def scan_restitution(
     require_type(structure, Structure, "structure")
     require_type(empty, FrequencyResponse, "empty")
     check_progress(progress)
-    values = np.atleast_1d(real_array("restitutions", restitutions, "1", "must be one or more finite numbers"))
-    row = values.ndim == 1 and values.size > 0
-    require(row, "restitutions", f"array of shape {values.shape}", "1", "must be one or more finite numbers")
+    allowed = "must be one or more numbers > 0 and <= 1"
+    values = np.atleast_1d(real_array("restitutions", restitutions, "1", allowed))
+    sound = values.ndim == 1 and values.size > 0 and bool(np.all((values > 0.0) & (values <= 1.0)))
+    require(sound, "restitutions", values if values.ndim > 1 else restitutions, "1", allowed)
     curves = []
     for i, restitution in enumerate(values):
         system = reduce(assemble(with_restitution(structure, float(restitution)), elements=elements), modes)

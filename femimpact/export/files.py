@@ -11,9 +11,23 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from femimpact.errors import require
+from femimpact.errors import kind_of, require
 
-__all__ = ["GuardedFile", "atomic_path", "atomic_write"]
+__all__ = ["GuardedFile", "atomic_path", "atomic_write", "file_path"]
+
+
+def file_path(path: str | Path) -> Path:
+    """The path of a file, which need not exist.
+
+    Raises
+    ------
+    InputError
+        If it is none: neither text nor a path, no name, or a null character in it.
+    """
+    require(isinstance(path, (str, Path)), "path", kind_of(path), "", "must be the name of a file")
+    named = bool(Path(path).name) and "\0" not in str(path)
+    require(named, "path", str(path), "", "must be the name of a file")
+    return Path(path)
 
 
 @contextmanager
@@ -35,8 +49,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     OSError
         With the name of `path`, never with the temporary one.
     """
-    require(isinstance(path, (str, Path)), "path", type(path).__name__, "", "must be the name of a file")
-    target = Path(path)
+    target = file_path(path)
     require(target.parent.is_dir(), "path", str(path), "", "must be in an existing directory")
     require(not target.is_dir(), "path", str(path), "", "must be a file: this is a directory")
     prefix = f".{target.stem}-"
