@@ -10,6 +10,7 @@ import numbers
 import operator
 import types
 from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ __all__ = [
     "real_array",
     "require",
     "require_name",
+    "require_path",
     "require_type",
     "rising_numbers",
     "suggestion",
@@ -574,6 +576,12 @@ def suggestion(name: str, known: Iterable[str]) -> str:
     close = max(difflib.get_close_matches(name, names), key=nearness, default="")
     hint = f"did you mean {close!r}? " if close else ""
     return f"unknown; {hint}known: {', '.join(names)}" if names else "unknown; none is defined"
+
+
+def require_path(value: object, key: str, of: str) -> None:
+    """Raise `InputError` unless the value can be the path of something, as "a file": text or a path, without null."""
+    text = isinstance(value, (str, Path))
+    require(text and "\0" not in str(value), key, value if text else kind_of(value), "", f"must be the path of {of}")
 
 
 def require_name(name: str, known: Iterable[str], key: str) -> None:

@@ -40,6 +40,7 @@ WORDS = {
     ("OverMeshes.files", "paths"): "meshes",
     ("ConvergenceTable.index", "name"): "quantity",
     ("figures.convergence", "names"): "quantity",
+    ("figures.contact_laws", "speeds"): "approach_speed",
     ("Response.absolute", "name"): "channel",
 }
 """What messages call an argument for which a user has a better word."""

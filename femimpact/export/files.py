@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from femimpact.errors import kind_of, require
+from femimpact.errors import require, require_path
 
 __all__ = ["GuardedFile", "atomic_path", "atomic_write", "file_path"]
 
@@ -24,9 +24,8 @@ def file_path(path: str | Path) -> Path:
     InputError
         If it is none: neither text nor a path, no name, or a null character in it.
     """
-    require(isinstance(path, (str, Path)), "path", kind_of(path), "", "must be the name of a file")
-    named = bool(Path(path).name) and "\0" not in str(path)
-    require(named, "path", str(path), "", "must be the name of a file")
+    require_path(path, "path", "a file")
+    require(bool(Path(path).name), "path", str(path), "", "must be the path of a file")
     return Path(path)
 
 

@@ -47,7 +47,8 @@ def channel_key(name: Position, key: str = "channel") -> str:
     """
     fits = isinstance(name, str) or in_range(name, quantity("m"))
     require(fits, key, name, "", "must be the name of a channel, or metres from the root")
-    return str(name)
+    # as `Motion` writes them
+    return name if isinstance(name, str) else str(float(name))
 
 
 class Quantity(NamedTuple):
