@@ -41,6 +41,9 @@ __all__ = ["RestitutionScan", "scan_restitution", "with_restitution"]
 
 Array = NDArray[np.float64]
 
+LEAST_POINTS = 4
+"""Frequencies of a sweep that the fit of a resonance needs."""
+
 
 @dataclass(frozen=True, eq=False)
 class RestitutionScan:
@@ -201,9 +204,12 @@ def scan_restitution(
     require_type(structure, Structure, "structure")
     require_type(empty, FrequencyResponse, "empty")
     check_progress(progress)
-    values = np.atleast_1d(real_array("restitutions", restitutions, "1", "must be one or more finite numbers"))
-    row = values.ndim == 1 and values.size > 0
-    require(row, "restitutions", f"array of shape {values.shape}", "1", "must be one or more finite numbers")
+    allowed = "must be one or more numbers > 0 and <= 1"
+    values = np.atleast_1d(real_array("restitutions", restitutions, "1", allowed))
+    sound = values.ndim == 1 and values.size > 0 and bool(np.all((values > 0.0) & (values <= 1.0)))
+    require(sound, "restitutions", values if values.ndim > 1 else restitutions, "1", allowed)
+    points = real_array("frequencies", frequencies, "Hz", "must be finite numbers")
+    require(points.size >= LEAST_POINTS, "frequencies", points.size, "points", f"must hold at least {LEAST_POINTS}")
     curves = []
     for i, restitution in enumerate(values):
         system = reduce(assemble(with_restitution(structure, float(restitution)), elements=elements), modes)

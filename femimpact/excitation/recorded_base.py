@@ -152,7 +152,7 @@ class RecordedBase:
     def _locate(self, time: ArrayLike) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Sample before each time, time since then (s), acceleration there, and its slope."""
         t = times(time)
-        index = np.clip(np.floor(t / self.interval).astype(int), 0, self.samples.size - 1)
+        index = np.clip(np.floor(np.clip(t, 0.0, self.duration) / self.interval).astype(int), 0, self.samples.size - 1)
         padded = np.append(self.samples, self.samples[-1])
         beyond = index >= self.samples.size - 1
         slope = np.where(beyond, 0.0, (padded[index + 1] - padded[index]) / self.interval)

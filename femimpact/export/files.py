@@ -12,12 +12,25 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from femimpact.errors import require
+from femimpact.errors import require, require_path
 
-__all__ = ["GuardedFile", "atomic_path", "atomic_write", "to_disk"]
+__all__ = ["GuardedFile", "atomic_path", "atomic_write", "file_path", "to_disk"]
 
 NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EROFS)
 """What a file system that cannot do it answers."""
+
+
+def file_path(path: str | Path) -> Path:
+    """The path of a file, which need not exist.
+
+    Raises
+    ------
+    InputError
+        If it is none: neither text nor a path, no name, or a null character in it.
+    """
+    require_path(path, "path", "a file")
+    require(bool(Path(path).name), "path", str(path), "", "must be the path of a file")
+    return Path(path)
 
 
 @contextmanager
@@ -39,8 +52,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     OSError
         With the name of `path`, never with the temporary one.
     """
-    require(isinstance(path, (str, Path)), "path", type(path).__name__, "", "must be the name of a file")
-    target = Path(path)
+    target = file_path(path)
     require(target.parent.is_dir(), "path", str(path), "", "must be in an existing directory")
     require(not target.is_dir(), "path", str(path), "", "must be a file: this is a directory")
     prefix = f".{target.stem}-"

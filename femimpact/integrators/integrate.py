@@ -100,9 +100,11 @@ def integrate(
     """
     recorder = Recorder() if record is None else record
     start = State() if initial is None else initial
-    given: tuple[tuple[Any, Any], ...] = ((system, System), (recorder, Recorder), (start, State))
-    for value, kind in given:
-        require_type(value, kind, kind.__name__.lower())
+    given: tuple[tuple[str, Any, Any], ...] = (
+        ("system", system, System), ("record", recorder, Recorder), ("initial", start, State)
+    )  # fmt: skip
+    for key, value, kind in given:
+        require_type(value, kind, key)
     require_method(method)
     check_progress(progress)
     workers = workers_of(threads)

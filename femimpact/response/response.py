@@ -22,12 +22,13 @@ from femimpact.errors import (
     require,
     require_type,
     suggestion,
+    takes,
     text,
     truth,
 )
 from femimpact.excitation import Excitation
 from femimpact.excitation.excitation import MEMBERS
-from femimpact.response.channels import Channel, Motion, channel_of
+from femimpact.response.channels import Channel, Motion, channel_key, channel_of
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.history import HistoryPiece, Snapshots, check_histories, history_dataset
 from femimpact.response.impacts import Impacts, ImpactStatistics, StickingPhases
@@ -107,6 +108,7 @@ class Recorder:
     sink: Callable[[HistoryPiece], None] | None = None
     piece_samples: int = field(default=100_000, metadata=quantity("1", at_least=1, integer=True))
 
+    @takes(time=quantity("s", at_least=0.0))
     def seen_from(self, time: float) -> Recorder:
         """The same with its first times counted from the start of a run at a time (s); earlier ones are that start."""
         if time == 0.0:
@@ -269,7 +271,7 @@ class Response:
         return head_of_values(f"Response: {kept}", values)
 
     def __getitem__(self, name: Position) -> Array:
-        key = str(name)
+        key = channel_key(name)
         require(self.streamed_to is None, "channel", key, "", "went to Recorder.sink: its pieces hold the history")
         require(key in self.channels, "channel", key, "", suggestion(key, self.channels))
         return self.channels[key]

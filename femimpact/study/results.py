@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from femimpact.errors import Fault, InputError, require
+from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.export import tables
 from femimpact.study.result_directory import ResultsWarning, unfinished_state
 from femimpact.study.result_files import FILES, OTHER_FILES, SUMMARY, replaced_by, result_files
@@ -110,7 +110,7 @@ def load(directory: str | Path) -> StudyResults:
         For a file that can be read but is not the one that the study left, and for pictures, scenes and other
         files that are lost or changed. Results without checksums, of earlier versions, are read as they are.
     """
-    require(isinstance(directory, (str, Path)), "directory", directory, "", "must be the path of a directory")
+    require_path(directory, "directory", "a directory")
     folder = Path(directory)
     summary = read_summary(folder)
 

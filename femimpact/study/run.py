@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from femimpact.errors import checked, require, require_name, require_type, truth
+from femimpact.errors import checked, require, require_name, require_path, require_type, truth
 from femimpact.export import tables
 from femimpact.export.files import atomic_write
 from femimpact.integrators.integrate import integrate
@@ -195,7 +195,7 @@ def run_study(
         As read back from the directory.
     """
     require_type(study, Study, "study")
-    require(isinstance(directory, (str, Path)), "directory", directory, "", "must be the path of a directory")
+    require_path(directory, "directory", "a directory")
     require(isinstance(parts, (tuple, list)), "parts", parts, "", f"must be some of {', '.join(PARTS)}")
     for part in parts:
         require_name(part, PARTS, "parts")

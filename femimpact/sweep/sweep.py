@@ -91,9 +91,8 @@ def frequency_sweep(
         If every frequency diverged.
     """
     state = State() if initial is None else initial
-    given: tuple[tuple[Any, Any], ...] = ((system, System), (state, State))
-    for value, kind in given:
-        require_type(value, kind, kind.__name__.lower())
+    require_type(system, System, "system")
+    require_type(state, State, "initial")
     require_method(method)
     check_progress(progress)
     state = replace(state, time=0.0)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.errors import checked, require, require_type, truth
 from femimpact.structure.damping import realised_damping_ratio
 from femimpact.system.contact_pair import ContactPair
-from femimpact.system.modes import solve_modes, solve_stiffness
+from femimpact.system.modes import mode_count, solve_modes, solve_stiffness
 from femimpact.system.reactions import reduced_reactions
 from femimpact.system.system import System
 
@@ -64,9 +64,8 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     psi^T K psi w = omega^2 psi^T M psi w, so that the system stays diagonal, and b^T K^-1 b is exact at
     every contact. Their frequencies are no natural frequencies: below them the correction is static.
     """
-    require_type(system, System, "system")
     static_correction = checked("static_correction", static_correction, truth())
-    kept = solve_modes(system, modes)
+    kept = solve_modes(system, mode_count(system, modes, "modes"))
     phi, omega, ratio = kept.vectors, 2.0 * math.pi * kept.natural_frequency, kept.damping_ratio
     if static_correction and system.contacts:
         extra, extra_omega = _attachment_vectors(system, phi, omega)

@@ -231,6 +231,9 @@ class System:
         load = dense["M"].sum(axis=1) if base_load is None else checked_row("base_load", base_load, dofs)
         places, shapes = checked_shapes(nodes, expansion, dofs)
         rigid = np.linalg.solve(dense["M"], load)
+        with np.errstate(over="ignore"):
+            total_mass = float(rigid @ load)
+        require(np.isfinite(total_mass), "base_load", None, "", "must be of a finite mass, base_load M^-1 base_load")
         bare = cls(
             M=matrices["M"],
             C=matrices["C"],
@@ -241,7 +244,7 @@ class System:
             nodes=places,
             expansion=shapes,
             points={name: _place_of_row(row, places, shapes) for name, row in rows.items()},
-            total_mass=float(rigid @ load),
+            total_mass=total_mass,
             first_frequency=0.0,
             directions=rows,
             constant_load=None if constant_load is None else checked_row("constant_load", constant_load, dofs),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.calibration import RestitutionScan
-from femimpact.errors import require, require_type
+from femimpact.errors import column, instance, optional, quantity, require, require_type, takes, text, truth
 from femimpact.export.figures.drawing import (
     COLOURS,
     DARK,
@@ -19,6 +19,7 @@ from femimpact.export.figures.drawing import (
     panel,
     panels,
     plain_log_ticks,
+    rows_of,
 )
 from femimpact.sweep import ONE_START, FrequencyResponse, on_grid
 
@@ -28,10 +29,12 @@ if TYPE_CHECKING:
 
 __all__ = ["response_curve", "restitution_scan", "value_map"]
 
+FREQUENCY: Any = quantity("Hz", above=0.0)
 RINGS: Any = {"markersize": 7.0, "markerfacecolor": "none", "markeredgewidth": 1.2}
 """Marks of an even grid."""
 
 
+@takes(title=text(), coarse=optional(column("Hz", "points", finite=True)), join_all=truth())
 def response_curve(
     curves: FrequencyResponse | Mapping[str, FrequencyResponse],
     title: str = "",
@@ -70,13 +73,14 @@ def response_curve(
     Raises
     ------
     InputError
-        If there is no curve, or something else than one.
+        If there is no curve, or something else than one, or another argument is of the wrong kind.
     """
     named = {"": curves} if isinstance(curves, FrequencyResponse) else curves
     require_type(named, Mapping, "curves")
     require(len(named) > 0, "curves", "none", "", "must be one or more response curves")
     for label, curve in named.items():
         require_type(curve, FrequencyResponse, f"curves.{label}")
+    peaks = rows_of("published", published, label=text(), frequency=FREQUENCY, amplitude=quantity("m", finite=False))
     axis = panel(ax, 8.0, 5.0)
     axis.set_yscale("log")
     for colour, (label, curve) in zip(COLOURS, named.items(), strict=False):
@@ -90,7 +94,7 @@ def response_curve(
         if coarse is not None:
             seen = on_grid(curve.frequency, coarse)
             axis.plot(curve.frequency[seen], 1e3 * curve.peak[seen], "o", color=colour, **RINGS)
-    marks = [_mark(axis, marker, *mark) for marker, mark in zip("*PX", published, strict=False)]
+    marks = [_mark(axis, marker, *mark) for marker, mark in zip("*PX", peaks, strict=False)]
     first = next(iter(named.values()))
     if not _scatter(first, join_all)[np.nanargmax(first.peak)]:
         peak = (first.peak_frequency, 1e3 * first.peak_amplitude)
@@ -129,7 +133,7 @@ def _legend(
     if any(_has_rms(named, curve) for curve in named.values()):
         kinds.append(entry("rms", linestyle=":"))
     if coarse is not None:
-        label = f"even grid, {len(np.asarray(coarse))} points"
+        label = f"even grid, {np.size(coarse)} points"
         kinds.append(entry(label, marker="o", linestyle="none", **RINGS))
     legend_above(axis, colours, [*kinds, *marks])
 
@@ -169,6 +173,7 @@ def _mark(axis: Any, marker: str, label: str, frequency: float, amplitude: float
     return axis.plot(frequency, 1e3 * amplitude, marker, label=label, **style)[0]
 
 
+@takes(peak_frequency=FREQUENCY, amplitude_ratio=quantity("1", above=0.0))
 def restitution_scan(
     scans: Sequence[tuple[str, RestitutionScan]],
     peak_frequency: float,
@@ -192,9 +197,15 @@ def restitution_scan(
     Returns
     -------
     ndarray (2,) of Axes
+
+    Raises
+    ------
+    InputError
+        If an argument is of the wrong kind or not > 0.
     """
+    named = rows_of("scans", scans, label=text(), scan=instance(RestitutionScan))
     axes, said = panels(figure, 8.0, 7.4, 2, 1, sharex=True)[:, 0], list[str]()
-    for colour, marker, (label, scan) in zip(COLOURS, "os^D", scans, strict=False):
+    for colour, marker, (label, scan) in zip(COLOURS, "os^D", named, strict=False):
         # hollow, so that curves that coincide are both seen
         style: Any = {"color": colour, "marker": marker, "label": label, "markersize": 6.0, "markerfacecolor": "none"}
         axes[0].plot(scan.restitution, scan.peak_frequency, **style)
@@ -223,6 +234,13 @@ def _dot(text: str, marker: str = ".") -> Any:
     return Line2D([], [], color=DARK, marker=marker, markersize=7.0, linestyle="none", label=text)
 
 
+@takes(
+    x=column("", "columns", finite=True),
+    y=column("", "rows", finite=True),
+    values=column("", "rows", "columns"),
+    samples=column("", "rows", "columns", of="truth value"),
+    title=text(),
+)
 def value_map(
     x: ArrayLike,
     y: ArrayLike,
@@ -255,14 +273,11 @@ def value_map(
     Raises
     ------
     InputError
-        If the shapes do not fit.
+        If the shapes do not fit, or there is no finite value.
     """
-    columns, rows, shown = np.asarray(x, dtype=float), np.asarray(y, dtype=float), np.asarray(values, dtype=float)
-    fits = shown.shape == (rows.size, columns.size)
-    require(fits, "values", f"array of shape {shown.shape}", "", f"must be of shape ({rows.size}, {columns.size})")
+    columns, rows, shown = np.asarray(x), np.asarray(y), np.asarray(values)
+    require(bool(np.any(np.isfinite(shown))), "values", "none", "", "must have one that is finite")
     marked = np.zeros(shown.shape, dtype=bool) if samples is None else np.asarray(samples)
-    fits = marked.shape == shown.shape and marked.dtype.kind == "b"
-    require(fits, "samples", f"array of shape {marked.shape}", "", f"must be of bool, of shape {shown.shape}")
     axis = panel(ax, 8.0, 5.6)
     low, high = np.nanmin(shown), np.nanmax(shown)
     axis.imshow(shown, cmap="cividis", origin="lower", aspect="auto", vmin=low, vmax=high)
