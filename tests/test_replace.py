@@ -39,6 +39,7 @@ CHANGES = {
     "directions": lambda s: {"directions": {"tip": np.ones(s.dofs)}},
     "reactions": lambda s: {"reactions": {"other": system().reactions["root.force"]}},
     "sections": lambda s: {"sections": fi.discretise(STRUCTURE, elements=4).sections},
+    "first_left_out": lambda s: {"first_left_out": 1.0},
 }
 
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import checked, require, require_type, truth
+from femimpact.errors import checked, in_range, quantity, require, require_type, truth
 from femimpact.structure.damping import realised_damping_ratio
 from femimpact.system.contact_pair import ContactPair
-from femimpact.system.modes import solve_modes, solve_stiffness
+from femimpact.system.modes import Modes, solve_modes, solve_stiffness
 from femimpact.system.reactions import reduced_reactions
 from femimpact.system.system import System
 
@@ -66,7 +66,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     """
     require_type(system, System, "system")
     static_correction = checked("static_correction", static_correction, truth())
-    kept = solve_modes(system, modes)
+    kept, left_out = _modes_and_next(system, modes)
     phi, omega, ratio = kept.vectors, 2.0 * math.pi * kept.natural_frequency, kept.damping_ratio
     if static_correction and system.contacts:
         extra, extra_omega = _attachment_vectors(system, phi, omega)
@@ -88,8 +88,22 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
         directions={name: _row(row @ phi) for name, row in system.directions.items()},
         constant_load=_row(phi.T @ system.constant_load),
         reactions=reduced_reactions(system.reactions, phi),
+        first_left_out=left_out,
         computed_together=None,
     )
+
+
+def _modes_and_next(system: System, count: int) -> tuple[Modes, float]:
+    """The lowest modes, and the natural frequency (Hz) of the next one; that is infinite where it does not exist."""
+    if not in_range(count, quantity("modes", at_least=1, at_most=system.dofs - 1, integer=True)):
+        # all of them, or a number that is refused
+        return solve_modes(system, count), system.first_left_out
+    count = int(count)
+    found = solve_modes(system, count + 1)
+    arrays = [np.ascontiguousarray(getattr(found, item.name)[..., :count]) for item in fields(Modes)]
+    for array in arrays:
+        array.setflags(write=False)
+    return Modes(*arrays), min(float(found.natural_frequency[count]), system.first_left_out)
 
 
 def _attachment_vectors(system: System, phi: Array, omega: Array) -> tuple[Array, Array]:
