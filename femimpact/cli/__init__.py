@@ -348,12 +348,11 @@ def _print_results(study: Study, results: StudyResults) -> None:
             f"{_number(history['rms'], 1e3)} mm, {history['steadiness']}; {history['impacts']} impacts, "
             f"{history['regime']['label']}"
         )
-        for name in study.output.channels:
-            channel = history["channels"][name]
+        for name, channel in history["channels"].items():
             where.print(
                 f"{name}: largest {_number(channel['largest'])} {channel['unit']} and rms {_number(channel['rms'])} "
                 f"{channel['unit']} over the last third; largest of the run {_number(channel['largest_of_run'])} "
-                f"{channel['unit']}"
+                f"{channel['unit']} at {_number(channel['time_of_largest'])} s"
             )
         for name, contact in contacts_of(summary).items():
             where.print(
