@@ -38,7 +38,7 @@ NEXT = 0.25
 """Share of the first natural frequency left out, below which that mode follows as if at rest: to 7 %, (1/4)^2."""
 
 BESIDE = 1.1
-"""Frequency over that of the highest mode kept, up to which that mode follows a drive if the next one is farther off."""
+"""Frequency over that of the highest mode kept up to which that mode follows a drive, the next one being farther."""
 
 ENERGY_ABOVE = 0.01
 """Share of a drive's energy above the modes that is warned of: 10 % of its amplitude."""
