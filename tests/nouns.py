@@ -133,6 +133,7 @@ NOUNS = {
     "ImpactStatistics": lambda: response().statistics,
     "Impacts": lambda: response().impacts,
     "KelvinVoigt": lambda: LAW,
+    "Largest": lambda: fi.Largest(-1.0, 0.5, "m"),
     "Material": lambda: fi.STEEL,
     "Mesh": lambda: fi.Mesh([0.0, 0.1, 0.2], {"sensor": 0.1}, {"root half": [0]}),
     "ModalDamping": lambda: fi.ModalDamping((0.01, 0.02)),

@@ -14,8 +14,9 @@ pytestmark = pytest.mark.impacts
 SEEDS = (*range(100), 229)
 """229: a pair that sticks beside another is let go, and is left with a rate of rounding."""
 
-FAR_BASE = "the base moves by up to"
-"""Of records that drift further than half the beam's length: allowed, and warned of."""
+UNUSUAL = ("the base moves by up to", "where no mode is kept")
+"""Of records that drift further than half the beam's length, and of one mode that is driven far above itself: allowed,
+and warned of."""
 
 PHYSICAL = {
     # the generator keeps a drive away from undamped frequencies of the structure, not from those of its contact states
@@ -54,7 +55,8 @@ def test_the_ledger_closes(seed):
     if run is None:
         return
     # above 1e-9 and above the bound that it derives for its own rounding, a run warns; so it does of lost impacts
-    assert [text for text in run.warnings if not text.startswith(FAR_BASE)] == [], case_of(seed).description
+    unexpected = [text for text in run.warnings if not any(words in text for words in UNUSUAL)]
+    assert unexpected == [], case_of(seed).description
     assert np.isfinite(run.energy.residual)
 
 

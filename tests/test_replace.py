@@ -40,6 +40,7 @@ CHANGES = {
     "constant_resultant": lambda s: {"constant_resultant": s.constant_resultant + 1.0},
     "reactions": lambda s: {"reactions": {"other": system().reactions["root.force"]}},
     "sections": lambda s: {"sections": fi.discretise(STRUCTURE, elements=4).sections},
+    "first_left_out": lambda s: {"first_left_out": 1.0},
 }
 
 

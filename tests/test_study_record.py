@@ -116,7 +116,8 @@ def test_a_study_with_a_record_gives_the_history_of_the_same_record_in_python(tm
 
 def test_a_record_of_a_sine_gives_the_motion_of_the_sine_but_for_the_lines_between_its_samples(tmp_path, shaker):
     base = f"\n[base]\namplitude = {AMPLITUDE}\nfrequency = {FREQUENCY}\nduration = 3.9\n"
-    studies = [load_study(written(tmp_path, BEAM + more)) for more in (BASE + "duration = 3.9\n", base)]
+    beam = BEAM.replace("[output]\n", "[output]\ninterval = 3.125e-3\n")
+    studies = [load_study(written(tmp_path, beam + more)) for more in (BASE + "duration = 3.9\n", base)]
     recorded, exact = (
         fi.run_study(study, tmp_path / f"out-{i}").history["tip"].to_numpy() for i, study in enumerate(studies)
     )

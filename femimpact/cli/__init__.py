@@ -354,12 +354,11 @@ def _print_results(study: Study, results: StudyResults) -> None:
             f"{_number(history['rms'], 1e3)}{mark} mm, {history['steadiness']}; {history['impacts']} impacts, "
             f"{history['regime']['label']}"
         )
-        for name in study.output.channels:
-            channel = history["channels"][name]
+        for name, channel in history["channels"].items():
             where.print(
                 f"{name}: largest {_number(channel['largest'])}{mark} {channel['unit']} and rms "
-                f"{_number(channel['rms'])}{mark} {channel['unit']} over the last third; "
-                f"largest of the run {_number(channel['largest_of_run'])} {channel['unit']}"
+                f"{_number(channel['rms'])}{mark} {channel['unit']} over the last third; largest of the run "
+                f"{_number(channel['largest_of_run'])} {channel['unit']} at {_number(channel['time_of_largest'])} s"
             )
         for name, contact in contacts_of(summary).items():
             where.print(

@@ -67,7 +67,9 @@ class RecordedBase:
         detrend : {"none", "mean", "line"}
             What is removed: the mean of the acceleration (an offset), or its line of least squares (offset and drift).
             With either the base moves at t = 0 with the velocity that brings it back to its place at the last sample,
-            which no motion relative to the base depends on.
+            which no motion relative to the base depends on. Not of a pulse: it changes the velocity of the base for
+            good, its mean is no offset, and without it the peak is wrong. A run on such a record has a warning;
+            `excitation.remarks.is_pulse` says how pulses are told from drift.
         columns : two of int or str
             Time and acceleration, by their numbers from 0 or their names in the header.
 

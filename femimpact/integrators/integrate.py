@@ -8,7 +8,7 @@ from typing import Any, cast, overload
 
 from femimpact.errors import require, require_type
 from femimpact.excitation import Excitation, require_excitation
-from femimpact.excitation.remarks import motion_notes, motion_warnings
+from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
 from femimpact.integrators.memory import check_memory, memory_needed
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.threads import Progress, check_progress, run_each, workers_of
@@ -119,8 +119,9 @@ def integrate(
     def run(drive: Excitation, report: Progress | None) -> Response:
         response = method.run(system, drive, duration, recorder, start, report)
         warnings = motion_warnings(drive, system.length)
+        warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)
         warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
-        notes = motion_notes(drive, start.time + duration)
+        notes = motion_notes(drive, system.length, start.time + duration)
         if not (warnings or notes):
             return response
         return replace(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))

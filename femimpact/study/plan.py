@@ -26,7 +26,7 @@ def plan_lines(study: Study) -> list[str]:
     """
     prepared = prepare(study)
     full, small, method = prepared.full, prepared.small, prepared.method
-    grid = method.time_grid(study.base.frequency)
+    grid = method.interval(small, study.excitation, study.base.history_duration, prepared.record)
     steps = round(study.base.history_duration / grid)
     contact_time = shortest_contact(small)
     kind = "modal" if small.is_diagonal else "physical"
@@ -57,8 +57,8 @@ def plan_lines(study: Study) -> list[str]:
     )
     if study.sweep is not None:
         plan = study.sweep
-        cases = most_frequencies(plan)
-        total = cases * plan.cycles / (0.5 * (plan.start + plan.stop)) / grid
+        cases, middle = most_frequencies(plan), 0.5 * (plan.start + plan.stop)
+        total = cases * plan.cycles / middle / method.time_grid(middle)
         swept = sweep_cost(study, small, method)
         lines.append(
             f"sweep: up to {cases} frequencies from {plan.start:g} to {plan.stop:g} Hz, {plan.cycles} cycles each, "

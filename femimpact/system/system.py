@@ -100,6 +100,8 @@ class System:
         without `rayleigh`. A replaced `constant_load` acts on the free dofs alone.
     sections : SectionFields, optional
         The section of every element; None for a system given by matrices.
+    first_left_out : float, Hz
+        Lowest natural frequency that a reduction has left out; infinite where none has.
     computed_together : SystemOrigin, optional
         What the fields were when they were computed from one another. It is made with the system and goes with
         its copies, so that a copy with another M, K or point is refused: what follows from them would be stale.
@@ -132,6 +134,7 @@ class System:
     constant_resultant: Any = field(default=None, metadata=optional(quantity("N")))
     reactions: Mapping[str, Reaction] = field(default_factory=dict)
     sections: SectionFields | None = field(default=None, metadata=optional(instance(SectionFields)))
+    first_left_out: float = field(default=math.inf, metadata=quantity("Hz", at_least=0.0, finite=False))
     computed_together: SystemOrigin | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -467,6 +470,17 @@ class System:
             row.setflags(write=False)
             self._known_rows[at] = row
         return self._known_rows[at]
+
+    @cached_property
+    def highest_kept(self) -> float:
+        """Highest natural frequency (Hz) of the modes kept by a reduction; infinite where nothing was left out.
+
+        Attachment vectors of a static correction are no modes: theirs are above the lowest one left out.
+        """
+        if math.isinf(self.first_left_out):
+            return math.inf
+        natural = np.sqrt(self.K.diagonal() / self.M.diagonal()) / (2.0 * math.pi)
+        return float(natural[natural <= self.first_left_out].max(initial=0.0))
 
     @cached_property
     def derived(self) -> dict[Any, Any]:

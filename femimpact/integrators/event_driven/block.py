@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -44,6 +45,9 @@ Array = NDArray[np.float64]
 
 LINE = 64
 """Bytes of a cache line."""
+
+EXTREMES = 2
+"""Columns of a cycle behind those of `CYCLE_COLUMNS`: the times of its maximum and minimum."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,9 +140,9 @@ def new_block(
         grid=Grid(
             start=np.full(count, inputs.start),
             interval=period / method.samples_per_cycle,
-            per_cycle=method.samples_per_cycle,
+            per_cycle=float(method.samples_per_cycle),
             origin=np.zeros(count, dtype=np.int64),
-            cycle=np.full(count, -1, dtype=np.int64),
+            cycle=np.zeros(count, dtype=np.int64),
             cycles=no_cycles(count, 0),
             values=np.zeros((count, 0, store.outputs.force.shape[0])),
             kept=np.zeros(0, dtype=np.int64),
@@ -209,7 +213,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
 
 def no_cycles(cases: int, cycles: int) -> Array:
     """Statistics of cycles of which nothing was read."""
-    table = np.zeros((cases, cycles, len(CYCLE_COLUMNS)))
+    table = np.zeros((cases, cycles, len(CYCLE_COLUMNS) + EXTREMES))
     table[:, :, 0], table[:, :, 1] = -np.inf, np.inf
     return table
 
@@ -344,8 +348,8 @@ def working_space(block: Block, forms: Forms) -> Space:
     rest: list[NDArray[np.float64 | np.complex128]] = [
         np.zeros(entries, dtype=complex),
         np.zeros(pairs),
-        np.zeros(block.grid.per_cycle),
-        np.zeros(2),
+        np.zeros(math.ceil(block.grid.per_cycle) + 1),
+        np.zeros(len(CYCLE_COLUMNS) + EXTREMES),
     ]
     motion = Motion(
         entry=np.zeros(entries, dtype=complex),

@@ -25,7 +25,7 @@ from femimpact.integrators.event_driven.motion import (
 )
 from femimpact.integrators.event_driven.states import base_motion, gap_of, gap_on, read_coordinates, side_of
 
-__all__ = ["LEAST_ADVANCE", "add_peaks", "add_to_cycle", "follow_peak", "keep_snapshot"]
+__all__ = ["LEAST_ADVANCE", "add_peaks", "add_to_cycle", "cycle_end", "end_cycle", "follow_peak", "keep_snapshot"]
 
 PEAK_TOLERANCE = 1e-10
 """Share of the largest value by which a crest may stand out and not be looked for."""
@@ -45,11 +45,38 @@ SHORT = 1e3
 NEWTON_STEPS = 6
 
 
+MAXIMUM_TIME, MINIMUM_TIME = 6, 7
+"""Where the times of the extremes stand in a row of `Grid.cycles`."""
+
+
 @inlined
-def add_to_cycle(number: int, w: float, phase: complex, cycles: Array) -> None:
-    """Sums over the cycle that a sample belongs to."""
-    row = cycles[number]
-    row[0], row[1] = max(row[0], w), min(row[1], w)
+def _include(w: float, time: float, row: Array) -> None:
+    """Add what w is at a time to the extremes of a cycle."""
+    if w > row[0]:
+        row[0], row[MAXIMUM_TIME] = w, time
+    if w < row[1]:
+        row[1], row[MINIMUM_TIME] = w, time
+
+
+@inlined
+def _cycle_begin(number: int, c: int, grid: Grid) -> float:
+    """Where a cycle begins, in samples."""
+    return float(grid.origin[c] + number * grid.per_cycle)
+
+
+@inlined
+def cycle_end(c: int, grid: Grid) -> float:
+    """When (s) the cycle ends that goes on."""
+    return float(grid.start[c] + _cycle_begin(grid.cycle[c] + 1, c, grid) * grid.interval[c])
+
+
+@inlined
+def add_to_cycle(sample: int, time: float, w: float, phase: complex, c: int, space: Space, grid: Grid) -> None:
+    """Sums over the cycle that goes on, to which a sample belongs."""
+    number = grid.cycle[c]
+    row = grid.cycles[c, number]
+    space.samples[sample - math.floor(_cycle_begin(number, c, grid)) - 1] = w
+    _include(w, time, row)
     row[2] += w * w
     row[3] += w * phase.imag
     row[4] += w * phase.real
@@ -79,6 +106,19 @@ def keep_snapshot(number: int, shapes: Shapes, pairs: Pairs, case: Case, space: 
 
 
 @apart
+def end_cycle(c: int, end: float, read: int, scalars: Scalars, space: Space, grid: Grid) -> None:
+    """End the cycle that goes on at a time between two samples, `read` being the number of the first of them."""
+    motion = space.crest
+    copy_motion(space.begin, motion)
+    move(scalars, motion, end - motion.clock[0])
+    motion.clock[0] = end
+    phase = unit_phase(scalars.omega, motion.clock)
+    last = value_now(scalars.lasting.size, scalars.exponent.size, phase, scalars, motion)
+    add_peaks(c, end, last, read, scalars, space, grid)
+    grid.cycle[c] += 1
+
+
+@apart
 def add_peaks(
     c: int, until: float, last: float, read: int, scalars: Scalars, space: Space, grid: Grid
 ) -> None:  # fmt: skip
@@ -87,13 +127,13 @@ def add_peaks(
     `last` is w at that instant, and `read` the number of the last sample before it. Only between samples where more
     than the extremes is not excluded by what w may do there, is a crest looked for.
     """
-    number, interval = max(grid.cycle[c], 0), grid.interval[c]
-    first = grid.origin[c] + number * grid.per_cycle
-    begin, row, motion = grid.start[c] + first * interval, grid.cycles[c, number], space.spare
-    # before the first cycle nothing is measured
-    if until <= begin:
+    number, interval = grid.cycle[c], grid.interval[c]
+    begun = _cycle_begin(number, c, grid)
+    first, begin = math.floor(begun), grid.start[c] + begun * interval
+    row, motion = grid.cycles[c, number], space.spare
+    # before the first cycle nothing is measured, and what lasts no time is no motion
+    if until <= max(begin, space.begin.clock[0]):
         return
-    grid.cycle[c] = number
     copy_motion(space.begin, motion)
     if motion.clock[0] < begin:
         move(scalars, motion, begin - motion.clock[0])
@@ -101,12 +141,13 @@ def add_peaks(
     time, least, r = motion.clock[0], LEAST_ADVANCE * interval, scalars.lasting.size
     measure(scalars, motion, space.search)
     before = value_now(r, scalars.size.size, unit_phase(scalars.omega, motion.clock), scalars, motion)
-    row[0], row[1] = max(row[0], max(before, last)), min(row[1], min(before, last))
+    _include(before, time, row)
+    _include(last, until, row)
     slack = PEAK_TOLERANCE * max(abs(row[0]), abs(row[1])) + _negligible(r, scalars, motion, space.search)
     excess = _excess_between(r, interval, until - time, scalars, motion, space.search) - slack
-    place, start = int((time - begin) / interval) + 1, math.inf
+    place, start = int((time - (grid.start[c] + first * interval)) / interval) + 1, math.inf
     while time < until:
-        at, value = begin + place * interval, last
+        at, value = grid.start[c] + (first + place) * interval, last
         if first + place <= read and at < until:
             value = space.samples[place - 1]
         else:
@@ -171,7 +212,7 @@ def follow_peak(
         active = _leave_out_ripples(0.25 * slack, entries, scalars.weight_size[r], search)
         safe = clear_time(r, scalars, motion, active, phase, remaining, search)
         value, rate = search.found[0], search.found[1]
-        row[0], row[1] = max(row[0], value), min(row[1], value)
+        _include(value, motion.clock[0], row)
         # far below the extremes so far long times are safe, and curvature need not be computed
         if safe < remaining and (0.25 * abs(rate) * safe < row[0] - row[1] or safe < SHORT * least):
             derivatives(r, scalars, motion, phase, search)
@@ -232,7 +273,7 @@ def _advance_to_crest(
         copy_motion(space.spare, space.crest)
         move(scalars, space.crest, time)
         value, slope, curve = rates_now(r, scalars, space.crest, space.search.power)
-        row[0], row[1] = max(row[0], value), min(row[1], value)
+        _include(value, space.crest.clock[0], row)
         slope, curve = side * slope, side * curve
         if slope > 0.0:
             low = time

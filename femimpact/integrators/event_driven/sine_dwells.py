@@ -11,8 +11,9 @@ from femimpact.contact.formulas import RIGID
 from femimpact.excitation import Sine
 from femimpact.integrators.answers import SineDwellResults, SineDwells
 from femimpact.integrators.driving import drive_of
+from femimpact.integrators.event_driven.alone import unending
 from femimpact.integrators.event_driven.dwells import DwellCases, run_dwells
-from femimpact.integrators.event_driven.run import not_finite, peaks_of_forces, unending
+from femimpact.integrators.event_driven.run import not_finite, peaks_of_forces
 from femimpact.integrators.event_driven.settings import EventSettings, check_events
 from femimpact.integrators.threads import Progress
 from femimpact.response.energy import BALANCED, unbalanced
