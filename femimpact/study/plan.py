@@ -52,7 +52,7 @@ def plan_lines(study: Study) -> list[str]:
     lines.append(f"method: {study.method.get('name', 'newmark')}; {described}")
     history = history_cost(study, small, method, prepared.record)
     lines.append(
-        f"history: {steps} {method.unit}, {study.base.words}, "
+        f"history: {steps} {method.unit}, {grid:.4g} s apart, {study.base.words}, "
         f"takes about {history.memory / 1e6:.3g} MB and {history.seconds:.2g} s"
     )
     if study.sweep is not None:

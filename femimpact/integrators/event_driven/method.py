@@ -88,8 +88,8 @@ class EventDriven:
         return "samples"
 
     def description(self, frequency: float, origin: str) -> str:
-        """How it advances in time, in words, under a drive of a frequency (Hz)."""
-        return f"exact between impacts and through compliant ones, read every {self.time_grid(frequency):.4g} s"
+        """How it advances in time, in words: at no step that a frequency of the drive (Hz) would tell."""
+        return "exact between impacts and through compliant ones"
 
     def check(self, system: System) -> tuple[str, ...]:
         """No warnings; an error for a system that cannot be computed exactly."""
