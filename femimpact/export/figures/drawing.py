@@ -118,13 +118,15 @@ def panels(
     import matplotlib
     from matplotlib.figure import Figure, FigureBase
 
+    if figure is None:
+        import matplotlib.pyplot as plt
+
+        # outside the style: the first figure of a notebook chooses the backend, which sets pyplot to interactive, and
+        # the end of the style would set that back: no later figure would be shown
+        figure = plt.figure(figsize=(width, height), layout="constrained")
     with matplotlib.rc_context(STYLE):
         if isinstance(figure, OffScreen):
             figure = Figure(figsize=(width, height), layout="constrained")
-        elif figure is None:
-            import matplotlib.pyplot as plt
-
-            figure = plt.figure(figsize=(width, height), layout="constrained")
         require_type(figure, FigureBase, "figure")
         axes: NDArray[np.object_] = figure.subplots(rows, columns, squeeze=False, **options)
     return axes
