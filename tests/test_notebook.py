@@ -56,4 +56,4 @@ def test_three_figures_and_a_plot_of_ones_own_are_all_shown(tmp_path):
     first, *drawn = _outputs([FIRST, *FIGURES.values()], tmp_path)
     assert first == []
     shown = {name: ["image/png" in kinds for kinds in outputs] for name, outputs in zip(FIGURES, drawn, strict=True)}
-    assert shown == dict.fromkeys(FIGURES, [True])
+    assert shown == {name: [True] for name in FIGURES}
