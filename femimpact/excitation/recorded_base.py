@@ -116,6 +116,8 @@ class RecordedBase:
         from femimpact.excitation.record_file import samples_of
 
         samples, interval = samples_of(text, scale, detrend, columns, path)
+        # a long one is as large as all the rest
+        del text
         base = cls(samples, interval)
         return base if detrend == "none" else base.returning()
 
