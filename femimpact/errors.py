@@ -55,6 +55,10 @@ MOST = 10**15
 """A whole number beyond this is taken for a mistake: it neither counts anything nor fits into a float."""
 
 
+LARGEST, SMALLEST = 1e30, 1e-30
+"""Of a finite number, and of one that must be above zero: beyond, products of a few are no numbers any more."""
+
+
 class FemimpactError(Exception):
     """Base of every error that femimpact raises on purpose."""
 
@@ -155,7 +159,7 @@ class InputError(FemimpactError, ValueError):
 
 
 class _Refused(Exception):  # noqa: N818 - raised and caught in this module only
-    """A value is not what a field's metadata allows."""
+    """A value is not what a field's metadata allows; what it says, if anything, is allowed too."""
 
 
 def quantity(
@@ -278,6 +282,8 @@ def _number(value: Any, bounds: Mapping[str, float], integer: bool, finite: bool
     inside = all(_COMPARISONS[name](number, bound) for name, bound in bounds.items())
     if not inside or (integer and (not number.is_integer() or abs(number) > MOST)):
         raise _Refused
+    if finite and (abs(number) > LARGEST or (bounds.get("above") == 0.0 and number < SMALLEST)):
+        raise _Refused(f", and of {SMALLEST:g} to {LARGEST:g} in size")
     return int(number) if integer else number
 
 
@@ -411,8 +417,8 @@ def checked(key: str, value: object, metadata: Mapping[str, Any]) -> Any:
     """
     try:
         return metadata["take"](value)
-    except _Refused:
-        raise InputError([Fault(key, value, metadata["unit"], metadata["allowed"])]) from None
+    except _Refused as refusal:
+        raise InputError([Fault(key, value, metadata["unit"], f"{metadata['allowed']}{refusal}")]) from None
 
 
 class _Declared(NamedTuple):
@@ -447,8 +453,8 @@ def _taken(instance: Any) -> tuple[dict[str, Any], list[Fault]]:
             continue
         try:
             values[name] = taken = take(value)
-        except _Refused:
-            faults.append(Fault(name, value, unit, allowed))
+        except _Refused as refusal:
+            faults.append(Fault(name, value, unit, f"{allowed}{refusal}"))
             continue
         if not axes or taken is None:
             continue

@@ -15,7 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, cr
 from pydantic_core import PydanticCustomError
 
 from femimpact.contact import KelvinVoigt, PowerLaw, Rigid, SwitchingSpring
-from femimpact.errors import Fault, InputError, allowed_range, in_range, require, suggestion
+from femimpact.errors import Fault, InputError, allowed_range, checked, require, suggestion
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular
@@ -227,8 +227,10 @@ def _model_of(noun: Any, without: tuple[str, ...] = (), optional: tuple[str, ...
 
 
 def _check_quantity(value: Any, metadata: Mapping[str, Any]) -> Any:
-    if not in_range(value, metadata):
-        raise PydanticCustomError("quantity", "{allowed}", {"allowed": allowed_range(metadata)})
+    try:
+        checked("", value, metadata)
+    except InputError as error:
+        raise PydanticCustomError("quantity", "{allowed}", {"allowed": error.faults[0].allowed}) from None
     return value
 
 
