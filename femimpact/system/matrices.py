@@ -93,7 +93,11 @@ def sound_sparse(name: str, value: Any) -> Any:
         if value.format in ("csr", "csc", "bsr"):
             parts = value.data, value.indices, value.indptr
             whole = all(np.asarray(part).dtype.kind in "iu" for part in parts[1:])
-            # a new matrix of the same arrays: what its maker has found out of it before may be out of date
+            # scipy takes a negative last one for a matrix without entries, of which it checks no more
+            ends = np.asarray(value.indptr).astype(np.int64)
+            if ends[0] != 0 or np.any(np.diff(ends) < 0):
+                raise ValueError("indptr must begin with 0 and not fall")
+            # a new matrix of the same arrays: what the given one has found out about itself may be out of date
             found: Any = getattr(sparse, f"{value.format}_array")(parts, shape=value.shape)
             found.check_format(full_check=True)
         else:
