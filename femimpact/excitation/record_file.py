@@ -142,12 +142,13 @@ def _columns(text: str, path: Path, columns: tuple[int | str, ...]) -> tuple[Arr
     """The two columns of numbers behind the header; lines that are empty or begin with # are left out."""
     places, first = _header(path, text, columns)
     # arrays that grow where they are
-    found = array("d"), array("d")
+    found, width = (array("d"), array("d")), 0
     for number, lines in _blocks(text):
         rows = lines[max(first - number, 0) :]
-        values = _plain_values(rows, places)
+        width = width or next((len(fields) for _, fields in _cells(rows, number)), 0)
+        values = _plain_values(rows, places, width)
         if values is None:
-            values = _values(_cells(rows, max(first, number)), places, path)
+            values = _values(_cells(rows, max(first, number)), places, width, path)
         for column, part in zip(found, values.T, strict=True):
             column.frombytes(part.tobytes())
     return np.frombuffer(found[0]), np.frombuffer(found[1])
@@ -168,7 +169,7 @@ def _cells(lines: Iterable[str], number: int) -> Iterator[tuple[int, list[str]]]
     return ((i, _fields(line)) for i, line in enumerate(lines, number) if line.strip() and line.lstrip()[0] != "#")
 
 
-def _plain_values(lines: Sequence[str], places: tuple[int, ...]) -> Array | None:
+def _plain_values(lines: Sequence[str], places: tuple[int, ...], width: int) -> Array | None:
     """What `_values` finds in lines that are all written in the same plain way; None where they are not."""
     lines = [line for line in lines if (begin := line.lstrip()) and begin[0] != "#"]
     if not lines:
@@ -179,6 +180,8 @@ def _plain_values(lines: Sequence[str], places: tuple[int, ...]) -> Array | None
     others = MARKS.partition(mark)[0] if mark else MARKS
     if any(sign in block for sign in others + '"') or max(places) == 0:
         return None
+    if mark == "," and any(line.count(",") != width - 1 for line in lines):
+        return None
     if mark in (";", "\t") and "," in block:
         lines = block.replace(",", ".").split("\n")
     try:
@@ -188,10 +191,14 @@ def _plain_values(lines: Sequence[str], places: tuple[int, ...]) -> Array | None
     return values if len(values) == len(lines) and np.isfinite(values).all() else None
 
 
-def _values(cells: Iterable[tuple[int, list[str]]], places: tuple[int, ...], path: Path) -> Array:
-    """The two numbers of every line (rows, 2), or which is none."""
+def _values(cells: Iterable[tuple[int, list[str]]], places: tuple[int, ...], width: int, path: Path) -> Array:
+    """The two numbers of every line (rows, 2), or which is none; `width` is the number of cells in the first row."""
     rows = []
     for i, fields in cells:
+        # the rest of a number with a decimal comma, in a file of commas; words may stand there
+        more = next((cell for cell in fields[width:] if decimal_number(cell) is not None), None)
+        allowed = f"line {i}: a number, {more!r}, behind the {width} cells of the first row: is a comma a decimal one?"
+        require(more is None, "path", str(path), "", allowed)
         row = []
         for place in places:
             cell = fields[place] if place < len(fields) else "nothing"
