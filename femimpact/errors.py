@@ -55,8 +55,8 @@ MOST = 10**15
 """A whole number beyond this is taken for a mistake: it neither counts anything nor fits into a float."""
 
 
-LARGEST, SMALLEST = 1e30, 1e-30
-"""Of a finite number, and of one that must be above zero: beyond, products of a few are no numbers any more."""
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Of a finite number that must be above zero: products and powers of a few beyond are zero, or no numbers."""
 
 
 class FemimpactError(Exception):
@@ -282,7 +282,7 @@ def _number(value: Any, bounds: Mapping[str, float], integer: bool, finite: bool
     inside = all(_COMPARISONS[name](number, bound) for name, bound in bounds.items())
     if not inside or (integer and (not number.is_integer() or abs(number) > MOST)):
         raise _Refused
-    if finite and (abs(number) > LARGEST or (bounds.get("above") == 0.0 and number < SMALLEST)):
+    if finite and bounds.get("above") == 0.0 and not SMALLEST <= number <= LARGEST:
         raise _Refused(f", and of {SMALLEST:g} to {LARGEST:g} in size")
     return int(number) if integer else number
 
