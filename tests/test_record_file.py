@@ -22,6 +22,8 @@ WAYS = {
     "spaces": lambda t, a: f"  {t}   {a} ",
     "blanks beside commas": lambda t, a: f" {t} , {a} ",
     "quoted": lambda t, a: f'"{t}","{a}"',
+    "quoted decimal commas": lambda t, a: f'"{t}";"{a}"'.replace(".", ","),
+    "quoted, with blanks": lambda t, a: f' "{t}" , "{a}" ',
     "more columns": lambda t, a: f"{t},{a},x,",
     "plus signs": lambda t, a: f"+{t},{a}",
 }

@@ -178,6 +178,10 @@ def _plain_values(lines: Sequence[str], places: tuple[int, ...], width: int) -> 
     mark = _mark(lines[0])
     # a line without the mark has no second cell
     others = MARKS.partition(mark)[0] if mark else MARKS
+    if mark and '"' in block:
+        block = block.replace(f'"{mark}', mark).replace(f'{mark}"', mark)
+        lines = [line.strip().strip('"') for line in block.split("\n")]
+        block = "\n".join(lines)
     if any(sign in block for sign in others + '"') or max(places) == 0:
         return None
     if mark == "," and any(line.count(",") != width - 1 for line in lines):
