@@ -16,6 +16,7 @@ from femimpact.errors import (
     check_fields,
     checked,
     column,
+    in_range,
     items,
     quantity,
     real_array,
@@ -204,9 +205,10 @@ def scan_restitution(
     require_type(structure, Structure, "structure")
     require_type(empty, FrequencyResponse, "empty")
     check_progress(progress)
+    of_one = quantity("1", above=0.0, at_most=1.0)
     allowed = "must be one or more numbers > 0 and <= 1"
     values = np.atleast_1d(real_array("restitutions", restitutions, "1", allowed))
-    sound = values.ndim == 1 and values.size > 0 and bool(np.all((values > 0.0) & (values <= 1.0)))
+    sound = values.ndim == 1 and values.size > 0 and all(in_range(value, of_one) for value in values.tolist())
     require(sound, "restitutions", values if values.ndim > 1 else restitutions, "1", allowed)
     points = real_array("frequencies", frequencies, "Hz", "must be finite numbers")
     require(points.size >= LEAST_POINTS, "frequencies", points.size, "points", f"must hold at least {LEAST_POINTS}")

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from femimpact.contact.restitution import EFFECTIVE_MASS
 from femimpact.errors import check_fields, checked, quantity, require
 
 __all__ = ["Collision", "collision_of", "crest", "integrated_collision", "mass_and_speed"]
@@ -54,7 +55,7 @@ def mass_and_speed(effective_mass: object, approach_speed: object) -> tuple[floa
     InputError
         If they are not, or their energy is zero or infinite to rounding.
     """
-    mass = float(checked("effective_mass", effective_mass, quantity("kg", above=0.0)))
+    mass = float(checked("effective_mass", effective_mass, EFFECTIVE_MASS))
     speed = float(checked("approach_speed", approach_speed, quantity("m/s", above=0.0)))
     allowed = f"must have an energy, with an effective_mass of {mass:g} kg, that is neither zero nor infinite"
     require(0.0 < 0.5 * mass * speed * speed < math.inf, "approach_speed", speed, "m/s", f"{allowed} to rounding")

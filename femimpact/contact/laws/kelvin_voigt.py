@@ -12,6 +12,7 @@ from femimpact.contact.collision import Collision, collision_of, crest
 from femimpact.contact.formulas import KELVIN_VOIGT, kelvin_voigt_force, spring_potential
 from femimpact.contact.parameters import ContactParameters
 from femimpact.contact.restitution import (
+    EFFECTIVE_MASS,
     contact_time_of,
     damping_ratio_for_restitution,
     linear_angle,
@@ -122,7 +123,7 @@ def spring_and_dashpot(law: KelvinVoigt, effective_mass: float) -> tuple[float, 
         If the law is of another kind, or the mass is not > 0.
     """
     require_type(law, KelvinVoigt, "law")
-    effective_mass = checked("effective_mass", effective_mass, quantity("kg", above=0.0))
+    effective_mass = checked("effective_mass", effective_mass, EFFECTIVE_MASS)
     ratio = None if law.restitution is None else damping_ratio_for_restitution(law.restitution)
     stiffness = law.stiffness or 0.0
     if ratio is not None and law.contact_time is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -16,6 +15,9 @@ __all__ = ["find_largest"]
 
 PIECE = 10_000
 """Steps in memory at once."""
+
+NO_LIMIT = 1e30
+"""Bytes: a piece is all that is kept."""
 
 
 def find_largest(
@@ -43,7 +45,7 @@ def find_largest(
 
     every_step = replace(
         recorder, channels=channels, every=1, start=0.0, snapshots=0, state_at=None, impacts=0, ledger=False,
-        memory_limit=sys.float_info.max, sink=take, piece_samples=PIECE,
+        memory_limit=NO_LIMIT, sink=take, piece_samples=PIECE,
     )  # fmt: skip
     run(every_step)
     return tuple(
