@@ -359,7 +359,7 @@ class Response:
         found = self.largest_values
         if found is None:
             raise InputError([Fault("largest", None, "", allowed)])
-        return found.of(resolve_channels(self.system, tuple(channels)))
+        return found.of(resolve_channels(self.system, Recorder(channels).channels))
 
     def to_pandas(self) -> pandas.DataFrame:
         """All channels over time; units in `attrs["units"]`.
