@@ -12,8 +12,8 @@ inline const char *fault_of(const Task &task, const Job &job, const Ledger *ledg
     const Grid &grid = job.grid;
     const Index cases = job.cases.omega.size();
     if (job.forms.made < 0 || job.forms.made > job.forms.key.size()) return "forms.made: must be a number of forms";
-    if (grid.per_cycle < 1 || grid.per_cycle != job.space.samples.size())
-        return "grid.per_cycle: must be the length of space.samples";
+    if (!(grid.per_cycle >= 1.0 && grid.per_cycle + 1.0 <= double(job.space.samples.size())))
+        return "grid.per_cycle: must be >= 1, and less than space.samples has";
     if (cases > 1 && job.tables.impacts.shape[0] + job.tables.sticking.shape[0] + job.snapshots.shown.size() > 0)
         return "tables, snapshots: are of a single case";
     for (Index i = 0; i < task.members.size(); i++)

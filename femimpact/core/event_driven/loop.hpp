@@ -13,11 +13,6 @@ enum : Index { DONE, FORM_WANTED, RESONANT, UNENDING };
 // Events at one instant beyond which the motion is called unresolved.
 constexpr Index EVENTS_AT_ONCE = 200;
 
-// Quotient rounded down, of a positive divisor.
-[[gnu::always_inline]] inline Index rounded_down(Index number, Index divisor) {
-    return number >= 0 ? number / divisor : -((-number + divisor - 1) / divisor);
-}
-
 // Takes the coordinates of a case into the closed form of its contact states.
 [[gnu::noinline]] inline Index enter(const Case &c, const Job &job, const Ledger *b) {
     const Cases &cases = job.cases;
@@ -64,7 +59,7 @@ constexpr Index EVENTS_AT_ONCE = 200;
     const Snapshots &snapshots = job.snapshots;
     const Scalars &scalars = form.scalars;
     const Motion &motion = job.space.motion;
-    ComplexArray growth = job.space.turn.row(0);
+    ComplexArray growth = job.space.turn;
     double dt = grid.interval(c.number), observed = 0.0;
     Index read = 0, active = 0, events = scalars.lasting.size(), measured = grid.cycles.shape[1];
     Complex phase = {1.0, 0.0}, wave = {1.0, 0.0};
@@ -104,14 +99,15 @@ constexpr Index EVENTS_AT_ONCE = 200;
         if (snapshots.shown.size() > 0 && snapshots.shown(i) >= 0)
             keep_snapshot(snapshots.shown(i), form.shapes, job.pairs, c, job.space, snapshots);
         job.cases.sample(c.number) = sample;
-        Index since = sample - 1 - grid.origin(c.number), number = rounded_down(since, grid.per_cycle);
-        if (0 <= number && number < measured) {
-            add_to_cycle(number, observed, phase, grid.cycles.row(c.number));
-            Index place = since % grid.per_cycle;
-            job.space.samples(place) = observed;
-            if (place + 1 == grid.per_cycle) {
-                add_peaks(c.number, time, observed, sample, scalars, job.space, grid);
-                grid.cycle(c.number) = number + 1;
+        if (sample > grid.origin(c.number) && grid.cycle(c.number) < measured) {
+            if (cycle_end(c.number, grid) < time)
+                end_cycle(c.number, cycle_end(c.number, grid), sample - 1, scalars, job.space, grid);
+            if (grid.cycle(c.number) < measured) {
+                add_to_cycle(sample, time, observed, phase, c.number, job.space, grid);
+                if (cycle_end(c.number, grid) == time) {
+                    add_peaks(c.number, time, observed, sample, scalars, job.space, grid);
+                    grid.cycle(c.number) += 1;
+                }
             }
         }
     }
@@ -138,15 +134,18 @@ inline Index to_next_event(Index begin, double until, const Form &form, const Ca
         cases.events(c.number, 1) = 0;
         for (Index j = 0; j < c.state.size(); j++)
             if (is_active(c.state(j)))
-                add_contact(j, job.pairs.rigid(j), reached - motion.clock(0), scalars, c, space);
+                add_contact(j, reached, job.grid.interval(c.number), scalars, c, space);
     }
     copy_motion(motion, space.begin);
     read_samples(begin, reached, status != END, form, c, job, b);
     // the samples first: where they exclude a peak none is looked for
-    if (larger(job.grid.cycle(c.number), Index(0)) < job.grid.cycles.shape[1]) {
+    const Grid &grid = job.grid;
+    if (grid.cycle(c.number) < grid.cycles.shape[1] && cycle_end(c.number, grid) < reached)
+        end_cycle(c.number, cycle_end(c.number, grid), cases.sample(c.number), scalars, space, grid);
+    if (grid.cycle(c.number) < grid.cycles.shape[1]) {
         Complex phase = unit_phase(scalars.omega, trial.clock);
         double last = value_now(scalars.lasting.size(), scalars.exponent.size(), phase, scalars, trial);
-        add_peaks(c.number, reached, last, cases.sample(c.number), scalars, space, job.grid);
+        add_peaks(c.number, reached, last, cases.sample(c.number), scalars, space, grid);
     }
     copy_motion(trial, motion);
     if (b && (b->everywhere || any_compliant(c, job.pairs))) add_to_ledger(form, job.pairs, c, space, *b);

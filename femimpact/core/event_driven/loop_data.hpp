@@ -3,7 +3,7 @@
 // The functions `fields` are the table of names, types and shapes that Python hands arrays over by; a type in View<...>
 // that is const is only read. The case axis comes first: each case is a run of its own. In shapes C cases, F closed
 // forms, K entries, P rigid-body coordinates, d coordinates (structure, then balls), n coordinates of the structure,
-// R pairs, O outputs, N closed forms of the same contact parameters, B blocks, L knots, S samples of a base cycle; any
+// R pairs, O outputs, N closed forms of the same contact parameters, B blocks, L knots, S samples of a base cycle and one more; any
 // other letter is a length of its own. Rows of scalars: x of every pair, the contact force of every pair on the
 // structure, then the outputs, the first of which is the observed place.
 #pragma once
@@ -344,10 +344,11 @@ struct Case {
 struct Grid {
     GivenArray start;          // (C,) s, of sample 0
     GivenArray interval;       // (C,) s
-    Index per_cycle;           // samples
+    double per_cycle;          // samples, which need not be whole
     GivenIndices origin;       // (C,) sample with which the first cycle begins
     View<Index, 1> cycle;      // (C,) cycle whose peak is being looked for
-    View<double, 3> cycles;    // (C, y, 6): largest, smallest, sums of w^2, w sin and w cos, and samples of each cycle
+    View<double, 3> cycles;    // (C, y, 8): largest, smallest, sums of w^2, w sin and w cos, samples, and the times of the
+                               // extremes (s) of each cycle
     View<double, 3> values;    // (C, x, O), or (C, 0, O) where only cycles are wanted
     GivenIndices kept;         // (k,) number of the energy row that a sample fills, -1 for none
     View<double, 3> energy;    // (C, e, 7 + n)
@@ -358,7 +359,7 @@ struct Grid {
         visit("per_cycle", per_cycle);
         visit("origin", origin, "C");
         visit("cycle", cycle, "C");
-        visit("cycles", cycles, "C y 6");
+        visit("cycles", cycles, "C y 8");
         visit("values", values, "C x O");
         visit("kept", kept, "k");
         visit("energy", energy, "C e n+7");
@@ -479,9 +480,10 @@ struct Space {
     Search search;
     Bounds bounds;
     Products products;
-    ComplexMatrix turn;    // (2, K + 1)
+    ComplexArray turn;     // (K,) growth of the entries between two samples
     Array impulse;         // (R,)
     Array samples;         // (S,) w of the cycle that goes on, as far as it is read
+    Array extremes;        // (8,) extremes of a contact force and their times, as in a row of `Grid.cycles`
 
     template <class Visitor> void fields(Visitor &visit) {
         visit.group("motion", motion);
@@ -493,9 +495,10 @@ struct Space {
         visit.group("search", search);
         visit.group("bounds", bounds);
         visit.group("products", products);
-        visit("turn", turn, "2 K+1");
+        visit("turn", turn, "K");
         visit("impulse", impulse, "R");
         visit("samples", samples, "S");
+        visit("extremes", extremes, "8");
     }
 };
 

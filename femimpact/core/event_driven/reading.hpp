@@ -6,16 +6,16 @@
 
 namespace FEMIMPACT_TARGET {
 
-// Share of a cycle's largest |w| by which a crest may stand out and not be looked for.
+// Share of the largest value by which a crest may stand out and not be looked for.
 constexpr double PEAK_TOLERANCE = 1e-10;
 
 // Of the time between two samples: what the search for a peak advances at least.
 constexpr double LEAST_ADVANCE = 1e-6;
 
-// Share of the terms that make w below which no peak is looked for, where these cancel.
+// Share of the terms that make a value below which no peak is looked for, where these cancel.
 constexpr double CANCELLED = 1e-11;
 
-// Metres below which nothing moves.
+// Metres below which nothing moves, and newtons below which nothing pushes.
 constexpr double LEAST_MOTION = 1e-20;
 
 // Least advances below which a time is short.
@@ -23,11 +23,38 @@ constexpr double SHORT = 1e3;
 
 constexpr Index NEWTON_STEPS_OF_CREST = 6;
 
-// Adds a sample to the sums over the cycle that it belongs to.
-[[gnu::always_inline]] inline void add_to_cycle(Index number, double w, Complex phase, const Matrix &cycles) {
-    Array row = cycles.row(number);
-    row(0) = larger(row(0), w);
-    row(1) = smaller(row(1), w);
+// Where the times of the extremes stand in a row of `Grid.cycles`.
+constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
+
+// Adds what w is at a time to the extremes of a cycle.
+[[gnu::always_inline]] inline void include(double w, double time, Array row) {
+    if (w > row(0)) {
+        row(0) = w;
+        row(MAXIMUM_TIME) = time;
+    }
+    if (w < row(1)) {
+        row(1) = w;
+        row(MINIMUM_TIME) = time;
+    }
+}
+
+// Where a cycle begins, in samples.
+[[gnu::always_inline]] inline double cycle_begin(Index number, Index c, const Grid &grid) {
+    return double(grid.origin(c)) + double(number) * grid.per_cycle;
+}
+
+// When (s) the cycle ends that goes on.
+[[gnu::always_inline]] inline double cycle_end(Index c, const Grid &grid) {
+    return grid.start(c) + cycle_begin(grid.cycle(c) + 1, c, grid) * grid.interval(c);
+}
+
+// Adds a sample to the sums over the cycle that goes on, to which it belongs.
+[[gnu::always_inline]] inline void add_to_cycle(Index sample, double time, double w, Complex phase, Index c,
+                                                const Space &space, const Grid &grid) {
+    Index number = grid.cycle(c);
+    Array row = grid.cycles.row(c, number);
+    space.samples(sample - Index(__builtin_floor(cycle_begin(number, c, grid))) - 1) = w;
+    include(w, time, row);
     row(2) += w * w;
     row(3) += w * phase.imag;
     row(4) += w * phase.real;
@@ -55,9 +82,9 @@ constexpr Index NEWTON_STEPS_OF_CREST = 6;
     }
 }
 
-// ---- the peak of a cycle ----------------------------------------------------------------------------
+// ---- the peak of a cycle, and of a contact ----------------------------------------------------------
 
-// What is too little to be looked for in w where large terms cancel.
+// What is too little to be looked for in scalar r where large terms cancel.
 [[gnu::always_inline]] inline double negligible_motion(Index r, const Scalars &scalars, const Motion &motion,
                                                        const Search &search) {
     Complex wave = scalars.sine(r);
@@ -93,7 +120,7 @@ constexpr Index NEWTON_STEPS_OF_CREST = 6;
     return total;
 }
 
-// Number of the entries that matter: the fastest are left out that together move w by no more than `least`.
+// Number of the entries that matter: the fastest are left out that together add no more than `least`.
 [[gnu::always_inline]] inline Index leave_out_ripples(double least, Index active, GivenArray weight_size,
                                                       const Search &search) {
     double left = 0.0;
@@ -107,17 +134,17 @@ constexpr Index NEWTON_STEPS_OF_CREST = 6;
     return active;
 }
 
-// Time in which w rises on, or in which its only crest has been looked at; the same with a falling w.
-[[gnu::always_inline]] inline double advance_to_crest(double rate, double remaining, const Scalars &scalars,
-                                                      const Space &space, Array row) {
-    Index r = scalars.lasting.size();
+// Time in which scalar r rises on, or in which its only crest has been looked at; the same where it falls.
+[[gnu::always_inline]] inline double advance_to_crest(Index r, double wanted, double rate, double remaining,
+                                                      const Scalars &scalars, const Space &space, Array row) {
     Array found = space.search.found;
     double side = rate >= 0.0 ? 1.0 : -1.0, speed = side * rate, bend = side * found(0), bound = found(3);
     if (bound <= 0.0) bound = 1e-300;
     double rising = (bend + __builtin_sqrt(bend * bend + 2.0 * speed * bound)) / bound;
     if (bend >= 0.0) return rising;
     double concave = smaller(-bend / bound, remaining);
-    if (rising >= concave) return rising;
+    // where crests alone are wanted, a trough has none inside
+    if (rising >= concave || side * wanted < 0.0) return larger(rising, concave);
     // to second order in the rate, which is speed + bend t + twist t^2/2
     double inner = bend * bend - 2.0 * speed * side * found(1);
     double first = inner > 0.0 ? 2.0 * speed / (__builtin_sqrt(inner) - bend) : -speed / bend;
@@ -126,8 +153,7 @@ constexpr Index NEWTON_STEPS_OF_CREST = 6;
         copy_motion(space.spare, space.crest);
         move(scalars, space.crest, time);
         auto [value, own_rate, own_bend] = rates_now(r, scalars, space.crest, space.search.power);
-        row(0) = larger(row(0), value);
-        row(1) = smaller(row(1), value);
+        include(value, space.crest.clock(0), row);
         double slope = side * own_rate, curve = side * own_bend;
         (slope > 0.0 ? low : high) = time;
         // what is left to the crest
@@ -137,40 +163,41 @@ constexpr Index NEWTON_STEPS_OF_CREST = 6;
     return concave;
 }
 
-// Extends row[0] and row[1] to the extremes of the observed place between two instants, to `PEAK_TOLERANCE`.
+// Extends row[0] and row[1] to the extremes of scalar r of the spare motion between two instants, to `PEAK_TOLERANCE`.
 //
-// Advances by times in which a bound on the motion excludes more than the extremes so far; where these are approached,
-// by those in which w surely rises on, or is surely concave, so that its only crest is found. The extremes hold what w
-// is at both ends already.
-[[gnu::noinline]] inline void follow_peak(double start, double until, double least, const Scalars &scalars,
-                                          const Space &space, Array row) {
-    Index r = scalars.lasting.size(), entries = scalars.size.size();
+// `wanted` is 1 where only the largest value is, -1 for the smallest, 0 for both. Advances by times in which a bound on
+// the motion excludes more than the extremes so far; where these are approached, by those in which the scalar surely
+// rises on, or is surely concave, so that its only crest is found. The extremes hold what it is at the end already.
+[[gnu::noinline]] inline void follow_peak(Index r, double wanted, double start, double until, double least,
+                                          const Scalars &scalars, const Space &space, Array row) {
     const Motion &motion = space.spare;
     const Search &search = space.search;
+    double upper = scalars.upper(r), lower = scalars.lower(r);
     move(scalars, motion, start - motion.clock(0));
     motion.clock(0) = start;
-    while (true) {
+    double safe = 0.0, remaining = until - start;
+    while (safe < remaining) {
         Complex phase = unit_phase(scalars.omega, motion.clock);
         measure(scalars, motion, search);
-        double remaining = until - motion.clock(0);
+        remaining = until - motion.clock(0);
         double slack = PEAK_TOLERANCE * larger(magnitude(row(0)), magnitude(row(1))) +
                        negligible_motion(r, scalars, motion, search);
-        scalars.upper(r) = row(0) + slack;
-        scalars.lower(r) = row(1) - slack;
-        Index active = leave_out_ripples(0.25 * slack, entries, scalars.weight_size.row(r), search);
-        double safe = clear_time(r, scalars, motion, active, phase, remaining, search);
+        scalars.upper(r) = wanted < 0.0 ? INFINITE : row(0) + slack;
+        scalars.lower(r) = wanted > 0.0 ? -INFINITE : row(1) - slack;
+        Index active = leave_out_ripples(0.25 * slack, scalars.size.size(), scalars.weight_size.row(r), search);
+        safe = clear_time(r, scalars, motion, active, phase, remaining, search);
         double value = search.found(0), rate = search.found(1);
-        row(0) = larger(row(0), value);
-        row(1) = smaller(row(1), value);
-        if (safe >= remaining) return;
+        include(value, motion.clock(0), row);
         // far below the extremes so far long times are safe, and curvature need not be computed
-        if (0.25 * magnitude(rate) * safe < row(0) - row(1) || safe < SHORT * least) {
+        if (safe < remaining && (0.25 * magnitude(rate) * safe < row(0) - row(1) || safe < SHORT * least)) {
             derivatives(r, scalars, motion, phase, search);
-            safe = larger(larger(safe, least), advance_to_crest(rate, remaining, scalars, space, row));
-            if (safe >= remaining) return;
+            safe = larger(larger(safe, least), advance_to_crest(r, wanted, rate, remaining, scalars, space, row));
         }
-        move(scalars, motion, safe);
+        if (safe < remaining) move(scalars, motion, safe);
     }
+    // the bounds of a contact are those of its end too
+    scalars.upper(r) = upper;
+    scalars.lower(r) = lower;
 }
 
 // Extends the extremes of the cycle that goes on from where the closed form began up to an instant in it.
@@ -179,15 +206,14 @@ constexpr Index NEWTON_STEPS_OF_CREST = 6;
 // the extremes is not excluded by what w may do there, is a crest looked for.
 [[gnu::noinline]] inline void add_peaks(Index c, double until, double last, Index read, const Scalars &scalars,
                                         const Space &space, const Grid &grid) {
-    Index number = larger(grid.cycle(c), Index(0));
-    double interval = grid.interval(c);
-    Index first = grid.origin(c) + number * grid.per_cycle;
-    double begin = grid.start(c) + double(first) * interval;
+    Index number = grid.cycle(c);
+    double interval = grid.interval(c), begun = cycle_begin(number, c, grid);
+    Index first = Index(__builtin_floor(begun));
+    double begin = grid.start(c) + begun * interval;
     Array row = grid.cycles.row(c, number);
     const Motion &motion = space.spare;
-    // before the first cycle nothing is measured
-    if (until <= begin) return;
-    grid.cycle(c) = number;
+    // before the first cycle nothing is measured, and what lasts no time is no motion
+    if (until <= larger(begin, space.begin.clock(0))) return;
     copy_motion(space.begin, motion);
     if (motion.clock(0) < begin) {
         move(scalars, motion, begin - motion.clock(0));
@@ -197,15 +223,15 @@ constexpr Index NEWTON_STEPS_OF_CREST = 6;
     Index r = scalars.lasting.size();
     measure(scalars, motion, space.search);
     double before = value_now(r, scalars.size.size(), unit_phase(scalars.omega, motion.clock), scalars, motion);
-    row(0) = larger(row(0), larger(before, last));
-    row(1) = smaller(row(1), smaller(before, last));
+    include(before, time, row);
+    include(last, until, row);
     double slack = PEAK_TOLERANCE * larger(magnitude(row(0)), magnitude(row(1))) +
                    negligible_motion(r, scalars, motion, space.search);
     double excess = excess_between(r, interval, until - time, scalars, motion, space.search) - slack;
-    Index place = Index((time - begin) / interval) + 1;
+    Index place = Index((time - (grid.start(c) + double(first) * interval)) / interval) + 1;
     double start = INFINITE;
     while (time < until) {
-        double at = begin + double(place) * interval, value = last;
+        double at = grid.start(c) + double(first + place) * interval, value = last;
         if (first + place <= read && at < until)
             value = space.samples(place - 1);
         else
@@ -214,13 +240,26 @@ constexpr Index NEWTON_STEPS_OF_CREST = 6;
         if (larger(before, value) + excess > row(0) || smaller(before, value) - excess < row(1))
             start = smaller(start, time);
         else if (start < time) {
-            follow_peak(start, time, least, scalars, space, row);
+            follow_peak(r, 0.0, start, time, least, scalars, space, row);
             start = INFINITE;
         }
         time = at;
         before = value;
     }
-    if (start < until) follow_peak(start, until, least, scalars, space, row);
+    if (start < until) follow_peak(r, 0.0, start, until, least, scalars, space, row);
+}
+
+// Ends the cycle that goes on at a time between two samples, `read` being the number of the first of them.
+[[gnu::noinline]] inline void end_cycle(Index c, double end, Index read, const Scalars &scalars, const Space &space,
+                                        const Grid &grid) {
+    const Motion &motion = space.crest;
+    copy_motion(space.begin, motion);
+    move(scalars, motion, end - motion.clock(0));
+    motion.clock(0) = end;
+    Complex phase = unit_phase(scalars.omega, motion.clock);
+    double last = value_now(scalars.lasting.size(), scalars.exponent.size(), phase, scalars, motion);
+    add_peaks(c, end, last, read, scalars, space, grid);
+    grid.cycle(c) += 1;
 }
 
 }  // namespace FEMIMPACT_TARGET

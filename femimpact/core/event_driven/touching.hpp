@@ -2,20 +2,47 @@
 #pragma once
 
 #include "ledger.hpp"
+#include "reading.hpp"
 
 namespace FEMIMPACT_TARGET {
 
-// Instants of a contact at which its force is looked at for the largest, which is then refined.
-constexpr Index PROBES = 16;
+// Sets the spare motion to the present one at an instant from now on.
+[[gnu::always_inline]] inline void set_spare_motion(double time, const Scalars &scalars, const Space &space) {
+    copy_motion(space.motion, space.spare);
+    if (time > space.spare.clock(0)) {
+        move(scalars, space.spare, time - space.spare.clock(0));
+        space.spare.clock(0) = time;
+    }
+}
 
-constexpr Index NEWTON_STEPS_OF_FORCE = 3;
+[[gnu::always_inline]] inline double scalar_now(Index r, const Scalars &scalars, const Motion &motion) {
+    return value_now(r, scalars.exponent.size(), unit_phase(scalars.omega, motion.clock), scalars, motion);
+}
 
-// Share of the largest force that is not looked for.
-constexpr double FORCE_TOLERANCE = 1e-12;
+// Integral of a scalar where entries do not stand alone: by Gauss points; uses the motion up.
+[[gnu::noinline]] inline double integral_over_points(Index r, double duration, const Scalars &scalars,
+                                                     const Motion &motion) {
+    double start = motion.clock(0), elapsed = 0.0, total = 0.0;
+    while (elapsed < duration) {
+        double panel = next_panel(elapsed, duration - elapsed, scalars, motion), half = 0.5 * panel;
+        for (Index node = 0; node < GAUSS_POINTS; node++) {
+            double time = start + elapsed + half * (1.0 + NODES[node]);
+            move(scalars, motion, time - motion.clock(0));
+            total += half * WEIGHTS[node] * scalar_now(r, scalars, motion);
+        }
+        elapsed += panel;
+    }
+    return total;
+}
 
-// Integral of a contact force, positive where the wall pushes.
-[[gnu::always_inline]] inline double impulse_of(Index r, double side, const Scalars &scalars, const Motion &motion,
-                                                double duration) {
+// Integral of a contact force between two instants, positive where the wall pushes.
+[[gnu::noinline]] inline double impulse_between(Index j, double begin, double end, const Scalars &scalars,
+                                                const Case &c, const Space &space) {
+    Index r = c.state.size() + j;
+    double side = side_of(c.state(j)), duration = end - begin;
+    set_spare_motion(begin, scalars, space);
+    const Motion &motion = space.spare;
+    if (has_blocks(scalars)) return side * integral_over_points(r, duration, scalars, motion);
     double total = scalars.constant(r) * duration;
     if (scalars.broken) {
         auto [value, rate, bend, twist] = taylor(scalars.follow, r, motion.drive);
@@ -34,91 +61,48 @@ constexpr double FORCE_TOLERANCE = 1e-12;
     return side * total;
 }
 
-// What is found of a contact force over some time: impulse, largest value and its time.
-struct ForceOverTime {
-    double impulse, largest, best;
-};
-
-// Largest of some values of a contact force, and its time, where entries stand alone.
-[[gnu::always_inline]] inline ForceOverTime largest_probe(Index r, double side, double duration, const Scalars &scalars,
-                                                          const Space &space) {
-    // the last place in a row of probes is that of the sine
-    Index last = scalars.exponent.size();
-    const Motion &motion = space.motion;
-    ComplexArray growth = space.turn.row(0), term = space.turn.row(1);
-    double value = 0.0, rate = 0.0, bend = 0.0, twist = 0.0;
-    if (scalars.broken) {
-        Taylor own = taylor(scalars.follow, r, motion.drive);
-        value = own.value;
-        rate = own.rate;
-        bend = own.bend;
-        twist = own.twist;
-    }
-    value += scalars.constant(r);
-    exponentials(scalars.exponent, duration / double(PROBES), growth);
-    for (Index k = 0; k < last; k++) term(k) = scalars.weight(r, k) * motion.entry(k);
-    auto [cosine, sine] = cosine_and_sine(scalars.omega * duration / double(PROBES));
-    growth(last) = {cosine, sine};
-    term(last) = scalars.sine(r) * unit_phase(scalars.omega, motion.clock);
-    double best = 0.0, largest = 0.0;
-    for (Index probe = 0; probe <= PROBES; probe++) {
-        double t = double(probe) * duration / double(PROBES);
-        double force = value + t * (rate + t * (bend / 2.0 + t * twist / 6.0));
-        for (Index k = 0; k <= last; k++) {
-            force += term(k).real;
-            term(k) *= growth(k);
-        }
-        if (side * force > largest) {
-            largest = side * force;
-            best = t;
-        }
-    }
-    return {0.0, largest, best};
+// Largest contact force between two instants, or what is known already where that is more.
+[[gnu::noinline]] inline double largest_force(Index j, double begin, double end, double known, double least,
+                                              const Scalars &scalars, const Case &c, const Space &space) {
+    Index r = c.state.size() + j;
+    double side = side_of(c.state(j));
+    Array row = space.extremes;
+    set_spare_motion(end, scalars, space);
+    double last = scalar_now(r, scalars, space.spare);
+    row(0) = larger(larger(side * known, last), 0.0);
+    row(1) = smaller(smaller(side * known, last), 0.0);
+    copy_motion(space.motion, space.spare);
+    follow_peak(r, side, begin, end, least, scalars, space, row);
+    return side > 0.0 ? row(0) : -row(1);
 }
 
-[[gnu::always_inline]] inline double force_now(Index r, double side, const Scalars &scalars, const Motion &motion) {
-    Complex phase = unit_phase(scalars.omega, motion.clock);
-    return side * value_now(r, scalars.exponent.size(), phase, scalars, motion);
-}
-
-// The same where entries do not stand alone: by Gauss points.
-[[gnu::noinline]] inline ForceOverTime force_over_points(Index r, double side, double duration, const Scalars &scalars,
-                                                         const Space &space) {
-    const Motion &motion = space.motion, &spare = space.spare;
-    copy_motion(motion, spare);
-    double start = motion.clock(0), elapsed = 0.0, impulse = 0.0, best = 0.0;
-    // a dashpot pushes most at the touch, before any of the points
-    double largest = larger(force_now(r, side, scalars, spare), 0.0);
-    while (elapsed < duration) {
-        double panel = next_panel(elapsed, duration - elapsed, scalars, spare), half = 0.5 * panel;
-        for (Index node = 0; node < GAUSS_POINTS; node++) {
-            double time = start + elapsed + half * (1.0 + NODES[node]);
-            move(scalars, spare, time - spare.clock(0));
-            double force = force_now(r, side, scalars, spare);
-            impulse += half * WEIGHTS[node] * force;
-            if (force > largest) {
-                largest = force;
-                best = time - start;
-            }
+// Adds impulse and largest force of one contact from the present motion on to an instant (s).
+//
+// What lies within the window is added to its sums: a contact that goes on across an end of it is cut there. `interval`
+// (s) is that of two samples.
+[[gnu::noinline]] inline void add_contact(Index j, double until, double interval, const Scalars &scalars, const Case &c,
+                                          const Space &space) {
+    const Matrix &touch = c.touch, &totals = c.totals;
+    double start = space.motion.clock(0), opened = smaller(larger(c.window(0), start), until);
+    const double parts[] = {start, opened, smaller(larger(c.window(1), opened), until), until};
+    for (Index part = 0; part < 3; part++) {
+        double begin = parts[part], end = parts[part + 1];
+        bool inside = part == 1;
+        if (end <= begin) continue;
+        double impulse = impulse_between(j, begin, end, scalars, c, space);
+        // this contact may have pushed more before the window, and another one more within it
+        double known = touch(LARGEST_FORCE, j);
+        if (inside) known = smaller(known, totals(PEAK_FORCE, j));
+        double least = LEAST_ADVANCE * smaller(interval, end - begin);
+        double largest = largest_force(j, begin, end, known, least, scalars, c, space);
+        touch(PUSHED, j) += impulse;
+        touch(LARGEST_FORCE, j) = larger(touch(LARGEST_FORCE, j), largest);
+        if (inside) {
+            totals(FORCE_TIME, j) += impulse;
+            totals(PEAK_FORCE, j) = larger(totals(PEAK_FORCE, j), largest);
         }
-        elapsed += panel;
     }
-    return {impulse, largest, best};
-}
-
-// Largest contact force by Newton's method, from the largest of those looked at.
-[[gnu::always_inline]] inline double refined_force(Index r, double side, double best, double largest, double duration,
-                                                   const Scalars &scalars, const Space &space) {
-    for (Index step = 0; step < NEWTON_STEPS_OF_FORCE; step++) {
-        copy_motion(space.motion, space.spare);
-        move(scalars, space.spare, best);
-        auto [force, slope, bend] = rates_now(r, scalars, space.spare, space.search.power);
-        largest = larger(largest, side * force);
-        // what is left to the crest
-        if (side * bend >= 0.0 || slope * slope <= 2.0 * magnitude(bend) * FORCE_TOLERANCE * largest) break;
-        best = smaller(larger(best - slope / bend, 0.0), duration);
-    }
-    return largest;
+    touch(LASTED, j) += until - start;
 }
 
 // ---- tables -----------------------------------------------------------------------------------------
@@ -150,26 +134,10 @@ struct ForceOverTime {
     c.totals(IMPULSE_SUM, j) += impulse;
 }
 
-// Adds impulse and largest force of one contact over some time from the present motion on.
-[[gnu::noinline]] inline void add_contact(Index j, bool rigid, double duration, const Scalars &scalars, const Case &c,
-                                          const Space &space) {
-    Index r = c.state.size() + j;
-    double side = side_of(c.state(j)), time = space.motion.clock(0);
-    ForceOverTime found = {0.0, 0.0, 0.0};
-    if (has_blocks(scalars))
-        found = force_over_points(r, side, duration, scalars, space);
-    else {
-        double impulse = impulse_of(r, side, scalars, space.motion, duration);
-        if (!rigid) found = largest_probe(r, side, duration, scalars, space);
-        found.impulse = impulse;
-    }
-    double largest = found.largest;
-    if (!rigid) largest = refined_force(r, side, found.best, largest, duration, scalars, space);
-    c.touch(PUSHED, j) += found.impulse;
-    c.touch(LASTED, j) += duration;
-    c.touch(LARGEST_FORCE, j) = larger(c.touch(LARGEST_FORCE, j), largest);
-    add_impulse(j, time, found.impulse, c);
-    if (is_counted(time, c)) c.totals(PEAK_FORCE, j) = larger(c.totals(PEAK_FORCE, j), largest);
+// Adds to the impulse of the impact that was counted last.
+[[gnu::always_inline]] inline void correct_impulse(Index j, double time, double impulse, const Case &c) {
+    add_impulse(j, time, impulse, c);
+    if (is_counted(time, c)) c.totals(IMPULSE_SUM, j) += impulse;
 }
 
 // Ends a compliant contact: an impact more.
