@@ -25,7 +25,7 @@ from femimpact.integrators.event_driven.continued import (
 )
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop import UNENDING
-from femimpact.integrators.event_driven.loop_data import BEGUN, CONTACT, FREE, PUSHED
+from femimpact.integrators.event_driven.loop_data import BEGUN, CONTACT, FREE, LASTED, PUSHED
 from femimpact.integrators.event_driven.settings import EventSettings, check_events
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.integrators.memory import check_memory
@@ -397,8 +397,8 @@ def _sticking(run: _Run) -> StickingPhases:
     block = run.block
     rows = [tuple(row) for row in block.tables.sticking[: min(int(block.tables.number[1]), len(block.tables.sticking))]]
     for j in np.flatnonzero(block.pairs.rigid & (np.abs(block.cases.state[0]) == CONTACT)):
-        began, impulse = float(block.cases.touch[0, BEGUN, j]), float(block.cases.touch[0, PUSHED, j])
-        rows.append((j, float(np.sign(block.cases.state[0, j])), began, math.nan, impulse))
+        impulse = float(block.cases.touch[0, PUSHED, j])
+        rows.append((j, float(np.sign(block.cases.state[0, j])), _begun(block, j), math.nan, impulse))
     pair, side, start, end, pushed = np.array(rows).reshape(-1, 5).T
     lasting = np.where(np.isfinite(end), end, float(block.cases.clock[0, 0])) - start
     return StickingPhases(
@@ -411,6 +411,12 @@ def _sticking(run: _Run) -> StickingPhases:
     )
 
 
+def _begun(block: Block, pair: int) -> float:
+    """Start (s) of a sticking phase that lasts: the end of its bounces, or its capture where these are not over."""
+    touch, now = block.cases.touch[0, :, pair], float(block.cases.clock[0, 0])
+    return float(touch[BEGUN] if touch[BEGUN] <= now else now - touch[LASTED])
+
+
 def _open_contacts(run: _Run) -> tuple[str, ...]:
     """Notes on what lasts at the end, and has no row in its table yet."""
     notes, state = [], run.block.cases.state[0]
@@ -418,7 +424,7 @@ def _open_contacts(run: _Run) -> tuple[str, ...]:
         if state[j] == FREE:
             continue
         if run.block.pairs.rigid[j]:
-            wall, start = "+" if state[j] > 0 else "-", float(run.block.cases.touch[0, BEGUN, j])
+            wall, start = "+" if state[j] > 0 else "-", _begun(run.block, j)
             notes.append(f"{pair.name} sticks to its {wall} wall since t = {start:.4g} s")
         else:
             notes.append(
