@@ -219,6 +219,9 @@ def _run_case(begin: int, until: float, most: float, case: Case, job: Job, b: Le
             hit = 0.0
         cases.hit[c] = hit
         if effect == UNRESOLVED:
+            # for the words of the refusal
+            for r in range(search.at_wall.size // 2):
+                case.released[r] = search.at_wall[r] if space.impulse[r] != 0.0 else 0.0
             return UNENDING
         if effect == STAY:
             walls = True

@@ -23,7 +23,7 @@ from femimpact.integrators.event_driven.continued import (
     sampling_from,
     touching,
 )
-from femimpact.integrators.event_driven.equations import equations_of
+from femimpact.integrators.event_driven.equations import equations_of, require_met
 from femimpact.integrators.event_driven.loop import UNENDING
 from femimpact.integrators.event_driven.loop_data import BEGUN, CONTACT, FREE, LASTED, PUSHED
 from femimpact.integrators.event_driven.settings import EventSettings, check_events
@@ -254,6 +254,8 @@ def _call(run: _Run, done: int, count: int, kept: NDArray[np.int64], shown: NDAr
     most = np.array([float(run.method.most_events) * max(count // per_cycle, 1)])
     run_block(block, np.array([begin]), np.array([begin + count]), most, snapshots)
     if block.stopped[0] == UNENDING:
+        # walls that hold the structure between them are another fault than too many events
+        require_met(block.store.whole, np.flatnonzero(block.cases.released[0]))
         raise DivergenceError(unending(float(block.cases.clock[0, 0]), run.method))
     _require_finite(block.grid.values, float(run.sampling.time(done + count)))
     run.samples.append(block.grid.values[0][kept >= 0])
