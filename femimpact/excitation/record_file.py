@@ -10,7 +10,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import Fault, InputError, checked, choice, quantity, require
+from femimpact.errors import Fault, InputError, checked, choice, instance, quantity, require, require_path
+from femimpact.errors import text as a_text
 
 __all__ = ["record_text", "samples_of"]
 
@@ -29,7 +30,7 @@ def record_text(path: str | Path) -> str:
     InputError
         If it cannot be read, or is no text.
     """
-    require(isinstance(path, (str, Path)), "path", path, "", "must be the path of a text file")
+    require_path(path, "path", "a text file")
     try:
         return Path(path).read_text(encoding="utf-8-sig")
     except OSError as error:
@@ -60,6 +61,8 @@ def samples_of(
         If an argument is out of range, or the text lacks a column, holds what is not a finite number or fewer than two
         samples, its times are not evenly spaced, or all its accelerations are zero.
     """
+    checked("text", text, a_text())
+    checked("path", path, instance(str, Path))
     scale = checked("scale", scale, quantity("1"))
     require(scale != 0.0, "scale", scale, "1", "must not be 0")
     detrend = checked("detrend", detrend, choice("none", *TRENDS))
@@ -71,12 +74,11 @@ def samples_of(
     require(
         bool(values.any()), "columns", tuple(columns), "", "must be time and acceleration: the second holds zeros only"
     )
-    samples = scale * values
     if detrend != "none":
         from scipy import signal
 
-        samples = signal.detrend(samples, type=TRENDS[detrend])
-    return samples, _interval(time, path)
+        values = signal.detrend(values, type=TRENDS[detrend])
+    return scale * values, _interval(time, path)
 
 
 def _is_column(value: object) -> bool:

@@ -67,7 +67,9 @@ class RecordedBase:
         detrend : {"none", "mean", "line"}
             What is removed: the mean of the acceleration (an offset), or its line of least squares (offset and drift).
             With either the base moves at t = 0 with the velocity that brings it back to its place at the last sample,
-            which no motion relative to the base depends on.
+            which no motion relative to the base depends on. Not of a pulse: it changes the velocity of the base for
+            good, its mean is no offset, and without it the peak is wrong. A run on such a record has a warning;
+            `excitation.remarks.is_pulse` says how pulses are told from drift.
         columns : two of int or str
             Time and acceleration, by their numbers from 0 or their names in the header.
 
@@ -152,7 +154,7 @@ class RecordedBase:
     def _locate(self, time: ArrayLike) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Sample before each time, time since then (s), acceleration there, and its slope."""
         t = times(time)
-        index = np.clip(np.floor(t / self.interval).astype(int), 0, self.samples.size - 1)
+        index = np.clip(np.floor(np.clip(t, 0.0, self.duration) / self.interval).astype(int), 0, self.samples.size - 1)
         padded = np.append(self.samples, self.samples[-1])
         beyond = index >= self.samples.size - 1
         slope = np.where(beyond, 0.0, (padded[index + 1] - padded[index]) / self.interval)

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.export.files import GuardedFile, atomic_path, atomic_write
+from femimpact.errors import require
+from femimpact.export.files import GuardedFile, atomic_path, atomic_write, file_path
 
 if TYPE_CHECKING:
     import xarray
@@ -45,8 +46,16 @@ def write_csv(path: str | Path, columns: Mapping[str, Sequence[Any]], units: Map
 
 
 def read_csv(path: str | Path) -> dict[str, Any]:
-    """Read a table that `write_csv` wrote: arrays by name, the unit taken off; numbers where all are."""
-    with Path(path).open(newline="") as file:
+    """Read a table that `write_csv` wrote: arrays by name, the unit taken off; numbers where all are.
+
+    Raises
+    ------
+    InputError
+        If there is no such file.
+    """
+    path = file_path(path)
+    require(path.is_file(), "path", str(path), "", "must be an existing table")
+    with path.open(newline="") as file:
         header, *rows = list(csv.reader(file))
     columns: dict[str, Any] = {}
     for i, title in enumerate(header):

@@ -17,7 +17,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import InputError, require
+from femimpact.errors import InputError, require, require_path
 from femimpact.fem.mesh import MOST_ELEMENTS, SAME_PLACE, Mesh
 
 __all__ = ["read_mesh", "read_outcomes"]
@@ -58,7 +58,7 @@ def read_mesh(path: str | Path) -> Mesh:
         In one line with the file and its format: if it is missing, cannot be read, or not within 30 s and 3 GB; holds
         no two-node lines; does not lie along x; or has a gap, a branch or lines on one another, with their places.
     """
-    require(isinstance(path, (str, Path)), "mesh.file", path, "", "must be the path of a mesh file")
+    require_path(path, "mesh.file", "a mesh file")
     (outcome,) = read_outcomes([Path(path)])
     if isinstance(outcome, InputError):
         raise outcome

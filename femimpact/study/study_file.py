@@ -14,7 +14,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, cr
 from pydantic_core import PydanticCustomError
 
 from femimpact.contact import KelvinVoigt, PowerLaw, Rigid, SwitchingSpring
-from femimpact.errors import Fault, InputError, allowed_range, in_range, require, suggestion
+from femimpact.errors import Fault, InputError, allowed_range, in_range, require, require_path, suggestion
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
 from femimpact.structure.damping import ModalDamping, Rayleigh
@@ -59,7 +59,7 @@ def load_study(path: str | Path) -> Study:
     InputError
         With every fault of the file: key path, value, unit and allowed range.
     """
-    require(isinstance(path, (str, Path)), "study", path, "", "must be the path of a study file")
+    require_path(path, "study", "a study file")
     path = Path(path)
     require(path.is_file(), "study", str(path), "", "must be an existing TOML file ('femimpact init FILE' writes one)")
     try:

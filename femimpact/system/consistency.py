@@ -22,7 +22,7 @@ __all__ = [
 
 TOGETHER = (
     "M", "C", "K", "stiffness_factor", "base_load", "rigid_translation", "nodes", "expansion", "points", "total_mass",
-    "first_frequency", "rayleigh", "directions", "reactions", "sections",
+    "first_frequency", "rayleigh", "directions", "reactions", "sections", "constant_resultant", "first_left_out",
 )  # fmt: skip
 """Fields of a system that are computed from one another."""
 

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sparse
 
-from femimpact.errors import Fault, InputError, require
+from femimpact.errors import Fault, InputError, checked, optional, require, require_path, text
 from femimpact.system.matrices import Matrix, checked_matrix
 
 __all__ = ["read_matrix"]
@@ -37,7 +37,8 @@ def read_matrix(path: str | Path, name: str | None = None) -> Matrix:
     InputError
         If there is no such file or array, it cannot be read, or holds no square, symmetric matrix of finite numbers.
     """
-    require(isinstance(path, (str, Path)), "path", type(path).__name__, "", "must be the path of a matrix file")
+    require_path(path, "path", "a matrix file")
+    checked("name", name, optional(text()))
     path = Path(path)
     known = path.name.endswith(SUFFIXES)
     require(known, "path", str(path), "", f"must end with {', '.join(SUFFIXES)}")

@@ -26,6 +26,8 @@ __all__ = [
     "first_mode_at",
     "first_resonance",
     "flexibility",
+    "mode_count",
+    "require_modes_of",
     "solve_modes",
     "solve_stiffness",
 ]
@@ -95,6 +97,26 @@ class Modes:
         return mass
 
 
+def require_modes_of(system: System, modes: Modes) -> None:
+    """Raise `InputError` unless modes are of a system, by their number of dofs."""
+    dofs = modes.vectors.shape[0]
+    require(dofs == system.dofs, "modes", dofs, "dofs", f"must be modes of the system, with {system.dofs} dofs")
+
+
+def mode_count(system: System, count: int, key: str = "count") -> int:
+    """How many modes of a system are asked for: a whole number up to that of its dofs.
+
+    Raises
+    ------
+    InputError
+        If it is out of range, or the system is none.
+    """
+    require_type(system, System, "system")
+    within = in_range(count, quantity("modes", at_least=1, at_most=system.dofs, integer=True))
+    require(within, key, count, "modes", f"must be a whole number from 1 to {system.dofs} (the dofs)")
+    return int(count)
+
+
 def solve_modes(system: System, count: int) -> Modes:
     """The lowest natural modes, (K - omega^2 M) phi = 0, phi^T M phi = 1.
 
@@ -120,10 +142,7 @@ def solve_modes(system: System, count: int) -> Modes:
     factor G, K = G^T G, whose condition number is the root of K's, and the frequency is read
     from the Rayleigh quotient |G phi|^2.
     """
-    require_type(system, System, "system")
-    within = in_range(count, quantity("modes", at_least=1, at_most=system.dofs, integer=True))
-    require(within, "count", count, "modes", f"must be a whole number from 1 to {system.dofs} (the dofs)")
-    count = int(count)
+    count = mode_count(system, count)
     rigid = rigid_motions(system)[:, :count]
     rigid_count = rigid.shape[1]
     if rigid_count == count:

@@ -30,10 +30,25 @@ __all__ = [
     "SectionReading",
     "ShakerForce",
     "SupportReaction",
+    "channel_key",
     "channel_of",
     "resolve_channels",
     "zero_reading",
 ]
+
+
+def channel_key(name: Position, key: str = "channel") -> str:
+    """The name under which a channel is kept: a text as it is, metres from the root as they are written.
+
+    Raises
+    ------
+    InputError
+        If it is neither.
+    """
+    fits = isinstance(name, str) or in_range(name, quantity("m"))
+    require(fits, key, name, "", "must be the name of a channel, or metres from the root")
+    # as `Motion` writes them
+    return name if isinstance(name, str) else str(float(name))
 
 
 class Quantity(NamedTuple):
