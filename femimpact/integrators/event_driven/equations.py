@@ -137,8 +137,8 @@ def wall_offsets(whole: Equations, active: NDArray[np.bool_], sticking: NDArray[
     if stops.size:
         # the static deflection under a push: its force does no work on the motions that are left
         push = whole.force[:n, stops]
-        shape = np.linalg.lstsq(whole.K[:n, :n], push, rcond=None)[0]
-        shape = shape if np.allclose(whole.K[:n, :n] @ shape, push) else push
+        deflection = np.asarray(np.linalg.lstsq(whole.K[:n, :n], push, rcond=None)[0], dtype=float)
+        shape: Array = deflection if np.allclose(whole.K[:n, :n] @ deflection, push) else push
         offset[:n, stops] = _columns_meeting(shape, push, held.size)
     for j in np.flatnonzero(active & ~whole.stop):
         offset[n + j] = whole.force[:n, j] @ offset[:n]

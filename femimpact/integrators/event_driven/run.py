@@ -354,7 +354,7 @@ def _sticking(run: _Run) -> StickingPhases:
     """Sticking phases that have ended, then those that last."""
     block = run.block
     rows = [tuple(row) for row in block.tables.sticking[: min(int(block.tables.number[1]), len(block.tables.sticking))]]
-    for j in np.flatnonzero(block.pairs.rigid & (np.abs(block.cases.state[0]) == CONTACT)):
+    for j in np.flatnonzero(block.pairs.rigid & (np.abs(block.cases.state[0]) == CONTACT)).tolist():
         impulse = float(block.cases.touch[0, PUSHED, j])
         rows.append((j, float(np.sign(block.cases.state[0, j])), _begun(block, j), math.nan, impulse))
     pair, side, start, end, pushed = np.array(rows).reshape(-1, 5).T
