@@ -62,6 +62,10 @@ MOST = 10**15
 """A whole number beyond this is taken for a mistake: it neither counts anything nor fits into a float."""
 
 
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Of a finite number that must be above zero: products and powers of a few beyond are zero, or no numbers."""
+
+
 class FemimpactError(Exception):
     """Base of every error that femimpact raises on purpose."""
 
@@ -160,7 +164,7 @@ class InputError(FemimpactError, ValueError):
 
 
 class _Refused(Exception):  # noqa: N818 - raised and caught in this module only
-    """A value is not what a field's metadata allows."""
+    """A value is not what a field's metadata allows; what it says, if anything, is allowed too."""
 
 
 def quantity(
@@ -285,6 +289,8 @@ def _number(value: Any, bounds: Mapping[str, float], integer: bool, finite: bool
     inside = all(_COMPARISONS[name](number, bound) for name, bound in bounds.items())
     if not inside or (integer and (not number.is_integer() or abs(number) > MOST)):
         raise _Refused
+    if finite and bounds.get("above") == 0.0 and not SMALLEST <= number <= LARGEST:
+        raise _Refused(f", and of {SMALLEST:g} to {LARGEST:g} in size")
     return int(number) if integer else number
 
 
@@ -425,8 +431,8 @@ def checked(key: str, value: object, metadata: Mapping[str, Any]) -> Any:
     """
     try:
         return metadata["take"](value)
-    except _Refused:
-        raise InputError([Fault(key, value, metadata["unit"], metadata["allowed"])]) from None
+    except _Refused as refusal:
+        raise InputError([Fault(key, value, metadata["unit"], f"{metadata['allowed']}{refusal}")]) from None
 
 
 class _Declared(NamedTuple):
@@ -473,8 +479,8 @@ def _taken(declared: Iterable[_Declared], value_of: Callable[[str], Any]) -> tup
             continue
         try:
             values[name] = taken = take(value)
-        except _Refused:
-            faults.append(Fault(name, value, unit, allowed + _hint(value, name, kinds)))
+        except _Refused as refusal:
+            faults.append(Fault(name, value, unit, f"{allowed}{refusal}{_hint(value, name, kinds)}"))
             continue
         if not axes or taken is None:
             continue

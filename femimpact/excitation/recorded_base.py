@@ -61,7 +61,7 @@ class RecordedBase:
         path : str or Path
             Rows of numbers, in columns between commas, semicolons, tabulators or spaces. A header before the first row
             may have any number of lines; empty lines, and those that begin with #, are left out. The first row is at
-            t = 0.
+            t = 0. A regular file of at most 10 million rows and 600 MB.
         scale : float
             Times which the column is m/s^2: 9.80665 for a record in g.
         detrend : {"none", "mean", "line"}
@@ -80,8 +80,8 @@ class RecordedBase:
         Raises
         ------
         InputError
-            If the file cannot be read, lacks a column, holds what is no finite number, or its times are not evenly
-            spaced.
+            If the file cannot be read or is too large, lacks a column, holds what is no finite number, or its times are
+            not evenly spaced.
         """
         from femimpact.excitation.record_file import record_text
 
@@ -118,6 +118,8 @@ class RecordedBase:
         from femimpact.excitation.record_file import samples_of
 
         samples, interval = samples_of(text, scale, detrend, columns, path)
+        # a long one is as large as all the rest
+        del text
         base = cls(samples, interval)
         return base if detrend == "none" else base.returning()
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.export import tables
+from femimpact.regular_file import check_regular, open_regular
 from femimpact.study.result_directory import ResultsWarning, unfinished_state
 from femimpact.study.result_files import FILES, OTHER_FILES, SUMMARY, replaced_by, result_files
 from femimpact.table import Head, head_of_values, short_repr
@@ -173,7 +174,8 @@ def read_summary(folder: Path) -> dict[str, Any]:
         allowed = f"must hold results of a study ({SUMMARY} is missing)"
         require(False, "directory", str(folder), "", f"is incomplete: {state}" if state else allowed)
     try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
+        with open_regular(path) as file:
+            summary = json.loads(file.read().decode("utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise _damaged(path, _in_words(error)) from None
     if not isinstance(summary, dict) or not isinstance(summary.get(CHECKSUMS, {}), dict):
@@ -197,6 +199,8 @@ def read_dataset(folder: Path, name: str, summary: Mapping[str, Any]) -> xarray.
 def _load_dataset(path: Path) -> xarray.Dataset:
     import xarray
 
+    # the library opens it by its name
+    check_regular(path)
     return xarray.load_dataset(path, engine="h5netcdf")
 
 
@@ -264,7 +268,7 @@ def _warn_changed(path: Path) -> None:
 
 def checksum(path: Path) -> str:
     """SHA-256 of a file, in hexadecimal digits."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

@@ -45,7 +45,7 @@ from femimpact.system.consistency import (
 )
 from femimpact.system.contact_pair import ContactPair, contact_pair, frozen_row
 from femimpact.system.hermite import hermite_rows, place_in_element, positions_on_beam
-from femimpact.system.matrices import Matrix, checked_matrix, checked_row, checked_shapes, definite_factor
+from femimpact.system.matrices import MOST_FULL, Matrix, checked_matrix, checked_row, checked_shapes, definite_factor
 from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reactions
 from femimpact.system.sections import Section, SectionFields
 from femimpact.table import Head, head_of_values, short_repr
@@ -223,6 +223,7 @@ class System:
                 require_type(item, kind, key)
         matrices = {name: checked_matrix(name, value) for name, value in (("M", M), ("C", C), ("K", K))}
         dofs = matrices["M"].shape[0]
+        require(dofs <= MOST_FULL, "M", (dofs, dofs), "", f"must have at most {MOST_FULL:,} dofs, as a full matrix")
         for name, matrix in matrices.items():
             require(matrix.shape[0] == dofs, name, matrix.shape, "", f"must have the shape of M, {dofs} by {dofs}")
         require(len(points) > 0, "points", "none", "", 'must name at least one place, as {"tip": [1.0]}')
