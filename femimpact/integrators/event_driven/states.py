@@ -135,7 +135,7 @@ def form_of(f: int, case: Case, cases: Cases, forms: Forms, bounds: Bounds) -> F
     )  # fmt: skip
     return Form(
         scalars, shapes, forms.together[f], cases.rigid_body_sine[c, n], forms.impulse_entry[f],
-        forms.impulse_rigid_body[f], forms.rigid_body_given[f],
+        forms.impulse_rigid_body[f], forms.reaction[f], forms.rigid_body_given[f],
     )  # fmt: skip
 
 
