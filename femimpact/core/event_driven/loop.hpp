@@ -18,7 +18,6 @@ constexpr Index EVENTS_AT_ONCE = 200;
     const Cases &cases = job.cases;
     const Space &space = job.space;
     const Motion &motion = space.motion;
-    const Matrix &before = space.products.before, &after = space.products.after;
     Index &entering = cases.entering(c.number);
     if (entering == STARTING) {
         set_start_states(job.pairs, c, motion);
@@ -35,17 +34,7 @@ constexpr Index EVENTS_AT_ONCE = 200;
     set_walls(f, c, job.forms, space.bounds);
     Form form = form_of(f, c, cases, job.forms, space.bounds);
     if (b && entering >= STARTED) write_energy(job.pairs, c, motion, c.coordinates, *b, b->start.row(c.number));
-    for (Index i = 0; i < before.shape[1]; i++) before(1, i) = c.coordinates(1, i);
     if (entering != RESUMED) enter_form(f, form.shapes, job.forms, c.coordinates, motion);
-    if (b && entering == FITTING) {
-        read_coordinates(form.shapes, motion, after);
-        // after it the velocities fit the walls, so that M (v - v') v is what walls that move do
-        for (Index i = 0; i < b->mass.size(); i++) {
-            double change = after(1, i) - before(1, i);
-            b->contact_loss(c.number) += 0.5 * b->mass(i) * change * change;
-            b->work(c.number) += b->mass(i) * change * after(1, i);
-        }
-    }
     entering = ENTERED;
     return DONE;
 }
@@ -185,9 +174,8 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
             if (status == STUCK || at_once > EVENTS_AT_ONCE || double(events) > most) return UNENDING;
             Index pair = Index(search.event(0));
             double side = search.event(1);
-            bool free = pair < c.state.size() && c.state(pair) == FREE;
-            effect = apply_event(status, form.scalars, job.pairs, c, space, job.tables);
-            if (effect == RELEASE_ALL || (effect == STAY && free)) hit = side * double(pair + 1);
+            effect = apply_event(status, form, job.pairs, c, space, job.tables, b);
+            if (effect == COLLIDE || effect == RELEASE_ALL) hit = side * double(pair + 1);
         }
         if (hit != 0.0 && effect != RELEASE_ALL) {
             double side = hit > 0.0 ? 1.0 : -1.0;
@@ -195,12 +183,17 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
             hit = 0.0;
         }
         cases.hit(c.number) = hit;
-        if (effect == UNRESOLVED) return UNENDING;
+        if (effect == UNRESOLVED) {
+            // for the words of the refusal
+            for (Index r = 0; r < c.state.size(); r++)
+                c.released(r) = space.impulse(r) != 0.0 ? search.at_wall(r) : 0.0;
+            return UNENDING;
+        }
         if (effect == STAY)
             walls = true;
         else {
             read_coordinates(form.shapes, space.motion, c.coordinates);
-            cases.entering(c.number) = effect == FIT ? FITTING : ENTERING;
+            cases.entering(c.number) = ENTERING;
         }
     }
 }

@@ -15,10 +15,10 @@ namespace FEMIMPACT_TARGET {
 // Contact states of a pair; the last two times the side of the wall. A rigid pair in contact sticks.
 constexpr double FREE = 0.0, CONTACT = 1.0, SEPARATING = 2.0;
 
-// How a case stands to its closed form: in it; to enter it with the coordinates it has; the same with velocities that
-// are made to fit its sticking pairs; as a start whose contact states are found; the same with the motion of an earlier
-// run in that form; or as a start whose contact states are still to be found.
-enum : Index { ENTERED, ENTERING, FITTING, STARTED, RESUMED, STARTING };
+// How a case stands to its closed form: in it; to enter it with the coordinates it has; as a start whose contact states
+// are found; the same with the motion of an earlier run in that form; or as a start whose contact states are still to be
+// found.
+enum : Index { ENTERED, ENTERING, STARTED, RESUMED, STARTING };
 
 // What a contact that has not ended adds up to: start (s), approach speed (m/s), impulse (N s), largest force (N),
 // duration (s) and loss (J).
@@ -166,6 +166,7 @@ struct Forms {
     View<const double, 3> to_rigid_body;        // (F, P, d)
     View<const Complex, 3> impulse_entry;       // (F, K, R): what a unit impulse on the structure at a pair adds
     View<const double, 3> impulse_rigid_body;   // (F, P, R)
+    View<const double, 3> reaction;             // (F, R, R) impulses at the pairs that stick (rows) by a unit one elsewhere
     View<const unsigned char, 3> together;      // (F, K, K) whether the product of two terms occurs in the ledger
     View<const Index, 2> first;                 // (F, d + 1) entries that move coordinate i: members[first[i]:first[i + 1]]
     View<const Index, 2> members;               // (F, d K)
@@ -202,6 +203,7 @@ struct Forms {
         visit("to_rigid_body", to_rigid_body, "F P d");
         visit("impulse_entry", impulse_entry, "F K R");
         visit("impulse_rigid_body", impulse_rigid_body, "F P R");
+        visit("reaction", reaction, "F R R");
         visit("together", together, "F K K");
         visit("first", first, "F d+1");
         visit("members", members, "F dK");
@@ -230,6 +232,7 @@ struct Form {
     GivenComplexArray rigid_body_sine;        // (P,)
     GivenComplexMatrix impulse_entry;         // (K, R)
     GivenMatrix impulse_rigid_body;           // (P, R)
+    GivenMatrix reaction;                     // (R, R)
     GivenMatrix load_on_rigid_body;           // (P, 1 + R)
 };
 

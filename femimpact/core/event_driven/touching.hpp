@@ -165,6 +165,8 @@ namespace FEMIMPACT_TARGET {
 // Ends a sticking phase; one that begins as another of the same pair ends goes on with it.
 [[gnu::noinline]] inline void end_sticking(Index j, double time, const Case &c, const Tables &tables) {
     double start = c.touch(BEGUN, j), impulse = c.touch(PUSHED, j), side = side_of(c.state(j));
+    // it ends before its bounces would have: from its capture on
+    if (start > time) start = time - c.touch(LASTED, j);
     Index row = tables.number(1);
     if (row < tables.sticking.shape[0])
         for (Index before = row - 1; before > larger(row - 1 - c.state.size(), Index(-1)); before--) {
@@ -175,7 +177,7 @@ namespace FEMIMPACT_TARGET {
                 return;
             }
         }
-    if (time > start) {
+    if (time > start || impulse != 0.0) {
         if (row < tables.sticking.shape[0]) {
             Array out = tables.sticking.row(row);
             out(0) = double(j);

@@ -6,12 +6,18 @@
 
 namespace FEMIMPACT_TARGET {
 
-// After an event: the closed form stays; another one is entered; the same with velocities that are made to fit the
-// pairs that stick; the same, and the impact follows there; or impacts at one instant do not end.
-enum : Index { STAY, ENTER, FIT, RELEASE_ALL, UNRESOLVED };
+// After an event: the closed form stays; another one is entered; rigid impacts follow in this form; another one is
+// entered, and the impacts follow there; or impacts at one instant do not end.
+enum : Index { STAY, ENTER, COLLIDE, RELEASE_ALL, UNRESOLVED };
 
 // Most collisions that one instant may take among several pairs.
 constexpr Index COLLISIONS_AT_ONCE = 100'000;
+
+// Share of its own mobility below which pairs that stick leave a pair no motion against its wall.
+constexpr double UNMOVED = 1e-9;
+
+// Share of an impact's speed that rounding may leave of none where it does not reach.
+constexpr double ROUNDING_SHARE = 1e-12;
 
 // Sets the contact states of the coordinates that a case starts from.
 [[gnu::noinline]] inline void set_start_states(const Pairs &pairs, const Case &c, const Motion &motion) {
@@ -48,93 +54,10 @@ constexpr Index COLLISIONS_AT_ONCE = 100'000;
     return steepest * lasting <= 0.5 * press ? lasting : -1.0;
 }
 
-// Lets pairs that stick go before a rigid impact (RELEASE_ALL), or makes them take this one in (FIT).
-[[gnu::noinline]] inline Index before_impact(Index j, double side, const Scalars &scalars, const Pairs &pairs,
-                                             const Case &c, const Space &space, const Tables &tables) {
-    const Search &search = space.search;
-    double time = space.motion.clock(0);
-    bool sticking = false;
-    for (Index i = 0; i < c.state.size(); i++) sticking = sticking || (pairs.rigid(i) && is_active(c.state(i)));
-    if (!sticking) return STAY;
-    // what presses it there is decided with the sticking pairs in place: without their forces it may seem to leave
-    double lasting = -1.0;
-    if (side * search.rate(j) <= search.negligible(0))
-        // a speed that rounding has left, as where equal parts at rest were turned into modes: no impact
-        lasting = 0.0;
-    else {
-        double rebound = c.restitution(j) * side * search.rate(j);
-        lasting = bounces_left(j, side, rebound, scalars, pairs, c, space);
-    }
-    if (lasting >= 0.0) {
-        c.state(j) = side * CONTACT;
-        begin_contact(j, time + lasting, 0.0, c);
-        return FIT;
-    }
-    // an impact elsewhere passes through sticking pairs as an impact of its own: they are let go
-    for (Index i = 0; i < c.state.size(); i++)
-        if (pairs.rigid(i) && is_active(c.state(i))) {
-            c.released(i) = side_of(c.state(i));
-            end_sticking(i, time, c, tables);
-            c.state(i) = FREE;
-        }
-    return RELEASE_ALL;
-}
-
-// Changes contact states by the event that the search has found: STAY, ENTER, FIT or RELEASE_ALL.
-//
-// With `collide` the one place for what an event does to a motion, and so for its linearisation.
-[[gnu::noinline]] inline Index apply_event(Index status, const Scalars &scalars, const Pairs &pairs, const Case &c,
-                                           const Space &space, const Tables &tables) {
-    const Search &search = space.search;
-    Index r = Index(search.event(0)), count = c.state.size(), j = r % count;
-    double time = space.motion.clock(0), side = search.event(1), state = c.state(j), own = side_of(state);
-    if (r >= count) {
-        if (magnitude(state) == SEPARATING)
-            c.state(j) = own * CONTACT;
-        else if (pairs.rigid(j)) {
-            end_sticking(j, time, c, tables);
-            c.state(j) = FREE;
-            search.leaving(j) = own;
-        } else
-            c.state(j) = own * SEPARATING;
-        return ENTER;
-    }
-    if (magnitude(state) == SEPARATING) {
-        end_contact(j, -own * search.rate(r), time, c, tables);
-        c.state(j) = FREE;
-        return STAY;
-    }
-    if (pairs.rigid(j) && status != REST) return before_impact(j, side, scalars, pairs, c, space, tables);
-    c.state(j) = side * CONTACT;
-    begin_contact(j, time, larger(side * search.rate(r), 0.0), c);
-    search.leaving(j) = 0.0;
-    // what began at rest does not end by the rounding of its rate
-    if (status == REST && !pairs.rigid(j)) search.leaving(count + j) = -side;
-    return ENTER;
-}
-
-// Finds which rigid pairs are at their walls, and their rates.
-[[gnu::noinline]] inline void find_touching(Index first, double side, const Scalars &scalars, const Pairs &pairs,
-                                            const Case &c, const Space &space) {
-    const Search &search = space.search;
-    Complex phase = unit_phase(scalars.omega, space.motion.clock);
-    measure(scalars, space.motion, search);
-    for (Index r = 0; r < c.state.size(); r++) {
-        search.at_wall(r) = 0.0;
-        if (!pairs.rigid(r)) continue;
-        safe_advance(r, scalars, space.motion, scalars.size.size(), phase, 1.0, search);
-        if (c.released(r) != 0.0) {
-            search.at_wall(r) = c.released(r);
-            c.released(r) = 0.0;
-        }
-    }
-    search.at_wall(first) = side;
-}
-
 // Writes one collision into the table; the velocities are those before it, and then those after it.
-[[gnu::noinline]] inline void write_impact(Index r, double approach, double push, const Pairs &pairs, const Case &c,
-                                           const Space &space, const Tables &tables, const Ledger *b) {
-    double side = space.search.at_wall(r), rebound = c.restitution(r) * approach;
+[[gnu::noinline]] inline void write_impact(Index r, double side, double approach, double rebound, double push,
+                                           const Pairs &pairs, const Space &space, const Tables &tables,
+                                           const Ledger *b) {
     Array velocity = space.products.after.row(1);
     Index row = tables.number(0);
     tables.number(0) = row + 1;
@@ -171,6 +94,178 @@ constexpr Index COLLISIONS_AT_ONCE = 100'000;
     }
 }
 
+// Makes compliant contacts push that an impulse elsewhere presses, and others separate; whether any has changed.
+[[gnu::noinline]] inline bool change_contacts(const Scalars &scalars, const Pairs &pairs, const Case &c,
+                                              const Motion &motion) {
+    bool changed = false;
+    Complex phase = unit_phase(scalars.omega, motion.clock);
+    for (Index j = 0; j < c.state.size(); j++) {
+        if (pairs.rigid(j) || c.state(j) == FREE) continue;
+        double side = side_of(c.state(j));
+        bool pushes = side * value_now(c.state.size() + j, scalars.exponent.size(), phase, scalars, motion) > 0.0;
+        if (is_active(c.state(j)) != pushes) {
+            c.state(j) = side * (pushes ? CONTACT : SEPARATING);
+            changed = true;
+        }
+    }
+    return changed;
+}
+
+// Lets all pairs go that stick.
+[[gnu::always_inline]] inline void release_all(double time, const Pairs &pairs, const Case &c, const Tables &tables) {
+    for (Index i = 0; i < c.state.size(); i++)
+        if (pairs.rigid(i) && is_active(c.state(i))) {
+            c.released(i) = side_of(c.state(i));
+            end_sticking(i, time, c, tables);
+            c.state(i) = FREE;
+        }
+}
+
+// Whether pairs that stick take up an impulse elsewhere: none rebounds, or is left behind, above the closure.
+[[gnu::noinline]] inline bool stay_in_place(Index j, double side, double push, const Form &form, const Pairs &pairs,
+                                            const Case &c, const Motion &motion) {
+    const Scalars &scalars = form.scalars;
+    Complex phase = unit_phase(scalars.omega, motion.clock);
+    double slow = ROUNDING_SHARE * push * -pairs.mobility(j, j);
+    for (Index i = 0; i < c.state.size(); i++) {
+        if (form.reaction(i, j) == 0.0) continue;
+        double own = side_of(c.state(i)), felt = -pairs.mobility(i, i);
+        double share = own * form.reaction(i, j) * side * push;
+        double speed = felt * (share > 0.0 ? c.restitution(i) * share : -share);
+        double force = value_now(c.state.size() + i, scalars.exponent.size(), phase, scalars, motion);
+        double press = felt * own * force;
+        if (speed > slow && speed * speed > 2.0 * larger(press, 0.0) * pairs.closure) return false;
+    }
+    return true;
+}
+
+// Stops a pair at its wall; the impulses of those that stick belong to their sticking phases.
+[[gnu::noinline]] inline void push_in_place(Index j, double side, double approach, double push, bool real,
+                                            const Form &form, const Pairs &pairs, const Case &c, const Space &space,
+                                            const Tables &tables, const Ledger *b) {
+    double time = space.motion.clock(0);
+    Array impulse = space.impulse, velocity = space.products.after.row(1);
+    read_coordinates(form.shapes, space.motion, space.products.after);
+    double base_rate = base_motion(c, space.motion).rate;
+    for (Index i = 0; i < impulse.size(); i++) {
+        double share = form.reaction(i, j) * side * push;
+        impulse(i) = i == j ? side * push : 0.0;
+        if (b) {
+            b->work(c.number) -= (share + impulse(i)) * pairs.in_space(i) * base_rate;
+            // an impulse works at the mean of the velocities before and after
+            for (Index k = 0; k < velocity.size(); k++)
+                velocity(k) += 0.5 * pairs.direction(i, k) * share / b->mass(k);
+        }
+        if (share != 0.0) {
+            double pushed = side_of(c.state(i)) * share;
+            c.touch(PUSHED, i) += pushed;
+            add_impulse(i, time, pushed, c);
+        }
+    }
+    if (real) {
+        count_impact(j, time, approach, push, c);
+        write_impact(j, side, approach, 0.0, push, pairs, space, tables, b);
+    }
+    add_impulse(j, time, push, c);
+    if (b) b->contact_loss(c.number) += 0.5 * push * approach;
+    add_impulses(form, space);
+}
+
+// Makes a rigid impact without rebound, of pairs that stick and one that meets its wall: STAY or ENTER.
+//
+// COLLIDE where none sticks; RELEASE_ALL where a pair rebounds, or is left by its wall: an impact elsewhere passes through
+// sticking pairs as an impact of its own.
+[[gnu::noinline]] inline Index beside_sticking(Index j, double side, const Form &form, const Pairs &pairs,
+                                               const Case &c, const Space &space, const Tables &tables,
+                                               const Ledger *b) {
+    const Search &search = space.search;
+    const Scalars &scalars = form.scalars;
+    double time = space.motion.clock(0), mobility = 0.0;
+    bool sticking = false;
+    for (Index i = 0; i < c.state.size(); i++) {
+        sticking = sticking || (pairs.rigid(i) && is_active(c.state(i)));
+        mobility += pairs.mobility(j, i) * (i == j ? 1.0 : form.reaction(i, j));
+    }
+    if (!sticking) return COLLIDE;
+    double approach = side * search.rate(j), lasting = 0.0;
+    // a wall that those in place leave no motion against cannot push
+    double push = mobility < UNMOVED * pairs.mobility(j, j) ? approach / -mobility : 0.0;
+    // a speed that rounding has left, as where equal parts at rest were turned into modes, is no impact
+    bool real = approach > search.negligible(0);
+    if (real) {
+        // what presses it there is decided with the sticking pairs in place: without their forces it may seem to leave
+        lasting = bounces_left(j, side, c.restitution(j) * approach, scalars, pairs, c, space);
+        bool caught = lasting >= 0.0 || c.restitution(j) == 0.0;
+        if (push == 0.0 || !caught || !stay_in_place(j, side, push, form, pairs, c, space.motion)) {
+            release_all(time, pairs, c, tables);
+            return RELEASE_ALL;
+        }
+    }
+    push_in_place(j, side, approach, push, real, form, pairs, c, space, tables, b);
+    bool changed = change_contacts(scalars, pairs, c, space.motion);
+    search.leaving(j) = 0.0;
+    if (lasting >= 0.0) {
+        c.state(j) = side * CONTACT;
+        begin_contact(j, time + lasting, 0.0, c);
+    }
+    return changed || lasting >= 0.0 ? ENTER : STAY;
+}
+
+// Changes contact states by the event that the search has found: STAY, ENTER, COLLIDE or RELEASE_ALL.
+//
+// With `collide` the one place for what an event does to a motion, and so for its linearisation.
+[[gnu::noinline]] inline Index apply_event(Index status, const Form &form, const Pairs &pairs, const Case &c,
+                                           const Space &space, const Tables &tables, const Ledger *b) {
+    const Search &search = space.search;
+    Index r = Index(search.event(0)), count = c.state.size(), j = r % count;
+    double time = space.motion.clock(0), side = search.event(1), state = c.state(j), own = side_of(state);
+    if (r >= count) {
+        if (magnitude(state) == SEPARATING) {
+            c.state(j) = own * CONTACT;
+            // what the force begins with is not undone by the rounding of its rate, there or below
+            search.leaving(r) = -own;
+        } else if (pairs.rigid(j)) {
+            end_sticking(j, time, c, tables);
+            c.state(j) = FREE;
+            search.leaving(j) = own;
+        } else {
+            c.state(j) = own * SEPARATING;
+            search.leaving(r) = own;
+        }
+        return ENTER;
+    }
+    if (magnitude(state) == SEPARATING) {
+        end_contact(j, -own * search.rate(r), time, c, tables);
+        c.state(j) = FREE;
+        return STAY;
+    }
+    if (pairs.rigid(j) && status != REST) return beside_sticking(j, side, form, pairs, c, space, tables, b);
+    c.state(j) = side * CONTACT;
+    begin_contact(j, time, larger(side * search.rate(r), 0.0), c);
+    search.leaving(j) = 0.0;
+    // what began at rest does not end by the rounding of its rate
+    if (status == REST && !pairs.rigid(j)) search.leaving(count + j) = -side;
+    return ENTER;
+}
+
+// Finds which rigid pairs are at their walls, and their rates.
+[[gnu::noinline]] inline void find_touching(Index first, double side, const Scalars &scalars, const Pairs &pairs,
+                                            const Case &c, const Space &space) {
+    const Search &search = space.search;
+    Complex phase = unit_phase(scalars.omega, space.motion.clock);
+    measure(scalars, space.motion, search);
+    for (Index r = 0; r < c.state.size(); r++) {
+        search.at_wall(r) = 0.0;
+        if (!pairs.rigid(r)) continue;
+        safe_advance(r, scalars, space.motion, scalars.size.size(), phase, 1.0, search);
+        if (c.released(r) != 0.0) {
+            search.at_wall(r) = c.released(r);
+            c.released(r) = 0.0;
+        }
+    }
+    search.at_wall(first) = side;
+}
+
 // First pair that has just collided and bounces no higher than the closure, -1 for none.
 //
 // `search.event[0]` gets the end (s) of its bounces.
@@ -190,8 +285,8 @@ constexpr Index COLLISIONS_AT_ONCE = 100'000;
 }
 
 // Takes its rebound from a pair; the impulse becomes the one that does it.
-[[gnu::noinline]] inline void capture(Index r, const Form &form, const Pairs &pairs, const Space &space,
-                                      const Tables &tables) {
+[[gnu::noinline]] inline void capture(Index r, const Form &form, const Pairs &pairs, const Case &c,
+                                      const Space &space, const Tables &tables, const Ledger *b) {
     const Search &search = space.search;
     Array impulse = space.impulse;
     double rebound = -search.at_wall(r) * search.rate(r);
@@ -205,26 +300,15 @@ constexpr Index COLLISIONS_AT_ONCE = 100'000;
             tables.impacts(row, 4) = 0.0;
             tables.impacts(row, 5) -= back;
             tables.impacts(row, 8) += 0.5 * back * rebound;
+            Array velocity = space.products.after.row(1);
+            for (Index i = 0; b && i < b->loss_of_mode.shape[1]; i++) {
+                double own = pairs.direction(r, i) * impulse(r);
+                tables.impacts(row, 9 + i) += own * (velocity(i) + 0.5 * own / b->mass(i));
+            }
             break;
         }
+    correct_impulse(r, space.motion.clock(0), -back, c);
     search.leaving(r) = 0.0;
-}
-
-// Makes compliant contacts push that an impulse elsewhere presses, and others separate; whether any has changed.
-[[gnu::noinline]] inline bool change_contacts(const Scalars &scalars, const Pairs &pairs, const Case &c,
-                                              const Motion &motion) {
-    bool changed = false;
-    Complex phase = unit_phase(scalars.omega, motion.clock);
-    for (Index j = 0; j < c.state.size(); j++) {
-        if (pairs.rigid(j) || c.state(j) == FREE) continue;
-        double side = side_of(c.state(j));
-        bool pushes = side * value_now(c.state.size() + j, scalars.exponent.size(), phase, scalars, motion) > 0.0;
-        if (is_active(c.state(j)) != pushes) {
-            c.state(j) = side * (pushes ? CONTACT : SEPARATING);
-            changed = true;
-        }
-    }
-    return changed;
 }
 
 // Makes rigid impacts at this instant: STAY or ENTER, or UNRESOLVED where they do not end.
@@ -262,7 +346,7 @@ constexpr Index COLLISIONS_AT_ONCE = 100'000;
         double push = (1.0 + e) * fastest / -pairs.mobility(hit, hit);
         count_impact(hit, time, fastest, push, c);
         add_impulse(hit, time, push, c);
-        write_impact(hit, fastest, push, pairs, c, space, tables, b);
+        write_impact(hit, wall, fastest, e * fastest, push, pairs, space, tables, b);
         if (b) {
             b->contact_loss(c.number) += 0.5 * push * (1.0 - e) * fastest;
             b->work(c.number) -= wall * push * pairs.in_space(hit) * base_rate;
@@ -275,7 +359,7 @@ constexpr Index COLLISIONS_AT_ONCE = 100'000;
     add_impulses(form, space);
     Index caught = caught_pair(scalars, pairs, c, space);
     if (caught >= 0) {
-        capture(caught, form, pairs, space, tables);
+        capture(caught, form, pairs, c, space, tables, b);
         double wall = search.at_wall(caught), rebound = -search.at_wall(caught) * search.rate(caught);
         if (b) {
             b->contact_loss(c.number) -= 0.5 * wall * impulse(caught) * rebound;
