@@ -14,8 +14,7 @@ import femimpact as fi
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven.block import Inputs, new_block, run_block
 from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.loop import DONE
-from femimpact.integrators.event_driven.loop_data import PUSHED
+from femimpact.integrators.event_driven.loop_data import DONE, PUSHED
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.response.columns import TOTAL_COLUMNS
 

@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact import core
 from femimpact.errors import require
-from femimpact.integrators.compiled.addresses import from_python
 from femimpact.integrators.driving import Drive
-from femimpact.integrators.event_driven import loop
 from femimpact.integrators.event_driven.continued import Held, resumed
 from femimpact.integrators.event_driven.equations import Equations
 from femimpact.integrators.event_driven.loop_data import (
     CONTACT,
+    FORM_WANTED,
+    RESONANT,
     STARTING,
     Bounds,
     Cases,
@@ -26,13 +27,15 @@ from femimpact.integrators.event_driven.loop_data import (
     Grid,
     Job,
     Ledger,
+    Motion,
     Pairs,
     Products,
+    Search,
     Snapshots,
     Space,
     Tables,
+    Task,
 )
-from femimpact.integrators.event_driven.motion import Motion, Search
 from femimpact.integrators.event_driven.settings import EventSettings
 from femimpact.integrators.event_driven.store import FormStore
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
@@ -252,7 +255,7 @@ def run_block(
     Parameters
     ----------
     block : Block
-        `stopped` is how each ended: loop.DONE, or loop.UNENDING at the time `cases.clock[:, 0]`.
+        `stopped` is how each ended: DONE, or UNENDING at the time `cases.clock[:, 0]`.
     begin, end : ndarray (C,) of int
     most : ndarray (C,)
         Events beyond which a case is given up.
@@ -273,15 +276,15 @@ def run_block(
         if block.space is None or (block.space.motion.entry.size, block.space.motion.rigid_body.size) != needed:
             block.space = working_space(block, forms)
         job = Job(block.pairs, block.cases, forms, block.grid, snapshots, block.tables, block.space)
-        loop.run_cases(members, begin, end, most, block.stopped, from_python(job), from_python(block.ledger))
-        resonant = np.flatnonzero(block.stopped == loop.RESONANT)
+        core.run_cases(Task(members, begin, end, most, block.stopped), job, block.ledger)
+        resonant = np.flatnonzero(block.stopped == RESONANT)
         if resonant.size:
             frequency = float(block.cases.omega[resonant[0]]) / (2.0 * np.pi)
             allowed = (
                 "must not be a natural frequency of an undamped mode: the steady response is unbounded; add damping"
             )
             require(False, "frequency", frequency, "Hz", allowed)
-        members = members[block.stopped[members] == loop.FORM_WANTED]
+        members = members[block.stopped[members] == FORM_WANTED]
         for c in members:
             _add_form(c, block.cases, store)
 

@@ -14,8 +14,7 @@ from femimpact.contact.formulas import RIGID
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven.block import Block, Inputs, new_block, no_cycles, run_block
 from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.loop import DONE
-from femimpact.integrators.event_driven.loop_data import Ledger
+from femimpact.integrators.event_driven.loop_data import DONE, Ledger
 from femimpact.integrators.event_driven.settings import EventSettings
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.integrators.threads import Progress, run_each

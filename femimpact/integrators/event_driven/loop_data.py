@@ -1,4 +1,4 @@
-"""What the compiled loop works on, as named tuples of arrays.
+"""What the compiled loop works on, as named tuples of arrays: the core takes them by these names.
 
 The case axis comes first: each case is a run of its own. C cases, F closed forms, K entries, P rigid-body
 coordinates, d coordinates (structure, then balls), R pairs, O outputs. Rows of scalars: x of every pair, the contact
@@ -12,12 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.integrators.event_driven.motion import Array, Complex, Indices, Motion, Scalars, Search
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Indices = NDArray[np.int64]
 
 __all__ = [
-    "BEGUN", "CONTACT", "ENTERED", "ENTERING", "FREE", "LARGEST_FORCE", "LASTED", "LOST", "PUSHED",
-    "RESUMED", "SEPARATING", "STARTED", "STARTING", "TOUCH_SPEED", "Bounds", "Case", "Cases", "Form", "Forms", "Grid",
-    "Job", "Ledger", "Pairs", "Products", "Shapes", "Snapshots", "Space", "Tables",
+    "BEGUN", "CONTACT", "DONE", "ENTERED", "FORM_WANTED", "FREE", "LARGEST_FORCE", "LASTED", "LOST", "PUSHED",
+    "RESONANT", "RESUMED", "SEPARATING", "STARTED", "STARTING", "TOUCH_SPEED", "UNENDING", "Bounds", "Cases", "Forms",
+    "Grid", "Job", "Ledger", "Motion", "Pairs", "Products", "Search", "Snapshots", "Space", "Tables", "Task",
 ]  # fmt: skip
 
 FREE, CONTACT, SEPARATING = range(3)
@@ -31,6 +33,11 @@ found."""
 BEGUN, TOUCH_SPEED, PUSHED, LARGEST_FORCE, LASTED, LOST = range(6)
 """What a contact that has not ended adds up to: start (s), approach speed (m/s), impulse (N s), largest force (N),
 duration (s) and loss (J)."""
+
+
+DONE, FORM_WANTED, RESONANT, UNENDING = range(4)
+"""What a case stopped for: its end, a closed form not made before, a steady motion that is unbounded, or events that
+do not end."""
 
 
 # ---- closed forms ----------------------------------------------------------------------------------
@@ -74,34 +81,6 @@ class Forms(NamedTuple):
     together: NDArray[np.bool_]  # (F, T, T) whether the product of two terms of the motion occurs in the ledger
     first: Indices  # (F, d + 1) entries that move coordinate i: members[first[i]:first[i + 1]]
     members: Indices  # (F, d K)
-
-
-class Shapes(NamedTuple):
-    """How coordinates are read from the motion in one closed form."""
-
-    omega: float
-    shape: Complex  # (d, K)
-    shape_rate: Complex  # (d, K)
-    rigid_body_shape: Array  # (d, P)
-    static: Array  # (d,)
-    harmonic: Complex  # (d,)
-    follow: Array  # (4, d)
-    first: Indices  # (d + 1,)
-    members: Indices  # (d K,)
-    rigid_bodies: int
-
-
-class Form(NamedTuple):
-    """The closed form that a case is in, with what its own drive and walls make of it."""
-
-    scalars: Scalars
-    shapes: Shapes
-    together: NDArray[np.bool_]  # (T, T)
-    rigid_body_sine: Complex  # (P,)
-    impulse_entry: Complex  # (K, R)
-    impulse_rigid_body: Array  # (P, R)
-    reaction: Array  # (R, R)
-    load_on_rigid_body: Array  # (P, 1 + R)
 
 
 # ---- cases -----------------------------------------------------------------------------------------
@@ -150,26 +129,6 @@ class Cases(NamedTuple):
     to_modes: Array  # (C, R, n) J, what these have given to each mode
     window: Array  # (C, 2) s, of which the totals are: impacts that end in it, and the forces in it
     totals: Array  # (C, 6, R) sums over them; see columns.TOTAL_COLUMNS
-
-
-class Case(NamedTuple):
-    """One case: its drive, its contacts, and their states."""
-
-    number: int
-    omega: float  # of the sine; 0 for a broken line
-    amplitude: float  # of s(t): m/s^2 or N
-    gap_plus: Array  # (R,) m, to the + wall
-    gap_minus: Array  # (R,) m, to the - wall
-    stiffness: Array  # (R,)
-    damping: Array  # (R,)
-    restitution: Array  # (R,)
-    state: Array  # (R,) contact states
-    released: Array  # (R,)
-    coordinates: Array  # (2, d)
-    touch: Array  # (6, R)
-    to_modes: Array  # (R, n)
-    window: Array  # (2,)
-    totals: Array  # (6, R)
 
 
 # ---- what is read and written ----------------------------------------------------------------------
@@ -222,7 +181,40 @@ class Ledger(NamedTuple):
     everywhere: bool  # or only through compliant contacts, for the table of impacts
 
 
+class Task(NamedTuple):
+    """Which cases a call takes where, and what it says of them."""
+
+    members: Indices  # (members,) cases
+    begin: Indices  # (C,) samples after which is read
+    end: Indices  # (C,) samples to which is gone
+    most: Array  # (C,) events allowed in all
+    stopped: Indices  # (C,) what each one stopped for; see DONE
+
+
 # ---- working space ---------------------------------------------------------------------------------
+
+
+class Motion(NamedTuple):
+    """Where the motion is: homogeneous part, rigid-body coordinates, time, a drive by samples."""
+
+    entry: Complex  # (K,)
+    rigid_body: Array  # (P,)
+    rigid_body_rate: Array  # (P,)
+    clock: Array  # (2,): time, phase of the sine at t = 0
+    drive: Array  # (4,): ub, ub', s, s' of a broken line; zero for a sine
+
+
+class Search(NamedTuple):
+    """What a search leaves behind, and its scratch space; R scalars, K entries."""
+
+    leaving: Array  # (R,) side of a bound just left, or at which another bound was met at rest; else 0
+    at_wall: Array  # (R,) side of the wall touched at this instant, else 0
+    rate: Array  # (R,)
+    found: Array  # (5,) scratch
+    size: Array  # (K,) |H|; see `measure`
+    power: Complex  # (3, K): H', and scratch
+    event: Array  # (2,): scalar, side
+    negligible: Array  # (1,) m/s, see `negligible_approach`
 
 
 class Products(NamedTuple):

@@ -19,8 +19,7 @@ from femimpact.integrators.event_driven.block import Block, no_cycles, run_block
 from femimpact.integrators.event_driven.continued import Sampling, final_state, held_by, touching
 from femimpact.integrators.event_driven.equations import require_met
 from femimpact.integrators.event_driven.largest import find_largest
-from femimpact.integrators.event_driven.loop import UNENDING
-from femimpact.integrators.event_driven.loop_data import BEGUN, CONTACT, FREE, LASTED, PUSHED
+from femimpact.integrators.event_driven.loop_data import BEGUN, CONTACT, FREE, LASTED, PUSHED, UNENDING
 from femimpact.integrators.event_driven.reading_grid import ReadingGrid, reading_grid
 from femimpact.integrators.event_driven.settings import EventSettings, check_events
 from femimpact.integrators.event_driven.store import outputs_of
