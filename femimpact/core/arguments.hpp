@@ -61,12 +61,12 @@ inline bool is_format(const char *format, Type type) {
 }
 
 // One array of a call, held until the call ends: nobody can free or resize it meanwhile.
-class Array {
+class Argument {
   public:
-    Array() = default;
-    Array(const Array &) = delete;
-    Array &operator=(const Array &) = delete;
-    ~Array() {
+    Argument() = default;
+    Argument(const Argument &) = delete;
+    Argument &operator=(const Argument &) = delete;
+    ~Argument() {
         if (held_) {
             PyBuffer_Release(&view_);
         }
@@ -104,6 +104,7 @@ class Array {
         return true;
     }
 
+    void *data() const { return view_.buf; }
     double *doubles() const { return static_cast<double *>(view_.buf); }
     Py_ssize_t size(int axis) const { return view_.shape[axis]; }
 
@@ -119,7 +120,7 @@ class Array {
 };
 
 // false with an exception where the lengths of an axis differ
-inline bool same_size(const Array &one, const Array &other, int axis, const char *names) {
+inline bool same_size(const Argument &one, const Argument &other, int axis, const char *names) {
     if (one.size(axis) == other.size(axis)) {
         return true;
     }

@@ -70,7 +70,7 @@ PyObject *choose(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
 PyObject *exponentials(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
     static constexpr Wanted EXPONENT = {"exponent", Type::complex128, 1, "(K,)", false};
     static constexpr Wanted OUT = {"out", Type::complex128, 1, "(K,)", true};
-    Array exponent, out;
+    Argument exponent, out;
     double time = 0.0;
     if (!take_count(count, 3, "exponentials") || !exponent.take(arguments[0], EXPONENT) ||
         !take_number(arguments[1], "time", &time) || !out.take(arguments[2], OUT) ||
@@ -85,7 +85,7 @@ PyObject *exponentials(PyObject *, PyObject *const *arguments, Py_ssize_t count)
     return Py_None;
 }
 
-template <typename Function> PyCFunction method(Function function) {
+template <typename Function> PyCFunction method(Function function) noexcept {
     return reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(function));
 }
 
