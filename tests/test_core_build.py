@@ -204,6 +204,27 @@ def test_a_build_that_fails_leaves_the_binary(checkout, monkeypatch):
     assert (checkout / "femimpact" / BINARY).read_bytes() == earlier
 
 
+def test_a_binary_that_cannot_be_written_is_one_line(checkout, monkeypatch):
+    def refuses(*arguments):
+        raise PermissionError(13, "Permission denied", str(checkout))
+
+    monkeypatch.setattr(compilation, "find_compiler", lambda kind: release())
+    monkeypatch.setattr(compilation, "_compile", lambda *arguments: checkout / "femimpact" / "errors.py")
+    monkeypatch.setattr(compilation.os, "replace", refuses)
+    with pytest.raises(compilers.CompilationError, match=r"^.*: cannot be written: Permission denied$"):
+        compilation.build(checkout, "release", lambda line: None)
+    assert sorted(path.name for path in (checkout / "femimpact").glob("_core*")) == [BINARY]
+
+
+def test_a_compiler_is_called_without_a_shell_in_a_directory_of_its_own(no_compiler, monkeypatch, tmp_path):
+    done = tmp_path / "done"
+    # words of a shell are arguments of the program, which is no compiler; what is left in its directory goes with it
+    monkeypatch.setenv("CXX", f"{sys.executable} -c 'open(\"done\", \"w\")' ; touch {done} $(touch {done})")
+    assert compilers.find_compiler("release").is_zig
+    assert not done.exists()
+    assert not Path("done").exists()
+
+
 def test_our_flags_come_after_those_of_the_environment(monkeypatch):
     monkeypatch.setenv("CXXFLAGS", "-Ofast -ffp-contract=fast -fopenmp")
     for compiler in (release(), compilers.Compiler("zig 0.17.1", ("zig", "c++"), ("zig", "cc"))):
@@ -243,9 +264,11 @@ def test_a_sanitized_build_takes_no_zig(no_compiler):
 
 @pytest.mark.skipif(os.name != "posix", reason="a program that is a script of the shell")
 @pytest.mark.parametrize("variable", ["CXX", "CC", "PATH"])
-def test_a_compiler_that_takes_no_new_language_is_passed_over(no_compiler, monkeypatch, tmp_path, variable):
+@pytest.mark.parametrize("status", [0, 1])
+def test_a_program_that_takes_no_new_language_is_passed_over(no_compiler, monkeypatch, tmp_path, variable, status):
     old = tmp_path / "c++"
-    old.write_text("#!/bin/sh\nexit 1\n", encoding="utf-8")
+    # one that ends well has compiled nothing either
+    old.write_text(f"#!/bin/sh\nexit {status}\n", encoding="utf-8")
     old.chmod(0o755)
     if variable != "PATH":
         monkeypatch.setenv("PATH", "")

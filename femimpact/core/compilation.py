@@ -105,7 +105,7 @@ def build(root: Path, kind: str, say: Callable[[str], None] = print) -> bool:
     Raises
     ------
     CompilationError
-        If there is no compiler, or if it fails.
+        If there is no compiler, if it fails, or if the binary cannot be written.
     """
     compiler = find_compiler(kind)
     key = build_key(root, compiler, kind)
@@ -127,6 +127,8 @@ def build(root: Path, kind: str, say: Callable[[str], None] = print) -> bool:
             made = _compile(root, compiler, kind, key, directory)
             shutil.copyfile(made, part)
         os.replace(part, binary)
+    except OSError as error:
+        raise CompilationError(f"{error.filename or binary}: cannot be written: {error.strerror or error}") from None
     finally:
         part.unlink(missing_ok=True)
     return True

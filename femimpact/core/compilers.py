@@ -137,7 +137,8 @@ def _system_compiler(command: tuple[str, ...], kind: str) -> Compiler | None:
             run_compiler(link_command(compiler, kind, ["test.o"], "test.so"), directory)
         except CompilationError:
             return None
-    return compiler
+        # some other program may end well whatever it is told
+        return compiler if Path(directory, "test.so").is_file() else None
 
 
 def _name_of(macros: str) -> str:
