@@ -219,7 +219,7 @@ def test_a_binary_that_cannot_be_written_is_one_line(checkout, monkeypatch):
 def test_a_compiler_is_called_without_a_shell_in_a_directory_of_its_own(no_compiler, monkeypatch, tmp_path):
     done = tmp_path / "done"
     # words of a shell are arguments of the program, which is no compiler; what is left in its directory goes with it
-    monkeypatch.setenv("CXX", f"{sys.executable} -c 'open(\"done\", \"w\")' ; touch {done} $(touch {done})")
+    monkeypatch.setenv("CXX", f'{sys.executable} -c \'open("done", "w")\' ; touch {done} $(touch {done})')
     assert compilers.find_compiler("release").is_zig
     assert not done.exists()
     assert not Path("done").exists()
