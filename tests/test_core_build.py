@@ -235,6 +235,14 @@ def test_our_flags_come_after_those_of_the_environment(monkeypatch):
         assert {"-march=x86-64", "-mcpu=baseline", "-fPIC"} & set(flags[3:])
 
 
+def test_the_pages_name_the_versions_that_the_build_asks_for():
+    text = "".join((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "CONTRIBUTING.md"))
+    (backend,) = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]["requires"]
+    assert set(re.findall(r"ziglang==[\d.]+", text)) == {compilation.zig_requirement()}
+    assert set(re.findall(r"hatchling>=[\d.,<]+", text)) == {backend}
+    assert f"zig {compilers.ZIG.rpartition('.')[0]} " in text
+
+
 @pytest.fixture
 def no_compiler(monkeypatch, tmp_path):
     """A PATH without compilers, and no zig."""
