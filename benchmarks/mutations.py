@@ -190,8 +190,8 @@ MUTATIONS = (
     Mutation("cycle_mean_force", "totals[5].sum(axis=0) / duration", "totals[5].sum(axis=0) / duration * frequency"),
     Mutation(
         "one_pole_fit",
-        "ratio, frequency_found = math.exp(best.x[2])",
-        "ratio, frequency_found = 1.05 * math.exp(best.x[2])",
+        "ratio, frequency_found = _power(best.x[2])",
+        "ratio, frequency_found = 1.05 * _power(best.x[2])",
     ),
     Mutation("half_power", "(low / f[top]) ** 2) / 4.0", "(low / f[top]) ** 2) / 4.2"),
     Mutation(

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import inspect
 import math
 import numbers
 import operator
 import types
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,12 +41,17 @@ __all__ = [
     "real_array",
     "require",
     "require_name",
+    "require_path",
     "require_type",
     "rising_numbers",
     "suggestion",
+    "takes",
     "text",
     "truth",
 ]
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 LONGEST_SHOWN = 200
 """Characters of a value that a line shows."""
@@ -54,6 +61,10 @@ MOST_ARGUMENTS = 3
 
 MOST = 10**15
 """A whole number beyond this is taken for a mistake: it neither counts anything nor fits into a float."""
+
+
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Of a finite number that must be above zero: products and powers of a few beyond are zero, or no numbers."""
 
 
 class FemimpactError(Exception):
@@ -98,8 +109,6 @@ def _shown(value: object) -> str:
 
 def _call_of(noun: Any) -> str:
     """A call of a class or a function, with the arguments that it needs where they are few."""
-    import inspect
-
     given = inspect.signature(noun).parameters.values()
     needed = [
         one for one in given if one.default is one.empty and one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)
@@ -160,7 +169,7 @@ class InputError(FemimpactError, ValueError):
 
 
 class _Refused(Exception):  # noqa: N818 - raised and caught in this module only
-    """A value is not what a field's metadata allows."""
+    """A value is not what a field's metadata allows; what it says, if anything, is allowed too."""
 
 
 def quantity(
@@ -219,7 +228,8 @@ def place() -> dict[str, Any]:
 def instance(*kinds: Any) -> dict[str, Any]:
     """Metadata of a dataclass field that holds a value of one of some kinds."""
     names = " or ".join(kind.__name__ for kind in kinds)
-    return {"unit": "", "allowed": f"must be a {names}", "take": functools.partial(_instance, kinds=kinds)}
+    take = functools.partial(_instance, kinds=kinds)
+    return {"unit": "", "allowed": f"must be a {names}", "take": take, "kinds": kinds}
 
 
 def having(what: str, names: tuple[str, ...]) -> dict[str, Any]:
@@ -243,7 +253,8 @@ def items(*kinds: Any) -> dict[str, Any]:
 def column(unit: str, *axes: str | int, of: str = "number", finite: bool = False) -> dict[str, Any]:
     """Metadata of a dataclass field that holds an array: its unit, and the name or the length of every axis.
 
-    Arrays with an axis of the same name are equally long there. `of` is "number", "whole number" or "text".
+    Arrays with an axis of the same name are equally long there. `of` is "number", "whole number", "text" or
+    "truth value".
     """
     shape = f"({', '.join(map(str, axes))}{',' if len(axes) == 1 else ''})"
     return {
@@ -283,6 +294,8 @@ def _number(value: Any, bounds: Mapping[str, float], integer: bool, finite: bool
     inside = all(_COMPARISONS[name](number, bound) for name, bound in bounds.items())
     if not inside or (integer and (not number.is_integer() or abs(number) > MOST)):
         raise _Refused
+    if finite and bounds.get("above") == 0.0 and not SMALLEST <= number <= LARGEST:
+        raise _Refused(f", and of {SMALLEST:g} to {LARGEST:g} in size")
     return int(number) if integer else number
 
 
@@ -322,12 +335,19 @@ def _having(value: Any, names: tuple[str, ...]) -> Any:
 
 
 def _items(value: Any, kinds: tuple[Any, ...]) -> tuple[Any, ...]:
+    if hasattr(value, "tolist") and getattr(value, "ndim", 0) == 1:
+        value = tuple(value)
     if not isinstance(value, (tuple, list)):
         raise _Refused
     return tuple(_instance(entry, kinds) for entry in value)
 
 
-_KINDS = {"number": ("f", "iuf", float), "whole number": ("iu", "iu", int), "text": ("U", "U", str)}
+_KINDS = {
+    "number": ("f", "iuf", float),
+    "whole number": ("iu", "iu", int),
+    "text": ("U", "U", str),
+    "truth value": ("b", "b", bool),
+}
 """Of an array: its dtypes that stay, those that are turned, and what into."""
 
 
@@ -416,12 +436,12 @@ def checked(key: str, value: object, metadata: Mapping[str, Any]) -> Any:
     """
     try:
         return metadata["take"](value)
-    except _Refused:
-        raise InputError([Fault(key, value, metadata["unit"], metadata["allowed"])]) from None
+    except _Refused as refusal:
+        raise InputError([Fault(key, value, metadata["unit"], f"{metadata['allowed']}{refusal}")]) from None
 
 
 class _Declared(NamedTuple):
-    """The metadata of one field, prepared once: some dataclasses are made in every run."""
+    """The metadata of one field or argument, prepared once: some dataclasses are made in every run."""
 
     name: str
     take: Callable[[Any], Any]
@@ -429,31 +449,43 @@ class _Declared(NamedTuple):
     unit: str
     allowed: str
     axes: tuple[str | int, ...]
+    kinds: tuple[Any, ...]
+
+
+def _declaration(name: str, metadata: Mapping[str, Any], may_be_none: bool) -> _Declared:
+    take, unit, allowed = (metadata[key] for key in ("take", "unit", "allowed"))
+    return _Declared(name, take, may_be_none, unit, allowed, metadata.get("axes", ()), metadata.get("kinds", ()))
 
 
 @functools.cache
 def _declared(kind: Any) -> tuple[_Declared, ...]:
     """Fields of a dataclass that have metadata."""
     return tuple(
-        _Declared(field.name, m["take"], field.default is None, m["unit"], m["allowed"], m.get("axes", ()))
+        _declaration(field.name, field.metadata, field.default is None)
         for field in dataclasses.fields(kind)
-        if "unit" in (m := field.metadata)
+        if "unit" in field.metadata
     )
 
 
-def _taken(instance: Any) -> tuple[dict[str, Any], list[Fault]]:
-    """Sound fields of a dataclass, each in its one type, and the faults of the others."""
+def _hint(value: object, key: str, kinds: Any) -> str:
+    """Words that point to an attribute of that name which is of the right kind, as of a study."""
+    inner = getattr(value, "__dict__", {}).get(key)
+    return f": pass its .{key}" if kinds and isinstance(inner, kinds) else ""
+
+
+def _taken(declared: Iterable[_Declared], value_of: Callable[[str], Any]) -> tuple[dict[str, Any], list[Fault]]:
+    """Sound ones of some fields or arguments, each in its one type, and the faults of the others."""
     values: dict[str, Any] = {}
     faults: list[Fault] = []
     sizes: dict[str | int, tuple[int, str]] = {}
-    for name, take, may_be_none, unit, allowed, axes in _declared(instance.__class__):
-        value = getattr(instance, name)
+    for name, take, may_be_none, unit, allowed, axes, kinds in declared:
+        value = value_of(name)
         if value is None and may_be_none:
             continue
         try:
             values[name] = taken = take(value)
-        except _Refused:
-            faults.append(Fault(name, value, unit, allowed))
+        except _Refused as refusal:
+            faults.append(Fault(name, value, unit, f"{allowed}{refusal}{_hint(value, name, kinds)}"))
             continue
         if not axes or taken is None:
             continue
@@ -465,9 +497,13 @@ def _taken(instance: Any) -> tuple[dict[str, Any], list[Fault]]:
     return values, faults
 
 
+def _fields_of(instance: Any) -> tuple[dict[str, Any], list[Fault]]:
+    return _taken(_declared(instance.__class__), functools.partial(getattr, instance))
+
+
 def field_faults(instance: Any) -> list[Fault]:
     """Every field of a dataclass that is outside its declared range."""
-    return _taken(instance)[1]
+    return _fields_of(instance)[1]
 
 
 def check_fields(instance: Any, *more: Fault) -> None:
@@ -475,11 +511,43 @@ def check_fields(instance: Any, *more: Fault) -> None:
 
     What is sound is turned into its one type: numbers into float or int, lists of numbers into tuples.
     """
-    values, faults = _taken(instance)
+    values, faults = _fields_of(instance)
     if faults or more:
         raise InputError([*faults, *more])
     for name, value in values.items():
         object.__setattr__(instance, name, value)
+
+
+def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorator of a function that declares arguments as a dataclass declares its fields.
+
+    Before the function begins, `InputError` names every argument outside its declared range. What is sound comes to
+    it in its one type. An argument whose default is None may be None.
+    """
+
+    def checking(function: Callable[P, R]) -> Callable[P, R]:
+        signature = inspect.signature(function)
+        declared = [_declaration(name, m, signature.parameters[name].default is None) for name, m in metadata.items()]
+
+        @functools.wraps(function)
+        def call(*given: P.args, **named: P.kwargs) -> R:
+            try:
+                bound = signature.bind(*given, **named)
+            except TypeError:
+                bound = None
+            if bound is None:
+                # Python's own words for it name the function
+                return function(*given, **named)
+            bound.apply_defaults()
+            values, faults = _taken(declared, bound.arguments.__getitem__)
+            if faults:
+                raise InputError(faults)
+            bound.arguments.update(values)
+            return function(*bound.args, **bound.kwargs)
+
+        return call
+
+    return checking
 
 
 def rising_numbers(key: str, values: Any, most: int) -> NDArray[np.int64]:
@@ -507,11 +575,9 @@ def require(condition: bool, key: str, value: object, unit: str, allowed: str) -
 def require_type(value: object, kind: type, key: str) -> None:
     """Raise `InputError` unless the value is of a kind; say so where an attribute of that name is, as of a study."""
     fits = isinstance(value, kind)
-    inner = None if fits else getattr(value, "__dict__", {}).get(key)
-    hint = f": pass its .{key}" if isinstance(inner, kind) else ""
     # of a list one is made
     name = "list or a tuple" if kind is tuple else kind.__name__
-    require(fits, key, kind_of(value), "", f"must be a {name}{hint}")
+    require(fits, key, kind_of(value), "", f"must be a {name}{'' if fits else _hint(value, key, kind)}")
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:
@@ -527,6 +593,12 @@ def suggestion(name: str, known: Iterable[str]) -> str:
     close = max(difflib.get_close_matches(name, names), key=nearness, default="")
     hint = f"did you mean {close!r}? " if close else ""
     return f"unknown; {hint}known: {', '.join(names)}" if names else "unknown; none is defined"
+
+
+def require_path(value: object, key: str, of: str) -> None:
+    """Raise `InputError` unless the value can be the path of something, as "a file": text or a path, without null."""
+    text = isinstance(value, (str, Path))
+    require(text and "\0" not in str(value), key, value if text else kind_of(value), "", f"must be the path of {of}")
 
 
 def require_name(name: str, known: Iterable[str], key: str) -> None:

@@ -1,7 +1,7 @@
 """Contact of one scalar pair: when a ball touches, which wall, with what force, and how fast it rebounds."""
 
 from femimpact.contact.collision import Collision, integrated_collision
-from femimpact.contact.law import ContactLaw, collide, contact_force, contact_potential, require_law, resolve
+from femimpact.contact.law import ContactLaw, a_law, collide, contact_force, contact_potential, require_law, resolve
 from femimpact.contact.laws.custom_law import CustomLaw
 from femimpact.contact.laws.kelvin_voigt import KelvinVoigt, spring_and_dashpot
 from femimpact.contact.laws.power_law import (
@@ -35,6 +35,7 @@ __all__ = [
     "PowerLaw",
     "Rigid",
     "SwitchingSpring",
+    "a_law",
     "collide",
     "contact_force",
     "contact_potential",

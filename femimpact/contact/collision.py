@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from femimpact.contact.restitution import EFFECTIVE_MASS
 from femimpact.errors import check_fields, checked, quantity, require
 
-__all__ = ["Collision", "collision_of", "crest", "integrated_collision"]
+__all__ = ["Collision", "collision_of", "crest", "integrated_collision", "mass_and_speed"]
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,21 @@ class Collision:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+
+def mass_and_speed(effective_mass: object, approach_speed: object) -> tuple[float, float]:
+    """Mass (kg) and speed (m/s) of a collision, both > 0.
+
+    Raises
+    ------
+    InputError
+        If they are not, or their energy is zero or infinite to rounding.
+    """
+    mass = float(checked("effective_mass", effective_mass, EFFECTIVE_MASS))
+    speed = float(checked("approach_speed", approach_speed, quantity("m/s", above=0.0)))
+    allowed = f"must have an energy, with an effective_mass of {mass:g} kg, that is neither zero nor infinite"
+    require(0.0 < 0.5 * mass * speed * speed < math.inf, "approach_speed", speed, "m/s", f"{allowed} to rounding")
+    return mass, speed
 
 
 def collision_of(
@@ -86,9 +103,9 @@ def integrated_collision(
     """
     from scipy.integrate import solve_ivp
 
-    require(callable(force), "force", force, "", "must be a function of depth, rate")
-    mass = checked("effective_mass", effective_mass, quantity("kg", above=0.0))
-    speed = checked("approach_speed", approach_speed, quantity("m/s", above=0.0))
+    is_function = callable(force) and not isinstance(force, type)
+    require(is_function, "force", force, "", "must be a function of depth, rate")
+    mass, speed = mass_and_speed(effective_mass, approach_speed)
 
     def push(depth: float, rate: float) -> float:
         return float(checked("force", force(depth, rate), quantity("N")))
@@ -106,10 +123,12 @@ def integrated_collision(
         return float(y[0] if y[1] < 0.0 else 1.0)
 
     off.terminal, off.direction = True, -1.0  # type: ignore[attr-defined]
-    run: Any = solve_ivp(
-        rates, (0.0, longest), [0.0, speed], events=off, rtol=1e-10, atol=[1e-12 * depth, 1e-12 * speed],
-        max_step=longest, first_step=1e-3 * depth / speed,
-    )  # fmt: skip
+    # of a mass that its force throws beyond numbers the motion has no end, which is said below
+    with np.errstate(over="ignore", invalid="ignore"):
+        run: Any = solve_ivp(
+            rates, (0.0, longest), [0.0, speed], events=off, rtol=1e-10, atol=[1e-12 * depth, 1e-12 * speed],
+            max_step=longest, first_step=1e-3 * depth / speed,
+        )  # fmt: skip
     let_go = bool(run.t_events) and bool(run.t_events[0].size)
     require(let_go, "force", None, "N", f"must let the ball go: still in contact {longest:g} s after {speed:g} m/s")
     loads = np.array([push(p, rate) for p, rate in run.y.T])

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
-from femimpact.contact.collision import Collision
+from femimpact.contact.collision import Collision, mass_and_speed
 from femimpact.contact.formulas import CUSTOM, KELVIN_VOIGT, POWER, RIGID, SWITCHING_SPRING
 from femimpact.contact.parameters import ContactParameters
-from femimpact.errors import checked, quantity, require
+from femimpact.contact.restitution import EFFECTIVE_MASS
+from femimpact.errors import checked, having, quantity, require
 
-__all__ = ["ContactLaw", "collide", "contact_force", "contact_potential", "require_law", "resolve"]
+__all__ = ["ContactLaw", "a_law", "collide", "contact_force", "contact_potential", "require_law", "resolve"]
 
 KINDS = (KELVIN_VOIGT, SWITCHING_SPRING, POWER, CUSTOM, RIGID)
 
@@ -74,6 +75,11 @@ class ContactLaw(Protocol):
 MEMBERS = {name: member for name, member in vars(ContactLaw).items() if not name.startswith("_")}
 VALUES = tuple(name for name, member in MEMBERS.items() if isinstance(member, property))
 METHODS = tuple(name for name in MEMBERS if name not in VALUES)
+
+
+def a_law() -> dict[str, Any]:
+    """Metadata of a field or an argument that holds a contact law; `require_law` names what one of one's own misses."""
+    return having("a contact law (KelvinVoigt, ..., Rigid)", tuple(MEMBERS))
 
 
 def require_law(law: object, key: str = "law") -> None:
@@ -186,10 +192,10 @@ def collide(law: ContactLaw, effective_mass: float, approach_speed: float) -> Co
     Raises
     ------
     InputError
-        If a number is not > 0, or a custom law never lets go.
+        If a number is not > 0, their energy is beyond numbers, or a custom law never lets go.
     """
     require_law(law)
-    return law.collide(_mass(effective_mass), _speed(approach_speed))
+    return law.collide(*mass_and_speed(effective_mass, approach_speed))
 
 
 def _speed(value: object) -> float:
@@ -197,4 +203,4 @@ def _speed(value: object) -> float:
 
 
 def _mass(value: object) -> float:
-    return float(checked("effective_mass", value, quantity("kg", above=0.0)))
+    return float(checked("effective_mass", value, EFFECTIVE_MASS))

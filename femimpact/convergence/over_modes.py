@@ -86,6 +86,8 @@ def mode_convergence(
     least = 3 * PARTS / excitation.frequency
     require(cycles > 0, "duration", duration, "s", f"must be >= {least:.4g} s, 24 base cycles")
     place = system.default_place if at is None else at
+    # before long work
+    system.point_row(place)
     columns: dict[str, Any] = {name: np.full((numbers.size, 2), np.nan) for name in (*STATISTICS, *OTHERS)}
     scatter = {name: np.full((numbers.size, 2), np.nan) for name in STATISTICS}
     notes = []

@@ -107,6 +107,9 @@ class BrokenLine:
         return np.array([place, velocity, value + slope * later, slope])
 
 
+LATEST = 1e15
+"""Seconds, beyond which a time is taken for a mistake: a float has no tenth of a second there."""
+
 MEMBERS = ("frequency", "phase", "amplitude", "displacement", "velocity", "acceleration")
 """What every excitation has."""
 
@@ -120,4 +123,7 @@ def require_excitation(value: object, key: str = "excitation") -> None:
 
 def times(time: ArrayLike) -> Array:
     """Times (s) as an array of float."""
-    return real_array("time", time, "s", "must be finite numbers")
+    allowed = f"must be finite numbers from {-LATEST:g} to {LATEST:g} s"
+    found = real_array("time", time, "s", allowed)
+    require(bool(np.all(np.abs(found) <= LATEST)), "time", time, "s", allowed)
+    return found

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from femimpact.errors import require
+from femimpact.errors import require, require_type
 from femimpact.export.files import GuardedFile, atomic_path
 from femimpact.response.history import HistoryPiece
 
@@ -46,6 +46,7 @@ def history_writer(path: str | Path) -> Iterator[Callable[[HistoryPiece], None]]
     with atomic_path(path) as temporary, GuardedFile(temporary) as raw, h5netcdf.File(raw, "w") as file:
 
         def write(piece: HistoryPiece) -> None:
+            require_type(piece, HistoryPiece, "piece")
             bare = piece.snapshots is None
             require(bare, "record.snapshots", None, "", "must be 0: this file has place for channels and energies only")
             _append(file, piece)

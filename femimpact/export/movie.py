@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import require
+from femimpact.errors import choice, instance, optional, quantity, require, takes
 from femimpact.export.figures.drawing import BLUE, DARK, ORANGE
-from femimpact.export.files import atomic_path
-from femimpact.export.scene import BALL, BEAM, BOX, ball_radius, build_scene, snapshots_of, thinned
+from femimpact.export.files import atomic_path, file_path
+from femimpact.export.scene import BALL, BEAM, BOX, EXAGGERATION, ball_radius, build_scene, snapshots_of, thinned
 from femimpact.export.scene_pieces import section_at
 from femimpact.export.sheet import HEIGHT, VIEWS, WIDTH, Film, sheets
 from femimpact.response.history import Snapshots
@@ -26,6 +26,9 @@ from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
 
 __all__ = ["gl_window", "write_movie"]
+
+MOST_FPS = 1000
+"""Frames per second; a GIF counts milliseconds."""
 
 SWING = 0.08
 """Share of the beam's length that swing and gap fill when the exaggeration is chosen here."""
@@ -75,6 +78,11 @@ def _window(name: str) -> Iterator[None]:
             os.environ[WINDOW] = before
 
 
+@takes(
+    response=instance(Response), structure=instance(Structure), exaggeration=optional(EXAGGERATION),
+    fps=quantity("1/s", at_least=1, at_most=MOST_FPS, integer=True),
+    most=quantity("frames", at_least=1, integer=True), renderer=choice("auto", "pyvista", "matplotlib"),
+)  # fmt: skip
 def write_movie(
     path: str | Path,
     response: Response,
@@ -107,17 +115,17 @@ def write_movie(
     -------
     Path
         Of the file that was written, which may end in `.gif`.
+
+    Raises
+    ------
+    InputError
+        If the response holds no snapshots, an argument is out of range, or the path cannot be written.
     """
-    names = ("auto", "pyvista", "matplotlib")
-    require(renderer in names, "renderer", renderer, "", f"must be one of {', '.join(names)}")
-    for key, value, unit in (("fps", fps, "1/s"), ("most", most, "frames")):
-        require(isinstance(value, int) and value >= 1, key, value, unit, "must be a whole number >= 1")
-    positive = exaggeration is None or 0.0 < exaggeration < np.inf
-    require(positive, "exaggeration", exaggeration, "1", "must be a finite number > 0")
+    file = file_path(path)
     film = _film(response, structure, exaggeration, fps, most)
     window = gl_window() if renderer != "matplotlib" else None
     require(renderer != "pyvista" or window is not None, "renderer", renderer, "", "cannot render here (no GL library)")
-    return _encode(Path(path), _pyvista_frames(film, window) if window else _matplotlib_frames(film), fps)
+    return _encode(file, _pyvista_frames(film, window) if window else _matplotlib_frames(film), fps)
 
 
 def _film(response: Response, structure: Structure, exaggeration: float | None, fps: int, most: int) -> Film:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
+from femimpact.errors import Fault, InputError, quantity
 from femimpact.export.scene_pieces import (
     BALL,
     BALL_DENSITY,
@@ -35,11 +37,14 @@ from femimpact.system.matrices import Matrix
 from femimpact.system.system import System
 
 __all__ = [
-    "BALL", "BALL_DENSITY", "BEAM", "BOX", "Scene", "ball_radius", "build_scene", "build_whole_scene", "snapshots_of",
-    "thinned",
+    "BALL", "BALL_DENSITY", "BEAM", "BOX", "EXAGGERATION", "Scene", "ball_radius", "build_scene", "build_whole_scene",
+    "snapshots_of", "thinned",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
+
+EXAGGERATION: Any = quantity("1", above=0.0, at_most=1e9)
+"""By which motion and clearance are drawn larger."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,8 +245,6 @@ def _scene(pieces: Pieces, system: System, stretches: tuple[Array, ...], exagger
 
 def snapshots_of(response: Response) -> Snapshots:
     """The snapshots of a response, or an error that says how to get them."""
-    from femimpact.errors import Fault, InputError
-
     if response.snapshots is None or response.snapshots.time.size == 0:
         raise InputError(
             [Fault("snapshots", None, "", "the response holds none: integrate with Recorder(snapshots=STRIDE)")]

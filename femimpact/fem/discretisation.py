@@ -154,6 +154,7 @@ class Discretisation:
 
     def node_of(self, support: Support) -> int:
         """Number of the node that a support holds."""
+        require_type(support, Support, "support")
         return _node(self.structure, self.mesh, support)
 
 

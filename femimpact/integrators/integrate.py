@@ -8,7 +8,7 @@ from typing import Any, cast, overload
 
 from femimpact.errors import require, require_type
 from femimpact.excitation import Excitation, require_excitation
-from femimpact.excitation.remarks import motion_notes, motion_warnings
+from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
 from femimpact.integrators.memory import check_memory, memory_needed
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.threads import Progress, check_progress, run_each, workers_of
@@ -100,9 +100,11 @@ def integrate(
     """
     recorder = Recorder() if record is None else record
     start = State() if initial is None else initial
-    given: tuple[tuple[Any, Any], ...] = ((system, System), (recorder, Recorder), (start, State))
-    for value, kind in given:
-        require_type(value, kind, kind.__name__.lower())
+    given: tuple[tuple[str, Any, Any], ...] = (
+        ("system", system, System), ("record", recorder, Recorder), ("initial", start, State)
+    )  # fmt: skip
+    for key, value, kind in given:
+        require_type(value, kind, key)
     require_method(method)
     check_progress(progress)
     workers = workers_of(threads)
@@ -117,8 +119,9 @@ def integrate(
     def run(drive: Excitation, report: Progress | None) -> Response:
         response = method.run(system, drive, duration, recorder, start, report)
         warnings = motion_warnings(drive, system.length)
+        warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)
         warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
-        notes = motion_notes(drive, start.time + duration)
+        notes = motion_notes(drive, system.length, start.time + duration)
         if not (warnings or notes):
             return response
         return replace(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-from femimpact.errors import in_range, quantity, require
+from femimpact.errors import in_range, kind_of, quantity, require
 
 __all__ = ["Progress", "check_progress", "cores", "run_each", "workers_of"]
 
@@ -29,8 +29,8 @@ def cores() -> int:
 
 def check_progress(progress: object) -> None:
     """Refuse what cannot be called with the share done."""
-    usable = progress is None or callable(progress)
-    require(usable, "progress", type(progress).__name__, "", "must be callable, with the share done")
+    usable = progress is None or (callable(progress) and not isinstance(progress, type))
+    require(usable, "progress", kind_of(progress), "", "must be callable, with the share done")
 
 
 def workers_of(threads: int | None) -> int:

@@ -36,5 +36,5 @@ def deflection_warnings(deflection: ArrayLike, length: float) -> tuple[str, ...]
     share = largest / length
     return (
         f"the beam deflects by up to {largest:.4g} m, {share:.3g} of its length, beyond {LARGE:g}: linear beam theory "
-        f"neglects terms of the size of the square of that share, {100.0 * share**2:.2g} %",
+        f"neglects terms of the size of the square of that share, {100.0 * share * share:.2g} %",
     )

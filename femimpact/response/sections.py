@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, checked, column, quantity, real_array, require, require_type, suggestion
 from femimpact.excitation import Excitation
+from femimpact.response.channels import channel_key
 from femimpact.structure.structure import Position
 from femimpact.table import Head, head_of_columns, short_repr
 
@@ -64,7 +65,7 @@ class StroboscopicSection:
         return head_of_columns(title, {"time": self.time, **self.channels}, {"time": "s", **self.units})
 
     def __getitem__(self, name: Position) -> Array:
-        key = str(name)
+        key = channel_key(name)
         require(key in self.channels, "channel", key, "", suggestion(key, self.channels))
         return self.channels[key]
 

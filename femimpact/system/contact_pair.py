@@ -111,6 +111,7 @@ class ContactPair:
 
     def shares_place(self, other: ContactPair) -> bool:
         """Whether both pairs are at one place: the same direction object, position, first mode and flexibility."""
+        require_type(other, ContactPair, "other")
         return (
             self.direction is other.direction
             and self.is_stop == other.is_stop

@@ -26,6 +26,8 @@ __all__ = [
     "first_mode_at",
     "first_resonance",
     "flexibility",
+    "mode_count",
+    "require_modes_of",
     "solve_modes",
     "solve_stiffness",
 ]
@@ -95,6 +97,26 @@ class Modes:
         return mass
 
 
+def require_modes_of(system: System, modes: Modes) -> None:
+    """Raise `InputError` unless modes are of a system, by their number of dofs."""
+    dofs = modes.vectors.shape[0]
+    require(dofs == system.dofs, "modes", dofs, "dofs", f"must be modes of the system, with {system.dofs} dofs")
+
+
+def mode_count(system: System, count: int, key: str = "count") -> int:
+    """How many modes of a system are asked for: a whole number up to that of its dofs.
+
+    Raises
+    ------
+    InputError
+        If it is out of range, or the system is none.
+    """
+    require_type(system, System, "system")
+    within = in_range(count, quantity("modes", at_least=1, at_most=system.dofs, integer=True))
+    require(within, key, count, "modes", f"must be a whole number from 1 to {system.dofs} (the dofs)")
+    return int(count)
+
+
 def solve_modes(system: System, count: int) -> Modes:
     """The lowest natural modes, (K - omega^2 M) phi = 0, phi^T M phi = 1.
 
@@ -111,7 +133,7 @@ def solve_modes(system: System, count: int) -> Modes:
     Raises
     ------
     InputError
-        If count is not between 1 and the number of dofs.
+        If count is not between 1 and the number of dofs, or masses or stiffnesses differ beyond rounding.
 
     Notes
     -----
@@ -120,20 +142,10 @@ def solve_modes(system: System, count: int) -> Modes:
     factor G, K = G^T G, whose condition number is the root of K's, and the frequency is read
     from the Rayleigh quotient |G phi|^2.
     """
-    require_type(system, System, "system")
-    within = in_range(count, quantity("modes", at_least=1, at_most=system.dofs, integer=True))
-    require(within, "count", count, "modes", f"must be a whole number from 1 to {system.dofs} (the dofs)")
-    count = int(count)
+    count = mode_count(system, count)
     rigid = rigid_motions(system)[:, :count]
     rigid_count = rigid.shape[1]
-    if rigid_count == count:
-        vectors = rigid
-    elif system.dofs <= DENSE_LIMIT or count > system.dofs // 4:
-        vectors = np.hstack([rigid, _dense_modes(system, count - rigid_count, rigid)])
-    else:
-        vectors = np.hstack([rigid, _shift_invert_modes(system, count - rigid_count)])
-    vectors = _normalised(system, vectors)
-    omega = np.linalg.norm(system.stiffness_factor @ vectors, axis=0)
+    vectors, omega = _vectors(system, count, rigid)
     omega[:rigid_count] = 0.0
     order = np.argsort(omega)
     vectors, omega = vectors[:, order], omega[order]
@@ -148,6 +160,33 @@ def solve_modes(system: System, count: int) -> Modes:
     for array in arrays:
         array.setflags(write=False)
     return Modes(*arrays)
+
+
+def _vectors(system: System, count: int, rigid: Array) -> tuple[Array, Array]:
+    """Normalised modes (dofs, count), the rigid motions first, and their angular frequencies (rad/s).
+
+    Raises
+    ------
+    InputError
+        If they are not numbers.
+    """
+    elastic = count - rigid.shape[1]
+    try:
+        with np.errstate(all="ignore"):
+            parts = [rigid]
+            if elastic and (system.dofs <= DENSE_LIMIT or count > system.dofs // 4):
+                parts.append(_dense_modes(system, elastic, rigid))
+            elif elastic:
+                parts.append(_shift_invert_modes(system, elastic))
+            vectors = _normalised(system, np.hstack(parts))
+            omega: Array = np.linalg.norm(system.stiffness_factor @ vectors, axis=0)
+        sound = bool(np.isfinite(vectors).all() and np.isfinite(omega).all())
+    # of matrices that are singular to rounding, by LAPACK, by SuperLU or ARPACK, and by what looks for infinities
+    except (np.linalg.LinAlgError, RuntimeError, ValueError):
+        sound = False
+    allowed = "must have modes in numbers: its masses, or its stiffnesses, differ by too many powers of ten"
+    require(sound, "system", None, "", allowed)
+    return vectors, omega
 
 
 def _dense_modes(system: System, count: int, rigid: Array) -> Array:

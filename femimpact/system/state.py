@@ -8,8 +8,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import check_fields, choice, column, instance, optional, quantity, real_array, require, truth
+from femimpact.errors import (
+    check_fields,
+    choice,
+    column,
+    having,
+    instance,
+    optional,
+    quantity,
+    real_array,
+    require,
+    takes,
+    truth,
+)
 from femimpact.excitation import Excitation
+from femimpact.excitation.excitation import MEMBERS
 from femimpact.system.continuation import Continuation
 from femimpact.system.static import StaticContacts, static_contacts
 from femimpact.system.system import System
@@ -20,6 +33,8 @@ Array = NDArray[np.float64]
 
 ROUNDED = 1e-12
 """Distance (m) by which rounding may put a start beyond a wall."""
+
+SYSTEM, BASE = instance(System), having("an excitation", MEMBERS)
 
 STATIC_FRAME = "must be 'base' for a static start: the static state is one relative to the base"
 
@@ -96,11 +111,13 @@ class State:
         given = (self.displacement, self.velocity, self.ball_displacement, self.ball_velocity)
         return all(values is None or not np.any(values) for values in given)
 
+    @takes(system=SYSTEM)
     def is_static_on(self, system: System) -> bool:
         """Whether displacements that are not given are those of the static state of a system."""
         preloaded = any(pair.is_preloaded for pair in system.contacts)
         return self.equilibrium or (self.displacement is None and preloaded)
 
+    @takes(system=SYSTEM, base=BASE)
     def static_contacts(self, system: System, base: Excitation) -> StaticContacts | None:
         """Static state of a system with its contact forces, where the start is one; see `is_static_on`."""
         if not self.is_static_on(system):
@@ -108,6 +125,7 @@ class State:
         require(self.frame == "base", "initial.frame", self.frame, "", STATIC_FRAME)
         return static_contacts(system, float(base.displacement(self.time)))
 
+    @takes(system=SYSTEM, base=BASE)
     def left_by_run(self, system: System, base: Excitation) -> Continuation | None:
         """What the run that ended here has left, where the values are still its own and its contacts the system's."""
         left = self._left_there(system, base)
@@ -121,6 +139,7 @@ class State:
             return None
         return left if _are_equal((self.displacement, self.ball_displacement), left.displacements) else None
 
+    @takes(system=SYSTEM, base=BASE)
     def relative_to_base(self, system: System, base: Excitation) -> tuple[Array, Array, Array, Array]:
         """u, u', y, y' at the start relative to the base (m and m/s), checked for size and gaps.
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.contact import ContactLaw, collide, contact_force, resolve
-from femimpact.errors import require
-from femimpact.export.figures.drawing import COLOURS, GREY, OffScreen, panels
+from femimpact.contact import ContactLaw, a_law, collide, contact_force, resolve
+from femimpact.contact.restitution import EFFECTIVE_MASS
+from femimpact.errors import quantity, require, takes, text
+from femimpact.export.figures.drawing import COLOURS, GREY, OffScreen, panels, rows_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
@@ -19,10 +20,12 @@ __all__ = ["collision_history", "contact_laws"]
 
 Array = NDArray[np.float64]
 
+
 POINTS = 400
 """Instants of one collision that are drawn."""
 
 
+@takes(effective_mass=EFFECTIVE_MASS, approach_speed=quantity("m/s", above=0.0))
 def collision_history(law: ContactLaw, effective_mass: float, approach_speed: float) -> tuple[Array, Array, Array]:
     """One collision, integrated from touch to zero force.
 
@@ -38,9 +41,16 @@ def collision_history(law: ContactLaw, effective_mass: float, approach_speed: fl
     depth : ndarray, m
     rate : ndarray, m/s
     force : ndarray, N
+
+    Raises
+    ------
+    InputError
+        If the law is a rigid one, or an argument is out of range.
     """
     from scipy.integrate import solve_ivp
 
+    rigid = resolve(law, effective_mass).is_rigid
+    require(not rigid, "law", law, "", "must have a force: a rigid contact is an impulse")
     whole = collide(law, effective_mass, approach_speed)
     m, v = effective_mass, approach_speed
 
@@ -59,6 +69,7 @@ def collision_history(law: ContactLaw, effective_mass: float, approach_speed: fl
     return depth, rate, np.array(force)
 
 
+@takes(speeds=quantity("m/s", above=0.0, several=True))
 def contact_laws(
     contacts: Sequence[tuple[str, ContactLaw, float]],
     speeds: Sequence[float],
@@ -81,19 +92,20 @@ def contact_laws(
     Raises
     ------
     InputError
-        If there is no contact.
+        If there is no contact or no speed, or an entry is of the wrong kind or out of range.
     """
-    require(len(contacts) > 0, "contacts", "none", "", "must be one or more of (name, law, effective mass)")
-    columns = min(len(contacts), 2)
-    rows = -(-len(contacts) // columns)
+    named = rows_of("contacts", contacts, name=text(), law=a_law(), effective_mass=EFFECTIVE_MASS)
+    require(len(named) > 0, "contacts", "none", "", "must be one or more of (name, law, effective_mass)")
+    columns = min(len(named), 2)
+    rows = -(-len(named) // columns)
     axes = panels(figure, 7.2 if columns == 1 else 11.0, 4.4 * rows + 0.3, rows, columns).ravel()
     caption = "one collision; solid: loading, dashed: unloading, area between them: energy lost"
     axes[0].figure.suptitle(caption, fontsize=11.0, color=GREY)
-    for axis, contact in zip(axes, contacts, strict=False):
-        _loops(axis, *contact, speeds)
-    for axis in axes[len(contacts) :]:
+    for axis, (name, law, mass) in zip(axes, named, strict=False):
+        _loops(axis, name, law, mass, np.atleast_1d(speeds).tolist())
+    for axis in axes[len(named) :]:
         axis.remove()
-    return axes[: len(contacts)]
+    return axes[: len(named)]
 
 
 def _loops(axis: Any, name: str, law: ContactLaw, mass: float, speeds: Sequence[float]) -> None:

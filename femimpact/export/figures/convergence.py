@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.convergence import MeshConvergence, ModeConvergence, StepConvergence
+from femimpact.errors import instance, optional, quantity, takes
 from femimpact.export.figures.drawing import (
     BLUE,
     COLOURS,
@@ -27,10 +28,14 @@ if TYPE_CHECKING:
 
 __all__ = ["mesh_convergence", "mode_convergence", "step_convergence"]
 
+SLOPE: Any = optional(quantity("1", above=0.0, at_most=20.0))
+"""Of a reference line."""
+
 CASES = ((0, BLUE, "o", 0.97, "modes only"), (1, ORANGE, "s", 1.03, "with static correction"))
 """Column, colour, marker, shift along the axis so that bars do not hide one another, label."""
 
 
+@takes(result=instance(MeshConvergence), slope=SLOPE)
 def mesh_convergence(result: MeshConvergence, slope: float | None = 4.0, ax: Axes | OffScreen | None = None) -> Axes:
     """Relative error of the natural frequencies over the number of elements.
 
@@ -45,6 +50,11 @@ def mesh_convergence(result: MeshConvergence, slope: float | None = 4.0, ax: Axe
     Returns
     -------
     Axes
+
+    Raises
+    ------
+    InputError
+        If the result is of another kind, or the slope is out of range.
     """
     axis = panel(ax, 7.0, 5.0)
     for i in range(result.reference.size):
@@ -62,6 +72,7 @@ def mesh_convergence(result: MeshConvergence, slope: float | None = 4.0, ax: Axe
     return axis
 
 
+@takes(result=instance(StepConvergence), slope=SLOPE)
 def step_convergence(result: StepConvergence, slope: float | None = 2.0, ax: Axes | OffScreen | None = None) -> Axes:
     """Error of the response and of the energy over the step.
 
@@ -76,6 +87,11 @@ def step_convergence(result: StepConvergence, slope: float | None = 2.0, ax: Axe
     Returns
     -------
     Axes
+
+    Raises
+    ------
+    InputError
+        If the result is of another kind, or the slope is out of range.
     """
     axis = panel(ax, 7.0, 5.0)
     rows = (
@@ -104,6 +120,7 @@ def _reference(
     axis.loglog(x[kept], line[kept], "--", color=GREY, linewidth=1.2, label=label)
 
 
+@takes(result=instance(ModeConvergence))
 def mode_convergence(result: ModeConvergence, figure: FigureBase | OffScreen | None = None) -> NDArray[np.object_]:
     """Displacement, losses and equivalent damping over the number of modes, with and without correction.
 
@@ -118,6 +135,11 @@ def mode_convergence(result: ModeConvergence, figure: FigureBase | OffScreen | N
     Returns
     -------
     ndarray (3,) of Axes
+
+    Raises
+    ------
+    InputError
+        If it is no such result.
     """
     axes: NDArray[np.object_] = panels(figure, 12.0, 4.6, 1, 3)[0]
     displacement, loss, damping = axes

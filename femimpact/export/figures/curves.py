@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.calibration import RestitutionScan
-from femimpact.errors import require, require_type
+from femimpact.errors import column, instance, optional, quantity, require, require_type, takes, text, truth
 from femimpact.export.figures.drawing import (
     COLOURS,
     DARK,
@@ -19,8 +19,9 @@ from femimpact.export.figures.drawing import (
     panel,
     panels,
     plain_log_ticks,
+    rows_of,
 )
-from femimpact.sweep import FrequencyResponse, on_grid
+from femimpact.sweep import ONE_START, FrequencyResponse, on_grid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,10 +29,12 @@ if TYPE_CHECKING:
 
 __all__ = ["response_curve", "restitution_scan", "value_map"]
 
+FREQUENCY: Any = quantity("Hz", above=0.0)
 RINGS: Any = {"markersize": 7.0, "markerfacecolor": "none", "markeredgewidth": 1.2}
 """Marks of an even grid."""
 
 
+@takes(title=text(), coarse=optional(column("Hz", "points", finite=True)), join_all=truth())
 def response_curve(
     curves: FrequencyResponse | Mapping[str, FrequencyResponse],
     title: str = "",
@@ -44,8 +47,10 @@ def response_curve(
     """Response curves over the base frequency on one logarithmic axis (the paper's Fig. 6 and 7).
 
     A line joins the peaks of motions that repeat ("periodic" in `FrequencyResponse.steadiness`) and of those
-    without impacts. With impacts the peak of a motion that does not repeat is one sample of a scatter: a dot of its
-    own. The rms, which scatters less, is a dotted line where there are impacts.
+    without impacts. A dot marks a value of one start wherever the motion is not periodic
+    (`FrequencyResponse.is_sample`): from another start it is another one. With impacts such a peak is one sample of a
+    scatter, and no line joins it. The rms, which scatters less, is a dotted line where there are impacts, with small
+    dots.
 
     Parameters
     ----------
@@ -57,7 +62,7 @@ def response_curve(
     published : sequence of (label, Hz, m)
         Peaks to compare with, marked by stars; an amplitude that is not a number marks the frequency only.
     join_all : bool
-        Join all peaks by lines, also those that scatter.
+        Join all peaks by lines, also those that scatter; these keep their dots.
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
 
@@ -68,13 +73,14 @@ def response_curve(
     Raises
     ------
     InputError
-        If there is no curve, or something else than one.
+        If there is no curve, or something else than one, or another argument is of the wrong kind.
     """
     named = {"": curves} if isinstance(curves, FrequencyResponse) else curves
     require_type(named, Mapping, "curves")
     require(len(named) > 0, "curves", "none", "", "must be one or more response curves")
     for label, curve in named.items():
         require_type(curve, FrequencyResponse, f"curves.{label}")
+    peaks = rows_of("published", published, label=text(), frequency=FREQUENCY, amplitude=quantity("m", finite=False))
     axis = panel(ax, 8.0, 5.0)
     axis.set_yscale("log")
     for colour, (label, curve) in zip(COLOURS, named.items(), strict=False):
@@ -82,10 +88,13 @@ def response_curve(
         _peaks(axis, curve, colour, f"{prefix}peak", join_all)
         if _has_rms(named, curve):
             axis.plot(curve.frequency, 1e3 * curve.rms, color=colour, linestyle=":", label=f"{prefix}rms")
+            one = curve.is_sample
+            dots: Any = {"color": colour, "markersize": 6.0, "alpha": 0.7, "markeredgewidth": 0.0, "linestyle": "none"}
+            axis.plot(curve.frequency[one], 1e3 * curve.rms[one], ".", **dots)
         if coarse is not None:
             seen = on_grid(curve.frequency, coarse)
             axis.plot(curve.frequency[seen], 1e3 * curve.peak[seen], "o", color=colour, **RINGS)
-    marks = [_mark(axis, marker, *mark) for marker, mark in zip("*PX", published, strict=False)]
+    marks = [_mark(axis, marker, *mark) for marker, mark in zip("*PX", peaks, strict=False)]
     first = next(iter(named.values()))
     if not _scatter(first, join_all)[np.nanargmax(first.peak)]:
         peak = (first.peak_frequency, 1e3 * first.peak_amplitude)
@@ -119,12 +128,12 @@ def _legend(
     kinds = []
     if not all(map(np.all, scatter)):
         kinds.append(entry("peak"))
-    if any(map(np.any, scatter)):
-        kinds.append(entry("peak, not periodic" if kinds else "peak", marker=".", markersize=7.0, linestyle="none"))
+    if any(np.any(curve.is_sample) for curve in named.values()):
+        kinds.append(entry(ONE_START if kinds else f"peak, {ONE_START}", marker=".", markersize=7.0, linestyle="none"))
     if any(_has_rms(named, curve) for curve in named.values()):
         kinds.append(entry("rms", linestyle=":"))
     if coarse is not None:
-        label = f"even grid, {len(np.asarray(coarse))} points"
+        label = f"even grid, {np.size(coarse)} points"
         kinds.append(entry(label, marker="o", linestyle="none", **RINGS))
     legend_above(axis, colours, [*kinds, *marks])
 
@@ -135,7 +144,7 @@ def _has_rms(named: Mapping[str, FrequencyResponse], curve: FrequencyResponse) -
 
 
 def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_all: bool) -> None:
-    """Peaks of one curve: lines through motions that repeat or are linear, dots where single samples scatter."""
+    """Peaks of one curve: lines through motions that repeat or are linear, dots where the motion is not periodic."""
     frequency, peak = curve.frequency, 1e3 * curve.peak
     scatter = _scatter(curve, join_all)
     joined = np.where(scatter, np.nan, peak)
@@ -144,14 +153,14 @@ def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_al
         # between two samples that scatter a line would have no length
         alone = ~scatter & np.append(True, scatter[:-1]) & np.append(scatter[1:], True) & (scatter.size > 1)
         axis.plot(frequency[alone], joined[alone], "_", color=colour, markersize=7.0)
-    if scatter.any():
-        text = label if scatter.all() else f"{label}, not periodic"
+    one = curve.is_sample
+    if one.any():
         dots: Any = {"color": colour, "markersize": 7.0, "alpha": 0.7, "markeredgewidth": 0.0, "linestyle": "none"}
-        axis.plot(frequency[scatter], peak[scatter], ".", label=text, **dots)
+        axis.plot(frequency[one], peak[one], ".", label=f"{label}, {ONE_START}", **dots)
 
 
 def _scatter(curve: FrequencyResponse, join_all: bool) -> NDArray[np.bool_]:
-    """Which peaks are single samples of a motion that does not repeat."""
+    """Which peaks no line joins: samples of a motion with impacts that does not repeat."""
     # without impacts the motion is linear: it may still beat at the end of a dwell, and does not scatter
     return np.asarray((curve.steadiness != "periodic") & (curve.impacts_per_cycle > 0.0) & (not join_all))
 
@@ -164,6 +173,7 @@ def _mark(axis: Any, marker: str, label: str, frequency: float, amplitude: float
     return axis.plot(frequency, 1e3 * amplitude, marker, label=label, **style)[0]
 
 
+@takes(peak_frequency=FREQUENCY, amplitude_ratio=quantity("1", above=0.0))
 def restitution_scan(
     scans: Sequence[tuple[str, RestitutionScan]],
     peak_frequency: float,
@@ -171,6 +181,8 @@ def restitution_scan(
     figure: FigureBase | OffScreen | None = None,
 ) -> NDArray[np.object_]:
     """What the restitution does to the resonance, for one or more starts, beside the published values.
+
+    A mark with a dot in it is of a motion that is not periodic: one start's value, or the median of several starts.
 
     Parameters
     ----------
@@ -185,13 +197,24 @@ def restitution_scan(
     Returns
     -------
     ndarray (2,) of Axes
+
+    Raises
+    ------
+    InputError
+        If an argument is of the wrong kind or not > 0.
     """
-    axes = panels(figure, 8.0, 7.4, 2, 1, sharex=True)[:, 0]
-    for colour, marker, (label, scan) in zip(COLOURS, "os^D", scans, strict=False):
+    named = rows_of("scans", scans, label=text(), scan=instance(RestitutionScan))
+    axes, said = panels(figure, 8.0, 7.4, 2, 1, sharex=True)[:, 0], list[str]()
+    for colour, marker, (label, scan) in zip(COLOURS, "os^D", named, strict=False):
         # hollow, so that curves that coincide are both seen
         style: Any = {"color": colour, "marker": marker, "label": label, "markersize": 6.0, "markerfacecolor": "none"}
         axes[0].plot(scan.restitution, scan.peak_frequency, **style)
         axes[1].plot(scan.restitution, scan.amplitude_ratio, **style)
+        moving = scan.steadiness != "periodic"
+        for axis, values in zip(axes, (scan.peak_frequency, scan.amplitude_ratio), strict=True):
+            axis.plot(scan.restitution[moving], values[moving], ".", color=colour, markersize=5.0)
+        if np.any(moving):
+            said.append(ONE_START if scan.starts == 1 else f"not periodic: median of {scan.starts} starts")
     for axis, published in ((axes[0], peak_frequency), (axes[1], amplitude_ratio)):
         axis.axhline(published, color=GREY, linestyle="--", linewidth=1.2)
         axis.annotate(f"published {published:g}", (0.01, published), xycoords=("axes fraction", "data"),
@@ -200,11 +223,33 @@ def restitution_scan(
     axes[1].set_ylabel("amplitude ratio without / with ball")
     axes[1].set_xlabel("restitution of the contact")
     axes[1].set_ylim(bottom=0.0)
-    legend_above(axes[0])
+    legend_above(axes[0], axes[0].get_legend_handles_labels()[0], [_dot(text) for text in dict.fromkeys(said)])
     return axes
 
 
-def value_map(x: ArrayLike, y: ArrayLike, values: ArrayLike, ax: Axes | OffScreen | None = None) -> Axes:
+def _dot(text: str, marker: str = ".") -> Any:
+    """An entry of a legend: what a mark means."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=DARK, marker=marker, markersize=7.0, linestyle="none", label=text)
+
+
+@takes(
+    x=column("", "columns", finite=True),
+    y=column("", "rows", finite=True),
+    values=column("", "rows", "columns"),
+    samples=column("", "rows", "columns", of="truth value"),
+    title=text(),
+)
+def value_map(
+    x: ArrayLike,
+    y: ArrayLike,
+    values: ArrayLike,
+    samples: ArrayLike | None = None,
+    *,
+    title: str = "",
+    ax: Axes | OffScreen | None = None,
+) -> Axes:
     """Values over two parameters as coloured cells with their numbers; the caller names the axes.
 
     Parameters
@@ -214,6 +259,10 @@ def value_map(x: ArrayLike, y: ArrayLike, values: ArrayLike, ax: Axes | OffScree
     y : array_like (n,)
         Ascending.
     values : array_like (n, m)
+    samples : array_like (n, m) of bool, optional
+        Which values are one start's of a motion that is not periodic, as `FrequencyResponse.is_sample` says: their
+        numbers have a star, which the legend explains.
+    title : str
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
 
@@ -224,11 +273,11 @@ def value_map(x: ArrayLike, y: ArrayLike, values: ArrayLike, ax: Axes | OffScree
     Raises
     ------
     InputError
-        If the shapes do not fit.
+        If the shapes do not fit, or there is no finite value.
     """
-    columns, rows, shown = np.asarray(x, dtype=float), np.asarray(y, dtype=float), np.asarray(values, dtype=float)
-    fits = shown.shape == (rows.size, columns.size)
-    require(fits, "values", f"array of shape {shown.shape}", "", f"must be of shape ({rows.size}, {columns.size})")
+    columns, rows, shown = np.asarray(x), np.asarray(y), np.asarray(values)
+    require(bool(np.any(np.isfinite(shown))), "values", "none", "", "must have one that is finite")
+    marked = np.zeros(shown.shape, dtype=bool) if samples is None else np.asarray(samples)
     axis = panel(ax, 8.0, 5.6)
     low, high = np.nanmin(shown), np.nanmax(shown)
     axis.imshow(shown, cmap="cividis", origin="lower", aspect="auto", vmin=low, vmax=high)
@@ -237,5 +286,10 @@ def value_map(x: ArrayLike, y: ArrayLike, values: ArrayLike, ax: Axes | OffScree
     axis.set_yticks(np.arange(rows.size), [f"{value:.3g}" for value in rows])
     for (i, j), value in np.ndenumerate(shown):
         colour = "white" if value < 0.5 * (low + high) else "black"
-        axis.annotate(f"{value:.2g}", (j, i), ha="center", va="center", color=colour, fontsize=9.0)
+        axis.annotate(
+            f"{value:.2g}{'*' if marked[i, j] else ''}", (j, i), ha="center", va="center", color=colour, fontsize=9.0
+        )
+    axis.set_title(title, loc="left")
+    if marked.any():
+        legend_above(axis, [_dot(ONE_START, "$*$")])
     return axis

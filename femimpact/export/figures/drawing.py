@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,10 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import Fault, InputError, require, require_type, suggestion
+from femimpact.decimal_number import decimal_number
+from femimpact.errors import Fault, InputError, checked, quantity, require, require_type, suggestion
 from femimpact.excitation import Excitation
-from femimpact.export.files import atomic_path
+from femimpact.export.files import atomic_path, file_path
+from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
+from femimpact.structure.structure import Position
 from femimpact.system.system import System
 
 if TYPE_CHECKING:
@@ -22,9 +25,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, FigureBase
 
 __all__ = [
-    "BLUE", "COLOURS", "DARK", "GREEN", "GREY", "LEGEND", "ORANGE", "PURPLE", "SKY", "STYLE", "WALLS", "OffScreen",
-    "ball_of", "base_words", "beam_at", "last_cycles", "legend_above", "name_at", "panel", "panels", "place_of",
-    "plain_log_ticks", "prefixed", "require_history", "save_figure", "scaled",
+    "BLUE", "COLOURS", "CYCLES", "DARK", "GREEN", "GREY", "LEGEND", "ORANGE", "PURPLE", "SKY", "STYLE", "WALLS",
+    "OffScreen", "ball_of", "base_words", "beam_at", "channel_name", "last_cycles", "legend_above", "name_at", "panel",
+    "panels", "place_of", "plain_log_ticks", "prefixed", "require_history", "rows_of", "save_figure", "scaled",
 ]  # fmt: skip
 
 BLUE, ORANGE, GREEN, PURPLE, SKY, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#666666"
@@ -56,6 +59,8 @@ LETTER, HANDLE, GAP, ROW = 0.46, 4.0, 1.6, 1.55
 """Of a legend, by its size: the width of a letter, of what is beside the words of an entry, of the space between its
 columns, which is part of that; and the height of a row."""
 PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))
+CYCLES: Any = quantity("1", above=0.0)
+"""Of the base, how many are drawn."""
 
 
 @dataclass(frozen=True)
@@ -66,11 +71,17 @@ class OffScreen:
 # ---- what drives it -------------------------------------------------------------------------------
 
 
-def last_cycles(base: Excitation, cycles: float) -> str:
-    """Words for the last base cycles of a run, or for their time under a record, which has no phase and no cycles."""
+def last_cycles(response: Response, cycles: float) -> tuple[float, str]:
+    """Time (s) at which the last base cycles of a history begin, and words for them; all of it where it has fewer.
+
+    Under a record, which has no phase and no cycles, the words are of their time.
+    """
+    base, first, last = response.base, float(response.time[0]), float(response.time[-1])
+    start = max(last - cycles / base.frequency, first)
     if math.isnan(base.phase):
-        return f"last {cycles / base.frequency:.3g} s"
-    return f"last {cycles:g} cycles at {base.frequency:.4g} Hz"
+        return start, f"last {last - start:.3g} s"
+    shown = cycles if start > first else (last - first) * base.frequency
+    return start, f"last {shown:.4g} cycles at {base.frequency:.4g} Hz"
 
 
 def base_words(base: Excitation) -> str:
@@ -118,13 +129,15 @@ def panels(
     import matplotlib
     from matplotlib.figure import Figure, FigureBase
 
+    if figure is None:
+        import matplotlib.pyplot as plt
+
+        # outside the style: the first figure of a notebook chooses the backend, which sets pyplot to interactive, and
+        # the end of the style would set that back: no later figure would be shown
+        figure = plt.figure(figsize=(width, height), layout="constrained")
     with matplotlib.rc_context(STYLE):
         if isinstance(figure, OffScreen):
             figure = Figure(figsize=(width, height), layout="constrained")
-        elif figure is None:
-            import matplotlib.pyplot as plt
-
-            figure = plt.figure(figsize=(width, height), layout="constrained")
         require_type(figure, FigureBase, "figure")
         axes: NDArray[np.object_] = figure.subplots(rows, columns, squeeze=False, **options)
     return axes
@@ -142,17 +155,24 @@ def save_figure(drawn: Axes | NDArray[np.object_] | Figure, path: str | Path) ->
     Returns
     -------
     Path
+
+    Raises
+    ------
+    InputError
+        If `drawn` is no figure, no file can be there, or the suffix is that of no format.
     """
     import matplotlib
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    path, first = Path(path), drawn.flat[0] if isinstance(drawn, np.ndarray) and drawn.size else drawn
+    path, first = file_path(path), drawn.flat[0] if isinstance(drawn, np.ndarray) and drawn.size else drawn
     # axes of a part of a figure have that part for a figure, which has the whole one
     whole: Any = first.figure.figure if isinstance(first, Axes) else first
     require_type(whole, Figure, "drawn")
+    suffix, known = path.suffix.lstrip(".").lower(), sorted(whole.canvas.get_supported_filetypes())
+    require(suffix in known, "path", str(path), "", f"must end in .{', .'.join(known)}")
     with matplotlib.rc_context(STYLE), atomic_path(path) as temporary:
-        whole.savefig(temporary, format=path.suffix.lstrip("."))
+        whole.savefig(temporary, format=suffix)
     return path
 
 
@@ -233,9 +253,39 @@ def scaled(values: Any, unit: str) -> tuple[Any, str]:
 
 def require_history(response: Response) -> None:
     """Raise `InputError` for a response without samples."""
-    require_type(response, Response, "response")
     allowed = "must hold a history; that of a run with Recorder.sink is in the pieces"
     require(response.time.size > 0, "response.time", "no samples", "", allowed)
+
+
+def channel_name(response: Response, channel: Position | None) -> str:
+    """Name of a recorded channel; the first one for None."""
+    require(bool(response.channels), "response.channels", "none", "", "must be one or more")
+    name = next(iter(response.channels)) if channel is None else channel_key(channel)
+    require(name in response.channels, "channel", name, "", suggestion(name, response.channels))
+    return name
+
+
+def rows_of(key: str, given: object, **metadata: Mapping[str, Any]) -> list[tuple[Any, ...]]:
+    """Rows of an argument that is a list of tuples, each entry in the type that its metadata allows.
+
+    Raises
+    ------
+    InputError
+        If it is no list, or an entry is not what it must be, which is named.
+    """
+    allowed = f"must be a list of ({', '.join(metadata)})"
+    require(isinstance(given, (list, tuple)), key, given, "", allowed)
+    rows: Any = given
+    for i, row in enumerate(rows):
+        fits = isinstance(row, (list, tuple)) and len(row) == len(metadata)
+        require(fits, f"{key}[{i}]", row, "", f"must be ({', '.join(metadata)})")
+    return [
+        tuple(
+            checked(f"{key}[{i}].{name}", value, allowed)
+            for (name, allowed), value in zip(metadata.items(), row, strict=True)
+        )
+        for i, row in enumerate(rows)
+    ]
 
 
 def ball_of(response: Response, name: str | None) -> Any:
@@ -250,7 +300,7 @@ def place_of(response: Response, pair: Any) -> str | None:
     """Name of the recorded channel that is the beam's displacement where a pair is; None if there is none."""
     points = response.system.points
     for name, unit in response.units.items():
-        if unit == "m" and pair.position == (points[name] if name in points else _number(name)):
+        if unit == "m" and pair.position == (points[name] if name in points else decimal_number(name)):
             return name
     return None
 
@@ -258,13 +308,6 @@ def place_of(response: Response, pair: Any) -> str | None:
 def name_at(system: System, position: float) -> str | None:
     """Name of the point of a system at a position (m), the first of several."""
     return next((name for name, x in system.points.items() if x == position), None)
-
-
-def _number(name: str) -> float | None:
-    try:
-        return float(name)
-    except ValueError:
-        return None
 
 
 def beam_at(response: Response, pair: Any) -> NDArray[np.float64]:

@@ -7,16 +7,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import Fault, InputError, checked, quantity, require
+from femimpact.errors import Fault, InputError, column, instance, optional, quantity, require, takes, truth
 from femimpact.export.figures.drawing import (
     BLUE,
     COLOURS,
+    CYCLES,
     GREEN,
     GREY,
     ORANGE,
     PURPLE,
     WALLS,
     OffScreen,
+    channel_name,
     last_cycles,
     legend_above,
     panel,
@@ -39,6 +41,7 @@ Array = NDArray[np.float64]
 # ---- energies -------------------------------------------------------------------------------------
 
 
+@takes(response=instance(Response))
 def energies(response: Response, figure: FigureBase | OffScreen | None = None) -> NDArray[np.object_]:
     """The energy ledger: what is stored, what was put in and lost, and the residual.
 
@@ -91,6 +94,7 @@ def energies(response: Response, figure: FigureBase | OffScreen | None = None) -
 # ---- spectrum -------------------------------------------------------------------------------------
 
 
+@takes(time=column("s", "samples", finite=True), values=column("", "samples", finite=True))
 def amplitude_spectrum(time: Array, values: Array) -> tuple[Array, Array]:
     """Single-sided amplitudes of a history under a Hann window.
 
@@ -106,7 +110,14 @@ def amplitude_spectrum(time: Array, values: Array) -> tuple[Array, Array]:
     -------
     frequency : ndarray (n // 2 + 1,), Hz
     amplitude : ndarray (n // 2 + 1,), as the values
+
+    Raises
+    ------
+    InputError
+        If these are not as many finite numbers, two or more, or the times do not ascend.
     """
+    ascending = time.size >= 2 and bool(np.all(np.diff(time) > 0.0))
+    require(ascending, "time", f"{time.size} samples", "", "must be two or more ascending times")
     even = np.linspace(time[0], time[-1], time.size)
     window = np.hanning(time.size + 1)[:-1]
     lines = np.abs(np.fft.rfft(np.interp(even, time, values) * window)) / window.sum()
@@ -115,6 +126,7 @@ def amplitude_spectrum(time: Array, values: Array) -> tuple[Array, Array]:
     return np.fft.rfftfreq(time.size, even[1] - even[0]), lines
 
 
+@takes(response=instance(Response), highest=optional(quantity("Hz", above=0.0)))
 def spectrum(
     response: Response,
     channel: str | float | None = None,
@@ -143,7 +155,7 @@ def spectrum(
         If the run holds no history, no such channel, or not one base cycle in its last third.
     """
     require_history(response)
-    name = str(next(iter(response.channels)) if channel is None else channel)
+    name = channel_name(response, channel)
     values, base = response[name], response.base.frequency
     start, end = max(response.window[0], float(response.time[0])), float(response.time[-1])
     cycles = int((end - start) * base + 1e-9)
@@ -151,9 +163,7 @@ def spectrum(
     # the sample at the end of the last cycle would be the first of the next
     inside = (response.time >= end - cycles / base * (1.0 + 1e-9)) & (response.time < end)
     frequency, amplitude = amplitude_spectrum(response.time[inside], values[inside])
-    top = min(20.0 * base, frequency[-1])
-    if highest is not None:
-        top = checked("highest", highest, quantity("Hz", above=0.0))
+    top = min(20.0 * base, frequency[-1]) if highest is None else highest
     shown = frequency <= top
     axis = panel(ax, 8.0, 4.4)
     largest = float(amplitude[shown].max())
@@ -172,6 +182,7 @@ def spectrum(
 # ---- contact force --------------------------------------------------------------------------------
 
 
+@takes(response=instance(Response))
 def cycle_averaged_force(response: Response) -> tuple[Array, Array]:
     """Normal force between balls, stops and beam, averaged over each whole base cycle of a run.
 
@@ -187,6 +198,11 @@ def cycle_averaged_force(response: Response) -> tuple[Array, Array]:
     time : ndarray (cycles,), s
         Middle of each cycle.
     force : ndarray (cycles,), N
+
+    Raises
+    ------
+    InputError
+        If it is no response.
     """
     period, impacts, sticking = 1.0 / response.base.frequency, response.impacts, response.sticking
     edges = period * np.arange(int(response.window[1] / period + 1e-9) + 1, dtype=float)
@@ -200,8 +216,9 @@ def cycle_averaged_force(response: Response) -> tuple[Array, Array]:
     return edges[:-1] + 0.5 * period, np.asarray(impulse / period)
 
 
+@takes(response=instance(Response), cycles=CYCLES, averaged=truth())
 def contact_force(
-    response: Response, cycles: int = 8, *, averaged: bool = True, figure: FigureBase | OffScreen | None = None
+    response: Response, cycles: float = 8, *, averaged: bool = True, figure: FigureBase | OffScreen | None = None
 ) -> NDArray[np.object_]:
     """Contact force over time (the paper's Fig. 8): last cycles, peak of every impact, average of every cycle.
 
@@ -209,7 +226,7 @@ def contact_force(
     ----------
     response : Response
         With a contact force among its channels.
-    cycles : int
+    cycles : float
         Base cycles whose force is drawn.
     averaged : bool
         Give the cycle-averaged force a panel of its own, instead of a line among the peaks.
@@ -223,7 +240,7 @@ def contact_force(
     Raises
     ------
     InputError
-        If the run holds no history of a contact force.
+        If the run holds no history of a contact force, or an argument is out of range.
     """
     require_history(response)
     names = [name for name in response.channels if name.rpartition(".")[2] == "contact_force"]
@@ -249,10 +266,9 @@ def contact_force(
     return axes
 
 
-def _last_cycles(axis: Any, response: Response, names: list[str], cycles: int) -> None:
-    period = 1.0 / response.base.frequency
-    cycles = min(cycles, max(round((response.time[-1] - response.time[0]) / period), 1))
-    last = response.time >= response.time[-1] - cycles * period
+def _last_cycles(axis: Any, response: Response, names: list[str], cycles: float) -> None:
+    start, words = last_cycles(response, cycles)
+    last = response.time >= start
     rigid = [pair.name for pair in response.system.contacts if pair.parameters.is_rigid]
     for colour, name in zip(COLOURS, names, strict=False):
         owner = name.rpartition(".")[0]
@@ -261,7 +277,7 @@ def _last_cycles(axis: Any, response: Response, names: list[str], cycles: int) -
     axis.set_ylabel("force on the beam (N)")
     axis.set_xlabel("time (s)")
     law = response.statistics.law
-    axis.set_title(f"{last_cycles(response.base, cycles)}, law: {law}", loc="left")
+    axis.set_title(f"{words}, law: {law}", loc="left")
     if len(names) > 1:
         legend_above(axis)
 

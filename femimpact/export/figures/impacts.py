@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.errors import instance, takes
 from femimpact.export.figures.drawing import (
     GREY,
     LEGEND,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["impact_histograms", "impulse_phase"]
 
 
+@takes(response=instance(Response))
 def impact_histograms(response: Response, figure: FigureBase | OffScreen | None = None) -> NDArray[np.object_]:
     """How often impacts of a size happen in the last third of a run: approach speed, impulse, energy loss.
 
@@ -41,6 +43,11 @@ def impact_histograms(response: Response, figure: FigureBase | OffScreen | None 
     Returns
     -------
     ndarray (3,) of Axes
+
+    Raises
+    ------
+    InputError
+        If it is no response.
     """
     impacts = response.impacts
     start, end = response.window
@@ -72,6 +79,7 @@ def impact_histograms(response: Response, figure: FigureBase | OffScreen | None 
     return axes
 
 
+@takes(response=instance(Response))
 def impulse_phase(response: Response, ax: Axes | OffScreen | None = None) -> Axes:
     """Impulse of each impact over the base's phase, last third of the run, with the regime in the title.
 
@@ -86,6 +94,11 @@ def impulse_phase(response: Response, ax: Axes | OffScreen | None = None) -> Axe
     Returns
     -------
     Axes
+
+    Raises
+    ------
+    InputError
+        If it is no response.
     """
     impacts = response.impacts
     start, end = response.window

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.errors import require_type
+from femimpact.errors import instance, optional, takes
 from femimpact.export.figures.connections import draw_connection, draw_ground
 from femimpact.export.figures.drawing import COLOURS, GREY, OffScreen, panel
 from femimpact.fem.discretisation import Discretisation, discretise
@@ -22,6 +22,7 @@ MOST_NODES = 400
 """Up to which each node is drawn."""
 
 
+@takes(mesh=instance(Mesh), structure=optional(instance(Structure)))
 def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScreen | None = None) -> Axes:
     """The elements of a mesh as the beam's side view, coloured by region, with its named points.
 
@@ -43,7 +44,6 @@ def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScre
     InputError
         If an argument is of the wrong kind, or the structure does not fit the mesh.
     """
-    require_type(mesh, Mesh, "mesh")
     # of each element at its two ends
     half = np.full((mesh.elements, 2), 0.5)
     discretised = None if structure is None else discretise(structure, mesh=mesh)

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import checked, quantity
+from femimpact.errors import instance, takes
 from femimpact.export.figures.drawing import (
     BLUE,
+    CYCLES,
     ORANGE,
     OffScreen,
     beam_at,
@@ -31,6 +32,7 @@ __all__ = ["motion"]
 BEAM, FREE, WALL = "#555b63", "#e6eaee", "#9aa5b1"
 
 
+@takes(response=instance(Response), cycles=CYCLES)
 def motion(
     response: Response, cycles: float = 4.0, figure: FigureBase | OffScreen | None = None
 ) -> NDArray[np.object_]:
@@ -56,16 +58,14 @@ def motion(
     Raises
     ------
     InputError
-        If the run holds no history, or a channel is missing, which is named.
+        If the run holds no history, a channel is missing, which is named, or `cycles` is not > 0.
     """
     require_history(response)
-    shown = checked("cycles", cycles, quantity("1", above=0.0))
     pairs = response.system.contacts or (None,)
     # before a figure is made: a channel may be missing
     rows = [_Row(response, pair) for pair in pairs]
     axes = panels(figure, 11.0, 2.5 * len(rows) + 0.8, len(rows), 2, sharex="col", width_ratios=(1.0, 1.3))
-    end = float(response.time[-1])
-    start = max(end - shown / response.base.frequency, float(response.time[0]))
+    start, words = last_cycles(response, cycles)
     for i, (row, pair_of_axes) in enumerate(zip(rows, axes, strict=True)):
         for axis, inside, close in zip(
             pair_of_axes, (response.time >= -1.0, response.time >= start), (False, True), strict=True
@@ -76,7 +76,7 @@ def motion(
         legend_above(pair_of_axes[1])
         if i == len(rows) - 1:
             pair_of_axes[0].set_xlabel("time (s)")
-            pair_of_axes[1].set_xlabel(f"time (s), {last_cycles(response.base, shown)}")
+            pair_of_axes[1].set_xlabel(f"time (s), {words}")
     return axes
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from femimpact.convergence import ConvergenceTable
 from femimpact.convergence.orders import is_finer
-from femimpact.errors import require_type
+from femimpact.errors import instance, items, optional, takes
 from femimpact.export.figures.drawing import COLOURS, GREY, OffScreen, panel, panels, plain_log_ticks
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ LOWEST = 1e-16
 """Smallest error that is drawn."""
 
 
+@takes(table=instance(ConvergenceTable), names=optional(items(str)))
 def convergence(
     table: ConvergenceTable, names: Sequence[str] | None = None, ax: Axes | OffScreen | None = None
 ) -> Axes:
@@ -55,8 +56,12 @@ def convergence(
     Returns
     -------
     Axes
+
+    Raises
+    ------
+    InputError
+        If it is no table, or has no quantity of a name.
     """
-    require_type(table, ConvergenceTable, "table")
     chosen = [table.index(name) for name in (table.name.tolist() if names is None else names)]
     axis = panel(ax, 8.6, 5.6)
     label, scale = LABELS[table.axis]
@@ -100,6 +105,7 @@ def convergence(
     return axis
 
 
+@takes(table=instance(ConvergenceTable))
 def convergence_panels(table: ConvergenceTable, figure: FigureBase | OffScreen | None = None) -> NDArray[np.object_]:
     """The curves of `convergence` in a panel for each kind of quantity: frequencies, shapes, displacements, forces.
 
@@ -112,8 +118,12 @@ def convergence_panels(table: ConvergenceTable, figure: FigureBase | OffScreen |
     Returns
     -------
     ndarray (kinds,) of Axes
+
+    Raises
+    ------
+    InputError
+        If it is no table.
     """
-    require_type(table, ConvergenceTable, "table")
     kinds: dict[str, list[str]] = {}
     for name, unit, is_statistic in zip(table.name, table.unit, table.is_statistic, strict=True):
         kind = "statistics" if is_statistic else KINDS.get(str(unit), "forces, moments and stresses")

@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import require
+from femimpact.errors import instance, items, optional, quantity, require, suggestion, takes
 from femimpact.export.figures.drawing import (
     BLUE,
+    CYCLES,
     ORANGE,
     OffScreen,
     ball_of,
     beam_at,
+    channel_name,
     last_cycles,
     legend_above,
     panel,
@@ -24,6 +26,7 @@ from femimpact.export.figures.drawing import (
     scaled,
 )
 from femimpact.export.figures.phase_curve import POINTS, changes_of_contact, corners_of, phase_curve
+from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
 
 if TYPE_CHECKING:
@@ -32,10 +35,11 @@ if TYPE_CHECKING:
 __all__ = ["bifurcation", "phase_portrait"]
 
 
+@takes(response=instance(Response), cycles=CYCLES, phase=optional(quantity("rad")))
 def phase_portrait(
     response: Response,
     of: str | None = None,
-    cycles: int = 40,
+    cycles: float = 40,
     phase: float | None = 0.0,
     ax: Axes | OffScreen | None = None,
 ) -> Axes:
@@ -49,7 +53,7 @@ def phase_portrait(
     response : Response
     of : str, optional
         A ball or a place; by default the first ball, or the first channel where there is none.
-    cycles : int
+    cycles : float
         Base cycles that are drawn.
     phase : float, rad, optional
         Of the base at which the section is taken; see `Response.stroboscopic`. None draws no section,
@@ -64,22 +68,26 @@ def phase_portrait(
     Raises
     ------
     InputError
-        If the run holds no history, or a channel is missing, which is named.
+        If the run holds no history, a channel is missing, which is named, or an argument is out of range.
     """
     require_history(response)
     balls = [pair.name for pair in response.system.balls]
-    if of in balls or (of is None and balls):
-        pair = ball_of(response, of)
+    chosen = None if of is None else channel_key(of, "of")
+    if chosen in balls or (chosen is None and balls):
+        pair = ball_of(response, chosen)
         beam_at(response, pair)
         names, place = (pair.name, f"{pair.name}.velocity"), place_of(response, pair)
         minus: tuple[str, ...] = (str(place), f"{place}.velocity")
     else:
+        known = [*balls, *response.channels]
+        require(chosen is None or chosen in known, "of", chosen, "", suggestion(str(chosen), known))
         pair, minus = None, ()
-        name = str(next(iter(response.channels)) if of is None else of)
+        name = channel_name(response, chosen)
         names = (name, f"{name}.velocity")
     for name in (*names, *minus):
         require(name in response.channels, "channels", list(response.channels), "", f"must hold {name!r}")
-    x, rate = _curve(response, cycles, names, minus, None if pair is None else pair.name)
+    start, shown = last_cycles(response, cycles)
+    x, rate = _curve(response, start, names, minus, None if pair is None else pair.name)
     drawn = phase if np.isfinite(response.base.phase) else None
     axis = panel(ax, 6.4, 5.6)
     axis.plot(x, rate, color=BLUE, linewidth=0.7)
@@ -87,11 +95,10 @@ def phase_portrait(
         _stops(axis, response, names[0])
     if drawn is not None:
         section = response.stroboscopic(drawn)
-        once = section.time >= response.time[-1] - cycles / response.base.frequency
+        once = section.time >= start
         points = [values[once] for values in _pair(section.channels, names, minus)]
         label = f"once per cycle, base at {math.degrees(section.phase):.4g} degrees"
         axis.plot(*points, "o", color=ORANGE, markersize=4.5, linestyle="none", label=label)
-    shown = last_cycles(response.base, cycles)
     if pair is None:
         title, to = f"{names[0]}, {shown}", "the base"
     else:
@@ -115,11 +122,11 @@ def _pair(
 
 
 def _curve(
-    response: Response, cycles: int, names: tuple[str, ...], minus: tuple[str, ...], ball: str | None
+    response: Response, start: float, names: tuple[str, ...], minus: tuple[str, ...], ball: str | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The last cycles in mm and mm/s, drawn as often as a smooth curve takes."""
+    """The history from a time (s) on in mm and mm/s, drawn as often as a smooth curve takes."""
     x, rate = _pair(response.channels, names, minus)
-    last = response.time >= response.time[-1] - cycles / response.base.frequency
+    last = response.time >= start
     time = response.time[last]
     # of an impact after the table was full no instant is known
     known = response.impacts.dropped == 0 and time.size > 1
@@ -155,6 +162,7 @@ def _stops(axis: Any, response: Response, place: str) -> None:
                     axis.axvline(wall, color="black", linewidth=1.4, label=pair.name)
 
 
+@takes(responses=items(Response), phase=quantity("rad"))
 def bifurcation(
     responses: Sequence[Response],
     channel: str | float | None = None,
@@ -183,12 +191,12 @@ def bifurcation(
     Raises
     ------
     InputError
-        If there is no run, or one holds no history of the channel.
+        If there is no run, one holds no history of the channel, or an argument is of the wrong kind.
     """
     require(len(responses) > 0, "responses", "none", "", "must be one or more runs")
     for response in responses:
         require_history(response)
-    name = str(next(iter(responses[0].channels)) if channel is None else channel)
+    name = channel_name(responses[0], channel)
     sections = [response.stroboscopic(phase) for response in responses]
     last = [s[name][s.time >= r.window[0]] for s, r in zip(sections, responses, strict=True)]
     frequency = np.repeat([r.base.frequency for r in responses], [values.size for values in last])

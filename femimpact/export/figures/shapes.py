@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import require, require_type
+from femimpact.errors import instance, optional, quantity, require, takes
 from femimpact.export.figures.connections import draw_connection, draw_ground
 from femimpact.export.figures.drawing import BLUE, COLOURS, DARK, GREY, OffScreen, panels
 from femimpact.structure.structure import Structure
-from femimpact.system.modes import Modes
+from femimpact.system.modes import Modes, require_modes_of
 from femimpact.system.system import System
 
 if TYPE_CHECKING:
@@ -31,8 +31,14 @@ STOP_AT = 1.13
 """Height of the mark of a stop, whose point is towards the beam."""
 MOST = 4
 """Modes that are drawn."""
+MOST_POINTS = 100_000
+"""Along the beam, far beyond what a picture shows."""
 
 
+@takes(
+    system=instance(System), modes=instance(Modes), points=quantity("1", at_least=2, at_most=MOST_POINTS, integer=True),
+    structure=optional(instance(Structure)),
+)  # fmt: skip
 def mode_shapes(
     system: System,
     modes: Modes,
@@ -62,11 +68,10 @@ def mode_shapes(
     Raises
     ------
     InputError
-        If the system has no beam to draw a shape of.
+        If the system has no beam to draw a shape of, the modes are of another one, or an argument is out of range.
     """
     require(system.nodes.size > 1, "system.nodes", system.nodes.size, "", "must be 2 or more: a shape needs a beam")
-    if structure is not None:
-        require_type(structure, Structure, "structure")
+    require_modes_of(system, modes)
     count = min(modes.natural_frequency.size, MOST)
     axes = panels(figure, 8.0, 1.55 * count + 0.6, count, 1, sharex=True)[:, 0]
     x = np.linspace(0.0, float(system.nodes[-1]), points)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import checked, quantity, require_name
-from femimpact.export.scene import BALL_DENSITY, Scene, ball_radius, build_whole_scene
+from femimpact.export.scene import BALL_DENSITY, EXAGGERATION, Scene, ball_radius, build_whole_scene
 from femimpact.export.vtk.fields import beam_fields
 from femimpact.export.vtk.instants import Frames, frames_of
 from femimpact.export.vtk.modes import PARTS_IN_WORDS, in_words
@@ -25,7 +25,7 @@ def deflection_series(
     response: Response, structure: Structure, exaggeration: float = 1.0, most: int = 600, frame: str = "base"
 ) -> Series:
     """Frames of a run on an even grid and at its impacts; see `write_deflection`."""
-    exaggeration = checked("exaggeration", exaggeration, quantity("1", above=0.0))
+    exaggeration = checked("exaggeration", exaggeration, EXAGGERATION)
     most = checked("most", most, quantity("frames", at_least=1, integer=True))
     require_name(frame, ("base", "space"), "frame")
     frames = frames_of(response, most)

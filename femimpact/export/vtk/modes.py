@@ -14,12 +14,15 @@ from femimpact.export.scene_pieces import PARTS
 from femimpact.export.vtk.fields import POINT_UNITS, beam_fields
 from femimpact.export.vtk.series import Frame, Series, Value
 from femimpact.structure.structure import Structure
-from femimpact.system.modes import Modes
+from femimpact.system.modes import Modes, require_modes_of
 from femimpact.system.system import System
 
 __all__ = ["PARTS_IN_WORDS", "in_words", "mode_motion_series", "mode_series"]
 
 PARTS_IN_WORDS = ", ".join(f"{number} {name}" for number, name in enumerate(PARTS))
+
+SCALE = quantity("m", above=0.0, at_most=1e9)
+"""Of the largest deflection drawn: energies are of its square."""
 
 NOTE = (
     "mode shapes have no size of their own: this one is drawn with the largest deflection in `amplitude` (m), and "
@@ -40,9 +43,8 @@ class _Shapes:
     ) -> None:
         allowed = quantity("cells", at_least=1, integer=True)
         subdivisions = checked("subdivisions", subdivisions, allowed)
-        height = 0.1 * structure.beam.length if scale is None else checked("scale", scale, quantity("m", above=0.0))
-        fits = modes.vectors.shape[0] == system.dofs
-        require(fits, "modes", modes.vectors.shape[0], "dofs", f"must be modes of the system, with {system.dofs} dofs")
+        height = 0.1 * structure.beam.length if scale is None else checked("scale", scale, SCALE)
+        require_modes_of(system, modes)
         self.modes, self.height = modes, height
         self.scene = build_whole_scene(structure, system, 1.0, subdivisions)
         self.fields = beam_fields(self.scene, structure, system)

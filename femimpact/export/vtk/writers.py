@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from femimpact.errors import instance, takes
 from femimpact.export.vtk.deflection import deflection_series
 from femimpact.export.vtk.hdf import write_vtkhdf
 from femimpact.export.vtk.modes import mode_motion_series, mode_series
@@ -18,7 +19,10 @@ from femimpact.system.system import System
 
 __all__ = ["write_deflection", "write_mode", "write_modes"]
 
+SYSTEM, MODES_OF, STRUCTURE = instance(System), instance(Modes), instance(Structure)
 
+
+@takes(system=SYSTEM, modes=MODES_OF, structure=STRUCTURE)
 def write_modes(
     path: str | Path,
     system: System,
@@ -59,6 +63,7 @@ def write_modes(
     return _write(path, mode_series(system, modes, structure, subdivisions, scale), MODES)
 
 
+@takes(system=SYSTEM, modes=MODES_OF, structure=STRUCTURE)
 def write_mode(
     path: str | Path,
     system: System,
@@ -99,6 +104,7 @@ def write_mode(
     return _write(path, mode_motion_series(system, modes, structure, mode, frames, subdivisions, scale), MODE)
 
 
+@takes(response=instance(Response), structure=STRUCTURE)
 def write_deflection(
     path: str | Path,
     response: Response,

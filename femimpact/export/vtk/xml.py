@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import require
-from femimpact.export.files import atomic_write
+from femimpact.export.files import atomic_write, file_path
 from femimpact.export.vtk.series import Series, Value
 
 __all__ = ["checked_path", "write_frames", "write_pvd"]
@@ -129,8 +129,7 @@ def write_frames(path: Path, times: Sequence[float], texts: Iterable[str], names
 
 def checked_path(path: str | Path) -> Path:
     """The path of a collection whose folder of frames may be made or replaced."""
-    require(isinstance(path, (str, Path)), "path", type(path).__name__, "", "must be the name of a file")
-    path = Path(path)
+    path = file_path(path)
     require(path.suffix in (".pvd", ".vtkhdf"), "path", str(path), "", "must end in .pvd (or .vtkhdf: one file)")
     if path.suffix == ".vtkhdf":
         return path

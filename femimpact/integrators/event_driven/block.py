@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -45,6 +46,9 @@ Array = NDArray[np.float64]
 LINE = 64
 """Bytes of a cache line."""
 
+EXTREMES = 2
+"""Columns of a cycle behind those of `CYCLE_COLUMNS`: the times of its maximum and minimum."""
+
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
@@ -58,7 +62,7 @@ class Inputs:
     position, velocity : ndarray (C, d)
         Structure and balls relative to the base, m and m/s.
     window : ndarray (C, 2), s
-        In which impacts are counted.
+        Of which the totals are.
     start : float, s
         When all of them begin.
     held : Held, optional
@@ -136,9 +140,9 @@ def new_block(
         grid=Grid(
             start=np.full(count, inputs.start),
             interval=period / method.samples_per_cycle,
-            per_cycle=method.samples_per_cycle,
+            per_cycle=float(method.samples_per_cycle),
             origin=np.zeros(count, dtype=np.int64),
-            cycle=np.full(count, -1, dtype=np.int64),
+            cycle=np.zeros(count, dtype=np.int64),
             cycles=no_cycles(count, 0),
             values=np.zeros((count, 0, store.outputs.force.shape[0])),
             kept=np.zeros(0, dtype=np.int64),
@@ -209,7 +213,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
 
 def no_cycles(cases: int, cycles: int) -> Array:
     """Statistics of cycles of which nothing was read."""
-    table = np.zeros((cases, cycles, len(CYCLE_COLUMNS)))
+    table = np.zeros((cases, cycles, len(CYCLE_COLUMNS) + EXTREMES))
     table[:, :, 0], table[:, :, 1] = -np.inf, np.inf
     return table
 
@@ -342,9 +346,10 @@ def working_space(block: Block, forms: Forms) -> Space:
         minus=square,
     )
     rest: list[NDArray[np.float64 | np.complex128]] = [
-        np.zeros((2, entries + 1), dtype=complex),
+        np.zeros(entries, dtype=complex),
         np.zeros(pairs),
-        np.zeros(block.grid.per_cycle),
+        np.zeros(math.ceil(block.grid.per_cycle) + 1),
+        np.zeros(len(CYCLE_COLUMNS) + EXTREMES),
     ]
     motion = Motion(
         entry=np.zeros(entries, dtype=complex),

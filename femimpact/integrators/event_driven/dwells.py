@@ -151,7 +151,8 @@ def _run_block(
     )
     run_block(block, begin, end, float(method.most_events) * cycles.astype(float))
     residual, bound = _residuals(block, measured) if ledger else np.full((2, count), np.nan)
-    table = np.where(block.grid.cycles[:, :, 5:] > 0.0, block.grid.cycles, 0.0)
+    table = block.grid.cycles[:, :, : len(CYCLE_COLUMNS)]
+    table = np.where(table[:, :, 5:] > 0.0, table, 0.0)
     return DwellStatistics(
         cycles=CycleStatistics(*np.moveaxis(table, (2, 1), (0, 1))),
         totals=np.moveaxis(block.cases.totals, 0, 2),

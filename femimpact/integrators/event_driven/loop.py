@@ -32,7 +32,7 @@ from femimpact.integrators.event_driven.motion import (
     unit_phase,
     value_now,
 )
-from femimpact.integrators.event_driven.reading import add_peaks, add_to_cycle, keep_snapshot
+from femimpact.integrators.event_driven.reading import add_peaks, add_to_cycle, cycle_end, end_cycle, keep_snapshot
 from femimpact.integrators.event_driven.search import END, STUCK, negligible_approach, next_event
 from femimpact.integrators.event_driven.states import (
     enter_form,
@@ -120,11 +120,11 @@ def _read(begin: int, until: float, event: bool, form: Form, case: Case, job: Jo
             break
         if read > 0 and alone:
             if read == 1:
-                exponentials(scalars.exponent, dt, turn[0])
+                exponentials(scalars.exponent, dt, turn)
                 cosine, sine = cosine_and_sine(scalars.omega * dt)
                 wave = complex(cosine, sine)
             for k in range(active):
-                motion.entry[k] *= turn[0, k]
+                motion.entry[k] *= turn[k]
             move_rigid_bodies(scalars, motion, time - motion.clock[0])
             phase *= wave
         else:
@@ -147,14 +147,14 @@ def _read(begin: int, until: float, event: bool, form: Form, case: Case, job: Jo
         if snapshots.shown.size > 0 and snapshots.shown[i] >= 0:
             keep_snapshot(snapshots.shown[i], form.shapes, job.pairs, case, job.space, snapshots)
         cases.sample[c] = sample
-        number = (sample - 1 - grid.origin[c]) // grid.per_cycle
-        if 0 <= number < measured:
-            add_to_cycle(number, observed, phase, grid.cycles[c])
-            place = (sample - 1 - grid.origin[c]) % grid.per_cycle
-            job.space.samples[place] = observed
-            if place + 1 == grid.per_cycle:
-                add_peaks(c, time, observed, sample, scalars, job.space, grid)
-                grid.cycle[c] = number + 1
+        if sample > grid.origin[c] and grid.cycle[c] < measured:
+            if cycle_end(c, grid) < time:
+                end_cycle(c, cycle_end(c, grid), sample - 1, scalars, job.space, grid)
+            if grid.cycle[c] < measured:
+                add_to_cycle(sample, time, observed, phase, c, job.space, grid)
+                if cycle_end(c, grid) == time:
+                    add_peaks(c, time, observed, sample, scalars, job.space, grid)
+                    grid.cycle[c] += 1
 
 
 @called
@@ -174,11 +174,13 @@ def _to_next_event(begin: int, until: float, form: Form, case: Case, job: Job, b
         cases.events[c, 1] = 0
         for j in range(case.state.size):
             if is_active(case.state[j]):
-                add_contact(j, job.pairs.rigid[j], reached - motion.clock[0], scalars, case, space)
+                add_contact(j, reached, job.grid.interval[c], scalars, case, space)
     copy_motion(motion, space.begin)
     _read(begin, reached, status != END, form, case, job, b)
     # the samples first: where they exclude a peak none is looked for
-    if max(job.grid.cycle[c], 0) < job.grid.cycles.shape[1]:
+    if job.grid.cycle[c] < job.grid.cycles.shape[1] and cycle_end(c, job.grid) < reached:
+        end_cycle(c, cycle_end(c, job.grid), cases.sample[c], scalars, space, job.grid)
+    if job.grid.cycle[c] < job.grid.cycles.shape[1]:
         phase = unit_phase(scalars.omega, space.trial.clock)
         last = value_now(scalars.lasting.size, scalars.exponent.size, phase, scalars, space.trial)
         add_peaks(c, reached, last, cases.sample[c], scalars, space, job.grid)

@@ -146,7 +146,7 @@ class Cases(NamedTuple):
     rigid_body_sine: Complex  # (C, N, P)
     touch: Array  # (C, 6, R) contacts that have not ended; see BEGUN
     to_modes: Array  # (C, R, n) J, what these have given to each mode
-    window: Array  # (C, 2) s, in which impacts are counted
+    window: Array  # (C, 2) s, of which the totals are: impacts that end in it, and the forces in it
     totals: Array  # (C, 6, R) sums over them; see columns.TOTAL_COLUMNS
 
 
@@ -178,10 +178,10 @@ class Grid(NamedTuple):
 
     start: Array  # (C,) s, of sample 0
     interval: Array  # (C,) s
-    per_cycle: int  # samples
+    per_cycle: float  # samples, which need not be whole
     origin: Indices  # (C,) sample with which the first cycle begins
     cycle: Indices  # (C,) cycle whose peak is being looked for
-    cycles: Array  # (C, cycles, 6); see columns.CYCLE_COLUMNS
+    cycles: Array  # (C, cycles, 8); see columns.CYCLE_COLUMNS, then the times of maximum and minimum (s)
     values: Array  # (C, samples, O), or (C, 0, O) where only cycles are wanted
     kept: Indices  # (samples,) number of the energy row that a sample fills, -1 for none
     energy: Array  # (C, rows, 7 + n)
@@ -260,9 +260,10 @@ class Space(NamedTuple):
     search: Search
     bounds: Bounds
     products: Products
-    turn: Complex  # (2, K + 1)
+    turn: Complex  # (K,) growth of the entries between two samples
     impulse: Array  # (R,)
-    samples: Array  # (per_cycle,) w of the cycle that goes on, as far as it is read
+    samples: Array  # (per_cycle + 1,) w of the cycle that goes on, as far as it is read
+    extremes: Array  # (8,) extremes of a contact force and their times, as in a row of `Grid.cycles`
 
 
 class Job(NamedTuple):

@@ -25,49 +25,62 @@ from femimpact.integrators.event_driven.motion import (
     has_blocks,
     move,
     next_panel,
-    rates_now,
     taylor,
     unit_phase,
     value_now,
 )
+from femimpact.integrators.event_driven.reading import LEAST_ADVANCE, follow_peak
 from femimpact.integrators.event_driven.states import side_of
 from femimpact.response.columns import APPROACH_SUM, COUNT, FORCE_TIME, IMPULSE_SUM, LARGEST_APPROACH, PEAK_FORCE
 
-__all__ = ["add_contact", "add_impulse", "begin_contact", "count_impact", "end_contact", "end_sticking"]
-
-PROBES = 16
-"""Instants of a contact at which its force is looked at for the largest, which is then refined."""
-
-NEWTON_STEPS = 3
-
-FORCE_TOLERANCE = 1e-12
-"""Share of the largest force that is not looked for."""
+__all__ = [
+    "add_contact", "add_impulse", "begin_contact", "count_impact", "end_contact", "end_sticking", "take_back",
+]  # fmt: skip
 
 
 @apart
-def add_contact(j: int, rigid: bool, duration: float, scalars: Scalars, case: Case, space: Space) -> None:
-    """Add impulse and largest force of one contact over some time from the present motion on."""
-    r, side, time = case.state.size + j, side_of(case.state[j]), space.motion.clock[0]
-    if has_blocks(scalars):
-        impulse, largest, best = _over_points(r, side, duration, scalars, space)
-    else:
-        impulse, largest, best = _impulse(r, side, scalars, space.motion, duration), 0.0, 0.0
-        if not rigid:
-            largest, best = _largest_probe(r, side, duration, scalars, space)
-    if not rigid:
-        largest = _refined(r, side, best, largest, duration, scalars, space)
-    case.touch[PUSHED, j] += impulse
-    case.touch[LASTED, j] += duration
-    case.touch[LARGEST_FORCE, j] = max(case.touch[LARGEST_FORCE, j], largest)
-    add_impulse(j, time, impulse, case)
-    if _is_counted(time, case):
-        case.totals[PEAK_FORCE, j] = max(case.totals[PEAK_FORCE, j], largest)
+def add_contact(j: int, until: float, interval: float, scalars: Scalars, case: Case, space: Space) -> None:
+    """Add impulse and largest force of one contact from the present motion on to an instant (s).
+
+    What lies within the window is added to its sums: a contact that goes on across an end of it is cut there.
+    `interval` (s) is that of two samples.
+    """
+    touch, totals, window, start = case.touch, case.totals, case.window, space.motion.clock[0]
+    opened = min(max(window[0], start), until)
+    parts = (start, opened, min(max(window[1], opened), until), until)
+    for part in range(3):
+        begin, end, inside = parts[part], parts[part + 1], part == 1
+        if end <= begin:
+            continue
+        impulse = _impulse(j, begin, end, scalars, case, space)
+        # this contact may have pushed more before the window, and another one more within it
+        known = min(touch[LARGEST_FORCE, j], totals[PEAK_FORCE, j]) if inside else touch[LARGEST_FORCE, j]
+        largest = _largest(j, begin, end, known, LEAST_ADVANCE * min(interval, end - begin), scalars, case, space)
+        touch[PUSHED, j] += impulse
+        touch[LARGEST_FORCE, j] = max(touch[LARGEST_FORCE, j], largest)
+        if inside:
+            totals[FORCE_TIME, j] += impulse
+            totals[PEAK_FORCE, j] = max(totals[PEAK_FORCE, j], largest)
+    touch[LASTED, j] += until - start
 
 
 @inlined
-def _impulse(r: int, side: float, scalars: Scalars, motion: Motion, duration: float) -> float:
-    """Integral of a contact force, positive where the wall pushes."""
-    wave = complex(0.0, scalars.omega)
+def _spare_motion_at(time: float, scalars: Scalars, space: Space) -> None:
+    """Set the spare motion to the present one at an instant from now on."""
+    copy_motion(space.motion, space.spare)
+    if time > space.spare.clock[0]:
+        move(scalars, space.spare, time - space.spare.clock[0])
+        space.spare.clock[0] = time
+
+
+@apart
+def _impulse(j: int, begin: float, end: float, scalars: Scalars, case: Case, space: Space) -> float:
+    """Integral of a contact force between two instants, positive where the wall pushes."""
+    r, side, duration = case.state.size + j, side_of(case.state[j]), end - begin
+    _spare_motion_at(begin, scalars, space)
+    if has_blocks(scalars):
+        return side * _over_points(r, duration, scalars, space.spare)
+    motion, wave = space.spare, complex(0.0, scalars.omega)
     total = scalars.constant[r] * duration
     if scalars.broken:
         value, rate, bend, twist = taylor(scalars.follow, r, motion.drive)
@@ -84,80 +97,38 @@ def _impulse(r: int, side: float, scalars: Scalars, motion: Motion, duration: fl
     return float(side * total)
 
 
-@inlined
-def _largest_probe(
-    r: int, side: float, duration: float, scalars: Scalars, space: Space
-) -> tuple[float, float]:  # fmt: skip
-    """Largest of some values of a contact force, and its time, where entries stand alone."""
-    # the last place in a row of probes is that of the sine
-    last, motion, turn = scalars.exponent.size, space.motion, space.turn
-    value, rate, bend, twist = 0.0, 0.0, 0.0, 0.0
-    if scalars.broken:
-        value, rate, bend, twist = taylor(scalars.follow, r, motion.drive)
-    value += scalars.constant[r]
-    exponentials(scalars.exponent, duration / PROBES, turn[0])
-    for k in range(last):
-        turn[1, k] = scalars.weight[r, k] * motion.entry[k]
-    cosine, sine = cosine_and_sine(scalars.omega * duration / PROBES)
-    turn[0, last] = complex(cosine, sine)
-    turn[1, last] = scalars.sine[r] * unit_phase(scalars.omega, motion.clock)
-    best, largest = 0.0, 0.0
-    for probe in range(PROBES + 1):
-        t = probe * duration / PROBES
-        force = value + t * (rate + t * (bend / 2 + t * twist / 6))
-        for k in range(last + 1):
-            force += turn[1, k].real
-            turn[1, k] *= turn[0, k]
-        if side * force > largest:
-            largest, best = side * force, t
-    return largest, best
-
-
 @apart
-def _over_points(
-    r: int, side: float, duration: float, scalars: Scalars, space: Space
-) -> tuple[float, float, float]:  # fmt: skip
-    """Impulse, largest value and its time where entries do not stand alone: by Gauss points."""
-    motion, spare = space.motion, space.spare
-    copy_motion(motion, spare)
-    start, elapsed, impulse, best = motion.clock[0], 0.0, 0.0, 0.0
-    # a dashpot pushes most at the touch, before any of the points
-    largest = max(_force(r, side, scalars, spare), 0.0)
+def _over_points(r: int, duration: float, scalars: Scalars, motion: Motion) -> float:
+    """Integral of a scalar where entries do not stand alone: by Gauss points; uses the motion up."""
+    start, elapsed, total = motion.clock[0], 0.0, 0.0
     while elapsed < duration:
-        panel = next_panel(elapsed, duration - elapsed, scalars, spare)
+        panel = next_panel(elapsed, duration - elapsed, scalars, motion)
         half = 0.5 * panel
         for node in range(len(NODES)):
             time = start + elapsed + half * (1.0 + NODES[node])
-            move(scalars, spare, time - spare.clock[0])
-            force = _force(r, side, scalars, spare)
-            impulse += half * WEIGHTS[node] * force
-            if force > largest:
-                largest, best = force, time - start
+            move(scalars, motion, time - motion.clock[0])
+            total += half * WEIGHTS[node] * _value(r, scalars, motion)
         elapsed += panel
-    return impulse, largest, best
+    return total
 
 
 @inlined
-def _force(r: int, side: float, scalars: Scalars, motion: Motion) -> float:
-    phase = unit_phase(scalars.omega, motion.clock)
-    return side * value_now(r, scalars.exponent.size, phase, scalars, motion)
+def _value(r: int, scalars: Scalars, motion: Motion) -> float:
+    return value_now(r, scalars.exponent.size, unit_phase(scalars.omega, motion.clock), scalars, motion)
 
 
-@inlined
-def _refined(
-    r: int, side: float, best: float, largest: float, duration: float, scalars: Scalars, space: Space
+@apart
+def _largest(
+    j: int, begin: float, end: float, known: float, least: float, scalars: Scalars, case: Case, space: Space
 ) -> float:  # fmt: skip
-    """Largest contact force by Newton's method, from the largest of those looked at."""
-    for _ in range(NEWTON_STEPS):
-        copy_motion(space.motion, space.spare)
-        move(scalars, space.spare, best)
-        force, slope, bend = rates_now(r, scalars, space.spare, space.search.power)
-        largest = max(largest, side * force)
-        # what is left to the crest
-        if side * bend >= 0.0 or slope * slope <= 2.0 * abs(bend) * FORCE_TOLERANCE * largest:
-            break
-        best = min(max(best - slope / bend, 0.0), duration)
-    return largest
+    """Largest contact force between two instants, or what is known already where that is more."""
+    r, side, row = case.state.size + j, side_of(case.state[j]), space.extremes
+    _spare_motion_at(end, scalars, space)
+    last = _value(r, scalars, space.spare)
+    row[0], row[1] = max(max(side * known, last), 0.0), min(min(side * known, last), 0.0)
+    copy_motion(space.motion, space.spare)
+    follow_peak(r, side, begin, end, least, scalars, space, row)
+    return float(row[0] if side > 0.0 else -row[1])
 
 
 # ---- tables ----------------------------------------------------------------------------------------
@@ -194,6 +165,14 @@ def count_impact(j: int, time: float, approach: float, impulse: float, case: Cas
         case.totals[APPROACH_SUM, j] += approach
         case.totals[LARGEST_APPROACH, j] = max(case.totals[LARGEST_APPROACH, j], approach)
         case.totals[IMPULSE_SUM, j] += impulse
+
+
+@inlined
+def take_back(j: int, time: float, impulse: float, case: Case) -> None:
+    """Take from the sums of the window what an impact gave that ends without its rebound."""
+    if _is_counted(time, case):
+        case.totals[IMPULSE_SUM, j] -= impulse
+        case.totals[FORCE_TIME, j] -= impulse
 
 
 @apart

@@ -39,6 +39,7 @@ from femimpact.integrators.event_driven.touching import (
     count_impact,
     end_contact,
     end_sticking,
+    take_back,
 )
 
 __all__ = ["ENTER", "FIT", "RELEASE_ALL", "STAY", "UNRESOLVED", "apply_event", "collide", "set_start_states"]
@@ -179,6 +180,7 @@ def collide(
     if caught >= 0:
         _capture(caught, form, pairs, space, tables)
         wall, rebound = search.at_wall[caught], -search.at_wall[caught] * search.rate[caught]
+        take_back(caught, time, -wall * impulse[caught], case)
         if b is not None:
             b.contact_loss[case.number] -= 0.5 * wall * impulse[caught] * rebound
             b.work[case.number] -= impulse[caught] * pairs.in_space[caught] * base_rate

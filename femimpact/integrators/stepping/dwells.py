@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
+from femimpact.errors import require
 from femimpact.excitation import Sine
 from femimpact.integrators.answers import SineDwellResults, SineDwells
 from femimpact.integrators.stepping.block import Block, Inputs, prepare, run_block
@@ -29,6 +30,9 @@ Array = NDArray[np.float64]
 WIDEST_BLOCK = 64
 """Cases side by side beyond which a block no longer gains speed but leaves the cache."""
 
+MOST_STEPS = 1e15
+"""Of a dwell: more are a mistake, and no whole number of the loop."""
+
 ALIKE = 1.05
 """Longest over shortest run up to which cases count as equally long."""
 
@@ -44,6 +48,8 @@ def stepped_dwells(
     f = dwells.frequency
     check_sampling(f, method, "frequencies")
     warnings = check_step(system, method)
+    steps = float(np.max(dwells.cycles / f)) / method.dt
+    require(steps <= MOST_STEPS, "frequencies", float(f.min()), "Hz", f"must take at most {MOST_STEPS:g} steps")
     ends = np.ceil(dwells.cycles / (f * method.dt)).astype(int)
     starts = np.ceil((dwells.cycles - dwells.measured) / (f * method.dt)).astype(int)
     motion: dict[str, NDArray[Any]] = {name: np.full(f.size, np.nan) for name in MOTION}

@@ -1,0 +1,214 @@
+"""Good calls of what `nouns.VERBS` leaves out: figures, files, and the methods of nouns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from builders import NO_PICTURES, short_study
+from nouns import BASE, LAW, NOUNS, STRUCTURE, curve, grid, mode_convergence, piece, response, small, system
+
+import femimpact as fi
+from femimpact.contact import ContactParameters
+from femimpact.export import movie, tables, vtk
+from femimpact.export.history import history_writer
+
+SHEET = fi.figures.OffScreen()
+
+RECORD = "time,acceleration\n0.0,1.0\n0.1,-1.0\n0.2,0.5\n"
+
+
+@cache
+def modes() -> fi.Modes:
+    return fi.solve_modes(system(), 2)
+
+
+@cache
+def drawn_run() -> fi.Response:
+    """A run with all that a figure needs."""
+    channels = ("tip", "tip.velocity", "ball", "ball.velocity", "ball.contact_force", "mid")
+    return fi.integrate(small(), BASE, fi.Newmark(2e-4), 1.5, fi.Recorder(channels, snapshots=100))
+
+
+def of(made: Callable[[], object], name: str) -> Callable[..., object]:
+    """A method of a noun that is made when it is called."""
+    return lambda **given: getattr(made(), name)(**given)
+
+
+def entry(noun: Callable[[], object], what: str) -> Callable[..., object]:
+    """`noun[...]`, as a function of what messages call its argument."""
+    return lambda **given: noun()[given[what]]
+
+
+def written(path: object) -> None:
+    with history_writer(path) as write:
+        write(piece_without_snapshots())
+
+
+def sent(piece: object) -> None:
+    with history_writer("sent.nc") as write:
+        write(piece)
+
+
+@cache
+def piece_without_snapshots() -> fi.HistoryPiece:
+    kept = piece()
+    return fi.HistoryPiece(kept.time, kept.channels, kept.units, kept.energy, None, kept.base)
+
+
+@cache
+def with_scatter() -> fi.ModeConvergence:
+    columns = ("rms", "contact_loss", "structure_loss", "damping")
+    return replace(mode_convergence(), scatter={name: np.ones((3, 2)) for name in columns})
+
+
+def csv_file() -> Path:
+    return tables.write_csv("table.csv", {"a": [1.0, 2.0]}, {"a": "m"})
+
+
+@cache
+def four_modes() -> fi.System:
+    return fi.reduce(system(), 4)
+
+
+@cache
+def study() -> fi.Study:
+    return short_study(0.1, **NO_PICTURES)
+
+
+def study_file() -> Path:
+    Path("study.toml").write_text(study().text, encoding="utf-8")
+    return Path("study.toml")
+
+
+def results() -> Path:
+    return fi.run_study(study(), "results", parts=("modes",), force=True).directory
+
+
+def matrix_file() -> Path:
+    np.savez("matrices.npz", K=np.eye(2), M=np.eye(2))
+    return Path("matrices.npz")
+
+
+def record_file() -> Path:
+    Path("record.csv").write_text(RECORD, encoding="utf-8")
+    return Path("record.csv")
+
+
+FIGURES = {
+    "amplitude_spectrum": lambda: {"time": np.linspace(0.0, 1.0, 50), "values": np.ones(50)},
+    "beam_mesh": lambda: {"mesh": grid().mesh, "structure": STRUCTURE, "ax": SHEET},
+    "bifurcation": lambda: {"responses": [drawn_run()], "channel": "tip", "phase": 0.5, "ax": SHEET},
+    "collision_history": lambda: {"law": LAW, "effective_mass": 3e-3, "approach_speed": 0.2},
+    "contact_force": lambda: {"response": drawn_run(), "cycles": 4, "averaged": True, "figure": SHEET},
+    "contact_laws": lambda: {"contacts": [("ball", LAW, 3e-3)], "speeds": [0.1, 0.2], "figure": SHEET},
+    "convergence": lambda: {"table": NOUNS["ConvergenceTable"](), "names": ["a", "b"], "ax": SHEET},
+    "convergence_panels": lambda: {"table": NOUNS["ConvergenceTable"](), "figure": SHEET},
+    "cycle_averaged_force": lambda: {"response": drawn_run()},
+    "energies": lambda: {"response": drawn_run(), "figure": SHEET},
+    "impact_histograms": lambda: {"response": drawn_run(), "figure": SHEET},
+    "impulse_phase": lambda: {"response": drawn_run(), "ax": SHEET},
+    "mesh_convergence": lambda: {"result": NOUNS["MeshConvergence"](), "slope": 4.0, "ax": SHEET},
+    "mode_convergence": lambda: {"result": with_scatter(), "figure": SHEET},
+    "mode_shapes": lambda: {
+        "system": system(), "modes": modes(), "points": 20, "structure": STRUCTURE, "figure": SHEET
+    },
+    "motion": lambda: {"response": drawn_run(), "cycles": 2.0, "figure": SHEET},
+    "phase_portrait": lambda: {"response": drawn_run(), "of": "ball", "cycles": 4, "phase": 0.5, "ax": SHEET},
+    "response_curve": lambda: {
+        "curves": {"a": curve()}, "title": "title", "coarse": [5.0, 6.0], "published": [("paper", 5.3, 1e-3)],
+        "join_all": True, "ax": SHEET,
+    },
+    "restitution_scan": lambda: {
+        "scans": [("start", NOUNS["RestitutionScan"]())], "peak_frequency": 5.0, "amplitude_ratio": 4.0,
+        "figure": SHEET,
+    },
+    "save_figure": lambda: {"drawn": fi.figures.value_map([1], [1], [[1]], ax=SHEET), "path": "figure.png"},
+    "spectrum": lambda: {"response": drawn_run(), "channel": "tip", "highest": 50.0, "ax": SHEET},
+    "step_convergence": lambda: {"result": NOUNS["StepConvergence"](), "slope": 2.0, "ax": SHEET},
+    "value_map": lambda: {
+        "x": [1.0, 2.0], "y": [1.0, 2.0, 3.0], "values": np.arange(6.0).reshape(3, 2), "samples": np.eye(3, 2) > 0.0,
+        "title": "title", "ax": SHEET,
+    },
+}  # fmt: skip
+"""Good arguments of every figure."""
+
+CALLS = {
+    **{f"figures.{name}": (getattr(fi.figures, name), good) for name, good in FIGURES.items()},
+    # files
+    "vtk.write_modes": (vtk.write_modes, lambda: {
+        "path": "modes.pvd", "system": system(), "modes": modes(), "structure": STRUCTURE, "subdivisions": 1,
+        "scale": 0.01,
+    }),
+    "vtk.write_mode": (vtk.write_mode, lambda: {
+        "path": "mode.vtkhdf", "system": system(), "modes": modes(), "structure": STRUCTURE, "mode": 1, "frames": 2,
+        "subdivisions": 1, "scale": 0.01,
+    }),
+    "vtk.write_deflection": (vtk.write_deflection, lambda: {
+        "path": "deflection.vtkhdf", "response": drawn_run(), "structure": STRUCTURE, "exaggeration": 1.0, "most": 400,
+        "frame": "base",
+    }),
+    "write_movie": (movie.write_movie, lambda: {
+        "path": "movie.gif", "response": drawn_run(), "structure": STRUCTURE, "exaggeration": 2.0, "fps": 2, "most": 2,
+        "renderer": "matplotlib",
+    }),
+    "history_writer": (written, lambda: {"path": "history.nc"}),
+    "history_writer's sink": (sent, lambda: {"piece": piece_without_snapshots()}),
+    "tables.read_csv": (tables.read_csv, lambda: {"path": csv_file()}),
+    "load": (fi.load, lambda: {"directory": results()}),
+    "load_study": (fi.load_study, lambda: {"path": study_file()}),
+    "read_matrix": (fi.read_matrix, lambda: {"path": matrix_file(), "name": "K"}),
+    "run_study": (fi.run_study, lambda: {
+        "study": study(), "directory": "new", "parts": ("modes",), "force": True, "report": lambda *_: None
+    }),
+    "mode_convergence": (fi.mode_convergence, lambda: {
+        "system": four_modes(), "excitation": fi.Sine(1e-4, 24.0), "method": fi.Newmark(2e-4), "duration": 1.1,
+        "counts": [1, 2, 3], "at": "tip",
+    }),
+    # methods of nouns
+    "ContactPair.along": (of(lambda: system().contacts[0], "along"), lambda: {"direction": np.ones(3)}),
+    "ContactPair.shares_place": (of(lambda: system().contacts[0], "shares_place"), lambda: {
+        "other": system().contacts[1]
+    }),
+    "ContactParameters.of_function": (ContactParameters.of_function, lambda: {
+        "contact_time": 1e-3, "restitution": 0.5
+    }),
+    "Discretisation.node_of": (of(grid, "node_of"), lambda: {"support": STRUCTURE.supports[0]}),
+    "Discretisation.position_of": (of(grid, "position_of"), lambda: {"at": 0.1, "key": "at"}),
+    "EventDriven.for_system": (fi.EventDriven.for_system, lambda: {
+        "system": small(), "samples_per_cycle": 32, "most_events": 1000
+    }),
+    "Newmark.for_system": (fi.Newmark.for_system, lambda: {"system": small(), "dt": 1e-4, "refine": 1}),
+    "PointForce.acceleration": (fi.PointForce("tip", BASE).acceleration, lambda: {"time": 0.1}),
+    "PointForce.force": (fi.PointForce("tip", BASE).force, lambda: {"time": 0.1}),
+    "PointForce.velocity": (fi.PointForce("tip", BASE).velocity, lambda: {"time": 0.1}),
+    "RecordedBase.acceleration": (fi.RecordedBase([0.0, 1.0], 0.1).acceleration, lambda: {"time": 0.1}),
+    "RecordedBase.velocity": (fi.RecordedBase([0.0, 1.0], 0.1).velocity, lambda: {"time": 0.1}),
+    "RecordedBase.from_csv": (fi.RecordedBase.from_csv, lambda: {
+        "path": record_file(), "scale": 9.81, "detrend": "mean", "columns": (0, "acceleration")
+    }),
+    "RecordedBase.from_text": (fi.RecordedBase.from_text, lambda: {
+        "text": RECORD, "scale": 9.81, "detrend": "line", "columns": ("time", 1), "path": "shaker.csv"
+    }),
+    "Recorder.seen_from": (fi.Recorder(start=1.0).seen_from, lambda: {"time": 0.5}),
+    "Response.largest": (of(response, "largest"), lambda: {"channel": "tip"}),
+    "Response.largest_of": (of(response, "largest_of"), lambda: {"channels": ["tip"]}),
+    "Response.stroboscopic": (of(response, "stroboscopic"), lambda: {"phase": 0.5}),
+    "Response[]": (entry(response, "channel"), lambda: {"channel": "tip"}),
+    "FrequencyResponse[]": (entry(curve, "column"), lambda: {"column": "peak"}),
+    "RestitutionScan[]": (entry(NOUNS["RestitutionScan"], "column"), lambda: {"column": "restitution"}),
+    "RestitutionScan.best": (of(NOUNS["RestitutionScan"], "best"), lambda: {
+        "peak_frequency": 5.0, "amplitude_ratio": 2.0
+    }),
+    "StroboscopicSection[]": (entry(NOUNS["StroboscopicSection"], "channel"), lambda: {"channel": "tip"}),
+    "ConvergenceStudy[]": (entry(NOUNS["ConvergenceStudy"], "axis"), lambda: {"axis": "mesh"}),
+    "State.is_static_on": (fi.State().is_static_on, lambda: {"system": small()}),
+    "State.static_contacts": (fi.State.static().static_contacts, lambda: {"system": small(), "base": BASE}),
+    "State.left_by_run": (fi.State().left_by_run, lambda: {"system": small(), "base": BASE}),
+    "State.relative_to_base": (fi.State().relative_to_base, lambda: {"system": small(), "base": BASE}),
+    "Structure.place_of": (STRUCTURE.place_of, lambda: {"at": "box"}),
+}  # fmt: skip
+"""Every other function with arguments, good ones of it."""
