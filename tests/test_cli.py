@@ -14,6 +14,7 @@ import pytest
 from builders import femimpact
 
 import femimpact as fi
+from femimpact import core
 from femimpact.study.demo import paper_study_text
 
 SMALL = (
@@ -80,6 +81,8 @@ def test_summary_has_the_promised_keys_as_plain_numbers(ran):
     for key in ("peak_force", "mean_impulse", "cycle_mean_force"):
         assert summary["contact"][key] > 0
     assert summary["versions"]["femimpact"] == fi.__version__
+    # by what the numbers were computed
+    assert summary["core"] == core.build_info() | {"targets": list(core.build_info()["targets"])}
     assert isinstance(summary["warnings"], list)
 
 

@@ -13,7 +13,8 @@ import femimpact
 from femimpact.integrators.compiled import compiling
 
 ROOT = Path(__file__).parents[1]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROJECT = PYPROJECT["project"]
 
 OF_THEIR_TIME = {"vtk", "pandas"}
 """Needed by dependencies that name no newest version of them: held, without being asked for by us."""
@@ -33,6 +34,12 @@ def test_the_lowest_versions_that_are_tried_are_the_lower_bounds():
     tried = _versions([line for line in lines if not line.startswith("#")], "==")
     assert set(tried) - set(bounds) == OF_THEIR_TIME
     assert {name: tried[name] for name in bounds} == bounds
+
+
+def test_the_backend_that_is_tried_is_the_one_that_builds():
+    # the hook is of the interface of one major version
+    tried = _versions([line for line in PROJECT["optional-dependencies"]["test"] if "hatchling" in line], ">=")
+    assert PYPROJECT["build-system"]["requires"] == [f"hatchling>={tried['hatchling']},<2"]
 
 
 def test_numba_and_llvmlite_are_the_pair_whose_insides_are_known():

@@ -15,7 +15,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from femimpact import __version__
 from femimpact.cli.tables import console, print_table
-from femimpact.errors import FemimpactError, InputError, require
+from femimpact.errors import CoreError, FemimpactError, InputError, require
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -32,7 +32,7 @@ LEAST_MEMORY = 1e9
 app = App(
     name="femimpact",
     help="Vibro-impact dynamics of beams, and the design of impact dampers on them.",
-    version=__version__,
+    version_flags=[],
     help_format="plaintext",
     suppress_keyboard_interrupt=False,
 )
@@ -59,7 +59,7 @@ def main() -> None:
         app(exit_on_error=False, print_error=False)
     except CycloptsError as error:
         _fail(str(error).strip() + "\nsee: femimpact --help", 2)
-    except InputError as error:
+    except (InputError, CoreError) as error:
         _fail(_with_notes(str(error), error), 2)
     except FemimpactError as error:
         _fail(_with_notes(str(error), error), 1)
@@ -110,6 +110,14 @@ def _fail(message: str, status: int) -> None:
 
 
 # ---- commands -------------------------------------------------------------------------------------
+
+
+@app.command(name="--version")
+def version() -> None:
+    """Print the version of femimpact, and what its compiled core was made of."""
+    from femimpact.core.binary import build_words
+
+    print(f"{__version__}\n{build_words()}")
 
 
 @app.command

@@ -11,7 +11,8 @@ constexpr double NOT_A_NUMBER = __builtin_nan("");
 #ifdef FEMIMPACT_CHECKED
 // A checked build ends the process at the first index beyond an array, with the place in the debugger's hands.
 [[gnu::always_inline]] inline void check_index(Index i, Index length) {
-    if (i < 0 || i >= length) __builtin_trap();
+    if (i < 0 || i >= length)
+        __builtin_trap();
 }
 #else
 [[gnu::always_inline]] inline void check_index(Index, Index) {}
@@ -77,23 +78,51 @@ struct Complex {
     double real, imag;
 };
 
-[[gnu::always_inline]] inline Complex operator+(Complex a, Complex b) { return {a.real + b.real, a.imag + b.imag}; }
-[[gnu::always_inline]] inline Complex operator-(Complex a, Complex b) { return {a.real - b.real, a.imag - b.imag}; }
+[[gnu::always_inline]] inline Complex operator+(Complex a, Complex b) {
+    return {a.real + b.real, a.imag + b.imag};
+}
+[[gnu::always_inline]] inline Complex operator-(Complex a, Complex b) {
+    return {a.real - b.real, a.imag - b.imag};
+}
 [[gnu::always_inline]] inline Complex operator*(Complex a, Complex b) {
     return {a.real * b.real - a.imag * b.imag, a.real * b.imag + a.imag * b.real};
 }
-[[gnu::always_inline]] inline Complex operator+(double a, Complex b) { return {a + b.real, b.imag}; }
-[[gnu::always_inline]] inline Complex operator-(Complex a, double b) { return {a.real - b, a.imag}; }
-[[gnu::always_inline]] inline Complex operator*(double a, Complex b) { return {a * b.real, a * b.imag}; }
-[[gnu::always_inline]] inline Complex operator*(Complex a, double b) { return {a.real * b, a.imag * b}; }
-[[gnu::always_inline]] inline Complex operator/(Complex a, double b) { return {a.real / b, a.imag / b}; }
-[[gnu::always_inline]] inline void operator+=(Complex &a, Complex b) { a = a + b; }
-[[gnu::always_inline]] inline void operator-=(Complex &a, Complex b) { a = a - b; }
-[[gnu::always_inline]] inline void operator*=(Complex &a, Complex b) { a = a * b; }
-[[gnu::always_inline]] inline void operator*=(Complex &a, double b) { a = a * b; }
-[[gnu::always_inline]] inline bool operator==(Complex a, double b) { return a.real == b && a.imag == 0.0; }
-[[gnu::always_inline]] inline bool operator!=(Complex a, double b) { return !(a == b); }
-[[gnu::always_inline]] inline Complex conjugate(Complex a) { return {a.real, -a.imag}; }
+[[gnu::always_inline]] inline Complex operator+(double a, Complex b) {
+    return {a + b.real, b.imag};
+}
+[[gnu::always_inline]] inline Complex operator-(Complex a, double b) {
+    return {a.real - b, a.imag};
+}
+[[gnu::always_inline]] inline Complex operator*(double a, Complex b) {
+    return {a * b.real, a * b.imag};
+}
+[[gnu::always_inline]] inline Complex operator*(Complex a, double b) {
+    return {a.real * b, a.imag * b};
+}
+[[gnu::always_inline]] inline Complex operator/(Complex a, double b) {
+    return {a.real / b, a.imag / b};
+}
+[[gnu::always_inline]] inline void operator+=(Complex &a, Complex b) {
+    a = a + b;
+}
+[[gnu::always_inline]] inline void operator-=(Complex &a, Complex b) {
+    a = a - b;
+}
+[[gnu::always_inline]] inline void operator*=(Complex &a, Complex b) {
+    a = a * b;
+}
+[[gnu::always_inline]] inline void operator*=(Complex &a, double b) {
+    a = a * b;
+}
+[[gnu::always_inline]] inline bool operator==(Complex a, double b) {
+    return a.real == b && a.imag == 0.0;
+}
+[[gnu::always_inline]] inline bool operator!=(Complex a, double b) {
+    return !(a == b);
+}
+[[gnu::always_inline]] inline Complex conjugate(Complex a) {
+    return {a.real, -a.imag};
+}
 
 // By the larger part of the divisor, so that no square overflows (R. L. Smith, 1962).
 inline Complex operator/(Complex a, Complex b) {
@@ -106,11 +135,21 @@ inline Complex operator/(Complex a, Complex b) {
 }
 
 // The first where they are equal, or where one is not a number.
-[[gnu::always_inline]] inline double larger(double a, double b) { return b > a ? b : a; }
-[[gnu::always_inline]] inline double smaller(double a, double b) { return b < a ? b : a; }
-[[gnu::always_inline]] inline Index larger(Index a, Index b) { return b > a ? b : a; }
-[[gnu::always_inline]] inline Index smaller(Index a, Index b) { return b < a ? b : a; }
-[[gnu::always_inline]] inline double magnitude(double a) { return __builtin_fabs(a); }
+[[gnu::always_inline]] inline double larger(double a, double b) {
+    return b > a ? b : a;
+}
+[[gnu::always_inline]] inline double smaller(double a, double b) {
+    return b < a ? b : a;
+}
+[[gnu::always_inline]] inline Index larger(Index a, Index b) {
+    return b > a ? b : a;
+}
+[[gnu::always_inline]] inline Index smaller(Index a, Index b) {
+    return b < a ? b : a;
+}
+[[gnu::always_inline]] inline double magnitude(double a) {
+    return __builtin_fabs(a);
+}
 
 using Array = View<double, 1>;
 using Matrix = View<double, 2>;
@@ -123,4 +162,4 @@ using GivenComplexArray = View<const Complex, 1>;
 using GivenComplexMatrix = View<const Complex, 2>;
 using GivenIndices = View<const Index, 1>;
 
-}  // namespace FEMIMPACT_TARGET
+} // namespace FEMIMPACT_TARGET

@@ -13,6 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from femimpact.core import compilation  # noqa: E402
+from femimpact.core.compilers import CompilationError  # noqa: E402
 
 sys.path.remove(str(ROOT))
 
@@ -26,7 +27,7 @@ class CustomBuildHook(BuildHookInterface[Any]):
         """Zig of the package index, where nothing else compiles."""
         try:
             return [compilation.zig_requirement()] if compilation.needs_zig(ROOT, compilation.asked_kind()) else []
-        except compilation.CompilationError as error:
+        except CompilationError as error:
             _stop(error)
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
@@ -34,11 +35,11 @@ class CustomBuildHook(BuildHookInterface[Any]):
         try:
             kind = compilation.asked_kind()
             if version != "editable" and kind in ("checked", "sanitized"):
-                raise compilation.CompilationError(
+                raise CompilationError(
                     f"FEMIMPACT_BUILD = {kind!r}: no wheel is made of it, only an editable install (pip install -e .)"
                 )
             compilation.build(ROOT, kind, self.app.display_info)
-        except compilation.CompilationError as error:
+        except CompilationError as error:
             _stop(error)
         build_data["pure_python"] = False
         build_data["tag"] = compilation.wheel_tag()

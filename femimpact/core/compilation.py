@@ -1,4 +1,4 @@
-"""Compiling the core: which compiler, which flags, and the one file that comes of them.
+"""Compiling the core: the one file that comes of the sources below.
 
 The build of the package calls `build` (femimpact/core/build.py); `python -m femimpact.core.compilation` calls it in a
 checkout. Standard library only: nothing else is installed when a package is built.
@@ -7,107 +7,42 @@ checkout. Standard library only: nothing else is installed when a package is bui
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import json
 import os
 import platform
 import re
 import shlex
 import shutil
-import subprocess
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 
-from femimpact.core import source_hash
+from femimpact.core.binary import source_hash
+from femimpact.core.compilers import (
+    KINDS,
+    ZIG,
+    CompilationError,
+    Compiler,
+    compile_flags,
+    find_compiler,
+    link_command,
+    run_compiler,
+    targets_here,
+)
 
-__all__ = [
-    "CompilationError",
-    "Compiler",
-    "asked_kind",
-    "build",
-    "build_key",
-    "find_compiler",
-    "needs_zig",
-    "wheel_tag",
-]
-
-ZIG = "0.17.1"
-"""Version of `ziglang` that serves where there is no compiler."""
+__all__ = ["asked_kind", "build", "build_key", "needs_zig", "wheel_tag", "zig_requirement"]
 
 PROCESSES = 2
 """Compilers that run at a time."""
-
-TARGETS = {"x86_64": ("v2", "v3", "v4"), "arm64": ("arm64",)}
-"""What kernels.cpp is compiled for, by the kind of machine."""
-
-# nothing here may change a rounding: gcc 12 fuses multiplication and addition in its vectoriser whatever -ffp-contract
-# says, and CXXFLAGS, which stand before these, may ask for -ffast-math
-COMMON_FLAGS = (
-    "-std=c++20", "-fPIC", "-fvisibility=hidden", "-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics", "-fno-lto",
-    "-fno-fast-math", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off", "-fno-tree-vectorize",
-)  # fmt: skip
-
-KIND_FLAGS = {
-    "release": ("-O3", "-DNDEBUG"),
-    "checked": ("-O2", "-g", "-UNDEBUG", "-DFEMIMPACT_CHECKED", "-Wall", "-Wextra", "-Werror"),
-    "sanitized": (
-        "-O1", "-g", "-UNDEBUG", "-DFEMIMPACT_CHECKED", "-fno-omit-frame-pointer",
-        "-fsanitize=address,undefined", "-fno-sanitize=vptr", "-fno-sanitize-recover=undefined",
-    ),
-}  # fmt: skip
-
-C20_TEST = """\
-#include <concepts>
-#include <cmath>
-#include <cstdint>
-template <typename T> concept Number = std::floating_point<T>;
-struct Pair { double a = 0.0, b = 0.0; };
-template <Number T> constexpr T twice(T x) { return x + x; }
-static_assert(twice(2.0) == 4.0);
-static constexpr Pair ORDER = {.a = 1.0, .b = 2.0};
-constinit static std::int64_t calls = 0;
-extern "C" double femimpact_test(double x) { return calls++, std::fma(x, ORDER.b, [](auto y) { return twice(y); }(x)); }
-"""
-
-
-class CompilationError(Exception):
-    """The core cannot be built: why, in one line, and then what the compiler says."""
-
-
-@dataclass(frozen=True)
-class Compiler:
-    """A compiler and its name.
-
-    Parameters
-    ----------
-    name : str
-        With the version, such as "gcc 12.2.0".
-    command, link : tuple of str
-        Words that compile a C++ file and that link; empty where it is not here yet.
-    """
-
-    name: str
-    command: tuple[str, ...]
-    link: tuple[str, ...]
-
-    @property
-    def is_zig(self) -> bool:
-        """Whether its options are those of zig."""
-        return self.name.startswith("zig ")
-
-
-# ---- what is asked for ----------------------------------------------------------------------------
 
 
 def asked_kind() -> str:
     """The kind of build that the environment asks for: release, checked, sanitized, or zig."""
     kind = os.environ.get("FEMIMPACT_BUILD") or "release"
-    if kind not in (*KIND_FLAGS, "zig"):
+    if kind not in KINDS:
         raise CompilationError(f"FEMIMPACT_BUILD = {kind!r}: must be one of checked, sanitized, zig, or not set")
     return kind
 
@@ -119,131 +54,17 @@ def wheel_tag() -> str:
     return f"cp311-abi3-{re.sub('[^A-Za-z0-9]', '_', sysconfig.get_platform())}"
 
 
-def _machine() -> str:
-    """The kind of machine, as TARGETS names it."""
-    if sysconfig.get_config_var("Py_GIL_DISABLED") or sys.implementation.name != "cpython":
-        raise CompilationError("the compiled core is made for CPython with its lock, not for free-threaded Python")
-    machine = {"amd64": "x86_64", "aarch64": "arm64"}.get(platform.machine().lower(), platform.machine().lower())
-    if machine not in TARGETS or sys.maxsize < 2**32:
-        raise CompilationError(f"the compiled core is made for 64 bits of x86-64 and arm64, not for {machine!r}")
-    return machine
-
-
 def _binary_name() -> str:
     return "_core.pyd" if sys.platform == "win32" else "_core.abi3.so"
-
-
-# ---- compilers ------------------------------------------------------------------------------------
-
-
-def find_compiler(kind: str) -> Compiler:
-    """The system's compiler, or zig where there is none that takes C++20 or where the kind is "zig"."""
-    if kind != "zig":
-        for words in (os.environ.get("CXX"), os.environ.get("CC"), "c++", "g++", "clang++"):
-            found = _system_compiler(tuple(shlex.split(words or "")), kind)
-            if found is not None:
-                return found
-    if kind == "sanitized":
-        raise CompilationError("FEMIMPACT_BUILD = 'sanitized': needs gcc or clang, of C++20")
-    return _zig()
-
-
-def _system_compiler(command: tuple[str, ...], kind: str) -> Compiler | None:
-    """The compiler of a command, if it is there and takes the flags of a build."""
-    # one without a path is that of PATH; Microsoft's has other options
-    if not command or shutil.which(command[0]) is None or Path(command[0]).stem.lower() == "cl":
-        return None
-    with tempfile.TemporaryDirectory(prefix="femimpact-") as directory:
-        source = Path(directory, "test.cpp")
-        source.write_text(C20_TEST, encoding="utf-8")
-        asked = subprocess.run(
-            [*command, "-dM", "-E", str(source)], cwd=directory, capture_output=True, text=True, errors="replace"
-        )
-        macros = dict(re.findall(r"^#define (\w+) (.*)$", asked.stdout, re.MULTILINE))
-        version = [macros.get(f"__{name}__", "") for name in ("clang_major", "clang_minor", "clang_patchlevel")]
-        gnu = [macros.get(f"__GNUC{name}__", "") for name in ("", "_MINOR", "_PATCHLEVEL")]
-        name = f"clang {'.'.join(version)}" if version[0] else f"gcc {'.'.join(gnu)}"
-        compiler = Compiler(name, command, command)
-        try:
-            _run(
-                [*command, *_flags(compiler, kind, TARGETS[_machine()][-1]), "-c", str(source), "-o", "test.o"],
-                directory,
-            )
-            _run(_link_command(compiler, kind, ["test.o"], "test.so"), directory)
-        except CompilationError:
-            return None
-    return compiler
-
-
-def _zig() -> Compiler:
-    """Zig of the version that is asked for; without commands where it is not installed."""
-    name = f"zig {ZIG}"
-    package = importlib.util.find_spec("ziglang")
-    if package is None or package.origin is None:
-        return Compiler(name, (), ())
-    program = str(Path(package.origin).with_name("zig.exe" if sys.platform == "win32" else "zig"))
-    try:
-        version = subprocess.run([program, "version"], capture_output=True, text=True, check=True).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
-        return Compiler(name, (), ())
-    # linked as C: libc++, which nothing here needs, would be compiled from its source
-    return Compiler(name, (program, "c++"), (program, "cc")) if version == ZIG else Compiler(name, (), ())
-
-
-# ---- flags ----------------------------------------------------------------------------------------
-
-
-def _flags(compiler: Compiler, kind: str, target: str) -> list[str]:
-    """Flags of one object; `common` is what every processor runs."""
-    ours = list(COMMON_FLAGS + KIND_FLAGS["release" if kind == "zig" else kind])
-    if compiler.is_zig:
-        ours.append("-fno-sanitize=undefined")
-    if _machine() == "x86_64":
-        level = {"common": "x86-64"}.get(target, f"x86-64-{target}")
-        zig_level = {"common": "baseline"}.get(target, f"x86_64_{target}")
-        ours.append(f"-mcpu={zig_level}" if compiler.is_zig else f"-march={level}")
-    elif compiler.is_zig:
-        ours.append("-mcpu=baseline")
-    if sys.platform == "darwin":
-        ours.append("-mmacosx-version-min=11.0")
-    return [*shlex.split(os.environ.get("CXXFLAGS", "")), *ours, f"-DFEMIMPACT_TARGET={target}"]
-
-
-def _link_command(compiler: Compiler, kind: str, objects: Sequence[str], binary: str) -> list[str]:
-    """Command of a shared library that needs no library of C++."""
-    given = shlex.split(os.environ.get("LDFLAGS", ""))
-    # of the sanitizers' libraries those that the driver adds
-    sanitizers = [flag for flag in KIND_FLAGS.get(kind, ()) if flag.startswith("-fsanitize")]
-    ours = ["-shared", "-fno-lto", "-fno-fast-math", *sanitizers]
-    if sys.platform == "darwin":
-        ours = [
-            "-bundle",
-            "-undefined",
-            "dynamic_lookup",
-            "-Wl,-dead_strip_dylibs",
-            "-mmacosx-version-min=11.0",
-            *ours[1:],
-        ]
-    elif sys.platform == "win32":
-        ours += [f"-L{Path(sys.base_prefix, 'libs')}", "-lpython3"]
-    else:
-        ours += ["-Wl,--as-needed", *(["-s"] if kind in ("release", "zig") else [])]
-    if compiler.is_zig:
-        # of the system that runs, but of no processor in particular
-        ours.append("-mcpu=baseline")
-    return [*compiler.link, *given, *ours[:1], *objects, "-o", binary, *ours[1:], "-lm"]
-
-
-# ---- the build ------------------------------------------------------------------------------------
 
 
 def build_key(root: Path, compiler: Compiler, kind: str) -> str:
     """SHA-256 of everything that a binary comes from: sources, compiler and flags."""
     # where zig lies changes with every environment in which a package is built
     commands = [] if compiler.is_zig else [compiler.command, compiler.link]
-    targets = ("common", *TARGETS[_machine()])
-    flags = [_flags(compiler, kind, target) for target in targets]
-    link = _link_command(Compiler(compiler.name, (), ()), kind, targets, _binary_name())
+    targets = ("common", *targets_here())
+    flags = [compile_flags(compiler, kind, target) for target in targets]
+    link = link_command(Compiler(compiler.name, (), ()), kind, targets, _binary_name())
     parts = [source_hash(root / "femimpact" / "core"), compiler.name, commands, flags, link]
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
@@ -284,9 +105,8 @@ def build(root: Path, kind: str, say: Callable[[str], None] = print) -> bool:
     Raises
     ------
     CompilationError
-        If there is no compiler, or if it fails.
+        If there is no compiler, if it fails, or if the binary cannot be written.
     """
-    _machine()
     compiler = find_compiler(kind)
     key = build_key(root, compiler, kind)
     if _is_built(root, key):
@@ -307,6 +127,8 @@ def build(root: Path, kind: str, say: Callable[[str], None] = print) -> bool:
             made = _compile(root, compiler, kind, key, directory)
             shutil.copyfile(made, part)
         os.replace(part, binary)
+    except OSError as error:
+        raise CompilationError(f"{error.filename or binary}: cannot be written: {error.strerror or error}") from None
     finally:
         part.unlink(missing_ok=True)
     return True
@@ -315,39 +137,20 @@ def build(root: Path, kind: str, say: Callable[[str], None] = print) -> bool:
 def _compile(root: Path, compiler: Compiler, kind: str, key: str, directory: str) -> Path:
     """The linked binary, in an empty directory."""
     core = root / "femimpact" / "core"
-    about = {
-        "COMPILER": compiler.name,
-        "KIND": "release" if kind == "zig" else kind,
-        "SOURCES": source_hash(core),
-        "KEY": key,
-    }
+    shown = "release" if kind == "zig" else kind
+    about = {"COMPILER": compiler.name, "KIND": shown, "SOURCES": source_hash(core), "KEY": key}
     texts = [f'-DFEMIMPACT_{name}="{text}"' for name, text in about.items()]
     # the longest first
-    objects: list[tuple[str, str, list[str]]] = [("kernels", target, []) for target in reversed(TARGETS[_machine()])]
+    objects: list[tuple[str, str, list[str]]] = [("kernels", target, []) for target in reversed(targets_here())]
     objects += [("module", "common", texts), ("targets", "common", [])]
-    names = [f"{source}_{target}.o" for source, target, _ in objects]
-    commands = [
-        [*compiler.command, *_flags(compiler, kind, target), *more, "-c", str(core / f"{source}.cpp"), "-o", name]
-        for (source, target, more), name in zip(objects, names, strict=True)
-    ]
+    commands = []
+    for source, target, more in objects:
+        flags = [*compile_flags(compiler, kind, target), *more]
+        commands.append([*compiler.command, *flags, "-c", str(core / f"{source}.cpp"), "-o", f"{source}_{target}.o"])
     with ThreadPoolExecutor(PROCESSES) as pool:
-        list(pool.map(lambda command: _run(command, directory), commands))
-    _run(_link_command(compiler, kind, names, _binary_name()), directory)
+        list(pool.map(lambda command: run_compiler(command, directory), commands))
+    run_compiler(link_command(compiler, kind, [command[-1] for command in commands], _binary_name()), directory)
     return Path(directory, _binary_name())
-
-
-def _run(command: Sequence[str], directory: str) -> None:
-    """Run a compiler in a directory, without a shell."""
-    # what zig keeps from one call to the next goes with the directory
-    caches = dict.fromkeys(("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"), str(Path(directory, "zig-cache")))
-    try:
-        done = subprocess.run(
-            command, cwd=directory, env=os.environ | caches, capture_output=True, text=True, errors="replace"
-        )
-    except OSError as error:
-        raise CompilationError(f"{command[0]}: {error.strerror or error}") from None
-    if done.returncode != 0:
-        raise CompilationError(f"the compiler failed: {shlex.join(command)}\n{done.stdout}{done.stderr}".rstrip())
 
 
 def main() -> None:

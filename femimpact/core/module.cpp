@@ -95,6 +95,25 @@ PyObject *cosine_and_sine(PyObject *, PyObject *const *arguments, Py_ssize_t cou
     return Py_BuildValue("(dd)", cosine, sine);
 }
 
+PyObject *kelvin_voigt_force(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
+    double depth = 0.0, rate = 0.0, stiffness = 0.0, damping = 0.0;
+    if (!take_count(count, 4, "kelvin_voigt_force") || !take_number(arguments[0], "depth", &depth) ||
+        !take_number(arguments[1], "rate", &rate) || !take_number(arguments[2], "stiffness", &stiffness) ||
+        !take_number(arguments[3], "damping", &damping)) {
+        return nullptr;
+    }
+    return PyFloat_FromDouble(kernels->kelvin_voigt_force(depth, rate, stiffness, damping));
+}
+
+PyObject *spring_potential(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
+    double depth = 0.0, stiffness = 0.0;
+    if (!take_count(count, 2, "spring_potential") || !take_number(arguments[0], "depth", &depth) ||
+        !take_number(arguments[1], "stiffness", &stiffness)) {
+        return nullptr;
+    }
+    return PyFloat_FromDouble(kernels->spring_potential(depth, stiffness));
+}
+
 PyObject *run_cases(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
     return run_cases_entry(*kernels, arguments, count);
 }
@@ -107,7 +126,7 @@ PyObject *tables(PyObject *, PyObject *) {
     return tables_of_entries();
 }
 
-template <typename Function> PyCFunction method(Function function) {
+template <typename Function> PyCFunction method(Function function) noexcept {
     return reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(function));
 }
 
@@ -120,8 +139,13 @@ PyMethodDef METHODS[] = {
      "exponentials(exponent, time, out, /)\n--\n\ne^{lambda t} of several lambda with Re lambda <= 0, written to out."},
     {"cosine_and_sine", method(cosine_and_sine), METH_FASTCALL,
      "cosine_and_sine(angle, /)\n--\n\nBoth of an angle (rad)."},
+    {"kelvin_voigt_force", method(kelvin_voigt_force), METH_FASTCALL,
+     "kelvin_voigt_force(depth, rate, stiffness, damping, /)\n--\n\nNormal force max(0, k p + c p') (N)."},
+    {"spring_potential", method(spring_potential), METH_FASTCALL,
+     "spring_potential(depth, stiffness, /)\n--\n\nEnergy k p^2/2 (J) stored by a linear spring."},
     {"run_cases", method(run_cases), METH_FASTCALL,
-     "run_cases(task, job, ledger, /)\n--\n\nTake event-driven cases to their last samples; the arrays are written to."},
+     "run_cases(task, job, ledger, /)\n--\n\nTake event-driven cases to their last samples; the arrays are written "
+     "to."},
     {"next_event", method(next_event), METH_FASTCALL,
      "next_event(call, until, /)\n--\n\nMove to the first event or to `until`; returns how the search ended."},
     {"tables", tables, METH_NOARGS,

@@ -1,4 +1,5 @@
-// Several doubles in one register. A function that is written for `Value` serves a number and a pack, with the same rounding.
+// Several doubles in one register. A function that is written for `Value` serves a number and a pack, with the same
+// rounding.
 #pragma once
 
 #include "array.hpp"
@@ -85,14 +86,20 @@ FEMIMPACT_COMPARISON(>)
 }
 
 // The first where the condition holds, else the second.
-[[gnu::always_inline]] inline double chosen(bool where, double a, double b) { return where ? a : b; }
+[[gnu::always_inline]] inline double chosen(bool where, double a, double b) {
+    return where ? a : b;
+}
 [[gnu::always_inline]] inline Pack chosen(PackMask where, Pack a, Pack b) {
     FEMIMPACT_EACH_PART a.part[i] = where.part[i] ? a.part[i] : b.part[i];
     return a;
 }
 
-[[gnu::always_inline]] inline Pack larger(Pack a, Pack b) { return chosen(b > a, b, a); }
-[[gnu::always_inline]] inline Pack smaller(Pack a, Pack b) { return chosen(b < a, b, a); }
+[[gnu::always_inline]] inline Pack larger(Pack a, Pack b) {
+    return chosen(b > a, b, a);
+}
+[[gnu::always_inline]] inline Pack smaller(Pack a, Pack b) {
+    return chosen(b < a, b, a);
+}
 [[gnu::always_inline]] inline Pack magnitude(Pack a) {
     FEMIMPACT_EACH_PART {
         auto bits = (Lanes<LANES>::Whole)a.part[i] & 0x7fffffffffffffffLL;
@@ -115,7 +122,9 @@ FEMIMPACT_COMPARISON(>)
 }
 
 // In how many cases a condition holds.
-[[gnu::always_inline]] inline Index how_many(bool where) { return where; }
+[[gnu::always_inline]] inline Index how_many(bool where) {
+    return where;
+}
 [[gnu::always_inline]] inline Index how_many(PackMask where) {
     unsigned bits = 0;
     FEMIMPACT_EACH_PART bits |= signs_of(where.part[i]) << (i * LANES);
@@ -143,7 +152,8 @@ FEMIMPACT_COMPARISON(>)
 #elif defined(__FMA__)
         to.part[i] = _mm256_fmadd_pd(_mm256_set1_pd(number), value.part[i], to.part[i]);
 #else
-        for (int k = 0; k < LANES; k++) to.part[i][k] = __builtin_fma(number, value.part[i][k], to.part[i][k]);
+        for (int k = 0; k < LANES; k++)
+            to.part[i][k] = __builtin_fma(number, value.part[i][k], to.part[i][k]);
 #endif
     }
     return to;
@@ -151,8 +161,12 @@ FEMIMPACT_COMPARISON(>)
 
 // A value of each kind with a number in every case.
 template <class Value> [[gnu::always_inline]] inline Value value_of(double number);
-template <> [[gnu::always_inline]] inline double value_of<double>(double number) { return number; }
-template <> [[gnu::always_inline]] inline Pack value_of<Pack>(double number) { return filled(number); }
+template <> [[gnu::always_inline]] inline double value_of<double>(double number) {
+    return number;
+}
+template <> [[gnu::always_inline]] inline Pack value_of<Pack>(double number) {
+    return filled(number);
+}
 
 // Reads a row over the cases from case c on.
 template <class Value> [[gnu::always_inline]] inline Value load(View<const double, 1> row, Index c) {
@@ -171,19 +185,23 @@ template <class Function> [[gnu::always_inline]] inline void over_cases(Index ca
     if (cases == 1)
         function(0.0, Index(0));
     else
-        for (Index c = 0; c < cases; c += WIDTH) function(filled(0.0), c);
+        for (Index c = 0; c < cases; c += WIDTH)
+            function(filled(0.0), c);
 }
 
 // ---- complex numbers that lie one after another ------------------------------------------------------
 
 // Whole numbers of the same size, with the bits of a value.
-[[gnu::always_inline]] inline Index bits_of(double value) { return __builtin_bit_cast(Index, value); }
-[[gnu::always_inline]] inline double with_bits(Index bits, double) { return __builtin_bit_cast(double, bits); }
-template <class Real> [[gnu::always_inline]] inline typename Lanes<sizeof(Real) / 8>::Whole bits_of(Real value) {
-    return (typename Lanes<sizeof(Real) / 8>::Whole)value;
+[[gnu::always_inline]] inline Index bits_of(double value) {
+    return __builtin_bit_cast(Index, value);
 }
-template <class Real>
-[[gnu::always_inline]] inline Real with_bits(typename Lanes<sizeof(Real) / 8>::Whole bits, Real) {
+[[gnu::always_inline]] inline double with_bits(Index bits, double) {
+    return __builtin_bit_cast(double, bits);
+}
+template <class Real> [[gnu::always_inline]] inline typename Lanes<sizeof(Real) / 8>::Whole bits_of(Real value) {
+    return (typename Lanes<sizeof(Real) / 8>::Whole) value;
+}
+template <class Real> [[gnu::always_inline]] inline Real with_bits(typename Lanes<sizeof(Real) / 8>::Whole bits, Real) {
     return (Real)bits;
 }
 
@@ -237,4 +255,4 @@ template <> [[gnu::always_inline]] inline Parts<8> load_parts<8>(const Complex *
 }
 #endif
 
-}  // namespace FEMIMPACT_TARGET
+} // namespace FEMIMPACT_TARGET

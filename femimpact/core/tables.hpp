@@ -12,10 +12,18 @@ constexpr int MOST_DEPTH = 4;
 
 // The type at the border of an item of an array.
 template <class T> constexpr Type type_of();
-template <> constexpr Type type_of<double>() { return Type::float64; }
-template <> constexpr Type type_of<Complex>() { return Type::complex128; }
-template <> constexpr Type type_of<Index>() { return Type::int64; }
-template <> constexpr Type type_of<unsigned char>() { return Type::truth; }
+template <> constexpr Type type_of<double>() {
+    return Type::float64;
+}
+template <> constexpr Type type_of<Complex>() {
+    return Type::complex128;
+}
+template <> constexpr Type type_of<Index>() {
+    return Type::int64;
+}
+template <> constexpr Type type_of<unsigned char>() {
+    return Type::truth;
+}
 
 template <class T> struct Writable {
     using Item = T;
@@ -34,10 +42,12 @@ class Lengths {
         Index known = 0, factor = 0;
         Index *unknown = nullptr;
         while (*words != '\0' && *words != ' ') {
-            if (*words == '+') words++;
+            if (*words == '+')
+                words++;
             Index product = 1;
             Index *open = nullptr;
-            if (*words >= '0' && *words <= '9') product = *words++ - '0';
+            if (*words >= '0' && *words <= '9')
+                product = *words++ - '0';
             for (; is_letter(*words); words++) {
                 Index &of_letter = length_of(*words);
                 if (of_letter < 0)
@@ -51,15 +61,19 @@ class Lengths {
             } else
                 known += product;
         }
-        while (*words == ' ') words++;
-        if (unknown == nullptr) return known == length;
-        if (length < known || factor == 0 || (length - known) % factor != 0) return false;
+        while (*words == ' ')
+            words++;
+        if (unknown == nullptr)
+            return known == length;
+        if (length < known || factor == 0 || (length - known) % factor != 0)
+            return false;
         *unknown = (length - known) / factor;
         return true;
     }
 
     Lengths() {
-        for (Index &length : lengths_) length = -1;
+        for (Index &length : lengths_)
+            length = -1;
     }
 
   private:
@@ -77,21 +91,25 @@ class FromTuple {
     // False with an exception where the tuple is not what the table says.
     template <class Struct> bool read(const char *name, PyObject *tuple, Struct &values) {
         Within outer = enter(name, tuple);
-        if (failed_) return false;
+        if (failed_)
+            return false;
         values.fields(*this);
-        if (!failed_ && place_ != size_) refuse_size();
+        if (!failed_ && place_ != size_)
+            refuse_size();
         leave(outer);
         return !failed_;
     }
 
     template <class Struct> void group(const char *name, Struct &values) {
         PyObject *tuple = next(name);
-        if (tuple != nullptr) read(name, tuple, values);
+        if (tuple != nullptr)
+            read(name, tuple, values);
     }
 
     template <class T, int N> void operator()(const char *name, View<T, N> &view, const char *shape) {
         PyObject *object = next(name);
-        if (object == nullptr) return;
+        if (object == nullptr)
+            return;
         const Wanted wanted = {path(name), type_of<typename Writable<T>::Item>(), N, shape, Writable<T>::value};
         if (count_ == MOST_ARRAYS || !arrays_[count_].take(object, wanted)) {
             failed_ = true;
@@ -111,20 +129,24 @@ class FromTuple {
 
     void operator()(const char *name, double &number) {
         PyObject *object = next(name);
-        if (object != nullptr && !take_number(object, path(name), &number)) failed_ = true;
+        if (object != nullptr && !take_number(object, path(name), &number))
+            failed_ = true;
     }
     void operator()(const char *name, Index &number) {
         PyObject *object = next(name);
-        if (object == nullptr) return;
+        if (object == nullptr)
+            return;
         number = PyLong_AsLongLong(object);
-        if (number != -1 || PyErr_Occurred() == nullptr) return;
+        if (number != -1 || PyErr_Occurred() == nullptr)
+            return;
         PyErr_Clear();
         PyErr_Format(PyExc_TypeError, "%s: must be a whole number of 64 bits", path(name));
         failed_ = true;
     }
     void operator()(const char *name, bool &truth) {
         PyObject *object = next(name);
-        if (object == nullptr) return;
+        if (object == nullptr)
+            return;
         const int value = PyObject_IsTrue(object);
         failed_ = value < 0;
         truth = value > 0;
@@ -157,7 +179,8 @@ class FromTuple {
     }
 
     PyObject *next(const char *name) {
-        if (failed_) return nullptr;
+        if (failed_)
+            return nullptr;
         if (place_ == size_) {
             PyErr_Format(PyExc_TypeError, "%s: is missing", path(name));
             failed_ = true;
@@ -171,8 +194,10 @@ class FromTuple {
         char *end = path_;
         for (int k = 0; k <= depth_; k++) {
             const char *word = k < depth_ ? names_[k] : name;
-            if (end != path_) *end++ = '.';
-            while (*word != '\0' && end < path_ + sizeof path_ - 2) *end++ = *word++;
+            if (end != path_)
+                *end++ = '.';
+            while (*word != '\0' && end < path_ + sizeof path_ - 2)
+                *end++ = *word++;
         }
         *end = '\0';
         return path_;
@@ -227,12 +252,14 @@ class ToList {
 
   private:
     void add(const char *name, const char *type, const char *shape, bool writable) {
-        if (failed_) return;
+        if (failed_)
+            return;
         char own[120];
         snprintf(own, sizeof own, "%s%s", prefix_, name);
         PyObject *row = Py_BuildValue("(sssi)", own, type, shape, int(writable));
         failed_ = row == nullptr || PyList_Append(list_, row) != 0;
-        if (row != nullptr) Py_DecRef(row);
+        if (row != nullptr)
+            Py_DecRef(row);
     }
 
     PyObject *list_;

@@ -34,9 +34,9 @@ Registers cpuid(unsigned leaf) {
     return r;
 }
 
-constexpr unsigned bits(std::initializer_list<int> places) {
+constexpr unsigned bits(std::initializer_list<unsigned> places) {
     unsigned all = 0;
-    for (int place : places) {
+    for (unsigned place : places) {
         all |= 1U << place;
     }
     return all;

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from femimpact import core
 from femimpact.errors import InputError
 from femimpact.excitation.remarks import drive_warnings, frequency_warnings, motion_warnings
 from femimpact.fem.mesh import Mesh
@@ -84,7 +85,10 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     ------
     InputError
         If mesh or sweep would not fit, the step does not resolve contact or base, or the history would keep too much.
+    CoreError
+        If the compiled core cannot be loaded.
     """
+    core.build_info()
     mesh = read_mesh_of(study)
     elements = study.mesh.elements if mesh is None else mesh.nodes.size - 1
     check_mesh(study, elements or 1)

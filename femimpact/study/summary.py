@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from femimpact import core
 from femimpact.identification import (
     UNRESOLVED,
     DampingEstimate,
@@ -182,6 +183,7 @@ def summary_of(
     summary: dict[str, Any] = {
         "study": str(study.path.name),
         "versions": _versions(),
+        "core": core.build_info(),
         "method": str(study.method.get("name", "newmark")),
         "step": getattr(method, "dt", math.nan),
     }

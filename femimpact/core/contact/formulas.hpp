@@ -16,4 +16,4 @@ namespace FEMIMPACT_TARGET {
     return 0.5 * stiffness * depth * depth;
 }
 
-}  // namespace FEMIMPACT_TARGET
+} // namespace FEMIMPACT_TARGET

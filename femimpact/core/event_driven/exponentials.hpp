@@ -53,7 +53,8 @@ template <class Value> [[gnu::always_inline]] inline CosineAndSine<Value> reduce
 
 // Both of an angle (rad).
 [[gnu::always_inline]] inline CosineAndSine<double> cosine_and_sine(double angle) {
-    if (magnitude(angle) < LARGEST_ANGLE) return reduced_cosine_and_sine(angle);
+    if (magnitude(angle) < LARGEST_ANGLE)
+        return reduced_cosine_and_sine(angle);
     return {__builtin_cos(angle), __builtin_sin(angle)};
 }
 
@@ -72,7 +73,8 @@ template <class Value> [[gnu::always_inline]] inline Value reduced_exponential(V
 }
 
 // Sets W of the exponentials; whether any of them is beyond what arithmetic alone gives.
-template <int W> [[gnu::always_inline]] inline bool set_exponentials(const Complex *exponent, double time, Complex *out) {
+template <int W>
+[[gnu::always_inline]] inline bool set_exponentials(const Complex *exponent, double time, Complex *out) {
     auto lambda = load_parts<W>(exponent);
     auto x = lambda.real * time, angle = lambda.imag * time;
     auto turn = reduced_cosine_and_sine(angle);
@@ -80,7 +82,8 @@ template <int W> [[gnu::always_inline]] inline bool set_exponentials(const Compl
     store_parts(Parts<W>{size * turn.cosine, size * turn.sine}, out);
     auto beyond = (angle > LARGEST_ANGLE) | (angle < -LARGEST_ANGLE) | (x < -LARGEST_DECAY);
     Index any = 0;
-    for (int i = 0; i < W; i++) any |= beyond[i];
+    for (int i = 0; i < W; i++)
+        any |= beyond[i];
     return any != 0;
 }
 
@@ -108,8 +111,10 @@ template <> [[gnu::always_inline]] inline bool set_exponentials<1>(const Complex
             beyond |= set_exponentials<2>(exponent.data + k, time, out.data + k);
             k += 2;
         }
-    for (; k < count; k++) beyond |= set_exponentials<1>(exponent.data + k, time, out.data + k);
-    if (!beyond) return;
+    for (; k < count; k++)
+        beyond |= set_exponentials<1>(exponent.data + k, time, out.data + k);
+    if (!beyond)
+        return;
     for (k = 0; k < count; k++) {
         double x = exponent(k).real * time, angle = exponent(k).imag * time;
         if (magnitude(angle) > LARGEST_ANGLE || x < -LARGEST_DECAY) {
@@ -119,4 +124,4 @@ template <> [[gnu::always_inline]] inline bool set_exponentials<1>(const Complex
     }
 }
 
-}  // namespace FEMIMPACT_TARGET
+} // namespace FEMIMPACT_TARGET

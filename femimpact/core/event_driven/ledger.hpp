@@ -14,7 +14,8 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
     Complex z = exponent * duration;
     if (z.real * z.real + z.imag * z.imag < 1e-4) {
         Complex series = 1.0 + z / 7.0;
-        for (double n = 6.0; n >= 2.0; n -= 1.0) series = 1.0 + z / n * series;
+        for (double n = 6.0; n >= 2.0; n -= 1.0)
+            series = 1.0 + z / n * series;
         return duration * series;
     }
     return (growth - 1.0) / exponent;
@@ -39,10 +40,12 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
 inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const ComplexMatrix &minus, Index terms) {
     double total = 0.0;
     for (Index k = 0; k < terms; k++) {
-        if (a(k) == 0.0) continue;
+        if (a(k) == 0.0)
+            continue;
         total += 0.5 * (a(k) * (a(k) * plus(k, k) + conjugate(a(k)) * minus(k, k))).real;
         for (Index m = k + 1; m < terms; m++)
-            if (a(m) != 0.0) total += (a(k) * (a(m) * plus(k, m) + conjugate(a(m)) * minus(k, m))).real;
+            if (a(m) != 0.0)
+                total += (a(k) * (a(m) * plus(k, m) + conjugate(a(m)) * minus(k, m))).real;
     }
     return total;
 }
@@ -50,7 +53,8 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
 // Exponent of a term: the entries, then the sine, then what is constant.
 [[gnu::always_inline]] inline Complex exponent_of(Index k, const Scalars &scalars) {
     Index entries = scalars.exponent.size();
-    if (k < entries) return scalars.exponent(k);
+    if (k < entries)
+        return scalars.exponent(k);
     return {0.0, k == entries ? scalars.omega : 0.0};
 }
 
@@ -61,11 +65,13 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
     exponentials(scalars.exponent, duration, s.growth);
     auto [cosine, sine] = cosine_and_sine(scalars.omega * duration);
     s.growth(entries) = {cosine, sine};
-    if (terms > entries + 1) s.growth(entries + 1) = {1.0, 0.0};
+    if (terms > entries + 1)
+        s.growth(entries + 1) = {1.0, 0.0};
     for (Index k = 0; k < terms; k++) {
         Complex e = exponent_of(k, scalars);
         for (Index m = k; m < terms; m++) {
-            if (m < entries && !together(k, m)) continue;
+            if (m < entries && !together(k, m))
+                continue;
             Complex other = exponent_of(m, scalars);
             s.plus(k, m) = integral_of(e + other, s.growth(k) * s.growth(m), duration);
             s.minus(k, m) = integral_of(e + conjugate(other), s.growth(k) * conjugate(s.growth(m)), duration);
@@ -78,7 +84,8 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
 // Whether a compliant contact has begun and not ended.
 [[gnu::always_inline]] inline bool any_compliant(const Case &c, const Pairs &pairs) {
     bool found = false;
-    for (Index j = 0; j < c.state.size(); j++) found = found || (c.state(j) != FREE && !pairs.rigid(j));
+    for (Index j = 0; j < c.state.size(); j++)
+        found = found || (c.state(j) != FREE && !pairs.rigid(j));
     return found;
 }
 
@@ -91,7 +98,8 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
     Complex phase = unit_phase(scalars.omega, mark.clock);
     for (Index i = 0; i < coordinates; i++) {
         ComplexArray strength = space.products.strength.row(i);
-        for (Index k = 0; k < terms; k++) strength(k) = {0.0, 0.0};
+        for (Index k = 0; k < terms; k++)
+            strength(k) = {0.0, 0.0};
         for (Index m = shapes.first(i); m < shapes.first(i + 1); m++) {
             Index k = shapes.members(m);
             strength(k) = shapes.shape_rate(i, k) * mark.entry(k);
@@ -100,7 +108,8 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
         for (Index p = 0; p < shapes.rigid_bodies; p++)
             harmonic -= shapes.rigid_body_shape(i, p) * form.rigid_body_sine(p);
         strength(entries) = Complex{0.0, scalars.omega} * harmonic * phase;
-        if (scalars.broken) strength(entries + 1) = {shapes.follow(2, i) * mark.drive(3), 0.0};
+        if (scalars.broken)
+            strength(entries + 1) = {shapes.follow(2, i) * mark.drive(3), 0.0};
     }
 }
 
@@ -118,7 +127,8 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
         ComplexArray strength = s.strength.row(i);
         double driven = 0.0;
         for (Index k = 0; k < terms; k++) {
-            if (strength(k) == 0.0) continue;
+            if (strength(k) == 0.0)
+                continue;
             if (scalars.broken) {
                 Complex e = exponent_of(k, scalars);
                 Complex both = drive(2) * integral_of(e, s.growth(k), duration);
@@ -129,7 +139,8 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
             }
         }
         work += b.load(i) * driven + b.given(i) * (s.after(0, i) - s.before(0, i));
-        if (b.damping(i) > 0.0) b.loss_of_mode(c.number, i) += b.damping(i) * square_of(strength, s.plus, s.minus, terms);
+        if (b.damping(i) > 0.0)
+            b.loss_of_mode(c.number, i) += b.damping(i) * square_of(strength, s.plus, s.minus, terms);
     }
     b.work(c.number) += work;
 }
@@ -163,12 +174,14 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
     ComplexArray rate = s.strength.row(d + j);
     for (Index k = 0; k < terms; k++) {
         rate(k) = {0.0, 0.0};
-        for (Index i = 0; i < d; i++) rate(k) -= pairs.direction(j, i) * s.strength(i, k);
+        for (Index i = 0; i < d; i++)
+            rate(k) -= pairs.direction(j, i) * s.strength(i, k);
     }
     double loss = c.damping(j) * square_of(rate, s.plus, s.minus, terms);
     // the loss is summed: its row may now hold the force
     ComplexArray force = rate;
-    for (Index k = 0; k < entries; k++) force(k) = scalars.weight(r, k) * mark.entry(k);
+    for (Index k = 0; k < entries; k++)
+        force(k) = scalars.weight(r, k) * mark.entry(k);
     force(entries) = scalars.sine(r) * unit_phase(scalars.omega, mark.clock);
     for (Index m = 0; m < terms; m++) {
         // the integral of the force times e^{mu s}, and times its conjugate
@@ -209,14 +222,17 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
             for (Index i = 0; i < b.mass.size(); i++) {
                 double v = after(1, i);
                 b.work(c.number) += share * (b.load(i) * acting + b.given(i)) * v;
-                if (b.damping(i) > 0.0) b.loss_of_mode(c.number, i) += share * b.damping(i) * v * v;
+                if (b.damping(i) > 0.0)
+                    b.loss_of_mode(c.number, i) += share * b.damping(i) * v * v;
             }
             for (Index j = 0; j < c.state.size(); j++) {
-                if (!is_active(c.state(j))) continue;
+                if (!is_active(c.state(j)))
+                    continue;
                 double force = value_now(c.state.size() + j, scalars.exponent.size(), phase, scalars, spare);
                 // what holds a stop in space does work where the stop moves against the base
                 b.work(c.number) -= share * force * pairs.in_space(j) * base_rate;
-                if (pairs.rigid(j)) continue;
+                if (pairs.rigid(j))
+                    continue;
                 double rate = gap_of(j, pairs, after.row(1), base_rate);
                 double loss = share * c.damping(j) * rate * rate;
                 b.contact_loss(c.number) += loss;
@@ -259,7 +275,8 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
     for (Index j = 0; j < c.state.size(); j++)
         if (c.state(j) != FREE && !pairs.rigid(j)) {
             double size = magnitude(gap_on(c.state(j), j, c));
-            for (Index i = 0; i < state.shape[1]; i++) size += magnitude(pairs.direction(j, i) * state(0, i));
+            for (Index i = 0; i < state.shape[1]; i++)
+                size += magnitude(pairs.direction(j, i) * state(0, i));
             total += PLACES * size * c.touch(LARGEST_FORCE, j);
         }
     return total;
@@ -281,7 +298,8 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
     read_coordinates(form.shapes, motion, s.after);
     if (duration > 0.0) {
         read_coordinates(form.shapes, mark, s.before);
-        if (touching) b.contact_loss(c.number) += add_separating(pairs, c, space);
+        if (touching)
+            b.contact_loss(c.number) += add_separating(pairs, c, space);
         if (has_blocks(scalars) || moving || (scalars.broken && active)) {
             sum_over_points(duration, form, pairs, c, space, b);
             read_coordinates(form.shapes, motion, s.after);
@@ -301,7 +319,8 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
                     c.touch(LOST, j) += loss;
                 }
         }
-        if (touching) b.rounding(c.number) += rounding_of_contacts(pairs, c, s.after);
+        if (touching)
+            b.rounding(c.number) += rounding_of_contacts(pairs, c, s.after);
     }
     copy_motion(motion, mark);
 }
@@ -325,10 +344,11 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
     }
     for (Index j = 0; j < c.state.size(); j++) {
         out(3) += spring_potential(gap_of(j, pairs, state.row(0), base), b.free_stiffness(j));
-        if (c.state(j) != FREE && !pairs.rigid(j)) out(3) += stored_in_wall(j, pairs, c, state.row(0), base);
+        if (c.state(j) != FREE && !pairs.rigid(j))
+            out(3) += stored_in_wall(j, pairs, c, state.row(0), base);
     }
     out(4) = b.work(c.number);
     out(6) = b.contact_loss(c.number);
 }
 
-}  // namespace FEMIMPACT_TARGET
+} // namespace FEMIMPACT_TARGET

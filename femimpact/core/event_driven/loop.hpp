@@ -24,17 +24,21 @@ constexpr Index EVENTS_AT_ONCE = 200;
         entering = STARTED;
     }
     Index f = find_form(c.state, cases.form(c.number, 0), job.forms);
-    if (f < 0) return FORM_WANTED;
+    if (f < 0)
+        return FORM_WANTED;
     Index n = job.forms.number(f);
     if (!cases.known(c.number, n)) {
-        if (c.omega != 0.0 && !set_steady_motion(f, c, cases, job.forms, space.bounds.steady)) return RESONANT;
+        if (c.omega != 0.0 && !set_steady_motion(f, c, cases, job.forms, space.bounds.steady))
+            return RESONANT;
         cases.known(c.number, n) = 1;
     }
     cases.form(c.number, 1) = f;
     set_walls(f, c, job.forms, space.bounds);
     Form form = form_of(f, c, cases, job.forms, space.bounds);
-    if (b && entering >= STARTED) write_energy(job.pairs, c, motion, c.coordinates, *b, b->start.row(c.number));
-    if (entering != RESUMED) enter_form(f, form.shapes, job.forms, c.coordinates, motion);
+    if (b && entering >= STARTED)
+        write_energy(job.pairs, c, motion, c.coordinates, *b, b->start.row(c.number));
+    if (entering != RESUMED)
+        enter_form(f, form.shapes, job.forms, c.coordinates, motion);
     entering = ENTERED;
     return DONE;
 }
@@ -56,14 +60,16 @@ constexpr Index EVENTS_AT_ONCE = 200;
     while (true) {
         Index sample = job.cases.sample(c.number) + 1, i = sample - begin - 1;
         double time = grid.start(c.number) + double(sample) * dt;
-        if (time > until || (event && time == until)) break;
+        if (time > until || (event && time == until))
+            break;
         if (read > 0 && alone) {
             if (read == 1) {
                 exponentials(scalars.exponent, dt, growth);
                 auto [cosine, sine] = cosine_and_sine(scalars.omega * dt);
                 wave = {cosine, sine};
             }
-            for (Index k = 0; k < active; k++) motion.entry(k) *= growth(k);
+            for (Index k = 0; k < active; k++)
+                motion.entry(k) *= growth(k);
             move_rigid_bodies(scalars, motion, time - motion.clock(0));
             phase *= wave;
         } else {
@@ -71,14 +77,17 @@ constexpr Index EVENTS_AT_ONCE = 200;
             motion.clock(0) = time;
             phase = unit_phase(scalars.omega, motion.clock);
             for (Index k = 0; k < scalars.exponent.size(); k++)
-                if (motion.entry(k) != 0.0) active = k + 1;
+                if (motion.entry(k) != 0.0)
+                    active = k + 1;
         }
         motion.clock(0) = time;
         read++;
         for (Index o = 0; o < grid.values.shape[2]; o++) {
             double value = value_now(events + o, active, phase, scalars, motion);
-            if (o == 0) observed = value;
-            if (i < grid.values.shape[1]) grid.values(c.number, i, o) = value;
+            if (o == 0)
+                observed = value;
+            if (i < grid.values.shape[1])
+                grid.values(c.number, i, o) = value;
         }
         if (b && grid.energy.shape[1] > 0 && grid.kept(i) >= 0) {
             add_to_ledger(form, job.pairs, c, job.space, *b);
@@ -113,7 +122,8 @@ inline Index to_next_event(Index begin, double until, const Form &form, const Ca
     Index index = 0;
     if (scalars.broken) {
         index = Index(__builtin_floor(motion.clock(0) / cases.knot_interval + 1e-9)) + 1;
-        if (index < cases.knots.size()) knot = double(index) * cases.knot_interval;
+        if (index < cases.knots.size())
+            knot = double(index) * cases.knot_interval;
     }
     copy_motion(motion, space.mark);
     copy_motion(motion, trial);
@@ -137,8 +147,10 @@ inline Index to_next_event(Index begin, double until, const Form &form, const Ca
         add_peaks(c.number, reached, last, cases.sample(c.number), scalars, space, grid);
     }
     copy_motion(trial, motion);
-    if (b && (b->everywhere || any_compliant(c, job.pairs))) add_to_ledger(form, job.pairs, c, space, *b);
-    if (status == END && reached >= knot) turn_knot(index, cases.form(c.number, 1), cases, job.forms, motion);
+    if (b && (b->everywhere || any_compliant(c, job.pairs)))
+        add_to_ledger(form, job.pairs, c, space, *b);
+    if (status == END && reached >= knot)
+        turn_knot(index, cases.form(c.number, 1), cases, job.forms, motion);
     return status;
 }
 
@@ -152,11 +164,13 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
     while (true) {
         if (cases.entering(c.number) != ENTERED) {
             Index status = enter(c, job, b);
-            if (status != DONE) return status;
+            if (status != DONE)
+                return status;
             walls = false;
         }
         Index f = cases.form(c.number, 1);
-        if (walls) set_walls(f, c, job.forms, space.bounds);
+        if (walls)
+            set_walls(f, c, job.forms, space.bounds);
         set_bounds(c, space.bounds);
         Form form = form_of(f, c, cases, job.forms, space.bounds);
         walls = false;
@@ -165,17 +179,20 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
         if (hit == 0.0) {
             Index status = to_next_event(begin, until, form, c, job, b);
             if (status == END) {
-                if (space.motion.clock(0) >= until) return DONE;
+                if (space.motion.clock(0) >= until)
+                    return DONE;
                 continue;
             }
             Index &events = cases.events(c.number, 0), &at_once = cases.events(c.number, 1);
             events++;
             at_once++;
-            if (status == STUCK || at_once > EVENTS_AT_ONCE || double(events) > most) return UNENDING;
+            if (status == STUCK || at_once > EVENTS_AT_ONCE || double(events) > most)
+                return UNENDING;
             Index pair = Index(search.event(0));
             double side = search.event(1);
             effect = apply_event(status, form, job.pairs, c, space, job.tables, b);
-            if (effect == COLLIDE || effect == RELEASE_ALL) hit = side * double(pair + 1);
+            if (effect == COLLIDE || effect == RELEASE_ALL)
+                hit = side * double(pair + 1);
         }
         if (hit != 0.0 && effect != RELEASE_ALL) {
             double side = hit > 0.0 ? 1.0 : -1.0;
@@ -226,11 +243,11 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
 
 // Which cases a call takes where, and what it says of them.
 struct Task {
-    GivenIndices members;       // cases
-    GivenIndices begin;         // (C,) samples after which is read
-    GivenIndices end;           // (C,) samples to which is gone
-    GivenArray most;            // (C,) events allowed in all
-    View<Index, 1> stopped;     // (C,) what each one stopped for
+    GivenIndices members;   // cases
+    GivenIndices begin;     // (C,) samples after which is read
+    GivenIndices end;       // (C,) samples to which is gone
+    GivenArray most;        // (C,) events allowed in all
+    View<Index, 1> stopped; // (C,) what each one stopped for
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("members", members, "M");
@@ -251,14 +268,16 @@ inline void run_cases(const Task &task, const Job &job, const Ledger *b) {
         Motion kept = motion_of(c, cases);
         Case own = case_of(c, cases);
         copy_motion(kept, space.motion);
-        for (Index r = 0; r < leaving.size(); r++) leaving(r) = cases.leaving(c, r);
+        for (Index r = 0; r < leaving.size(); r++)
+            leaving(r) = cases.leaving(c, r);
         // nothing is read before
         cases.sample(c) = larger(cases.sample(c), task.begin(c));
         double until = job.grid.start(c) + double(task.end(c)) * job.grid.interval(c);
         task.stopped(c) = run_case(task.begin(c), until, task.most(c), own, job, b);
         copy_motion(space.motion, kept);
-        for (Index r = 0; r < leaving.size(); r++) cases.leaving(c, r) = leaving(r);
+        for (Index r = 0; r < leaving.size(); r++)
+            cases.leaving(c, r) = leaving(r);
     }
 }
 
-}  // namespace FEMIMPACT_TARGET
+} // namespace FEMIMPACT_TARGET

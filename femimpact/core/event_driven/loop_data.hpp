@@ -3,9 +3,9 @@
 // The functions `fields` are the table of names, types and shapes that Python hands arrays over by; a type in View<...>
 // that is const is only read. The case axis comes first: each case is a run of its own. In shapes C cases, F closed
 // forms, K entries, P rigid-body coordinates, d coordinates (structure, then balls), n coordinates of the structure,
-// R pairs, O outputs, N closed forms of the same contact parameters, B blocks, L knots, S samples of a base cycle and one more; any
-// other letter is a length of its own. Rows of scalars: x of every pair, the contact force of every pair on the
-// structure, then the outputs, the first of which is the observed place.
+// R pairs, O outputs, N closed forms of the same contact parameters, B blocks, L knots, S samples of a base cycle and
+// one more; any other letter is a length of its own. Rows of scalars: x of every pair, the contact force of every pair
+// on the structure, then the outputs, the first of which is the observed place.
 #pragma once
 
 #include "../array.hpp"
@@ -16,8 +16,8 @@ namespace FEMIMPACT_TARGET {
 constexpr double FREE = 0.0, CONTACT = 1.0, SEPARATING = 2.0;
 
 // How a case stands to its closed form: in it; to enter it with the coordinates it has; as a start whose contact states
-// are found; the same with the motion of an earlier run in that form; or as a start whose contact states are still to be
-// found.
+// are found; the same with the motion of an earlier run in that form; or as a start whose contact states are still to
+// be found.
 enum : Index { ENTERED, ENTERING, STARTED, RESUMED, STARTING };
 
 // What a contact that has not ended adds up to: start (s), approach speed (m/s), impulse (N s), largest force (N),
@@ -33,26 +33,26 @@ using GivenFlags = View<const unsigned char, 1>;
 
 // Scalars read from a motion in closed form; the first 2R of them (gaps and contact forces) decide events.
 struct Scalars {
-    GivenComplexArray exponent;            // (K,)
-    GivenComplexMatrix coupling;           // (K, K), above the diagonal of the blocks
-    View<const Index, 2> blocks;           // (B, 2) first entry and number of entries of each; none where that is 0
-    GivenArray size;                       // (K,) |lambda|, or the norm of the block
-    double omega;                          // of the sine
-    bool broken;                           // whether s(t) is a broken line
-    GivenArray rigid_body_given;           // (P,) constant acceleration
-    GivenArray rigid_body_drive;           // (P,) acceleration per unit of s(t); zero for a sine: that is in `sine`
-    GivenArray lasting;                    // (2R,) side of a contact whose force is watched for its end, else 0
-    Array upper;                           // (2R + 1,); the last two are those of the search for the peak
-    Array lower;                           // (2R + 1,)
-    GivenComplexMatrix weight;             // (2R + O, K)
-    GivenMatrix weight_size;               // (2R + O, K)
-    GivenMatrix rigid_body_weight;         // (2R + O, P)
-    GivenMatrix rigid_body_rate_weight;    // (2R + O, P)
-    GivenComplexArray sine;                // (2R + O,)
-    GivenArray constant;                   // (2R + O,)
-    GivenMatrix follow;                    // (4, 2R + O) steady motion under a broken line, per unit of ub, ub', s and s'
-    ComplexArray term;                     // (K,) scratch
-    ComplexArray growth;                   // (K,) scratch
+    GivenComplexArray exponent;         // (K,)
+    GivenComplexMatrix coupling;        // (K, K), above the diagonal of the blocks
+    View<const Index, 2> blocks;        // (B, 2) first entry and number of entries of each; none where that is 0
+    GivenArray size;                    // (K,) |lambda|, or the norm of the block
+    double omega;                       // of the sine
+    bool broken;                        // whether s(t) is a broken line
+    GivenArray rigid_body_given;        // (P,) constant acceleration
+    GivenArray rigid_body_drive;        // (P,) acceleration per unit of s(t); zero for a sine: that is in `sine`
+    GivenArray lasting;                 // (2R,) side of a contact whose force is watched for its end, else 0
+    Array upper;                        // (2R + 1,); the last two are those of the search for the peak
+    Array lower;                        // (2R + 1,)
+    GivenComplexMatrix weight;          // (2R + O, K)
+    GivenMatrix weight_size;            // (2R + O, K)
+    GivenMatrix rigid_body_weight;      // (2R + O, P)
+    GivenMatrix rigid_body_rate_weight; // (2R + O, P)
+    GivenComplexArray sine;             // (2R + O,)
+    GivenArray constant;                // (2R + O,)
+    GivenMatrix follow;                 // (4, 2R + O) steady motion under a broken line, per unit of ub, ub', s and s'
+    ComplexArray term;                  // (K,) scratch
+    ComplexArray growth;                // (K,) scratch
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("exponent", exponent, "K");
@@ -80,11 +80,11 @@ struct Scalars {
 
 // Where the motion is: homogeneous part, rigid-body coordinates, time, a drive by samples.
 struct Motion {
-    ComplexArray entry;       // (K,)
-    Array rigid_body;         // (P,)
-    Array rigid_body_rate;    // (P,)
-    Array clock;              // (2,): time, phase of the sine at t = 0
-    Array drive;              // (4,): ub, ub', s, s' of a broken line; zero for a sine
+    ComplexArray entry;    // (K,)
+    Array rigid_body;      // (P,)
+    Array rigid_body_rate; // (P,)
+    Array clock;           // (2,): time, phase of the sine at t = 0
+    Array drive;           // (4,): ub, ub', s, s' of a broken line; zero for a sine
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("entry", entry, "K");
@@ -97,14 +97,14 @@ struct Motion {
 
 // What a search leaves behind, and its scratch space: R pairs, K entries.
 struct Search {
-    Array leaving;          // (2R,) side of a bound just left, or at which another bound was met at rest; else 0
-    Array at_wall;          // (2R,) side of the wall touched at this instant, else 0
-    Array rate;             // (2R,)
-    Array found;            // (5,) scratch
-    Array size;             // (K,) |H|; see `measure`
-    ComplexMatrix power;    // (3, K): H', and scratch
-    Array event;            // (2,): scalar, side
-    Array negligible;       // (1,) m/s, see `negligible_approach`
+    Array leaving;       // (2R,) side of a bound just left, or at which another bound was met at rest; else 0
+    Array at_wall;       // (2R,) side of the wall touched at this instant, else 0
+    Array rate;          // (2R,)
+    Array found;         // (5,) scratch
+    Array size;          // (K,) |H|; see `measure`
+    ComplexMatrix power; // (3, K): H', and scratch
+    Array event;         // (2,): scalar, side
+    Array negligible;    // (1,) m/s, see `negligible_approach`
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("leaving", leaving, "2R");
@@ -135,41 +135,41 @@ struct SearchCall {
 
 // Closed forms, one for each set of pairs in contact; on which side they are enters by the walls.
 struct Forms {
-    Index made;                                 // number of forms; another thread may be adding more, not to be seen here
-    GivenIndices key;                           // (F,) bit j is set where pair j is in contact
-    GivenIndices following;                     // (F,) the next form for the same contact parameters, -1 for none
-    GivenIndices number;                        // (F,) among those of the same contact parameters
-    GivenIndices entries;                       // (F,)
-    GivenIndices rigid_bodies;                  // (F,)
-    GivenComplexMatrix exponent;                // (F, K)
-    View<const Complex, 3> coupling;            // (F, K, K); see Scalars
-    View<const Index, 3> blocks;                // (F, B, 2)
-    GivenMatrix size;                           // (F, K)
-    View<const double, 3> rigid_body_given;     // (F, P, 1 + R) of a unit load, and per m of each wall
-    GivenMatrix rigid_body_drive;               // (F, P)
-    View<const Complex, 3> weight;              // (F, 2R + O, K)
-    View<const double, 3> weight_size;          // (F, 2R + O, K)
-    View<const double, 3> rigid_body_weight;    // (F, 2R + O, P)
-    View<const double, 3> rigid_body_rate_weight;    // (F, 2R + O, P)
-    View<const double, 3> constant;             // (F, 2R + O, 1 + R)
-    View<const double, 3> through;              // (F, 3, 2R + O) directly of s, ub' and ub
-    View<const double, 3> follow;               // (F, 4, 2R + O) see Scalars
-    View<const Complex, 3> shape;               // (F, d, K)
-    View<const Complex, 3> shape_rate;          // (F, d, K)
-    View<const double, 3> rigid_body_shape;     // (F, d, P)
-    View<const double, 3> static_part;          // (F, d, 1 + R)
-    GivenMatrix position_through;               // (F, d) directly of ub
-    View<const double, 3> position_follow;      // (F, 4, d)
-    View<const Complex, 3> load;                // (F, 3, K): what s, ub' and ub add to the rate of each entry
-    View<const Complex, 3> to_entry_u;          // (F, K, d)
-    View<const Complex, 3> to_entry_v;          // (F, K, d)
-    View<const double, 3> to_rigid_body;        // (F, P, d)
-    View<const Complex, 3> impulse_entry;       // (F, K, R): what a unit impulse on the structure at a pair adds
-    View<const double, 3> impulse_rigid_body;   // (F, P, R)
-    View<const double, 3> reaction;             // (F, R, R) impulses at the pairs that stick (rows) by a unit one elsewhere
-    View<const unsigned char, 3> together;      // (F, K, K) whether the product of two terms occurs in the ledger
-    View<const Index, 2> first;                 // (F, d + 1) entries that move coordinate i: members[first[i]:first[i + 1]]
-    View<const Index, 2> members;               // (F, d K)
+    Index made;                              // number of forms; another thread may be adding more, not to be seen here
+    GivenIndices key;                        // (F,) bit j is set where pair j is in contact
+    GivenIndices following;                  // (F,) the next form for the same contact parameters, -1 for none
+    GivenIndices number;                     // (F,) among those of the same contact parameters
+    GivenIndices entries;                    // (F,)
+    GivenIndices rigid_bodies;               // (F,)
+    GivenComplexMatrix exponent;             // (F, K)
+    View<const Complex, 3> coupling;         // (F, K, K); see Scalars
+    View<const Index, 3> blocks;             // (F, B, 2)
+    GivenMatrix size;                        // (F, K)
+    View<const double, 3> rigid_body_given;  // (F, P, 1 + R) of a unit load, and per m of each wall
+    GivenMatrix rigid_body_drive;            // (F, P)
+    View<const Complex, 3> weight;           // (F, 2R + O, K)
+    View<const double, 3> weight_size;       // (F, 2R + O, K)
+    View<const double, 3> rigid_body_weight; // (F, 2R + O, P)
+    View<const double, 3> rigid_body_rate_weight; // (F, 2R + O, P)
+    View<const double, 3> constant;               // (F, 2R + O, 1 + R)
+    View<const double, 3> through;                // (F, 3, 2R + O) directly of s, ub' and ub
+    View<const double, 3> follow;                 // (F, 4, 2R + O) see Scalars
+    View<const Complex, 3> shape;                 // (F, d, K)
+    View<const Complex, 3> shape_rate;            // (F, d, K)
+    View<const double, 3> rigid_body_shape;       // (F, d, P)
+    View<const double, 3> static_part;            // (F, d, 1 + R)
+    GivenMatrix position_through;                 // (F, d) directly of ub
+    View<const double, 3> position_follow;        // (F, 4, d)
+    View<const Complex, 3> load;                  // (F, 3, K): what s, ub' and ub add to the rate of each entry
+    View<const Complex, 3> to_entry_u;            // (F, K, d)
+    View<const Complex, 3> to_entry_v;            // (F, K, d)
+    View<const double, 3> to_rigid_body;          // (F, P, d)
+    View<const Complex, 3> impulse_entry;         // (F, K, R): what a unit impulse on the structure at a pair adds
+    View<const double, 3> impulse_rigid_body;     // (F, P, R)
+    View<const double, 3> reaction;        // (F, R, R) impulses at the pairs that stick (rows) by a unit one elsewhere
+    View<const unsigned char, 3> together; // (F, K, K) whether the product of two terms occurs in the ledger
+    View<const Index, 2> first;            // (F, d + 1) entries that move coordinate i: members[first[i]:first[i + 1]]
+    View<const Index, 2> members;          // (F, d K)
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("made", made);
@@ -213,14 +213,14 @@ struct Forms {
 // How coordinates are read from the motion in one closed form.
 struct Shapes {
     double omega;
-    GivenComplexMatrix shape;         // (d, K)
-    GivenComplexMatrix shape_rate;    // (d, K)
-    GivenMatrix rigid_body_shape;     // (d, P)
-    GivenArray static_part;           // (d,)
-    GivenComplexArray harmonic;       // (d,)
-    GivenMatrix follow;               // (4, d)
-    GivenIndices first;               // (d + 1,)
-    GivenIndices members;             // (d K,)
+    GivenComplexMatrix shape;      // (d, K)
+    GivenComplexMatrix shape_rate; // (d, K)
+    GivenMatrix rigid_body_shape;  // (d, P)
+    GivenArray static_part;        // (d,)
+    GivenComplexArray harmonic;    // (d,)
+    GivenMatrix follow;            // (4, d)
+    GivenIndices first;            // (d + 1,)
+    GivenIndices members;          // (d K,)
     Index rigid_bodies;
 };
 
@@ -228,23 +228,23 @@ struct Shapes {
 struct Form {
     Scalars scalars;
     Shapes shapes;
-    View<const unsigned char, 2> together;    // (K, K)
-    GivenComplexArray rigid_body_sine;        // (P,)
-    GivenComplexMatrix impulse_entry;         // (K, R)
-    GivenMatrix impulse_rigid_body;           // (P, R)
-    GivenMatrix reaction;                     // (R, R)
-    GivenMatrix load_on_rigid_body;           // (P, 1 + R)
+    View<const unsigned char, 2> together; // (K, K)
+    GivenComplexArray rigid_body_sine;     // (P,)
+    GivenComplexMatrix impulse_entry;      // (K, R)
+    GivenMatrix impulse_rigid_body;        // (P, R)
+    GivenMatrix reaction;                  // (R, R)
+    GivenMatrix load_on_rigid_body;        // (P, 1 + R)
 };
 
 // ---- cases ------------------------------------------------------------------------------------------
 
 // What all cases have in common.
 struct Pairs {
-    GivenMatrix direction;    // (R, d) of a force on the structure
-    GivenArray in_space;      // (R,) -1 for a stop that does not move with the base, whose x is w + ub; else 0
-    GivenFlags rigid;         // (R,) whether the law is that of rigid impacts
-    GivenMatrix mobility;     // (R, R) change of x_i' by a unit impulse on the structure at j
-    double closure;           // m
+    GivenMatrix direction; // (R, d) of a force on the structure
+    GivenArray in_space;   // (R,) -1 for a stop that does not move with the base, whose x is w + ub; else 0
+    GivenFlags rigid;      // (R,) whether the law is that of rigid impacts
+    GivenMatrix mobility;  // (R, R) change of x_i' by a unit impulse on the structure at j
+    double closure;        // m
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("direction", direction, "R d");
@@ -257,36 +257,36 @@ struct Pairs {
 
 // What every case is given, and where it is.
 struct Cases {
-    GivenArray omega;                   // (C,)
-    GivenArray amplitude;               // (C,)
-    GivenArray knots;                   // (L,) s(t) of a broken line; none for a sine
-    double knot_interval;               // s
-    GivenMatrix gap_plus;               // (C, R)
-    GivenMatrix gap_minus;              // (C, R)
-    GivenMatrix stiffness;              // (C, R)
-    GivenMatrix damping;                // (C, R)
-    GivenMatrix restitution;            // (C, R)
-    Matrix state;                       // (C, R)
-    View<Index, 2> form;                // (C, 2) the first form for the case's contact parameters, the present one
-    ComplexMatrix entry;                // (C, K)
-    View<double, 3> rigid_body;         // (C, 2, P) and their rates
-    Matrix clock;                       // (C, 2) see Motion
-    Matrix drive;                       // (C, 4) see Motion
-    View<double, 3> coordinates;        // (C, 2, d) displacements and velocities where a form is to be entered
-    View<Index, 1> entering;            // (C,) ENTERED, or what is to be done first
-    Matrix leaving;                     // (C, 2R) see Search
-    Array hit;                          // (C,) number from 1 of the pair that meets a rigid wall now, times its side; else 0
-    Matrix released;                    // (C, R) side of a sticking pair that an impact has let go at this instant
-    View<Index, 1> sample;              // (C,) samples taken since the start
-    View<Index, 2> events;              // (C, 2) in this call, and at one instant
-    View<unsigned char, 2> known;       // (C, N) whether the steady motion in a form is known
-    View<Complex, 3> sine;              // (C, N, 2R + O): steady motion of the scalars
-    View<Complex, 3> harmonic;          // (C, N, d): of the coordinates
-    View<Complex, 3> rigid_body_sine;   // (C, N, P)
-    View<double, 3> touch;              // (C, 6, R) contacts that have not ended; see BEGUN
-    View<double, 3> to_modes;           // (C, R, m) J, what these have given to each mode; m is n or 0
-    GivenMatrix window;                 // (C, 2) s, in which impacts are counted
-    View<double, 3> totals;             // (C, 6, R) sums over them; see COUNT
+    GivenArray omega;             // (C,)
+    GivenArray amplitude;         // (C,)
+    GivenArray knots;             // (L,) s(t) of a broken line; none for a sine
+    double knot_interval;         // s
+    GivenMatrix gap_plus;         // (C, R)
+    GivenMatrix gap_minus;        // (C, R)
+    GivenMatrix stiffness;        // (C, R)
+    GivenMatrix damping;          // (C, R)
+    GivenMatrix restitution;      // (C, R)
+    Matrix state;                 // (C, R)
+    View<Index, 2> form;          // (C, 2) the first form for the case's contact parameters, the present one
+    ComplexMatrix entry;          // (C, K)
+    View<double, 3> rigid_body;   // (C, 2, P) and their rates
+    Matrix clock;                 // (C, 2) see Motion
+    Matrix drive;                 // (C, 4) see Motion
+    View<double, 3> coordinates;  // (C, 2, d) displacements and velocities where a form is to be entered
+    View<Index, 1> entering;      // (C,) ENTERED, or what is to be done first
+    Matrix leaving;               // (C, 2R) see Search
+    Array hit;                    // (C,) number from 1 of the pair that meets a rigid wall now, times its side; else 0
+    Matrix released;              // (C, R) side of a sticking pair that an impact has let go at this instant
+    View<Index, 1> sample;        // (C,) samples taken since the start
+    View<Index, 2> events;        // (C, 2) in this call, and at one instant
+    View<unsigned char, 2> known; // (C, N) whether the steady motion in a form is known
+    View<Complex, 3> sine;        // (C, N, 2R + O): steady motion of the scalars
+    View<Complex, 3> harmonic;    // (C, N, d): of the coordinates
+    View<Complex, 3> rigid_body_sine; // (C, N, P)
+    View<double, 3> touch;            // (C, 6, R) contacts that have not ended; see BEGUN
+    View<double, 3> to_modes;         // (C, R, m) J, what these have given to each mode; m is n or 0
+    GivenMatrix window;               // (C, 2) s, in which impacts are counted
+    View<double, 3> totals;           // (C, 6, R) sums over them; see COUNT
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("omega", omega, "C");
@@ -325,36 +325,36 @@ struct Cases {
 // One case: its drive, its contacts, and their states.
 struct Case {
     Index number;
-    double omega;        // of the sine; 0 for a broken line
-    double amplitude;    // of s(t): m/s^2 or N
-    GivenArray gap_plus;     // (R,) m, to the + wall
-    GivenArray gap_minus;    // (R,) m, to the - wall
-    GivenArray stiffness;    // (R,)
-    GivenArray damping;      // (R,)
-    GivenArray restitution;  // (R,)
-    Array state;             // (R,) contact states
-    Array released;          // (R,)
-    Matrix coordinates;      // (2, d)
-    Matrix touch;            // (6, R)
-    Matrix to_modes;         // (R, m)
-    GivenArray window;       // (2,)
-    Matrix totals;           // (6, R)
+    double omega;           // of the sine; 0 for a broken line
+    double amplitude;       // of s(t): m/s^2 or N
+    GivenArray gap_plus;    // (R,) m, to the + wall
+    GivenArray gap_minus;   // (R,) m, to the - wall
+    GivenArray stiffness;   // (R,)
+    GivenArray damping;     // (R,)
+    GivenArray restitution; // (R,)
+    Array state;            // (R,) contact states
+    Array released;         // (R,)
+    Matrix coordinates;     // (2, d)
+    Matrix touch;           // (6, R)
+    Matrix to_modes;        // (R, m)
+    GivenArray window;      // (2,)
+    Matrix totals;          // (6, R)
 };
 
 // ---- what is read and written -----------------------------------------------------------------------
 
 // What is read on a grid of times.
 struct Grid {
-    GivenArray start;          // (C,) s, of sample 0
-    GivenArray interval;       // (C,) s
-    double per_cycle;          // samples, which need not be whole
-    GivenIndices origin;       // (C,) sample with which the first cycle begins
-    View<Index, 1> cycle;      // (C,) cycle whose peak is being looked for
-    View<double, 3> cycles;    // (C, y, 8): largest, smallest, sums of w^2, w sin and w cos, samples, and the times of the
-                               // extremes (s) of each cycle
-    View<double, 3> values;    // (C, x, O), or (C, 0, O) where only cycles are wanted
-    GivenIndices kept;         // (k,) number of the energy row that a sample fills, -1 for none
-    View<double, 3> energy;    // (C, e, 7 + n)
+    GivenArray start;       // (C,) s, of sample 0
+    GivenArray interval;    // (C,) s
+    double per_cycle;       // samples, which need not be whole
+    GivenIndices origin;    // (C,) sample with which the first cycle begins
+    View<Index, 1> cycle;   // (C,) cycle whose peak is being looked for
+    View<double, 3> cycles; // (C, y, 8): largest, smallest, sums of w^2, w sin and w cos, samples, and the times of the
+                            // extremes (s) of each cycle
+    View<double, 3> values; // (C, x, O), or (C, 0, O) where only cycles are wanted
+    GivenIndices kept;      // (k,) number of the energy row that a sample fills, -1 for none
+    View<double, 3> energy; // (C, e, 7 + n)
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("start", start, "C");
@@ -384,9 +384,9 @@ struct Snapshots {
 
 // Impacts and sticking phases of a single case, one row each; those beyond the last row are counted.
 struct Tables {
-    Matrix impacts;           // (i, 9 + n); see `end_contact`, then the energy given to each mode
-    Matrix sticking;          // (j, 5): pair, side, start and end (s), impulse (N s)
-    View<Index, 1> number;    // (2,) rows of both
+    Matrix impacts;        // (i, 9 + n); see `end_contact`, then the energy given to each mode
+    Matrix sticking;       // (j, 5): pair, side, start and end (s), impulse (N s)
+    View<Index, 1> number; // (2,) rows of both
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("impacts", impacts, "i n+9");
@@ -397,18 +397,18 @@ struct Tables {
 
 // What the ledger needs of the equations, and what it has summed of every case; n coordinates of structure.
 struct Ledger {
-    GivenArray mass;              // (d,)
-    GivenArray damping;           // (d,)
-    GivenArray stiffness;         // (d,)
-    GivenArray load;              // (d,) per unit of s(t)
-    GivenArray given;             // (d,) N
-    GivenArray free_stiffness;    // (R,)
-    Array work;                   // (C,) J
-    Array contact_loss;           // (C,) J
-    Array rounding;               // (C,) J, what rounding may have made of the energies of contacts
-    Matrix loss_of_mode;          // (C, n) J
-    Matrix start;                 // (C, 7 + n) energies that a case starts with
-    bool everywhere;              // or only through compliant contacts, for the table of impacts
+    GivenArray mass;           // (d,)
+    GivenArray damping;        // (d,)
+    GivenArray stiffness;      // (d,)
+    GivenArray load;           // (d,) per unit of s(t)
+    GivenArray given;          // (d,) N
+    GivenArray free_stiffness; // (R,)
+    Array work;                // (C,) J
+    Array contact_loss;        // (C,) J
+    Array rounding;            // (C,) J, what rounding may have made of the energies of contacts
+    Matrix loss_of_mode;       // (C, n) J
+    Matrix start;              // (C, 7 + n) energies that a case starts with
+    bool everywhere;           // or only through compliant contacts, for the table of impacts
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("mass", mass, "d");
@@ -430,12 +430,12 @@ struct Ledger {
 
 // Working space for integrals of products: T terms of a motion, its entries, its sine, and what is constant.
 struct Products {
-    Matrix before;             // (2, d)
-    Matrix after;              // (2, d)
-    ComplexMatrix strength;    // (d + R, T), T = K + 2
-    ComplexArray growth;       // (T,)
-    ComplexMatrix plus;        // (T, T)
-    ComplexMatrix minus;       // (T, T)
+    Matrix before;          // (2, d)
+    Matrix after;           // (2, d)
+    ComplexMatrix strength; // (d + R, T), T = K + 2
+    ComplexArray growth;    // (T,)
+    ComplexMatrix plus;     // (T, T)
+    ComplexMatrix minus;    // (T, T)
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("before", before, "2 d");
@@ -449,15 +449,15 @@ struct Products {
 
 // Bounds and constant parts of the scalars, from the present contact states and walls.
 struct Bounds {
-    Array upper;             // (2R + 1,)
-    Array lower;             // (2R + 1,)
-    Array lasting;           // (2R,)
-    Array constant;          // (2R + O,)
-    Array static_part;       // (d,)
-    Array given;             // (P,)
-    GivenArray nothing;      // (P,) zero
-    Array wall;              // (1 + R,) 1, then side times gap of each pair in contact or separating
-    ComplexMatrix steady;    // (2, K) scratch
+    Array upper;          // (2R + 1,)
+    Array lower;          // (2R + 1,)
+    Array lasting;        // (2R,)
+    Array constant;       // (2R + O,)
+    Array static_part;    // (d,)
+    Array given;          // (P,)
+    GivenArray nothing;   // (P,) zero
+    Array wall;           // (1 + R,) 1, then side times gap of each pair in contact or separating
+    ComplexMatrix steady; // (2, K) scratch
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("upper", upper, "2R+1");
@@ -474,19 +474,19 @@ struct Bounds {
 
 // Working space of one thread.
 struct Space {
-    Motion motion;    // of the present case
-    Motion begin;     // where the present closed form began
+    Motion motion; // of the present case
+    Motion begin;  // where the present closed form began
     Motion trial;
-    Motion mark;      // up to where the ledger is written
+    Motion mark; // up to where the ledger is written
     Motion spare;
     Motion crest;
     Search search;
     Bounds bounds;
     Products products;
-    ComplexArray turn;     // (K,) growth of the entries between two samples
-    Array impulse;         // (R,)
-    Array samples;         // (S,) w of the cycle that goes on, as far as it is read
-    Array extremes;        // (8,) extremes of a contact force and their times, as in a row of `Grid.cycles`
+    ComplexArray turn; // (K,) growth of the entries between two samples
+    Array impulse;     // (R,)
+    Array samples;     // (S,) w of the cycle that goes on, as far as it is read
+    Array extremes;    // (8,) extremes of a contact force and their times, as in a row of `Grid.cycles`
 
     template <class Visitor> void fields(Visitor &visit) {
         visit.group("motion", motion);
@@ -526,4 +526,4 @@ struct Job {
     }
 };
 
-}  // namespace FEMIMPACT_TARGET
+} // namespace FEMIMPACT_TARGET

@@ -78,11 +78,13 @@ struct Taylor {
 
 // Sets `out` to Lambda times a vector of entries.
 [[gnu::always_inline]] inline void multiply(const Scalars &scalars, GivenComplexArray entry, ComplexArray out) {
-    for (Index k = 0; k < scalars.exponent.size(); k++) out(k) = scalars.exponent(k) * entry(k);
+    for (Index k = 0; k < scalars.exponent.size(); k++)
+        out(k) = scalars.exponent(k) * entry(k);
     for (Index b = 0; b < scalars.blocks.shape[0]; b++) {
         Index first = scalars.blocks(b, 0), last = first + scalars.blocks(b, 1);
         for (Index k = first; k < last; k++)
-            for (Index m = k + 1; m < last; m++) out(k) += scalars.coupling(k, m) * entry(m);
+            for (Index m = k + 1; m < last; m++)
+                out(k) += scalars.coupling(k, m) * entry(m);
     }
 }
 
@@ -97,8 +99,10 @@ struct Taylor {
     for (Index b = 0; b < scalars.blocks.shape[0]; b++) {
         Index first = scalars.blocks(b, 0), last = first + scalars.blocks(b, 1);
         double square = 0.0;
-        for (Index k = first; k < last; k++) square += size(k) * size(k);
-        for (Index k = first; k < last; k++) size(k) = __builtin_sqrt(square);
+        for (Index k = first; k < last; k++)
+            square += size(k) * size(k);
+        for (Index k = first; k < last; k++)
+            size(k) = __builtin_sqrt(square);
     }
 }
 
@@ -112,7 +116,8 @@ struct Taylor {
 [[gnu::noinline]] inline void move_block(const Scalars &scalars, Index first, Index last, const Motion &motion,
                                          double duration) {
     Complex mean = {0.0, 0.0};
-    for (Index k = first; k < last; k++) mean += scalars.exponent(k) / double(last - first);
+    for (Index k = first; k < last; k++)
+        mean += scalars.exponent(k) / double(last - first);
     // all of it has decayed long before so many steps
     double norm = duration * (scalars.size(first) + __builtin_hypot(mean.real, mean.imag));
     Index steps = (norm < double(MOST_STEPS) ? Index(norm) : MOST_STEPS) + 1;
@@ -127,7 +132,8 @@ struct Taylor {
         for (Index order = 1; order <= TAYLOR; order++)
             for (Index k = first; k < last; k++) {
                 Complex total = (scalars.exponent(k) - mean) * term(k);
-                for (Index m = k + 1; m < last; m++) total += scalars.coupling(k, m) * term(m);
+                for (Index m = k + 1; m < last; m++)
+                    total += scalars.coupling(k, m) * term(m);
                 term(k) = total * (step / double(order));
                 entry(k) += term(k);
             }
@@ -140,10 +146,13 @@ struct Taylor {
     exponentials(scalars.exponent, duration, growth);
     for (Index b = 0; b < scalars.blocks.shape[0]; b++) {
         Index first = scalars.blocks(b, 0), last = first + scalars.blocks(b, 1);
-        if (last > first) move_block(scalars, first, last, motion, duration);
-        for (Index k = first; k < last; k++) growth(k) = {1.0, 0.0};
+        if (last > first)
+            move_block(scalars, first, last, motion, duration);
+        for (Index k = first; k < last; k++)
+            growth(k) = {1.0, 0.0};
     }
-    for (Index k = 0; k < scalars.exponent.size(); k++) motion.entry(k) *= growth(k);
+    for (Index k = 0; k < scalars.exponent.size(); k++)
+        motion.entry(k) *= growth(k);
     move_rigid_bodies(scalars, motion, duration);
     motion.clock(0) += duration;
 }
@@ -155,20 +164,22 @@ struct Taylor {
 
 // Sets one motion to another.
 [[gnu::noinline]] inline void copy_motion(const Motion &source, const Motion &target) {
-    for (Index k = 0; k < source.entry.size(); k++) target.entry(k) = source.entry(k);
+    for (Index k = 0; k < source.entry.size(); k++)
+        target.entry(k) = source.entry(k);
     for (Index i = 0; i < source.rigid_body.size(); i++) {
         target.rigid_body(i) = source.rigid_body(i);
         target.rigid_body_rate(i) = source.rigid_body_rate(i);
     }
-    for (Index i = 0; i < 4; i++) target.drive(i) = source.drive(i);
+    for (Index i = 0; i < 4; i++)
+        target.drive(i) = source.drive(i);
     target.clock(0) = source.clock(0);
     target.clock(1) = source.clock(1);
 }
 
 // Next part of a time (s) in which ten Gauss points integrate products of two motions to rounding.
 //
-// Their error is below 1e-14 where twice the largest |lambda| times the part is below 6. An entry that has decayed since
-// the time began is set to zero, and needs no short parts.
+// Their error is below 1e-14 where twice the largest |lambda| times the part is below 6. An entry that has decayed
+// since the time began is set to zero, and needs no short parts.
 [[gnu::noinline]] inline double next_panel(double elapsed, double remaining, const Scalars &scalars,
                                            const Motion &motion) {
     double fastest = scalars.omega;
@@ -184,9 +195,11 @@ struct Taylor {
 // Smallest s > 0 with speed s + bend s^2/2 = clearance >= 0; infinite if there is none.
 [[gnu::always_inline]] inline double first_meeting(double clearance, double speed, double bend) {
     double root = speed * speed + 2.0 * bend * clearance;
-    if (root < 0.0) return INFINITE;
+    if (root < 0.0)
+        return INFINITE;
     root = __builtin_sqrt(root);
-    if (speed < 0.0) return bend > 0.0 ? (root - speed) / bend : INFINITE;
+    if (speed < 0.0)
+        return bend > 0.0 ? (root - speed) / bend : INFINITE;
     return speed + root > 0.0 ? 2.0 * clearance / (speed + root) : INFINITE;
 }
 
@@ -228,9 +241,11 @@ struct Taylor {
         pull += p * push + q * growth;
         twist += magnitude(p * growth);
     }
-    if (broken) twist *= remaining;
+    if (broken)
+        twist *= remaining;
     double fast = 0.0;
-    for (Index k = 0; k < active; k++) fast += scalars.weight_size(r, k) * size(k);
+    for (Index k = 0; k < active; k++)
+        fast += scalars.weight_size(r, k) * size(k);
     scale += fast;
     double upper = scalars.upper(r), lower = scalars.lower(r);
     double up = upper == INFINITE ? INFINITE : 0.0, down = lower == -INFINITE ? INFINITE : 0.0;
@@ -254,13 +269,17 @@ struct Taylor {
     }
     found(0) = value;
     found(1) = rate;
-    if (upper < INFINITE) scale += magnitude(upper);
-    if (lower > -INFINITE) scale += magnitude(lower);
+    if (upper < INFINITE)
+        scale += magnitude(upper);
+    if (lower > -INFINITE)
+        scale += magnitude(lower);
     found(2) = AT_WALL * (scale + 0.1 * scalars.omega * size_of_sine * motion.clock(0));
     found(3) = AT_WALL * scale_rate;
     // at the wall and leaving it with speed: the parabola returns later
-    if (up == 0.0 && rate < 0.0) up = first_meeting(0.0, rate, bend + pull + twist);
-    if (down == 0.0 && rate > 0.0) down = first_meeting(0.0, -rate, bend - pull + twist);
+    if (up == 0.0 && rate < 0.0)
+        up = first_meeting(0.0, rate, bend + pull + twist);
+    if (down == 0.0 && rate > 0.0)
+        down = first_meeting(0.0, -rate, bend - pull + twist);
     found(4) = upper - value < value - lower ? down : up;
     return smaller(up, down);
 }
@@ -313,7 +332,8 @@ struct Taylor {
 [[gnu::always_inline]] inline double value_now(Index r, Index active, Complex phase, const Scalars &scalars,
                                                const Motion &motion) {
     double value = scalars.constant(r) + (scalars.sine(r) * phase).real;
-    if (scalars.broken) value += taylor(scalars.follow, r, motion.drive).value;
+    if (scalars.broken)
+        value += taylor(scalars.follow, r, motion.drive).value;
     for (Index k = 0; k < active; k++) {
         Complex w = scalars.weight(r, k), h = motion.entry(k);
         value += w.real * h.real - w.imag * h.imag;
@@ -355,4 +375,4 @@ struct Rates {
     return {value, rate, bend};
 }
 
-}  // namespace FEMIMPACT_TARGET
+} // namespace FEMIMPACT_TARGET

@@ -73,7 +73,8 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     }
     auto [base, speed] = base_motion(c, motion);
     for (Index j = 0; j < c.state.size(); j++) {
-        if (c.state(j) == FREE || pairs.rigid(j)) continue;
+        if (c.state(j) == FREE || pairs.rigid(j))
+            continue;
         double side = side_of(c.state(j));
         double depth = side * gap_of(j, pairs, state.row(0), base) - gap_on(side, j, c);
         double rate = side * gap_of(j, pairs, state.row(1), speed);
@@ -89,7 +90,8 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
                                                        const Search &search) {
     Complex wave = scalars.sine(r);
     double scale = magnitude(scalars.constant(r)) + magnitude(wave.real) + magnitude(wave.imag);
-    for (Index k = 0; k < scalars.size.size(); k++) scale += scalars.weight_size(r, k) * search.size(k);
+    for (Index k = 0; k < scalars.size.size(); k++)
+        scale += scalars.weight_size(r, k) * search.size(k);
     for (Index p = 0; p < scalars.rigid_body_given.size(); p++)
         scale += magnitude(scalars.rigid_body_weight(r, p) * motion.rigid_body(p));
     return CANCELLED * scale + LEAST_MOTION;
@@ -126,7 +128,8 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     double left = 0.0;
     while (active > 0) {
         left += weight_size(active - 1) * search.size(active - 1);
-        if (left > least) break;
+        if (left > least)
+            break;
         active--;
         search.size(active) = 0.0;
         search.power(0, active) = {0.0, 0.0};
@@ -139,12 +142,15 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
                                                       const Scalars &scalars, const Space &space, Array row) {
     Array found = space.search.found;
     double side = rate >= 0.0 ? 1.0 : -1.0, speed = side * rate, bend = side * found(0), bound = found(3);
-    if (bound <= 0.0) bound = 1e-300;
+    if (bound <= 0.0)
+        bound = 1e-300;
     double rising = (bend + __builtin_sqrt(bend * bend + 2.0 * speed * bound)) / bound;
-    if (bend >= 0.0) return rising;
+    if (bend >= 0.0)
+        return rising;
     double concave = smaller(-bend / bound, remaining);
     // where crests alone are wanted, a trough has none inside
-    if (rising >= concave || side * wanted < 0.0) return larger(rising, concave);
+    if (rising >= concave || side * wanted < 0.0)
+        return larger(rising, concave);
     // to second order in the rate, which is speed + bend t + twist t^2/2
     double inner = bend * bend - 2.0 * speed * side * found(1);
     double first = inner > 0.0 ? 2.0 * speed / (__builtin_sqrt(inner) - bend) : -speed / bend;
@@ -157,7 +163,8 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
         double slope = side * own_rate, curve = side * own_bend;
         (slope > 0.0 ? low : high) = time;
         // what is left to the crest
-        if (slope * slope <= -2.0 * curve * PEAK_TOLERANCE * (row(0) - row(1)) || curve >= 0.0) break;
+        if (slope * slope <= -2.0 * curve * PEAK_TOLERANCE * (row(0) - row(1)) || curve >= 0.0)
+            break;
         time = smaller(larger(time - slope / curve, low), high);
     }
     return concave;
@@ -193,7 +200,8 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
             derivatives(r, scalars, motion, phase, search);
             safe = larger(larger(safe, least), advance_to_crest(r, wanted, rate, remaining, scalars, space, row));
         }
-        if (safe < remaining) move(scalars, motion, safe);
+        if (safe < remaining)
+            move(scalars, motion, safe);
     }
     // the bounds of a contact are those of its end too
     scalars.upper(r) = upper;
@@ -213,7 +221,8 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     Array row = grid.cycles.row(c, number);
     const Motion &motion = space.spare;
     // before the first cycle nothing is measured, and what lasts no time is no motion
-    if (until <= larger(begin, space.begin.clock(0))) return;
+    if (until <= larger(begin, space.begin.clock(0)))
+        return;
     copy_motion(space.begin, motion);
     if (motion.clock(0) < begin) {
         move(scalars, motion, begin - motion.clock(0));
@@ -246,7 +255,8 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
         time = at;
         before = value;
     }
-    if (start < until) follow_peak(r, 0.0, start, until, least, scalars, space, row);
+    if (start < until)
+        follow_peak(r, 0.0, start, until, least, scalars, space, row);
 }
 
 // Ends the cycle that goes on at a time between two samples, `read` being the number of the first of them.
@@ -262,4 +272,4 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     grid.cycle(c) += 1;
 }
 
-}  // namespace FEMIMPACT_TARGET
+} // namespace FEMIMPACT_TARGET

@@ -40,12 +40,15 @@ constexpr double PI = 3.141592653589793;
 [[gnu::always_inline]] inline double creep_time(double clearance, double speed, double bend, double twist,
                                                 double bound) {
     double away_speed = larger(-speed, 0.0), away_bend = larger(-bend, 0.0), away_twist = larger(-twist, 0.0);
-    if (bound <= 0.0) return speed <= 0.0 && bend <= 0.0 && twist <= 0.0 ? INFINITE : 0.0;
+    if (bound <= 0.0)
+        return speed <= 0.0 && bend <= 0.0 && twist <= 0.0 ? INFINITE : 0.0;
     double by_clearance = __builtin_pow(6.0 * clearance / bound, 0.25);
     double time = larger(larger(by_clearance, __builtin_pow(6.0 * away_speed / bound, 1.0 / 3.0)),
                          larger(__builtin_sqrt(3.0 * away_bend / bound), away_twist / bound));
-    if (speed > 0.0) time = smaller(time, 0.25 * clearance / speed);
-    if (bend > 0.0) time = smaller(time, larger(__builtin_sqrt(0.5 * clearance / bend), 0.5 * away_speed / bend));
+    if (speed > 0.0)
+        time = smaller(time, 0.25 * clearance / speed);
+    if (bend > 0.0)
+        time = smaller(time, larger(__builtin_sqrt(0.5 * clearance / bend), 0.5 * away_speed / bend));
     if (twist > 0.0) {
         double by_speed = __builtin_sqrt(1.5 * away_speed / twist), by_bend = 0.75 * away_bend / twist;
         time = smaller(time, larger(__builtin_pow(1.5 * clearance / twist, 1.0 / 3.0), larger(by_speed, by_bend)));
@@ -72,12 +75,15 @@ constexpr double PI = 3.141592653589793;
     double clearance = larger(smaller(over, under), 0.0), toward = side * rate;
     if (search.at_wall(r) == 0.0) {
         search.leaving(r) = 0.0;
-        if (2.0 * magnitude(rate) * safe > clearance || safe >= remaining) return safe;
+        if (2.0 * magnitude(rate) * safe > clearance || safe >= remaining)
+            return safe;
     } else if (search.leaving(r) != side) {
-        if (toward > rate_rounding) return 0.0;
+        if (toward > rate_rounding)
+            return 0.0;
     } else {
         bool is_gap = r < scalars.lasting.size() / 2;
-        if (toward > larger(SETTLED * rate_rounding, is_gap ? search.negligible(0) : 0.0)) return 0.0;
+        if (toward > larger(SETTLED * rate_rounding, is_gap ? search.negligible(0) : 0.0))
+            return 0.0;
     }
     // it creeps along its wall, where the bound by a parabola is far too low
     derivatives(r, scalars, motion, phase, search);
@@ -91,9 +97,11 @@ constexpr double PI = 3.141592653589793;
         double noise = share * found(2) + share_of_time * found(3) * motion.clock(0);
         double noise_of_twist = share * found(3);
         bool unknown = twist == 0.0 && found(3) > 0.0 && !let_go;
-        if (bend > noise || (bend >= -noise && (twist > noise_of_twist || unknown))) return -1.0;
+        if (bend > noise || (bend >= -noise && (twist > noise_of_twist || unknown)))
+            return -1.0;
         // touching without a push, and nothing that could begin one
-        if (found(3) == 0.0 && bend >= -noise) return INFINITE;
+        if (found(3) == 0.0 && bend >= -noise)
+            return INFINITE;
         // neither a push nor a pull beyond rounding: on as far as the pair stays at its wall to rounding
         if (bend >= -noise && magnitude(twist) <= noise_of_twist && found(4) > 0.0)
             return __builtin_pow(24.0 * rounding / found(4), 0.25);
@@ -110,7 +118,8 @@ constexpr double PI = 3.141592653589793;
         Complex phase = unit_phase(scalars.omega, motion.clock);
         measure(scalars, motion, search);
         double largest = 0.0;
-        for (Index k = 0; k < scalars.size.size(); k++) largest = larger(largest, search.size(k));
+        for (Index k = 0; k < scalars.size.size(); k++)
+            largest = larger(largest, search.size(k));
         Index active = 0;
         for (Index k = 0; k < scalars.size.size(); k++) {
             if (search.size(k) < NEGLIGIBLE_SHARE * largest || search.size(k) < NEGLIGIBLE_SIZE) {
@@ -122,7 +131,8 @@ constexpr double PI = 3.141592653589793;
         }
         double remaining = until - motion.clock(0), safe = remaining;
         for (Index r = 0; r < scalars.lasting.size(); r++) {
-            if (scalars.upper(r) == INFINITE && scalars.lower(r) == -INFINITE) continue;
+            if (scalars.upper(r) == INFINITE && scalars.lower(r) == -INFINITE)
+                continue;
             double own = safe_advance(r, scalars, motion, active, phase, remaining, search);
             if (own > 0.0) {
                 safe = smaller(safe, own);
@@ -130,7 +140,8 @@ constexpr double PI = 3.141592653589793;
             }
             search.event(0) = double(r);
             search.event(1) = search.at_wall(r);
-            if (scalars.lasting(r) != 0.0) return RELEASE;
+            if (scalars.lasting(r) != 0.0)
+                return RELEASE;
             return own == 0.0 ? HIT : REST;
         }
         if (safe >= remaining) {
@@ -143,4 +154,4 @@ constexpr double PI = 3.141592653589793;
     return STUCK;
 }
 
-}  // namespace FEMIMPACT_TARGET
+} // namespace FEMIMPACT_TARGET

@@ -9,7 +9,9 @@ namespace FEMIMPACT_TARGET {
 constexpr double RESONANCE = 1e-9;
 
 // Side of the wall of a pair in contact or separating.
-[[gnu::always_inline]] inline double side_of(double state) { return state > 0.0 ? 1.0 : -1.0; }
+[[gnu::always_inline]] inline double side_of(double state) {
+    return state > 0.0 ? 1.0 : -1.0;
+}
 
 // Gap (m) of a pair on one side.
 [[gnu::always_inline]] inline double gap_on(double side, Index j, const Case &c) {
@@ -17,15 +19,19 @@ constexpr double RESONANCE = 1e-9;
 }
 
 // Whether a pair is in contact.
-[[gnu::always_inline]] inline bool is_active(double state) { return magnitude(state) == CONTACT; }
+[[gnu::always_inline]] inline bool is_active(double state) {
+    return magnitude(state) == CONTACT;
+}
 
 // Number of the closed form for these contact states, or -1 if it was not made before.
 [[gnu::always_inline]] inline Index find_form(GivenArray state, Index first, const Forms &forms) {
     Index key = 0;
     for (Index j = 0; j < state.size(); j++)
-        if (is_active(state(j))) key |= Index(1) << j;
+        if (is_active(state(j)))
+            key |= Index(1) << j;
     Index f = first;
-    while (0 <= f && f < forms.made && forms.key(f) != key) f = forms.following(f);
+    while (0 <= f && f < forms.made && forms.key(f) != key)
+        f = forms.following(f);
     return f < forms.made ? f : -1;
 }
 
@@ -35,7 +41,8 @@ struct BaseMotion {
 };
 [[gnu::always_inline]] inline BaseMotion base_motion(const Case &c, const Motion &motion) {
     double omega = c.omega;
-    if (omega == 0.0) return {motion.drive(0), motion.drive(1)};
+    if (omega == 0.0)
+        return {motion.drive(0), motion.drive(1)};
     // s = amplitude sin(theta) is the second derivative
     Complex phase = unit_phase(omega, motion.clock);
     return {-c.amplitude * phase.imag / (omega * omega), -c.amplitude * phase.real / omega};
@@ -55,14 +62,17 @@ struct BaseMotion {
             Complex total = forms.load(f, 0, k) + direction * of_speed * forms.load(f, 1, k);
             total += of_base * forms.load(f, 2, k);
             total *= 0.5;
-            for (Index m = k + 1; m < last; m++) total += forms.coupling(f, k, m) * h(turn, m);
+            for (Index m = k + 1; m < last; m++)
+                total += forms.coupling(f, k, m) * h(turn, m);
             Complex apart = Complex{0.0, direction * omega} - forms.exponent(f, k);
             bool close = __builtin_hypot(apart.real, apart.imag) < RESONANCE * omega;
-            if (close && total != 0.0 && wave != 0.0) return false;
+            if (close && total != 0.0 && wave != 0.0)
+                return false;
             h(turn, k) = total != 0.0 ? total / apart : Complex{0.0, 0.0};
         }
     }
-    for (Index p = 0; p < rigid_bodies; p++) rigid_body_sine(p) = forms.rigid_body_drive(f, p) * of_base * wave;
+    for (Index p = 0; p < rigid_bodies; p++)
+        rigid_body_sine(p) = forms.rigid_body_drive(f, p) * of_base * wave;
     for (Index r = 0; r < sine.size(); r++) {
         Complex total = forms.through(f, 0, r) + of_speed * forms.through(f, 1, r);
         total += Complex{of_base * forms.through(f, 2, r), 0.0};
@@ -83,7 +93,8 @@ struct BaseMotion {
             total += w * h(0, k) + conjugate(w * h(1, k));
         }
         harmonic(i) = total * wave;
-        for (Index p = 0; p < rigid_bodies; p++) harmonic(i) += forms.rigid_body_shape(f, i, p) * rigid_body_sine(p);
+        for (Index p = 0; p < rigid_bodies; p++)
+            harmonic(i) += forms.rigid_body_shape(f, i, p) * rigid_body_sine(p);
     }
     return true;
 }
@@ -144,7 +155,8 @@ struct BaseMotion {
 [[gnu::always_inline]] inline void multiply(GivenMatrix matrix, GivenArray vector, Array out) {
     for (Index r = 0; r < out.size(); r++) {
         double total = 0.0;
-        for (Index w = 0; w < vector.size(); w++) total += matrix(r, w) * vector(w);
+        for (Index w = 0; w < vector.size(); w++)
+            total += matrix(r, w) * vector(w);
         out(r) = total;
     }
 }
@@ -260,7 +272,8 @@ struct Followed {
 // The x of a pair, or its rate, from the coordinates, or their rates, and the base's.
 [[gnu::always_inline]] inline double gap_of(Index j, const Pairs &pairs, GivenArray values, double base) {
     double x = -pairs.in_space(j) * base;
-    for (Index i = 0; i < values.size(); i++) x -= pairs.direction(j, i) * values(i);
+    for (Index i = 0; i < values.size(); i++)
+        x -= pairs.direction(j, i) * values(i);
     return x;
 }
 
@@ -286,4 +299,4 @@ struct Followed {
     }
 }
 
-}  // namespace FEMIMPACT_TARGET
+} // namespace FEMIMPACT_TARGET

@@ -42,7 +42,8 @@ namespace FEMIMPACT_TARGET {
     double side = side_of(c.state(j)), duration = end - begin;
     set_spare_motion(begin, scalars, space);
     const Motion &motion = space.spare;
-    if (has_blocks(scalars)) return side * integral_over_points(r, duration, scalars, motion);
+    if (has_blocks(scalars))
+        return side * integral_over_points(r, duration, scalars, motion);
     double total = scalars.constant(r) * duration;
     if (scalars.broken) {
         auto [value, rate, bend, twist] = taylor(scalars.follow, r, motion.drive);
@@ -88,11 +89,13 @@ namespace FEMIMPACT_TARGET {
     for (Index part = 0; part < 3; part++) {
         double begin = parts[part], end = parts[part + 1];
         bool inside = part == 1;
-        if (end <= begin) continue;
+        if (end <= begin)
+            continue;
         double impulse = impulse_between(j, begin, end, scalars, c, space);
         // this contact may have pushed more before the window, and another one more within it
         double known = touch(LARGEST_FORCE, j);
-        if (inside) known = smaller(known, totals(PEAK_FORCE, j));
+        if (inside)
+            known = smaller(known, totals(PEAK_FORCE, j));
         double least = LEAST_ADVANCE * smaller(interval, end - begin);
         double largest = largest_force(j, begin, end, known, least, scalars, c, space);
         touch(PUSHED, j) += impulse;
@@ -114,7 +117,8 @@ namespace FEMIMPACT_TARGET {
 
 // Adds the impulse of a contact to the sum of the window.
 [[gnu::always_inline]] inline void add_impulse(Index j, double time, double impulse, const Case &c) {
-    if (is_counted(time, c)) c.totals(FORCE_TIME, j) += impulse;
+    if (is_counted(time, c))
+        c.totals(FORCE_TIME, j) += impulse;
 }
 
 // Begins a contact, or a sticking phase.
@@ -122,12 +126,14 @@ namespace FEMIMPACT_TARGET {
     c.touch(BEGUN, j) = time;
     c.touch(TOUCH_SPEED, j) = approach;
     c.touch(PUSHED, j) = c.touch(LARGEST_FORCE, j) = c.touch(LASTED, j) = c.touch(LOST, j) = 0.0;
-    for (Index i = 0; i < c.to_modes.shape[1]; i++) c.to_modes(j, i) = 0.0;
+    for (Index i = 0; i < c.to_modes.shape[1]; i++)
+        c.to_modes(j, i) = 0.0;
 }
 
 // Adds an impact that ends now to the sums of its window.
 [[gnu::always_inline]] inline void count_impact(Index j, double time, double approach, double impulse, const Case &c) {
-    if (!is_counted(time, c)) return;
+    if (!is_counted(time, c))
+        return;
     c.totals(COUNT, j) += 1.0;
     c.totals(APPROACH_SUM, j) += approach;
     c.totals(LARGEST_APPROACH, j) = larger(c.totals(LARGEST_APPROACH, j), approach);
@@ -137,7 +143,8 @@ namespace FEMIMPACT_TARGET {
 // Adds to the impulse of the impact that was counted last.
 [[gnu::always_inline]] inline void correct_impulse(Index j, double time, double impulse, const Case &c) {
     add_impulse(j, time, impulse, c);
-    if (is_counted(time, c)) c.totals(IMPULSE_SUM, j) += impulse;
+    if (is_counted(time, c))
+        c.totals(IMPULSE_SUM, j) += impulse;
 }
 
 // Ends a compliant contact: an impact more.
@@ -157,7 +164,8 @@ namespace FEMIMPACT_TARGET {
         out(6) = touch(LARGEST_FORCE, j);
         out(7) = touch(LASTED, j);
         out(8) = touch(LOST, j);
-        for (Index i = 0; i < c.to_modes.shape[1]; i++) out(9 + i) = c.to_modes(j, i);
+        for (Index i = 0; i < c.to_modes.shape[1]; i++)
+            out(9 + i) = c.to_modes(j, i);
     }
     tables.number(0) = row + 1;
 }
@@ -166,7 +174,8 @@ namespace FEMIMPACT_TARGET {
 [[gnu::noinline]] inline void end_sticking(Index j, double time, const Case &c, const Tables &tables) {
     double start = c.touch(BEGUN, j), impulse = c.touch(PUSHED, j), side = side_of(c.state(j));
     // it ends before its bounces would have: from its capture on
-    if (start > time) start = time - c.touch(LASTED, j);
+    if (start > time)
+        start = time - c.touch(LASTED, j);
     Index row = tables.number(1);
     if (row < tables.sticking.shape[0])
         for (Index before = row - 1; before > larger(row - 1 - c.state.size(), Index(-1)); before--) {
@@ -190,4 +199,4 @@ namespace FEMIMPACT_TARGET {
     }
 }
 
-}  // namespace FEMIMPACT_TARGET
+} // namespace FEMIMPACT_TARGET

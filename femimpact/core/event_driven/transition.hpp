@@ -48,7 +48,8 @@ constexpr double ROUNDING_SHARE = 1e-12;
     measure(scalars, space.motion, search);
     derivatives(j, scalars, space.motion, unit_phase(scalars.omega, space.motion.clock), search);
     double press = side * search.found(0), steepest = search.found(3);
-    if (press <= 1e-12 * search.found(2) || rebound * rebound > 2.0 * press * pairs.closure) return -1.0;
+    if (press <= 1e-12 * search.found(2) || rebound * rebound > 2.0 * press * pairs.closure)
+        return -1.0;
     double lasting = e < 1.0 ? 2.0 * larger(rebound, 0.0) / (press * (1.0 - e)) : 2.0 * rebound / press;
     // and the press must last until the bounces are over
     return steepest * lasting <= 0.5 * press ? lasting : -1.0;
@@ -74,7 +75,8 @@ constexpr double ROUNDING_SHARE = 1e-12;
         out(7) = 0.0;
         out(8) = 0.5 * push * (approach - rebound);
     }
-    if (!b) return;
+    if (!b)
+        return;
     for (Index i = 0; i < b->loss_of_mode.shape[1]; i++) {
         double own = pairs.direction(r, i) * side * push;
         if (row < tables.impacts.shape[0])
@@ -86,7 +88,8 @@ constexpr double ROUNDING_SHARE = 1e-12;
 // Changes the motion by the impulses of all pairs.
 [[gnu::noinline]] inline void add_impulses(const Form &form, const Space &space) {
     for (Index r = 0; r < space.impulse.size(); r++) {
-        if (space.impulse(r) == 0.0) continue;
+        if (space.impulse(r) == 0.0)
+            continue;
         for (Index k = 0; k < form.scalars.exponent.size(); k++)
             space.motion.entry(k) += form.impulse_entry(k, r) * space.impulse(r);
         for (Index p = 0; p < form.shapes.rigid_bodies; p++)
@@ -100,7 +103,8 @@ constexpr double ROUNDING_SHARE = 1e-12;
     bool changed = false;
     Complex phase = unit_phase(scalars.omega, motion.clock);
     for (Index j = 0; j < c.state.size(); j++) {
-        if (pairs.rigid(j) || c.state(j) == FREE) continue;
+        if (pairs.rigid(j) || c.state(j) == FREE)
+            continue;
         double side = side_of(c.state(j));
         bool pushes = side * value_now(c.state.size() + j, scalars.exponent.size(), phase, scalars, motion) > 0.0;
         if (is_active(c.state(j)) != pushes) {
@@ -128,13 +132,15 @@ constexpr double ROUNDING_SHARE = 1e-12;
     Complex phase = unit_phase(scalars.omega, motion.clock);
     double slow = ROUNDING_SHARE * push * -pairs.mobility(j, j);
     for (Index i = 0; i < c.state.size(); i++) {
-        if (form.reaction(i, j) == 0.0) continue;
+        if (form.reaction(i, j) == 0.0)
+            continue;
         double own = side_of(c.state(i)), felt = -pairs.mobility(i, i);
         double share = own * form.reaction(i, j) * side * push;
         double speed = felt * (share > 0.0 ? c.restitution(i) * share : -share);
         double force = value_now(c.state.size() + i, scalars.exponent.size(), phase, scalars, motion);
         double press = felt * own * force;
-        if (speed > slow && speed * speed > 2.0 * larger(press, 0.0) * pairs.closure) return false;
+        if (speed > slow && speed * speed > 2.0 * larger(press, 0.0) * pairs.closure)
+            return false;
     }
     return true;
 }
@@ -167,14 +173,15 @@ constexpr double ROUNDING_SHARE = 1e-12;
         write_impact(j, side, approach, 0.0, push, pairs, space, tables, b);
     }
     add_impulse(j, time, push, c);
-    if (b) b->contact_loss(c.number) += 0.5 * push * approach;
+    if (b)
+        b->contact_loss(c.number) += 0.5 * push * approach;
     add_impulses(form, space);
 }
 
 // Makes a rigid impact without rebound, of pairs that stick and one that meets its wall: STAY or ENTER.
 //
-// COLLIDE where none sticks; RELEASE_ALL where a pair rebounds, or is left by its wall: an impact elsewhere passes through
-// sticking pairs as an impact of its own.
+// COLLIDE where none sticks; RELEASE_ALL where a pair rebounds, or is left by its wall: an impact elsewhere passes
+// through sticking pairs as an impact of its own.
 [[gnu::noinline]] inline Index beside_sticking(Index j, double side, const Form &form, const Pairs &pairs,
                                                const Case &c, const Space &space, const Tables &tables,
                                                const Ledger *b) {
@@ -186,7 +193,8 @@ constexpr double ROUNDING_SHARE = 1e-12;
         sticking = sticking || (pairs.rigid(i) && is_active(c.state(i)));
         mobility += pairs.mobility(j, i) * (i == j ? 1.0 : form.reaction(i, j));
     }
-    if (!sticking) return COLLIDE;
+    if (!sticking)
+        return COLLIDE;
     double approach = side * search.rate(j), lasting = 0.0;
     // a wall that those in place leave no motion against cannot push
     double push = mobility < UNMOVED * pairs.mobility(j, j) ? approach / -mobility : 0.0;
@@ -239,12 +247,14 @@ constexpr double ROUNDING_SHARE = 1e-12;
         c.state(j) = FREE;
         return STAY;
     }
-    if (pairs.rigid(j) && status != REST) return beside_sticking(j, side, form, pairs, c, space, tables, b);
+    if (pairs.rigid(j) && status != REST)
+        return beside_sticking(j, side, form, pairs, c, space, tables, b);
     c.state(j) = side * CONTACT;
     begin_contact(j, time, larger(side * search.rate(r), 0.0), c);
     search.leaving(j) = 0.0;
     // what began at rest does not end by the rounding of its rate
-    if (status == REST && !pairs.rigid(j)) search.leaving(count + j) = -side;
+    if (status == REST && !pairs.rigid(j))
+        search.leaving(count + j) = -side;
     return ENTER;
 }
 
@@ -256,7 +266,8 @@ constexpr double ROUNDING_SHARE = 1e-12;
     measure(scalars, space.motion, search);
     for (Index r = 0; r < c.state.size(); r++) {
         search.at_wall(r) = 0.0;
-        if (!pairs.rigid(r)) continue;
+        if (!pairs.rigid(r))
+            continue;
         safe_advance(r, scalars, space.motion, scalars.size.size(), phase, 1.0, search);
         if (c.released(r) != 0.0) {
             search.at_wall(r) = c.released(r);
@@ -273,7 +284,8 @@ constexpr double ROUNDING_SHARE = 1e-12;
                                                 const Space &space) {
     const Search &search = space.search;
     for (Index r = 0; r < space.impulse.size(); r++) {
-        if (space.impulse(r) == 0.0) continue;
+        if (space.impulse(r) == 0.0)
+            continue;
         double side = search.at_wall(r);
         double lasting = bounces_left(r, side, -side * search.rate(r), scalars, pairs, c, space);
         if (lasting >= 0.0) {
@@ -285,12 +297,13 @@ constexpr double ROUNDING_SHARE = 1e-12;
 }
 
 // Takes its rebound from a pair; the impulse becomes the one that does it.
-[[gnu::noinline]] inline void capture(Index r, const Form &form, const Pairs &pairs, const Case &c,
-                                      const Space &space, const Tables &tables, const Ledger *b) {
+[[gnu::noinline]] inline void capture(Index r, const Form &form, const Pairs &pairs, const Case &c, const Space &space,
+                                      const Tables &tables, const Ledger *b) {
     const Search &search = space.search;
     Array impulse = space.impulse;
     double rebound = -search.at_wall(r) * search.rate(r);
-    for (Index i = 0; i < impulse.size(); i++) impulse(i) = 0.0;
+    for (Index i = 0; i < impulse.size(); i++)
+        impulse(i) = 0.0;
     double back = rebound / -pairs.mobility(r, r);
     impulse(r) = -search.at_wall(r) * back;
     add_impulses(form, space);
@@ -353,9 +366,11 @@ constexpr double ROUNDING_SHARE = 1e-12;
         }
         impulse(hit) += wall * push;
         search.leaving(hit) = 0.0;
-        for (Index r = 0; r < impulse.size(); r++) search.rate(r) += pairs.mobility(r, hit) * wall * push;
+        for (Index r = 0; r < impulse.size(); r++)
+            search.rate(r) += pairs.mobility(r, hit) * wall * push;
     }
-    if (again) return UNRESOLVED;
+    if (again)
+        return UNRESOLVED;
     add_impulses(form, space);
     Index caught = caught_pair(scalars, pairs, c, space);
     if (caught >= 0) {
@@ -372,4 +387,4 @@ constexpr double ROUNDING_SHARE = 1e-12;
     return changed || caught >= 0 ? ENTER : STAY;
 }
 
-}  // namespace FEMIMPACT_TARGET
+} // namespace FEMIMPACT_TARGET

@@ -1,0 +1,180 @@
+"""Fuzz of the compiled core's entries: wrong types, shapes, strides, dead arrays. An exception is right, a crash never.
+
+`python .ci/fuzz_core.py --seconds 600` calls the entries in child processes with random arguments; it ends with status
+1 where a child crashes, and prints the command that repeats it. A build with checks or sanitizers finds more.
+
+A new entry is one more function in `ENTRIES`, that gives the arguments of a sound call.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import faulthandler
+import random
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+CALLS = 20_000
+"""Calls of one child process."""
+
+
+# ---- sound calls ----------------------------------------------------------------------------------
+
+
+def exponentials(random: random.Random) -> dict[str, Any]:
+    """Arguments of `core.exponentials`."""
+    count = random.choice([0, 1, 2, 3, 4, 5, 8, 21])
+    draw = np.random.default_rng(random.randrange(2**32))
+    size = 10.0 ** random.uniform(-3.0, 308.0)
+    exponent = (-draw.random(count) + 1j * draw.normal(size=count)) * size
+    return {"exponent": exponent, "time": random.choice([0.0, 1.0, 1e-300, 1e300]), "out": np.empty(count, complex)}
+
+
+ENTRIES: dict[str, Callable[[random.Random], dict[str, Any]]] = {
+    "exponentials": exponentials,
+}
+
+
+# ---- what is wrong with them ----------------------------------------------------------------------
+
+
+def _dead(array: np.ndarray) -> memoryview:
+    view = memoryview(array)
+    view.release()
+    return view
+
+
+def _shifted(array: np.ndarray) -> np.ndarray:
+    """An array that does not begin where its numbers may."""
+    memory = bytearray(array.nbytes + 1)
+    return np.frombuffer(memory, dtype=array.dtype, count=array.size, offset=1).reshape(array.shape)
+
+
+def _frozen(array: np.ndarray) -> np.ndarray:
+    array = array.copy()
+    array.flags.writeable = False
+    return array
+
+
+class _Raising:
+    def __float__(self) -> float:
+        raise RuntimeError("no number")
+
+    __index__ = __float__
+
+    @property
+    def __array_interface__(self) -> dict[str, Any]:
+        raise RuntimeError("no array")
+
+
+TYPES = ["f4", "f8", ">f8", "f2", "g", "c8", "c16", ">c16", "i1", "i4", "i8", "u8", ">i8", "?", "S8", "U2", "O", "V16"]
+
+WRONG_ARRAYS: list[Callable[[np.ndarray, random.Random], Any]] = [
+    lambda array, _: array.tolist(),
+    lambda array, _: array.tobytes(),
+    lambda array, _: bytearray(array.tobytes()),
+    lambda array, _: memoryview(array),
+    lambda array, _: memoryview(array.tobytes()),
+    lambda array, _: _dead(array),
+    lambda array, _: _shifted(array),
+    lambda array, _: _frozen(array),
+    lambda array, _: array[::-1],
+    lambda array, _: np.repeat(array, 2, axis=-1)[..., ::2],
+    lambda array, _: np.asfortranarray(array[None].repeat(2, axis=0)),
+    lambda array, _: np.broadcast_to(array.reshape(-1)[:1] if array.size else array, array.shape),
+    lambda array, _: array.reshape(()) if array.size == 1 else array[..., None],
+    lambda array, _: array[..., :-1],
+    lambda array, _: np.concatenate([array, array]),
+    lambda array, _: np.empty((0,) * (array.ndim + 1), array.dtype),
+    lambda array, random: np.zeros((1,) * random.randint(0, 32), array.dtype),
+    lambda array, random: np.zeros(array.shape, random.choice(TYPES)),
+    lambda array, _: np.ma.masked_array(array, np.zeros(array.shape, bool)),
+    lambda array, _: np.full(array.shape, np.nan).astype(array.dtype),
+    lambda array, _: np.full(array.shape, np.inf).astype(array.dtype),
+    lambda array, _: np.full(array.shape, -np.inf).astype(array.dtype),
+    lambda array, _: (ctypes.c_double * max(array.size, 1))(),
+    lambda array, _: (ctypes.c_char * 7)(),
+]
+
+WRONG: list[Callable[[], Any]] = [
+    lambda: None, lambda: 0, lambda: -1, lambda: 2**63, lambda: 2**2000, lambda: float("nan"), lambda: float("inf"),
+    lambda: 1j, lambda: "", lambda: "é\0" * 100, lambda: b"", lambda: [], lambda: {}, lambda: object(),
+    lambda: _Raising(),
+    lambda: np, lambda: np.float64(1.0), lambda: np.array(1.0), lambda: np.zeros(3), lambda: print, lambda: int,
+]  # fmt: skip
+
+
+def spoiled(arguments: list[Any], random: random.Random) -> list[Any]:
+    """The arguments of a call, with none, one or several of them wrong, exchanged, left out or doubled."""
+    arguments = list(arguments)
+    for _ in range(random.choice([0, 1, 1, 1, 2, 3])):
+        if not arguments:
+            break
+        k = random.randrange(len(arguments))
+        what = random.random()
+        if what < 0.6 and isinstance(arguments[k], np.ndarray):
+            arguments[k] = random.choice(WRONG_ARRAYS)(arguments[k], random)
+        elif what < 0.85:
+            arguments[k] = random.choice(WRONG)()
+        elif what < 0.9:
+            # the same memory twice
+            arguments[k] = random.choice(arguments)
+        elif what < 0.95:
+            del arguments[k]
+        else:
+            arguments.insert(k, random.choice(WRONG)())
+    return arguments
+
+
+def run_child(seed: int) -> None:
+    """Call entries at random; any exception is an answer."""
+    from femimpact import core
+
+    faulthandler.enable()
+    draw = random.Random(seed)
+    answers = {"returned": 0, "refused": 0}
+    for _ in range(CALLS):
+        name = draw.choice(sorted(ENTRIES))
+        try:
+            arguments = spoiled(list(ENTRIES[name](draw).values()), draw)
+        except (ValueError, TypeError, IndexError, OverflowError):
+            # numpy itself refuses to make such an array
+            continue
+        try:
+            getattr(core, name)(*arguments)
+            answers["returned"] += 1
+        except (TypeError, ValueError, OverflowError, RuntimeError):
+            answers["refused"] += 1
+    # a fuzz in which nothing is taken, or nothing refused, tries nothing
+    if min(answers.values()) < CALLS // 100:
+        sys.exit(f"nearly all calls had one outcome: {answers}")
+
+
+def main() -> None:
+    """Run child processes until the time is over."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--seed", type=int, help="run this one child alone, in this process")
+    options = parser.parse_args()
+    if options.seed is not None:
+        run_child(options.seed)
+        return
+    end, seed = time.monotonic() + options.seconds, 0
+    while time.monotonic() < end:
+        command = [sys.executable, "-W", "ignore", __file__, "--seed", str(seed)]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode != 0:
+            print(done.stdout + done.stderr)
+            sys.exit(f"a call crashed (status {done.returncode}); repeat it with {' '.join(command)}")
+        seed += 1
+    print(f"fuzz: {seed * CALLS} calls of {', '.join(ENTRIES)}, no crash")
+
+
+if __name__ == "__main__":
+    main()
