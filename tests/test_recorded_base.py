@@ -197,3 +197,16 @@ def test_offset_and_drift_are_no_cycle(cycles, trend):
 @pytest.mark.parametrize("samples", [np.ones(50), np.linspace(-3.0, 8.0, 50), [0.0, 1.0], np.zeros(50)])
 def test_a_straight_record_is_one_cycle(samples):
     assert fi.RecordedBase(samples, 0.1).frequency == pytest.approx(1.0 / (0.1 * len(samples)))
+
+
+def test_long_after_its_end_the_base_moves_on_uniformly_and_a_time_beyond_sense_is_refused():
+    base = fi.RecordedBase([0.0, 2.0, -1.0], 0.1, initial_velocity=0.3)
+    end, late = base.duration, 1e12
+    speed = float(base.velocity(end))
+    assert base.velocity(late) == speed
+    assert base.acceleration(late) == 0.0
+    # the place at the end is lost in the rounding of the way since then
+    assert float(base.displacement(late)) == pytest.approx(speed * (late - end), rel=1e-12)
+    for drive in (base, fi.Sine(1e-3, 5.0)):
+        with pytest.raises(fi.InputError, match=r"^time = 1e.300 s: must be finite numbers from"):
+            drive.displacement(1e300)
