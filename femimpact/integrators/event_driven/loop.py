@@ -197,7 +197,7 @@ def _run_case(begin: int, until: float, most: float, case: Case, job: Job, b: Le
         f = cases.form[c, 1]
         if walls:
             set_walls(f, case, forms, space.bounds)
-        set_bounds(case, space.bounds)
+        set_bounds(pairs, case, space.bounds)
         form = by_address(form_of(f, case, cases, forms, space.bounds))
         walls = False
         hit, effect = cases.hit[c], STAY
