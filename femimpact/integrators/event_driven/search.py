@@ -41,10 +41,6 @@ PAST = 100.0
 """Times its rounding by which the force of a pair that sticks is past zero: a contact elsewhere has made it jump."""
 
 
-LET_GO = 1e-10
-"""Share of the time to which it is known when a contact force of stiff neighbours is zero."""
-
-
 NEGLIGIBLE_APPROACH = 1e-3
 """Share of the closure that an approach may cross in a cycle and still be none, of a pair just let go and beside others
 that stick."""
@@ -115,13 +111,12 @@ def safe_advance(
     bend, twist = side * c.found[0], side * c.found[1]
     if c.at_wall[r] != 0.0 and toward >= -rate_rounding:
         toward = 0.0
-        # a pair that was let go has no acceleration left but rounding, nor a contact force at that time but rounding
-        let_go = c.leaving[r] == side
-        share, share_of_time = (1e-9, LET_GO) if let_go else (1e-12, 0.1 * AT_WALL)
+        # a pair that was let go has no acceleration left but rounding
+        share = 1e-9 if c.leaving[r] == side else 1e-12
         # and none is known better than the time is
-        noise = share * c.found[2] + share_of_time * c.found[3] * motion.clock[0]
+        noise = share * c.found[2] + 0.1 * AT_WALL * c.found[3] * motion.clock[0]
         noise_of_twist = share * c.found[3]
-        unknown = twist == 0.0 and c.found[3] > 0.0 and not let_go
+        unknown = twist == 0.0 and c.found[3] > 0.0 and c.leaving[r] != side
         if bend > noise or (bend >= -noise and (twist > noise_of_twist or unknown)):
             return -1.0
         if c.found[3] == 0.0 and bend >= -noise:

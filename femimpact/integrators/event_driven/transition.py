@@ -92,15 +92,12 @@ def apply_event(
     if r >= count:
         if abs(state) == SEPARATING:
             case.state[j] = own * CONTACT
-            # what the force begins with is not undone by the rounding of its rate, there or below
-            search.leaving[r] = -own
         elif pairs.rigid[j]:
             end_sticking(j, time, case, tables)
             case.state[j] = FREE
             search.leaving[j] = own
         else:
             case.state[j] = own * SEPARATING
-            search.leaving[r] = own
         return ENTER
     if abs(state) == SEPARATING:
         end_contact(j, -own * search.rate[r], time, case, tables)
