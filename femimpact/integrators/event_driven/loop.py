@@ -11,7 +11,6 @@ from femimpact.integrators.event_driven.ledger import add_to_ledger, any_complia
 from femimpact.integrators.event_driven.loop_data import (
     ENTERED,
     ENTERING,
-    FITTING,
     RESUMED,
     STARTED,
     STARTING,
@@ -47,7 +46,7 @@ from femimpact.integrators.event_driven.states import (
 )
 from femimpact.integrators.event_driven.touching import add_contact
 from femimpact.integrators.event_driven.transition import (
-    FIT,
+    COLLIDE,
     RELEASE_ALL,
     STAY,
     UNRESOLVED,
@@ -70,7 +69,7 @@ EVENTS_AT_ONCE = 200
 def _enter(case: Case, job: Job, b: Ledger | None) -> int:
     """Take the coordinates of a case into the closed form of its contact states."""
     c, pairs, cases, forms, space = case.number, job.pairs, job.cases, job.forms, job.space
-    motion, bounds, before, after = space.motion, space.bounds, space.products.before, space.products.after
+    motion, bounds = space.motion, space.bounds
     if cases.entering[c] == STARTING:
         set_start_states(pairs, case, motion)
         cases.entering[c] = STARTED
@@ -87,17 +86,8 @@ def _enter(case: Case, job: Job, b: Ledger | None) -> int:
     form = by_address(form_of(f, case, cases, forms, bounds))
     if b is not None and cases.entering[c] >= STARTED:
         write_energy(pairs, case, motion, case.coordinates, b, b.start[c])
-    for i in range(before.shape[1]):
-        before[1, i] = case.coordinates[1, i]
     if cases.entering[c] != RESUMED:
         enter_form(f, form.shapes, forms, case.coordinates, motion)
-    if b is not None and cases.entering[c] == FITTING:
-        read_coordinates(form.shapes, motion, after)
-        # after it the velocities fit the walls, so that M (v - v') v is what walls that move do
-        for i in range(b.mass.size):
-            change = after[1, i] - before[1, i]
-            b.contact_loss[c] += 0.5 * b.mass[i] * change * change
-            b.work[c] += b.mass[i] * change * after[1, i]
     cases.entering[c] = ENTERED
     return DONE
 
@@ -207,7 +197,7 @@ def _run_case(begin: int, until: float, most: float, case: Case, job: Job, b: Le
         f = cases.form[c, 1]
         if walls:
             set_walls(f, case, forms, space.bounds)
-        set_bounds(case, space.bounds)
+        set_bounds(pairs, case, space.bounds)
         form = by_address(form_of(f, case, cases, forms, space.bounds))
         walls = False
         hit, effect = cases.hit[c], STAY
@@ -222,9 +212,8 @@ def _run_case(begin: int, until: float, most: float, case: Case, job: Job, b: Le
             if status == STUCK or cases.events[c, 1] > EVENTS_AT_ONCE or cases.events[c, 0] > most:
                 return UNENDING
             pair, side = int(search.event[0]), search.event[1]
-            free = pair < case.state.size and abs(case.state[pair]) == 0.0
-            effect = apply_event(status, form.scalars, pairs, case, space, job.tables)
-            if effect == RELEASE_ALL or (effect == STAY and free):
+            effect = apply_event(status, form, pairs, case, space, job.tables, b)
+            if effect in (COLLIDE, RELEASE_ALL):
                 hit = side * (pair + 1)
         if hit != 0.0 and effect != RELEASE_ALL:
             side = 1.0 if hit > 0.0 else -1.0
@@ -232,12 +221,15 @@ def _run_case(begin: int, until: float, most: float, case: Case, job: Job, b: Le
             hit = 0.0
         cases.hit[c] = hit
         if effect == UNRESOLVED:
+            # for the words of the refusal
+            for r in range(search.at_wall.size // 2):
+                case.released[r] = search.at_wall[r] if space.impulse[r] != 0.0 else 0.0
             return UNENDING
         if effect == STAY:
             walls = True
         else:
             read_coordinates(form.shapes, motion, case.coordinates)
-            cases.entering[c] = FITTING if effect == FIT else ENTERING
+            cases.entering[c] = ENTERING
 
 
 @inlined

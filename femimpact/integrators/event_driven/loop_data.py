@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from femimpact.integrators.event_driven.motion import Array, Complex, Indices, Motion, Scalars, Search
 
 __all__ = [
-    "BEGUN", "CONTACT", "ENTERED", "ENTERING", "FITTING", "FREE", "LARGEST_FORCE", "LASTED", "LOST", "PUSHED",
+    "BEGUN", "CONTACT", "ENTERED", "ENTERING", "FREE", "LARGEST_FORCE", "LASTED", "LOST", "PUSHED",
     "RESUMED", "SEPARATING", "STARTED", "STARTING", "TOUCH_SPEED", "Bounds", "Case", "Cases", "Form", "Forms", "Grid",
     "Job", "Ledger", "Pairs", "Products", "Shapes", "Snapshots", "Space", "Tables",
 ]  # fmt: skip
@@ -23,10 +23,10 @@ __all__ = [
 FREE, CONTACT, SEPARATING = range(3)
 """Contact states of a pair; the last two times the side of the wall. A rigid pair in contact sticks."""
 
-ENTERED, ENTERING, FITTING, STARTED, RESUMED, STARTING = range(6)
-"""How a case stands to its closed form: in it; to enter it with the coordinates it has; the same with velocities that
-are made to fit its sticking pairs; as a start whose contact states are found; the same with the motion of an earlier
-run in that form; or as a start whose contact states are still to be found."""
+ENTERED, ENTERING, STARTED, RESUMED, STARTING = range(5)
+"""How a case stands to its closed form: in it; to enter it with the coordinates it has; as a start whose contact states
+are found; the same with the motion of an earlier run in that form; or as a start whose contact states are still to be
+found."""
 
 BEGUN, TOUCH_SPEED, PUSHED, LARGEST_FORCE, LASTED, LOST = range(6)
 """What a contact that has not ended adds up to: start (s), approach speed (m/s), impulse (N s), largest force (N),
@@ -70,6 +70,7 @@ class Forms(NamedTuple):
     to_rigid_body: Array  # (F, P, d)
     impulse_entry: Complex  # (F, K, R): what a unit impulse on the structure at a pair adds
     impulse_rigid_body: Array  # (F, P, R)
+    reaction: Array  # (F, R, R) impulses at the pairs that stick (rows) by a unit one at each other pair
     together: NDArray[np.bool_]  # (F, T, T) whether the product of two terms of the motion occurs in the ledger
     first: Indices  # (F, d + 1) entries that move coordinate i: members[first[i]:first[i + 1]]
     members: Indices  # (F, d K)
@@ -99,6 +100,7 @@ class Form(NamedTuple):
     rigid_body_sine: Complex  # (P,)
     impulse_entry: Complex  # (K, R)
     impulse_rigid_body: Array  # (P, R)
+    reaction: Array  # (R, R)
     load_on_rigid_body: Array  # (P, 1 + R)
 
 

@@ -28,6 +28,7 @@ from femimpact.integrators.event_driven.exponentials import cosine_and_sine, exp
 __all__ = [
     "AT_WALL",
     "NODES",
+    "STICKS",
     "WEIGHTS",
     "Array",
     "Complex",
@@ -74,6 +75,9 @@ DECAY_EXPONENT = 80.0
 AT_WALL = 32.0 * 2.220446049250313e-16
 """A clearance below this share of the terms that make it is rounding: the pair is at its wall."""
 
+STICKS = 2.0
+"""Of a pair that sticks, whose force may jump, beside 1 of a compliant contact, whose force is one of the state."""
+
 
 class Scalars(NamedTuple):
     """Scalars read from a motion in closed form; the first E of them (gaps and contact forces) decide events.
@@ -89,7 +93,7 @@ class Scalars(NamedTuple):
     broken: bool  # whether s(t) is a broken line
     rigid_body_given: Array  # (P,) constant acceleration
     rigid_body_drive: Array  # (P,) acceleration per unit of s(t); zero for a sine, as that part is in `sine`
-    lasting: Array  # (E,) side of a contact whose force is watched for its end, else 0
+    lasting: Array  # (E,) side of a contact whose force is watched for its end, times STICKS if it sticks, else 0
     upper: Array  # (E + 1,); the last two are those of the search for the peak
     lower: Array  # (E + 1,)
     weight: Complex  # (R, K)

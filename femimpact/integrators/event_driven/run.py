@@ -17,9 +17,10 @@ from femimpact.integrators.event_driven import loop_data
 from femimpact.integrators.event_driven.alone import block_alone, closed_drive, pieces, sample_to_keep, unending
 from femimpact.integrators.event_driven.block import Block, no_cycles, run_block
 from femimpact.integrators.event_driven.continued import Sampling, final_state, held_by, touching
+from femimpact.integrators.event_driven.equations import require_met
 from femimpact.integrators.event_driven.largest import find_largest
 from femimpact.integrators.event_driven.loop import UNENDING
-from femimpact.integrators.event_driven.loop_data import BEGUN, CONTACT, FREE, PUSHED
+from femimpact.integrators.event_driven.loop_data import BEGUN, CONTACT, FREE, LASTED, PUSHED
 from femimpact.integrators.event_driven.reading_grid import ReadingGrid, reading_grid
 from femimpact.integrators.event_driven.settings import EventSettings, check_events
 from femimpact.integrators.event_driven.store import outputs_of
@@ -213,6 +214,8 @@ def _call(
     run_block(block, np.array([begin]), np.array([begin + count]), most, snapshots)
     block.grid = block.grid._replace(cycles=cycles)
     if block.stopped[0] == UNENDING:
+        # walls that hold the structure between them are another fault than too many events
+        require_met(block.store.whole, np.flatnonzero(block.cases.released[0]))
         raise DivergenceError(unending(float(block.cases.clock[0, 0]), run.method))
     _require_finite(block.grid.values, float(run.sampling.time(done + count)))
     run.samples.append(block.grid.values[0][kept >= 0])
@@ -351,9 +354,9 @@ def _sticking(run: _Run) -> StickingPhases:
     """Sticking phases that have ended, then those that last."""
     block = run.block
     rows = [tuple(row) for row in block.tables.sticking[: min(int(block.tables.number[1]), len(block.tables.sticking))]]
-    for j in np.flatnonzero(block.pairs.rigid & (np.abs(block.cases.state[0]) == CONTACT)):
-        began, impulse = float(block.cases.touch[0, BEGUN, j]), float(block.cases.touch[0, PUSHED, j])
-        rows.append((j, float(np.sign(block.cases.state[0, j])), began, math.nan, impulse))
+    for j in np.flatnonzero(block.pairs.rigid & (np.abs(block.cases.state[0]) == CONTACT)).tolist():
+        impulse = float(block.cases.touch[0, PUSHED, j])
+        rows.append((j, float(np.sign(block.cases.state[0, j])), _begun(block, j), math.nan, impulse))
     pair, side, start, end, pushed = np.array(rows).reshape(-1, 5).T
     lasting = np.where(np.isfinite(end), end, float(block.cases.clock[0, 0])) - start
     return StickingPhases(
@@ -366,6 +369,12 @@ def _sticking(run: _Run) -> StickingPhases:
     )
 
 
+def _begun(block: Block, pair: int) -> float:
+    """Start (s) of a sticking phase that lasts: the end of its bounces, or its capture where these are not over."""
+    touch, now = block.cases.touch[0, :, pair], float(block.cases.clock[0, 0])
+    return float(touch[BEGUN] if touch[BEGUN] <= now else now - touch[LASTED])
+
+
 def _open_contacts(run: _Run) -> tuple[str, ...]:
     """Notes on what lasts at the end, and has no row in its table yet."""
     notes, state = [], run.block.cases.state[0]
@@ -373,7 +382,7 @@ def _open_contacts(run: _Run) -> tuple[str, ...]:
         if state[j] == FREE:
             continue
         if run.block.pairs.rigid[j]:
-            wall, start = "+" if state[j] > 0 else "-", float(run.block.cases.touch[0, BEGUN, j])
+            wall, start = "+" if state[j] > 0 else "-", _begun(run.block, j)
             notes.append(f"{pair.name} sticks to its {wall} wall since t = {start:.4g} s")
         else:
             notes.append(

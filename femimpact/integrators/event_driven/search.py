@@ -7,6 +7,7 @@ import math
 from femimpact.integrators.compiled.compiling import ZERO, apart, inlined
 from femimpact.integrators.event_driven.motion import (
     AT_WALL,
+    STICKS,
     Motion,
     Scalars,
     Search,
@@ -34,6 +35,10 @@ NEGLIGIBLE_SIZE = 1e-60
 
 SETTLED = 1e5
 """Times its rounding that a rate must have, to end what began at rest at this instant: its own start had none."""
+
+
+PAST = 100.0
+"""Times its rounding by which the force of a pair that sticks is past zero: a contact elsewhere has made it jump."""
 
 
 NEGLIGIBLE_APPROACH = 1e-3
@@ -89,6 +94,9 @@ def safe_advance(
     over, under, farther = scalars.upper[r] - value, value - scalars.lower[r], c.found[4]
     side = 1.0 if over < under else -1.0
     clearance, toward = max(min(over, under), 0.0), side * rate
+    if abs(scalars.lasting[r]) == STICKS and min(over, under) < -PAST * rounding:
+        # a wall does not pull, be it for a moment
+        return 0.0
     if c.at_wall[r] == 0.0:
         c.leaving[r] = 0.0
         if 2.0 * abs(rate) * safe > clearance or safe >= remaining:

@@ -17,6 +17,7 @@ from femimpact.integrators.event_driven.loop_data import (
     Shapes,
 )
 from femimpact.integrators.event_driven.motion import (
+    STICKS,
     Array,
     Complex,
     Motion,
@@ -135,7 +136,7 @@ def form_of(f: int, case: Case, cases: Cases, forms: Forms, bounds: Bounds) -> F
     )  # fmt: skip
     return Form(
         scalars, shapes, forms.together[f], cases.rigid_body_sine[c, n], forms.impulse_entry[f],
-        forms.impulse_rigid_body[f], forms.rigid_body_given[f],
+        forms.impulse_rigid_body[f], forms.reaction[f], forms.rigid_body_given[f],
     )  # fmt: skip
 
 
@@ -162,25 +163,25 @@ def _multiply(matrix: Array, vector: Array, out: Array) -> None:
 
 
 @apart
-def set_bounds(case: Case, s: Bounds) -> None:
+def set_bounds(pairs: Pairs, case: Case, s: Bounds) -> None:
     """Bounds of the watched scalars, and the side of a contact that lasts."""
-    state, pairs = case.state, case.state.size
-    for j in range(pairs):
+    state, count = case.state, case.state.size
+    for j in range(count):
         side = side_of(state[j])
-        for r in (j, pairs + j):
+        for r in (j, count + j):
             s.upper[r], s.lower[r], s.lasting[r] = math.inf, -math.inf, 0.0
         if state[j] == FREE:
             s.upper[j], s.lower[j] = case.gap_plus[j], -case.gap_minus[j]
         elif is_active(state[j]):
-            s.lasting[pairs + j] = side
+            s.lasting[count + j] = side * (STICKS if pairs.rigid[j] else 1.0)
             if side > 0.0:
-                s.lower[pairs + j] = 0.0
+                s.lower[count + j] = 0.0
             else:
-                s.upper[pairs + j] = 0.0
+                s.upper[count + j] = 0.0
         elif side > 0.0:
-            s.lower[j], s.upper[pairs + j] = case.gap_plus[j], 0.0
+            s.lower[j], s.upper[count + j] = case.gap_plus[j], 0.0
         else:
-            s.upper[j], s.lower[pairs + j] = -case.gap_minus[j], 0.0
+            s.upper[j], s.lower[count + j] = -case.gap_minus[j], 0.0
 
 
 @apart

@@ -170,6 +170,7 @@ class FormStore:
             "position_follow": (f, 4, d),
             "to_rigid_body": (f, rigid_bodies, d),
             "impulse_rigid_body": (f, rigid_bodies, pairs),
+            "reaction": (f, pairs, pairs),
         }
         whole: dict[str, tuple[int, ...]] = {
             "key": (f,), "following": (f,), "number": (f,), "entries": (f,), "rigid_bodies": (f,),
@@ -224,7 +225,7 @@ class FormStore:
             "static": made.position.constant, "position_through": made.position.through[2],
             "position_follow": made.position.follow, "load": made.load, "to_entry_u": made.to_entry_u,
             "to_entry_v": made.to_entry_v, "to_rigid_body": made.to_rigid_body, "impulse_entry": made.impulse_entry,
-            "impulse_rigid_body": made.impulse_rigid_body, "together": together,
+            "impulse_rigid_body": made.impulse_rigid_body, "reaction": made.reaction, "together": together,
             "first": np.concatenate([[0], np.cumsum(used.sum(axis=1))]), "members": np.nonzero(used)[1],
         }  # fmt: skip
         for name, value in values.items():

@@ -34,7 +34,7 @@ from femimpact.integrators.event_driven.states import side_of
 from femimpact.response.columns import APPROACH_SUM, COUNT, FORCE_TIME, IMPULSE_SUM, LARGEST_APPROACH, PEAK_FORCE
 
 __all__ = [
-    "add_contact", "add_impulse", "begin_contact", "count_impact", "end_contact", "end_sticking", "take_back",
+    "add_contact", "add_impulse", "begin_contact", "correct_impulse", "count_impact", "end_contact", "end_sticking",
 ]  # fmt: skip
 
 
@@ -168,11 +168,11 @@ def count_impact(j: int, time: float, approach: float, impulse: float, case: Cas
 
 
 @inlined
-def take_back(j: int, time: float, impulse: float, case: Case) -> None:
-    """Take from the sums of the window what an impact gave that ends without its rebound."""
+def correct_impulse(j: int, time: float, impulse: float, case: Case) -> None:
+    """Add to the impulse of the impact that was counted last."""
+    add_impulse(j, time, impulse, case)
     if _is_counted(time, case):
-        case.totals[IMPULSE_SUM, j] -= impulse
-        case.totals[FORCE_TIME, j] -= impulse
+        case.totals[IMPULSE_SUM, j] += impulse
 
 
 @apart
@@ -193,7 +193,11 @@ def end_contact(j: int, rebound: float, time: float, case: Case, tables: Tables)
 @apart
 def end_sticking(j: int, time: float, case: Case, tables: Tables) -> None:
     """A sticking phase has ended; one that begins as another of the same pair ends goes on with it."""
-    start, impulse, side = case.touch[BEGUN, j], case.touch[PUSHED, j], side_of(case.state[j])
+    impulse, side = case.touch[PUSHED, j], side_of(case.state[j])
+    start = case.touch[BEGUN, j]
+    if start > time:
+        # it ends before its bounces would have: from its capture on
+        start = time - case.touch[LASTED, j]
     row = tables.number[1]
     if row < tables.sticking.shape[0]:
         for before in range(row - 1, max(row - 1 - case.state.size, -1), -1):
@@ -201,7 +205,7 @@ def end_sticking(j: int, time: float, case: Case, tables: Tables) -> None:
             if out[0] == j and out[1] == side and out[3] >= start:
                 out[3], out[4] = time, out[4] + impulse
                 return
-    if time > start:
+    if time > start or impulse != 0.0:
         if row < tables.sticking.shape[0]:
             out = tables.sticking[row]
             out[0], out[1], out[2], out[3], out[4] = j, side, start, time, impulse

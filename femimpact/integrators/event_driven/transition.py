@@ -8,6 +8,7 @@ from femimpact.integrators.compiled.compiling import apart, inlined
 from femimpact.integrators.event_driven.loop_data import (
     CONTACT,
     FREE,
+    PUSHED,
     SEPARATING,
     Case,
     Form,
@@ -36,20 +37,26 @@ from femimpact.integrators.event_driven.states import (
 from femimpact.integrators.event_driven.touching import (
     add_impulse,
     begin_contact,
+    correct_impulse,
     count_impact,
     end_contact,
     end_sticking,
-    take_back,
 )
 
-__all__ = ["ENTER", "FIT", "RELEASE_ALL", "STAY", "UNRESOLVED", "apply_event", "collide", "set_start_states"]
+__all__ = ["COLLIDE", "ENTER", "RELEASE_ALL", "STAY", "UNRESOLVED", "apply_event", "collide", "set_start_states"]
 
-STAY, ENTER, FIT, RELEASE_ALL, UNRESOLVED = range(5)
-"""After an event: the closed form stays; another one is entered; the same with velocities that are made to fit the
-pairs that stick; the same, and the impact follows there; or impacts at one instant do not end."""
+STAY, ENTER, COLLIDE, RELEASE_ALL, UNRESOLVED = range(5)
+"""After an event: the closed form stays; another one is entered; rigid impacts follow in this form; another one is
+entered, and the impacts follow there; or impacts at one instant do not end."""
 
 COLLISIONS_AT_ONCE = 100_000
 """Most collisions that one instant may take among several pairs."""
+
+UNMOVED = 1e-9
+"""Share of its own mobility below which pairs that stick leave a pair no motion against its wall."""
+
+ROUNDING_SHARE = 1e-12
+"""Share of an impact's speed that rounding may leave of none where it does not reach."""
 
 
 @apart
@@ -70,8 +77,10 @@ def set_start_states(pairs: Pairs, case: Case, motion: Motion) -> None:
 
 
 @apart
-def apply_event(status: int, scalars: Scalars, pairs: Pairs, case: Case, space: Space, tables: Tables) -> int:
-    """Change contact states by the event that the search has found: STAY, ENTER, FIT or RELEASE_ALL.
+def apply_event(
+    status: int, form: Form, pairs: Pairs, case: Case, space: Space, tables: Tables, b: Ledger | None
+) -> int:  # fmt: skip
+    """Change contact states by the event that the search has found: STAY, ENTER, COLLIDE or RELEASE_ALL.
 
     With `collide` the one place for what an event does to a motion, and so for its linearisation.
     """
@@ -95,7 +104,7 @@ def apply_event(status: int, scalars: Scalars, pairs: Pairs, case: Case, space: 
         case.state[j] = FREE
         return STAY
     if pairs.rigid[j] and status != REST:
-        return _before_impact(j, side, scalars, pairs, case, space, tables)
+        return _beside_sticking(j, side, form, pairs, case, space, tables, b)
     case.state[j] = side * CONTACT
     begin_contact(j, time, max(side * search.rate[r], 0.0), case)
     search.leaving[j] = 0.0
@@ -106,34 +115,97 @@ def apply_event(status: int, scalars: Scalars, pairs: Pairs, case: Case, space: 
 
 
 @apart
-def _before_impact(
-    j: int, side: float, scalars: Scalars, pairs: Pairs, case: Case, space: Space, tables: Tables
+def _beside_sticking(
+    j: int, side: float, form: Form, pairs: Pairs, case: Case, space: Space, tables: Tables, b: Ledger | None
 ) -> int:  # fmt: skip
-    """Before a rigid impact pairs that stick are let go (RELEASE_ALL), or take this one in (FIT)."""
-    search, time, sticking = space.search, space.motion.clock[0], False
+    """A rigid impact without rebound, of pairs that stick and one that meets its wall: STAY or ENTER.
+
+    COLLIDE where none sticks; RELEASE_ALL where a pair rebounds, or is left by its wall: an impact elsewhere passes
+    through sticking pairs as an impact of its own.
+    """
+    search, time, scalars, sticking, mobility = space.search, space.motion.clock[0], form.scalars, False, 0.0
     for i in range(case.state.size):
-        sticking = sticking or (pairs.rigid[i] and is_active(case.state[i]))
+        sticks = pairs.rigid[i] and is_active(case.state[i])
+        sticking = sticking or sticks
+        mobility += pairs.mobility[j, i] * (1.0 if i == j else form.reaction[i, j])
     if not sticking:
-        return STAY
-    # what presses it there is decided with the sticking pairs in place: without their forces it may seem to leave
-    lasting = -1.0
-    if side * search.rate[j] <= search.negligible[0]:
-        # a speed that rounding has left, as where equal parts at rest were turned into modes: no impact
-        lasting = 0.0
-    else:
-        rebound = case.restitution[j] * side * search.rate[j]
-        lasting = _bounces_left(j, side, rebound, scalars, pairs, case, space)
+        return COLLIDE
+    approach, lasting = side * search.rate[j], 0.0
+    # a wall that those in place leave no motion against cannot push
+    push = approach / -mobility if mobility < UNMOVED * pairs.mobility[j, j] else 0.0
+    # a speed that rounding has left, as where equal parts at rest were turned into modes, is no impact
+    real = approach > search.negligible[0]
+    if real:
+        # what presses it there is decided with the sticking pairs in place: without their forces it may seem to leave
+        lasting = _bounces_left(j, side, case.restitution[j] * approach, scalars, pairs, case, space)
+        caught = lasting >= 0.0 or case.restitution[j] == 0.0
+        if push == 0.0 or not caught or not _stay_in_place(j, side, push, form, pairs, case, space.motion):
+            _release_all(time, pairs, case, tables)
+            return RELEASE_ALL
+    _push_in_place(j, side, approach, push, real, form, pairs, case, space, tables, b)
+    changed = _changes_contacts(scalars, pairs, case, space.motion)
+    search.leaving[j] = 0.0
     if lasting >= 0.0:
         case.state[j] = side * CONTACT
         begin_contact(j, time + lasting, 0.0, case)
-        return FIT
-    # an impact elsewhere passes through sticking pairs as an impact of its own: they are let go
+    return ENTER if changed or lasting >= 0.0 else STAY
+
+
+@inlined
+def _release_all(time: float, pairs: Pairs, case: Case, tables: Tables) -> None:
+    """Let go all pairs that stick."""
     for i in range(case.state.size):
         if pairs.rigid[i] and is_active(case.state[i]):
             case.released[i] = side_of(case.state[i])
             end_sticking(i, time, case, tables)
             case.state[i] = FREE
-    return RELEASE_ALL
+
+
+@apart
+def _stay_in_place(j: int, side: float, push: float, form: Form, pairs: Pairs, case: Case, motion: Motion) -> bool:
+    """Whether pairs that stick take up an impulse elsewhere: none rebounds, or is left behind, above the closure."""
+    scalars, phase = form.scalars, unit_phase(form.scalars.omega, motion.clock)
+    slow = ROUNDING_SHARE * push * -pairs.mobility[j, j]
+    for i in range(case.state.size):
+        if form.reaction[i, j] == 0.0:
+            continue
+        own, felt = side_of(case.state[i]), -pairs.mobility[i, i]
+        share = own * form.reaction[i, j] * side * push
+        speed = felt * (case.restitution[i] * share if share > 0.0 else -share)
+        press = felt * own * value_now(case.state.size + i, scalars.exponent.size, phase, scalars, motion)
+        if speed > slow and speed * speed > 2.0 * max(press, 0.0) * pairs.closure:
+            return False
+    return True
+
+
+@apart
+def _push_in_place(
+    j: int, side: float, approach: float, push: float, real: bool, form: Form, pairs: Pairs, case: Case, space: Space,
+    tables: Tables, b: Ledger | None,
+) -> None:  # fmt: skip
+    """Stop a pair at its wall; the impulses of those that stick belong to their sticking phases."""
+    time, impulse, velocity = space.motion.clock[0], space.impulse, space.products.after[1]
+    read_coordinates(form.shapes, space.motion, space.products.after)
+    base_rate = base_motion(case, space.motion)[1]
+    for i in range(impulse.size):
+        share = form.reaction[i, j] * side * push
+        impulse[i] = side * push if i == j else 0.0
+        if b is not None:
+            b.work[case.number] -= (share + impulse[i]) * pairs.in_space[i] * base_rate
+            # an impulse works at the mean of the velocities before and after
+            for k in range(velocity.size):
+                velocity[k] += 0.5 * pairs.direction[i, k] * share / b.mass[k]
+        if share != 0.0:
+            pushed = side_of(case.state[i]) * share
+            case.touch[PUSHED, i] += pushed
+            add_impulse(i, time, pushed, case)
+    if real:
+        count_impact(j, time, approach, push, case)
+        _write_impact(j, side, approach, 0.0, push, pairs, case, space, tables, b)
+    add_impulse(j, time, push, case)
+    if b is not None:
+        b.contact_loss[case.number] += 0.5 * push * approach
+    _add_impulses(form, space)
 
 
 @apart
@@ -165,7 +237,7 @@ def collide(
         push = (1.0 + e) * fastest / -pairs.mobility[hit, hit]
         count_impact(hit, time, fastest, push, case)
         add_impulse(hit, time, push, case)
-        _write_impact(hit, fastest, push, pairs, case, space, tables, b)
+        _write_impact(hit, wall, fastest, e * fastest, push, pairs, case, space, tables, b)
         if b is not None:
             b.contact_loss[case.number] += 0.5 * push * (1.0 - e) * fastest
             b.work[case.number] -= wall * push * pairs.in_space[hit] * base_rate
@@ -178,9 +250,8 @@ def collide(
     _add_impulses(form, space)
     caught = _caught_pair(scalars, pairs, case, space)
     if caught >= 0:
-        _capture(caught, form, pairs, space, tables)
+        _capture(caught, form, pairs, case, space, tables, b)
         wall, rebound = search.at_wall[caught], -search.at_wall[caught] * search.rate[caught]
-        take_back(caught, time, -wall * impulse[caught], case)
         if b is not None:
             b.contact_loss[case.number] -= 0.5 * wall * impulse[caught] * rebound
             b.work[case.number] -= impulse[caught] * pairs.in_space[caught] * base_rate
@@ -206,10 +277,11 @@ def _find_touching(first: int, side: float, scalars: Scalars, pairs: Pairs, case
 
 @apart
 def _write_impact(
-    r: int, approach: float, push: float, pairs: Pairs, case: Case, space: Space, tables: Tables, b: Ledger | None
+    r: int, side: float, approach: float, rebound: float, push: float, pairs: Pairs, case: Case, space: Space,
+    tables: Tables, b: Ledger | None,
 ) -> None:  # fmt: skip
     """Note one collision; the velocities are those before it, and then those after it."""
-    side, rebound, velocity = space.search.at_wall[r], case.restitution[r] * approach, space.products.after[1]
+    velocity = space.products.after[1]
     row = tables.number[0]
     tables.number[0] = row + 1
     if row < tables.impacts.shape[0]:
@@ -275,9 +347,11 @@ def _caught_pair(scalars: Scalars, pairs: Pairs, case: Case, space: Space) -> in
 
 
 @apart
-def _capture(r: int, form: Form, pairs: Pairs, space: Space, tables: Tables) -> None:
+def _capture(
+    r: int, form: Form, pairs: Pairs, case: Case, space: Space, tables: Tables, b: Ledger | None
+) -> None:  # fmt: skip
     """Take its rebound from a pair; the impulse becomes the one that does it."""
-    search, impulse = space.search, space.impulse
+    search, impulse, velocity = space.search, space.impulse, space.products.after[1]
     rebound = -search.at_wall[r] * search.rate[r]
     for i in range(impulse.size):
         impulse[i] = 0.0
@@ -290,7 +364,12 @@ def _capture(r: int, form: Form, pairs: Pairs, space: Space, tables: Tables) -> 
             tables.impacts[row, 4] = 0.0
             tables.impacts[row, 5] -= back
             tables.impacts[row, 8] += 0.5 * back * rebound
+            if b is not None:
+                for i in range(b.loss_of_mode.shape[1]):
+                    own = pairs.direction[r, i] * impulse[r]
+                    tables.impacts[row, 9 + i] += own * (velocity[i] + 0.5 * own / b.mass[i])
             break
+    correct_impulse(r, space.motion.clock[0], -back, case)
     search.leaving[r] = 0.0
 
 
