@@ -335,8 +335,6 @@ def _having(value: Any, names: tuple[str, ...]) -> Any:
 
 
 def _items(value: Any, kinds: tuple[Any, ...]) -> tuple[Any, ...]:
-    if hasattr(value, "tolist") and getattr(value, "ndim", 0) == 1:
-        value = tuple(value)
     if not isinstance(value, (tuple, list)):
         raise _Refused
     return tuple(_instance(entry, kinds) for entry in value)

@@ -212,3 +212,14 @@ def test_a_system_used_before_gives_the_bits_of_a_fresh_one():
     one, other = (run(system, fi.EventDriven()) for system in (used, reduced(COMPLIANT)))
     for name in READ:
         np.testing.assert_array_equal(one[name], other[name])
+
+
+def test_a_place_is_read_by_its_number_as_it_was_asked_for():
+    system = fi.without_impactors(reduced(COMPLIANT))
+    method = fi.Newmark(1e-3, allow_coarse_step=True)
+    response = run(system, method, channels=(0, 0.1, np.float32(0.05)))
+    for place in (0, 0.0, 0.1, np.float32(0.05)):
+        assert response[place] is response.channels[str(float(place))]
+    for wrong in (None, True, 1j, np.nan, 10**5000):
+        with pytest.raises(fi.InputError, match=r"^channel"):
+            response[wrong]

@@ -537,7 +537,7 @@ def test_a_map_has_a_star_at_values_of_one_start_and_says_what_it_means():
     assert legend_words(axis) == ["one start's value: the motion is not periodic"]
     assert axis.get_title(loc="left") == "rms"
     for wrong in ([True, False], values):
-        with pytest.raises(fi.InputError, match=r"samples = .*must be of bool, of shape \(2, 2\)"):
+        with pytest.raises(fi.InputError, match=r"samples = .*must be an array \(rows, columns\) of truth values"):
             fi.figures.value_map([1.0, 2.0], [5.0, 6.0], values, wrong)
 
 
@@ -557,6 +557,35 @@ def test_a_scan_has_dots_where_the_largest_peak_is_not_periodic(curves):
     assert not medians.is_sample.any()
     axes = fi.figures.restitution_scan([("starts", medians)], 4.95, 5.0, figure=fi.figures.OffScreen())
     assert set(legend_words(axes[0])) == {"starts", "not periodic: median of 2 starts"}
+
+
+@pytest.mark.parametrize("cycles", [math.nan, math.inf, 0.0, -1.0, -math.inf, "4", True, None])
+def test_cycles_that_are_none_are_not_drawn(run, cycles):
+    for figure in (fi.figures.motion, fi.figures.contact_force, fi.figures.phase_portrait):
+        with pytest.raises(fi.InputError, match=r"^cycles( = .*)?: must be a finite number > 0"):
+            figure(run, cycles=cycles)
+    # nothing was begun
+    assert plt.get_fignums() == []
+
+
+def test_more_cycles_than_a_run_has_are_all_of_them(run):
+    # 6 s at 5 Hz
+    words = "last 30 cycles at 5 Hz"
+    assert words in fi.figures.motion(run, cycles=1e30)[-1, 1].get_xlabel()
+    assert words in fi.figures.contact_force(run, cycles=1e30)[0].get_title(loc="left")
+    axis = fi.figures.phase_portrait(run, cycles=1e30)
+    assert words in axis.get_title(loc="left")
+    whole = fi.figures.phase_portrait(run, cycles=30)
+    assert all(np.array_equal(a.get_xdata(), b.get_xdata()) for a, b in zip(axis.lines, whole.lines, strict=True))
+
+
+def test_every_wrong_argument_of_a_figure_is_named_at_once(run):
+    with pytest.raises(fi.InputError) as refused:
+        fi.figures.response_curve({}, title=3, coarse="no", join_all="yes")
+    assert [fault.key for fault in refused.value.faults] == ["title", "coarse", "join_all"]
+    # Python's own words name the function
+    with pytest.raises(TypeError, match=r"motion\(\) got an unexpected keyword argument 'cycle'"):
+        fi.figures.motion(run, cycle=3)
 
 
 def test_a_streamed_run_has_no_history_to_draw(small):

@@ -276,3 +276,16 @@ def test_what_is_rightly_removed_of_a_drift_is_not_warned_of(small, tmp_path, re
     for kind in ("none", "mean", "line"):
         run = fi.integrate(bare, fi.RecordedBase.from_csv(path, scale=G, detrend=kind), fi.EventDriven(), 1.0)
         assert not [text for text in (*run.warnings, *run.notes) if "pulse" in text]
+
+
+def test_long_after_its_end_the_base_moves_on_uniformly_and_a_time_beyond_sense_is_refused():
+    base = fi.RecordedBase([0.0, 2.0, -1.0], 0.1, initial_velocity=0.3)
+    end, late = base.duration, 1e12
+    speed = float(base.velocity(end))
+    assert base.velocity(late) == speed
+    assert base.acceleration(late) == 0.0
+    # the place at the end is lost in the rounding of the way since then
+    assert float(base.displacement(late)) == pytest.approx(speed * (late - end), rel=1e-12)
+    for drive in (base, fi.Sine(1e-3, 5.0)):
+        with pytest.raises(fi.InputError, match=r"^time = 1e.300 s: must be finite numbers from"):
+            drive.displacement(1e300)

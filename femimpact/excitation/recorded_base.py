@@ -156,7 +156,9 @@ class RecordedBase:
     def _locate(self, time: ArrayLike) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Sample before each time, time since then (s), acceleration there, and its slope."""
         t = times(time)
-        index = np.clip(np.floor(np.clip(t, 0.0, self.duration) / self.interval).astype(int), 0, self.samples.size - 1)
+        # the end is that of `duration`, whose ratio to the interval may be rounded down to the sample before
+        index = np.floor(np.clip(t, 0.0, self.duration) / self.interval).astype(int)
+        index = np.where(t >= self.duration, self.samples.size - 1, np.clip(index, 0, self.samples.size - 1))
         padded = np.append(self.samples, self.samples[-1])
         beyond = index >= self.samples.size - 1
         slope = np.where(beyond, 0.0, (padded[index + 1] - padded[index]) / self.interval)

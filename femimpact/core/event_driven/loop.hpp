@@ -171,7 +171,7 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
         Index f = cases.form(c.number, 1);
         if (walls)
             set_walls(f, c, job.forms, space.bounds);
-        set_bounds(c, space.bounds);
+        set_bounds(job.pairs, c, space.bounds);
         Form form = form_of(f, c, cases, job.forms, space.bounds);
         walls = false;
         double hit = cases.hit(c.number);

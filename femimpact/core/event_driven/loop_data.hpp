@@ -33,17 +33,17 @@ using GivenFlags = View<const unsigned char, 1>;
 
 // Scalars read from a motion in closed form; the first 2R of them (gaps and contact forces) decide events.
 struct Scalars {
-    GivenComplexArray exponent;         // (K,)
-    GivenComplexMatrix coupling;        // (K, K), above the diagonal of the blocks
-    View<const Index, 2> blocks;        // (B, 2) first entry and number of entries of each; none where that is 0
-    GivenArray size;                    // (K,) |lambda|, or the norm of the block
-    double omega;                       // of the sine
-    bool broken;                        // whether s(t) is a broken line
-    GivenArray rigid_body_given;        // (P,) constant acceleration
-    GivenArray rigid_body_drive;        // (P,) acceleration per unit of s(t); zero for a sine: that is in `sine`
-    GivenArray lasting;                 // (2R,) side of a contact whose force is watched for its end, else 0
-    Array upper;                        // (2R + 1,); the last two are those of the search for the peak
-    Array lower;                        // (2R + 1,)
+    GivenComplexArray exponent;  // (K,)
+    GivenComplexMatrix coupling; // (K, K), above the diagonal of the blocks
+    View<const Index, 2> blocks; // (B, 2) first entry and number of entries of each; none where that is 0
+    GivenArray size;             // (K,) |lambda|, or the norm of the block
+    double omega;                // of the sine
+    bool broken;                 // whether s(t) is a broken line
+    GivenArray rigid_body_given; // (P,) constant acceleration
+    GivenArray rigid_body_drive; // (P,) acceleration per unit of s(t); zero for a sine: that is in `sine`
+    GivenArray lasting; // (2R,) side of a contact whose force is watched for its end, times STICKS if it sticks, else 0
+    Array upper;        // (2R + 1,); the last two are those of the search for the peak
+    Array lower;        // (2R + 1,)
     GivenComplexMatrix weight;          // (2R + O, K)
     GivenMatrix weight_size;            // (2R + O, K)
     GivenMatrix rigid_body_weight;      // (2R + O, P)

@@ -37,6 +37,9 @@ constexpr double DECAY_EXPONENT = 80.0;
 // A clearance below this share of the terms that make it is rounding: the pair is at its wall.
 constexpr double AT_WALL = 32.0 * 2.220446049250313e-16;
 
+// Of a pair that sticks, whose force may jump, beside 1 of a compliant contact, whose force is one of the state.
+constexpr double STICKS = 2.0;
+
 // e^{i theta} of the sine at the present time.
 [[gnu::always_inline]] inline Complex unit_phase(double omega, GivenArray clock) {
     auto turn = cosine_and_sine(omega * clock(0) + clock(1));

@@ -20,8 +20,8 @@ constexpr double NEGLIGIBLE_SIZE = 1e-60;
 // Times its rounding that a rate must have, to end what began at rest at this instant: its own start had none.
 constexpr double SETTLED = 1e5;
 
-// Share of the time to which it is known when a contact force of stiff neighbours is zero.
-constexpr double LET_GO = 1e-10;
+// Times its rounding by which the force of a pair that sticks is past zero: a contact elsewhere has made it jump.
+constexpr double PAST = 100.0;
 
 // Share of the closure that an approach may cross in a cycle and still be none, of a pair just let go and beside others
 // that stick.
@@ -73,6 +73,9 @@ constexpr double PI = 3.141592653589793;
     double over = scalars.upper(r) - value, under = value - scalars.lower(r), farther = found(4);
     double side = over < under ? 1.0 : -1.0;
     double clearance = larger(smaller(over, under), 0.0), toward = side * rate;
+    // a wall does not pull, be it for a moment
+    if (magnitude(scalars.lasting(r)) == STICKS && smaller(over, under) < -PAST * rounding)
+        return 0.0;
     if (search.at_wall(r) == 0.0) {
         search.leaving(r) = 0.0;
         if (2.0 * magnitude(rate) * safe > clearance || safe >= remaining)
@@ -90,13 +93,12 @@ constexpr double PI = 3.141592653589793;
     double bend = side * found(0), twist = side * found(1);
     if (search.at_wall(r) != 0.0 && toward >= -rate_rounding) {
         toward = 0.0;
-        // a pair that was let go has no acceleration left but rounding, nor a contact force at that time but rounding
-        bool let_go = search.leaving(r) == side;
-        double share = let_go ? 1e-9 : 1e-12, share_of_time = let_go ? LET_GO : 0.1 * AT_WALL;
+        // a pair that was let go has no acceleration left but rounding
+        double share = search.leaving(r) == side ? 1e-9 : 1e-12;
         // and none is known better than the time is
-        double noise = share * found(2) + share_of_time * found(3) * motion.clock(0);
+        double noise = share * found(2) + 0.1 * AT_WALL * found(3) * motion.clock(0);
         double noise_of_twist = share * found(3);
-        bool unknown = twist == 0.0 && found(3) > 0.0 && !let_go;
+        bool unknown = twist == 0.0 && found(3) > 0.0 && search.leaving(r) != side;
         if (bend > noise || (bend >= -noise && (twist > noise_of_twist || unknown)))
             return -1.0;
         // touching without a push, and nothing that could begin one

@@ -174,11 +174,11 @@ struct BaseMotion {
 }
 
 // Sets the bounds of the watched scalars, and the side of a contact that lasts.
-[[gnu::noinline]] inline void set_bounds(const Case &c, const Bounds &s) {
-    Index pairs = c.state.size();
-    for (Index j = 0; j < pairs; j++) {
+[[gnu::noinline]] inline void set_bounds(const Pairs &pairs, const Case &c, const Bounds &s) {
+    Index count = c.state.size();
+    for (Index j = 0; j < count; j++) {
         double state = c.state(j), side = side_of(state);
-        Index force = pairs + j;
+        Index force = count + j;
         const Index watched[] = {j, force};
         for (Index r : watched) {
             s.upper(r) = INFINITE;
@@ -189,7 +189,7 @@ struct BaseMotion {
             s.upper(j) = c.gap_plus(j);
             s.lower(j) = -c.gap_minus(j);
         } else if (is_active(state)) {
-            s.lasting(force) = side;
+            s.lasting(force) = side * (pairs.rigid(j) ? STICKS : 1.0);
             (side > 0.0 ? s.lower : s.upper)(force) = 0.0;
         } else if (side > 0.0) {
             s.lower(j) = c.gap_plus(j);

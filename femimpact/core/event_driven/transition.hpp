@@ -230,15 +230,12 @@ constexpr double ROUNDING_SHARE = 1e-12;
     if (r >= count) {
         if (magnitude(state) == SEPARATING) {
             c.state(j) = own * CONTACT;
-            // what the force begins with is not undone by the rounding of its rate, there or below
-            search.leaving(r) = -own;
         } else if (pairs.rigid(j)) {
             end_sticking(j, time, c, tables);
             c.state(j) = FREE;
             search.leaving(j) = own;
         } else {
             c.state(j) = own * SEPARATING;
-            search.leaving(r) = own;
         }
         return ENTER;
     }

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from femimpact.convergence import ConvergenceTable
 from femimpact.convergence.orders import is_finer
-from femimpact.errors import instance, items, optional, takes
+from femimpact.errors import column, instance, optional, takes
 from femimpact.export.figures.drawing import COLOURS, GREY, OffScreen, panel, panels, plain_log_ticks
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ LOWEST = 1e-16
 """Smallest error that is drawn."""
 
 
-@takes(table=instance(ConvergenceTable), names=optional(items(str)))
+@takes(table=instance(ConvergenceTable), names=optional(column("", "quantities", of="text")))
 def convergence(
     table: ConvergenceTable, names: Sequence[str] | None = None, ax: Axes | OffScreen | None = None
 ) -> Axes:
@@ -62,7 +62,7 @@ def convergence(
     InputError
         If it is no table, or has no quantity of a name.
     """
-    chosen = [table.index(name) for name in (table.name.tolist() if names is None else names)]
+    chosen = [table.index(str(name)) for name in (table.name if names is None else names)]
     axis = panel(ax, 8.6, 5.6)
     label, scale = LABELS[table.axis]
     has_order = bool(np.all(is_finer(table.size[np.isfinite(table.size)])))

@@ -33,6 +33,9 @@ Complex = NDArray[np.complex128]
 OF_DISPLACEMENT, OF_VELOCITY = (2, 0), (1, 1)
 """Where ub and ub' stand in `Rows.through` and in `Rows.follow`."""
 
+ROUNDED = 1e-12
+"""Share of the terms of a sum below which it is rounding."""
+
 UNMET = 1e-9
 """What is left of a wall 1 m away, beyond rounding, where a pressed stop gives way to others."""
 
@@ -265,8 +268,15 @@ def _free_basis(whole: Equations, sticking: NDArray[np.intp], pressed: NDArray[n
     basis[:n, : left.shape[1]] = left
     basis[moving, left.shape[1] + np.arange(len(moving))] = 1.0
     for j in (*sticking[~whole.stop[sticking]], *carried):
-        basis[n + j, : left.shape[1]] = whole.force[:n, j] @ left
+        # a ball at a place that a stop holds is at rest to the last bit
+        moved, push = np.asarray(left), whole.force[:n, j]
+        basis[n + j, : left.shape[1]] = _without_rounding(push @ moved, np.abs(push) @ np.abs(moved))
     return basis
+
+
+def _without_rounding(sums: Array, sizes: Array) -> Array:
+    """Sums that are zero where nothing but rounding is left of terms of these sizes."""
+    return np.where(np.abs(sums) > ROUNDED * sizes, sums, 0.0)
 
 
 def _rate(rows: Rows, modes: ComplexModes) -> Rows:
@@ -347,7 +357,9 @@ def _with_sticking(
     directions = whole.force[:, sticking]
     inverse = np.linalg.solve(M, directions)
     # F = (P^T M^-1 P)^-1 P^T M^-1 (M p'' + C p' + K p - loads)
-    project = np.linalg.solve(directions.T @ inverse, inverse.T)
+    coupling = np.linalg.inv(directions.T @ inverse)
+    # where nothing moves a ball no force holds it: its sign would be that of rounding
+    project = _without_rounding(coupling @ inverse.T, np.abs(coupling) @ np.abs(inverse.T))
     shape, rate, modes = form.position.weight, form.velocity.weight, form.modes
     left = M @ (rate @ modes.rate) + C @ rate + K @ shape
     # the response of the entries to a load begins with an acceleration
