@@ -32,7 +32,7 @@ def check(response, initial):
 
 
 def pad_and_backstop(rng, places, scale, kinds, most, balls):
-    """A soft stop and a hard one a little behind it at one place, or two such pairs: more stops than modes may touch."""
+    """A soft stop and a hard one a little behind it at one place, or two such pairs; more than modes may touch."""
     stops = []
     for i in range(int(rng.integers(1, 3))):
         place = places[int(rng.integers(len(places)))]
