@@ -60,7 +60,7 @@ LAW = random_structures._law
 
 @pytest.mark.parametrize("places", [("tip", "tip"), ("tip", "mid")])
 def test_two_balls_without_rebound_have_all_their_arrivals_in_the_table(places):
-    """A ball that arrives while the other sticks was captured without a row: 2 to 40 % of the losses were missing."""
+    """A ball that arrives while the other sticks was captured without a row, and its loss was missing."""
     system = fi.reduce(cantilever(fi.Rigid(0.0), places=places), modes=8)
     response = fi.integrate(system, fi.Sine(0.2037e-3, 5.2), fi.EventDriven(), 20.0)
     check(response, fi.State())
