@@ -166,6 +166,17 @@ def test_a_run_longer_than_its_record_has_a_note(small, record, method):
     assert f"{float(base.velocity(5.0)):.3g} m/s" in text
 
 
+def test_no_record_accelerates_after_its_end():
+    """Whatever the rounding of its duration over its interval: one in twenty went on with its last slope."""
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        count, interval = int(rng.integers(3, 400)), float(rng.uniform(1e-4, 0.1))
+        base = fi.RecordedBase(rng.normal(size=count), interval)
+        after = base.duration * np.array([1.0, 1.5, 2.0])
+        assert np.all(base.acceleration(after) == 0.0)
+        assert np.ptp(base.velocity(after)) == 0.0
+
+
 def test_figures_of_a_run_on_a_record_name_seconds_and_no_cycles(small, record):
     _, burst, _ = record
     base = fi.RecordedBase(G * burst, interval=1 / RATE)
