@@ -3,7 +3,8 @@
 `python .ci/fuzz_core.py --seconds 600` calls the entries in child processes with random arguments; it ends with status
 1 where a child crashes, and prints the command that repeats it. A build with checks or sanitizers finds more.
 
-A new entry is one more function in `ENTRIES`, that gives the arguments of a sound call.
+A new entry is one more function in `ENTRIES`, that gives the arguments of a sound call: arrays, numbers, and tuples of
+them, new ones for each call where they are written to.
 """
 
 from __future__ import annotations
@@ -15,13 +16,16 @@ import random
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 CALLS = 20_000
-"""Calls of one child process."""
+"""Most calls of one child process."""
+
+CHILD_SECONDS = 30.0
+"""Longest time of one child process, s; one call that takes ten times as long has hung."""
 
 
 # ---- sound calls ----------------------------------------------------------------------------------
@@ -62,6 +66,11 @@ def _frozen(array: np.ndarray) -> np.ndarray:
     return array
 
 
+def _full_of(array: np.ndarray, value: float) -> np.ndarray:
+    """Numbers that no kernel may choke on; an index that leads nowhere is made by Python, and is not tried."""
+    return np.full(array.shape, value, array.dtype) if array.dtype.kind in "fc" else array
+
+
 class _Raising:
     def __float__(self) -> float:
         raise RuntimeError("no number")
@@ -95,9 +104,9 @@ WRONG_ARRAYS: list[Callable[[np.ndarray, random.Random], Any]] = [
     lambda array, random: np.zeros((1,) * random.randint(0, 32), array.dtype),
     lambda array, random: np.zeros(array.shape, random.choice(TYPES)),
     lambda array, _: np.ma.masked_array(array, np.zeros(array.shape, bool)),
-    lambda array, _: np.full(array.shape, np.nan).astype(array.dtype),
-    lambda array, _: np.full(array.shape, np.inf).astype(array.dtype),
-    lambda array, _: np.full(array.shape, -np.inf).astype(array.dtype),
+    lambda array, _: _full_of(array, np.nan),
+    lambda array, _: _full_of(array, np.inf),
+    lambda array, _: _full_of(array, -np.inf),
     lambda array, _: (ctypes.c_double * max(array.size, 1))(),
     lambda array, _: (ctypes.c_char * 7)(),
 ]
@@ -110,25 +119,33 @@ WRONG: list[Callable[[], Any]] = [
 ]  # fmt: skip
 
 
-def spoiled(arguments: list[Any], random: random.Random) -> list[Any]:
+def spoiled(arguments: Sequence[Any], random: random.Random) -> list[Any]:
     """The arguments of a call, with none, one or several of them wrong, exchanged, left out or doubled."""
-    arguments = list(arguments)
     for _ in range(random.choice([0, 1, 1, 1, 2, 3])):
-        if not arguments:
-            break
-        k = random.randrange(len(arguments))
-        what = random.random()
-        if what < 0.6 and isinstance(arguments[k], np.ndarray):
-            arguments[k] = random.choice(WRONG_ARRAYS)(arguments[k], random)
-        elif what < 0.85:
-            arguments[k] = random.choice(WRONG)()
-        elif what < 0.9:
-            # the same memory twice
-            arguments[k] = random.choice(arguments)
-        elif what < 0.95:
-            del arguments[k]
-        else:
-            arguments.insert(k, random.choice(WRONG)())
+        arguments = _spoiled_once(arguments, random)
+    return list(arguments)
+
+
+def _spoiled_once(arguments: Sequence[Any], random: random.Random) -> list[Any]:
+    arguments = list(arguments)
+    if not arguments:
+        return arguments
+    k = random.randrange(len(arguments))
+    if isinstance(arguments[k], tuple) and random.random() < 0.9:
+        arguments[k] = tuple(_spoiled_once(arguments[k], random))
+        return arguments
+    what = random.random()
+    if what < 0.6 and isinstance(arguments[k], np.ndarray):
+        arguments[k] = random.choice(WRONG_ARRAYS)(arguments[k], random)
+    elif what < 0.85:
+        arguments[k] = random.choice(WRONG)()
+    elif what < 0.9:
+        # the same memory twice
+        arguments[k] = random.choice(arguments)
+    elif what < 0.95:
+        del arguments[k]
+    else:
+        arguments.insert(k, random.choice(WRONG)())
     return arguments
 
 
@@ -139,7 +156,10 @@ def run_child(seed: int) -> None:
     faulthandler.enable()
     draw = random.Random(seed)
     answers = {"returned": 0, "refused": 0}
+    end = time.monotonic() + CHILD_SECONDS
     for _ in range(CALLS):
+        if time.monotonic() > end:
+            break
         name = draw.choice(sorted(ENTRIES))
         try:
             arguments = spoiled(list(ENTRIES[name](draw).values()), draw)
@@ -152,8 +172,9 @@ def run_child(seed: int) -> None:
         except (TypeError, ValueError, OverflowError, RuntimeError):
             answers["refused"] += 1
     # a fuzz in which nothing is taken, or nothing refused, tries nothing
-    if min(answers.values()) < CALLS // 100:
+    if min(answers.values()) < max(1, sum(answers.values()) // 100):
         sys.exit(f"nearly all calls had one outcome: {answers}")
+    print(sum(answers.values()))
 
 
 def main() -> None:
@@ -165,15 +186,18 @@ def main() -> None:
     if options.seed is not None:
         run_child(options.seed)
         return
-    end, seed = time.monotonic() + options.seconds, 0
+    end, seed, calls = time.monotonic() + options.seconds, 0, 0
     while time.monotonic() < end:
         command = [sys.executable, "-W", "ignore", __file__, "--seed", str(seed)]
-        done = subprocess.run(command, capture_output=True, text=True)
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=10.0 * CHILD_SECONDS)
+        except subprocess.TimeoutExpired:
+            sys.exit(f"a call hung; repeat it with {' '.join(command)}")
         if done.returncode != 0:
             print(done.stdout + done.stderr)
             sys.exit(f"a call crashed (status {done.returncode}); repeat it with {' '.join(command)}")
-        seed += 1
-    print(f"fuzz: {seed * CALLS} calls of {', '.join(ENTRIES)}, no crash")
+        seed, calls = seed + 1, calls + int(done.stdout.split()[-1])
+    print(f"fuzz: {calls} calls of {', '.join(ENTRIES)}, no crash")
 
 
 if __name__ == "__main__":
