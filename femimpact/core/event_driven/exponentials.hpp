@@ -68,7 +68,7 @@ template <class Value> [[gnu::always_inline]] inline Value reduced_exponential(V
     p += r4 * ((1 / 5040.0 + r * (1 / 40320.0)) + r2 * (1 / 362880.0 + r * (1 / 3628800.0)));
     p += r4 * r4 * ((1 / 39916800.0 + r * (1 / 479001600.0)) + r2 * (1 / 6227020800.0));
     // n stands in the last places of what was rounded: shifted to where a number's power of two stands
-    Value power = with_bits((bits_of(moved) << 52) + (Index(1023) << 52), x);
+    Value power = with_bits((bits_of(moved) << 52) + (1023ULL << 52), x);
     return (1.0 + (r + r2 * (0.5 + r * p))) * power;
 }
 

@@ -14,8 +14,8 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
     Complex z = exponent * duration;
     if (z.real * z.real + z.imag * z.imag < 1e-4) {
         Complex series = 1.0 + z / 7.0;
-        for (double n = 6.0; n >= 2.0; n -= 1.0)
-            series = 1.0 + z / n * series;
+        for (Index n = 6; n >= 2; n--)
+            series = 1.0 + z / double(n) * series;
         return duration * series;
     }
     return (growth - 1.0) / exponent;
