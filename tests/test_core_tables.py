@@ -118,21 +118,15 @@ SPOILT = {
 }
 
 
+FREE = {
+    "members", "knots", "kept", "shown", "fields", "forces", "impacts", "sticking", "values", "cycles", "energy",
+    "samples",
+}  # fmt: skip
+"""Arrays whose first length is their own."""
+
+
 @pytest.mark.parametrize("how", SPOILT)
 def test_every_array_that_is_spoilt_is_refused(call, how):
-    free = {
-        "members",
-        "knots",
-        "kept",
-        "shown",
-        "fields",
-        "forces",
-        "impacts",
-        "sticking",
-        "values",
-        "cycles",
-        "energy",
-    }
     names, count = names_of(call), 0
     for path, value in places(call):
         if not isinstance(value, np.ndarray):
@@ -140,7 +134,7 @@ def test_every_array_that_is_spoilt_is_refused(call, how):
         name = names[path]
         spoilt = SPOILT[how](value)
         same = isinstance(spoilt, np.ndarray) and spoilt.flags.c_contiguous and spoilt.dtype == value.dtype
-        if same and (how != "one item more" or name in free or value.size == 0) and spoilt.ndim == value.ndim:
+        if same and (how != "one item more" or name in FREE or value.size == 0) and spoilt.ndim == value.ndim:
             # a length of its own, or still contiguous: nothing is wrong with it
             continue
         with pytest.raises((TypeError, ValueError)) as refusal:
@@ -203,6 +197,14 @@ def test_numbers_of_cases_and_rows_stay_within_their_arrays(call):
     for per_cycle in (0.0, np.nan, 1e9):
         with pytest.raises(ValueError, match="per_cycle"):
             core.run_cases(task, job._replace(grid=job.grid._replace(per_cycle=per_cycle)), ledger)
+    for name, value in (("interval", 0.0), ("interval", np.nan), ("cycle", -1)):
+        wrong = np.full_like(getattr(job.grid, name), value)
+        with pytest.raises(ValueError, match=rf"grid\.{name}"):
+            core.run_cases(task, job._replace(grid=job.grid._replace(**{name: wrong})), ledger)
+    for name, value in (("hit", 7.0), ("hit", np.nan), ("entering", 99), ("form", 99)):
+        wrong = np.full_like(getattr(job.cases, name), value)
+        with pytest.raises(ValueError, match=rf"cases\.{name}"):
+            core.run_cases(task, job._replace(cases=job.cases._replace(**{name: wrong})), ledger)
     with pytest.raises(ValueError, match="made"):
         core.run_cases(task, job._replace(forms=job.forms._replace(made=99)), ledger)
 
