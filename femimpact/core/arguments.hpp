@@ -19,6 +19,8 @@ struct Wanted {
     int axes;
     const char *shape;
     bool writable;
+    // the names of the tuples around it, each with a point behind it
+    const char *prefix = "";
 };
 
 inline const char *name_of(Type type) {
@@ -110,7 +112,7 @@ class Argument {
 
   private:
     static bool refuse(PyObject *kind, const Wanted &wanted, const char *why) {
-        PyErr_Format(kind, "%s: must be a contiguous%s array %s of %s; %s", wanted.name,
+        PyErr_Format(kind, "%s%s: must be a contiguous%s array %s of %s; %s", wanted.prefix, wanted.name,
                      wanted.writable ? ", writable" : "", wanted.shape, name_of(wanted.type), why);
         return false;
     }
@@ -130,11 +132,11 @@ inline bool same_size(const Argument &one, const Argument &other, int axis, cons
 }
 
 // false with an exception where the object is no real number
-inline bool take_number(PyObject *object, const char *name, double *number) {
+inline bool take_number(PyObject *object, const char *name, double *number, const char *prefix = "") {
     *number = PyFloat_AsDouble(object);
     if (*number == -1.0 && PyErr_Occurred() != nullptr) {
         if (PyErr_ExceptionMatches(PyExc_TypeError)) {
-            PyErr_Format(PyExc_TypeError, "%s: must be a number", name);
+            PyErr_Format(PyExc_TypeError, "%s%s: must be a number", prefix, name);
         }
         return false;
     }

@@ -110,7 +110,7 @@ class FromTuple {
         PyObject *object = next(name);
         if (object == nullptr)
             return;
-        const Wanted wanted = {path(name), type_of<typename Writable<T>::Item>(), N, shape, Writable<T>::value};
+        const Wanted wanted = {name, type_of<typename Writable<T>::Item>(), N, shape, Writable<T>::value, prefix_};
         if (count_ == MOST_ARRAYS || !arrays_[count_].take(object, wanted)) {
             failed_ = true;
             return;
@@ -129,7 +129,7 @@ class FromTuple {
 
     void operator()(const char *name, double &number) {
         PyObject *object = next(name);
-        if (object != nullptr && !take_number(object, path(name), &number))
+        if (object != nullptr && !take_number(object, name, &number, prefix_))
             failed_ = true;
     }
     void operator()(const char *name, Index &number) {
@@ -140,7 +140,7 @@ class FromTuple {
         if (number != -1 || PyErr_Occurred() == nullptr)
             return;
         PyErr_Clear();
-        PyErr_Format(PyExc_TypeError, "%s: must be a whole number of 64 bits", path(name));
+        PyErr_Format(PyExc_TypeError, "%s%s: must be a whole number of 64 bits", prefix_, name);
         failed_ = true;
     }
     void operator()(const char *name, bool &truth) {
@@ -161,11 +161,12 @@ class FromTuple {
     Within enter(const char *name, PyObject *tuple) {
         Within outer = {tuple_, place_, size_};
         if (depth_ == MOST_DEPTH || (PyType_GetFlags(tuple->ob_type) & Py_TPFLAGS_TUPLE_SUBCLASS) == 0) {
-            PyErr_Format(PyExc_TypeError, "%s: must be a tuple of arrays and numbers", path(name));
+            PyErr_Format(PyExc_TypeError, "%s%s: must be a tuple of arrays and numbers", prefix_, name);
             failed_ = true;
             return outer;
         }
         names_[depth_++] = name;
+        set_prefix();
         tuple_ = tuple;
         place_ = 0;
         size_ = PyTuple_Size(tuple);
@@ -173,6 +174,7 @@ class FromTuple {
     }
     void leave(const Within &outer) {
         depth_--;
+        set_prefix();
         tuple_ = outer.tuple;
         place_ = outer.place;
         size_ = outer.size;
@@ -182,25 +184,22 @@ class FromTuple {
         if (failed_)
             return nullptr;
         if (place_ == size_) {
-            PyErr_Format(PyExc_TypeError, "%s: is missing", path(name));
+            PyErr_Format(PyExc_TypeError, "%s%s: is missing", prefix_, name);
             failed_ = true;
             return nullptr;
         }
         return PyTuple_GetItem(tuple_, place_++);
     }
 
-    // The names of the tuples around a value, and its own, with points between them.
-    const char *path(const char *name) {
-        char *end = path_;
-        for (int k = 0; k <= depth_; k++) {
-            const char *word = k < depth_ ? names_[k] : name;
-            if (end != path_)
-                *end++ = '.';
-            while (*word != '\0' && end < path_ + sizeof path_ - 2)
-                *end++ = *word++;
+    // Sets the prefix to the names of the tuples around a value, each with a point behind it.
+    void set_prefix() {
+        char *end = prefix_;
+        for (int k = 0; k < depth_; k++) {
+            for (const char *word = names_[k]; *word != '\0' && end < prefix_ + sizeof prefix_ - 2; word++)
+                *end++ = *word;
+            *end++ = '.';
         }
         *end = '\0';
-        return path_;
     }
 
     void refuse_size() {
@@ -212,8 +211,8 @@ class FromTuple {
         int used = 0;
         for (int axis = 0; axis < wanted.axes; axis++)
             used += snprintf(words + used, sizeof words - used, " %zd", array.size(axis));
-        PyErr_Format(PyExc_ValueError, "%s: must have the shape %s, with the lengths of the arrays before it; has%s",
-                     wanted.name, wanted.shape, words);
+        PyErr_Format(PyExc_ValueError, "%s%s: must have the shape %s, with the lengths of the arrays before it; has%s",
+                     prefix_, wanted.name, wanted.shape, words);
         failed_ = true;
     }
 
@@ -224,7 +223,7 @@ class FromTuple {
     Py_ssize_t place_ = 0, size_ = 0;
     const char *names_[MOST_DEPTH] = {};
     int depth_ = 0;
-    char path_[120] = {};
+    char prefix_[120] = {};
     bool failed_ = false;
 };
 
