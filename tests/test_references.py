@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-SOURCES = sorted((ROOT / "femimpact").rglob("*.py"))
+SOURCES = sorted([*(ROOT / "femimpact").rglob("*.py"), *(ROOT / "femimpact").rglob("*.hpp")])
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 CITED = re.compile(r"(?P<before>[A-Za-z][^;:|]{2,100}?)(?:, |\()(?P<year>(?:18|19|20)\d\d)\b(?![-.,]\d)")
@@ -42,10 +42,12 @@ def _families(entry: dict[str, str]) -> list[str]:
 
 
 def _words(path: Path) -> str:
-    """What a reader reads: a page, or the strings and comments of a module."""
+    """What a reader reads: a page, or the strings and comments of a source."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".md":
         return text
+    if path.suffix == ".hpp":
+        return " ".join(re.findall(r"//\s*(.*)$", text, re.MULTILINE))
     kinds = {tokenize.STRING, tokenize.COMMENT, getattr(tokenize, "FSTRING_MIDDLE", None)}
     return ";\n".join(
         token.string for token in tokenize.generate_tokens(io.StringIO(text).readline) if token.type in kinds

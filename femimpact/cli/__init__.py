@@ -355,7 +355,8 @@ def _print_results(study: Study, results: StudyResults) -> None:
     if "history" in summary:
         history = summary["history"]
         # under a record no motion is periodic, whatever the start
-        mark = "" if history["steadiness"] == "periodic" or getattr(study.base, "record", None) else "*"
+        steady = history["steadiness"] == "periodic" or getattr(study.base, "record", None) is not None
+        mark = "" if steady or history["peak"] is None else "*"
         marks.append(mark)
         where.print(
             f"history {_base_words(study, history['frequency'])}: peak {_number(history['peak'], 1e3)}{mark} mm, rms "

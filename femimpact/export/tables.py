@@ -64,14 +64,14 @@ def read_csv(path: str | Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If there is no such file, or it is no regular one.
+        If there is no such file.
     OSError
-        If it cannot be read.
+        If it cannot be read, or is no regular file.
     ValueError
         If it has no header, a row of another length, or in a column with a unit a cell that is no number.
     """
     path = file_path(path)
-    require(path.is_file(), "path", str(path), "", "must be an existing table")
+    require(path.exists(), "path", str(path), "", "must be an existing table")
     with open_regular(path) as raw, io.TextIOWrapper(raw, encoding="utf-8", newline="") as file:
         lines = csv.reader(file)
         header = next(lines, None)

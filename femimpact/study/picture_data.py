@@ -105,6 +105,11 @@ class DrawnSystem:
     total_mass: float = math.nan
 
     @property
+    def dofs(self) -> int:
+        """Number of nodal values: deflection and slope of each node."""
+        return 2 * self.nodes.size
+
+    @property
     def balls(self) -> tuple[DrawnContact, ...]:
         """The contacts that are balls."""
         return tuple(contact for contact in self.contacts if not contact.is_stop)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import instance, optional, quantity, require, takes
+from femimpact.errors import having, instance, optional, quantity, require, takes
 from femimpact.export.figures.connections import draw_connection, draw_ground
 from femimpact.export.figures.drawing import BLUE, COLOURS, DARK, GREY, OffScreen, panels
 from femimpact.structure.structure import Structure
@@ -36,7 +36,9 @@ MOST_POINTS = 100_000
 
 
 @takes(
-    system=instance(System), modes=instance(Modes), points=quantity("1", at_least=2, at_most=MOST_POINTS, integer=True),
+    # what was read from files has these, too
+    system=having("a System", ("nodes", "contacts", "total_mass", "position_of", "deflection_rows")),
+    modes=instance(Modes), points=quantity("1", at_least=2, at_most=MOST_POINTS, integer=True),
     structure=optional(instance(Structure)),
 )  # fmt: skip
 def mode_shapes(
