@@ -211,5 +211,5 @@ def test_bad_options_are_refused(tmp_path, response, reference, change):
 
 
 def test_unknown_renderer_is_refused(tmp_path, response, reference):
-    with pytest.raises(fi.InputError, match="renderer = 'gl': must be one of auto, pyvista, matplotlib"):
+    with pytest.raises(fi.InputError, match="renderer = 'gl': must be 'auto' or 'pyvista' or 'matplotlib'"):
         movie.write_movie(tmp_path / "a.mp4", response, reference, renderer="gl")
