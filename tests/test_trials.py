@@ -116,11 +116,11 @@ def test_numpy_scalars_and_arrays_are_numbers_too(small):
     [
         (lambda s, m, r: fi.integrate(s, BASE, 1e-4, 1.0), "method = 'float': must be a Newmark, HHT"),
         (lambda s, m, r: fi.integrate(r, BASE, m, 1.0), "system = 'Structure': must be a System"),
-        (lambda s, m, r: fi.integrate(s, BASE, m, 1.0, record=("tip",)), "recorder = 'tuple': must be a Recorder"),
+        (lambda s, m, r: fi.integrate(s, BASE, m, 1.0, record=("tip",)), "record = 'tuple': must be a Recorder"),
         (lambda s, m, r: fi.frequency_sweep(s, 1e-4, [5.0], m, 3, threads="2"), "threads = '2'"),
         (lambda s, m, r: fi.frequency_sweep(s, 1e-4, "5", m, 3), "frequencies = '5' Hz: must be one or more"),
         (lambda s, m, r: fi.frequency_sweep(s, 1e-4, [5.0, None], m, 3), "frequencies = .*must be one or more"),
-        (lambda s, m, r: fi.frequency_sweep(s, 1e-4, [5.0], m, 3, initial=0), "state = 'int': must be a State"),
+        (lambda s, m, r: fi.frequency_sweep(s, 1e-4, [5.0], m, 3, initial=0), "initial = 'int': must be a State"),
         (lambda s, m, r: fi.frequency_sweep(s, 1e-4, [5.0], m, 3, at=[1]), r"at = \[1\]: must be the name of a place"),
         (lambda s, m, r: fi.frequency_sweep(s, 1e-4, [5.0], m, 3, ledger="no"), "ledger = 'no': must be True or False"),
         (lambda s, m, r: fi.frequency_sweep(s, 1e-4, [5.0], m, 3, progress=1), "progress = 'int': must be callable"),

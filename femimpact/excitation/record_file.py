@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import Fault, InputError, checked, choice, instance, quantity, require, require_path
+from femimpact.errors import Fault, InputError, checked, choice, instance, quantity, require
 from femimpact.errors import text as a_text
 
 __all__ = ["record_text", "samples_of"]
@@ -30,7 +30,7 @@ def record_text(path: str | Path) -> str:
     InputError
         If it cannot be read, or is no text.
     """
-    require_path(path, "path", "a text file")
+    require(isinstance(path, (str, Path)), "path", path, "", "must be the path of a text file")
     try:
         return Path(path).read_text(encoding="utf-8-sig")
     except OSError as error:
