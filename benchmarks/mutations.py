@@ -160,7 +160,7 @@ MUTATIONS = (
         "        load[n + j] = -pair.mass * drive.share\n",
         "        load[n + j] = 0.0\n",
     ),
-    Mutation("impulse_mobility", "fastest / -pairs.mobility[hit, hit]", "fastest / -(1.02 * pairs.mobility[hit, hit])"),
+    Mutation("impulse_mobility", "fastest / -pairs.mobility(hit, hit)", "fastest / -(1.02 * pairs.mobility(hit, hit))"),
     Mutation(
         "contact_stiffness",
         'np.where(store.rigid, 0.0, of_pairs("stiffness"))',
@@ -168,13 +168,17 @@ MUTATIONS = (
     ),
     Mutation(
         "sticking_impulse",
-        "    case.touch[PUSHED, j] += impulse\n",
-        "    case.touch[PUSHED, j] += 0.0 * impulse\n",
+        "touch(PUSHED, j) += impulse;",
+        "touch(PUSHED, j) += 0.0 * impulse;",
     ),
     Mutation("impact_loss", "0.5 * push * (1.0 - e) * fastest", "0.5 * push * fastest"),
-    Mutation("contact_loss", "loss: float = case.damping[j] * _square(rate", "loss: float = 0.0 * _square(rate"),
+    Mutation("contact_loss", "double loss = c.damping(j) * square_of(rate", "double loss = 0.0 * square_of(rate"),
     Mutation("ball_work", "0.5 * (after * after - before * before)", "0.4 * (after * after - before * before)"),
-    Mutation("energy_to_modes", "own * (velocity[i] + 0.5 * own / b.mass[i])", "own * velocity[i]"),
+    Mutation(
+        "energy_to_modes",
+        "9 + i) = own * (velocity(i) + 0.5 * own / b->mass(i))",
+        "9 + i) = own * velocity(i)",
+    ),
     Mutation("centring_spring", "K += pair.free_stiffness * np.outer(", "K += 0.9 * pair.free_stiffness * np.outer("),
     # what is read
     Mutation("ledger_dissipation", "+ (dissipated - dissipated[0])", "+ 0.0 * (dissipated - dissipated[0])"),
@@ -190,8 +194,8 @@ MUTATIONS = (
     Mutation("cycle_mean_force", "totals[5].sum(axis=0) / duration", "totals[5].sum(axis=0) / duration * frequency"),
     Mutation(
         "one_pole_fit",
-        "ratio, frequency_found = math.exp(best.x[2])",
-        "ratio, frequency_found = 1.05 * math.exp(best.x[2])",
+        "ratio, frequency_found = _power(best.x[2])",
+        "ratio, frequency_found = 1.05 * _power(best.x[2])",
     ),
     Mutation("half_power", "(low / f[top]) ** 2) / 4.0", "(low / f[top]) ** 2) / 4.2"),
     Mutation(
@@ -216,7 +220,8 @@ def place_of(mutation: Mutation, package: Path) -> Path:
     SystemExit
         Unless it stands in the package exactly once, the validation cases left out.
     """
-    sources = [path for path in sorted(package.rglob("*.py")) if "validation" not in path.parts]
+    held_in = sorted([*package.rglob("*.py"), *package.rglob("*.hpp"), *package.rglob("*.cpp")])
+    sources = [path for path in held_in if "validation" not in path.parts]
     counts = {path: path.read_text(encoding="utf-8").count(mutation.old) for path in sources}
     held = [path for path, count in counts.items() if count]
     if sum(counts.values()) != 1:
@@ -226,9 +231,12 @@ def place_of(mutation: Mutation, package: Path) -> Path:
 
 
 def mutate(mutation: Mutation, package: Path) -> None:
-    """Put the bug into a copy of the package."""
+    """Put the bug into a copy of the package, and build the core anew where it is in its sources."""
     source = place_of(mutation, package)
     source.write_text(source.read_text(encoding="utf-8").replace(mutation.old, mutation.new), encoding="utf-8")
+    if source.suffix != ".py":
+        words = [sys.executable, "-m", "femimpact.core.compilation"]
+        subprocess.run(words, cwd=package.parent, check=True, capture_output=True)
 
 
 def findings(mutation: Mutation | None) -> dict[str, str]:

@@ -5,7 +5,8 @@ The base shakes the beam through its resonance; a ball of mass m in a box of cle
     M u'' + C u' + K u = -M r ub'' + b F,    m (y'' + ub'') = -F.
 
 A ball without mass changes nothing, for its force F goes to zero with m. A heavier one takes more at each impact, until
-the largest motion of the sweep falls no further: the second panel shows from which mass on.
+the largest motion of the sweep falls no further: the second panel shows from which mass on. A filled dot there is one
+start's value, as its motion is not periodic.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ if __name__ == "__main__":
     plt.rcParams.update(fi.figures.STYLE)
     figure, axes = plt.subplots(1, 2, figsize=(13.0, 5.0), layout="constrained")
     fi.figures.response_curve({"without ball": curves[0], "ball of 3 g": curves[5]}, ax=axes[0])
-    axes[1].semilogy(1e3 * MASSES, [1e3 * curve.rms.max() for curve in curves[1:]], "o-")
+    rms, one = np.array([[1e3 * curve.rms.max(), curve.is_sample[curve.rms.argmax()]] for curve in curves[1:]]).T
+    axes[1].semilogy(1e3 * MASSES, rms, "oC0-", 1e3 * MASSES[one == 0], rms[one == 0], "ow", markeredgecolor="C0")
     axes[1].set_yticks([1, 2, 5, 10], ["1", "2", "5", "10"])
-    axes[1].set(xlabel="mass of the ball (g)", ylabel="largest rms of the tip over the sweep (mm)")
+    axes[1].set(xlabel="mass of the ball (g)", ylabel="largest rms of the tip (mm)", title="filled: one start's value")
     print("wrote", fi.figures.save_figure(figure, "best_ball_mass.png"))

@@ -48,6 +48,7 @@ if __name__ == "__main__":
     result = main()
     print("without ball:", result.empty.damping)
     print("with ball:   ", result.ball.damping)
-    print("amplitude ratio:", round(result.empty.peak_amplitude / result.ball.peak_amplitude, 2))
+    star = " (one start's value: the motion is not periodic)" if result.ball.peak_is_sample else ""
+    print("amplitude ratio:", f"{result.empty.peak_amplitude / result.ball.peak_amplitude:.2f}{star}")
     axes = fi.figures.response_curve({"without ball": result.empty, "with ball": result.ball})
     print("wrote", fi.figures.save_figure(axes, "damped_resonance.png"))

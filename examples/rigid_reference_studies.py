@@ -9,6 +9,8 @@ both starts, with Newton's law of impact
 exact between impacts (`EventDriven`), over the paper's range of frequencies on a grid five times finer.
 Published: the peak at 4.95 Hz, a damping of 1.4 %, an amplitude five times smaller than without the ball.
 
+A star stands at values of one start: the motion at that peak is not periodic, and another start has another value.
+
 Two things decide the answer beside the mass ratio: the grid of frequencies (`on_grids`), and where several motions
 exist, how a run starts and how long it dwells (`large_motions`).
 """
@@ -159,6 +161,10 @@ def _print_rows(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
         print("| " + " | ".join(cells) + " |")
 
 
+def _stars(samples) -> list[str]:
+    return ["*" if one else "" for one in samples]
+
+
 if __name__ == "__main__":
     scans = main()
     for found in scans:
@@ -169,7 +175,10 @@ if __name__ == "__main__":
         )  # fmt: skip
         _print_rows(
             ("restitution", "peak (Hz)", "amplitude ratio", "damping by ratio (%)", "misfit"),
-            [tuple(f"{value:.4g}" for value in row) for row in zip(*columns, strict=True)],
+            [
+                (f"{row[0]:.4g}", *(f"{value:.4g}{star}" for value in row[1:]))
+                for *row, star in zip(*columns, _stars(scan.is_sample), strict=True)
+            ],
         )
         print(f"closest: {scan.restitution[scan.best(PEAK, RATIO)]:.2f}")
     labelled = [(f"{found.study}, rest {START_WORDS[found.start]}", found.scan) for found in scans]
@@ -178,8 +187,10 @@ if __name__ == "__main__":
     for count, scan in on_grids("experiment").items():
         print(f"\nexperiment, from rest relative to the base, {count} frequencies")
         rows = [
-            (f"{e:.2f}", f"{peak:.2f}", f"{ratio:.2f}")
-            for e, peak, ratio in zip(scan.restitution, scan.peak_frequency, scan.amplitude_ratio, strict=True)
+            (f"{e:.2f}", f"{peak:.2f}{star}", f"{ratio:.2f}{star}")
+            for e, peak, ratio, star in zip(
+                scan.restitution, scan.peak_frequency, scan.amplitude_ratio, _stars(scan.is_sample), strict=True
+            )
         ]
         _print_rows(("restitution", "peak (Hz)", "amplitude ratio"), rows)
         print(f"closest: {scan.restitution[scan.best(PEAK, RATIO)]:.2f}")
@@ -197,7 +208,8 @@ if __name__ == "__main__":
         )
         rows = [
             (
-                row.method, f"{1e3 * row.contact_time:g}", f"{1e3 * row.curve.peak_amplitude:.3f}",
+                row.method, f"{1e3 * row.contact_time:g}",
+                f"{1e3 * row.curve.peak_amplitude:.3f}{_stars([row.curve.peak_is_sample])[0]}",
                 f"{row.curve.peak_frequency:.3f}", f"{1e3 * row.curve.rms.mean():.3f}",
                 f"{row.curve.impacts_per_cycle.mean():.3f}", f"{row.curve.mean_approach_speed.mean():.4f}",
             )
@@ -208,3 +220,4 @@ if __name__ == "__main__":
             "approach (m/s)",
         )  # fmt: skip
         _print_rows(header, rows)
+    print("\n* one start's value: the motion is not periodic")

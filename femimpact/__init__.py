@@ -85,6 +85,7 @@ if TYPE_CHECKING:
     from femimpact.response.history import HistoryPiece as HistoryPiece
     from femimpact.response.impacts import Impacts as Impacts
     from femimpact.response.impacts import ImpactStatistics as ImpactStatistics
+    from femimpact.response.largest import Largest as Largest
     from femimpact.response.response import Recorder as Recorder
     from femimpact.response.response import Response as Response
     from femimpact.response.sections import StroboscopicSection as StroboscopicSection
@@ -187,6 +188,7 @@ _MODULES = {
     "system.matrix_files": ("read_matrix",),
     "system.modes": ("Modes", "solve_modes"),
     "system.reduction": ("reduce", "truncation_notes"),
+    "response.largest": ("Largest",),
     "response.response": ("Recorder", "Response"),
     "response.sections": ("StroboscopicSection",),
     "system.own_terms": ("add_terms",),

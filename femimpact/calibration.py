@@ -16,6 +16,7 @@ from femimpact.errors import (
     check_fields,
     checked,
     column,
+    in_range,
     items,
     quantity,
     real_array,
@@ -62,12 +63,18 @@ class RestitutionScan:
         Of the curve with balls.
     damping_amplitude_ratio : ndarray (n,), 1
         Damping without balls times the amplitude ratio.
+    steadiness : ndarray (n,) of str
+        Of the motion at the largest peak: see `FrequencyResponse`. Where it is not "periodic" a value of one start is a
+        sample, which another start changes: figures mark it.
     curves : tuple of FrequencyResponse
+    starts : int
+        Number of starts that the columns are medians over; 1 where they are those of `curves`.
 
     Raises
     ------
     InputError
-        If the columns are not of one length, or there is not one curve for each restitution.
+        If the columns are not of one length, there is not one curve for each restitution, or `starts` is no whole
+        number from 1.
     """
 
     restitution: Array = field(metadata=column("1", "restitutions"))
@@ -77,12 +84,19 @@ class RestitutionScan:
     damping_fit: Array = field(metadata=column("1", "restitutions"))
     damping_half_power: Array = field(metadata=column("1", "restitutions"))
     damping_amplitude_ratio: Array = field(metadata=column("1", "restitutions"))
+    steadiness: NDArray[np.str_] = field(metadata=column("", "restitutions", of="text"))
     curves: tuple[FrequencyResponse, ...] = field(metadata=items(FrequencyResponse))
+    starts: int = field(default=1, metadata=quantity("1", at_least=1, integer=True))
 
     def __post_init__(self) -> None:
         check_fields(self)
         each = len(self.curves) == self.restitution.size
         require(each, "curves", len(self.curves), "", f"must be {self.restitution.size}, one for each restitution")
+
+    @property
+    def is_sample(self) -> NDArray[np.bool_]:
+        """Whether the largest peak is one start's value of a motion that is not periodic, (n,) of bool."""
+        return np.asarray((self.steadiness != "periodic") & (self.starts == 1))
 
     def __getitem__(self, name: str) -> Array:
         return named_column(self, name)
@@ -191,9 +205,10 @@ def scan_restitution(
     require_type(structure, Structure, "structure")
     require_type(empty, FrequencyResponse, "empty")
     check_progress(progress)
+    of_one = quantity("1", above=0.0, at_most=1.0)
     allowed = "must be one or more numbers > 0 and <= 1"
     values = np.atleast_1d(real_array("restitutions", restitutions, "1", allowed))
-    sound = values.ndim == 1 and values.size > 0 and bool(np.all((values > 0.0) & (values <= 1.0)))
+    sound = values.ndim == 1 and values.size > 0 and all(in_range(value, of_one) for value in values.tolist())
     require(sound, "restitutions", values if values.ndim > 1 else restitutions, "1", allowed)
     points = real_array("frequencies", frequencies, "Hz", "must be finite numbers")
     require(points.size >= LEAST_POINTS, "frequencies", points.size, "points", f"must hold at least {LEAST_POINTS}")
@@ -217,5 +232,6 @@ def scan_restitution(
         damping_fit=np.array([curve.damping.ratio for curve in curves]),
         damping_half_power=np.array([curve.damping_half_power.ratio for curve in curves]),
         damping_amplitude_ratio=np.array(by_ratio),
+        steadiness=np.array([str(curve.steadiness[np.nanargmax(curve.peak)]) for curve in curves]),
         curves=tuple(curves),
     )

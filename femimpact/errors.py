@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
+    "CoreError",
     "DivergenceError",
     "Fault",
     "FemimpactError",
@@ -62,12 +63,20 @@ MOST = 10**15
 """A whole number beyond this is taken for a mistake: it neither counts anything nor fits into a float."""
 
 
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Of a finite number that must be above zero: products and powers of a few beyond are zero, or no numbers."""
+
+
 class FemimpactError(Exception):
     """Base of every error that femimpact raises on purpose."""
 
 
 class DivergenceError(FemimpactError):
     """A run whose motion is not finite, or grew past every physical bound."""
+
+
+class CoreError(FemimpactError, ImportError):
+    """The compiled core is missing, older than its sources, or not made for this processor."""
 
 
 class _Shown(str):
@@ -160,7 +169,7 @@ class InputError(FemimpactError, ValueError):
 
 
 class _Refused(Exception):  # noqa: N818 - raised and caught in this module only
-    """A value is not what a field's metadata allows."""
+    """A value is not what a field's metadata allows; what it says, if anything, is allowed too."""
 
 
 def quantity(
@@ -244,7 +253,8 @@ def items(*kinds: Any) -> dict[str, Any]:
 def column(unit: str, *axes: str | int, of: str = "number", finite: bool = False) -> dict[str, Any]:
     """Metadata of a dataclass field that holds an array: its unit, and the name or the length of every axis.
 
-    Arrays with an axis of the same name are equally long there. `of` is "number", "whole number" or "text".
+    Arrays with an axis of the same name are equally long there. `of` is "number", "whole number", "text" or
+    "truth value".
     """
     shape = f"({', '.join(map(str, axes))}{',' if len(axes) == 1 else ''})"
     return {
@@ -284,6 +294,8 @@ def _number(value: Any, bounds: Mapping[str, float], integer: bool, finite: bool
     inside = all(_COMPARISONS[name](number, bound) for name, bound in bounds.items())
     if not inside or (integer and (not number.is_integer() or abs(number) > MOST)):
         raise _Refused
+    if finite and bounds.get("above") == 0.0 and not SMALLEST <= number <= LARGEST:
+        raise _Refused(f", and of {SMALLEST:g} to {LARGEST:g} in size")
     return int(number) if integer else number
 
 
@@ -328,7 +340,12 @@ def _items(value: Any, kinds: tuple[Any, ...]) -> tuple[Any, ...]:
     return tuple(_instance(entry, kinds) for entry in value)
 
 
-_KINDS = {"number": ("f", "iuf", float), "whole number": ("iu", "iu", int), "text": ("U", "U", str)}
+_KINDS = {
+    "number": ("f", "iuf", float),
+    "whole number": ("iu", "iu", int),
+    "text": ("U", "U", str),
+    "truth value": ("b", "b", bool),
+}
 """Of an array: its dtypes that stay, those that are turned, and what into."""
 
 
@@ -417,8 +434,8 @@ def checked(key: str, value: object, metadata: Mapping[str, Any]) -> Any:
     """
     try:
         return metadata["take"](value)
-    except _Refused:
-        raise InputError([Fault(key, value, metadata["unit"], metadata["allowed"])]) from None
+    except _Refused as refusal:
+        raise InputError([Fault(key, value, metadata["unit"], f"{metadata['allowed']}{refusal}")]) from None
 
 
 class _Declared(NamedTuple):
@@ -465,8 +482,8 @@ def _taken(declared: Iterable[_Declared], value_of: Callable[[str], Any]) -> tup
             continue
         try:
             values[name] = taken = take(value)
-        except _Refused:
-            faults.append(Fault(name, value, unit, allowed + _hint(value, name, kinds)))
+        except _Refused as refusal:
+            faults.append(Fault(name, value, unit, f"{allowed}{refusal}{_hint(value, name, kinds)}"))
             continue
         if not axes or taken is None:
             continue

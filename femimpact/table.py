@@ -180,7 +180,12 @@ def _repr_of(form: str) -> Callable[[Any], str]:
     return shown
 
 
-def head_of_columns(title: str, columns: Mapping[str, NDArray[Any]], units: Mapping[str, str]) -> Head:
+def head_of_columns(
+    title: str,
+    columns: Mapping[str, NDArray[Any]],
+    units: Mapping[str, str],
+    marks: Mapping[str, NDArray[np.bool_]] | None = None,
+) -> Head:
     """The first three and the last two rows of a table, or all where they are six or fewer.
 
     Parameters
@@ -189,15 +194,21 @@ def head_of_columns(title: str, columns: Mapping[str, NDArray[Any]], units: Mapp
     columns : mapping of str to ndarray (n,)
     units : mapping of str to str
         Of the columns; "" for text.
+    marks : mapping of str to ndarray (n,) of bool, optional
+        Of some columns, the values that have a star behind them.
 
     Returns
     -------
     Head
     """
+    given = marks or {}
     count = min((values.shape[0] for values in columns.values()), default=0)
     whole = count <= FIRST + LAST + 1
     shown = [*range(count)] if whole else [*range(FIRST), *range(count - LAST, count)]
-    rows = [tuple(_cell(values[i]) for values in columns.values()) for i in shown]
+    rows = [
+        tuple(_cell(values[i]) + "*" * int(name in given and given[name][i]) for name, values in columns.items())
+        for i in shown
+    ]
     if not whole:
         rows.insert(FIRST, ("...",) * len(columns))
     return Head(title, (tuple(columns), tuple(units[name] for name in columns), *rows), 2)

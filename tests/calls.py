@@ -129,7 +129,10 @@ FIGURES = {
     "save_figure": lambda: {"drawn": fi.figures.value_map([1], [1], [[1]], ax=SHEET), "path": "figure.png"},
     "spectrum": lambda: {"response": drawn_run(), "channel": "tip", "highest": 50.0, "ax": SHEET},
     "step_convergence": lambda: {"result": NOUNS["StepConvergence"](), "slope": 2.0, "ax": SHEET},
-    "value_map": lambda: {"x": [1.0, 2.0], "y": [1.0, 2.0, 3.0], "values": np.arange(6.0).reshape(3, 2), "ax": SHEET},
+    "value_map": lambda: {
+        "x": [1.0, 2.0], "y": [1.0, 2.0, 3.0], "values": np.arange(6.0).reshape(3, 2), "samples": np.eye(3, 2) > 0.0,
+        "title": "title", "ax": SHEET,
+    },
 }  # fmt: skip
 """Good arguments of every figure."""
 
@@ -191,6 +194,8 @@ CALLS = {
         "text": RECORD, "scale": 9.81, "detrend": "line", "columns": ("time", 1), "path": "shaker.csv"
     }),
     "Recorder.seen_from": (fi.Recorder(start=1.0).seen_from, lambda: {"time": 0.5}),
+    "Response.largest": (of(response, "largest"), lambda: {"channel": "tip"}),
+    "Response.largest_of": (of(response, "largest_of"), lambda: {"channels": ["tip"]}),
     "Response.stroboscopic": (of(response, "stroboscopic"), lambda: {"phase": 0.5}),
     "Response[]": (entry(response, "channel"), lambda: {"channel": "tip"}),
     "FrequencyResponse[]": (entry(curve, "column"), lambda: {"column": "peak"}),

@@ -133,6 +133,7 @@ NOUNS = {
     "ImpactStatistics": lambda: response().statistics,
     "Impacts": lambda: response().impacts,
     "KelvinVoigt": lambda: LAW,
+    "Largest": lambda: fi.Largest(-1.0, 0.5, "m"),
     "Material": lambda: fi.STEEL,
     "Mesh": lambda: fi.Mesh([0.0, 0.1, 0.2], {"sensor": 0.1}, {"root half": [0]}),
     "ModalDamping": lambda: fi.ModalDamping((0.01, 0.02)),
@@ -148,7 +149,9 @@ NOUNS = {
     "RecordedBase": lambda: fi.RecordedBase([0.0, 1.0, 0.5], 0.1),
     "Recorder": lambda: fi.Recorder(("tip", 0.1)),
     "Response": response,
-    "RestitutionScan": lambda: columns(fi.RestitutionScan, {"restitutions": 1}, curves=(curve(),)),
+    "RestitutionScan": lambda: columns(
+        fi.RestitutionScan, {"restitutions": 1}, curves=(curve(),), steadiness=np.array(["periodic"])
+    ),
     "Rigid": lambda: fi.Rigid(0.7),
     "Segment": lambda: fi.Segment(0.2, 70e9, 2700.0, 0.02, 1e-3, end_width=0.01, end_thickness=5e-4),
     "Sine": lambda: BASE,

@@ -51,9 +51,9 @@ def compare(
     touched = np.sort(found.impacts.time[found.impacts.time > 0.0])
     until = min(duration, float(touched[most_touches - 1]) if touched.size >= most_touches else duration)
     # events do not depend on the grid, which is to have some samples before the last of them
-    grid = min(max(math.ceil(samples / (until * excitation.frequency)), 8), 1_000_000)
-    span = max(1.05 * until, 1.0 / (grid * excitation.frequency))
-    run = fi.integrate(system, excitation, fi.EventDriven(samples_per_cycle=grid), span, fi.Recorder(names), initial)
+    interval = 1.0 / (max(math.ceil(samples / (until * excitation.frequency)), 8) * excitation.frequency)
+    span = max(1.05 * until, interval)
+    run = fi.integrate(system, excitation, fi.EventDriven(), span, fi.Recorder(names, interval=interval), initial)
     stride = max(run.time.size // (2 * samples), 1)
     reference = reference_motion(system, excitation, run.time[::stride], initial, most_touches, most_steps)
     end = min([reference.end, *run.sticking.start])

@@ -42,6 +42,8 @@ WORDS = {
     ("figures.convergence", "names"): "quantity",
     ("figures.contact_laws", "speeds"): "approach_speed",
     ("Response.absolute", "name"): "channel",
+    ("Response.largest", "channel"): "(channels|at)",
+    ("Response.largest_of", "channels"): "at",
 }
 """What messages call an argument for which a user has a better word."""
 

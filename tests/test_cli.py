@@ -14,6 +14,7 @@ import pytest
 from builders import femimpact
 
 import femimpact as fi
+from femimpact import core
 from femimpact.study.demo import paper_study_text
 
 SMALL = (
@@ -51,7 +52,7 @@ def test_init_then_check(tmp_path):
 
 
 def test_run_leaves_every_file_and_load_reads_it_back(ran):
-    from femimpact.study.results import FILES
+    from femimpact.study.result_files import FILES
 
     missing = [name for name in FILES.values() if not (ran / name).exists() and name != FILES["movie"]]
     assert missing == []
@@ -80,7 +81,30 @@ def test_summary_has_the_promised_keys_as_plain_numbers(ran):
     for key in ("peak_force", "mean_impulse", "cycle_mean_force"):
         assert summary["contact"][key] > 0
     assert summary["versions"]["femimpact"] == fi.__version__
+    # by what the numbers were computed
+    assert summary["core"] == core.build_info() | {"targets": list(core.build_info()["targets"])}
     assert isinstance(summary["warnings"], list)
+
+
+def test_values_of_one_start_have_a_star_on_the_terminal(ran, capsys):
+    from femimpact.cli import _print_results
+    from femimpact.export.tables import read_csv
+    from femimpact.study.study_file import load_study
+
+    results, table = fi.load(ran), read_csv(ran / "sweep.csv")
+    _print_results(load_study(ran / "study.toml"), results)
+    printed = capsys.readouterr().out
+    for case in ("empty", "ball"):
+        one = table[f"{case}_steadiness"][np.nanargmax(table[f"{case}_peak"])] != "periodic"
+        peak = f"sweep, {case}: peak {1e3 * results.summary['sweep'][case]['peak_amplitude']:.4g}"
+        assert results.summary["sweep"][case]["peak_is_one_start"] is bool(one)
+        assert (f"{peak}*" if one else f"{peak} ") in printed
+    # six seconds from rest are not periodic
+    history = results.summary["history"]
+    assert history["steadiness"] != "periodic"
+    assert f"peak {1e3 * history['peak']:.4g}* mm" in printed
+    assert f"peak force {results.summary['contact']['peak_force']:.4g}* N" in printed
+    assert "* one start's value: the motion is not periodic" in printed
 
 
 def test_existing_results_are_kept_unless_forced(ran):

@@ -289,7 +289,7 @@ def test_a_file_that_may_not_be_read_is_made_again(tmp_path, caplog, monkeypatch
 
     with monkeypatch.context() as patch:
         # root may read what has no permission to be read
-        patch.setattr(Path, "read_bytes", denied)
+        patch.setattr(code_files, "open_regular", denied)
         assert _hits(_kept(tmp_path)) == 0
     assert len(caplog.records) == 1
     assert _hits(_kept(tmp_path)) == 1

@@ -216,7 +216,10 @@ def test_a_rigid_contact_has_no_force_and_stores_nothing():
         (lambda: fi.Material(0.0, 0.3), "young_modulus = 0.0 Pa: must be a finite number > 0 Pa"),
         (lambda: fi.Material(1e9, 0.6), "poisson_ratio = 0.6: must be a finite number > -1 and <= 0.5"),
         (lambda: fi.hertz_stiffness(0.0, fi.STEEL, fi.STEEL), "radius = 0.0 m: must be a finite number > 0 m"),
-        (lambda: fi.collide(fi.Hertz(1e9), 0.0, 1.0), "effective_mass = 0.0 kg: must be a finite number > 0 kg"),
+        (
+            lambda: fi.collide(fi.Hertz(1e9), 0.0, 1.0),
+            "effective_mass = 0.0 kg: must be a finite number > 0 and <= 1e+15 kg",
+        ),
         (lambda: fi.collide(fi.Hertz(1e9), 1.0, -1.0), "approach_speed = -1.0 m/s: must be a finite number > 0 m/s"),
         (lambda: fi.collide(fi.CustomLaw(lambda *_: 0.0), 1.0, 1.0), "force: must let the ball go"),
     ],
@@ -228,7 +231,7 @@ def test_bad_input_is_one_line(make, words):
     assert len(str(refused.value).splitlines()) == 1
 
 
-@pytest.mark.parametrize("time", [1e300, 1e-300])
+@pytest.mark.parametrize("time", [1e29, 1e-29])
 def test_a_contact_time_whose_spring_is_beyond_numbers_is_named(time):
     law = fi.KelvinVoigt(restitution=0.6, contact_time=time)
     words = r"^contact_time = .* s: must give a contact .* with an effective_mass of 0\.00343 kg"
@@ -239,7 +242,10 @@ def test_a_contact_time_whose_spring_is_beyond_numbers_is_named(time):
 
 
 @pytest.mark.parametrize("law", EVERY_LAW)
-def test_a_speed_without_energy_to_rounding_is_named(law):
+def test_a_speed_beyond_numbers_is_named(law):
     for speed in (1e-300, 1e300):
-        with pytest.raises(fi.InputError, match=r"^approach_speed = .*: must have an energy"):
+        with pytest.raises(
+            fi.InputError,
+            match=r"^approach_speed = .* m/s: must be .* > 0 m/s, and of 1e-30",
+        ):
             fi.collide(law, MASS, speed)

@@ -182,6 +182,11 @@ def test_a_run_without_ledger_goes_on_in_one_with_a_ledger(modal):
 # ---- event-driven ----------------------------------------------------------------------------------
 
 
+def interval_of(system, drive):
+    """Time between the readings of a run of some seconds."""
+    return EXACT.interval(system, drive, 2.0, fi.Recorder())
+
+
 def samples_inside(starts, ends, interval):
     """Samples of a grid that lie within the phases given, one for each."""
     samples = np.ceil(np.asarray(starts) / interval) + 1
@@ -190,7 +195,7 @@ def samples_inside(starts, ends, interval):
 
 def assert_impacts_go_on(system, drive, samples, whole, touching):
     """The first three impacts after the cut, and what lasts there, are those of the whole to 1e-10."""
-    interval = EXACT.time_grid(drive.frequency)
+    interval = interval_of(system, drive)
     rest = round(whole.time[-1] / interval) - samples
     before, after = parts_of(system, drive, EXACT, [samples * interval, rest * interval])
     assert (before.final_state.continuation.touching != ()) == touching
@@ -216,7 +221,7 @@ def assert_impacts_go_on(system, drive, samples, whole, touching):
 def test_impacts_after_a_cut_in_free_motion_are_those_of_the_whole(sticking, several, drive):
     for system in (sticking, several):
         whole = fi.integrate(system, drive, EXACT, 2.0)
-        impacts, interval = whole.impacts, EXACT.time_grid(drive.frequency)
+        impacts, interval = whole.impacts, interval_of(system, drive)
         ends = np.concatenate([impacts.time + impacts.duration, whole.sticking.end])
         begins = np.concatenate([impacts.time, whole.sticking.start])
         # the middle of the longest free time that some impacts follow
@@ -231,7 +236,7 @@ def test_impacts_after_a_cut_in_free_motion_are_those_of_the_whole(sticking, sev
 def test_impacts_after_a_cut_inside_a_contact_are_those_of_the_whole(modal, several, drive):
     for system in (modal, several):
         whole = fi.integrate(system, drive, EXACT, 2.0)
-        impacts, interval = whole.impacts, EXACT.time_grid(drive.frequency)
+        impacts, interval = whole.impacts, interval_of(system, drive)
         samples = np.ceil(impacts.time / interval)
         inside = samples[samples * interval < impacts.time + impacts.duration].astype(int)
         inside = inside[inside * interval < impacts.time[-4]]
@@ -247,7 +252,7 @@ def test_impacts_after_a_cut_inside_a_contact_are_those_of_the_whole(modal, seve
 def test_impacts_after_a_cut_inside_a_sticking_phase_are_those_of_the_whole(sticking, drive):
     whole = fi.integrate(sticking, drive, EXACT, 2.0)
     phases = whole.sticking
-    interval = EXACT.time_grid(drive.frequency)
+    interval = interval_of(sticking, drive)
     inside = samples_inside(phases.start[:-4], phases.end[:-4], interval)
     assert inside
     for cut in inside[:2]:
@@ -265,8 +270,9 @@ def test_a_recorded_motion_goes_on_between_its_samples(several):
     # neither the cut nor the grid of readings meets the samples, 1.3 ms apart
     drive = fi.RecordedBase(2.0 * np.sin(2 * np.pi * 5.2 * 1.3e-3 * np.arange(1600)), 1.3e-3, -0.01)
     whole = fi.integrate(several, drive, EXACT, 1.5)
-    samples = round(0.4321 / EXACT.time_grid(drive.frequency))
-    before = fi.integrate(several, drive, EXACT, samples * EXACT.time_grid(drive.frequency))
+    interval = interval_of(several, drive)
+    samples = round(0.4321 / interval)
+    before = fi.integrate(several, drive, EXACT, samples * interval)
     touching = before.final_state.continuation.touching != ()
     assert_impacts_go_on(several, drive, samples, whole, touching)
 
@@ -290,21 +296,17 @@ def test_a_run_at_a_later_time_is_that_of_a_sine_with_a_later_phase(several, met
     assert late.window == pytest.approx((start + 0.8 / 3, start + 0.4), abs=2e-3)
 
 
-class Line(fi.RecordedBase):
-    """A recorded motion whose cycle is of a given length, so that its grid of readings is."""
-
-    frequency = 5.0
-
-
 @pytest.mark.parametrize("method", [NEWMARK, EXACT], ids=repr)
 @pytest.mark.parametrize("start", [0.4, 0.4003], ids=["on a sample", "between samples"])
 def test_a_recorded_motion_at_a_later_time_is_that_of_its_later_samples(method, start):
     system, t = oscillator(stiffness=1e3, damping=2.0), 1e-4 * np.arange(20000)
     # straight lines 1 ms long, given by samples ten times as dense
     samples = np.interp(t, t[::10], np.sin(31.0 * t[::10]) + np.cos(7.0 * t[::10]))
-    later = Line(samples[round(start / 1e-4) :], 1e-4)
-    early = fi.integrate(system, later, method, 0.5, fi.Recorder("mass"))
-    late = fi.integrate(system, Line(samples[::10], 1e-3), method, 0.5, fi.Recorder("mass"), fi.State(time=start))
+    later, record = fi.RecordedBase(samples[round(start / 1e-4) :], 1e-4), fi.Recorder("mass")
+    if method is EXACT:
+        record = replace(record, interval=3e-3)
+    early = fi.integrate(system, later, method, 0.5, record)
+    late = fi.integrate(system, fi.RecordedBase(samples[::10], 1e-3), method, 0.5, record, fi.State(time=start))
     # of some millimetres, with the rounding of thousands of steps
     assert np.abs(early["mass"]).max() > 1e-3
     np.testing.assert_allclose(late["mass"], early["mass"], rtol=0.0, atol=1e-13)
@@ -341,8 +343,8 @@ def test_a_run_read_more_often_from_a_kept_state_on_is_the_same_motion(several):
     record = replace(recorder(several), state_at=1.0)
     whole = fi.integrate(several, RECORD, EXACT, 1.9, record)
     kept = whole.kept_state
-    often = replace(EXACT, samples_per_cycle=4 * EXACT.samples_per_cycle)
-    rest = fi.integrate(several, RECORD, often, whole.final_state.time - kept.time, recorder(several), kept)
+    often = replace(recorder(several), interval=interval_of(several, RECORD) / 4)
+    rest = fi.integrate(several, RECORD, EXACT, whole.final_state.time - kept.time, often, kept)
     assert_same_state(rest.final_state, whole.final_state)
     np.testing.assert_array_equal(rest.time[::4], whole.time[-rest.time[::4].size :])
 

@@ -6,10 +6,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from femimpact.integrators.compiled.compiling import entry
-from femimpact.integrators.event_driven.exponentials import LARGEST_ANGLE, LARGEST_DECAY, cosine_and_sine, exponentials
+from femimpact.core import cosine_and_sine, exponentials
 
-exponentials, cosine_and_sine = entry(exponentials), entry(cosine_and_sine)
+LARGEST_ANGLE, LARGEST_DECAY = 1e6, 700.0
+"""Of an angle and of a negative exponent, beyond which the core asks the C library."""
 
 EPS = np.finfo(float).eps
 

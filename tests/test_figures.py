@@ -13,6 +13,7 @@ from builders import reduced, with_ball
 
 import femimpact as fi
 from femimpact.export.figures.phase_curve import changes_of_contact, corners_of, phase_curve
+from femimpact.study.demo import median_scan
 
 plt = pytest.importorskip("matplotlib.pyplot")
 
@@ -66,6 +67,13 @@ def line(axis, label):
     """The one line of a label."""
     (found,) = [line for line in axis.lines if line.get_label() == label]
     return found
+
+
+def legend_words(axis):
+    """Words of all legends of the axes."""
+    from matplotlib.legend import Legend
+
+    return [text.get_text() for legend in axis.findobj(Legend) for text in legend.get_texts()]
 
 
 def has_line(axis, x, y):
@@ -405,18 +413,30 @@ def test_a_line_joins_what_repeats_and_what_scatters_is_dots(curves):
     peak = np.where(steadiness == "failed", np.nan, with_ball.peak)
     mixed = dataclasses.replace(with_ball, steadiness=steadiness, peak=peak, impacts_per_cycle=np.ones(11))
     axis = fi.figures.response_curve({"without ball": empty, "with ball": mixed}, published=[("paper", 4.95, 7e-3)])
-    # linear: no scatter, whatever its transient
+    # linear: no scatter, whatever its transient, which another start has another of
     np.testing.assert_allclose(line(axis, "without ball: peak").get_ydata(), 1e3 * empty.peak)
+    transient = empty.steadiness != "periodic"
+    assert transient.any()
+    dots = line(axis, "without ball: peak, one start's value: the motion is not periodic")
+    np.testing.assert_allclose(dots.get_xdata(), FREQUENCIES[transient])
     joined = line(axis, "with ball: peak").get_ydata()
     np.testing.assert_allclose(joined[steadiness == "periodic"], 1e3 * peak[steadiness == "periodic"])
     assert np.isnan(joined[steadiness != "periodic"]).all()
-    dots = line(axis, "with ball: peak, not periodic")
+    dots = line(axis, "with ball: peak, one start's value: the motion is not periodic")
     assert dots.get_linestyle() == "None"
-    np.testing.assert_allclose(dots.get_xdata()[:5], FREQUENCIES[4:9])
-    np.testing.assert_allclose(dots.get_ydata()[:5], 1e3 * peak[4:9])
+    np.testing.assert_allclose(dots.get_xdata(), FREQUENCIES[4:9])
+    np.testing.assert_allclose(dots.get_ydata(), 1e3 * peak[4:9])
+    # the rms of these is one start's, too
+    assert has_line(axis, FREQUENCIES[4:9], 1e3 * mixed.rms[4:9])
     assert (*line(axis, "paper").get_xdata(), *line(axis, "paper").get_ydata()) == (4.95, 7.0)
     whole = fi.figures.response_curve(mixed, join_all=True)
     np.testing.assert_allclose(line(whole, "peak").get_ydata(), 1e3 * peak)
+    assert has_line(whole, FREQUENCIES[4:9], 1e3 * peak[4:9])
+    for drawn in (axis, whole):
+        assert "one start's value: the motion is not periodic" in legend_words(drawn)
+    steady = np.full(11, "periodic", dtype="<U11")
+    calm = fi.figures.response_curve(dataclasses.replace(with_ball, steadiness=steady, impacts_per_cycle=np.ones(11)))
+    assert legend_words(calm) == ["peak", "rms"]
     with pytest.raises(fi.InputError, match="curves"):
         fi.figures.response_curve({})
 
@@ -505,8 +525,38 @@ def test_a_map_shows_every_value_in_its_cell():
     axis = fi.figures.value_map([1.0, 2.0], [5.0, 6.0, 7.0], values)
     assert [text.get_text() for text in axis.texts] == ["0.1", "0.25", "0.5", "1", "2", "4"]
     np.testing.assert_array_equal(axis.images[0].get_array(), values)
+    assert legend_words(axis) == []
     with pytest.raises(fi.InputError, match="values"):
         fi.figures.value_map([1.0, 2.0, 3.0], [5.0, 6.0, 7.0], values)
+
+
+def test_a_map_has_a_star_at_values_of_one_start_and_says_what_it_means():
+    values, samples = np.array([[0.1, 0.25], [0.5, 1.0]]), np.array([[False, True], [False, False]])
+    axis = fi.figures.value_map([1.0, 2.0], [5.0, 6.0], values, samples, title="rms")
+    assert [text.get_text() for text in axis.texts] == ["0.1", "0.25*", "0.5", "1"]
+    assert legend_words(axis) == ["one start's value: the motion is not periodic"]
+    assert axis.get_title(loc="left") == "rms"
+    for wrong in ([True, False], values):
+        with pytest.raises(fi.InputError, match=r"samples = .*must be an array \(rows, columns\) of truth values"):
+            fi.figures.value_map([1.0, 2.0], [5.0, 6.0], values, wrong)
+
+
+def test_a_scan_has_dots_where_the_largest_peak_is_not_periodic(curves):
+    words, ones = np.array(["periodic", "statistical", "transient"]), np.ones(3)
+    scan = fi.RestitutionScan(np.array([0.3, 0.5, 0.7]), *[ones] * 6, words, (curves[1],) * 3)
+    assert scan.is_sample.tolist() == [False, True, True]
+    assert scan.to_pandas()["steadiness"].tolist() == ["periodic", "statistical", "transient"]
+    axes = fi.figures.restitution_scan([("start", scan)], 4.95, 5.0, figure=fi.figures.OffScreen())
+    for axis in axes:
+        assert has_line(axis, [0.5, 0.7], [1.0, 1.0])
+    assert set(legend_words(axes[0])) == {"start", "one start's value: the motion is not periodic"}
+    # a median over starts is no single start's
+    calm = dataclasses.replace(scan, steadiness=np.array(["periodic"] * 3))
+    medians = median_scan([calm, scan])
+    assert medians.steadiness.tolist() == scan.steadiness.tolist()
+    assert not medians.is_sample.any()
+    axes = fi.figures.restitution_scan([("starts", medians)], 4.95, 5.0, figure=fi.figures.OffScreen())
+    assert set(legend_words(axes[0])) == {"starts", "not periodic: median of 2 starts"}
 
 
 @pytest.mark.parametrize("cycles", [math.nan, math.inf, 0.0, -1.0, -math.inf, "4", True, None])
@@ -521,9 +571,9 @@ def test_cycles_that_are_none_are_not_drawn(run, cycles):
 def test_more_cycles_than_a_run_has_are_all_of_them(run):
     # 6 s at 5 Hz
     words = "last 30 cycles at 5 Hz"
-    assert words in fi.figures.motion(run, cycles=1e300)[-1, 1].get_xlabel()
-    assert words in fi.figures.contact_force(run, cycles=1e300)[0].get_title(loc="left")
-    axis = fi.figures.phase_portrait(run, cycles=1e300)
+    assert words in fi.figures.motion(run, cycles=1e30)[-1, 1].get_xlabel()
+    assert words in fi.figures.contact_force(run, cycles=1e30)[0].get_title(loc="left")
+    axis = fi.figures.phase_portrait(run, cycles=1e30)
     assert words in axis.get_title(loc="left")
     whole = fi.figures.phase_portrait(run, cycles=30)
     assert all(np.array_equal(a.get_xdata(), b.get_xdata()) for a, b in zip(axis.lines, whole.lines, strict=True))

@@ -57,6 +57,83 @@ def test_the_95_percent_interval_covers_the_truth_in_about_95_of_100_noisy_trial
     assert 176 <= covered <= 200
 
 
+GRIDS = [41, 101, 301]
+
+
+@pytest.mark.parametrize("points", GRIDS)
+def test_white_noise_is_no_pattern_and_leaves_an_interval_that_covers(points):
+    # the half-power width is 4 steps of the coarsest grid, just resolved or just not by what the noise does to the fit
+    f = np.linspace(4.5, 5.5, points)
+    x = curve(f, 0.01, 5.0)
+    given, covered = 0, 0
+    for noise in (0.001, 0.03):
+        for seed in range(60):
+            white = np.random.default_rng(seed).standard_normal(points)
+            low, high = fi.fit_one_pole(f, np.abs(x + noise * x.max() * white)).interval
+            given, covered = given + np.isfinite(low), covered + bool(low <= 0.01 <= high)
+    # at most 1 in 100 is nominal, 5 in 100 are asked for: of 120 seldom more than 5; in 1,000 seeds of each grid and
+    # noise between 3 and 19 were found
+    assert given >= 114
+    # 95 %: 114 of 120, +- 2.4 (one standard deviation)
+    assert covered >= 0.95 * given - 3 * 2.4
+
+
+def bent(f, by):
+    """A peak at 5 Hz, half-power width 0.1 Hz, that leans by so much (Hz) at its largest amplitude, 1."""
+    straight = np.linspace(4.0, 6.0, 20001)
+    x = curve(straight, 0.01, 5.0)
+    return np.interp(f, straight + by * (x / x.max()) ** 2, x / x.max())
+
+
+SYSTEMATIC = {
+    "second pole": lambda f: curve(f, 0.01, 5.0) + 0.3 * curve(f, 0.01, 5.2),
+    "near second pole": lambda f: curve(f, 0.01, 5.0) + 0.2 * curve(f, 0.01, 5.1),
+    "bent peak": lambda f: bent(f, 0.025),
+}
+
+
+@pytest.mark.parametrize("points", GRIDS)
+@pytest.mark.parametrize("shape", SYSTEMATIC)
+def test_a_second_pole_and_a_bent_peak_are_told_from_noise_of_a_hundredth(points, shape):
+    f = np.linspace(4.5, 5.5, points)
+    x = SYSTEMATIC[shape](f)
+    for seed in range(5):
+        noise = 0.01 * x.max() * np.random.default_rng(seed).standard_normal(points)
+        estimate = fi.fit_one_pole(f, np.abs(x + noise))
+        assert np.isnan(estimate.interval[0])
+        # what was seen, with its number; whether it is a second pole is not known
+        (said,) = [text for text in estimate.warnings if "no interval" in text]
+        assert "is not random over frequency" in said
+        assert "(correlation 0." in said or "% of their square" in said
+
+
+def test_a_large_scatter_is_said_to_scatter_and_has_an_interval():
+    f = np.linspace(4.5, 5.5, 101)
+    x = curve(f, 0.01, 5.0)
+    estimate = fi.fit_one_pole(f, np.abs(x + 0.1 * x.max() * np.random.default_rng(4).standard_normal(f.size)))
+    assert any("points scatter about the curve of one pole" in text for text in estimate.warnings)
+    assert estimate.interval[0] <= 0.01 <= estimate.interval[1]
+
+
+@pytest.mark.parametrize("points", [7, 21, 60])
+def test_points_of_no_curve_at_all_have_an_answer(points):
+    f = np.linspace(4.0, 6.0, points)
+    for seed in range(40):
+        random = np.random.default_rng(seed)
+        # peaks of a chaotic sweep lie anywhere over two decades
+        estimate = fi.fit_one_pole(f, 10.0 ** random.uniform(-2.0, 0.0, points))
+        assert np.isnan(estimate.ratio) or estimate.ratio > 0.0
+        assert estimate.warnings
+
+
+def test_of_few_points_nothing_is_said_of_noise():
+    f = np.linspace(4.9, 5.1, 9)
+    noise = np.random.default_rng(4).standard_normal(f.size)
+    x = curve(f, 0.01, 5.0)
+    estimate = fi.fit_one_pole(f, np.abs(x + 0.01 * x.max() * noise))
+    assert any("may be noise or a second pole: 9 points do not decide it" in text for text in estimate.warnings)
+
+
 def test_half_power_on_a_fine_grid_is_within_one_percent():
     for ratio in (0.0029, 0.01):
         width = 2 * ratio * 5.3

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import re
 import tomllib
+from importlib.metadata import metadata, version
 from pathlib import Path
 
+import pytest
+
 import femimpact
+from femimpact.integrators.compiled import compiling
 
 ROOT = Path(__file__).parents[1]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROJECT = PYPROJECT["project"]
 
 OF_THEIR_TIME = {"vtk", "pandas"}
 """Needed by dependencies that name no newest version of them: held, without being asked for by us."""
@@ -24,11 +29,30 @@ def _versions(lines: list[str], relation: str) -> dict[str, str]:
 
 def test_the_lowest_versions_that_are_tried_are_the_lower_bounds():
     extras = PROJECT["optional-dependencies"]
-    bounds = _versions([*PROJECT["dependencies"], *extras["movie"], *extras["test"]], ">=")
+    bounds = _versions([*PROJECT["dependencies"], *extras["movie"], *extras["test"]], "(?:>=|==)")
     lines = (ROOT / ".ci" / "lowest.txt").read_text(encoding="utf-8").splitlines()
     tried = _versions([line for line in lines if not line.startswith("#")], "==")
     assert set(tried) - set(bounds) == OF_THEIR_TIME
     assert {name: tried[name] for name in bounds} == bounds
+
+
+def test_the_backend_that_is_tried_is_the_one_that_builds():
+    # the hook is of the interface of one major version
+    tried = _versions([line for line in PROJECT["optional-dependencies"]["test"] if "hatchling" in line], ">=")
+    assert PYPROJECT["build-system"]["requires"] == [f"hatchling>={tried['hatchling']},<2"]
+
+
+def test_numba_and_llvmlite_are_the_pair_whose_insides_are_known():
+    asked = [line for line in PROJECT["dependencies"] if line.startswith(("numba", "llvmlite"))]
+    assert tuple(_versions(asked, "==").values()) in compiling.TESTED
+    assert asked == [f"{name}=={version(name)}" for name in ("numba", "llvmlite")]
+
+
+@pytest.mark.parametrize("name", ["numba", "llvmlite"])
+def test_every_python_that_is_named_has_the_one_version_of_numba(name):
+    classifier = "Programming Language :: Python :: 3."
+    named = {line for line in PROJECT["classifiers"] if line.startswith(classifier)}
+    assert named <= set(metadata(name).get_all("Classifier"))
 
 
 def test_the_version_is_the_same_everywhere():

@@ -25,7 +25,8 @@ from femimpact.study.picture_data import (
     write_mode_shapes,
 )
 from femimpact.study.prepared import prepare
-from femimpact.study.results import FILES, read_summary
+from femimpact.study.result_files import FILES
+from femimpact.study.results import read_summary
 from femimpact.study.run import run_simulation, run_study, run_sweep
 
 FIGURES = ("mode_figure", "response_figure", "force_figure", "portrait_figure", "impact_histograms", "impulse_phase")

@@ -8,7 +8,7 @@ import femimpact as fi
 from femimpact.cli import app
 from femimpact.response.channels import channel_of
 from femimpact.response.impacts import IMPACT_UNITS, STICKING_UNITS
-from femimpact.study.results import FILES, OTHER_FILES
+from femimpact.study.result_files import FILES, OTHER_FILES
 from femimpact.sweep import SWEEP_UNITS
 
 NAMES = """
@@ -25,8 +25,9 @@ NAMES = """
     FemimpactError
     Flores
     FrequencyResponse: amplitude at cycle_mean_force cycles damping damping_half_power duration energy_residual
-        first_harmonic frequency impacts_per_cycle largest_approach_speed law mean_approach_speed mean_impulse
-        notes peak peak_amplitude peak_force peak_frequency phase rms start steadiness to_xarray warnings window
+        first_harmonic frequency impacts_per_cycle is_sample largest_approach_speed law mean_approach_speed
+        mean_impulse notes peak peak_amplitude peak_force peak_frequency peak_is_sample phase rms start
+        steadiness to_xarray warnings window
     GeneralizedAlpha: allow_coarse_step divergence_limit dt refine spectral_radius
     GonthierCarvalhoMartins
     HHT: allow_coarse_step alpha divergence_limit dt refine
@@ -58,8 +59,8 @@ NAMES = """
         snapshots_start start
     Response: absolute base channels energy impacts notes regime riding snapshots statistics statistics_of
         steady sticking streamed_to system time to_xarray units warnings window
-    RestitutionScan: amplitude_ratio best curves damping_amplitude_ratio damping_fit damping_half_power misfit
-        peak_amplitude peak_frequency restitution
+    RestitutionScan: amplitude_ratio best curves damping_amplitude_ratio damping_fit damping_half_power is_sample
+        misfit peak_amplitude peak_frequency restitution starts steadiness
     Rigid: name restitution
     STEEL
     Segment: area bending_stiffness density length mass_per_length name rectangle second_moment thickness width
@@ -73,9 +74,9 @@ NAMES = """
     StudyResults: directory history impact_data impacts modes riding sticking summary sweep
     Support: at kind
     SwitchingSpring: free_stiffness name stiffness
-    System: C K M balls base_load computed_together constant_load contacts default_place deflection_rows
-        directions dofs expansion first_frequency from_matrices is_diagonal nodes point_row points position_of
-        rayleigh rigid_translation stiffness_factor total_mass
+    System: C K M balls base_load computed_together constant_load constant_resultant contacts default_place
+        deflection_rows directions dofs expansion first_frequency from_matrices is_diagonal nodes point_row points
+        position_of rayleigh rigid_translation stiffness_factor total_mass
     WBZ: allow_coarse_step alpha divergence_limit dt refine
     achieved_restitution
     amplitude_ratio_damping

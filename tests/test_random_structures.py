@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from random_structures import random_case
+from table_sums import loss_left, momentum_left
 
 import femimpact as fi
 
@@ -14,8 +15,9 @@ pytestmark = pytest.mark.impacts
 SEEDS = (*range(100), 229)
 """229: a pair that sticks beside another is let go, and is left with a rate of rounding."""
 
-FAR_BASE = "the base moves by up to"
-"""Of records that drift further than half the beam's length: allowed, and warned of."""
+UNUSUAL = ("the base moves by up to", "where no mode is kept")
+"""Of records that drift further than half the beam's length, and of one mode that is driven far above itself: allowed,
+and warned of."""
 
 PHYSICAL = {
     # the generator keeps a drive away from undamped frequencies of the structure, not from those of its contact states
@@ -54,7 +56,8 @@ def test_the_ledger_closes(seed):
     if run is None:
         return
     # above 1e-9 and above the bound that it derives for its own rounding, a run warns; so it does of lost impacts
-    assert [text for text in run.warnings if not text.startswith(FAR_BASE)] == [], case_of(seed).description
+    unexpected = [text for text in run.warnings if not any(words in text for words in UNUSUAL)]
+    assert unexpected == [], case_of(seed).description
     assert np.isfinite(run.energy.residual)
 
 
@@ -116,8 +119,11 @@ def test_the_table_of_impacts_is_that_of_the_laws(seed):
         else:
             assert np.all(table.duration[own] > 0.0)
             assert np.all(np.diff(table.time[own]) > 0.0)
-    # what the impacts lost is in the ledger, beside what is lost as pairs come to rest and in contacts not yet over
-    assert table.energy_loss.sum() <= run.energy.contact_loss[-1] + 1e-11 * run.energy.largest_input
+    # what the impacts lost, with contacts not yet over, is all that the ledger has lost in contacts
+    assert loss_left(run) < 1e-9
+    for pair in run.system.balls:
+        if not pair.free_stiffness:
+            assert momentum_left(run, case_of(seed).initial, pair.name) < 1e-9
 
 
 def check_rigid(run, pair, own):
@@ -169,7 +175,10 @@ def test_the_peak_of_a_cycle_does_not_hang_on_the_samples(seed):
     # the last of three cycles is measured
     duration, place = 3.0 / case.excitation.frequency, case.system.default_place
     for samples in (8, 4096):
-        method, record = fi.EventDriven(samples_per_cycle=samples), fi.Recorder((place,), ledger=False)
+        # a record is read by its own interval, or by one that is given
+        interval = 1.0 / (case.excitation.frequency * samples) if hasattr(case.excitation, "interval") else None
+        method = fi.EventDriven(samples_per_cycle=samples)
+        record = fi.Recorder((place,), ledger=False, interval=interval)
         runs.append(fi.integrate(case.system, case.excitation, method, duration, record, case.initial))
     coarse, fine = runs
     dense = np.max(np.abs(fine[place][-4096:]))

@@ -17,7 +17,11 @@ import femimpact as fi
 pytestmark = pytest.mark.impacts
 
 ROOT = Path(__file__).parent.parent
-PAGES = [Path("README.md"), *sorted(path.relative_to(ROOT) for path in (ROOT / "docs").glob("*.md"))]
+PAGES = [
+    Path("README.md"),
+    Path("CONTRIBUTING.md"),
+    *sorted(path.relative_to(ROOT) for path in (ROOT / "docs").glob("*.md")),
+]
 LINKS = [
     (page, link)
     for page in PAGES

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 
 import matplotlib.figure
 import numpy as np
 import pytest
 
 import femimpact as fi
+from femimpact.excitation.remarks import is_pulse
 
 G = 9.80665
 RATE = 200.0
@@ -164,6 +166,17 @@ def test_a_run_longer_than_its_record_has_a_note(small, record, method):
     assert f"{float(base.velocity(5.0)):.3g} m/s" in text
 
 
+def test_no_record_accelerates_after_its_end():
+    """Whatever the rounding of its duration over its interval: one in twenty went on with its last slope."""
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        count, interval = int(rng.integers(3, 400)), float(rng.uniform(1e-4, 0.1))
+        base = fi.RecordedBase(rng.normal(size=count), interval)
+        after = base.duration * np.array([1.0, 1.5, 2.0])
+        assert np.all(base.acceleration(after) == 0.0)
+        assert np.ptp(base.velocity(after)) == 0.0
+
+
 def test_figures_of_a_run_on_a_record_name_seconds_and_no_cycles(small, record):
     _, burst, _ = record
     base = fi.RecordedBase(G * burst, interval=1 / RATE)
@@ -197,6 +210,83 @@ def test_offset_and_drift_are_no_cycle(cycles, trend):
 @pytest.mark.parametrize("samples", [np.ones(50), np.linspace(-3.0, 8.0, 50), [0.0, 1.0], np.zeros(50)])
 def test_a_straight_record_is_one_cycle(samples):
     assert fi.RecordedBase(samples, 0.1).frequency == pytest.approx(1.0 / (0.1 * len(samples)))
+
+
+# ---- pulses and drift ----------------------------------------------------------------------------------
+
+
+WIDTH = 0.011
+
+
+def pulse(duration, start, interval=1e-4, shape="half-sine", noise=0.0):
+    """10 g for 11 ms in a record of a duration (s), with noise in g."""
+    t = interval * np.arange(round(duration / interval) + 1)
+    share = np.clip((t - start) / WIDTH, 0.0, 1.0)
+    a = {"half-sine": np.sin(np.pi * share), "haversine": np.sin(np.pi * share) ** 2}[shape]
+    return fi.RecordedBase(G * (10 * a + noise * np.random.default_rng(3).standard_normal(t.size)), interval)
+
+
+@pytest.mark.parametrize("shape", ["half-sine", "haversine"])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+@pytest.mark.parametrize("duration", [0.011, 0.015, 0.03, 0.06, 0.5, 5.0])
+def test_a_pulse_is_no_drift_wherever_it_stands_in_its_record(duration, noise, shape):
+    for start in (0.0, 0.5 * (duration - WIDTH), duration - WIDTH):
+        for sign in (1.0, -1.0):
+            assert is_pulse(sign * pulse(duration, start, shape=shape, noise=noise).samples)
+
+
+@pytest.mark.parametrize("duration", [0.5, 5.0, 40.0])
+def test_offset_and_drift_are_no_pulse_whatever_oscillates_on_them(duration):
+    t = 1e-3 * np.arange(round(duration / 1e-3) + 1)
+    noise = np.random.default_rng(5).standard_normal(t.size)
+    trends = (
+        0.0,
+        0.012,
+        -0.01 + 0.02 * t / duration,
+        0.012 + 0.003 * t,
+        0.01 * t / duration,
+        -0.01 * (t / duration) ** 2,
+    )
+    for motion in (0.0, 0.02 * np.sin(31.4 * t + 0.3), 0.1 * np.cos(10 * np.pi * t), np.cos(46.0 * t), 0.02 * noise):
+        for trend in trends:
+            assert not is_pulse(np.asarray(motion + trend + 0.0 * t))
+
+
+def test_a_pulse_has_a_note_of_its_change_of_velocity_and_no_advice_to_remove_it(small):
+    bare, base = fi.without_impactors(small), pulse(5.0, 0.1)
+    assert base.amplitude > small.length
+    run = fi.integrate(bare, base, fi.EventDriven(), 0.5)
+    assert not [text for text in run.warnings if "remove" in text or "the base moves" in text]
+    (note,) = [text for text in run.notes if "pulse" in text]
+    # 2/pi of 10 g for 11 ms; the line through 110 samples
+    change = 10 * G * WIDTH * 2 / np.pi
+    assert f"{change:.3g} m/s for good" in note
+
+
+@pytest.mark.parametrize("kind", ["mean", "line"])
+@pytest.mark.parametrize("start", [0.0, 0.2])
+def test_a_pulse_without_its_mean_is_warned_of_and_its_peak_is_wrong(small, tmp_path, kind, start):
+    bare, base = fi.without_impactors(small), pulse(0.5, start, noise=0.01)
+    time = base.interval * np.arange(base.samples.size)
+    path = written(tmp_path / "a.csv", time, base.samples / G)
+    kept, removed = (fi.RecordedBase.from_csv(path, scale=G, detrend=name) for name in ("none", kind))
+    runs = [fi.integrate(bare, b, fi.EventDriven(), 0.5, fi.Recorder(("tip",))) for b in (kept, removed)]
+    told = [[text for text in run.warnings if "without its mean" in text] for run in runs]
+    assert [len(texts) for texts in told] == [0, 1]
+    # 2/pi of 10 g for 11 ms, whatever its noise adds
+    change = float(re.search(r"velocity of the base by ([\d.]+) m/s", told[1][0])[1])
+    assert change == pytest.approx(10 * G * WIDTH * 2 / np.pi, rel=0.1)
+    # the level that is taken off, 0.14 g, acts on the beam before the pulse and after it
+    right, wrong = (abs(run.largest("root.surface_stress").value) for run in runs)
+    assert abs(wrong / right - 1.0) > 1e-3
+
+
+def test_what_is_rightly_removed_of_a_drift_is_not_warned_of(small, tmp_path, record):
+    bare, (time, burst, drift) = fi.without_impactors(small), record
+    path = written(tmp_path / "a.csv", time, burst + drift)
+    for kind in ("none", "mean", "line"):
+        run = fi.integrate(bare, fi.RecordedBase.from_csv(path, scale=G, detrend=kind), fi.EventDriven(), 1.0)
+        assert not [text for text in (*run.warnings, *run.notes) if "pulse" in text]
 
 
 def test_long_after_its_end_the_base_moves_on_uniformly_and_a_time_beyond_sense_is_refused():

@@ -37,8 +37,10 @@ CHANGES = {
     "first_frequency": lambda s: {"first_frequency": 2.0 * s.first_frequency},
     "rayleigh": lambda s: {"rayleigh": (1.0, 1.0)},
     "directions": lambda s: {"directions": {"tip": np.ones(s.dofs)}},
+    "constant_resultant": lambda s: {"constant_resultant": s.constant_resultant + 1.0},
     "reactions": lambda s: {"reactions": {"other": system().reactions["root.force"]}},
     "sections": lambda s: {"sections": fi.discretise(STRUCTURE, elements=4).sections},
+    "first_left_out": lambda s: {"first_left_out": 1.0},
 }
 
 

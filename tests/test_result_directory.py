@@ -13,12 +13,19 @@ from pathlib import Path
 import pytest
 
 import femimpact as fi
-from femimpact.export import tables
+from femimpact.export import files, tables
 from femimpact.export.files import atomic_write
 from femimpact.export.vtk import xml
-from femimpact.study import result_directory
-from femimpact.study.result_directory import ResultsWarning, _Lock, unfinished_state
-from femimpact.study.results import finish_results, prepare_directory, write_summary
+from femimpact.study import directory_lock, result_directory
+from femimpact.study.directory_lock import Lock
+from femimpact.study.result_directory import (
+    ResultsWarning,
+    finish_results,
+    prepare_directory,
+    unfinished_state,
+    update_results,
+)
+from femimpact.study.results import write_summary
 
 OLD, NEW = 1.0, 2.0
 
@@ -74,14 +81,15 @@ class Killed(BaseException):
 
 
 class Mortal:
-    """Counts the changes to the file system of a move, and ends the process before one of them."""
+    """Counts the changes to the file system, and ends the process before one of them."""
 
     def __init__(self, monkeypatch, last):
         self.left = last
-        for name in ("replace", "unlink", "rmdir"):
+        for name in ("replace", "rename", "unlink", "rmdir", "mkdir"):
             monkeypatch.setattr(os, name, self.counted(getattr(os, name)))
-        # what the kernel does
-        monkeypatch.setattr(_Lock, "release", lambda lock: os.close(lock.file))
+        # what the kernel does, and nothing of what the process would have removed
+        monkeypatch.setattr(Lock, "release", lambda lock: os.close(lock.file))
+        monkeypatch.setattr(result_directory, "_drop_unfinished", lambda running: None)
 
     def counted(self, change):
         """The same change, counted."""
@@ -95,54 +103,174 @@ class Mortal:
         return changed
 
 
-def kill_at(directory, step, force):
-    """Run into a directory and end the process before a step of its move; whether it came so far."""
-    with pytest.MonkeyPatch.context() as patch, prepare_directory(directory, force) as staging:
-        write_results(staging, NEW)
+def kill_at(work, step):
+    """Do some work and end the process before a step of it; whether it came so far."""
+    with pytest.MonkeyPatch.context() as patch:
         mortal = Mortal(patch, step)
-    return mortal.left
+        try:
+            work()
+        except Killed:
+            return True
+        assert mortal.left >= 0
+        return False
+
+
+def kill_in_move(directory, step):
+    """Run into a directory with earlier results and end the process before a step of the move."""
+
+    def work():
+        with prepare_directory(directory, True) as staging:
+            write_results(staging, NEW)
+            mortal.left = step
+
+    with pytest.MonkeyPatch.context() as patch:
+        mortal = Mortal(patch, -1)
+        with pytest.raises(Killed):
+            work()
 
 
 @pytest.mark.parametrize("earlier", [True, False])
-def test_a_kill_at_any_step_of_the_move_leaves_old_new_or_incomplete(tmp_path, earlier):
+def test_a_kill_at_any_step_of_a_run_leaves_old_new_or_what_can_be_finished(tmp_path, earlier):
     seen, step = [], 0
     while True:
         out = tmp_path / f"{step}"
         if earlier:
             run(out, OLD)
             (out / "mine.txt").write_text("keep me")
-        try:
-            assert kill_at(out, step, earlier) >= 0
+        if not kill_at(lambda out=out: run(out, NEW, earlier), step):
             break
-        except Killed:
-            pass
         state, text = state_of(out)
-        seen.append(state)
-        if state == "incomplete":
+        left = unfinished_state(out) or ""
+        moved, finished = "moved in part" in left, "ended after modes" in left
+        seen.append("incomplete" if finished and not earlier else state)
+        if moved and state == "incomplete":
             assert f"'femimpact finish {out}'" in text
-        if state == "incomplete" and (out / ".running" / "journal.json").exists() and len(list(out.iterdir())) > 1:
+        if moved and len(list(out.iterdir())) > 1:
             # the next run says so, too
             with pytest.raises(fi.InputError, match=f"femimpact finish {out}"):
                 run(out, OLD)
-        if unfinished_state(out) is not None:
+        if moved or finished:
+            # the name of the part is among the last to go
             assert finish_results(out, force=True) in (("modes",), ())
             assert not (out / ".running").exists()
-        assert value_of(out) == NEW
+            assert value_of(out) == NEW
+        elif earlier:
+            assert value_of(out) in (OLD, NEW)
+        else:
+            assert state == NEW or [path.name for path in out.glob("*")] in ([".running"], [])
         assert not earlier or (out / "mine.txt").read_text() == "keep me"
         step += 1
     assert value_of(out) == NEW
     # every state was met, and they follow one another
-    states = [OLD, "incomplete", NEW] if earlier else ["incomplete", NEW]
-    assert sorted(set(seen), key=states.index) == states
+    states = [OLD if earlier else "incomplete", "incomplete", NEW]
+    assert sorted(set(seen), key=states.index) == list(dict.fromkeys(states))
     assert seen == sorted(seen, key=states.index)
-    assert len(seen) > 10
+    assert len(seen) > 40
+
+
+def test_a_kill_at_any_step_of_an_update_leaves_old_new_or_what_can_be_finished(tmp_path):
+    # beside finished parts of a run that was ended, which are not touched
+    def update(out):
+        with update_results(out) as staging:
+            (staging.folder / "modes.png").write_text("new")
+            (staging.folder / "deflection.mp4").write_text("new")
+            write_summary(staging.folder, fi.load(out).summary | {"drawn": True}, beside=out)
+
+    seen, step = set(), 0
+    while True:
+        out = tmp_path / f"{step}"
+        with prepare_directory(out) as staging:
+            write_results(staging, OLD)
+            (staging.folder / "deflection.gif").write_text("old")
+            write_summary(staging.folder, {"value": OLD}, beside=staging.finished)
+        with pytest.raises(KeyboardInterrupt):
+            break_off(out, KeyboardInterrupt(), True, NEW)
+        killed = kill_at(lambda out=out: update(out), step)
+        if "moved in part" in (unfinished_state(out) or ""):
+            finish_results(out)
+        # its files and its checksums agree: `load` would warn
+        assert value_of(out) == OLD
+        drawn = fi.load(out).summary.get("drawn", False)
+        assert [(out / name).exists() for name in ("modes.png", "deflection.mp4", "deflection.gif")] == [
+            drawn, drawn, not drawn,
+        ]  # fmt: skip
+        seen.add(drawn)
+        assert finish_results(out, force=True) == ("modes",)
+        assert value_of(out) == NEW
+        step += 1
+        if not killed:
+            break
+    assert seen == {False, True}
+    assert step > 10
+
+
+def test_a_summary_is_finished_with_the_files_that_it_names(tmp_path):
+    # the summary of a part is written before the part is finished: an end between the two leaves that of the last part
+    out = tmp_path / "out"
+
+    def break_off_between():
+        with prepare_directory(out) as staging:
+            write_results(staging, OLD)
+            tables.write_csv(staging.folder / "sticking.csv", {"value": [NEW]}, {})
+            tables.write_csv(staging.folder / "sweep.csv", {"value": [NEW]}, {})
+            write_summary(staging.folder, {"value": NEW}, beside=staging.finished)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        break_off_between()
+    assert finish_results(out) == ("modes",)
+    assert value_of(out) == OLD
+    assert not (out / "sweep.csv").exists()
+
+
+def test_files_are_on_disk_before_a_rename_relies_on_them(tmp_path, monkeypatch):
+    done = []
+    to_disk, rename = result_directory.to_disk, os.rename
+
+    def noted(path):
+        to_disk(path)
+        done.append(Path(path).name)
+
+    def renamed(source, target):
+        if Path(source).name == "files":
+            written = list(Path(source).rglob("*"))
+            assert written
+            assert {path.name for path in written} | {"files"} <= set(done)
+        if Path(source).name == "finished":
+            assert "finished" in done
+        done.clear()
+        rename(source, target)
+        renames.append(Path(source).name)
+
+    renames = []
+    monkeypatch.setattr(result_directory, "to_disk", noted)
+    monkeypatch.setattr(files, "to_disk", noted)
+    monkeypatch.setattr(os, "rename", renamed)
+    run(tmp_path / "out", NEW)
+    # the collection of frames renames, too
+    assert [name for name in renames if name != "new"] == ["files", "finished", "replacing"]
+    done.clear()
+    # the directory, before what says that the move is unfinished goes; a single file, before it takes its place
+    remove = result_directory.shutil.rmtree
+    monkeypatch.setattr(result_directory.shutil, "rmtree", lambda path, **more: (gone.append(list(done)), remove(path)))
+    gone = []
+    with prepare_directory(tmp_path / "out", True) as staging:
+        write_results(staging, NEW)
+    assert "out" in gone[-1]
+    replace = os.replace
+
+    def replaced(source, target):
+        assert Path(source).name in done
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", replaced)
+    atomic_write(tmp_path / "alone.txt", "content")
 
 
 def test_the_next_run_finishes_an_interrupted_move_and_says_so(tmp_path):
     out = tmp_path / "out"
     run(out, OLD)
-    with pytest.raises(Killed):
-        kill_at(out, 4, True)
+    kill_in_move(out, 4)
     # until the new results are complete there are those of the run before
     with pytest.warns(ResultsWarning, match="moved in part; that move is now finished"), prepare_directory(out, True):
         assert value_of(out) == NEW
@@ -152,18 +280,19 @@ CHILD = """
     import os, sys, time
     sys.path.insert(0, sys.argv[2])
     import test_result_directory as t
-    replace = os.replace
-    def slowly(source, target):
-        replace(source, target)
-        print(target, flush=True)
-        time.sleep(0.02)
-    os.replace = slowly
+    def slowly(change):
+        def changed(source, target):
+            change(source, target)
+            print(target, flush=True)
+            time.sleep(0.02)
+        return changed
+    os.replace, os.rename = slowly(os.replace), slowly(os.rename)
     t.run(sys.argv[1], t.NEW, True)
 """
 
 
 @pytest.mark.skipif(os.name != "posix", reason="kills a child process")
-@pytest.mark.parametrize("steps", [3, 6, 9, 10, 11, 13, 30])
+@pytest.mark.parametrize("steps", [3, 6, 7, 10, 14, 15, 16, 19, 22, 40])
 def test_a_killed_process_leaves_old_new_or_incomplete(tmp_path, steps):
     out = tmp_path / "out"
     run(out, OLD)
@@ -176,13 +305,15 @@ def test_a_killed_process_leaves_old_new_or_incomplete(tmp_path, steps):
     child.communicate()
     state, text = state_of(out)
     assert state != "incomplete" or "femimpact finish" in text
-    if (out / ".running" / "finished.json").exists() or state == "incomplete":
+    if "femimpact finish" in (unfinished_state(out) or ""):
         finish_results(out, force=True)
         assert value_of(out) == NEW
-    elif (out / ".running").exists():
+    elif unfinished_state(out) is not None:
         # what was not finished goes with the next run
-        with pytest.warns(ResultsWarning, match="did not end well|move is now finished"):
+        with pytest.warns(ResultsWarning, match="did not end well"):
             run(out, NEW, True)
+    else:
+        run(out, NEW, True)
     assert value_of(out) in (OLD, NEW)
     assert not (out / ".running").exists()
 
@@ -231,7 +362,7 @@ def test_finished_parts_are_kept_beside_earlier_results_until_they_are_asked_for
     assert f"'femimpact finish {out} --force' puts them in their place" in note
     assert value_of(out) == OLD
     # parts of a run do not take the place of a whole one unasked
-    with pytest.raises(fi.InputError, match=r"holds whole earlier results, which modes of a later run would replace"):
+    with pytest.raises(fi.InputError, match=r"holds earlier results, which modes of a later run would replace"):
         finish_results(out)
     assert value_of(out) == OLD
     assert finish_results(out, force=True) == ("modes",)
@@ -405,7 +536,7 @@ def test_the_lock_ends_with_its_process(tmp_path):
 
 
 def test_a_lock_that_was_removed_between_opening_and_locking_is_taken_anew(tmp_path, monkeypatch):
-    lock_file = result_directory._lock_file
+    lock_file = directory_lock._lock_file
     calls = []
 
     def removed(file):
@@ -416,7 +547,7 @@ def test_a_lock_that_was_removed_between_opening_and_locking_is_taken_anew(tmp_p
             (tmp_path / ".running").rmdir()
         lock_file(file)
 
-    monkeypatch.setattr(result_directory, "_lock_file", removed)
+    monkeypatch.setattr(directory_lock, "_lock_file", removed)
     run(tmp_path, NEW)
     assert len(calls) == 2
     assert value_of(tmp_path) == NEW

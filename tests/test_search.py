@@ -2,20 +2,21 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
-from femimpact.integrators.compiled.compiling import entry
+from femimpact import core
 from femimpact.integrators.driving import drive_of
-from femimpact.integrators.event_driven import loop, search, states
 from femimpact.integrators.event_driven.block import Inputs, new_block, run_block, working_space
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
 
-next_event = entry(search.next_event)
+HIT = 1
+"""How a search ends at a wall that is met at speed."""
 
 
 def first_beyond(scalars, motion, horizon, points):
@@ -49,9 +50,35 @@ def free_motion(system, drive):
     bounds.constant[:], bounds.given[:] = forms.constant[0, :, 0], forms.rigid_body_given[0, :, 0]
     bounds.upper[:], bounds.lower[:] = np.inf, -np.inf
     bounds.upper[0], bounds.lower[0] = plus, -minus
-    case = loop._case_of.py_func(0, block.cases)
-    form = states.form_of.py_func(0, case, block.cases, forms, space.bounds)
-    return form.scalars, space, float(forms.rigid_body_shape[0, -1, 0])
+    return scalars_of(block, forms, drive, space), space, float(forms.rigid_body_shape[0, -1, 0])
+
+
+def scalars_of(block, forms, drive, space):
+    """Scalars of the first case in the first form, named as the core does, in its order."""
+    entries, rigid_bodies, bounds = int(forms.entries[0]), int(forms.rigid_bodies[0]), space.bounds
+    values = {
+        "exponent": forms.exponent[0, :entries], "coupling": forms.coupling[0, :entries, :entries].copy(),
+        "blocks": forms.blocks[0], "size": forms.size[0, :entries], "omega": drive.omega, "broken": False,
+        "rigid_body_given": bounds.given[:rigid_bodies], "rigid_body_drive": bounds.nothing[:rigid_bodies],
+        "lasting": bounds.lasting, "upper": bounds.upper, "lower": bounds.lower,
+        "weight": forms.weight[0, :, :entries].copy(), "weight_size": forms.weight_size[0, :, :entries].copy(),
+        "rigid_body_weight": forms.rigid_body_weight[0, :, :rigid_bodies].copy(),
+        "rigid_body_rate_weight": forms.rigid_body_rate_weight[0, :, :rigid_bodies].copy(),
+        "sine": block.cases.sine[0, 0], "constant": bounds.constant, "follow": forms.follow[0],
+        "term": np.zeros(entries, dtype=complex), "growth": np.zeros(entries, dtype=complex),
+    }  # fmt: skip
+    prefix = "search_call.scalars."
+    names = [name.removeprefix(prefix) for name, *_ in core.tables() if name.startswith(prefix)]
+    return SimpleNamespace(**values, handed=tuple(values[name] for name in names))
+
+
+def motion_alone(motion, entries, rigid_bodies):
+    """A motion of the size of one form."""
+    return motion._replace(
+        entry=motion.entry[:entries],
+        rigid_body=motion.rigid_body[:rigid_bodies],
+        rigid_body_rate=motion.rigid_body_rate[:rigid_bodies],
+    )
 
 
 @pytest.mark.parametrize(("modes", "cases"), [(1, 1000), (4, 1000), (8, 1000), (16, 300)])
@@ -66,7 +93,10 @@ def test_no_crossing_is_missed_in_thousands_of_random_motions(modes, cases):
         system = dataclasses.replace(base, contacts=(pair,))
         drive = drive_of(system, fi.Sine(10.0 ** rng.uniform(-6, -3), rng.uniform(1, 300), rng.uniform(0, 6)))
         scalars, space, shape = free_motion(system, drive)
-        motion, scale = space.trial, gap * 10.0 ** rng.uniform(-3, 1)
+        entries = scalars.exponent.size
+        motion = motion_alone(space.trial, entries, scalars.rigid_body_given.size)
+        search = space.search._replace(size=np.zeros(entries), power=np.zeros((3, entries), dtype=complex))
+        scale = gap * 10.0 ** rng.uniform(-3, 1)
         motion.entry[:] = 0.0
         motion.entry[:modes] = scale * (rng.normal(size=modes) + 1j * rng.normal(size=modes))
         motion.entry[:modes] *= 10.0 ** rng.uniform(-3, 0, modes)
@@ -76,9 +106,9 @@ def test_no_crossing_is_missed_in_thousands_of_random_motions(modes, cases):
         expected, step = first_beyond(scalars, motion, horizon, points)
         if expected == 0.0:
             continue
-        status = next_event(scalars, motion, horizon, space.search)
-        time = motion.clock[0] if status == search.HIT else math.inf
-        met += status == search.HIT
+        status = core.next_event((scalars.handed, motion, search), horizon)
+        time = motion.clock[0] if status == HIT else math.inf
+        met += status == HIT
         # the scan sees a crossing one point late at most; the event may be a graze between two points
         assert time <= expected
         if math.isfinite(expected) and time < expected - step:

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 import femimpact as fi
+from femimpact.integrators.channel_rows import channel_rows
+from femimpact.integrators.driving import drive_of
+from femimpact.response.channels import resolve_channels
 
 pytestmark = pytest.mark.impacts
 
@@ -148,6 +151,54 @@ def test_a_reaction_with_modes_left_out_says_by_what_mass_it_differs(key):
     assert np.ptp(mass) < 1e-9 * system.total_mass
     note = next(text for text in kept.notes if "differ from the sum" in text)
     assert f"by {abs(mass[0]):.3g} kg times" in note
+
+
+def at_rest(system):
+    """Shaker force and root force (N) at the end of a run from the static state, and the notes."""
+    record = fi.Recorder(channels=("shaker_force", "root.reaction_force"))
+    response = fi.integrate(system, fi.Sine(0.0, 5.0), fi.EventDriven(), 0.05, record, fi.State.static())
+    return response["shaker_force"][-1], response["root.reaction_force"][-1], response.notes
+
+
+@pytest.mark.parametrize("modes", [1, 2, 5, 8])
+def test_at_rest_the_shaker_carries_the_whole_weight_whatever_modes_are_kept(modes):
+    whole = fi.assemble(structure(), elements=4)
+    # the ball hangs on its spring: rounding of the static state, times the accelerations that it leaves
+    assert at_rest(fi.reduce(whole, modes))[0] == pytest.approx(9.81 * (whole.total_mass + 3e-3), rel=1e-8)
+    bare = fi.assemble(structure(impactors=[], stops=[]), elements=4)
+    shaker, root, notes = at_rest(fi.reduce(bare, modes))
+    assert shaker == pytest.approx(9.81 * bare.total_mass, rel=1e-9)
+    said = [text for text in notes if "differ from the sum" in text]
+    assert (f"by {abs(shaker - root):.3g} N of gravity" in said[0]) if modes < 8 else not said
+
+
+@pytest.mark.parametrize("modes", [1, 3, 8])
+@pytest.mark.parametrize("own", [False, True])
+def test_gravity_reads_as_a_base_acceleration_of_the_opposite_sign(modes, own):
+    # equivalence of both holds mode by mode, and so whatever is left out
+    whole = fi.assemble(structure(stops=[]), elements=4)
+    if own:
+        more, up = 0.7 * np.eye(10), np.tile([1.0, 0.0], 5)
+        whole = fi.add_terms(whole, mass=more, load=-9.81 * more @ up)
+    system = fi.reduce(whole, modes)
+    names = ("shaker_force", "root.reaction_force", "root.reaction_moment", "tip.acceleration", "mid.bending_moment")
+    channels = resolve_channels(system, names)
+    rows = channel_rows(system, drive_of(system, BASE), channels, springs_apart=False)
+    by_base = rows.base[:, 2] + rows.drive
+    # rounding of the mode shapes' rows at the root
+    np.testing.assert_allclose(rows.constant, 9.81 * by_base, rtol=1e-9, atol=1e-12)
+    assert by_base[0] != 0.0
+
+
+def test_a_replaced_constant_load_has_a_resultant_of_its_own():
+    whole = fi.assemble(structure(), elements=4)
+    small = fi.reduce(whole, 1)
+    # gravity of the free dofs; the rest of the weight is on the held ones
+    assert small.constant_resultant == whole.constant_resultant == float(whole.rigid_translation @ whole.constant_load)
+    assert replace(small, constant_load=None).constant_resultant == 0.0
+    assert replace(whole, constant_load=2.0 * whole.constant_load).constant_resultant == pytest.approx(
+        2.0 * whole.constant_resultant, rel=1e-14
+    )
 
 
 def test_a_section_that_jumps_has_two_stresses_and_one_moment():

@@ -84,7 +84,7 @@ def test_a_run_gives_its_section(small):
 def test_a_record_has_no_phase_and_no_section_and_still_a_portrait(small):
     pytest.importorskip("matplotlib")
     base = fi.RecordedBase(np.sin(np.arange(400) / 6.0), interval=5e-3)
-    record = fi.Recorder(channels=("tip", "tip.velocity"))
+    record = fi.Recorder(channels=("tip", "tip.velocity"), interval=1.0 / (64 * base.frequency))
     response = fi.integrate(fi.without_impactors(small), base, fi.EventDriven(), 1.0, record)
     with pytest.raises(fi.InputError, match=r"base\.phase = nan rad: must be finite"):
         response.stroboscopic()

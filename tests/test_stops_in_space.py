@@ -244,7 +244,8 @@ def test_random_structures_against_stops_in_space(seed):
     # at t = 0 the base is where it is at rest, and the gaps are those given
     base = replace(base, phase=0.0) if isinstance(base, fi.Sine) else base
     run = fi.integrate(system, base, fi.EventDriven(), case.duration, record, fi.State.at_rest("base"))
-    # a record may drift further than half the beam's length, stops in space bend the beam as far: both are warned of
-    allowed = ("the base moves", "the beam deflects")
-    assert [text for text in run.warnings if not text.startswith(allowed)] == [], case.description
+    # a record may drift further than half the beam's length, stops in space bend the beam as far, and one mode may be
+    # driven far above itself: all are warned of
+    allowed = ("the base moves", "the beam deflects", "where no mode is kept")
+    assert [text for text in run.warnings if not any(words in text for words in allowed)] == [], case.description
     assert np.min(np.diff(run.energy.contact_loss)) >= -1e-11 * run.energy.largest_input

@@ -16,7 +16,8 @@ from femimpact.study.picture_data import read_film, read_last_cycles
 from femimpact.study.pictures import draw_again
 from femimpact.study.plan import plan_lines
 from femimpact.study.prepared import prepare
-from femimpact.study.results import OTHER_FILES, ResultsWarning
+from femimpact.study.result_directory import ResultsWarning
+from femimpact.study.result_files import OTHER_FILES
 from femimpact.study.study import BaseMotion
 from femimpact.study.study_file import load_study
 from femimpact.study.study_text import same_study, study_text
@@ -115,7 +116,8 @@ def test_a_study_with_a_record_gives_the_history_of_the_same_record_in_python(tm
 
 def test_a_record_of_a_sine_gives_the_motion_of_the_sine_but_for_the_lines_between_its_samples(tmp_path, shaker):
     base = f"\n[base]\namplitude = {AMPLITUDE}\nfrequency = {FREQUENCY}\nduration = 3.9\n"
-    studies = [load_study(written(tmp_path, BEAM + more)) for more in (BASE + "duration = 3.9\n", base)]
+    beam = BEAM.replace("[output]\n", "[output]\ninterval = 3.125e-3\n")
+    studies = [load_study(written(tmp_path, beam + more)) for more in (BASE + "duration = 3.9\n", base)]
     recorded, exact = (
         fi.run_study(study, tmp_path / f"out-{i}").history["tip"].to_numpy() for i, study in enumerate(studies)
     )

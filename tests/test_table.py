@@ -178,7 +178,8 @@ def test_numbers_that_a_repr_shows_are_those_held(name):
     _, names, units, *rows = (re.split(r"\s{2,}", line.strip()) for line in repr(noun).splitlines())
     rows = [row for row in rows if not row[0].startswith("also: ")]
     frame = noun.to_pandas().reset_index()
-    assert set(units) - {""} <= set(frame.attrs["units"].values())
+    # a star is no part of a number, and is explained among the units
+    assert set(units) - {"", "* one start"} <= set(frame.attrs["units"].values())
     # the first rows, then the last ones where some are left out
     gap = rows.index(["..."] * len(names)) if ["..."] * len(names) in rows else len(rows)
     places = [*range(gap), *range(len(frame) - len(rows) + gap + 1, len(frame))]
@@ -187,7 +188,9 @@ def test_numbers_that_a_repr_shows_are_those_held(name):
     for i, row in zip(places, shown, strict=True):
         for column, cell in zip(names, row, strict=True):
             held = frame[column].iloc[i]
-            assert cell == held if isinstance(held, str) else float(cell) == pytest.approx(held, rel=ROUNDED)
+            assert (
+                cell == held if isinstance(held, str) else float(cell.rstrip("*")) == pytest.approx(held, rel=ROUNDED)
+            )
 
 
 def test_columns_beyond_the_width_are_named_in_the_last_line():
@@ -206,6 +209,22 @@ def test_values_that_a_repr_shows_are_those_held():
     assert f"{run.time.size} samples" in repr(run)
     assert f"{len(run.impacts)}, " in repr(run)
     assert f"{run.energy.residual:.5g} of the energy put in" in repr(run)
+
+
+def test_values_of_one_start_have_a_star_where_the_motion_is_not_periodic():
+    whole = curve()
+    words = np.array(["periodic", "statistical", "transient", "failed", "periodic"])
+    mixed = replace(whole, steadiness=words, peak=np.array([1.0, 2.0, 5.0, np.nan, 3.0]))
+    assert mixed.is_sample.tolist() == [False, True, True, False, False]
+    assert mixed.peak_is_sample
+    title, _, units, *rows = repr(mixed).splitlines()[:8]
+    assert "peak 5* m" in title
+    assert units.endswith("* one start")
+    for word, row in zip(words, rows, strict=True):
+        # frequency and steadiness are no values of the motion
+        assert row.count("*") == (4 if word in ("statistical", "transient") else 0)
+    assert "*" not in repr(replace(whole, steadiness=np.full(5, "periodic")))
+    assert max(map(len, repr(mixed).splitlines())) <= 80
 
 
 def test_many_contacts_points_and_channels_stay_short():

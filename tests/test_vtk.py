@@ -17,7 +17,7 @@ from femimpact.export.scene_pieces import BODY, CONNECTION, CONTACT_POINT, SUPPO
 from femimpact.export.vtk import deflection, xml
 from femimpact.export.vtk.instants import frames_of
 from femimpact.export.vtk.script import script_path
-from femimpact.study.results import FILES
+from femimpact.study.result_files import FILES
 
 pytestmark = pytest.mark.impacts
 

@@ -15,7 +15,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from femimpact import __version__
 from femimpact.cli.tables import console, print_table
-from femimpact.errors import FemimpactError, InputError, require
+from femimpact.errors import CoreError, FemimpactError, InputError, require
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -32,7 +32,7 @@ LEAST_MEMORY = 1e9
 app = App(
     name="femimpact",
     help="Vibro-impact dynamics of beams, and the design of impact dampers on them.",
-    version=__version__,
+    version_flags=[],
     help_format="plaintext",
     suppress_keyboard_interrupt=False,
 )
@@ -59,7 +59,7 @@ def main() -> None:
         app(exit_on_error=False, print_error=False)
     except CycloptsError as error:
         _fail(str(error).strip() + "\nsee: femimpact --help", 2)
-    except InputError as error:
+    except (InputError, CoreError) as error:
         _fail(_with_notes(str(error), error), 2)
     except FemimpactError as error:
         _fail(_with_notes(str(error), error), 1)
@@ -110,6 +110,14 @@ def _fail(message: str, status: int) -> None:
 
 
 # ---- commands -------------------------------------------------------------------------------------
+
+
+@app.command(name="--version")
+def version() -> None:
+    """Print the version of femimpact, and what its compiled core was made of."""
+    from femimpact.core.binary import build_words
+
+    print(f"{__version__}\n{build_words()}")
 
 
 @app.command
@@ -229,7 +237,7 @@ def movie(directory: Path, *, quiet: Quiet = False) -> None:
 @app.command
 def finish(directory: Path, *, force: Force = False) -> None:
     """Keep what an ended run had finished, or finish the move of its files."""
-    from femimpact.study.results import finish_results
+    from femimpact.study.result_directory import finish_results
 
     parts = finish_results(directory, force)
     print(f"kept in {directory}: {', '.join(parts) or 'all of the run'}")
@@ -326,41 +334,49 @@ def _draw_again(directory: Path, kind: str, quiet: bool) -> None:
 
 def _print_results(study: Study, results: StudyResults) -> None:
     from femimpact.study.summary import contacts_of
+    from femimpact.sweep import ONE_START
 
-    where, summary = console(), results.summary
+    where, summary, marks = console(), results.summary, [""]
     if results.modes is not None:
         columns = list(results.modes)
         print_table(where, columns, zip(*results.modes.values(), strict=True), "Modes (Hz, 1, kg^0.5, kg)")
     for label, curve in summary.get("sweep", {}).items():
         coarse = curve.get("resolved") is False
+        # results of earlier versions do not say
+        marks.append("*" if curve.get("peak_is_one_start") else "")
         low = f" (up to {_percent(curve['peak_too_low_at_most'], 2)} too low)" if coarse else ""
         where.print(
-            f"sweep, {label}: peak {_number(curve['peak_amplitude'], 1e3)} mm{low} at "
+            f"sweep, {label}: peak {_number(curve['peak_amplitude'], 1e3)}{marks[-1]} mm{low} at "
             f"{curve['peak_frequency']:.5g} Hz; damping {_percent(curve['damping_fit'])} by fit, "
             f"{_percent(curve['damping_half_power'])} by half-power{' (not resolved)' if coarse else ''}"
         )
     if "amplitude_ratio" in summary:
-        where.print(f"amplitude ratio without / with ball: {summary['amplitude_ratio']:.4g}")
+        where.print(f"amplitude ratio without / with ball: {summary['amplitude_ratio']:.4g}{max(marks)}")
     if "history" in summary:
         history = summary["history"]
+        # under a record no motion is periodic, whatever the start
+        mark = "" if history["steadiness"] == "periodic" or getattr(study.base, "record", None) else "*"
+        marks.append(mark)
         where.print(
-            f"history {_base_words(study, history['frequency'])}: peak {_number(history['peak'], 1e3)} mm, rms "
-            f"{_number(history['rms'], 1e3)} mm, {history['steadiness']}; {history['impacts']} impacts, "
+            f"history {_base_words(study, history['frequency'])}: peak {_number(history['peak'], 1e3)}{mark} mm, rms "
+            f"{_number(history['rms'], 1e3)}{mark} mm, {history['steadiness']}; {history['impacts']} impacts, "
             f"{history['regime']['label']}"
         )
-        for name in study.output.channels:
-            channel = history["channels"][name]
+        for name, channel in history["channels"].items():
             where.print(
-                f"{name}: largest {_number(channel['largest'])} {channel['unit']} and rms {_number(channel['rms'])} "
-                f"{channel['unit']} over the last third; largest of the run {_number(channel['largest_of_run'])} "
-                f"{channel['unit']}"
+                f"{name}: largest {_number(channel['largest'])}{mark} {channel['unit']} and rms "
+                f"{_number(channel['rms'])}{mark} {channel['unit']} over the last third; largest of the run "
+                f"{_number(channel['largest_of_run'])} {channel['unit']} at {_number(channel['time_of_largest'])} s"
             )
         for name, contact in contacts_of(summary).items():
             where.print(
-                f"{name} ({contact['law']}): peak force {_number(contact['peak_force'])} N, mean impulse "
-                f"{1e3 * contact['mean_impulse']:.4g} mN s, cycle-averaged force {contact['cycle_mean_force']:.4g} N; "
+                f"{name} ({contact['law']}): peak force {_number(contact['peak_force'])}{mark} N, mean impulse "
+                f"{1e3 * contact['mean_impulse']:.4g}{mark} mN s, cycle-averaged force "
+                f"{contact['cycle_mean_force']:.4g}{mark} N; "
                 f"{_restitution_words(contact)}"
             )
+    if any(marks):
+        where.print(f"* {ONE_START}")
     _print_closing(where, results)
 
 

@@ -8,6 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 from femimpact.contact.collision import Collision, mass_and_speed
 from femimpact.contact.formulas import CUSTOM, KELVIN_VOIGT, POWER, RIGID, SWITCHING_SPRING
 from femimpact.contact.parameters import ContactParameters
+from femimpact.contact.restitution import EFFECTIVE_MASS
 from femimpact.errors import checked, having, quantity, require
 
 __all__ = ["ContactLaw", "a_law", "collide", "contact_force", "contact_potential", "require_law", "resolve"]
@@ -202,4 +203,4 @@ def _speed(value: object) -> float:
 
 
 def _mass(value: object) -> float:
-    return float(checked("effective_mass", value, quantity("kg", above=0.0)))
+    return float(checked("effective_mass", value, EFFECTIVE_MASS))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from femimpact.errors import checked, quantity
 
 __all__ = [
+    "EFFECTIVE_MASS",
     "contact_time_of",
     "damping_ratio_for_restitution",
     "linear_angle",
@@ -14,6 +16,9 @@ __all__ = [
     "restitution_of_damping_ratio",
     "restitution_of_loss_factor",
 ]
+
+EFFECTIVE_MASS: Any = quantity("kg", above=0.0, at_most=1e15)
+"""Of a contact; a heavier one has stiffnesses and energies beyond those of numbers."""
 
 
 def linear_angle(damping_ratio: float) -> float:
@@ -67,7 +72,7 @@ def contact_time_of(stiffness: float, damping: float, effective_mass: float) -> 
     """Contact time (s) of the linear law, from touch to zero force: 2 acos(z)/(w0 sqrt(1 - z^2))."""
     stiffness = checked("stiffness", stiffness, quantity("N/m", above=0.0))
     damping = checked("damping", damping, quantity("N s/m", at_least=0.0))
-    effective_mass = checked("effective_mass", effective_mass, quantity("kg", above=0.0))
+    effective_mass = checked("effective_mass", effective_mass, EFFECTIVE_MASS)
     omega = math.sqrt(stiffness / effective_mass)
     return 2.0 * linear_angle(damping / (2.0 * math.sqrt(stiffness * effective_mass))) / omega
 

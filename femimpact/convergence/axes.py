@@ -31,8 +31,12 @@ from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.structure import Structure
 from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.reduction import reduce
+from femimpact.system.system import System
 
 __all__ = ["OverMeshes", "OverModes", "OverSteps"]
+
+MOST_CHECKED = 1024
+"""Elements of a mesh on which a recommended number is checked; a larger one follows from the order alone."""
 
 SIMILAR = 0.02
 """Relative difference of the ratios of element lengths up to which two meshes are of one family."""
@@ -52,6 +56,8 @@ class OverMeshes:
         An error stands for a mesh that could not be made or read; it becomes a row with its reason.
     labels : tuple of str, optional
         "8 elements" and so on by default.
+    make : callable, optional
+        The mesh of a number of elements, as of `uniform` and `graded`: a recommended number is then checked on it.
 
     Raises
     ------
@@ -61,9 +67,11 @@ class OverMeshes:
 
     meshes: tuple[Mesh | InputError, ...] = field(metadata=items(Mesh, InputError))
     labels: tuple[str, ...] = field(default=(), metadata=items(str))
+    make: Callable[[int], Mesh] | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)
+        require(self.make is None or callable(self.make), "make", self.make, "", "must be callable, or None")
         known = [mesh for mesh in self.meshes if isinstance(mesh, Mesh)]
         reasons = [str(mesh) for mesh in self.meshes if not isinstance(mesh, Mesh)]
         why = f": {reasons[0]}" if reasons else ""
@@ -84,7 +92,7 @@ class OverMeshes:
         """
         counts = rising_numbers("elements", elements, MOST_ELEMENTS)
         require_type(structure, Structure, "structure")
-        return cls._of([partial(uniform_mesh, structure, int(n)) for n in counts], counts)
+        return cls._of(partial(uniform_mesh, structure), counts)
 
     @classmethod
     def graded(cls, structure: Structure, elements: Sequence[int], ratio: float) -> OverMeshes:
@@ -97,7 +105,7 @@ class OverMeshes:
         """
         counts = rising_numbers("elements", elements, MOST_ELEMENTS)
         graded_mesh(structure, int(counts[-1]), ratio)
-        return cls._of([partial(graded_mesh, structure, int(n), ratio) for n in counts], counts)
+        return cls._of(partial(graded_mesh, structure, ratio=ratio), counts)
 
     @classmethod
     def random(cls, structure: Structure, elements: Sequence[int], seed: int) -> OverMeshes:
@@ -110,7 +118,7 @@ class OverMeshes:
         """
         counts = rising_numbers("elements", elements, MOST_ELEMENTS)
         random_mesh(structure, int(counts[-1]), seed)
-        return cls._of([partial(random_mesh, structure, int(n), seed + int(n)) for n in counts], counts)
+        return cls._of(lambda n: random_mesh(structure, n, seed + n), counts)
 
     @classmethod
     def refinements(cls, mesh: Mesh, times: int = 3) -> OverMeshes:
@@ -141,14 +149,14 @@ class OverMeshes:
         return cls(tuple(mesh for _, mesh in found), tuple(path.name for path, _ in found))
 
     @classmethod
-    def _of(cls, makers: Sequence[Callable[[], Mesh]], counts: NDArray[np.int64]) -> OverMeshes:
+    def _of(cls, make: Callable[[int], Mesh], counts: NDArray[np.int64]) -> OverMeshes:
         made: list[Mesh | InputError] = []
-        for make in makers:
+        for n in counts:
             try:
-                made.append(make())
+                made.append(make(int(n)))
             except InputError as error:
                 made.append(error)
-        return cls(tuple(made), tuple(f"{n} elements" for n in counts))
+        return cls(tuple(made), tuple(f"{n} elements" for n in counts), make)
 
     @property
     def name(self) -> str:
@@ -185,6 +193,15 @@ class OverMeshes:
         mesh = [mesh for mesh in self.meshes if isinstance(mesh, Mesh)][-1]
         system = assemble(plan.structure, mesh=mesh.refined())
         return Case("mesh", system, system, plan.base, is_limit=True)
+
+    def case(self, plan: Plan, number: float) -> Case | FemimpactError | None:
+        """The case on a mesh of so many elements, where the family has one and it is no larger than is checked."""
+        if self.make is None or number > MOST_CHECKED:
+            return None
+        try:
+            return _case("mesh", plan, self.make(int(number)))
+        except FemimpactError as error:
+            return error
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,6 +261,12 @@ class OverSteps:
         """The same system, exact in time."""
         return replace(finest, step=None, is_limit=True)
 
+    def case(self, plan: Plan, number: float) -> Case | FemimpactError | None:
+        """The system with so many steps in the first natural period."""
+        exact = _case("step", plan, self.mesh)
+        dt = 1.0 / (number * first_elastic_frequency(exact.system))
+        return replace(exact, step=replace(self.method, dt=float(dt)))
+
 
 @dataclass(frozen=True, eq=False)
 class OverModes:
@@ -282,12 +305,7 @@ class OverModes:
         """The system reduced to each number of modes; more than it has dofs is a row with its reason."""
         full = assemble(plan.structure, mesh=self.mesh)
         for count in self.counts:
-            try:
-                reduced = reduce(full, count)
-                made: Case | FemimpactError = Case("modes", reduced, reduced, plan.base)
-            except FemimpactError as error:
-                made = error
-            yield Row(f"{count} modes", count, 1.0 / count, made)
+            yield Row(f"{count} modes", count, 1.0 / count, _reduced(full, plan, count))
 
     @property
     def is_family(self) -> bool:
@@ -304,10 +322,22 @@ class OverModes:
         system = assemble(plan.structure, mesh=self.mesh)
         return Case("modes", system, system, plan.base, is_limit=True)
 
+    def case(self, plan: Plan, number: float) -> Case | FemimpactError | None:
+        """The system on so many modes."""
+        return _reduced(assemble(plan.structure, mesh=self.mesh), plan, int(number))
+
 
 def _case(axis: str, plan: Plan, mesh: Mesh) -> Case:
     system = assemble(plan.structure, mesh=mesh)
     return Case(axis, system, plan.integrated(system), plan.base)
+
+
+def _reduced(full: System, plan: Plan, modes: int) -> Case | FemimpactError:
+    try:
+        reduced = reduce(full, modes)
+    except FemimpactError as error:
+        return error
+    return Case("modes", reduced, reduced, plan.base)
 
 
 def _attempt(plan: Plan, mesh: Mesh) -> Case | FemimpactError:

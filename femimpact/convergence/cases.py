@@ -115,3 +115,6 @@ class Axis(Protocol):
 
     def limit(self, plan: Plan, finest: Case) -> Case:
         """A case beyond the finest row."""
+
+    def case(self, plan: Plan, number: float) -> Case | FemimpactError | None:
+        """The case of a number between the rows or beyond; None where the axis does not make one."""

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
-    "extrapolated", "fitted_order", "is_finer", "local_orders", "number_for", "observed_order", "rounding_floor",
-    "usable_rows",
+    "agrees", "extrapolated", "fitted_order", "is_finer", "local_orders", "number_for", "number_of_case",
+    "observed_order", "rounding_floor", "usable_rows",
 ]  # fmt: skip
 
 Row = NDArray[np.float64]
@@ -24,8 +24,16 @@ SMALLEST = 1e-14
 FALL = 1e-4
 """Share of itself by which a size has to fall for a row to be finer than the one before."""
 
+AGREED = 0.3
+"""Difference of a found order from the expected one up to which the term of that order is taken to be the only one."""
+
 ABOVE_FLOOR = 10.0
 """Times the floor that an error must be for an order to be read of it."""
+
+
+def agrees(found: float, expected: float) -> bool:
+    """Whether a found order is the expected one, so that errors between the rows and beyond follow from it."""
+    return bool(abs(found - expected) <= AGREED)
 
 
 def extrapolated(coarse: float, fine: float, ratio: float, order: float) -> float:
@@ -125,3 +133,14 @@ def number_for(number: Row, error: Row, order: float, accuracy: float, floor: fl
     found = math.ceil(float(number[last]) * (error[last] / accuracy) ** (1.0 / order)) if order > 0.0 else math.inf
     best = min(enough, float(found))
     return best if math.isfinite(best) else math.nan
+
+
+def number_of_case(number: Row, error: Row, doubt: float, accuracy: float) -> float:
+    """Number of the first row from which on the error, and a doubt (of the reference) with it, is at most an accuracy.
+
+    It needs no order. Not a number where the last row does not meet the accuracy.
+    """
+    known = np.flatnonzero(np.isfinite(error))
+    missing = known[~(error[known] + doubt <= accuracy)]
+    after = known[known > missing[-1]] if missing.size else known
+    return float(number[after[0]]) if after.size else math.nan

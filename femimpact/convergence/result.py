@@ -64,7 +64,8 @@ class ModeConvergence:
         Standard error of each of these from eight parts of the window; of `peak` the standard deviation of
         the parts' peaks. Differences below it mean nothing.
     peak_force : ndarray (n, 2), N
-        Of a compliant law, as computed: it does not converge for short contacts. Not a number for a rigid one.
+        Of a compliant law, as computed: it does not converge for short contacts. Not a number where a rigid pair
+        collides.
     residual : ndarray (n, 2), 1
         Energy unaccounted for over the energy put in.
     first_displacement : ndarray (n, 2), m

@@ -11,17 +11,21 @@ from numpy.typing import NDArray
 
 from femimpact.convergence.cases import Axis, Case, Plan, Row
 from femimpact.convergence.orders import (
+    AGREED,
+    agrees,
     extrapolated,
     fitted_order,
     is_finer,
     local_orders,
     number_for,
+    number_of_case,
     observed_order,
     rounding_floor,
     usable_rows,
 )
 from femimpact.convergence.quantities import Frequencies, Reading, Watched
 from femimpact.convergence.table import MEANINGFUL, ConvergenceStudy, ConvergenceTable
+from femimpact.convergence.trial import Measured, Trial, measured_of, number_tried
 from femimpact.errors import FemimpactError, checked, optional, quantity, require, require_type
 from femimpact.excitation import Sine
 from femimpact.structure.structure import Structure
@@ -32,9 +36,6 @@ Array = NDArray[np.float64]
 
 AS_EXPECTED = 0.5
 """Difference from the expected order up to which the expected one extrapolates, in place of the one found."""
-
-Measured = tuple[tuple[Reading, ...], ...] | FemimpactError
-"""Readings of each watched quantity, or why there are none."""
 
 FLOOR = 1e-11
 """Relative error up to which no order is read, where rounding was not seen."""
@@ -130,7 +131,7 @@ def _table(
     finest = limit or last
     measured: list[Measured] = []
     for i, row in enumerate(rows):
-        measured.append(_measured(row.case, finest, watched))
+        measured.append(measured_of(row.case, finest, watched))
         progress((i + 1) / len(rows))
     known = [found for found in measured if not isinstance(found, FemimpactError)]
     if not known:
@@ -139,13 +140,19 @@ def _table(
     independent = [type(one).__name__ for one, found in zip(watched, known[-1], strict=True) if not found]
     require(len(heads) > 0, "watch", None, "", f"must hold a quantity that depends on the {axis.name}")
     value, scatter = _matrix(measured, len(heads))
-    bound = FemimpactError("none") if limit is None else _measured(limit, finest, watched)
+    bound = FemimpactError("none") if limit is None else measured_of(limit, finest, watched)
     limits = [math.nan] * len(heads) if isinstance(bound, FemimpactError) else [one.value for one in _flat(bound)]
     size, number = np.array([row.size for row in rows]), np.array([row.number for row in rows], dtype=float)
     columns = [
         _column(head, value[:, j], scatter[:, j], size, number, _Limit(limits[j], axis.ratio, axis.is_family), accuracy)
         for j, head in enumerate(heads)
     ]
+    trial = Trial(axis, plan, finest, float(np.nanmax(number)), accuracy, {})
+    owners = [(one, i) for one, found in zip(watched, known[-1], strict=True) for i in range(len(found))]
+    for column, (one, i) in zip(columns, owners, strict=True):
+        own = column.pop("own")
+        if math.isfinite(own):
+            column["recommended"] = number_tried(trial, one, i, column, own, number)
     return ConvergenceTable(
         axis=axis.name,
         label=np.array([row.label for row in rows]),
@@ -162,19 +169,6 @@ def _table(
         notes=(*_not_finer(axis, rows, value), *_notes(axis, plan, heads, columns, independent, accuracy)),
         problem=_problem(plan, scatter),
     )
-
-
-def _measured(case: Case | FemimpactError, finest: Case, watched: Sequence[Watched]) -> Measured:
-    """The readings of each watched quantity of a case, or why there are none."""
-    if isinstance(case, FemimpactError):
-        return case
-    try:
-        return tuple(one.read(case, finest) for one in watched)
-    except FemimpactError as error:
-        return error
-    # what a factorisation or a memory does not manage is a row with its reason, too
-    except (MemoryError, ArithmeticError, np.linalg.LinAlgError, RuntimeError) as error:
-        return FemimpactError(f"{type(error).__name__}: {error}")
 
 
 def _flat(found: tuple[tuple[Reading, ...], ...]) -> tuple[Reading, ...]:
@@ -208,6 +202,7 @@ def _column(
         "fitted_order": nothing,
         "reference": nothing,
         "floor": nothing,
+        "own": nothing,
     }
     if known.size == 0:
         return column | {"recommended": nothing}
@@ -216,10 +211,13 @@ def _column(
     h, v = size[known], value[known]
     reference, floor, order = nothing, nothing, head.order
     if head.is_distance:
-        e = _distances(h, v, order, limit)
+        own = _own_distance(h, v, order, limit)
+        e = np.hypot(v, own)
     else:
         reference, floor = _reference(h, v, order, limit)
         e = np.abs(v - reference) / abs(reference) if reference else np.full(v.size, np.nan)
+        last = limit.value if math.isfinite(limit.value) else v[-1]
+        own = abs(last - reference) / abs(reference) if reference else nothing
     bottom = FLOOR if math.isnan(floor) else max(floor, FLOOR)
     if head.is_distance and head.order > 4.0:
         # a squared sine, whose rounding is squared too
@@ -227,9 +225,12 @@ def _column(
     error[known] = e
     column["order"][known] = local_orders(h, e, bottom)
     found = fitted_order(h, e, 3.0 * bottom)
-    falls = found if math.isfinite(found) else order if np.all(is_finer(h)) else nothing
-    wanted = number_for(number[known], e, falls, accuracy, 0.0 if math.isnan(floor) else floor)
-    return column | {"fitted_order": found, "reference": reference, "floor": floor, "recommended": wanted}
+    wanted = number_of_case(number[known], e, own, accuracy)
+    if agrees(found, order) and wanted != number[known[0]]:
+        wanted = number_for(number[known], e, found, accuracy, 0.0 if math.isnan(floor) else floor)
+    return column | {
+        "fitted_order": found, "reference": reference, "floor": floor, "recommended": wanted, "own": own,
+    }  # fmt: skip
 
 
 def _statistic(value: Array, scatter: Array, number: Array, known: NDArray[np.intp], accuracy: float) -> dict[str, Any]:
@@ -266,18 +267,17 @@ def _reference(size: Array, value: Array, order: float, limit: _Limit) -> tuple[
     return extrapolated(v[-2], v[-1], h[-2] / h[-1], expected), floor
 
 
-def _distances(size: Array, value: Array, order: float, limit: _Limit) -> Array:
-    """Distances from the exact shape, where the values are those from the limit, or without one from the finest row.
+def _own_distance(size: Array, value: Array, order: float, limit: _Limit) -> float:
+    """Distance from the exact shape of the case that the values are distances from: the limit, or the finest row.
 
-    The limit's own distance follows from that of the row before it and the order; both add up as the sides of a right
-    angle, since the error of a Galerkin solution is orthogonal to the finer space.
+    It follows from that of the row before it and the order. Both add up as the sides of a right angle, since the error
+    of a Galerkin solution is orthogonal to the finer space.
     """
     if math.isfinite(limit.value):
-        return np.asarray(np.hypot(value, value[-1] / math.sqrt(limit.ratio ** (2.0 * order) - 1.0)))
+        return float(value[-1] / math.sqrt(limit.ratio ** (2.0 * order) - 1.0))
     if value.size < 2 or not is_finer(size[-2:])[0]:
-        return np.full(value.size, np.nan)
-    own = value[-2] / math.sqrt((size[-2] / size[-1]) ** (2.0 * order) - 1.0)
-    return np.asarray(np.hypot(value, own))
+        return math.nan
+    return float(value[-2] / math.sqrt((size[-2] / size[-1]) ** (2.0 * order) - 1.0))
 
 
 def _problem(plan: Plan, scatter: Array) -> str:
@@ -319,10 +319,7 @@ def _notes(
         notes.append(f"round-off floor: reached by {len(seen)} of {len(floors)}, at most {worst[0]:.1g} ({worst[1]})")
     elif axis.name == "mesh" and not all(math.isnan(head.order) for head in heads):
         notes.append("round-off floor: not reached")
-    for head, column in zip(heads, columns, strict=True):
-        found = column["fitted_order"]
-        if math.isfinite(found) and math.isfinite(head.order) and found < head.order - AS_EXPECTED:
-            notes.append(f"{head.name}: order {found:.2f}, below the expected {head.order:g}; see its docstring")
+    notes.extend(_unlike_orders(heads, columns))
     if any(math.isnan(head.order) for head in heads):
         notes.append("statistics: differences within three standard errors of both mean nothing; no order is fitted")
     if independent:
@@ -332,3 +329,23 @@ def _notes(
         beside = " without contacts; of runs with impacts compare statistics, which scatter" if impacting else ""
         notes.append(f"recommended numbers are of {counts}, for a relative error of {accuracy:g}{beside}")
     return tuple(notes)
+
+
+def _unlike_orders(heads: Sequence[Reading], columns: Sequence[Any]) -> list[str]:
+    """Notes on orders that are not the expected ones, and on quantities that no number is recommended for."""
+    found = [(head.name, column["fitted_order"], head.order) for head, column in zip(heads, columns, strict=True)]
+    unlike = [(name, order) for name, order, expected in found
+              if math.isfinite(order) and math.isfinite(expected) and not agrees(order, expected)]  # fmt: skip
+    notes = []
+    if unlike:
+        names = ", ".join(f"{name} ({order:.2f})" for name, order in unlike)
+        notes.append(
+            f"orders off by more than {AGREED:g} from the expected ones, see their docstrings: {names}. More than one "
+            "term of the error is seen: the number recommended is that of a case with the accuracy, a bound"
+        )
+    absent = [head.name for head, column in zip(heads, columns, strict=True)
+              if math.isnan(column["recommended"]) and np.any(column["error"] > 0.0)]  # fmt: skip
+    if absent:
+        why = "no case is known to have the accuracy" + (", and none follows from such an order" if unlike else "")
+        notes.append(f"no number is recommended for {', '.join(absent)}: {why}; take finer cases")
+    return notes

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.convergence.orders import agrees
 from femimpact.convergence.text import table_lines
 from femimpact.errors import check_fields, choice, column, quantity, require, require_name, require_type, text
 from femimpact.table import frame_of
@@ -59,7 +60,10 @@ class ConvergenceTable:
     floor : ndarray (quantities,), 1
         Relative error at which rounding was seen to decide; not a number where it was not reached.
     recommended : ndarray (quantities,)
-        Smallest number that gives the accuracy, by the fitted order between the cases; not a number where none does.
+        Number that gives the accuracy: by the fitted order between the cases where it is within 0.3 of the expected
+        one, and checked on a case of its own where the axis makes one; else that of the first case from which on the
+        error, with what extrapolation has added to the reference, is small enough (`recommended_is_bound`). Not a
+        number where none is known.
     accuracy : float, 1
         The relative error asked for.
     notes : tuple of str
@@ -108,9 +112,16 @@ class ConvergenceTable:
 
     @property
     def recommended_is_bound(self) -> NDArray[np.bool_]:
-        """Whether already the coarsest case has the accuracy, so that fewer may do, (quantities,) of bool."""
+        """Whether fewer than the recommended number may do, (quantities,) of bool.
+
+        It is where already the coarsest case has the accuracy, and where the fitted order is not the expected one: the
+        number is then that of a case that has the accuracy, and none is read between the cases.
+        """
         known = np.isfinite(self.error)
-        return np.asarray(np.any(known, axis=0) & (self.recommended == self.number[np.argmax(known, axis=0)]))
+        coarsest = np.any(known, axis=0) & (self.recommended == self.number[np.argmax(known, axis=0)])
+        pairs = zip(self.fitted_order, self.expected_order, strict=True)
+        unlike = ~np.array([agrees(*pair) for pair in pairs], dtype=bool) & ~self.is_statistic
+        return np.asarray(coarsest | (unlike & np.isfinite(self.recommended)))
 
     @property
     def meaningful(self) -> NDArray[np.bool_]:

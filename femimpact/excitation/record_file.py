@@ -2,24 +2,41 @@
 
 from __future__ import annotations
 
+import codecs
+import io
 import math
-from collections.abc import Iterator, Sequence
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import Fault, InputError, checked, choice, instance, quantity, require
+from femimpact.decimal_number import decimal_number
+from femimpact.errors import Fault, InputError, checked, choice, instance, quantity, require, require_path
 from femimpact.errors import text as a_text
+from femimpact.regular_file import open_regular
 
 __all__ = ["record_text", "samples_of"]
+
+Array = NDArray[np.float64]
 
 UNEVEN = 0.25
 """Share of the interval by which a time may lie off the even grid: rounding is less, a lost sample half or more."""
 
-TRENDS: dict[str, Literal["constant", "linear"]] = {"mean": "constant", "line": "linear"}
-"""Names of `scipy.signal.detrend` for what is removed."""
+MOST_LINES = 10_001_000
+"""Of the file of a record: 10 million rows, behind a header, are read within 1 GB of memory."""
+
+MOST_BYTES = 600_000_000
+"""Of the file of a record: rows of two numbers to the last bit have 51."""
+
+PIECE = 1 << 23
+"""Bytes of a file, or letters of a text, that are gone through at once."""
+
+MARKS = ";\t,"
+"""What stands between cells: the first of these that a line has, or spaces."""
 
 
 def record_text(path: str | Path) -> str:
@@ -28,24 +45,50 @@ def record_text(path: str | Path) -> str:
     Raises
     ------
     InputError
-        If it cannot be read, or is no text.
+        If it cannot be read, is no regular file or no text, or, before it is read, has too many bytes or lines.
     """
-    require(isinstance(path, (str, Path)), "path", path, "", "must be the path of a text file")
+    require_path(path, "path", "a text file")
     try:
-        return Path(path).read_text(encoding="utf-8-sig")
+        with open_regular(path, MOST_BYTES) as file:
+            lines = _line_count(file)
+            if lines <= MOST_LINES:
+                return _decoded(file)
+            reason = f"has {lines:,} lines, of which at most {MOST_LINES:,} are read"
     except OSError as error:
         reason = error.strerror or "cannot be read"
     except UnicodeDecodeError:
         reason = "is no text"
-    except ValueError:
-        # a null character
-        reason = "no path of a file"
     raise InputError([Fault("path", str(path), "", f"must be a text file of columns: {reason}")])
+
+
+def _pieces(file: BinaryIO) -> Iterator[bytes]:
+    return iter(partial(file.read, PIECE), b"")
+
+
+def _line_count(file: BinaryIO) -> int:
+    """Lines of a file, which is at its beginning again then."""
+    count = 0
+    for piece in _pieces(file):
+        # lines of old Macintosh files end with a carriage return alone
+        count += max(piece.count(b"\n"), piece.count(b"\r"))
+    file.seek(0)
+    return count
+
+
+def _decoded(file: BinaryIO) -> str:
+    """The text of a file, every end of a line a line feed, without a second copy of it in memory."""
+    decoder = io.IncrementalNewlineDecoder(codecs.getincrementaldecoder("utf-8-sig")(), translate=True)
+    text = ""
+    for piece in _pieces(file):
+        # a text that nothing else refers to grows where it is
+        text += decoder.decode(piece)
+    text += decoder.decode(b"", final=True)
+    return text
 
 
 def samples_of(
     text: str, scale: float, detrend: str, columns: Sequence[int | str], path: str | Path
-) -> tuple[NDArray[np.float64], float]:
+) -> tuple[Array, float]:
     """Samples and interval of what `record_text` read from a path; see `RecordedBase.from_csv`.
 
     Returns
@@ -65,32 +108,104 @@ def samples_of(
     checked("path", path, instance(str, Path))
     scale = checked("scale", scale, quantity("1"))
     require(scale != 0.0, "scale", scale, "1", "must not be 0")
-    detrend = checked("detrend", detrend, choice("none", *TRENDS))
+    detrend = checked("detrend", detrend, choice("none", "mean", "line"))
     two = isinstance(columns, (tuple, list)) and len(columns) == 2 and all(map(_is_column, columns))
     require(two, "columns", columns, "", "must be two numbers from 0 or names of the header, of time and acceleration")
-    rows = list(_rows(text, Path(path), tuple(columns)))
-    require(len(rows) >= 2, "path", str(path), "", "must hold 2 or more rows of numbers")
-    time, values = np.array(rows).T
+    time, values = _columns(text, Path(path), tuple(columns))
+    # a long one is as large as all the rest; it goes here where the caller keeps none
+    del text
+    require(time.size >= 2, "path", str(path), "", "must hold 2 or more rows of numbers")
     require(
         bool(values.any()), "columns", tuple(columns), "", "must be time and acceleration: the second holds zeros only"
     )
-    if detrend != "none":
-        from scipy import signal
+    interval = _interval(time, path)
+    del time
+    values *= scale
+    return _without_trend(values, detrend), interval
 
-        values = signal.detrend(values, type=TRENDS[detrend])
-    return scale * values, _interval(time, path)
+
+def _without_trend(samples: Array, detrend: str) -> Array:
+    """The samples, their own array, without their mean or their line of least squares."""
+    if detrend != "none":
+        samples -= samples.mean()
+    if detrend == "line":
+        # at right angles to a constant: the mean stays zero
+        along = np.arange(samples.size, dtype=float)
+        along -= along.mean()
+        along *= (along @ samples) / (along @ along)
+        samples -= along
+    return samples
 
 
 def _is_column(value: object) -> bool:
     return isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool) and value >= 0)
 
 
-def _rows(text: str, path: Path, columns: tuple[int | str, ...]) -> Iterator[tuple[float, ...]]:
-    """The two numbers of every row behind the header; lines that are empty or begin with # are left out."""
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip() and line.lstrip()[0] != "#"]
-    cells = [(i, _fields(line)) for i, line in lines]
-    places, first = _header(path, cells, columns)
-    for i, fields in cells[first:]:
+def _columns(text: str, path: Path, columns: tuple[int | str, ...]) -> tuple[Array, Array]:
+    """The two columns of numbers behind the header; lines that are empty or begin with # are left out."""
+    places, first = _header(path, text, columns)
+    # arrays that grow where they are
+    found, width = (array("d"), array("d")), 0
+    for number, lines in _blocks(text):
+        rows = lines[max(first - number, 0) :]
+        width = width or next((len(fields) for _, fields in _cells(rows, number)), 0)
+        values = _plain_values(rows, places, width)
+        if values is None:
+            values = _values(_cells(rows, max(first, number)), places, width, path)
+        for column, part in zip(found, values.T, strict=True):
+            column.frombytes(part.tobytes())
+    return np.frombuffer(found[0]), np.frombuffer(found[1])
+
+
+def _blocks(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Lines of a text, some at once, with the number of the first of them."""
+    begin, number = 0, 1
+    while begin < len(text):
+        end = text.find("\n", begin + PIECE) + 1 or len(text)
+        lines = text[begin:end].splitlines()
+        yield number, lines
+        begin, number = end, number + len(lines)
+
+
+def _cells(lines: Iterable[str], number: int) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of every line that is neither empty nor begins with #."""
+    return ((i, _fields(line)) for i, line in enumerate(lines, number) if line.strip() and line.lstrip()[0] != "#")
+
+
+def _plain_values(lines: Sequence[str], places: tuple[int, ...], width: int) -> Array | None:
+    """What `_values` finds in lines that are all written in the same plain way; None where they are not."""
+    lines = [line for line in lines if (begin := line.lstrip()) and begin[0] != "#"]
+    if not lines:
+        return np.zeros((0, len(places)))
+    block = "\n".join(lines)
+    mark = _mark(lines[0])
+    # a line without the mark has no second cell
+    others = MARKS.partition(mark)[0] if mark else MARKS
+    if mark and '"' in block:
+        block = block.replace(f'"{mark}', mark).replace(f'{mark}"', mark)
+        lines = [line.strip().strip('"') for line in block.split("\n")]
+        block = "\n".join(lines)
+    if any(sign in block for sign in others + '"') or max(places) == 0:
+        return None
+    if mark == "," and any(line.count(",") != width - 1 for line in lines):
+        return None
+    if mark in (";", "\t") and "," in block:
+        lines = block.replace(",", ".").split("\n")
+    try:
+        values = np.loadtxt(lines, delimiter=mark, comments=None, usecols=places, ndmin=2)
+    except ValueError:
+        return None
+    return values if len(values) == len(lines) and np.isfinite(values).all() else None
+
+
+def _values(cells: Iterable[tuple[int, list[str]]], places: tuple[int, ...], width: int, path: Path) -> Array:
+    """The two numbers of every line (rows, 2), or which is none; `width` is the number of cells in the first row."""
+    rows = []
+    for i, fields in cells:
+        # the rest of a number with a decimal comma, in a file of commas; words may stand there
+        more = next((cell for cell in fields[width:] if decimal_number(cell) is not None), None)
+        allowed = f"line {i}: a number, {more!r}, behind the {width} cells of the first row: is a comma a decimal one?"
+        require(more is None, "path", str(path), "", allowed)
         row = []
         for place in places:
             cell = fields[place] if place < len(fields) else "nothing"
@@ -99,23 +214,29 @@ def _rows(text: str, path: Path, columns: tuple[int | str, ...]) -> Iterator[tup
                 math.isfinite(value), "path", str(path), "", f"line {i}, column {place}: {cell!r} is no finite number"
             )
             row.append(value)
-        yield tuple(row)
+        rows.append(row)
+    return np.array(rows, dtype=float).reshape(-1, len(places))
 
 
-def _header(
-    path: Path, cells: list[tuple[int, list[str]]], columns: tuple[int | str, ...]
-) -> tuple[tuple[int, ...], int]:
-    """Numbers of the two columns, and how many lines stand before the first row."""
+def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tuple[int, ...], int]:
+    """Numbers of the two columns, and of the line from which on there are rows."""
     names = [column for column in columns if isinstance(column, str)]
-    for k, (_, fields) in enumerate(cells):
+    begin = "is empty"
+    for i, fields in (cells for number, lines in _blocks(text) for cells in _cells(lines, number)):
         if names and all(name in fields for name in names):
-            return tuple(fields.index(column) if isinstance(column, str) else column for column in columns), k + 1
+            return tuple(fields.index(column) if isinstance(column, str) else column for column in columns), i + 1
         numbers = [column for column in columns if isinstance(column, int) and column < len(fields)]
-        if not names and len(numbers) == 2 and not any(math.isnan(_number(fields[i])) for i in numbers):
-            return (numbers[0], numbers[1]), k
-    begin = f"begins with {', '.join(map(repr, cells[0][1]))}" if cells else "is empty"
+        if not names and len(numbers) == 2 and not any(math.isnan(_number(fields[place])) for place in numbers):
+            return (numbers[0], numbers[1]), i
+        if begin == "is empty":
+            begin = f"begins with {', '.join(map(repr, fields))}"
     allowed = f"must be two columns of numbers in {path.name}, by number from 0 or by name of its header; it {begin}"
     raise InputError([Fault("columns", list(columns), "", allowed)])
+
+
+def _mark(line: str) -> str | None:
+    """What stands between the cells of a line; None is spaces."""
+    return next((mark for mark in MARKS if mark in line), None)
 
 
 def _fields(line: str) -> list[str]:
@@ -123,23 +244,24 @@ def _fields(line: str) -> list[str]:
 
     Between semicolons or tabulators a decimal comma is a point.
     """
-    mark = next((mark for mark in ";\t," if mark in line), None)
-    return [cell.strip().strip('"') for cell in line.split(mark)]
+    return [cell.strip().strip('"') for cell in line.split(_mark(line))]
 
 
 def _number(cell: str) -> float:
     """The number that a cell holds, not a number where it holds none."""
-    try:
-        return float(cell.replace(",", "."))
-    except ValueError:
-        return math.nan
+    value = decimal_number(cell.replace(",", "."))
+    return math.nan if value is None else value
 
 
-def _interval(time: NDArray[Any], path: str | Path) -> float:
+def _interval(time: Array, path: str | Path) -> float:
     """Time (s) between samples, where it is one."""
     interval = float(time[-1] - time[0]) / (time.size - 1)
     steps = np.diff(time)
-    off = np.abs(time - time[0] - interval * np.arange(time.size))
+    # in place: each of these arrays is 80 MB of a long record
+    off = np.arange(time.size, dtype=float)
+    off *= interval
+    off += time[0]
+    np.abs(np.subtract(time, off, out=off), out=off)
     even = interval > 0.0 and bool(np.all(steps > 0.0)) and float(off.max()) <= UNEVEN * interval
     allowed = "must have evenly spaced times: a sample is lost, or resample it first (numpy.interp)"
     shown = f"{Path(path).name}, steps of {steps.min():.6g} to {steps.max():.6g} s"

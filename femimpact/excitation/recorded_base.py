@@ -61,13 +61,15 @@ class RecordedBase:
         path : str or Path
             Rows of numbers, in columns between commas, semicolons, tabulators or spaces. A header before the first row
             may have any number of lines; empty lines, and those that begin with #, are left out. The first row is at
-            t = 0.
+            t = 0. A regular file of at most 10 million rows and 600 MB.
         scale : float
             Times which the column is m/s^2: 9.80665 for a record in g.
         detrend : {"none", "mean", "line"}
             What is removed: the mean of the acceleration (an offset), or its line of least squares (offset and drift).
             With either the base moves at t = 0 with the velocity that brings it back to its place at the last sample,
-            which no motion relative to the base depends on.
+            which no motion relative to the base depends on. Not of a pulse: it changes the velocity of the base for
+            good, its mean is no offset, and without it the peak is wrong. A run on such a record has a warning;
+            `excitation.remarks.is_pulse` says how pulses are told from drift.
         columns : two of int or str
             Time and acceleration, by their numbers from 0 or their names in the header.
 
@@ -78,8 +80,8 @@ class RecordedBase:
         Raises
         ------
         InputError
-            If the file cannot be read, lacks a column, holds what is no finite number, or its times are not evenly
-            spaced.
+            If the file cannot be read or is too large, lacks a column, holds what is no finite number, or its times are
+            not evenly spaced.
         """
         from femimpact.excitation.record_file import record_text
 
@@ -116,6 +118,8 @@ class RecordedBase:
         from femimpact.excitation.record_file import samples_of
 
         samples, interval = samples_of(text, scale, detrend, columns, path)
+        # a long one is as large as all the rest
+        del text
         base = cls(samples, interval)
         return base if detrend == "none" else base.returning()
 
@@ -152,7 +156,9 @@ class RecordedBase:
     def _locate(self, time: ArrayLike) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Sample before each time, time since then (s), acceleration there, and its slope."""
         t = times(time)
-        index = np.clip(np.floor(np.clip(t, 0.0, self.duration) / self.interval).astype(int), 0, self.samples.size - 1)
+        # the end is that of `duration`, whose ratio to the interval may be rounded down to the sample before
+        index = np.floor(np.clip(t, 0.0, self.duration) / self.interval).astype(int)
+        index = np.where(t >= self.duration, self.samples.size - 1, np.clip(index, 0, self.samples.size - 1))
         padded = np.append(self.samples, self.samples[-1])
         beyond = index >= self.samples.size - 1
         slope = np.where(beyond, 0.0, (padded[index + 1] - padded[index]) / self.interval)

@@ -2,33 +2,75 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from femimpact.excitation.excitation import BrokenLine, Excitation
 
-__all__ = ["motion_notes", "motion_warnings"]
+__all__ = ["drive_warnings", "frequency_warnings", "is_pulse", "motion_notes", "motion_warnings"]
+
+Array = NDArray[np.float64]
 
 FAR = 0.5
 """Displacement of the base over the length of the beam beyond which a wrong unit, or an offset, is likely."""
 
+PARTS, FEW = 50, 12
+"""Equal parts of a record, and in how many of them a pulse changes the velocity."""
+
+ELSEWHERE = 0.25
+"""Share of the whole change of velocity that the other parts may have, their sizes summed, beside a pulse."""
+
+AT_REST = 0.5
+"""Share of the mean of a record below which its ends lie at rest."""
+
+LEAST_CHANGE = 1e-3
+"""Share of the integral of |a| below which the integral of a is that of an oscillation."""
+
+ROUNDING = 1e-9
+"""Share of |a| that is left where all has been removed: of the sum of a without its mean, or of a straight record."""
+
+ONE_SIGNED = 0.5
+"""Share of the integral of |a| that the integral of a has in a pulse with little rest before and after."""
+
+NEXT = 0.25
+"""Share of the first natural frequency left out, below which that mode follows as if at rest: to 7 %, (1/4)^2."""
+
+BESIDE = 1.1
+"""Frequency over that of the highest mode kept up to which that mode follows a drive, the next one being farther."""
+
+ENERGY_ABOVE = 0.01
+"""Share of a drive's energy above the modes that is warned of: 10 % of its amplitude."""
+
+
+# ---- how far the base moves ----------------------------------------------------------------------
+
 
 def motion_warnings(excitation: Excitation, length: float) -> tuple[str, ...]:
-    """A warning where the base moves further than half the length of the beam.
+    """A warning where the base moves further than half the length of the beam, or a pulse lacks its mean.
+
+    A pulse that moves the base away has a note instead (`motion_notes`).
 
     Parameters
     ----------
     excitation : Excitation
         Of one whose closed form is a `BrokenLine` the mean of its samples is named.
     length : float, m
-        0 for a structure without one, which has no warning.
+        0 for a structure without one, beside which nothing is far.
 
     Returns
     -------
     tuple of str
     """
-    far = float(excitation.amplitude)
+    line, far = getattr(excitation, "closed_form", None), float(excitation.amplitude)
+    if isinstance(line, BrokenLine):
+        removed = _removed_of_pulse(line)
+        if removed or is_pulse(line.samples):
+            return removed
     if not 0.0 < FAR * length < far:
         return ()
     moved = f"the base moves by up to {far:.4g} m, beside a beam of {length:.4g} m"
-    line = getattr(excitation, "closed_form", None)
     if not isinstance(line, BrokenLine):
         return (f"{moved}: is the amplitude of the base in metres?",)
     mean = float(line.samples.mean())
@@ -38,17 +80,166 @@ def motion_warnings(excitation: Excitation, length: float) -> tuple[str, ...]:
     )
 
 
-def motion_notes(excitation: Excitation, end: float) -> tuple[str, ...]:
-    """A note where a run ends (s) after the record that drives it."""
+def _removed_of_pulse(line: BrokenLine) -> tuple[str, ...]:
+    """A warning of a pulse without its mean: its samples sum up to nothing, and it is one beside their usual level.
+
+    That is the line through the medians of the first and of the last third. A pulse that takes more than half of a
+    third is not recognised.
+    """
+    a = np.asarray(line.samples, dtype=float)
+    third = max(a.size // 3, 1)
+    early, late = float(np.median(a[:third])), float(np.median(a[-third:]))
+    # through the middles of both thirds, where a pulse hardly moves the median
+    first, last = early - (late - early) / 4.0, late + (late - early) / 4.0
+    whole = a - np.linspace(first, last, a.size)
+    size = float(np.abs(a).sum())
+    if (
+        abs(float(a.sum())) > ROUNDING * size
+        or abs(_total(whole)) <= LEAST_CHANGE * size
+        or not _changes_at_once(whole)
+    ):
+        return ()
+    change = line.interval * _total(whole)
+    return (
+        f"the record is a pulse that changes the velocity of the base by {change:.3g} m/s, without its mean: "
+        f"its samples at rest go from {first:.3g} to {last:.3g} m/s^2, and its peak is wrong by as much; take "
+        'it as it was measured (detrend = "none")',
+    )
+
+
+def motion_notes(excitation: Excitation, length: float, end: float) -> tuple[str, ...]:
+    """Notes where a run ends (s) after the record that drives it, and where a pulse leaves the base moving away."""
     line = getattr(excitation, "closed_form", None)
     if not isinstance(line, BrokenLine):
         return ()
-    last = (len(line.samples) - 1) * line.interval
+    last, notes = (len(line.samples) - 1) * line.interval, []
+    far = float(excitation.amplitude)
+    if 0.0 < FAR * length < far and is_pulse(line.samples):
+        change = line.interval * _total(np.asarray(line.samples, dtype=float))
+        notes.append(
+            f"a pulse changes the velocity of the base by {change:.3g} m/s for good, so that it moves by up to "
+            f"{far:.4g} m: no offset is to be removed; motion relative to the base depends on the pulse alone"
+        )
     # a run ends at a whole step or sample
-    if end <= last + 1.5 * line.interval:
+    if end > last + 1.5 * line.interval:
+        speed = float(line.motion_at(last)[1])
+        notes.append(
+            f"the run ends at {end:.6g} s, the record at {last:.6g} s: from there on the base moves on at {speed:.3g} "
+            "m/s, without acceleration"
+        )
+    return tuple(notes)
+
+
+def _total(samples: Array) -> float:
+    """Integral of the broken line, per interval."""
+    return float(samples.sum() - 0.5 * (samples[0] + samples[-1]))
+
+
+def _levels_of_ends(samples: Array) -> tuple[float, float]:
+    """Means of the first and of the last 2 % of some samples."""
+    few = max(samples.size // PARTS, 1)
+    return float(samples[:few].mean()), float(samples[-few:].mean())
+
+
+def is_pulse(samples: Array) -> bool:
+    """Whether a record of accelerations is a pulse, whose change of velocity is true, and no offset or drift.
+
+    Of 50 equal parts of the record, the 12 with the largest changes of velocity are where the pulse is. It is one if
+    the sizes of the changes in the other 38 sum up to no more than 25 % of the whole change: 76 % under an offset, 56 %
+    under a line from zero, nothing beside a pulse of less than a quarter of the record. A record that is little more
+    than the pulse is one where its first and its last 2 % are each closer to zero, in the mean, than half of the mean
+    of all samples, and |integral of a| is at least half of the integral of |a|: an offset does not begin at zero, and
+    an oscillation is of both signs. Where |integral of a| is below 1/1000 of the integral of |a| nothing has
+    changed the velocity.
+
+    Parameters
+    ----------
+    samples : ndarray (n,), m/s^2
+
+    Returns
+    -------
+    bool
+    """
+    total, size = abs(_total(samples)), float(np.abs(samples).sum())
+    if total <= LEAST_CHANGE * size:
+        return False
+    ends = max(map(abs, _levels_of_ends(samples)))
+    bare = ends < AT_REST * abs(float(samples.mean())) and total >= ONE_SIGNED * size
+    return bare or _changes_at_once(samples)
+
+
+def _changes_at_once(samples: Array) -> bool:
+    """Whether the velocity hardly changes but in a quarter of the record."""
+    of_intervals = 0.5 * (samples[1:] + samples[:-1])
+    changes = np.sort([abs(float(part.sum())) for part in np.array_split(of_intervals, PARTS)])
+    total = abs(float(of_intervals.sum()))
+    return of_intervals.size >= PARTS and float(changes[:-FEW].sum()) <= ELSEWHERE * total
+
+
+# ---- what the kept modes cannot follow -----------------------------------------------------------
+
+
+def drive_warnings(excitation: Excitation, highest: float, left_out: float) -> tuple[str, ...]:
+    """A warning where a drive has frequencies that the kept modes do not follow.
+
+    A sine, and what else has no closed form by samples, is compared by its frequency, a record by the share of the
+    energy of its acceleration, or force, above the limit: 1 % is warned of. Its line of least squares is no part of it.
+
+    Parameters
+    ----------
+    excitation : Excitation
+    highest : float, Hz
+        Of the modes kept.
+    left_out : float, Hz
+        The lowest natural frequency that is left out; infinite where none is, which gives no warning. Below a quarter
+        of it that mode follows as if at rest, and nothing is said, nor up to 10 % above the highest mode kept where the
+        next one is farther from the drive.
+
+    Returns
+    -------
+    tuple of str
+    """
+    line = getattr(excitation, "closed_form", None)
+    if not isinstance(line, BrokenLine):
+        return frequency_warnings([excitation.frequency], highest, left_out)
+    limit = _limit(highest, left_out)
+    share = _energy_above(line, limit) if math.isfinite(limit) else 0.0
+    if share <= ENERGY_ABOVE:
         return ()
-    speed = float(line.motion_at(last)[1])
+    above = f"{100.0 * share:.3g} % of the energy of the record is above {limit:.4g} Hz"
+    return (f"{above}, where {_kept(highest, left_out)}",)
+
+
+def frequency_warnings(frequencies: ArrayLike, highest: float, left_out: float) -> tuple[str, ...]:
+    """The same for sines of some frequencies (Hz)."""
+    f = np.ravel(frequencies)
+    above = f > _limit(highest, left_out)
+    if not np.any(above):
+        return ()
+    which = f", at {np.count_nonzero(above)} of {f.size} frequencies" if f.size > 1 else ""
+    return (f"the drive is at {'up to ' if which else ''}{f.max():.4g} Hz{which}, where {_kept(highest, left_out)}",)
+
+
+def _limit(highest: float, left_out: float) -> float:
+    """Frequency (Hz) up to which the kept modes follow a drive."""
+    return max(min(BESIDE * highest, 0.5 * (highest + left_out)), NEXT * left_out)
+
+
+def _kept(highest: float, left_out: float) -> str:
     return (
-        f"the run ends at {end:.6g} s, the record at {last:.6g} s: from there on the base moves on at {speed:.3g} m/s, "
-        "without acceleration",
+        f"no mode is kept: the highest one kept is at {highest:.4g} Hz, the next one, left out, at {left_out:.4g} Hz; "
+        "keep more modes"
     )
+
+
+def _energy_above(line: BrokenLine, limit: float) -> float:
+    """Share of the energy of the samples without their line of least squares above a frequency (Hz)."""
+    a, n = np.asarray(line.samples, dtype=float), len(line.samples)
+    along = np.linspace(-1.0, 1.0, n)
+    rest = a - a.mean() - along * (along @ a) / (along @ along)
+    if float(np.abs(rest).max()) <= ROUNDING * float(np.abs(a).max()):
+        return 0.0
+    energy = np.abs(np.fft.rfft(rest)) ** 2
+    # all lines but the first, and the last of an even number, stand for two
+    energy[1 : n - n // 2] *= 2.0
+    return float(energy[np.fft.rfftfreq(n, line.interval) > limit].sum() / energy.sum())

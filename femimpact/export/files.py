@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import tempfile
@@ -13,7 +14,10 @@ from typing import Any
 
 from femimpact.errors import require, require_path
 
-__all__ = ["GuardedFile", "atomic_path", "atomic_write", "file_path"]
+__all__ = ["GuardedFile", "atomic_path", "atomic_write", "file_path", "to_disk"]
+
+NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EROFS)
+"""What a file system that cannot do it answers."""
 
 
 def file_path(path: str | Path) -> Path:
@@ -62,6 +66,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
             mask = os.umask(0)
             os.umask(mask)
             temporary.chmod(0o666 & ~mask)
+            to_disk(temporary)
             os.replace(temporary, target)
         finally:
             with suppress(OSError):
@@ -78,6 +83,20 @@ def atomic_write(path: str | Path, content: str | bytes) -> None:
     """Write text (UTF-8) or bytes to a file, whole or not at all."""
     with atomic_path(path) as temporary:
         temporary.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
+
+
+def to_disk(path: Path) -> None:
+    """Have the disk hold what was written to a file, or the names in a directory, before a rename relies on it."""
+    if path.is_dir() and os.name != "posix":  # no such thing outside POSIX
+        return
+    file = os.open(path, os.O_RDONLY if os.name == "posix" else os.O_RDWR)
+    try:
+        os.fsync(file)
+    except OSError as error:
+        if error.errno not in NO_SYNC:
+            raise
+    finally:
+        os.close(file)
 
 
 class GuardedFile(io.RawIOBase):

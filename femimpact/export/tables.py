@@ -12,13 +12,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from femimpact.decimal_number import decimal_number
 from femimpact.errors import require
 from femimpact.export.files import GuardedFile, atomic_path, atomic_write, file_path
+from femimpact.regular_file import open_regular
 
 if TYPE_CHECKING:
     import xarray
 
 __all__ = ["plain", "read_csv", "write_csv", "write_json", "write_netcdf"]
+
+NO_DECIMALS = ("nan", "inf", "-inf")
+"""Numbers that `write_csv` writes too."""
 
 
 def write_csv(path: str | Path, columns: Mapping[str, Sequence[Any]], units: Mapping[str, str]) -> Path:
@@ -48,23 +53,47 @@ def write_csv(path: str | Path, columns: Mapping[str, Sequence[Any]], units: Map
 def read_csv(path: str | Path) -> dict[str, Any]:
     """Read a table that `write_csv` wrote: arrays by name, the unit taken off; numbers where all are.
 
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    dict of str to ndarray (rows,)
+
     Raises
     ------
     InputError
-        If there is no such file.
+        If there is no such file, or it is no regular one.
+    OSError
+        If it cannot be read.
+    ValueError
+        If it has no header, a row of another length, or in a column with a unit a cell that is no number.
     """
     path = file_path(path)
     require(path.is_file(), "path", str(path), "", "must be an existing table")
-    with path.open(newline="") as file:
-        header, *rows = list(csv.reader(file))
+    with open_regular(path) as raw, io.TextIOWrapper(raw, encoding="utf-8", newline="") as file:
+        lines = csv.reader(file)
+        header = next(lines, None)
+        if header is None:
+            raise ValueError("it is empty")
+        rows = []
+        for row in lines:
+            if len(row) != len(header):
+                raise ValueError(f"line {lines.line_num} has {len(row)} cells, the header {len(header)}")
+            rows.append((lines.line_num, row))
     columns: dict[str, Any] = {}
     for i, title in enumerate(header):
-        values = [row[i] for row in rows]
-        try:
-            columns[title.partition(" [")[0]] = np.array(values, dtype=float)
-        except ValueError:
-            columns[title.partition(" [")[0]] = np.array(values, dtype=str)
+        name, _, unit = title.partition(" [")
+        other = next(((line, row[i]) for line, row in rows if not _is_number(row[i])), None)
+        if unit and other is not None:
+            raise ValueError(f"line {other[0]}, {name}: {other[1]!r} is no number")
+        columns[name] = np.array([row[i] for _, row in rows], dtype=float if other is None else str)
     return columns
+
+
+def _is_number(cell: str) -> bool:
+    return decimal_number(cell) is not None or cell in NO_DECIMALS
 
 
 def write_json(path: str | Path, data: Mapping[str, Any]) -> Path:

@@ -17,8 +17,9 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import InputError, require, require_path
+from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.fem.mesh import MOST_ELEMENTS, SAME_PLACE, Mesh
+from femimpact.regular_file import check_regular
 
 __all__ = ["read_mesh", "read_outcomes"]
 
@@ -29,6 +30,9 @@ TIME_LIMIT = 30.0
 
 MEMORY_LIMIT = 3_000_000_000
 """Bytes of address space of the process that reads, libraries included."""
+
+MOST_BYTES = 1_000_000_000
+"""Of a file; what the process may allocate holds no larger one."""
 
 PIPE_BYTES = 65536
 """Read of a pipe at once; Linux keeps as many."""
@@ -67,18 +71,26 @@ def read_mesh(path: str | Path) -> Mesh:
 
 def read_outcomes(paths: Sequence[Path]) -> list[Mesh | InputError]:
     """What becomes of each file, a mesh or what is wrong with it; one process reads them until it has to be ended."""
-    existing = [path for path in paths if path.is_file()]
+    unread = {path: reason for path in paths if (reason := _why_not_read(path))}
     # closed here, so that no process outlives the call
-    with closing(_answers(existing)) as answers:
-        return [_outcome(path, next(answers) if path in existing else None) for path in paths]
+    with closing(_answers([path for path in paths if path not in unread])) as answers:
+        return [_outcome(path, unread[path] if path in unread else next(answers)) for path in paths]
 
 
-def _outcome(path: Path, read: Mapping[str, Any] | None) -> Mesh | InputError:
-    """The mesh of what a file holds, or what is wrong with it; None stands for a file that is none."""
+def _why_not_read(path: Path) -> str:
+    """Why a file is none that the process may open by its name; empty where it may."""
     try:
-        if read is None:
-            require(False, "mesh.file", str(path), "", "must be an existing mesh file")
-            raise AssertionError("require raises")
+        check_regular(path, MOST_BYTES)
+    except OSError as error:
+        return error.strerror or "cannot be read"
+    return ""
+
+
+def _outcome(path: Path, read: Mapping[str, Any] | str) -> Mesh | InputError:
+    """The mesh of what a file holds, or what is wrong with it; words stand for a file that was not read."""
+    try:
+        if isinstance(read, str):
+            raise InputError([Fault("mesh.file", str(path), "", f"must be an existing mesh file: {read}")])
         kind = read.get("format")
         reason = " ".join(str(read.get("failure")).split())
         allowed = f"must be a mesh that meshio can read{f' as {kind}' if kind else ''}: {reason[:300]}"

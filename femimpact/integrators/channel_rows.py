@@ -89,25 +89,33 @@ def channel_rows(system: System, drive: Drive, channels: tuple[Channel, ...], *,
 
 
 def reaction_notes(system: System, drive: Drive, channels: tuple[Channel, ...]) -> tuple[str, ...]:
-    """A note on reactions where modes are left out: by what mass they differ from the sum of inertia forces.
+    """A note on reactions where modes are left out: by how much they differ from the shaker's force.
 
-    Both are linear in the motion; only the coefficients of the base's acceleration and of contact forces differ.
+    Both are linear in the motion; only the coefficients of the drive and of contact forces, and the constant forces,
+    differ.
     """
-    if drive.share == 0.0 or not any(np.any(channel.reading(system).reaction) for channel in channels):
+    if not any(np.any(channel.reading(system).reaction) for channel in channels):
         return ()
     weights = np.array([float(item.unit == "N") for item in system.reactions.values()])
     all_forces = replace(zero_reading(system), reaction=weights)
-    masses = []
+    driven, constant = [], []
     for reading in (all_forces, ShakerForce().reading(system)):
         row = _row(system, drive, _free_of_reactions(system, drive, reading), springs_apart=False)
-        masses.append(row[6][2] + row[7])
-    missing = abs(masses[0] - masses[1])
-    if missing <= NEGLIGIBLE * system.total_mass:
+        driven.append(row[6][2] * drive.share + row[7])
+        constant.append(row[8])
+    by_drive, at_rest = abs(driven[0] - driven[1]), abs(constant[0] - constant[1])
+    moved = drive.share > 0.0
+    parts = []
+    if by_drive > NEGLIGIBLE * (system.total_mass if moved else 1.0):
+        parts.append(f"{by_drive:.3g} kg times the base's acceleration" if moved else f"{by_drive:.3g} of the force")
+    if at_rest > NEGLIGIBLE * abs(constant[1]):
+        parts.append(f"{at_rest:.3g} N of gravity and other constant forces")
+    if not parts:
         return ()
     return (
         f"modes are left out: reactions, read from those that are kept, differ from the sum of inertia forces by "
-        f"{missing:.3g} kg times the base's acceleration, and by what contacts excite in the others; all that moves "
-        f"with the base has {system.total_mass:.3g} kg",
+        f"{', by '.join(parts)}, and by what contacts excite in the others; all that moves with the base has "
+        f"{system.total_mass:.3g} kg",
     )
 
 

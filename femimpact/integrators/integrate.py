@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, cast, overload
 
 from femimpact.errors import require, require_type
 from femimpact.excitation import Excitation, require_excitation
-from femimpact.excitation.remarks import motion_notes, motion_warnings
+from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
 from femimpact.integrators.memory import check_memory, memory_needed
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.threads import Progress, check_progress, run_each, workers_of
@@ -119,14 +120,33 @@ def integrate(
     def run(drive: Excitation, report: Progress | None) -> Response:
         response = method.run(system, drive, duration, recorder, start, report)
         warnings = motion_warnings(drive, system.length)
+        warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)
         warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
-        notes = motion_notes(drive, start.time + duration)
+        notes = (*motion_notes(drive, system.length, start.time + duration), *_stops_not_met(response))
         if not (warnings or notes):
             return response
         return replace(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))
 
     responses = run_each(run, drives, workers, progress)
     return responses if several else responses[0]
+
+
+def _stops_not_met(response: Response) -> list[str]:
+    """Notes on stops with two different gaps that a run has not met: these may be given in the wrong order."""
+    notes = list[str]()
+    for pair in response.system.contacts:
+        plus, minus = pair.gaps
+        if not pair.is_stop or plus == minus or min(plus, minus) < 0.0 or response.impacts.dropped:
+            continue
+        met = pair.name in response.impacts.impactor or pair.name in response.sticking.impactor
+        # a compliant contact that lasts has no row yet
+        if met or response.statistics_of[pair.name].peak_force > 0.0:
+            continue
+        walls = [f"{gap:.4g} m to the {side} side" for gap, side in ((plus, "+"), (minus, "-")) if gap < math.inf]
+        notes.append(
+            f"{pair.name} is not met: its gap is {' and '.join(walls)}; a gap is (to the + side, to the - side)"
+        )
+    return notes
 
 
 def _largest_deflections(response: Response, recorder: Recorder) -> list[float]:

@@ -53,7 +53,7 @@ def check_memory(
     needed = sum(parts.values())
     shares = ", ".join(f"{name} {size / 1e6:.3g} MB" for name, size in parts.items() if size > 1e6)
     allowed = (
-        f"must be >= {needed:.3g}, what this run keeps ({shares}): keep less (a larger stride every, fewer "
+        f"must be >= {needed:.3g}, what this run keeps ({shares}): keep less (a larger stride every or interval, fewer "
         "snapshots, a shorter duration), give the recorder a sink, or raise it"
     )
     require(needed <= recorder.memory_limit, key, recorder.memory_limit, "bytes", allowed)

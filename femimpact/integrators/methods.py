@@ -50,7 +50,10 @@ class Method(Protocol):
         """Notes on what of a system the method does not follow."""
 
     def time_grid(self, frequency: float) -> float:
-        """Time (s) between the instants at which a run under a drive of a frequency (Hz) can be read."""
+        """Time (s) between the instants at which a run under a sine of a frequency (Hz) can be read."""
+
+    def interval(self, system: System, excitation: Excitation, duration: float, recorder: Recorder) -> float:
+        """Time (s) between the instants at which a run of a duration (s) can be read; the recorder may set it."""
 
     def stride(self, frequency: float, points: int) -> int:
         """Every how many of these instants are kept where about so many points of a cycle are wanted."""

@@ -271,11 +271,13 @@ class ImpactStatistics:
     mean_approach_speed, largest_approach_speed : float, m/s
     mean_impulse : float, N s
     peak_force : float, N
-        Of every contact in the window, also one that has not ended.
+        Largest force in the window, also of contacts that go on across an end of it; event-driven to 1e-9. Not a number
+        where a rigid pair collides, whose impulses have none; event-driven, one that only sticks has that of sticking.
     law : str
         The contact law behind the peak force.
     cycle_mean_force : float, N
-        Integral of the normal force over the window's length, a ball that sticks to its wall included.
+        Integral of the normal force over the window's length, a ball that sticks to its wall included. A contact that
+        goes on across an end of the window is cut there.
 
     Raises
     ------

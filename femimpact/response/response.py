@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import (
     Fault,
+    InputError,
     check_fields,
     column,
     having,
@@ -28,10 +29,11 @@ from femimpact.errors import (
 )
 from femimpact.excitation import Excitation
 from femimpact.excitation.excitation import MEMBERS
-from femimpact.response.channels import Channel, Motion, channel_key, channel_of
+from femimpact.response.channels import Channel, Motion, channel_key, channel_of, resolve_channels
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.history import HistoryPiece, Snapshots, check_histories, history_dataset
 from femimpact.response.impacts import Impacts, ImpactStatistics, StickingPhases
+from femimpact.response.largest import Largest, LargestValues
 from femimpact.response.regimes import Regime, classify
 from femimpact.response.sections import StroboscopicSection, stroboscopic
 from femimpact.response.signals import SteadyMotion
@@ -62,11 +64,15 @@ class Recorder:
         "gap" (ball minus beam, m) and "contact_force" (on the beam, N) belong to the only ball,
         "ball.gap" and "ball.contact_force" to the one named. A `Channel` of one's own reads any
         linear function of the state. None keeps the tip, every ball and every contact force.
-    every : int, steps
+    interval : float, s, optional
+        Between the instants at which an event-driven run is read, in place of its `samples_per_cycle`, whatever drives
+        it. `every` and `snapshots` count these. A method with steps is read at its steps, and refuses it. None reads a
+        sine `samples_per_cycle` times in a cycle, and a drive by samples as `EventDriven` says.
+    every : int, steps or samples
         Stride of channels and energies.
     start : float, s
         First time kept, to the nearest sample.
-    snapshots : int, steps
+    snapshots : int, steps or samples
         Stride of whole deflections; 0 keeps none.
     snapshots_start : float, s
         First time of a snapshot, to the nearest sample.
@@ -86,8 +92,8 @@ class Recorder:
         any length needs the memory of a piece. The response then holds no history of its own. An
         exception in it ends the run. Statistics of base cycles stay, some 100 bytes a cycle.
     piece_samples : int
-        Most samples in a piece; an event-driven run passes on whole base cycles, the first with the state
-        at the start.
+        Most samples in a piece; an event-driven run with whole samples in a base cycle passes on whole cycles, and
+        the first piece has the state at the start besides.
 
     Raises
     ------
@@ -107,6 +113,7 @@ class Recorder:
     residual_limit: float = field(default=0.01, metadata=quantity("1", above=0.0))
     sink: Callable[[HistoryPiece], None] | None = None
     piece_samples: int = field(default=100_000, metadata=quantity("1", at_least=1, integer=True))
+    interval: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
 
     @takes(time=quantity("s", at_least=0.0))
     def seen_from(self, time: float) -> Recorder:
@@ -212,6 +219,8 @@ class Response:
     kept_state : State or None
         The same at `Recorder.state_at`: a run from there has the bits of this one. None
         without one, and where that time is not within the run.
+    largest_values : LargestValues or None
+        What `largest` asks; None of a response that was read from files.
 
     Raises
     ------
@@ -237,6 +246,9 @@ class Response:
     start: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
     final_state: State | None = field(default=None, metadata=optional(instance(State)))
     kept_state: State | None = field(default=None, metadata=optional(instance(State)))
+    largest_values: LargestValues | None = field(
+        default=None, repr=False, metadata=optional(instance(LargestValues))
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -308,6 +320,46 @@ class Response:
         require(moving, "channel", str(name), self.units[str(name)], allowed)
         moved_by = {"m": self.base.displacement, "m/s": self.base.velocity, "m/s^2": self.base.acceleration}
         return np.asarray(values + moved_by[channel.unit](self.time))
+
+    def largest(self, channel: Position | Channel) -> Largest:
+        """The largest value of any channel over the whole run, and its time: recorded or not, kept or not.
+
+        It is that of max |value|, and has the sign that the channel has there: a stress of -98 MPa is larger than one
+        of 60 MPa. An event-driven run has it to 1e-9 of itself, between samples too, with the values on both sides of
+        an impact; its time, where the channel is level, to about 1e-5 of the period of what oscillates there. A run
+        with steps has the largest of all its steps. An impact that lasts no time has no force. A value is found by
+        computing the run once more, which takes as long as the run, and is then known.
+
+        Parameters
+        ----------
+        channel : str, float or Channel
+            As of `Recorder.channels`.
+
+        Returns
+        -------
+        Largest
+            Value, time (s) and unit.
+
+        Raises
+        ------
+        InputError
+            If there is no such channel, or the response was not made by a run but read from files.
+        """
+        return self.largest_of((channel,))[0]
+
+    def largest_of(self, channels: Sequence[Position | Channel]) -> tuple[Largest, ...]:
+        """The same of several channels; a method with steps finds all of them in one run.
+
+        Raises
+        ------
+        InputError
+            As of `largest`.
+        """
+        allowed = "must be a response of `integrate`: what was read from files has samples only"
+        found = self.largest_values
+        if found is None:
+            raise InputError([Fault("largest", None, "", allowed)])
+        return found.of(resolve_channels(self.system, Recorder(channels).channels))
 
     def to_pandas(self) -> pandas.DataFrame:
         """All channels over time; units in `attrs["units"]`.

@@ -10,6 +10,7 @@ from typing import Any
 
 from femimpact.contact import ContactLaw, require_law
 from femimpact.errors import (
+    LARGEST,
     Fault,
     InputError,
     check_fields,
@@ -98,8 +99,8 @@ class PointMass:
 
     name: str = field(metadata=text())
     at: Position = field(metadata=place())
-    mass: float = field(metadata=quantity("kg", at_least=0.0))
-    rotary_inertia: float = field(default=0.0, metadata=quantity("kg m^2", at_least=0.0))
+    mass: float = field(metadata=quantity("kg", at_least=0.0, at_most=LARGEST))
+    rotary_inertia: float = field(default=0.0, metadata=quantity("kg m^2", at_least=0.0, at_most=LARGEST))
     offset: float = field(default=0.0, metadata=quantity("m"))
 
     def __post_init__(self) -> None:

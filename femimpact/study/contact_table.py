@@ -13,7 +13,8 @@ from femimpact.contact import ContactLaw, collide
 from femimpact.errors import require
 from femimpact.export import figures, tables
 from femimpact.integrators.methods import Method
-from femimpact.study.results import FILES, OTHER_FILES, prepare_directory
+from femimpact.study.result_directory import prepare_directory
+from femimpact.study.result_files import FILES, OTHER_FILES
 from femimpact.study.study import Study, build_systems, method_for, read_mesh_of
 from femimpact.system.contact_pair import ContactPair
 

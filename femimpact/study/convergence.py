@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -36,7 +37,8 @@ from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
 from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.structure import Position
-from femimpact.study.results import OTHER_FILES, prepare_directory
+from femimpact.study.result_directory import prepare_directory
+from femimpact.study.result_files import OTHER_FILES
 from femimpact.study.run import Report
 from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
 from femimpact.system.system import System
@@ -160,7 +162,7 @@ def _meshes(study: Study, own: Mesh | None) -> OverMeshes:
                 # fewer elements than stretches between joints and attachments
                 if count == MESHES[-1]:
                     raise
-        return OverMeshes(tuple(made))
+        return OverMeshes(tuple(made), make=partial(uniform_mesh, study.structure))
     times = max(int(math.log2(MOST_REFINED / own.elements)) if own.elements < MOST_REFINED else 0, 1)
     return OverMeshes.refinements(own, min(times, 4))
 

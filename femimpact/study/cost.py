@@ -113,7 +113,7 @@ def check_sweep(study: Study, small: System, method: Method) -> None:
 
 def history_cost(study: Study, small: System, method: Method, record: Recorder) -> Cost:
     """Of one history, until it is written."""
-    grid = method.time_grid(study.base.frequency)
+    grid = method.interval(small, study.excitation, study.base.history_duration, record)
     steps = round(study.base.history_duration / grid)
     parts: Mapping[str, int] = memory_needed(
         small, record, len(record.channels or ()), steps, grid, study.base.frequency

@@ -19,7 +19,9 @@ from femimpact.calibration import RestitutionScan, scan_restitution
 from femimpact.errors import Fault, InputError
 from femimpact.export import figures, tables
 from femimpact.study.prepared import PreparedStudy, prepare, with_base
-from femimpact.study.results import OTHER_FILES, StudyResults, load, prepare_directory
+from femimpact.study.result_directory import prepare_directory
+from femimpact.study.result_files import OTHER_FILES
+from femimpact.study.results import StudyResults, load
 from femimpact.study.run import (
     Found,
     Report,
@@ -241,12 +243,17 @@ def _part(report: Report, what: str, index: int, count: int) -> Callable[[float]
 
 
 def median_scan(scans: Sequence[RestitutionScan]) -> RestitutionScan:
-    """Column by column the medians of scans over the same restitutions; the curves are those of the first."""
+    """Column by column the medians of scans over the same restitutions; the curves are those of the first.
+
+    A restitution is periodic where all starts are.
+    """
     names = ("peak_frequency", "peak_amplitude", "amplitude_ratio", "damping_fit", "damping_half_power",
              "damping_amplitude_ratio")  # fmt: skip
-    return dataclasses.replace(
-        scans[0], **{name: np.median([getattr(scan, name) for scan in scans], axis=0) for name in names}
-    )
+    steadiness = scans[0].steadiness
+    for scan in scans[1:]:
+        steadiness = np.where(steadiness == "periodic", scan.steadiness, steadiness)
+    medians = {name: np.median([getattr(scan, name) for scan in scans], axis=0) for name in names}
+    return dataclasses.replace(scans[0], **medians, steadiness=steadiness, starts=len(scans))
 
 
 def _scan_rows(samples: Mapping[str, Sequence[RestitutionScan]]) -> tuple[tuple[str, ...], ...]:
@@ -301,6 +308,7 @@ def _sweep_row(sweeps: SweepPair) -> dict[str, Any]:
     return {
         "peak_frequency": sweeps.ball.peak_frequency,
         "peak_amplitude": sweeps.ball.peak_amplitude,
+        "peak_is_one_start": sweeps.ball.peak_is_sample,
         "amplitude_ratio": sweeps.empty.peak_amplitude / sweeps.ball.peak_amplitude,
     }
 
@@ -370,11 +378,12 @@ def remark(
 
 
 def _write_scans(folder: Path, scans: Mapping[str, RestitutionScan], sweeps: Mapping[str, SweepPair]) -> None:
-    names = ("peak_frequency", "peak_amplitude", "amplitude_ratio", "damping_amplitude_ratio")
+    names = ("peak_frequency", "peak_amplitude", "amplitude_ratio", "damping_amplitude_ratio", "steadiness")
     columns: dict[str, Any] = {"restitution": next(iter(scans.values())).restitution}
     for start, scan in scans.items():
         columns |= {f"{start}_{name}": getattr(scan, name) for name in names}
     units = {name: "Hz" if "frequency" in name else "m" if "peak_amplitude" in name else "1" for name in columns}
+    units |= {name: "" for name in columns if name.endswith("steadiness")}
     tables.write_csv(folder / OTHER_FILES["restitution"], columns, units)
     labelled = [(STARTS[start], scan) for start, scan in scans.items()]
     published = (PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"])

@@ -22,7 +22,8 @@ from femimpact.response.response import Response
 from femimpact.response.signals import no_steady_motion
 from femimpact.structure.springs import Dashpot, Spring
 from femimpact.structure.structure import Beam, PointMass, Segment, Structure, Support
-from femimpact.study.results import FILES, read_dataset, read_sticking
+from femimpact.study.result_files import FILES
+from femimpact.study.results import read_dataset, read_sticking
 from femimpact.sweep import SWEEP_UNITS, FrequencyResponse
 from femimpact.system.hermite import hermite_rows
 from femimpact.system.modes import Modes

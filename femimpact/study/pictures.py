@@ -20,7 +20,9 @@ from typing import IO, Any
 
 from femimpact.errors import Fault, InputError, require
 from femimpact.study.picture_data import read_curves, read_film, read_last_cycles, read_mode_shapes
-from femimpact.study.results import FILES, OTHER_FILES, read_summary, update_results, write_summary
+from femimpact.study.result_directory import update_results
+from femimpact.study.result_files import FILES
+from femimpact.study.results import read_summary, write_summary
 
 __all__ = ["KINDS", "child", "draw", "draw_again", "draw_in_child", "with_pictures"]
 
@@ -264,8 +266,7 @@ def draw_again(directory: str | Path, kind: str, report: Report) -> tuple[str, .
     """
     folder = Path(directory)
     read_summary(folder)
-    movies = (FILES["movie"], OTHER_FILES["movie_without_encoder"]) if kind == "movie" else ()
-    with update_results(folder, movies) as staging:
+    with update_results(folder) as staging:
         # again, under the lock
         summary = read_summary(folder)
         failure = draw_in_child(folder, staging.folder, (kind,), report)[kind]
@@ -274,7 +275,7 @@ def draw_again(directory: str | Path, kind: str, report: Report) -> tuple[str, .
         if not drawn:
             raise refused
         updated = with_pictures(summary, {kind: failure}, folder)
-        write_summary(staging.folder, updated, earlier=folder)
+        write_summary(staging.folder, updated, beside=folder)
     if failure is not None:
         raise refused
     return drawn

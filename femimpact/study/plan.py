@@ -26,7 +26,7 @@ def plan_lines(study: Study) -> list[str]:
     """
     prepared = prepare(study)
     full, small, method = prepared.full, prepared.small, prepared.method
-    grid = method.time_grid(study.base.frequency)
+    grid = method.interval(small, study.excitation, study.base.history_duration, prepared.record)
     steps = round(study.base.history_duration / grid)
     contact_time = shortest_contact(small)
     kind = "modal" if small.is_diagonal else "physical"
@@ -52,13 +52,13 @@ def plan_lines(study: Study) -> list[str]:
     lines.append(f"method: {study.method.get('name', 'newmark')}; {described}")
     history = history_cost(study, small, method, prepared.record)
     lines.append(
-        f"history: {steps} {method.unit}, {study.base.words}, "
+        f"history: {steps} {method.unit}, {grid:.4g} s apart, {study.base.words}, "
         f"takes about {history.memory / 1e6:.3g} MB and {history.seconds:.2g} s"
     )
     if study.sweep is not None:
         plan = study.sweep
-        cases = most_frequencies(plan)
-        total = cases * plan.cycles / (0.5 * (plan.start + plan.stop)) / grid
+        cases, middle = most_frequencies(plan), 0.5 * (plan.start + plan.stop)
+        total = cases * plan.cycles / middle / method.time_grid(middle)
         swept = sweep_cost(study, small, method)
         lines.append(
             f"sweep: up to {cases} frequencies from {plan.start:g} to {plan.stop:g} Hz, {plan.cycles} cycles each, "
@@ -68,7 +68,7 @@ def plan_lines(study: Study) -> list[str]:
         lines.append(f"figures and movie: about {picture_seconds(study):.2g} s, when the rest is done")
     mesh = mesh_memory(full.nodes.size - 1, small.dofs if study.reduction else None)
     lines.append(f"mesh and modes: take about {max(mesh.values()) / 1e6:.3g} MB")
-    lines.append("besides: some 200 MB for the libraries; the first run on a machine compiles for 15 to 60 s")
+    lines.append("besides: some 200 MB for the libraries; a first run with steps on a machine compiles for 15 to 60 s")
     lines += [f"note: {text}" for text in method.notes(small)]
     return lines + [f"warning: {text}" for text in prepared.warnings]
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from femimpact import core
 from femimpact.errors import InputError
-from femimpact.excitation.remarks import motion_warnings
+from femimpact.excitation.remarks import drive_warnings, frequency_warnings, motion_warnings
 from femimpact.fem.mesh import Mesh
 from femimpact.integrators.memory import check_memory
 from femimpact.integrators.methods import Method
@@ -84,7 +85,10 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     ------
     InputError
         If mesh or sweep would not fit, the step does not resolve contact or base, or the history would keep too much.
+    CoreError
+        If the compiled core cannot be loaded.
     """
+    core.build_info()
     mesh = read_mesh_of(study)
     elements = study.mesh.elements if mesh is None else mesh.nodes.size - 1
     check_mesh(study, elements or 1)
@@ -96,8 +100,8 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     _check_channels(study, small)
     prepared = PreparedStudy(
         study, mesh, full, small, bare, method, method_for(study, bare), record=record,
-        warnings=(*warnings, *_coarse_history(study, method), *_empty_sweep(study, bare, parts),
-                  *motion_warnings(study.excitation, small.length)),
+        warnings=(*warnings, *_coarse_history(study, small, method), *_empty_sweep(study, bare, parts),
+                  *motion_warnings(study.excitation, small.length), *_fast_drives(study, small, parts)),
     )  # fmt: skip
     _check_drives(prepared, parts)
     return prepared
@@ -111,8 +115,8 @@ def with_base(prepared: PreparedStudy, base: BaseMotion | RecordedMotion) -> Pre
 
 def history_record(study: Study, small: System, method: Method) -> Recorder:
     """What the study's history keeps: every place that carries a ball, the balls, the last cycles whole."""
-    output = study.output
-    kept, grid = min(output.frame_cycles / study.base.frequency, study.base.history_duration), _grid(study, method)
+    output, grid = study.output, _grid(study, small, method)
+    kept = min(output.frame_cycles / study.base.frequency, study.base.history_duration)
     channels: list[str | float] = ["tip", "tip.velocity", "mid"]
     for pair in small.contacts:
         place = next((name for name, x in small.points.items() if x == pair.position), None)
@@ -123,6 +127,7 @@ def history_record(study: Study, small: System, method: Method) -> Recorder:
     return Recorder(
         channels=tuple(dict.fromkeys([*channels, *output.channels])),
         every=_stride(study, method),
+        interval=output.interval,
         snapshots=max(round(kept / (output.frames * grid)), 1) if output.frames else 0,
         snapshots_start=max(study.base.history_duration - kept, 0.0),
         state_at=last_cycles_start(study),
@@ -135,9 +140,20 @@ def last_cycles_start(study: Study) -> float:
     return max(study.base.history_duration - FIGURE_CYCLES / study.base.frequency, 0.0)
 
 
-def _grid(study: Study, method: Method) -> float:
-    """Time (s) between instants at which the history can be read."""
-    return method.time_grid(study.base.frequency)
+def _grid(study: Study, small: System, method: Method) -> float:
+    """Time (s) between instants at which the history can be read.
+
+    Raises
+    ------
+    InputError
+        If the study gives an interval that the method does not take.
+    """
+    try:
+        asked = Recorder(interval=study.output.interval)
+        return method.interval(small, study.excitation, study.base.history_duration, asked)
+    except InputError as error:
+        renamed = {"record.interval": "output.interval"}
+        raise InputError([replace(fault, key=renamed.get(fault.key, fault.key)) for fault in error.faults]) from None
 
 
 def _stride(study: Study, method: Method) -> int:
@@ -147,13 +163,13 @@ def _stride(study: Study, method: Method) -> int:
     return min(USUAL_STRIDE, method.stride(study.base.frequency, LEAST_SAMPLES))
 
 
-def _coarse_history(study: Study, method: Method) -> tuple[str, ...]:
+def _coarse_history(study: Study, small: System, method: Method) -> tuple[str, ...]:
     """A warning where the history keeps so few samples of a base cycle that its maxima are not those of the motion."""
     every = _stride(study, method)
-    samples = 1.0 / (study.base.frequency * _grid(study, method) * every)
+    samples = 1.0 / (study.base.frequency * _grid(study, small, method) * every)
     if samples >= LEAST_SAMPLES:
         return ()
-    mend = "a smaller one" if every > 1 else "a smaller method.dt, or more method.samples_per_cycle"
+    mend = "a smaller one" if every > 1 else "a smaller method.dt or output.interval, or more method.samples_per_cycle"
     return (
         f"output.every = {every}: the history keeps {samples:.3g} samples of a base cycle, below "
         f"{LEAST_SAMPLES}, and misses the extremes between them; take {mend}",
@@ -172,6 +188,16 @@ def _empty_sweep(study: Study, bare: System, parts: tuple[str, ...]) -> tuple[st
     )
 
 
+def _fast_drives(study: Study, small: System, parts: tuple[str, ...]) -> tuple[str, ...]:
+    """Warnings where the history or the sweep is driven above the modes that are kept."""
+    kept, found = (small.highest_kept, small.first_left_out), list[str]()
+    if "simulate" in parts:
+        found += drive_warnings(study.excitation, *kept)
+    if "sweep" in parts and study.sweep is not None:
+        found += [f"sweep.stop: {text}" for text in frequency_warnings(study.sweep.stop, *kept)]
+    return tuple(found)
+
+
 def _check_channels(study: Study, small: System) -> None:
     """Refuse a channel of the study that the system cannot read."""
     try:
@@ -187,7 +213,7 @@ def _check_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> None:
     base = study.base
     if "simulate" in parts:
         method.check_drive(np.array([base.frequency]), base.FREQUENCY_KEY)
-        grid = _grid(study, method)
+        grid = _grid(study, small, method)
         channels, key = len(record.channels or ()), "output.memory_limit"
         check_memory(small, record, channels, round(base.history_duration / grid), grid, base.frequency, key)
     if "sweep" in parts and study.sweep is not None:

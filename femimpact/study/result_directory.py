@@ -1,41 +1,67 @@
 """The directory of results: its lock, the files of a run that is not done, and the move of finished ones.
 
-A run writes into DIR/.running/files, on the file system of DIR, and holds a lock that ends with its process.
-What it finished is moved by a journal: from the moment the journal stands, the move can be finished by
-anyone; the old summary goes first and the new one comes last, so that a summary always belongs to its files.
+A run writes into folders of DIR/.running, on the file system of DIR, and holds a lock that ends with its process.
+How far it is stands in the names of these folders alone, which change whole or not at all:
+
+| folder | holds |
+| --- | --- |
+| files | files of the part at work |
+| finished | files of finished parts, and for each part the folder in which they came, with its number and its name |
+| replacing | files of a run that is done, while earlier results that have no successor among them are removed |
+| moving | files of a run that is done, or that are added to results, while they move into DIR, the summary last |
+
+From `replacing` and `moving` the move can be finished by anyone. The old summary goes first and the new one comes
+last, so that a summary always belongs to its files. Nothing is read to find out what moves: the names are those of
+`result_files`, and nothing is written or removed through a link.
 """
 
 from __future__ import annotations
 
-import errno
-import json
 import os
+import re
 import shutil
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
-from typing import Any
 
 from femimpact.errors import Fault, InputError, require
-from femimpact.export.files import atomic_write
+from femimpact.export.files import to_disk
+from femimpact.study.directory_lock import LOCK, RUNNING, Lock, is_ours
+from femimpact.study.result_files import (
+    NAMES,
+    PLACES,
+    SUMMARY,
+    earlier_files,
+    is_folder,
+    replaced_by,
+    result_files,
+)
 
-__all__ = ["SUMMARY", "ResultsWarning", "Staging", "complete_move", "stage", "unfinished_state"]
+__all__ = ["ResultsWarning", "Staging", "finish_results", "prepare_directory", "unfinished_state", "update_results"]
 
-SUMMARY = "summary.json"
-RUNNING = ".running"
 FILES = "files"
-JOURNAL = "journal.json"
-FINISHED = "finished.json"
-LOCK = "lock"
+FINISHED = "finished"
+REPLACING = "replacing"
+MOVING = "moving"
 
-NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)
-"""What a file system without locks answers."""
+PART = re.compile(r"[1-9][0-9]* [a-z ]+")
+"""Name of the folder in which the files of a part came."""
 
 
 class ResultsWarning(UserWarning):
     """Something about results on disk that does not stop the work."""
+
+
+class _Left(Enum):
+    """What a run that is not done has left, and what to do about it."""
+
+    MOVE = "its results are moved in part: 'femimpact finish {target}' finishes the move, --force runs again"
+    PARTS = "it holds a run that ended after {parts}: 'femimpact finish {target}' keeps that, or run it again"
+    BEGUN = "it holds a run that ended before its first part was finished: run it again"
+    STRANGE = "its {running} is damaged or of another version, and cannot be finished: run it again with --force"
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,28 +73,28 @@ class Staging:
     target : Path
         As the user named it.
     folder : Path
-        Where the files go until the run is done.
+        Where the files of a part go until it is finished.
     """
 
     target: Path
     folder: Path
 
     @property
-    def finished(self) -> tuple[str, ...]:
-        """Parts of the run whose files are complete."""
-        return _finished(self.folder.parent)
+    def finished(self) -> Path:
+        """Where the files of finished parts are."""
+        return self.folder.parent / FINISHED
 
     def finish_part(self, part: str) -> None:
         """Note that all files of a part are on disk: they are kept, whatever happens to the rest."""
-        state = {"parts": [*self.finished, part], "files": _files_in(self.folder)}
-        atomic_write(self.folder.parent / FINISHED, json.dumps(state))
+        _sync(self.folder)
+        os.rename(self.folder, self.finished / f"{len(_parts(self.finished)) + 1} {part}")
+        _gather(self.finished)
+        self.folder.mkdir()
 
 
 @contextmanager
-def stage(
-    directory: str | Path, superseded: Callable[[Path], Sequence[str]], force: bool = False, update: bool = False
-) -> Iterator[Staging]:
-    """A place whose files move into the directory when the block ends well.
+def prepare_directory(directory: str | Path, force: bool = False) -> Iterator[Staging]:
+    """A place whose files become the results in a directory when the block ends well.
 
     When it does not, parts that were finished stay in DIR/.running, and a note of the error says so;
     without any, nothing stays.
@@ -76,12 +102,8 @@ def stage(
     Parameters
     ----------
     directory : str or Path
-    superseded : callable
-        Given the directory, names of earlier files that must not stand beside the new ones.
     force : bool
-        Take a directory that is not empty; files that are not superseded stay.
-    update : bool
-        The same, for files that are added to results that exist.
+        Take a directory that is not empty: earlier results are replaced, other files stay.
 
     Raises
     ------
@@ -89,240 +111,224 @@ def stage(
         If the directory cannot be taken, or another run writes into it.
     """
     target = Path(directory)
-    _check_target(target, force or update)
-    made = _missing(target)
-    lock: _Lock | None = None
-    try:
-        with _named(target, "output"):
-            lock = _Lock(target)
+    with _named(target, "output"):
+        _check_places(target, PLACES)
+    with _taken(target, force) as running:
         with _named(target, None):
-            _clear_leftovers(target, lock.running)
-        _check_target(target, force or update)
-        staging = Staging(target, lock.running / FILES)
+            _clear_leftovers(target, running, os.listdir(running))
+        # a move that was finished just now has filled it
+        _check_target(target, force)
+        staging = Staging(target, running / FILES)
         with _named(target, "output"):
             staging.folder.mkdir()
-        with _noted(staging):
-            with _named(target, None):
-                yield staging
-            with _named(target, None):
-                _write_journal(staging, superseded(target))
+            staging.finished.mkdir()
+        with _noted(target), _named(target, None):
+            yield staging
+            if result_files(staging.folder):
+                staging.finish_part("pictures")
+            _commit(target, running)
         with _named(target, None):
-            _move_noted(target, lock.running)
-    finally:
-        if lock is not None:
-            lock.release()
-        for folder in made:
-            # only what is empty goes
-            with suppress(OSError):
-                folder.rmdir()
+            _move_noted(target, running)
 
 
-def complete_move(
-    directory: str | Path, superseded: Callable[[Path], Sequence[str]], force: bool = False
-) -> tuple[str, ...]:
-    """Put the finished parts of a run that was ended into its directory, or finish a move that was ended.
+@contextmanager
+def update_results(directory: str | Path) -> Iterator[Staging]:
+    """A place whose files, with a new summary, are added to results in a directory when the block ends well.
+
+    Finished parts of a run that was ended stay.
 
     Parameters
     ----------
     directory : str or Path
-    superseded : callable
-        As of `stage`.
-    force : bool
-        Put parts of a run in the place of earlier results that are whole.
-
-    Returns
-    -------
-    tuple of str
-        The parts.
 
     Raises
     ------
     InputError
-        If there is nothing to finish, a run is still at work, or whole earlier results would go.
+        If the directory cannot be taken, or a run writes into it.
     """
     target = Path(directory)
-    running = target / RUNNING
-    require(unfinished_state(target) is not None, "directory", str(target), "", "holds no unfinished results")
-    parts = _finished(running)
-    usable = bool(parts) or (running / JOURNAL).exists() or _Lock.is_held(running)
-    require(
-        usable, "directory", str(target), "", "holds a run that ended before its first part was finished: run it again"
-    )
-    lock = _Lock(target)
-    try:
+    with _taken(target, True) as running:
         with _named(target, None):
-            if not (running / JOURNAL).exists():
-                allowed = f"holds whole earlier results, which {_listed(parts)} of a later run would replace: --force"
-                require(force or not (target / SUMMARY).exists(), "directory", str(target), "", allowed)
-                _drop_unfinished(running)
-                _write_journal(Staging(target, running / FILES), superseded(target))
+            _clear_leftovers(target, running, {FILES, REPLACING, MOVING}.intersection(os.listdir(running)))
+        staging = Staging(target, running / FILES)
+        with _named(target, "output"):
+            staging.folder.mkdir()
+        with _noted(target), _named(target, None):
+            yield staging
+            _check_places(target, result_files(staging.folder))
+            _sync(staging.folder)
+            os.rename(staging.folder, running / MOVING)
+        with _named(target, None):
             _move_noted(target, running)
-    finally:
-        lock.release()
+
+
+def finish_results(directory: str | Path, force: bool = False) -> tuple[str, ...]:
+    """Put what an ended run finished into its directory, or finish a move that was ended.
+
+    Parameters
+    ----------
+    directory : str or Path
+    force : bool
+        Put parts of a run in the place of earlier results.
+
+    Returns
+    -------
+    tuple of str
+        The parts of the run that were finished.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to finish, a run is still at work, or earlier results would go.
+    """
+    target = Path(directory)
+    running, state = target / RUNNING, unfinished_state(target)
+    require(state is not None, "directory", str(target), "", "holds no unfinished results")
+    usable = _left(running) in (_Left.MOVE, _Left.PARTS) or Lock.is_held(running)
+    require(usable, "directory", str(target), "", str(state))
+    with _taken(target, True), _named(target, None):
+        left, parts = _left(running), _part_names(running)
+        require(left is not None, "directory", str(target), "", "holds no unfinished results")
+        if left is _Left.PARTS:
+            allowed = f"holds earlier results, which {', '.join(parts)} of a later run would replace: --force"
+            require(force or not earlier_files(target), "directory", str(target), "", allowed)
+            _gather(running / FINISHED)
+            _commit(target, running)
+        _move_noted(target, running)
     return parts
 
 
 def unfinished_state(target: Path) -> str | None:
     """What a directory holds of a run that is not done, in words with what to do; None where there is nothing."""
     running = target / RUNNING
-    if not running.is_dir():
-        return None
-    if _Lock.is_held(running):
+    if Lock.is_held(running):
         return "a run is writing into it"
-    if (running / JOURNAL).exists():
-        return f"its results are moved in part: 'femimpact finish {target}' finishes the move"
-    parts = _finished(running)
-    if parts:
-        return (
-            f"it holds a run that ended after {_listed(parts)}: 'femimpact finish {target}' keeps that, or run it again"
-        )
-    if not (running / FILES).exists():
+    left = _left(running)
+    return None if left is None else _in_words(left, target)
+
+
+def _in_words(left: _Left, target: Path) -> str:
+    return left.value.format(target=target, running=RUNNING, parts=", ".join(_part_names(target / RUNNING)))
+
+
+def _left(running: Path) -> _Left | None:
+    """What is left of a run, by the names of its folders."""
+    try:
+        if not is_folder(running) or not is_ours(running):
+            return None
+        replacing = running / REPLACING
+        # without a file it would remove earlier results and put nothing in their place
+        if is_folder(running / MOVING) or (is_folder(replacing) and result_files(replacing)):
+            return _Left.MOVE
+        if _parts(running / FINISHED):
+            return _Left.PARTS
+        names = set(os.listdir(running)) - {LOCK}
+    except OSError:
+        return _Left.STRANGE
+    if not names:
         return None
-    return "it holds a run that ended before its first part was finished: run it again"
+    return _Left.BEGUN if names <= {FILES, FINISHED} else _Left.STRANGE
+
+
+def _parts(finished: Path) -> list[str]:
+    """Folders in which finished parts came, the first part first."""
+    if not is_folder(finished):
+        return []
+    found = [name for name in os.listdir(finished) if PART.fullmatch(name) and is_folder(finished / name)]
+    return sorted(found, key=lambda name: int(name.split(" ", 1)[0]))
+
+
+def _part_names(running: Path) -> tuple[str, ...]:
+    """Names of the finished parts, wherever on their way they are."""
+    found = [name for folder in (MOVING, REPLACING, FINISHED) for name in _parts(running / folder)]
+    return tuple(name.split(" ", 1)[1] for name in found)
 
 
 # ---- before the work ------------------------------------------------------------------------------
 
 
+@contextmanager
+def _taken(target: Path, occupied: bool) -> Iterator[Path]:
+    """The folder of a run in a directory that no other process writes into; what of the two stays empty goes."""
+    _check_target(target, occupied)
+    made = [folder for folder in (target, *target.parents) if not folder.exists()]
+    try:
+        with _named(target, "output"):
+            lock = Lock(target)
+        try:
+            yield lock.running
+        finally:
+            try:
+                _drop_unfinished(lock.running)
+            finally:
+                lock.release()
+    finally:
+        for folder in made:
+            # only what is empty goes
+            with suppress(OSError):
+                folder.rmdir()
+
+
 def _check_target(target: Path, occupied: bool) -> None:
-    """Refuse what cannot be the directory of a run."""
-    require(not target.exists() or target.is_dir(), "output", str(target), "", "must be a directory: this is a file")
-    if not target.is_dir():
-        return
+    """Refuse what cannot be the directory of a run, or holds something where it must not."""
     with _named(target, "output"):
+        allowed = "must be a directory: this is a file"
+        require(not target.exists() or target.is_dir(), "output", str(target), "", allowed)
+        if occupied or not target.is_dir():
+            return
         held = any(item.name != RUNNING for item in target.iterdir())
-    if not held or occupied:
-        return
-    if (target / RUNNING / JOURNAL).exists() and not _Lock.is_held(target / RUNNING):
-        raise InputError([Fault("output", str(target), "", f"{unfinished_state(target)}, --force runs again")])
-    raise InputError([Fault("output", str(target), "", "exists already: choose another directory with -o, or --force")])
+    left = _left(target / RUNNING)
+    if left is _Left.STRANGE or (held and left is _Left.MOVE):
+        state = "another run is writing into it" if Lock.is_held(target / RUNNING) else _in_words(left, target)
+        raise InputError([Fault("output", str(target), "", state)])
+    require(not held, "output", str(target), "", "exists already: choose another directory with -o, or --force")
 
 
-def _missing(target: Path) -> list[Path]:
-    """The directory and those above it that do not exist, the innermost first."""
-    return [folder for folder in (target, *target.parents) if not folder.exists()]
+def _check_places(target: Path, names: Iterable[str]) -> None:
+    """Refuse a directory in which something stands where files of results go, or a link where their folder goes."""
+    for name in names:
+        place = target / name
+        allowed = f"holds a folder {name}, where a file of the results goes"
+        require(not is_folder(place), "output", str(target), "", allowed)
+        folder = place.parent
+        kind = "link" if folder.is_symlink() else "file"
+        allowed = f"holds a {kind} {folder.name}, where a folder of the results goes"
+        free = folder == target or is_folder(folder) or not os.path.lexists(folder)
+        require(free, "output", str(target), "", allowed)
 
 
-def _clear_leftovers(target: Path, running: Path) -> None:
-    """Finish an interrupted move, or remove what a killed run left, and say so."""
-    if (running / JOURNAL).exists():
+def _clear_leftovers(target: Path, running: Path, names: Iterable[str]) -> None:
+    """Finish an interrupted move, or remove what a killed run left under some names, and say so."""
+    left, parts, names = _left(running), _part_names(running), [name for name in names if name != LOCK]
+    if left is _Left.MOVE:
         _move(target, running)
         text = f"{target}: the results of an earlier run were moved in part; that move is now finished"
         warnings.warn(text, ResultsWarning, stacklevel=4)
-    elif (running / FILES).exists():
-        parts = _finished(running)
-        held = f", with {_listed(parts)}" if parts else ""
+    elif names:
+        held = f", with {', '.join(parts)}" if parts and FINISHED in names else ""
         text = f"{target}: removed what a run that did not end well had left there{held}"
         warnings.warn(text, ResultsWarning, stacklevel=4)
-    for item in running.iterdir():
-        if item.name != LOCK:
-            _remove(item)
-
-
-class _Lock:
-    """Sole use of a directory for as long as this process runs: DIR/.running with a locked file in it."""
-
-    def __init__(self, target: Path) -> None:
-        self.running = target / RUNNING
-        refused = InputError([Fault("output", str(target), "", "another run is writing into it")])
-        while True:
-            _check_ours(target, self.running)
-            # through a symbolic link whose end is missing, too
-            Path(os.path.realpath(self.running)).mkdir(parents=True, exist_ok=True)
-            try:
-                self.file = os.open(self.running / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
-            except FileNotFoundError:
-                continue  # the run before removed the folder just now
-            try:
-                _lock_file(self.file)
-                same = os.path.samestat(os.fstat(self.file), os.stat(self.running / LOCK))
-            except BlockingIOError:
-                os.close(self.file)
-                raise refused from None
-            except FileNotFoundError:
-                same = False
-            except BaseException:
-                os.close(self.file)
-                raise
-            if same:
-                return
-            os.close(self.file)  # it was removed between opening and locking
-
-    @staticmethod
-    def is_held(running: Path) -> bool:
-        """Whether a living process holds the lock."""
-        try:
-            file = os.open(running / LOCK, os.O_RDWR)
-        except OSError:
-            return False
-        try:
-            _lock_file(file)
-        except BlockingIOError:
-            return True
-        except OSError:
-            return False
-        finally:
-            os.close(file)
-        return False
-
-    def release(self) -> None:
-        """Let others in; the folder goes unless it holds finished parts or a journal."""
-        kept = _finished(self.running) or (self.running / JOURNAL).exists()
-        if not kept:
-            with suppress(OSError):
-                for item in self.running.iterdir():
-                    if item.name != LOCK:
-                        _remove(item)
-                (self.running / LOCK).unlink()
-                self.running.rmdir()
-        os.close(self.file)
-
-
-def _lock_file(file: int) -> None:
-    """Lock an open file without waiting.
-
-    Raises
-    ------
-    BlockingIOError
-        If another process holds it.
-    """
-    try:
-        import fcntl
-    except ImportError:  # no such locks outside POSIX: two runs at once are not found there
-        return
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise
-    except OSError as error:
-        if error.errno not in NO_LOCKS:
-            raise
-
-
-def _check_ours(target: Path, running: Path) -> None:
-    """Refuse a folder of that name that no run made: its content would be removed."""
-    ours = not running.exists() or (running.is_dir() and ((running / LOCK).exists() or not any(running.iterdir())))
-    require(ours, "output", str(target), "", f"holds a {RUNNING} that no run made: remove it, or choose another")
+    for name in names:
+        _remove(running / name)
 
 
 # ---- after the work -------------------------------------------------------------------------------
 
 
-def _write_journal(staging: Staging, superseded: Sequence[str]) -> None:
-    """From here on the move can be finished by anyone."""
-    files = _files_in(staging.folder)
-    # a collection after the frames that it names
-    files.sort(key=lambda name: (name == SUMMARY, name.endswith(".pvd"), name))
-    new = set(files)
-    steps = {"move": files, "remove": sorted(name for name in superseded if name not in new and name != SUMMARY)}
-    for name in files:
-        place = staging.target / name
-        allowed = f"holds a folder {name}, where a file of the results goes"
-        require(not place.is_dir(), "output", str(staging.target), "", allowed)
-        folder = place.parent
-        allowed = f"holds a file {folder.name}, where a folder of the results goes"
-        require(folder.is_dir() or not folder.exists(), "output", str(staging.target), "", allowed)
-    atomic_write(staging.folder.parent / JOURNAL, json.dumps(steps))
+def _gather(finished: Path) -> None:
+    """Put the files of finished parts together, from wherever that was interrupted."""
+    for part in _parts(finished):
+        names = result_files(finished / part)
+        _check_places(finished, names)
+        _merge(finished / part, finished, names)
+
+
+def _commit(target: Path, running: Path) -> None:
+    """From here on the finished parts are the results of the directory, and anyone can finish the move."""
+    _check_places(target, result_files(running / FINISHED))
+    _remove(running / FILES)
+    os.rename(running / FINISHED, running / REPLACING)
+    to_disk(running)
 
 
 def _move_noted(target: Path, running: Path) -> None:
@@ -335,50 +341,85 @@ def _move_noted(target: Path, running: Path) -> None:
             interrupt.add_note(f"the results in {target} are complete")
             raise
     except BaseException as error:
-        if (running / JOURNAL).exists():
+        if _left(running) is _Left.MOVE:
             error.add_note(f"the move into {target} is unfinished: 'femimpact finish {target}' finishes it")
         raise
 
 
 def _move(target: Path, running: Path) -> None:
-    """What the journal says, from wherever it was interrupted."""
-    files, journal = running / FILES, _read(running / JOURNAL, {})
-    moves, removals = journal["move"], journal["remove"]
-    last = files / SUMMARY
-    if SUMMARY not in moves or last.exists():
-        (target / SUMMARY).unlink(missing_ok=True)
-    for name in moves:
-        if name != SUMMARY and (files / name).exists():
-            (target / name).parent.mkdir(parents=True, exist_ok=True)
-            os.replace(files / name, target / name)
-    for name in removals:
-        (target / name).unlink(missing_ok=True)
-    for folder in sorted({(target / name).parent for name in removals} - {target}):
+    """Put files that are done into the directory, from wherever that was interrupted."""
+    replacing, moving = running / REPLACING, running / MOVING
+    in_move = is_folder(moving)
+    names = result_files(moving if in_move else replacing)
+    _check_places(target, names)
+    if not in_move and is_folder(replacing):
+        _unlink_results(target, (name for name in earlier_files(target, names) if name == SUMMARY or name not in names))
+        os.rename(replacing, moving)
+    _unlink_results(target, replaced_by(names).intersection(earlier_files(target)))
+    _merge(moving, target, names)
+    if is_folder(moving):
+        shutil.rmtree(moving)
+
+
+def _merge(source: Path, target: Path, names: Sequence[str]) -> None:
+    """Move files from one folder to another, in the order of their names there."""
+    for name in names:
+        (target / name).parent.mkdir(exist_ok=True)
+        os.replace(source / name, target / name)
+    for folder in {target, *((target / name).parent for name in names)}:
+        to_disk(folder)
+
+
+def _unlink_results(target: Path, names: Iterable[str]) -> None:
+    """Remove earlier results, and their folders when they are empty."""
+    for name in names:
+        (target / name).unlink()
+        if name not in NAMES:
+            with suppress(OSError):
+                (target / name).parent.rmdir()
+
+
+def _sync(folder: Path) -> None:
+    """Have the results in a folder on disk, before a rename says that they are."""
+    names = result_files(folder)
+    for place in (*(folder / name for name in names), *{folder, *((folder / name).parent for name in names)}):
+        to_disk(place)
+
+
+def _drop_unfinished(running: Path) -> None:
+    """Remove files of a part that was not finished, and what is empty of finished ones."""
+    _remove(running / FILES)
+    if not _parts(running / FINISHED):
+        _remove(running / FINISHED)
+
+
+def _remove(item: Path) -> None:
+    if is_folder(item):
+        shutil.rmtree(item, ignore_errors=True)
+    else:
         with suppress(OSError):
-            folder.rmdir()
-    if last.exists():
-        os.replace(last, target / SUMMARY)
-    (running / FINISHED).unlink(missing_ok=True)
-    shutil.rmtree(files, ignore_errors=True)
-    (running / JOURNAL).unlink()
+            item.unlink()
+
+
+# ---- errors ---------------------------------------------------------------------------------------
 
 
 @contextmanager
-def _noted(staging: Staging) -> Iterator[None]:
+def _noted(target: Path) -> Iterator[None]:
     """Add to an error what is kept of the run that it ends."""
     try:
         yield
     except BaseException as error:
-        target, parts = staging.target, staging.finished
-        if parts and (target / SUMMARY).exists():
+        left, parts = _left(target / RUNNING), ", ".join(_part_names(target / RUNNING))
+        if left is _Left.MOVE:
+            error.add_note(_in_words(left, target))
+        elif left is _Left.PARTS and earlier_files(target):
             error.add_note(
-                f"the earlier results stay; finished parts ({_listed(parts)}) are kept beside them: "
+                f"the earlier results stay; finished parts ({parts}) are kept beside them: "
                 f"'femimpact finish {target} --force' puts them in their place"
             )
-        elif parts:
-            error.add_note(
-                f"finished parts ({_listed(parts)}) are kept: 'femimpact finish {target}' makes them results"
-            )
+        elif left is _Left.PARTS:
+            error.add_note(f"finished parts ({parts}) are kept: 'femimpact finish {target}' makes them results")
         elif isinstance(error, KeyboardInterrupt):
             error.add_note("nothing was written")
         raise
@@ -390,7 +431,6 @@ def _named(target: Path, key: str | None) -> Iterator[None]:
 
     With a key they are input errors: the directory cannot be written at all.
     """
-    hidden, files = str(target / RUNNING), str(target / RUNNING / FILES)
     try:
         yield
     except OSError as error:
@@ -398,44 +438,9 @@ def _named(target: Path, key: str | None) -> Iterator[None]:
             text = f"cannot be written: {error.strerror or error}"
             raise InputError([Fault(key, str(target), "", text)]) from None
         name = "" if error.filename is None else os.fsdecode(error.filename)
-        for folder in (files, hidden):
-            if name == folder or name.startswith(folder + os.sep):
-                error.filename, error.filename2 = str(target) + name[len(folder) :], None
-                break
+        hidden = str(target / RUNNING)
+        if name == hidden or name.startswith(hidden + os.sep):
+            # without the folder that holds it for the time being
+            _, *rest = Path(name).relative_to(hidden).parts or ("",)
+            error.filename, error.filename2 = str(Path(target, *rest)), None
         raise
-
-
-def _finished(running: Path) -> tuple[str, ...]:
-    return tuple(_read(running / FINISHED, {"parts": []})["parts"])
-
-
-def _files_in(folder: Path) -> list[str]:
-    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-
-
-def _drop_unfinished(running: Path) -> None:
-    """Remove files of a part that was not finished."""
-    kept = set(_read(running / FINISHED, {"files": []})["files"])
-    for name in _files_in(running / FILES):
-        if name not in kept:
-            (running / FILES / name).unlink()
-
-
-def _read(path: Path, absent: Any) -> Any:
-    """Content of a file of ours, which is whole where it exists."""
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return absent
-
-
-def _listed(parts: Sequence[str]) -> str:
-    return ", ".join(parts)
-
-
-def _remove(item: Path) -> None:
-    if item.is_dir() and not item.is_symlink():
-        shutil.rmtree(item, ignore_errors=True)
-    else:
-        with suppress(OSError):
-            item.unlink()

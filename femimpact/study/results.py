@@ -1,4 +1,4 @@
-"""The files that a study leaves behind: their names, their checksums, and how they are read back."""
+"""The results of a study read back from its directory, and the summary with their checksums."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import hashlib
 import json
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,84 +15,25 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.export import tables
-from femimpact.study.result_directory import SUMMARY, ResultsWarning, Staging, complete_move, stage, unfinished_state
+from femimpact.regular_file import check_regular, open_regular
+from femimpact.study.result_directory import ResultsWarning, unfinished_state
+from femimpact.study.result_files import FILES, OTHER_FILES, SUMMARY, replaced_by, result_files
 from femimpact.table import Head, head_of_values, short_repr
 
 if TYPE_CHECKING:
     import xarray
 
 __all__ = [
-    "FILES",
-    "OTHER_FILES",
     "STICKING_FILE",
     "StudyResults",
     "checksum",
-    "finish_results",
     "load",
-    "prepare_directory",
     "read_dataset",
     "read_sticking",
     "read_summary",
     "read_table",
-    "update_results",
     "write_summary",
 ]
-
-FILES = {
-    "summary": SUMMARY,
-    "study": "study.toml",
-    "modes": "modes.csv",
-    "mode_shapes": "modes.nc",
-    "sweep": "sweep.csv",
-    "sweep_data": "sweep.nc",
-    "history": "history.nc",
-    "impacts": "impacts.csv",
-    "impact_data": "impacts.nc",
-    "snapshots": "snapshots.nc",
-    "last_cycles": "last_cycles.nc",
-    "modes_scene": "modes.pvd",
-    "modes_script": "modes_paraview.py",
-    **{f"mode_{i}_scene": f"mode_{i}.pvd" for i in range(1, 5)},
-    **{f"mode_{i}_script": f"mode_{i}_paraview.py" for i in range(1, 5)},
-    "deflection_scene": "deflection.pvd",
-    "deflection_script": "deflection_paraview.py",
-    "movie": "deflection.mp4",
-    "mode_figure": "modes.png",
-    "response_figure": "response.png",
-    "force_figure": "contact_force.png",
-    "portrait_figure": "phase_portrait.png",
-    "impact_histograms": "impact_histograms.png",
-    "impulse_phase": "impulse_phase.png",
-}
-"""Every file that a study can leave behind."""
-
-OTHER_FILES = {
-    "deflection_hdf": "deflection.vtkhdf",
-    "sticking": "sticking.csv",
-    "old_sticking": "riding.csv",
-    "base_record": "base_record.csv",
-    "contact_table": "contact.csv",
-    "movie_without_encoder": "deflection.gif",
-    "comparison": "comparison.csv",
-    "restitution": "restitution.csv",
-    "restitution_figure": "restitution.png",
-    "response_of_starts": "response_of_starts.png",
-    "mesh_convergence": "mesh_convergence.csv",
-    "mesh_convergence_figure": "mesh_convergence.png",
-    "step_convergence": "step_convergence.csv",
-    "step_convergence_figure": "step_convergence.png",
-    "quantities_over_mesh": "quantities_over_mesh.csv",
-    "quantities_over_mesh_figure": "quantities_over_mesh.png",
-    "quantities_over_step": "quantities_over_step.csv",
-    "quantities_over_step_figure": "quantities_over_step.png",
-    "quantities_over_modes": "quantities_over_modes.csv",
-    "quantities_over_modes_figure": "quantities_over_modes.png",
-    "statistics_over_mesh": "statistics_over_mesh.csv",
-    "convergence_summary": "convergence_summary.csv",
-}
-"""What is left besides: one file of deflections where the study has `vtkhdf`, what a history leaves in which something
-stuck (and its name in results of earlier versions), the record of the base, and what a table of contacts, a movie
-without an encoder, the demo and a convergence study leave."""
 
 STICKING_FILE = OTHER_FILES["sticking"]
 
@@ -233,7 +174,8 @@ def read_summary(folder: Path) -> dict[str, Any]:
         allowed = f"must hold results of a study ({SUMMARY} is missing)"
         require(False, "directory", str(folder), "", f"is incomplete: {state}" if state else allowed)
     try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
+        with open_regular(path) as file:
+            summary = json.loads(file.read().decode("utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise _damaged(path, _in_words(error)) from None
     if not isinstance(summary, dict) or not isinstance(summary.get(CHECKSUMS, {}), dict):
@@ -257,6 +199,8 @@ def read_dataset(folder: Path, name: str, summary: Mapping[str, Any]) -> xarray.
 def _load_dataset(path: Path) -> xarray.Dataset:
     import xarray
 
+    # the library opens it by its name
+    check_regular(path)
     return xarray.load_dataset(path, engine="h5netcdf")
 
 
@@ -324,7 +268,7 @@ def _warn_changed(path: Path) -> None:
 
 def checksum(path: Path) -> str:
     """SHA-256 of a file, in hexadecimal digits."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
@@ -333,88 +277,26 @@ def _of_summary(summary: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
 
 
-def write_summary(folder: Path, summary: Mapping[str, Any], earlier: Path | None = None) -> None:
+def write_summary(folder: Path, summary: Mapping[str, Any], beside: Path | None = None) -> None:
     """Write the summary of the files in a folder, with their checksums.
 
     Parameters
     ----------
     folder : Path
     summary : mapping
-        Checksums that it has of files elsewhere stay.
-    earlier : Path, optional
-        A directory whose files are kept beside those in the folder: checksums of files in neither go.
+    beside : Path, optional
+        A folder of results to which those in the first are added. Checksums that the summary has of files there
+        stay; where it has none at all they are computed.
     """
-    sums = dict(summary.get(CHECKSUMS, {})) if earlier is not None else {}
-    sums = {name: value for name, value in sums.items() if earlier is not None and (earlier / name).exists()}
-    for path in sorted(folder.rglob("*")):
-        if path.is_file() and path.name != SUMMARY:
-            sums[path.relative_to(folder).as_posix()] = checksum(path)
+    sums = {}
+    if beside is not None:
+        known = summary.get(CHECKSUMS) or _checksums(beside)
+        gone = replaced_by(result_files(folder))
+        sums = {name: value for name, value in known.items() if name not in gone and (beside / name).exists()}
+    sums |= _checksums(folder)
     whole = tables.plain({**summary, CHECKSUMS: sums})
     tables.write_json(folder / SUMMARY, {**whole, OWN_CHECKSUM: _of_summary(whole)})
 
 
-def _earlier_results(target: Path) -> list[str]:
-    """Names of results in a directory: all that a study can leave, with the frames of its collections."""
-    names = [*FILES.values(), *OTHER_FILES.values()]
-    frames = [path for name in names if name.endswith(".pvd") for path in (target / name[:-4]).glob("[0-9]*.vtu")]
-    return [name for name in names if (target / name).is_file()] + [str(path.relative_to(target)) for path in frames]
-
-
-@contextmanager
-def prepare_directory(directory: str | Path, force: bool = False) -> Iterator[Staging]:
-    """A place whose files move into the directory when all went well; see `result_directory.stage`.
-
-    Raises
-    ------
-    InputError
-        If the directory exists and is not empty, unless forced; then earlier results are
-        replaced and other files stay.
-    """
-    target = Path(directory)
-    for name in FILES.values():
-        allowed = f"holds a folder {name}, where a file of the results goes"
-        require(not (target / name).is_dir(), "output", str(target), "", allowed)
-        folder = target / name.removesuffix(".pvd")
-        allowed = f"holds a file {folder.name}, where a folder of the results goes"
-        free = not name.endswith(".pvd") or folder.is_dir() or not folder.exists()
-        require(free, "output", str(target), "", allowed)
-    with stage(target, _earlier_results, force) as staging:
-        yield staging
-
-
-@contextmanager
-def update_results(directory: str | Path, superseded: Sequence[str]) -> Iterator[Staging]:
-    """A place whose files, with a new summary, move into a directory of results when all went well.
-
-    Parameters
-    ----------
-    directory : str or Path
-    superseded : sequence of str
-        Names of files that go unless they are made anew.
-    """
-    with stage(
-        directory, lambda target: [name for name in superseded if (target / name).is_file()], update=True
-    ) as new:
-        yield new
-
-
-def finish_results(directory: str | Path, force: bool = False) -> tuple[str, ...]:
-    """Put what an ended run finished into its directory, or finish a move that was ended.
-
-    Parameters
-    ----------
-    directory : str or Path
-    force : bool
-        Put parts of a run in the place of earlier results that are whole.
-
-    Returns
-    -------
-    tuple of str
-        The parts of the run that were finished.
-
-    Raises
-    ------
-    InputError
-        If there is nothing to finish, a run is still at work, or whole earlier results would go.
-    """
-    return complete_move(directory, _earlier_results, force)
+def _checksums(folder: Path) -> dict[str, str]:
+    return {name: checksum(folder / name) for name in result_files(folder) if name != SUMMARY}

@@ -25,16 +25,9 @@ from femimpact.study.picture_data import write_last_cycles, write_mode_shapes, w
 from femimpact.study.pictures import draw_in_child, with_pictures
 from femimpact.study.prepared import PARTS, PreparedStudy, last_cycles_start, prepare
 from femimpact.study.recorded_motion import RecordedMotion
-from femimpact.study.result_directory import Staging
-from femimpact.study.results import (
-    FILES,
-    OTHER_FILES,
-    STICKING_FILE,
-    StudyResults,
-    load,
-    prepare_directory,
-    write_summary,
-)
+from femimpact.study.result_directory import Staging, prepare_directory
+from femimpact.study.result_files import FILES, OTHER_FILES
+from femimpact.study.results import STICKING_FILE, StudyResults, load, write_summary
 from femimpact.study.study import Study, assemble_on
 from femimpact.study.study_text import study_text, with_record
 from femimpact.study.summary import SweepPair, summary_of
@@ -42,7 +35,6 @@ from femimpact.study.sweep_grid import even_grid, refined_grid
 from femimpact.sweep import SWEEP_UNITS, frequency_sweep, on_grid
 from femimpact.system.modes import Modes, solve_modes
 from femimpact.system.state import State
-from femimpact.system.system import System
 
 __all__ = [
     "Found",
@@ -97,28 +89,37 @@ def last_cycles(prepared: PreparedStudy, response: Response) -> Response:
     that it kept there. A method that keeps none makes the run once more.
     """
     study, method, record = prepared.study, prepared.method, prepared.record
-    start, grid = last_cycles_start(study), method.time_grid(study.base.frequency)
-    steps = round(study.base.history_duration / grid)
-    finely = _read_within_contacts(method, prepared.small, study.base.frequency)
-    if record.every == 1 and finely == method:
+    start, duration = last_cycles_start(study), study.base.history_duration
+    grid = method.interval(prepared.small, study.excitation, duration, record)
+    steps = round(duration / grid)
+    finely, interval = _read_within_contacts(prepared, grid)
+    if record.every == 1 and finely == method and interval == record.interval:
         first = first_steps(replace(record, start=start), steps, grid)[0]
         channels = {name: values[first:] for name, values in response.channels.items()}
         return replace(response, time=response.time[first:], channels=channels, energy=None, snapshots=None)
     initial = response.kept_state or study.initial
     # whole steps, so that no rounding of a time adds one
     duration = (steps - round(initial.time / grid)) * grid
-    record = replace(record, every=1, start=start, snapshots=0, ledger=False)
+    record = replace(record, every=1, start=start, snapshots=0, ledger=False, interval=interval)
     return integrate(prepared.small, study.excitation, finely, duration, record, initial)
 
 
-def _read_within_contacts(method: Method, system: System, frequency: float) -> Method:
-    """The same motion, read often enough to show the course of a compliant contact's force where that can be chosen."""
-    contact_time = shortest_contact(system)
-    samples = round(1.0 / (frequency * method.time_grid(frequency)))
+def _read_within_contacts(prepared: PreparedStudy, grid: float) -> tuple[Method, float | None]:
+    """A method and an interval (s) with which the same motion shows the course of a compliant contact's force.
+
+    `grid` (s) is that of the history, and stays where it cannot be chosen.
+    """
+    study, small, method, record = prepared.study, prepared.small, prepared.method, prepared.record
+    contact_time, frequency, parts = shortest_contact(small), study.base.frequency, 1
     # doubled, the grid keeps its instants to the last bit, and with them the pieces in which a run is computed
-    while math.isfinite(contact_time) and samples * frequency * contact_time < SAMPLES_PER_CONTACT:
-        samples *= 2
-    return method.read_at_least(samples)
+    while math.isfinite(contact_time) and parts * contact_time < SAMPLES_PER_CONTACT * grid:
+        parts *= 2
+    samples = round(1.0 / (frequency * method.time_grid(frequency)))
+    finely = method.read_at_least(parts * samples)
+    if finely == method or finely.interval(small, study.excitation, study.base.history_duration, record) < grid:
+        return finely, record.interval
+    # samples of a cycle do not set the grid: its interval does
+    return method, grid / parts
 
 
 def run_sweep(prepared: PreparedStudy, report: Report = _silent, initial: State | None = None) -> SweepPair:
@@ -299,11 +300,11 @@ def keep_pictures(
     kinds = [*(["figures"] if output.figures else []), *(["movie"] if output.movie and filmed else [])]
     if kinds:
         ended = dict.fromkeys(kinds, "the run was ended before")
-        write_summary(folder, with_pictures(summary, ended, staging.target))
+        write_summary(folder, with_pictures(summary, ended, staging.target), staging.finished)
         # what they are drawn from stays with the results, should the run end now
         staging.finish_part("data of pictures")
-        summary = with_pictures(summary, draw_in_child(folder, folder, kinds, report), staging.target)
-    write_summary(folder, summary)
+        summary = with_pictures(summary, draw_in_child(staging.finished, folder, kinds, report), staging.target)
+    write_summary(folder, summary, staging.finished)
 
 
 def _finish(staging: Staging, prepared: PreparedStudy, found: Found, part: str, left: Sequence[str]) -> None:
@@ -313,7 +314,7 @@ def _finish(staging: Staging, prepared: PreparedStudy, found: Found, part: str, 
         summary["unfinished"] = list(left)
         text = f"the run was ended before its part{'s' if len(left) > 1 else ''} {' and '.join(left)}"
         summary["warnings"] = [*summary["warnings"], text]
-    write_summary(staging.folder, summary)
+    write_summary(staging.folder, summary, staging.finished)
     staging.finish_part(part)
 
 

@@ -165,8 +165,10 @@ class SweepPlan:
 class Output:
     """`[output]`: what is written.
 
-    `every`: one of so many samples is kept in the history, which are steps of a method that has them (absent: one of
-    10, or of fewer where a base cycle would have less than 20, and all of an event-driven run); `channels` are kept in
+    `interval`: time (s) between the instants at which an event-driven history is read (absent: under a sine
+    `samples_per_cycle` of the method, under a record what its samples and the highest mode need); `every`: one of so
+    many samples is kept in the history, which are steps of a method that has them (absent: one of 10, or of fewer
+    where a base cycle would have less than 20, and all of an event-driven run); `channels` are kept in
     it besides those of the tip, the middle, the balls and the contacts, by their names (see
     `response.channels.QUANTITIES`), as "root.reaction_force"; `frames` whole deflections are kept over the last
     `frame_cycles` base cycles for ParaView and the movie; `exaggeration` scales the motion there (absent: chosen by the
@@ -180,6 +182,7 @@ class Output:
     """
 
     every: int | None = field(default=None, metadata=quantity("samples", at_least=1, integer=True))
+    interval: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
     channels: tuple[str, ...] = field(default=(), metadata=text(several=True))
     frames: int = field(default=160, metadata=quantity("1", at_least=0, at_most=5000, integer=True))
     frame_cycles: float = field(default=3.0, metadata=quantity("1", above=0.0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,9 +15,10 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, cr
 from pydantic_core import PydanticCustomError
 
 from femimpact.contact import KelvinVoigt, PowerLaw, Rigid, SwitchingSpring
-from femimpact.errors import Fault, InputError, allowed_range, in_range, require, require_path, suggestion
+from femimpact.errors import Fault, InputError, allowed_range, checked, require_path, suggestion
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
+from femimpact.regular_file import read_regular
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.springs import Dashpot, Spring
 from femimpact.structure.structure import Beam, Impactor, PointMass, Segment, Stop, Structure, Support
@@ -37,6 +39,14 @@ LAWS: Mapping[str, tuple[Any, Mapping[str, Any]]] = {
 }
 """Each law of a study file: its noun, and the fields that the law's name fixes."""
 
+
+MOST_BYTES = 10_000_000
+"""Of the text of a study."""
+
+DEEPEST = 20
+"""Tables and lists in one another; the deepest of a sound study are four."""
+
+LONG_NUMBER = re.compile(r"\d[\d_]{4000,}")
 
 OF_SINE = frozenset({"amplitude", "frequency", "phase"})
 OF_RECORD = frozenset({"scale", "detrend", "columns", "file", "samples"})
@@ -61,12 +71,16 @@ def load_study(path: str | Path) -> Study:
     """
     require_path(path, "study", "a study file")
     path = Path(path)
-    require(path.is_file(), "study", str(path), "", "must be an existing TOML file ('femimpact init FILE' writes one)")
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (UnicodeDecodeError, OSError) as error:
+        text = read_regular(path, MOST_BYTES).decode("utf-8-sig")
+    except FileNotFoundError:
+        allowed = "must be an existing TOML file ('femimpact init FILE' writes one)"
+        raise InputError([Fault("study", str(path), "", allowed)]) from None
+    except OSError as error:
+        raise InputError([Fault("study", str(path), "", f"must be readable TOML: {error.strerror}")]) from None
+    except UnicodeDecodeError as error:
         raise InputError([Fault("study", str(path), "", f"must be readable TOML: {error}")]) from None
-    return read_study(text, path)
+    return read_study(text.replace("\r\n", "\n").replace("\r", "\n"), path)
 
 
 def read_study(text: str, path: Path) -> Study:
@@ -89,9 +103,28 @@ def read_study(text: str, path: Path) -> Study:
     """
     try:
         data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError([Fault("study", str(path), "", f"must be readable TOML: {error}")]) from None
+        reason = f"tables or lists in one another more than {DEEPEST} times" if _depth(data) > DEEPEST else ""
+    except RecursionError:
+        reason = "lists or tables in one another too many times"
+    except ValueError as error:
+        # of TOML, or of Python for a whole number of thousands of digits, in words on how to set its limit
+        digits = None if isinstance(error, tomllib.TOMLDecodeError) else LONG_NUMBER.search(text)
+        line = text.count("\n", 0, digits.start()) + 1 if digits else 0
+        reason = f"a number of {len(digits[0])} digits in line {line}" if digits else str(error)
+    if reason:
+        raise InputError([Fault("study", str(path), "", f"must be readable TOML: {reason}")])
     return _from_tables(data, path, text)
+
+
+def _depth(data: Any) -> int:
+    """How many tables and lists are in one another at most, of which Python could show or compare no more than some."""
+    depth, inner = 0, [data]
+    while inner := [
+        part for item in inner if isinstance(item, (dict, list))
+        for part in (item.values() if isinstance(item, dict) else item)
+    ]:  # fmt: skip
+        depth += 1
+    return depth
 
 
 def _from_tables(data: Mapping[str, Any], path: Path, text: str) -> Study:
@@ -194,8 +227,10 @@ def _model_of(noun: Any, without: tuple[str, ...] = (), optional: tuple[str, ...
 
 
 def _check_quantity(value: Any, metadata: Mapping[str, Any]) -> Any:
-    if not in_range(value, metadata):
-        raise PydanticCustomError("quantity", "{allowed}", {"allowed": allowed_range(metadata)})
+    try:
+        checked("", value, metadata)
+    except InputError as error:
+        raise PydanticCustomError("quantity", "{allowed}", {"allowed": error.faults[0].allowed}) from None
     return value
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from femimpact import core
 from femimpact.identification import (
     UNRESOLVED,
     DampingEstimate,
@@ -132,6 +133,7 @@ def _curve_summary(curve: FrequencyResponse, coarse: NDArray[np.float64], prepar
     return {
         "peak_frequency": curve.peak_frequency,
         "peak_amplitude": curve.peak_amplitude,
+        "peak_is_one_start": curve.peak_is_sample,
         "peak_too_low_at_most": resolution.largest_miss if resolution else math.nan,
         "resolved": resolution.resolved if resolution else None,
         "damping_fit": fit.ratio,
@@ -181,6 +183,7 @@ def summary_of(
     summary: dict[str, Any] = {
         "study": str(study.path.name),
         "versions": _versions(),
+        "core": core.build_info(),
         "method": str(study.method.get("name", "newmark")),
         "step": getattr(method, "dt", math.nan),
     }
@@ -236,17 +239,19 @@ def summary_of(
 def _channel_summary(response: Response) -> dict[str, Any]:
     """Of every channel: its unit, largest absolute value and rms over the last third, the largest of the whole run.
 
-    These are of the samples that the history keeps; the tip's peak between samples is the history's own.
+    The first two are of the samples that the history keeps, and the tip's peak between samples is the history's own;
+    the largest of the run, and its time (s), are those of `Response.largest`.
     """
     steady = response.time >= response.window[0]
     found = {}
-    for name, unit in response.units.items():
+    for (name, unit), largest in zip(response.units.items(), response.largest_of(tuple(response.units)), strict=True):
         size = np.abs(response[name])
         found[name] = {
             "unit": unit,
             "largest": float(np.max(size[steady])),
             "rms": float(np.sqrt(np.mean(size[steady] ** 2))),
-            "largest_of_run": float(np.max(size)),
+            "largest_of_run": abs(largest.value),
+            "time_of_largest": largest.time,
         }
     return found
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-__all__ = ["IMPACT_NAMES", "SWEEP_UNITS", "FrequencyResponse", "on_grid"]
+__all__ = ["IMPACT_NAMES", "ONE_START", "SWEEP_UNITS", "FrequencyResponse", "on_grid"]
 
 Array = NDArray[np.float64]
 
@@ -39,6 +39,9 @@ SWEEP_UNITS = {
     "energy_residual": "1",
 }
 """Numeric columns of a sweep and their units."""
+
+ONE_START = "one start's value: the motion is not periodic"
+"""What the mark of a value of `FrequencyResponse.is_sample` means, a star or a dot: another start has another value."""
 
 IMPACT_NAMES = (
     "impacts_per_cycle", "mean_approach_speed", "largest_approach_speed", "mean_impulse", "peak_force",
@@ -78,7 +81,8 @@ def on_grid(frequency: ArrayLike, grid: ArrayLike) -> NDArray[np.bool_]:
 class FrequencyResponse:
     """Response curve over the base frequency, measured at the end of each dwell.
 
-    `curve["peak"]` reads a column.
+    `curve["peak"]` reads a column. Where `steadiness` is not "periodic" the values are those of one start: another one
+    has others. They have a star where the curve is printed, and a dot where it is drawn; see `is_sample`.
 
     Parameters
     ----------
@@ -93,9 +97,9 @@ class FrequencyResponse:
     mean_approach_speed, largest_approach_speed : ndarray (n,), m/s
     mean_impulse : ndarray (n,), N s
     peak_force : ndarray (n,), N
-        Under the law named in `law`.
+        Largest of the measured time, under the law named in `law`; see `ImpactStatistics`.
     cycle_mean_force : ndarray (n,), N
-        Integral of the force over the measured time.
+        Integral of the force over the measured time, divided by that time.
     energy_residual : ndarray (n,), 1
         Largest at the ends of base cycles, event-driven through compliant contacts or without any of the measured ones;
         not a number without a ledger.
@@ -157,9 +161,27 @@ class FrequencyResponse:
         size = self.frequency.size
         span = f" at {self.frequency.min():.5g} to {self.frequency.max():.5g} Hz" if size else ""
         found = bool(np.any(np.isfinite(self.peak)))
-        highest = f", peak {self.peak_amplitude:.5g} m at {self.peak_frequency:.5g} Hz" if found else ""
+        star = "*" if found and self.peak_is_sample else ""
+        highest = f", peak {self.peak_amplitude:.5g}{star} m at {self.peak_frequency:.5g} Hz" if found else ""
         title = f"FrequencyResponse: {size}{span}{highest}, {len(self.warnings)} warnings"
-        return head_of_columns(title, *flat_columns(self))
+        columns, units = flat_columns(self)
+        if np.any(self.is_sample):
+            units["steadiness"] = "* one start"
+        return head_of_columns(title, columns, units, dict.fromkeys(SWEEP_UNITS, self.is_sample))
+
+    @property
+    def is_sample(self) -> NDArray[np.bool_]:
+        """Whether the values are one start's of a motion that is not periodic, (n,) of bool; not where a case failed.
+
+        Chaotic and transient motions have other values from another start. A mark says so: a star in printed tables,
+        a dot in figures; in files it is the column `steadiness`.
+        """
+        return np.asarray((self.steadiness != "periodic") & (self.steadiness != "failed"))
+
+    @property
+    def peak_is_sample(self) -> bool:
+        """Whether the largest peak of the curve is one start's value."""
+        return bool(self.is_sample[np.nanargmax(self.peak)])
 
     @cached_property
     def damping(self) -> DampingEstimate:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import DivergenceError, checked, quantity, require_type, truth
 from femimpact.excitation import Sine
-from femimpact.excitation.remarks import motion_warnings
+from femimpact.excitation.remarks import frequency_warnings, motion_warnings
 from femimpact.identification import peak_resolution, resolution_warnings
 from femimpact.integrators.answers import SineDwellResults, SineDwells
 from femimpact.integrators.methods import Method, require_method
@@ -105,6 +105,7 @@ def frequency_sweep(
     warnings += _steadiness_warnings(dwells.frequency, columns["steadiness"]) + _dwell_warnings(system, dwells)
     warnings += _grid_warnings(system, dwells.frequency)
     warnings += motion_warnings(Sine(amplitude, float(dwells.frequency[0])), system.length)
+    warnings += frequency_warnings(dwells.frequency, system.highest_kept, system.first_left_out)
     warnings += deflection_warnings(columns["peak"], system.length)
     return FrequencyResponse(
         frequency=_read_only(dwells.frequency),

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type, suggestion
-from femimpact.system.matrices import check_semidefinite, checked_matrix, checked_row, same_product
+from femimpact.system.matrices import check_semidefinite, checked_matrix, checked_row, same_product, sound_sparse
 from femimpact.system.reactions import check_reactions
 
 __all__ = [
@@ -22,7 +22,7 @@ __all__ = [
 
 TOGETHER = (
     "M", "C", "K", "stiffness_factor", "base_load", "rigid_translation", "nodes", "expansion", "points", "total_mass",
-    "first_frequency", "rayleigh", "directions", "reactions", "sections",
+    "first_frequency", "rayleigh", "directions", "reactions", "sections", "constant_resultant", "first_left_out",
 )  # fmt: skip
 """Fields of a system that are computed from one another."""
 
@@ -48,7 +48,7 @@ def check_shapes(system: Any) -> None:
         fits = fits and all(size is None or size == own for size, own in zip(expected, given, strict=True))
         allowed = f"must be a sparse matrix with {n} columns, one for each dof"
         require(fits, name, given or type(matrix).__name__, "", allowed)
-        entries = matrix if dense else matrix.data
+        entries = matrix if dense else sound_sparse(name, matrix).data
         sound = entries.dtype.kind == "f" and bool(np.all(np.isfinite(entries)))
         require(sound, name, None, "", "must hold finite numbers")
     increasing = nodes.size == 0 or (nodes.size > 1 and bool(np.all(np.diff(nodes) > 0)))

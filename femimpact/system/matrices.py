@@ -11,10 +11,12 @@ import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import real_array, require
+from femimpact.errors import Fault, InputError, real_array, require
 from femimpact.system.rigid_motions import rigid_motions
 
 __all__ = [
+    "MOST_DOFS",
+    "MOST_FULL",
     "Matrix",
     "banded_factor",
     "check_semidefinite",
@@ -23,6 +25,7 @@ __all__ = [
     "checked_shapes",
     "definite_factor",
     "same_product",
+    "sound_sparse",
     "stiffness_solver",
 ]
 
@@ -43,6 +46,12 @@ ROUNDING = 1e-8
 
 FINITE = "must hold finite numbers"
 
+MOST_DOFS = 1_000_000
+"""Of a sparse matrix; no model of a beam has as many."""
+
+MOST_FULL = 20_000
+"""Dofs of a system by its matrices: a full one of as many takes 3 GB."""
+
 
 def checked_matrix(name: str, value: Any) -> Matrix:
     """A square, symmetric, finite matrix as csr_array (dofs, dofs).
@@ -55,7 +64,7 @@ def checked_matrix(name: str, value: Any) -> Matrix:
     given: Any = value
     if sparse.issparse(value):
         require(given.dtype.kind in "iuf", name, f"matrix of {given.dtype}", "", FINITE)
-        matrix: Matrix = sparse.csr_array(given).astype(float)
+        matrix: Matrix = sparse.csr_array(sound_sparse(name, given)).astype(float)
     else:
         given = np.atleast_2d(real_array(name, value, "", FINITE))
         require(given.ndim == 2, name, given.shape, "", "must be a square matrix")
@@ -68,6 +77,39 @@ def checked_matrix(name: str, value: Any) -> Matrix:
         skew <= 1e-9 * float(abs(matrix).max()), name, skew, "", "must be symmetric; this is the largest difference"
     )
     return matrix
+
+
+def sound_sparse(name: str, value: Any) -> Any:
+    """A sparse matrix of two dimensions whose indices lie within its shape: compiled code follows them unasked.
+
+    Raises
+    ------
+    InputError
+        Naming the matrix and what is wrong with it, before anything as large as its shape is allocated.
+    """
+    sized = len(value.shape) == 2 and max(value.shape) <= MOST_DOFS
+    require(sized, name, tuple(value.shape), "", f"must be a matrix of at most {MOST_DOFS:,} rows and columns")
+    try:
+        if value.format in ("csr", "csc", "bsr"):
+            parts = value.data, value.indices, value.indptr
+            whole = all(np.asarray(part).dtype.kind in "iu" for part in parts[1:])
+            # scipy takes a negative last one for a matrix without entries, of which it checks no more
+            ends = np.asarray(value.indptr).astype(np.int64)
+            if ends[0] != 0 or np.any(np.diff(ends) < 0):
+                raise ValueError("indptr must begin with 0 and not fall")
+            # a new matrix of the same arrays: what the given one has found out about itself may be out of date
+            found: Any = getattr(sparse, f"{value.format}_array")(parts, shape=value.shape)
+            found.check_format(full_check=True)
+        else:
+            entries = value.tocoo()
+            whole = all(np.asarray(part).dtype.kind in "iu" for part in entries.coords)
+            found = sparse.coo_array((entries.data, entries.coords), shape=value.shape)
+    # lists and dictionaries that somebody wrote into raise whatever comes first
+    except Exception as error:
+        words = " ".join(str(error).split()) or type(error).__name__
+        raise InputError([Fault(name, None, "", f"must be a sound sparse matrix: {words}")]) from None
+    require(whole, name, None, "", "must be a sound sparse matrix: its indices are no whole numbers")
+    return found
 
 
 def checked_row(key: str, value: ArrayLike, dofs: int) -> Array:
@@ -94,11 +136,12 @@ def checked_shapes(nodes: ArrayLike | None, expansion: Any, dofs: int) -> tuple[
     places = np.atleast_1d(real_array("nodes", nodes, "m", FINITE))
     rising = places.ndim == 1 and places.size >= 2 and bool(np.all(np.diff(places) > 0.0))
     require(rising, "nodes", f"array of shape {places.shape}", "m", "must be two or more increasing positions")
+    allowed = f"must have the shape ({2 * places.size}, {dofs}): w and w' at every node, by the dofs"
     given: Any = expansion
     if sparse.issparse(expansion):
-        given = given.toarray()
+        require(given.shape == (2 * places.size, dofs), "expansion", given.shape, "", allowed)
+        given = sound_sparse("expansion", given).toarray()
     rows = np.atleast_2d(real_array("expansion", given, "", FINITE))
-    allowed = f"must have the shape ({2 * places.size}, {dofs}): w and w' at every node, by the dofs"
     require(rows.shape == (2 * places.size, dofs), "expansion", rows.shape, "", allowed)
     places.setflags(write=False)
     return places, sparse.csr_array(rows)

@@ -133,7 +133,7 @@ def solve_modes(system: System, count: int) -> Modes:
     Raises
     ------
     InputError
-        If count is not between 1 and the number of dofs.
+        If count is not between 1 and the number of dofs, or masses or stiffnesses differ beyond rounding.
 
     Notes
     -----
@@ -145,14 +145,7 @@ def solve_modes(system: System, count: int) -> Modes:
     count = mode_count(system, count)
     rigid = rigid_motions(system)[:, :count]
     rigid_count = rigid.shape[1]
-    if rigid_count == count:
-        vectors = rigid
-    elif system.dofs <= DENSE_LIMIT or count > system.dofs // 4:
-        vectors = np.hstack([rigid, _dense_modes(system, count - rigid_count, rigid)])
-    else:
-        vectors = np.hstack([rigid, _shift_invert_modes(system, count - rigid_count)])
-    vectors = _normalised(system, vectors)
-    omega = np.linalg.norm(system.stiffness_factor @ vectors, axis=0)
+    vectors, omega = _vectors(system, count, rigid)
     omega[:rigid_count] = 0.0
     order = np.argsort(omega)
     vectors, omega = vectors[:, order], omega[order]
@@ -167,6 +160,33 @@ def solve_modes(system: System, count: int) -> Modes:
     for array in arrays:
         array.setflags(write=False)
     return Modes(*arrays)
+
+
+def _vectors(system: System, count: int, rigid: Array) -> tuple[Array, Array]:
+    """Normalised modes (dofs, count), the rigid motions first, and their angular frequencies (rad/s).
+
+    Raises
+    ------
+    InputError
+        If they are not numbers.
+    """
+    elastic = count - rigid.shape[1]
+    try:
+        with np.errstate(all="ignore"):
+            parts = [rigid]
+            if elastic and (system.dofs <= DENSE_LIMIT or count > system.dofs // 4):
+                parts.append(_dense_modes(system, elastic, rigid))
+            elif elastic:
+                parts.append(_shift_invert_modes(system, elastic))
+            vectors = _normalised(system, np.hstack(parts))
+            omega: Array = np.linalg.norm(system.stiffness_factor @ vectors, axis=0)
+        sound = bool(np.isfinite(vectors).all() and np.isfinite(omega).all())
+    # of matrices that are singular to rounding, by LAPACK, by SuperLU or ARPACK, and by what looks for infinities
+    except (np.linalg.LinAlgError, RuntimeError, ValueError):
+        sound = False
+    allowed = "must have modes in numbers: its masses, or its stiffnesses, differ by too many powers of ten"
+    require(sound, "system", None, "", allowed)
+    return vectors, omega
 
 
 def _dense_modes(system: System, count: int, rigid: Array) -> Array:

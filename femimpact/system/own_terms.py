@@ -98,6 +98,7 @@ def add_terms(
         contacts=(),
         rayleigh=system.rayleigh if damping is None else None,
         constant_load=_row(system.constant_load + expansion.T @ force),
+        constant_resultant=None,
         reactions={
             name: _with_terms(item, system.rayleigh, own, momentum, force, expansion)
             for name, item in system.reactions.items()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import scipy.linalg
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.errors import checked, require, require_type, truth
 from femimpact.structure.damping import realised_damping_ratio
 from femimpact.system.contact_pair import ContactPair
-from femimpact.system.modes import mode_count, solve_modes, solve_stiffness
+from femimpact.system.modes import Modes, mode_count, solve_modes, solve_stiffness
 from femimpact.system.reactions import reduced_reactions
 from femimpact.system.system import System
 
@@ -65,7 +65,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     every contact. Their frequencies are no natural frequencies: below them the correction is static.
     """
     static_correction = checked("static_correction", static_correction, truth())
-    kept = solve_modes(system, mode_count(system, modes, "modes"))
+    kept, left_out = _modes_and_next(system, mode_count(system, modes, "modes"))
     phi, omega, ratio = kept.vectors, 2.0 * math.pi * kept.natural_frequency, kept.damping_ratio
     if static_correction and system.contacts:
         extra, extra_omega = _attachment_vectors(system, phi, omega)
@@ -86,9 +86,23 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
         contacts=contacts,
         directions={name: _row(row @ phi) for name, row in system.directions.items()},
         constant_load=_row(phi.T @ system.constant_load),
+        # nothing is left out of a resultant, as nothing is of the total mass
+        constant_resultant=system.constant_resultant,
         reactions=reduced_reactions(system.reactions, phi),
+        first_left_out=left_out,
         computed_together=None,
     )
+
+
+def _modes_and_next(system: System, count: int) -> tuple[Modes, float]:
+    """The lowest modes, and the natural frequency (Hz) of the next one; that is infinite where it does not exist."""
+    if count == system.dofs:
+        return solve_modes(system, count), system.first_left_out
+    found = solve_modes(system, count + 1)
+    arrays = [np.ascontiguousarray(getattr(found, item.name)[..., :count]) for item in fields(Modes)]
+    for array in arrays:
+        array.setflags(write=False)
+    return Modes(*arrays), min(float(found.natural_frequency[count]), system.first_left_out)
 
 
 def _attachment_vectors(system: System, phi: Array, omega: Array) -> tuple[Array, Array]:

@@ -45,7 +45,7 @@ from femimpact.system.consistency import (
 )
 from femimpact.system.contact_pair import ContactPair, contact_pair, frozen_row
 from femimpact.system.hermite import hermite_rows, place_in_element, positions_on_beam
-from femimpact.system.matrices import Matrix, checked_matrix, checked_row, checked_shapes, definite_factor
+from femimpact.system.matrices import MOST_FULL, Matrix, checked_matrix, checked_row, checked_shapes, definite_factor
 from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reactions
 from femimpact.system.sections import Section, SectionFields
 from femimpact.table import Head, head_of_values, short_repr
@@ -91,12 +91,17 @@ class System:
     constant_load : ndarray (dofs,), N
         Constant force on the structure, as of gravity; None is none. It may be replaced: nothing else follows from
         it. Balls have an `acceleration`.
+    constant_resultant : float, N
+        Sum of the constant forces along w on the free dofs, r^T f: that of all modes also where some are left out, as
+        `total_mass` is the mass of all. None is rigid_translation^T constant_load, as after a replaced `constant_load`.
     reactions : mapping of str to Reaction
         Forces and moments of the supports, as "root.force" and "root.moment", read from the motion; none where the
         rows of held dofs are not known: for matrices of other programs, and after the damping was replaced by one
         without `rayleigh`. A replaced `constant_load` acts on the free dofs alone.
     sections : SectionFields, optional
         The section of every element; None for a system given by matrices.
+    first_left_out : float, Hz
+        Lowest natural frequency that a reduction has left out; infinite where none has.
     computed_together : SystemOrigin, optional
         What the fields were when they were computed from one another. It is made with the system and goes with
         its copies, so that a copy with another M, K or point is refused: what follows from them would be stale.
@@ -126,8 +131,10 @@ class System:
     )
     directions: Mapping[str, Array] = field(default_factory=dict)
     constant_load: Any = field(default=None, metadata=column("N", "dofs", finite=True))
+    constant_resultant: Any = field(default=None, metadata=optional(quantity("N")))
     reactions: Mapping[str, Reaction] = field(default_factory=dict)
     sections: SectionFields | None = field(default=None, metadata=optional(instance(SectionFields)))
+    first_left_out: float = field(default=math.inf, metadata=quantity("Hz", at_least=0.0, finite=False))
     computed_together: SystemOrigin | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -146,6 +153,7 @@ class System:
                 self._set_reactions(damped_reactions(self.reactions, *self.rayleigh) if self.rayleigh else {})
             if self.constant_load is not origin.constant_load:
                 self._set_reactions(unloaded_reactions(self.reactions))
+                object.__setattr__(self, "constant_resultant", None)
             check_contacts(self, origin)
         names = [pair.name for pair in self.contacts]
         require(len(set(names)) == len(names), "contacts", names, "", "must have distinct names")
@@ -153,6 +161,9 @@ class System:
         require(stops == sorted(stops), "contacts", names, "", "must be balls first, then stops")
         kept = tuple(getattr(self, name) for name in TOGETHER)
         pairs = self.contacts if origin is None else origin.contacts
+        if self.constant_resultant is None:
+            resultant = float(self.rigid_translation @ np.asarray(self.constant_load))
+            object.__setattr__(self, "constant_resultant", resultant)
         object.__setattr__(self, "computed_together", SystemOrigin(kept, pairs, self.constant_load))
 
     def _set_reactions(self, reactions: Mapping[str, Reaction]) -> None:
@@ -212,6 +223,7 @@ class System:
                 require_type(item, kind, key)
         matrices = {name: checked_matrix(name, value) for name, value in (("M", M), ("C", C), ("K", K))}
         dofs = matrices["M"].shape[0]
+        require(dofs <= MOST_FULL, "M", (dofs, dofs), "", f"must have at most {MOST_FULL:,} dofs, as a full matrix")
         for name, matrix in matrices.items():
             require(matrix.shape[0] == dofs, name, matrix.shape, "", f"must have the shape of M, {dofs} by {dofs}")
         require(len(points) > 0, "points", "none", "", 'must name at least one place, as {"tip": [1.0]}')
@@ -459,6 +471,17 @@ class System:
             row.setflags(write=False)
             self._known_rows[at] = row
         return self._known_rows[at]
+
+    @cached_property
+    def highest_kept(self) -> float:
+        """Highest natural frequency (Hz) of the modes kept by a reduction; infinite where nothing was left out.
+
+        Attachment vectors of a static correction are no modes: theirs are above the lowest one left out.
+        """
+        if math.isinf(self.first_left_out):
+            return math.inf
+        natural = np.sqrt(self.K.diagonal() / self.M.diagonal()) / (2.0 * math.pi)
+        return float(natural[natural <= self.first_left_out].max(initial=0.0))
 
     @cached_property
     def derived(self) -> dict[Any, Any]:

@@ -256,6 +256,33 @@ def sticking_impulse() -> Case:
     )  # fmt: skip
 
 
+def table_sum(quantity: str) -> Case:
+    """Two balls without rebound, one of which arrives while the other sticks: what their table adds up to."""
+    balls = [Impactor(f"ball {i}", "tip", mass, 2e-3, Rigid(0.0)) for i, mass in ((1, 0.1), (2, 0.07))]
+    omega = 2 * math.pi * np.array([5.0, 31.0])
+    system = System.from_matrices(
+        np.eye(2), np.diag(0.02 * omega), np.diag(omega**2), points={"tip": [1.0, -0.8]}, base_load=[1.0, 0.3],
+        impactors=balls,
+    )  # fmt: skip
+    base, time = Sine(1e-3, 5.0), 4.0
+    run = integrate(system, base, EventDriven(), time, Recorder(("ball 1.velocity",)))
+    if quantity == "contact loss":
+        reference = float(run.energy.contact_loss[-1]) if run.energy is not None else math.nan
+        return Case(
+            "two balls without rebound, table of impacts", "derived here (balance)", "contact loss", "J", reference,
+            float(run.impacts.energy_loss.sum()), 1e-11, "rounding of some hundred impacts",
+        )  # fmt: skip
+    end = float(run.time[-1])
+    moved = float(run["ball 1.velocity"][-1]) + float(base.velocity(end)) - float(base.velocity(0.0))
+    tables = (run.impacts, run.sticking)
+    pushed = [float(np.sum((table.side * table.impulse)[table.impactor == "ball 1"])) for table in tables]
+    return Case(
+        "two balls without rebound, tables of impacts and sticking phases", "derived here (momentum)",
+        "change of momentum of one", "N s", balls[0].mass * moved, -sum(pushed), 1e-10,
+        "rounding of some hundred impulses, ten times the change",
+    )  # fmt: skip
+
+
 CASES: tuple[Callable[[], Case], ...] = (
     *(partial(check, quantity) for check in (linear_collision, event_driven_collision) for quantity in UNITS),
     rigid_steps,
@@ -268,5 +295,6 @@ CASES: tuple[Callable[[], Case], ...] = (
     *(partial(energy_of_modes, mode) for mode in (1, 2)),
     *(partial(centring_spring, event_driven) for event_driven in (True, False)),
     sticking_impulse,
+    *(partial(table_sum, quantity) for quantity in ("contact loss", "momentum")),
 )
 """The cases of this subject, in the order of the table."""

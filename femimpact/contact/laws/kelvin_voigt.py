@@ -12,12 +12,13 @@ from femimpact.contact.collision import Collision, collision_of, crest
 from femimpact.contact.formulas import KELVIN_VOIGT, kelvin_voigt_force, spring_potential
 from femimpact.contact.parameters import ContactParameters
 from femimpact.contact.restitution import (
+    EFFECTIVE_MASS,
     contact_time_of,
     damping_ratio_for_restitution,
     linear_angle,
     restitution_of_damping_ratio,
 )
-from femimpact.errors import Fault, InputError, check_fields, checked, quantity, require, require_type
+from femimpact.errors import Fault, InputError, check_fields, checked, in_range, quantity, require, require_type
 
 __all__ = ["KelvinVoigt", "spring_and_dashpot"]
 
@@ -122,7 +123,7 @@ def spring_and_dashpot(law: KelvinVoigt, effective_mass: float) -> tuple[float, 
         If the law is of another kind, or the mass is not > 0.
     """
     require_type(law, KelvinVoigt, "law")
-    effective_mass = checked("effective_mass", effective_mass, quantity("kg", above=0.0))
+    effective_mass = checked("effective_mass", effective_mass, EFFECTIVE_MASS)
     ratio = None if law.restitution is None else damping_ratio_for_restitution(law.restitution)
     stiffness = law.stiffness or 0.0
     if ratio is not None and law.contact_time is not None:
@@ -130,7 +131,7 @@ def spring_and_dashpot(law: KelvinVoigt, effective_mass: float) -> tuple[float, 
         stiffness = effective_mass * rate * rate
     key, unit = ("stiffness", "N/m") if law.contact_time is None else ("contact_time", "s")
     allowed = "must give a contact that is neither loose nor rigid to rounding with an effective_mass of "
-    within = 0.0 < stiffness * effective_mass < math.inf
+    within = in_range(stiffness, quantity("N/m", above=0.0))
     require(within, key, getattr(law, key), unit, f"{allowed}{effective_mass:g} kg")
     damping = law.damping or 0.0
     return stiffness, damping if ratio is None else 2.0 * ratio * math.sqrt(stiffness * effective_mass)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact import ContactLaw, a_law, collide, contact_force, resolve
+from femimpact.contact.restitution import EFFECTIVE_MASS
 from femimpact.errors import quantity, require, takes, text
 from femimpact.export.figures.drawing import COLOURS, GREY, OffScreen, panels, rows_of
 
@@ -19,13 +20,12 @@ __all__ = ["collision_history", "contact_laws"]
 
 Array = NDArray[np.float64]
 
-MASS: Any = quantity("kg", above=0.0)
 
 POINTS = 400
 """Instants of one collision that are drawn."""
 
 
-@takes(effective_mass=MASS, approach_speed=quantity("m/s", above=0.0))
+@takes(effective_mass=EFFECTIVE_MASS, approach_speed=quantity("m/s", above=0.0))
 def collision_history(law: ContactLaw, effective_mass: float, approach_speed: float) -> tuple[Array, Array, Array]:
     """One collision, integrated from touch to zero force.
 
@@ -94,7 +94,7 @@ def contact_laws(
     InputError
         If there is no contact or no speed, or an entry is of the wrong kind or out of range.
     """
-    named = rows_of("contacts", contacts, name=text(), law=a_law(), effective_mass=MASS)
+    named = rows_of("contacts", contacts, name=text(), law=a_law(), effective_mass=EFFECTIVE_MASS)
     require(len(named) > 0, "contacts", "none", "", "must be one or more of (name, law, effective_mass)")
     columns = min(len(named), 2)
     rows = -(-len(named) // columns)

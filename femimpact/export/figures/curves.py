@@ -21,7 +21,7 @@ from femimpact.export.figures.drawing import (
     plain_log_ticks,
     rows_of,
 )
-from femimpact.sweep import FrequencyResponse, on_grid
+from femimpact.sweep import ONE_START, FrequencyResponse, on_grid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,8 +47,10 @@ def response_curve(
     """Response curves over the base frequency on one logarithmic axis (the paper's Fig. 6 and 7).
 
     A line joins the peaks of motions that repeat ("periodic" in `FrequencyResponse.steadiness`) and of those
-    without impacts. With impacts the peak of a motion that does not repeat is one sample of a scatter: a dot of its
-    own. The rms, which scatters less, is a dotted line where there are impacts.
+    without impacts. A dot marks a value of one start wherever the motion is not periodic
+    (`FrequencyResponse.is_sample`): from another start it is another one. With impacts such a peak is one sample of a
+    scatter, and no line joins it. The rms, which scatters less, is a dotted line where there are impacts, with small
+    dots.
 
     Parameters
     ----------
@@ -60,7 +62,7 @@ def response_curve(
     published : sequence of (label, Hz, m)
         Peaks to compare with, marked by stars; an amplitude that is not a number marks the frequency only.
     join_all : bool
-        Join all peaks by lines, also those that scatter.
+        Join all peaks by lines, also those that scatter; these keep their dots.
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
 
@@ -86,6 +88,9 @@ def response_curve(
         _peaks(axis, curve, colour, f"{prefix}peak", join_all)
         if _has_rms(named, curve):
             axis.plot(curve.frequency, 1e3 * curve.rms, color=colour, linestyle=":", label=f"{prefix}rms")
+            one = curve.is_sample
+            dots: Any = {"color": colour, "markersize": 6.0, "alpha": 0.7, "markeredgewidth": 0.0, "linestyle": "none"}
+            axis.plot(curve.frequency[one], 1e3 * curve.rms[one], ".", **dots)
         if coarse is not None:
             seen = on_grid(curve.frequency, coarse)
             axis.plot(curve.frequency[seen], 1e3 * curve.peak[seen], "o", color=colour, **RINGS)
@@ -123,8 +128,8 @@ def _legend(
     kinds = []
     if not all(map(np.all, scatter)):
         kinds.append(entry("peak"))
-    if any(map(np.any, scatter)):
-        kinds.append(entry("peak, not periodic" if kinds else "peak", marker=".", markersize=7.0, linestyle="none"))
+    if any(np.any(curve.is_sample) for curve in named.values()):
+        kinds.append(entry(ONE_START if kinds else f"peak, {ONE_START}", marker=".", markersize=7.0, linestyle="none"))
     if any(_has_rms(named, curve) for curve in named.values()):
         kinds.append(entry("rms", linestyle=":"))
     if coarse is not None:
@@ -139,7 +144,7 @@ def _has_rms(named: Mapping[str, FrequencyResponse], curve: FrequencyResponse) -
 
 
 def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_all: bool) -> None:
-    """Peaks of one curve: lines through motions that repeat or are linear, dots where single samples scatter."""
+    """Peaks of one curve: lines through motions that repeat or are linear, dots where the motion is not periodic."""
     frequency, peak = curve.frequency, 1e3 * curve.peak
     scatter = _scatter(curve, join_all)
     joined = np.where(scatter, np.nan, peak)
@@ -148,14 +153,14 @@ def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_al
         # between two samples that scatter a line would have no length
         alone = ~scatter & np.append(True, scatter[:-1]) & np.append(scatter[1:], True) & (scatter.size > 1)
         axis.plot(frequency[alone], joined[alone], "_", color=colour, markersize=7.0)
-    if scatter.any():
-        text = label if scatter.all() else f"{label}, not periodic"
+    one = curve.is_sample
+    if one.any():
         dots: Any = {"color": colour, "markersize": 7.0, "alpha": 0.7, "markeredgewidth": 0.0, "linestyle": "none"}
-        axis.plot(frequency[scatter], peak[scatter], ".", label=text, **dots)
+        axis.plot(frequency[one], peak[one], ".", label=f"{label}, {ONE_START}", **dots)
 
 
 def _scatter(curve: FrequencyResponse, join_all: bool) -> NDArray[np.bool_]:
-    """Which peaks are single samples of a motion that does not repeat."""
+    """Which peaks no line joins: samples of a motion with impacts that does not repeat."""
     # without impacts the motion is linear: it may still beat at the end of a dwell, and does not scatter
     return np.asarray((curve.steadiness != "periodic") & (curve.impacts_per_cycle > 0.0) & (not join_all))
 
@@ -177,6 +182,8 @@ def restitution_scan(
 ) -> NDArray[np.object_]:
     """What the restitution does to the resonance, for one or more starts, beside the published values.
 
+    A mark with a dot in it is of a motion that is not periodic: one start's value, or the median of several starts.
+
     Parameters
     ----------
     scans : sequence of (label, RestitutionScan)
@@ -197,12 +204,17 @@ def restitution_scan(
         If an argument is of the wrong kind or not > 0.
     """
     named = rows_of("scans", scans, label=text(), scan=instance(RestitutionScan))
-    axes = panels(figure, 8.0, 7.4, 2, 1, sharex=True)[:, 0]
+    axes, said = panels(figure, 8.0, 7.4, 2, 1, sharex=True)[:, 0], list[str]()
     for colour, marker, (label, scan) in zip(COLOURS, "os^D", named, strict=False):
         # hollow, so that curves that coincide are both seen
         style: Any = {"color": colour, "marker": marker, "label": label, "markersize": 6.0, "markerfacecolor": "none"}
         axes[0].plot(scan.restitution, scan.peak_frequency, **style)
         axes[1].plot(scan.restitution, scan.amplitude_ratio, **style)
+        moving = scan.steadiness != "periodic"
+        for axis, values in zip(axes, (scan.peak_frequency, scan.amplitude_ratio), strict=True):
+            axis.plot(scan.restitution[moving], values[moving], ".", color=colour, markersize=5.0)
+        if np.any(moving):
+            said.append(ONE_START if scan.starts == 1 else f"not periodic: median of {scan.starts} starts")
     for axis, published in ((axes[0], peak_frequency), (axes[1], amplitude_ratio)):
         axis.axhline(published, color=GREY, linestyle="--", linewidth=1.2)
         axis.annotate(f"published {published:g}", (0.01, published), xycoords=("axes fraction", "data"),
@@ -211,12 +223,33 @@ def restitution_scan(
     axes[1].set_ylabel("amplitude ratio without / with ball")
     axes[1].set_xlabel("restitution of the contact")
     axes[1].set_ylim(bottom=0.0)
-    legend_above(axes[0])
+    legend_above(axes[0], axes[0].get_legend_handles_labels()[0], [_dot(text) for text in dict.fromkeys(said)])
     return axes
 
 
-@takes(x=column("", "columns", finite=True), y=column("", "rows", finite=True), values=column("", "rows", "columns"))
-def value_map(x: ArrayLike, y: ArrayLike, values: ArrayLike, ax: Axes | OffScreen | None = None) -> Axes:
+def _dot(text: str, marker: str = ".") -> Any:
+    """An entry of a legend: what a mark means."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=DARK, marker=marker, markersize=7.0, linestyle="none", label=text)
+
+
+@takes(
+    x=column("", "columns", finite=True),
+    y=column("", "rows", finite=True),
+    values=column("", "rows", "columns"),
+    samples=column("", "rows", "columns", of="truth value"),
+    title=text(),
+)
+def value_map(
+    x: ArrayLike,
+    y: ArrayLike,
+    values: ArrayLike,
+    samples: ArrayLike | None = None,
+    *,
+    title: str = "",
+    ax: Axes | OffScreen | None = None,
+) -> Axes:
     """Values over two parameters as coloured cells with their numbers; the caller names the axes.
 
     Parameters
@@ -226,6 +259,10 @@ def value_map(x: ArrayLike, y: ArrayLike, values: ArrayLike, ax: Axes | OffScree
     y : array_like (n,)
         Ascending.
     values : array_like (n, m)
+    samples : array_like (n, m) of bool, optional
+        Which values are one start's of a motion that is not periodic, as `FrequencyResponse.is_sample` says: their
+        numbers have a star, which the legend explains.
+    title : str
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
 
@@ -240,6 +277,7 @@ def value_map(x: ArrayLike, y: ArrayLike, values: ArrayLike, ax: Axes | OffScree
     """
     columns, rows, shown = np.asarray(x), np.asarray(y), np.asarray(values)
     require(bool(np.any(np.isfinite(shown))), "values", "none", "", "must have one that is finite")
+    marked = np.zeros(shown.shape, dtype=bool) if samples is None else np.asarray(samples)
     axis = panel(ax, 8.0, 5.6)
     low, high = np.nanmin(shown), np.nanmax(shown)
     axis.imshow(shown, cmap="cividis", origin="lower", aspect="auto", vmin=low, vmax=high)
@@ -248,5 +286,10 @@ def value_map(x: ArrayLike, y: ArrayLike, values: ArrayLike, ax: Axes | OffScree
     axis.set_yticks(np.arange(rows.size), [f"{value:.3g}" for value in rows])
     for (i, j), value in np.ndenumerate(shown):
         colour = "white" if value < 0.5 * (low + high) else "black"
-        axis.annotate(f"{value:.2g}", (j, i), ha="center", va="center", color=colour, fontsize=9.0)
+        axis.annotate(
+            f"{value:.2g}{'*' if marked[i, j] else ''}", (j, i), ha="center", va="center", color=colour, fontsize=9.0
+        )
+    axis.set_title(title, loc="left")
+    if marked.any():
+        legend_above(axis, [_dot(ONE_START, "$*$")])
     return axis

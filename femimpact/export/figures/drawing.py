@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.decimal_number import decimal_number
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type, suggestion
 from femimpact.excitation import Excitation
 from femimpact.export.files import atomic_path, file_path
@@ -128,13 +129,15 @@ def panels(
     import matplotlib
     from matplotlib.figure import Figure, FigureBase
 
+    if figure is None:
+        import matplotlib.pyplot as plt
+
+        # outside the style: the first figure of a notebook chooses the backend, which sets pyplot to interactive, and
+        # the end of the style would set that back: no later figure would be shown
+        figure = plt.figure(figsize=(width, height), layout="constrained")
     with matplotlib.rc_context(STYLE):
         if isinstance(figure, OffScreen):
             figure = Figure(figsize=(width, height), layout="constrained")
-        elif figure is None:
-            import matplotlib.pyplot as plt
-
-            figure = plt.figure(figsize=(width, height), layout="constrained")
         require_type(figure, FigureBase, "figure")
         axes: NDArray[np.object_] = figure.subplots(rows, columns, squeeze=False, **options)
     return axes
@@ -297,7 +300,7 @@ def place_of(response: Response, pair: Any) -> str | None:
     """Name of the recorded channel that is the beam's displacement where a pair is; None if there is none."""
     points = response.system.points
     for name, unit in response.units.items():
-        if unit == "m" and pair.position == (points[name] if name in points else _number(name)):
+        if unit == "m" and pair.position == (points[name] if name in points else decimal_number(name)):
             return name
     return None
 
@@ -305,13 +308,6 @@ def place_of(response: Response, pair: Any) -> str | None:
 def name_at(system: System, position: float) -> str | None:
     """Name of the point of a system at a position (m), the first of several."""
     return next((name for name, x in system.points.items() if x == position), None)
-
-
-def _number(name: str) -> float | None:
-    try:
-        return float(name)
-    except ValueError:
-        return None
 
 
 def beam_at(response: Response, pair: Any) -> NDArray[np.float64]:

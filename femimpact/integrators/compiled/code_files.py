@@ -20,6 +20,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from femimpact.regular_file import open_regular
+
 __all__ = ["CodeFiles", "candidates", "is_private", "open_code_files", "sources_of", "stamp_of"]
 
 LOG = logging.getLogger("femimpact")
@@ -162,7 +164,8 @@ class CodeFiles:
         for directory in self.directories:
             path = directory / name
             try:
-                content = path.read_bytes()
+                with open_regular(path) as file:
+                    content = file.read()
             except FileNotFoundError:
                 continue
             except OSError as error:

@@ -61,7 +61,7 @@ else:
     FILES = None
     logging.getLogger("femimpact").warning(
         "numba %s with llvmlite %s is not a pair whose private insides femimpact was tested with: "
-        "kernels take longer to compile, in every process anew, with the same results",
+        "kernels are compiled for minutes, in every process anew, and run slower, with the same results",
         *VERSIONS,
     )
 

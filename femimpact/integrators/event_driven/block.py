@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,14 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact import core
 from femimpact.errors import require
-from femimpact.integrators.compiled.addresses import from_python
 from femimpact.integrators.driving import Drive
-from femimpact.integrators.event_driven import loop
 from femimpact.integrators.event_driven.continued import Held, resumed
 from femimpact.integrators.event_driven.equations import Equations
 from femimpact.integrators.event_driven.loop_data import (
     CONTACT,
+    FORM_WANTED,
+    RESONANT,
     STARTING,
     Bounds,
     Cases,
@@ -25,13 +27,15 @@ from femimpact.integrators.event_driven.loop_data import (
     Grid,
     Job,
     Ledger,
+    Motion,
     Pairs,
     Products,
+    Search,
     Snapshots,
     Space,
     Tables,
+    Task,
 )
-from femimpact.integrators.event_driven.motion import Motion, Search
 from femimpact.integrators.event_driven.settings import EventSettings
 from femimpact.integrators.event_driven.store import FormStore
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
@@ -44,6 +48,9 @@ Array = NDArray[np.float64]
 
 LINE = 64
 """Bytes of a cache line."""
+
+EXTREMES = 2
+"""Columns of a cycle behind those of `CYCLE_COLUMNS`: the times of its maximum and minimum."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +65,7 @@ class Inputs:
     position, velocity : ndarray (C, d)
         Structure and balls relative to the base, m and m/s.
     window : ndarray (C, 2), s
-        In which impacts are counted.
+        Of which the totals are.
     start : float, s
         When all of them begin.
     held : Held, optional
@@ -136,9 +143,9 @@ def new_block(
         grid=Grid(
             start=np.full(count, inputs.start),
             interval=period / method.samples_per_cycle,
-            per_cycle=method.samples_per_cycle,
+            per_cycle=float(method.samples_per_cycle),
             origin=np.zeros(count, dtype=np.int64),
-            cycle=np.full(count, -1, dtype=np.int64),
+            cycle=np.zeros(count, dtype=np.int64),
             cycles=no_cycles(count, 0),
             values=np.zeros((count, 0, store.outputs.force.shape[0])),
             kept=np.zeros(0, dtype=np.int64),
@@ -209,7 +216,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
 
 def no_cycles(cases: int, cycles: int) -> Array:
     """Statistics of cycles of which nothing was read."""
-    table = np.zeros((cases, cycles, len(CYCLE_COLUMNS)))
+    table = np.zeros((cases, cycles, len(CYCLE_COLUMNS) + EXTREMES))
     table[:, :, 0], table[:, :, 1] = -np.inf, np.inf
     return table
 
@@ -248,7 +255,7 @@ def run_block(
     Parameters
     ----------
     block : Block
-        `stopped` is how each ended: loop.DONE, or loop.UNENDING at the time `cases.clock[:, 0]`.
+        `stopped` is how each ended: DONE, or UNENDING at the time `cases.clock[:, 0]`.
     begin, end : ndarray (C,) of int
     most : ndarray (C,)
         Events beyond which a case is given up.
@@ -269,15 +276,15 @@ def run_block(
         if block.space is None or (block.space.motion.entry.size, block.space.motion.rigid_body.size) != needed:
             block.space = working_space(block, forms)
         job = Job(block.pairs, block.cases, forms, block.grid, snapshots, block.tables, block.space)
-        loop.run_cases(members, begin, end, most, block.stopped, from_python(job), from_python(block.ledger))
-        resonant = np.flatnonzero(block.stopped == loop.RESONANT)
+        core.run_cases(Task(members, begin, end, most, block.stopped), job, block.ledger)
+        resonant = np.flatnonzero(block.stopped == RESONANT)
         if resonant.size:
             frequency = float(block.cases.omega[resonant[0]]) / (2.0 * np.pi)
             allowed = (
                 "must not be a natural frequency of an undamped mode: the steady response is unbounded; add damping"
             )
             require(False, "frequency", frequency, "Hz", allowed)
-        members = members[block.stopped[members] == loop.FORM_WANTED]
+        members = members[block.stopped[members] == FORM_WANTED]
         for c in members:
             _add_form(c, block.cases, store)
 
@@ -342,9 +349,10 @@ def working_space(block: Block, forms: Forms) -> Space:
         minus=square,
     )
     rest: list[NDArray[np.float64 | np.complex128]] = [
-        np.zeros((2, entries + 1), dtype=complex),
+        np.zeros(entries, dtype=complex),
         np.zeros(pairs),
-        np.zeros(block.grid.per_cycle),
+        np.zeros(math.ceil(block.grid.per_cycle) + 1),
+        np.zeros(len(CYCLE_COLUMNS) + EXTREMES),
     ]
     motion = Motion(
         entry=np.zeros(entries, dtype=complex),

@@ -23,7 +23,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from femimpact.integrators.event_driven.complex_modes import ComplexModes, complex_modes
-from femimpact.integrators.event_driven.equations import Equations, undamped_modes, wall_offsets
+from femimpact.integrators.event_driven.equations import Equations, require_met, undamped_modes, wall_offsets
 
 __all__ = ["OF_DISPLACEMENT", "OF_VELOCITY", "ClosedForm", "Rows", "closed_form", "gap_rows"]
 
@@ -33,8 +33,11 @@ Complex = NDArray[np.complex128]
 OF_DISPLACEMENT, OF_VELOCITY = (2, 0), (1, 1)
 """Where ub and ub' stand in `Rows.through` and in `Rows.follow`."""
 
+ROUNDED = 1e-12
+"""Share of the terms of a sum below which it is rounding."""
+
 UNMET = 1e-9
-"""What is left of a wall 1 m away, beyond rounding, where several stops cannot be met at once."""
+"""What is left of a wall 1 m away, beyond rounding, where a pressed stop gives way to others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +90,8 @@ class ClosedForm:
     to_rigid_body : ndarray (P, d)
     impulse_entry : ndarray (K, pairs), impulse_rigid_body : ndarray (P, pairs)
         Change of H and of the rates by a unit impulse on the structure at each pair.
+    reaction : ndarray (pairs, pairs)
+        Impulses on the structure at the pairs that stick (rows; zero for others) by a unit one at each other pair.
     unheld : pair of bool
         Whether a constant load, and whether s(t), drives a motion that is braked but not pulled back: neither it nor
         a straight s(t) has a steady response.
@@ -105,6 +110,7 @@ class ClosedForm:
     to_rigid_body: Array
     impulse_entry: Complex
     impulse_rigid_body: Array
+    reaction: Array
     unheld: tuple[bool, ...]
 
 
@@ -129,10 +135,12 @@ class _SteadyResponse:
     follow: Array  # (4, d) steady, per unit of ub, ub', s and s'
 
 
-def _loads(whole: Equations, active: NDArray[np.bool_], stiffness: Array, damping: Array) -> _Loads:
+def _loads(
+    whole: Equations, active: NDArray[np.bool_], sticking: NDArray[np.intp], stiffness: Array, damping: Array
+) -> _Loads:
     P = whole.force
     K, C = whole.K + (P * stiffness) @ P.T, whole.C + (P * damping) @ P.T
-    offset = wall_offsets(whole, active)
+    offset = wall_offsets(whole, active, sticking)
     unmet = np.diag(active.astype(float)) + P.T @ offset
     unmet = np.where((np.abs(unmet) > UNMET) & active[:, None] & active, unmet, 0.0)
     moved = offset @ whole.in_space
@@ -161,10 +169,16 @@ def closed_form(
     Returns
     -------
     ClosedForm
+
+    Raises
+    ------
+    InputError
+        If the pairs that stick leave one another no motion to be met with.
     """
     sticking = np.flatnonzero(active & rigid)
     pressed = active & ~rigid
-    loads = _loads(whole, active, np.where(pressed, stiffness, 0.0), np.where(pressed, damping, 0.0))
+    require_met(whole, sticking)
+    loads = _loads(whole, active, sticking, np.where(pressed, stiffness, 0.0), np.where(pressed, damping, 0.0))
     basis = _free_basis(whole, sticking, pressed)
     # what a pair does to a motion that leaves its gap as it is, is exactly nothing
     direction = basis.T @ whole.force
@@ -210,6 +224,7 @@ def closed_form(
         to_rigid_body=rigid_body.T @ whole.M,
         impulse_entry=modes.from_v @ elastic.T @ whole.force,
         impulse_rigid_body=rigid_body.T @ whole.force,
+        reaction=_reactions(whole, sticking),
         unheld=unheld,
     )
     response = _SteadyResponse(settled, from_walls)
@@ -217,6 +232,16 @@ def closed_form(
     if sticking.size:
         force = _with_sticking(whole, form, loads, response, sticking, force)
     return replace(form, contact_force=force)
+
+
+def _reactions(whole: Equations, sticking: NDArray[np.intp]) -> Array:
+    """Impulses (pairs, pairs) by which sticking pairs stay at rest on their walls, of a unit one at each other pair."""
+    reaction = np.zeros((whole.stop.size, whole.stop.size))
+    if sticking.size:
+        others = np.setdiff1d(np.arange(whole.stop.size), sticking)
+        mobility = whole.force[:, sticking].T @ np.linalg.solve(whole.M, whole.force)
+        reaction[np.ix_(sticking, others)] = -np.linalg.solve(mobility[:, sticking], mobility[:, others])
+    return reaction
 
 
 def _drives(loads: Array, whole: Array) -> bool:
@@ -243,8 +268,15 @@ def _free_basis(whole: Equations, sticking: NDArray[np.intp], pressed: NDArray[n
     basis[:n, : left.shape[1]] = left
     basis[moving, left.shape[1] + np.arange(len(moving))] = 1.0
     for j in (*sticking[~whole.stop[sticking]], *carried):
-        basis[n + j, : left.shape[1]] = whole.force[:n, j] @ left
+        # a ball at a place that a stop holds is at rest to the last bit
+        moved, push = np.asarray(left), whole.force[:n, j]
+        basis[n + j, : left.shape[1]] = _without_rounding(push @ moved, np.abs(push) @ np.abs(moved))
     return basis
+
+
+def _without_rounding(sums: Array, sizes: Array) -> Array:
+    """Sums that are zero where nothing but rounding is left of terms of these sizes."""
+    return np.where(np.abs(sums) > ROUNDED * sizes, sums, 0.0)
 
 
 def _rate(rows: Rows, modes: ComplexModes) -> Rows:
@@ -325,7 +357,9 @@ def _with_sticking(
     directions = whole.force[:, sticking]
     inverse = np.linalg.solve(M, directions)
     # F = (P^T M^-1 P)^-1 P^T M^-1 (M p'' + C p' + K p - loads)
-    project = np.linalg.solve(directions.T @ inverse, inverse.T)
+    coupling = np.linalg.inv(directions.T @ inverse)
+    # where nothing moves a ball no force holds it: its sign would be that of rounding
+    project = _without_rounding(coupling @ inverse.T, np.abs(coupling) @ np.abs(inverse.T))
     shape, rate, modes = form.position.weight, form.velocity.weight, form.modes
     left = M @ (rate @ modes.rate) + C @ rate + K @ shape
     # the response of the entries to a load begins with an acceleration

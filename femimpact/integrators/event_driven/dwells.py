@@ -14,8 +14,7 @@ from femimpact.contact.formulas import RIGID
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven.block import Block, Inputs, new_block, no_cycles, run_block
 from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.loop import DONE
-from femimpact.integrators.event_driven.loop_data import Ledger
+from femimpact.integrators.event_driven.loop_data import DONE, Ledger
 from femimpact.integrators.event_driven.settings import EventSettings
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.integrators.threads import Progress, run_each
@@ -151,7 +150,8 @@ def _run_block(
     )
     run_block(block, begin, end, float(method.most_events) * cycles.astype(float))
     residual, bound = _residuals(block, measured) if ledger else np.full((2, count), np.nan)
-    table = np.where(block.grid.cycles[:, :, 5:] > 0.0, block.grid.cycles, 0.0)
+    table = block.grid.cycles[:, :, : len(CYCLE_COLUMNS)]
+    table = np.where(table[:, :, 5:] > 0.0, table, 0.0)
     return DwellStatistics(
         cycles=CycleStatistics(*np.moveaxis(table, (2, 1), (0, 1))),
         totals=np.moveaxis(block.cases.totals, 0, 2),

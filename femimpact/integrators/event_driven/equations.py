@@ -12,12 +12,18 @@ from femimpact.errors import require
 from femimpact.integrators.driving import Drive
 from femimpact.system.system import System
 
-__all__ = ["Equations", "equations_of", "undamped_modes", "wall_offsets"]
+__all__ = ["Equations", "equations_of", "require_met", "undamped_modes", "wall_offsets"]
 
 Array = NDArray[np.float64]
 
 RIGID = 1e-14
 """Eigenvalues below this share of the largest are rigid motions, where the stiffness is singular."""
+
+GIVING_WAY = 1e-6
+"""Share of the largest deflection under the pushes of soft stops below which they are not met each, but give way."""
+
+INDEPENDENT = 1e-9
+"""Share of its own mobility that a rigid stop must keep where others hold the structure, to be met beside them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +40,8 @@ class Equations:
     in_space : ndarray (pairs,)
         x_j = -force_j p - in_space_j ub: -1 for a stop that stays where it is while the base moves, else 0.
     stop : ndarray (pairs,) of bool
+    names : tuple of str
+        Of the pairs.
     dofs : int
         Of the structure.
     """
@@ -46,6 +54,7 @@ class Equations:
     force: Array
     in_space: Array
     stop: NDArray[np.bool_]
+    names: tuple[str, ...]
     dofs: int
 
 
@@ -72,32 +81,86 @@ def equations_of(system: System, drive: Drive) -> Equations:
     stop = np.array([pair.is_stop for pair in system.contacts], dtype=bool)
     # where a force drives, the base rests in space
     fixed = np.array([pair.fixed_to == "space" for pair in system.contacts], dtype=bool)
-    return Equations(M, C, K, load, given, force, np.where(fixed & stop, -drive.share, 0.0), stop, n)
+    names = tuple(pair.name for pair in system.contacts)
+    return Equations(M, C, K, load, given, force, np.where(fixed & stop, -drive.share, 0.0), stop, names, n)
 
 
-def wall_offsets(whole: Equations, active: NDArray[np.bool_]) -> Array:
+def require_met(whole: Equations, sticking: NDArray[np.intp]) -> None:
+    """Refuse rigid stops that the modes kept cannot meet at once.
+
+    Parameters
+    ----------
+    whole : Equations
+    sticking : ndarray of int
+        Numbers of the pairs that stick. A ball always can: it has a coordinate of its own.
+
+    Raises
+    ------
+    InputError
+        Naming the stop that the others leave no motion.
+    """
+    n, met = whole.dofs, list[int]()
+    lower = np.linalg.cholesky(whole.M[:n, :n])
+    basis = np.zeros((n, 0))
+    for stop in sticking[whole.stop[sticking]].tolist():
+        # its square is the mobility; of what is left of it, that beside those met
+        push = np.linalg.solve(lower, whole.force[:n, stop])
+        left = push - basis @ (basis.T @ push)
+        left -= basis @ (basis.T @ left)
+        found = " and ".join(whole.names[j] for j in met) + f" hold the structure where {whole.names[stop]} is met"
+        allowed = (
+            f"must keep modes in which all rigid stops in touch can be met: the {n} kept leave none; keep more, or"
+        )
+        fits = bool(left @ left > INDEPENDENT * (push @ push))
+        require(fits, "system", found, "", f"{allowed} make one of the stops compliant (KelvinVoigt)")
+        basis = np.column_stack([basis, left / np.sqrt(left @ left)])
+        met.append(stop)
+
+
+def wall_offsets(whole: Equations, active: NDArray[np.bool_], sticking: NDArray[np.intp]) -> Array:
     """Coordinates in which each pair in contact is just at a wall 1 m away and the others at theirs at 0, (d, pairs).
 
-    Where several stops cannot be met at once, the nearest.
+    Pairs that stick are so exactly. Where pressed stops cannot be met beside them, the nearest.
 
     Parameters
     ----------
     whole : Equations
     active : ndarray (pairs,) of bool
+    sticking : ndarray of int
+        Numbers of the pairs in contact that stick; see `require_met`.
     """
     n, (size, pairs) = whole.dofs, whole.force.shape
     offset = np.zeros((size, pairs))
-    stops = np.flatnonzero(active & whole.stop)
+    held = sticking[whole.stop[sticking]]
+    pressed = np.setdiff1d(np.flatnonzero(active & whole.stop), held)
+    stops = np.concatenate([held, pressed])
     if stops.size:
         # the static deflection under a push: its force does no work on the motions that are left
         push = whole.force[:n, stops]
-        shape = np.linalg.lstsq(whole.K[:n, :n], push, rcond=None)[0]
-        shape = shape if np.allclose(whole.K[:n, :n] @ shape, push) else push
-        offset[:n, stops] = shape @ np.linalg.lstsq(-push.T @ shape, np.eye(stops.size), rcond=None)[0]
+        deflection = np.asarray(np.linalg.lstsq(whole.K[:n, :n], push, rcond=None)[0], dtype=float)
+        shape: Array = deflection if np.allclose(whole.K[:n, :n] @ deflection, push) else push
+        offset[:n, stops] = _columns_meeting(shape, push, held.size)
     for j in np.flatnonzero(active & ~whole.stop):
         offset[n + j] = whole.force[:n, j] @ offset[:n]
         offset[n + j, j] += 1.0
     return offset
+
+
+def _columns_meeting(shape: Array, push: Array, held: int) -> Array:
+    """Sums of deflections in which each place is at 1 m and the others at 0: exactly of the first ones, `held`."""
+    x = -push.T @ shape
+    meeting = np.zeros_like(shape)
+    if held:
+        meeting[:, :held] = shape[:, :held] @ np.linalg.inv(x[:held, :held])
+    if held < shape.shape[1]:
+        # what the others can do while the first stay where they are
+        beside = shape[:, held:] - meeting[:, :held] @ x[:held, held:]
+        values, vectors = np.linalg.eigh(push[:, held:].T @ beside)
+        # several at one place share a deflection, and the first may leave them none
+        moved = values > GIVING_WAY * np.abs(np.diag(x)[held:]).max()
+        meeting[:, held:] = -beside @ (vectors[:, moved] / values[moved]) @ vectors[:, moved].T
+        meeting[:, :held] -= meeting[:, held:] @ (-push[:, held:].T @ meeting[:, :held])
+    return meeting
 
 
 def undamped_modes(K: Array, M: Array) -> tuple[Array, Array]:

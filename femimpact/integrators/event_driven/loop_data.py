@@ -1,4 +1,4 @@
-"""What the compiled loop works on, as named tuples of arrays.
+"""What the compiled loop works on, as named tuples of arrays: the core takes them by these names.
 
 The case axis comes first: each case is a run of its own. C cases, F closed forms, K entries, P rigid-body
 coordinates, d coordinates (structure, then balls), R pairs, O outputs. Rows of scalars: x of every pair, the contact
@@ -12,25 +12,32 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.integrators.event_driven.motion import Array, Complex, Indices, Motion, Scalars, Search
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Indices = NDArray[np.int64]
 
 __all__ = [
-    "BEGUN", "CONTACT", "ENTERED", "ENTERING", "FITTING", "FREE", "LARGEST_FORCE", "LASTED", "LOST", "PUSHED",
-    "RESUMED", "SEPARATING", "STARTED", "STARTING", "TOUCH_SPEED", "Bounds", "Case", "Cases", "Form", "Forms", "Grid",
-    "Job", "Ledger", "Pairs", "Products", "Shapes", "Snapshots", "Space", "Tables",
+    "BEGUN", "CONTACT", "DONE", "ENTERED", "FORM_WANTED", "FREE", "LARGEST_FORCE", "LASTED", "LOST", "PUSHED",
+    "RESONANT", "RESUMED", "SEPARATING", "STARTED", "STARTING", "TOUCH_SPEED", "UNENDING", "Bounds", "Cases", "Forms",
+    "Grid", "Job", "Ledger", "Motion", "Pairs", "Products", "Search", "Snapshots", "Space", "Tables", "Task",
 ]  # fmt: skip
 
 FREE, CONTACT, SEPARATING = range(3)
 """Contact states of a pair; the last two times the side of the wall. A rigid pair in contact sticks."""
 
-ENTERED, ENTERING, FITTING, STARTED, RESUMED, STARTING = range(6)
-"""How a case stands to its closed form: in it; to enter it with the coordinates it has; the same with velocities that
-are made to fit its sticking pairs; as a start whose contact states are found; the same with the motion of an earlier
-run in that form; or as a start whose contact states are still to be found."""
+ENTERED, ENTERING, STARTED, RESUMED, STARTING = range(5)
+"""How a case stands to its closed form: in it; to enter it with the coordinates it has; as a start whose contact states
+are found; the same with the motion of an earlier run in that form; or as a start whose contact states are still to be
+found."""
 
 BEGUN, TOUCH_SPEED, PUSHED, LARGEST_FORCE, LASTED, LOST = range(6)
 """What a contact that has not ended adds up to: start (s), approach speed (m/s), impulse (N s), largest force (N),
 duration (s) and loss (J)."""
+
+
+DONE, FORM_WANTED, RESONANT, UNENDING = range(4)
+"""What a case stopped for: its end, a closed form not made before, a steady motion that is unbounded, or events that
+do not end."""
 
 
 # ---- closed forms ----------------------------------------------------------------------------------
@@ -70,36 +77,10 @@ class Forms(NamedTuple):
     to_rigid_body: Array  # (F, P, d)
     impulse_entry: Complex  # (F, K, R): what a unit impulse on the structure at a pair adds
     impulse_rigid_body: Array  # (F, P, R)
+    reaction: Array  # (F, R, R) impulses at the pairs that stick (rows) by a unit one at each other pair
     together: NDArray[np.bool_]  # (F, T, T) whether the product of two terms of the motion occurs in the ledger
     first: Indices  # (F, d + 1) entries that move coordinate i: members[first[i]:first[i + 1]]
     members: Indices  # (F, d K)
-
-
-class Shapes(NamedTuple):
-    """How coordinates are read from the motion in one closed form."""
-
-    omega: float
-    shape: Complex  # (d, K)
-    shape_rate: Complex  # (d, K)
-    rigid_body_shape: Array  # (d, P)
-    static: Array  # (d,)
-    harmonic: Complex  # (d,)
-    follow: Array  # (4, d)
-    first: Indices  # (d + 1,)
-    members: Indices  # (d K,)
-    rigid_bodies: int
-
-
-class Form(NamedTuple):
-    """The closed form that a case is in, with what its own drive and walls make of it."""
-
-    scalars: Scalars
-    shapes: Shapes
-    together: NDArray[np.bool_]  # (T, T)
-    rigid_body_sine: Complex  # (P,)
-    impulse_entry: Complex  # (K, R)
-    impulse_rigid_body: Array  # (P, R)
-    load_on_rigid_body: Array  # (P, 1 + R)
 
 
 # ---- cases -----------------------------------------------------------------------------------------
@@ -146,28 +127,8 @@ class Cases(NamedTuple):
     rigid_body_sine: Complex  # (C, N, P)
     touch: Array  # (C, 6, R) contacts that have not ended; see BEGUN
     to_modes: Array  # (C, R, n) J, what these have given to each mode
-    window: Array  # (C, 2) s, in which impacts are counted
+    window: Array  # (C, 2) s, of which the totals are: impacts that end in it, and the forces in it
     totals: Array  # (C, 6, R) sums over them; see columns.TOTAL_COLUMNS
-
-
-class Case(NamedTuple):
-    """One case: its drive, its contacts, and their states."""
-
-    number: int
-    omega: float  # of the sine; 0 for a broken line
-    amplitude: float  # of s(t): m/s^2 or N
-    gap_plus: Array  # (R,) m, to the + wall
-    gap_minus: Array  # (R,) m, to the - wall
-    stiffness: Array  # (R,)
-    damping: Array  # (R,)
-    restitution: Array  # (R,)
-    state: Array  # (R,) contact states
-    released: Array  # (R,)
-    coordinates: Array  # (2, d)
-    touch: Array  # (6, R)
-    to_modes: Array  # (R, n)
-    window: Array  # (2,)
-    totals: Array  # (6, R)
 
 
 # ---- what is read and written ----------------------------------------------------------------------
@@ -178,10 +139,10 @@ class Grid(NamedTuple):
 
     start: Array  # (C,) s, of sample 0
     interval: Array  # (C,) s
-    per_cycle: int  # samples
+    per_cycle: float  # samples, which need not be whole
     origin: Indices  # (C,) sample with which the first cycle begins
     cycle: Indices  # (C,) cycle whose peak is being looked for
-    cycles: Array  # (C, cycles, 6); see columns.CYCLE_COLUMNS
+    cycles: Array  # (C, cycles, 8); see columns.CYCLE_COLUMNS, then the times of maximum and minimum (s)
     values: Array  # (C, samples, O), or (C, 0, O) where only cycles are wanted
     kept: Indices  # (samples,) number of the energy row that a sample fills, -1 for none
     energy: Array  # (C, rows, 7 + n)
@@ -220,7 +181,40 @@ class Ledger(NamedTuple):
     everywhere: bool  # or only through compliant contacts, for the table of impacts
 
 
+class Task(NamedTuple):
+    """Which cases a call takes where, and what it says of them."""
+
+    members: Indices  # (members,) cases
+    begin: Indices  # (C,) samples after which is read
+    end: Indices  # (C,) samples to which is gone
+    most: Array  # (C,) events allowed in all
+    stopped: Indices  # (C,) what each one stopped for; see DONE
+
+
 # ---- working space ---------------------------------------------------------------------------------
+
+
+class Motion(NamedTuple):
+    """Where the motion is: homogeneous part, rigid-body coordinates, time, a drive by samples."""
+
+    entry: Complex  # (K,)
+    rigid_body: Array  # (P,)
+    rigid_body_rate: Array  # (P,)
+    clock: Array  # (2,): time, phase of the sine at t = 0
+    drive: Array  # (4,): ub, ub', s, s' of a broken line; zero for a sine
+
+
+class Search(NamedTuple):
+    """What a search leaves behind, and its scratch space; R scalars, K entries."""
+
+    leaving: Array  # (R,) side of a bound just left, or at which another bound was met at rest; else 0
+    at_wall: Array  # (R,) side of the wall touched at this instant, else 0
+    rate: Array  # (R,)
+    found: Array  # (5,) scratch
+    size: Array  # (K,) |H|; see `measure`
+    power: Complex  # (3, K): H', and scratch
+    event: Array  # (2,): scalar, side
+    negligible: Array  # (1,) m/s, see `negligible_approach`
 
 
 class Products(NamedTuple):
@@ -260,9 +254,10 @@ class Space(NamedTuple):
     search: Search
     bounds: Bounds
     products: Products
-    turn: Complex  # (2, K + 1)
+    turn: Complex  # (K,) growth of the entries between two samples
     impulse: Array  # (R,)
-    samples: Array  # (per_cycle,) w of the cycle that goes on, as far as it is read
+    samples: Array  # (per_cycle + 1,) w of the cycle that goes on, as far as it is read
+    extremes: Array  # (8,) extremes of a contact force and their times, as in a row of `Grid.cycles`
 
 
 class Job(NamedTuple):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from femimpact.errors import check_fields, quantity
 from femimpact.excitation import Excitation
 from femimpact.integrators.answers import AchievedRestitution, MethodCost, SineDwellResults, SineDwells
+from femimpact.integrators.event_driven.reading_grid import reading_grid
 from femimpact.integrators.event_driven.run import run_events
 from femimpact.integrators.event_driven.settings import check_events
 from femimpact.integrators.event_driven.sine_dwells import event_driven_dwells
@@ -55,8 +56,10 @@ class EventDriven:
         displacement below the closure and the energy m_eff v^2/2 of that bounce, which is counted as
         loss; the accumulation's end, 2 v/(a (1 - e)) later, is the start in the table of sticking phases.
     samples_per_cycle : int
-        Grid on which channels, rms, harmonics and the ledger are read; neither events nor the peak of a cycle, which
-        is exact, depend on it.
+        Grid on which channels, rms, harmonics and the ledger are read under a sine; neither events nor the peak of a
+        cycle nor the largest contact force, which are exact, depend on it. `Recorder.interval` takes its place. A drive
+        by samples is read at their interval, or at 1/20 of the period of the highest kept mode where that is less, and
+        at no more than 10^6 instants; a note of the response says which.
     most_events : int
         Impacts and changes of contact for each base cycle, on average over what is computed at once,
         beyond which a run is given up.
@@ -85,8 +88,8 @@ class EventDriven:
         return "samples"
 
     def description(self, frequency: float, origin: str) -> str:
-        """How it advances in time, in words, under a drive of a frequency (Hz)."""
-        return f"exact between impacts and through compliant ones, read every {self.time_grid(frequency):.4g} s"
+        """How it advances in time, in words: at no step that a frequency of the drive (Hz) would tell."""
+        return "exact between impacts and through compliant ones"
 
     def check(self, system: System) -> tuple[str, ...]:
         """No warnings; an error for a system that cannot be computed exactly."""
@@ -101,8 +104,12 @@ class EventDriven:
         return ()
 
     def time_grid(self, frequency: float) -> float:
-        """Time (s) between readings under a drive of a frequency (Hz)."""
+        """Time (s) between readings under a sine of a frequency (Hz)."""
         return 1.0 / (frequency * self.samples_per_cycle)
+
+    def interval(self, system: System, excitation: Excitation, duration: float, recorder: Recorder) -> float:
+        """Time (s) between the readings of a run; see `reading_grid.reading_grid`."""
+        return reading_grid(system, excitation, self, duration, recorder).interval
 
     def stride(self, frequency: float, points: int) -> int:
         """One: the grid of readings was chosen, and all of it is kept."""

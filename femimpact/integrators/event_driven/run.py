@@ -9,32 +9,28 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.contact.formulas import RIGID
 from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation
 from femimpact.integrators.channel_rows import ChannelRows, channel_rows, reaction_notes
-from femimpact.integrators.driving import Drive, drive_of
+from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven import loop_data
-from femimpact.integrators.event_driven.block import Block, Inputs, new_block, no_cycles, run_block
-from femimpact.integrators.event_driven.continued import (
-    Sampling,
-    final_state,
-    held_by,
-    sampling_from,
-    touching,
-)
-from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.loop import UNENDING
-from femimpact.integrators.event_driven.loop_data import BEGUN, CONTACT, FREE, PUSHED
+from femimpact.integrators.event_driven.alone import block_alone, closed_drive, pieces, sample_to_keep, unending
+from femimpact.integrators.event_driven.block import Block, no_cycles, run_block
+from femimpact.integrators.event_driven.continued import Sampling, final_state, held_by, touching
+from femimpact.integrators.event_driven.equations import require_met
+from femimpact.integrators.event_driven.largest import find_largest
+from femimpact.integrators.event_driven.loop_data import BEGUN, CONTACT, FREE, LASTED, PUSHED, UNENDING
+from femimpact.integrators.event_driven.reading_grid import ReadingGrid, reading_grid
 from femimpact.integrators.event_driven.settings import EventSettings, check_events
-from femimpact.integrators.event_driven.store import FormStore, outputs_of
+from femimpact.integrators.event_driven.store import outputs_of
 from femimpact.integrators.memory import check_memory
 from femimpact.integrators.threads import Progress
 from femimpact.response.channels import Channel, resolve_channels
-from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
+from femimpact.response.columns import COUNT, CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, PEAK_FORCE
 from femimpact.response.energy import BALANCED, CLOSED, EnergyLedger, unbalanced
 from femimpact.response.history import HistoryPiece, Snapshots, Stream
 from femimpact.response.impacts import Impacts, StickingPhases, impact_statistics
+from femimpact.response.largest import LargestValues
 from femimpact.response.response import Recorder, Response
 from femimpact.response.signals import CycleStatistics, SteadyMotion, no_steady_motion, steady_motion
 from femimpact.system.continuation import begun_anew
@@ -42,12 +38,12 @@ from femimpact.system.reduction import truncation_notes
 from femimpact.system.state import State
 from femimpact.system.system import System
 
-__all__ = ["not_finite", "run_events", "unending"]
+__all__ = ["not_finite", "peaks_of_forces", "run_events"]
 
 Array = NDArray[np.float64]
 
-CYCLES_AT_ONCE = 256
-"""Base cycles between two reports of progress, when interrupts are checked."""
+WHOLE = 1e-9
+"""Of a base cycle, which rounding may lack at the end of a run."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +75,6 @@ class _Run:
     energy: list[Array] = field(default_factory=list)
     fields: list[Array] = field(default_factory=list)
     forces: list[Array] = field(default_factory=list)
-    cycles: list[Array] = field(default_factory=list)
 
     def clear(self) -> None:
         """Drop the history that was passed on."""
@@ -107,84 +102,46 @@ def run_events(
         If events do not end.
     """
     check_events(system)
-    interval = 1.0 / (excitation.frequency * method.samples_per_cycle)
+    asked, grid = recorder, reading_grid(system, excitation, method, duration, recorder)
+    interval = grid.interval
     fits = in_range(duration, quantity("s", at_least=interval))
     require(fits, "duration", duration, "s", f"must be a finite number >= one sample, {interval:g} s")
     samples = round(duration / interval)
     channels, recorder = resolve_channels(system, recorder.channels), recorder.seen_from(initial.time)
     check_memory(system, recorder, len(channels), samples, interval, excitation.frequency)
     first, first_field = (min(round(t / interval), samples) for t in (recorder.start, recorder.snapshots_start))
-    begin = initial.time + interval * (2 * samples // 3)
+    begin = initial.time + 2.0 * (interval * samples) / 3.0
     keep = _Keep(recorder.every, first, recorder.snapshots, first_field)
-    run = _new_run(system, excitation, method, channels, recorder, keep, begin, initial)
+    run = _new_run(system, excitation, method, channels, recorder, keep, begin, initial, grid, samples)
     stream = Stream(read=partial(_history, run), clear=run.clear, sink=recorder.sink)
     # the start belongs to the first piece
     _read_start(run)
-    done, piece = 0, _piece(recorder, method.samples_per_cycle)
-    state_at, kept_state = _sample_to_keep(run, recorder, samples), None
-    while done < samples:
-        end = min(done + piece, samples)
-        if done < state_at:
-            end = min(end, state_at)
+    state_at, kept_state = sample_to_keep(grid, recorder, samples), None
+    for done, end in pieces(grid, recorder, samples):
         _run_piece(run, done, end - done)
-        done = end
         stream.hand_over()
-        if done == state_at:
-            kept_state = _state(run, done)
+        if end == state_at:
+            kept_state = _state(run, end)
         if progress is not None:
-            progress(done / samples)
-    return replace(_response(run, stream, samples, begin), kept_state=kept_state)
+            progress(end / samples)
+    found = _response(run, stream, samples, begin)
+    largest = LargestValues(partial(find_largest, system, excitation, method, duration, asked, initial))
+    return replace(found, notes=(*found.notes, *grid.chosen), kept_state=kept_state, largest_values=largest)
 
 
 def _new_run(
     system: System, excitation: Excitation, method: EventSettings, channels: tuple[Channel, ...], recorder: Recorder,
-    keep: _Keep, begin: float, initial: State,
+    keep: _Keep, begin: float, initial: State, grid: ReadingGrid, samples: int,
 ) -> _Run:  # fmt: skip
-    drive = drive_of(system, excitation)
-    sound = drive.closed_form is not None
-    require(
-        sound,
-        "excitation",
-        type(excitation).__name__,
-        "",
-        "must have a closed_form for EventDriven: sample it into a RecordedBase, or take Newmark",
-    )
-    whole = equations_of(system, drive)
-    rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
+    drive = closed_drive(system, excitation)
     rows = channel_rows(system, drive, channels, springs_apart=True)
-    outputs = outputs_of(system, system.point_row(system.default_place), rows)
-    store = FormStore(whole, rigid, outputs, broken=drive.line is not None, derived=system.derived)
-    u, v, y, y_rate = initial.relative_to_base(system, excitation)
-    balls, held = len(system.balls), held_by(initial, system, excitation)
-    inputs = Inputs(
-        drives=[drive],
-        contacts=[system.contacts],
-        position=np.concatenate([u, y[:balls]])[None],
-        velocity=np.concatenate([v, y_rate[:balls]])[None],
-        window=np.array([[begin, math.inf]]),
-        start=initial.time,
-        held=held,
-    )
-    block = new_block(system, store, inputs, method, recorder.ledger, recorder.impacts if system.contacts else 0)
-    sampling = sampling_from(held, initial.time, float(block.grid.interval[0]))
-    block.grid = block.grid._replace(start=np.array([sampling.origin]))
+    outputs, most_rows = outputs_of(system, system.point_row(system.default_place), rows), recorder.impacts
+    block, sampling = block_alone(
+        system, excitation, drive, method, outputs, initial, grid, begin, recorder.ledger,
+        most_rows if system.contacts else 0,
+    )  # fmt: skip
+    block.grid = block.grid._replace(cycles=no_cycles(1, math.floor(samples / grid.per_cycle + WHOLE)))
     return _Run(system, excitation, method, drive, channels, rows, recorder.ledger, keep, block, initial, sampling)
-
-
-def _piece(recorder: Recorder, per_cycle: int) -> int:
-    """Samples between two reports of progress: whole cycles, and if possible no more than a piece for the sink."""
-    most = 0 if recorder.sink is None else recorder.piece_samples
-    fitting = max(most * max(recorder.every, 1) // per_cycle, 1) if most else CYCLES_AT_ONCE
-    return min(CYCLES_AT_ONCE, fitting) * per_cycle
-
-
-def _sample_to_keep(run: _Run, recorder: Recorder, samples: int) -> int:
-    """Sample after the beginning at which the state is kept, 0 for none: base cycles stay whole."""
-    if recorder.state_at is None:
-        return 0
-    per_cycle = run.method.samples_per_cycle
-    sample = math.floor(min(recorder.state_at / (per_cycle * run.sampling.interval) + 1e-9, samples)) * per_cycle
-    return sample if sample <= samples else 0
 
 
 def _rows_kept(keep: _Keep, done: int, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -208,7 +165,7 @@ def _read_start(run: _Run) -> None:
     kept, shown = bool(keep.every and keep.first == 0), bool(keep.snapshots and keep.first_snapshot == 0)
     if not (kept or shown):
         return
-    _call(run, -1, 1, np.array([0 if kept else -1]), np.array([0 if shown else -1]))
+    _call(run, -1, 1, np.array([0 if kept else -1]), np.array([0 if shown else -1]), measured=False)
     block.cases.sample[0] = run.sampling.first
     given, own = outputs.position @ position + outputs.rate @ velocity, ~np.any(outputs.force, axis=1)
     for sample in run.samples:
@@ -221,7 +178,7 @@ def _read_start(run: _Run) -> None:
 
 def _state(run: _Run, sample: int) -> State:
     """Where the run stands at the sample that it has reached; its coordinates are read by a piece of no length."""
-    _call(run, sample - 1, 1, np.array([-1]), np.array([0]))
+    _call(run, sample - 1, 1, np.array([-1]), np.array([0]), measured=False)
     run.forces.pop()
     coordinates, block = run.fields.pop()[0], run.block
     sampling = replace(run.sampling, first=run.sampling.first + sample)
@@ -231,17 +188,18 @@ def _state(run: _Run, sample: int) -> State:
 def _run_piece(run: _Run, done: int, count: int) -> None:
     """Take the run some samples on, and gather what is read of them."""
     kept, shown = _rows_kept(run.keep, done, count)
-    _call(run, done, count, kept, shown)
+    _call(run, done, count, kept, shown, measured=True)
 
 
-def _call(run: _Run, done: int, count: int, kept: NDArray[np.int64], shown: NDArray[np.int64]) -> None:
-    block, per_cycle, begin = run.block, run.method.samples_per_cycle, run.sampling.first + done
+def _call(
+    run: _Run, done: int, count: int, kept: NDArray[np.int64], shown: NDArray[np.int64], measured: bool
+) -> None:  # fmt: skip
+    """Read some samples, which count in the statistics of base cycles where they are measured."""
+    block, begin, cycles = run.block, run.sampling.first + done, run.block.grid.cycles
     block.cases.sample[0] = begin
     block.grid = block.grid._replace(
         values=np.zeros((1, count, block.grid.values.shape[2])),
-        origin=np.array([begin]),
-        cycle=np.full(1, -1, dtype=np.int64),
-        cycles=no_cycles(1, count // per_cycle if done >= 0 else 0),
+        cycles=cycles if measured else no_cycles(1, 0),
         kept=kept,
         energy=np.zeros((1, int(kept.max(initial=-1)) + 1 if run.ledger else 0, block.grid.energy.shape[2])),
     )
@@ -251,24 +209,25 @@ def _call(run: _Run, done: int, count: int, kept: NDArray[np.int64], shown: NDAr
         np.zeros((pictures, 2, block.cases.coordinates.shape[2])),
         np.zeros((pictures, pairs)),
     )
-    most = np.array([float(run.method.most_events) * max(count // per_cycle, 1)])
+    most = np.array([float(run.method.most_events) * max(count / block.grid.per_cycle, 1.0)])
     run_block(block, np.array([begin]), np.array([begin + count]), most, snapshots)
+    block.grid = block.grid._replace(cycles=cycles)
     if block.stopped[0] == UNENDING:
+        # walls that hold the structure between them are another fault than too many events
+        require_met(block.store.whole, np.flatnonzero(block.cases.released[0]))
         raise DivergenceError(unending(float(block.cases.clock[0, 0]), run.method))
     _require_finite(block.grid.values, float(run.sampling.time(done + count)))
     run.samples.append(block.grid.values[0][kept >= 0])
     run.energy.append(block.grid.energy[0])
     run.fields.append(snapshots.fields)
     run.forces.append(snapshots.forces)
-    run.cycles.append(block.grid.cycles[0])
 
 
-def unending(time: float, method: EventSettings) -> str:
-    """Words for events that do not end."""
-    return (
-        f"impacts and changes of contact at t = {time:.6g} s do not resolve within {method.most_events} events a "
-        f"cycle: raise closure ({method.closure:g} m) or most_events, or check gaps that leave no clearance"
-    )
+def peaks_of_forces(totals: Array, rigid: NDArray[np.bool_]) -> Array:
+    """Sums of a window (6, pairs, ...) with no peak force where a rigid pair collided: an impulse has none."""
+    totals = totals.copy()
+    totals[PEAK_FORCE, rigid] = np.where(totals[COUNT, rigid] > 0.0, math.nan, totals[PEAK_FORCE, rigid])
+    return totals
 
 
 def _require_finite(values: Array, time: float) -> None:
@@ -314,9 +273,7 @@ def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response
     system, frequency, left = run.system, run.excitation.frequency, stream.left()
     length = float(run.sampling.time(samples)) - begin
     laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
-    totals = run.block.cases.totals[0].copy()
-    # an impulse has no peak
-    totals[4, run.block.pairs.rigid] = math.nan
+    totals = peaks_of_forces(run.block.cases.totals[0], run.block.pairs.rigid)
     impacts = _impacts(run)
     energy, warnings = left.energy, list[str]()
     if energy is not None:
@@ -369,7 +326,7 @@ def _balance_warnings(run: _Run, energy: EnergyLedger) -> list[str]:
 
 
 def _steady(run: _Run) -> SteadyMotion:
-    table = np.concatenate([np.zeros((0, len(CYCLE_COLUMNS))), *run.cycles])
+    table = run.block.grid.cycles[0]
     cycles = CycleStatistics(**{name: table[:, [i]] for i, name in enumerate(CYCLE_COLUMNS)})
     finished = table.shape[0]
     return steady_motion(cycles, np.array([max(finished // 3, 1)])) if finished else no_steady_motion()
@@ -396,9 +353,9 @@ def _sticking(run: _Run) -> StickingPhases:
     """Sticking phases that have ended, then those that last."""
     block = run.block
     rows = [tuple(row) for row in block.tables.sticking[: min(int(block.tables.number[1]), len(block.tables.sticking))]]
-    for j in np.flatnonzero(block.pairs.rigid & (np.abs(block.cases.state[0]) == CONTACT)):
-        began, impulse = float(block.cases.touch[0, BEGUN, j]), float(block.cases.touch[0, PUSHED, j])
-        rows.append((j, float(np.sign(block.cases.state[0, j])), began, math.nan, impulse))
+    for j in np.flatnonzero(block.pairs.rigid & (np.abs(block.cases.state[0]) == CONTACT)).tolist():
+        impulse = float(block.cases.touch[0, PUSHED, j])
+        rows.append((j, float(np.sign(block.cases.state[0, j])), _begun(block, j), math.nan, impulse))
     pair, side, start, end, pushed = np.array(rows).reshape(-1, 5).T
     lasting = np.where(np.isfinite(end), end, float(block.cases.clock[0, 0])) - start
     return StickingPhases(
@@ -411,6 +368,12 @@ def _sticking(run: _Run) -> StickingPhases:
     )
 
 
+def _begun(block: Block, pair: int) -> float:
+    """Start (s) of a sticking phase that lasts: the end of its bounces, or its capture where these are not over."""
+    touch, now = block.cases.touch[0, :, pair], float(block.cases.clock[0, 0])
+    return float(touch[BEGUN] if touch[BEGUN] <= now else now - touch[LASTED])
+
+
 def _open_contacts(run: _Run) -> tuple[str, ...]:
     """Notes on what lasts at the end, and has no row in its table yet."""
     notes, state = [], run.block.cases.state[0]
@@ -418,7 +381,7 @@ def _open_contacts(run: _Run) -> tuple[str, ...]:
         if state[j] == FREE:
             continue
         if run.block.pairs.rigid[j]:
-            wall, start = "+" if state[j] > 0 else "-", float(run.block.cases.touch[0, BEGUN, j])
+            wall, start = "+" if state[j] > 0 else "-", _begun(run.block, j)
             notes.append(f"{pair.name} sticks to its {wall} wall since t = {start:.4g} s")
         else:
             notes.append(

@@ -11,8 +11,9 @@ from femimpact.contact.formulas import RIGID
 from femimpact.excitation import Sine
 from femimpact.integrators.answers import SineDwellResults, SineDwells
 from femimpact.integrators.driving import drive_of
+from femimpact.integrators.event_driven.alone import unending
 from femimpact.integrators.event_driven.dwells import DwellCases, run_dwells
-from femimpact.integrators.event_driven.run import not_finite, unending
+from femimpact.integrators.event_driven.run import not_finite, peaks_of_forces
 from femimpact.integrators.event_driven.settings import EventSettings, check_events
 from femimpact.integrators.threads import Progress
 from femimpact.response.energy import BALANCED, unbalanced
@@ -33,9 +34,8 @@ def event_driven_dwells(
     check_events(system)
     found = run_dwells(system, _cases(system, dwells, initial), method, observed, ledger, workers, progress)
     motion = steady_motion(found.cycles, dwells.measured)
-    totals = found.totals.copy()
-    # an impulse has no peak force
-    totals[4, [pair.parameters.kind == RIGID for pair in system.contacts]] = np.nan
+    rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
+    totals = peaks_of_forces(found.totals, rigid)
     faults = [
         _fault(method, float(time), float(rms), float(residual), ledger)
         for time, rms, residual in zip(found.unending, motion.rms, found.residual, strict=True)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import require
 from femimpact.integrators.channel_rows import ChannelRows
+from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven.closed_form import (
     OF_DISPLACEMENT,
     ClosedForm,
@@ -22,7 +23,7 @@ from femimpact.integrators.event_driven.equations import Equations
 from femimpact.integrators.event_driven.loop_data import Forms
 from femimpact.system.system import System
 
-__all__ = ["FormStore", "Outputs", "outputs_of"]
+__all__ = ["FormStore", "Outputs", "outputs_alone", "outputs_of"]
 
 Array = NDArray[np.float64]
 
@@ -37,6 +38,8 @@ class Outputs:
     position: Array  # (O, d)
     rate: Array  # (O, d)
     force: Array  # (O, pairs)
+    drive: Array  # (3, O) of s, ub' and ub
+    constant: Array  # (O,)
 
 
 def outputs_of(system: System, observed: Array, rows: ChannelRows | None = None) -> Outputs:
@@ -60,7 +63,16 @@ def outputs_of(system: System, observed: Array, rows: ChannelRows | None = None)
         position[1:, :n], position[1:, n:] = rows.displacement, rows.ball_displacement[:, :balls]
         rate[1:, :n], rate[1:, n:] = rows.velocity, rows.ball_velocity[:, :balls]
         force[1:] = rows.contact_force
-    return Outputs(position, rate, force)
+    return Outputs(position, rate, force, np.zeros((3, 1 + count)), np.zeros(1 + count))
+
+
+def outputs_alone(system: System, rows: ChannelRows, drive: Drive) -> Outputs:
+    """The row of a channel as that of the observed place, with what it reads of the base, the drive and constants."""
+    whole = outputs_of(system, np.zeros(system.dofs), rows)
+    # of a force the base stands still
+    of_base = drive.share * rows.base[:1, ::-1].T
+    of_base[0] += rows.drive[:1]
+    return Outputs(whole.position[1:], whole.rate[1:], whole.force[1:], of_base, rows.constant[:1])
 
 
 class FormStore:
@@ -158,6 +170,7 @@ class FormStore:
             "position_follow": (f, 4, d),
             "to_rigid_body": (f, rigid_bodies, d),
             "impulse_rigid_body": (f, rigid_bodies, pairs),
+            "reaction": (f, pairs, pairs),
         }
         whole: dict[str, tuple[int, ...]] = {
             "key": (f,), "following": (f,), "number": (f,), "entries": (f,), "rigid_bodies": (f,),
@@ -212,7 +225,7 @@ class FormStore:
             "static": made.position.constant, "position_through": made.position.through[2],
             "position_follow": made.position.follow, "load": made.load, "to_entry_u": made.to_entry_u,
             "to_entry_v": made.to_entry_v, "to_rigid_body": made.to_rigid_body, "impulse_entry": made.impulse_entry,
-            "impulse_rigid_body": made.impulse_rigid_body, "together": together,
+            "impulse_rigid_body": made.impulse_rigid_body, "reaction": made.reaction, "together": together,
             "first": np.concatenate([[0], np.cumsum(used.sum(axis=1))]), "members": np.nonzero(used)[1],
         }  # fmt: skip
         for name, value in values.items():
@@ -229,13 +242,16 @@ class FormStore:
     def _output_rows(self, made: ClosedForm, active: NDArray[np.bool_]) -> Rows:
         """Rows of what is read at every sample; a contact force only where it acts."""
         out, p, v = self.outputs, made.position, made.velocity
-        through = p.through @ out.position.T + v.through @ out.rate.T
+        through = p.through @ out.position.T + v.through @ out.rate.T + out.drive
         follow = p.follow @ out.position.T + v.follow @ out.rate.T
+        follow[:3] += out.drive[::-1]
+        constant = out.position @ p.constant
+        constant[:, 0] += out.constant
         rows = Rows(
             weight=out.position @ p.weight + out.rate @ v.weight,
             rigid_body=out.position @ p.rigid_body,
             rigid_body_rate=out.rate @ p.rigid_body,
-            constant=out.position @ p.constant,
+            constant=constant,
             through=through,
             follow=follow,
         )

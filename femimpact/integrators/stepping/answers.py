@@ -13,6 +13,7 @@ from femimpact.excitation import Excitation
 from femimpact.integrators.answers import AchievedRestitution, MethodCost, SineDwellResults, SineDwells
 from femimpact.integrators.stepping.collision import stepped_restitution
 from femimpact.integrators.stepping.dwells import stepped_dwells
+from femimpact.integrators.stepping.record import check_recorder
 from femimpact.integrators.stepping.run import run_steps
 from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
 from femimpact.integrators.stepping.step_size import check_sampling, check_step, recommended_step, step_notes
@@ -75,6 +76,13 @@ class SteppingAnswers:
 
     def time_grid(self: SteppingMethod, frequency: float) -> float:
         """The step, s."""
+        return self.dt
+
+    def interval(
+        self: SteppingMethod, system: System, excitation: Excitation, duration: float, recorder: Recorder
+    ) -> float:  # fmt: skip
+        """The step, s; refused is a recorder with an interval."""
+        check_recorder(recorder)
         return self.dt
 
     def stride(self: SteppingMethod, frequency: float, points: int) -> int:

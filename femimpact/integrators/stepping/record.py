@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from femimpact.errors import require
 from femimpact.integrators.channel_rows import ChannelRows
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.memory import check_memory, first_steps, kept_rows, modes_kept
@@ -16,7 +17,13 @@ from femimpact.response.columns import ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.response.response import Recorder
 from femimpact.system.system import System
 
-__all__ = ["piece_ends", "record_of"]
+__all__ = ["check_recorder", "piece_ends", "record_of"]
+
+
+def check_recorder(recorder: Recorder) -> None:
+    """Raise `InputError` for an interval of readings: a method with steps has its own."""
+    allowed = "is for EventDriven: a method with steps is read at its steps, of which `every` keeps one in so many"
+    require(recorder.interval is None, "record.interval", recorder.interval, "s", allowed)
 
 
 def piece_ends(recorder: Recorder, steps: int) -> Iterable[int]:

@@ -17,14 +17,16 @@ from femimpact.integrators.driving import drive_of
 from femimpact.integrators.stepping.block import Block, Inputs, prepare, run_block
 from femimpact.integrators.stepping.continued import beginning_of, final_state
 from femimpact.integrators.stepping.entries import keep
+from femimpact.integrators.stepping.largest import find_largest
 from femimpact.integrators.stepping.reading import Recorded, history_of, impacts_of, open_contacts, sticking_of
-from femimpact.integrators.stepping.record import piece_ends, record_of
+from femimpact.integrators.stepping.record import check_recorder, piece_ends, record_of
 from femimpact.integrators.stepping.scheme import SteppingMethod
 from femimpact.integrators.stepping.step_size import check_sampling, check_step, step_notes
 from femimpact.integrators.threads import Progress
 from femimpact.response.channels import resolve_channels
 from femimpact.response.history import Stream
 from femimpact.response.impacts import impact_statistics
+from femimpact.response.largest import LargestValues
 from femimpact.response.response import Recorder, Response
 from femimpact.response.signals import no_steady_motion, steady_motion
 from femimpact.system.continuation import begun_anew
@@ -54,10 +56,12 @@ def run_steps(
     DivergenceError
         If the motion is not finite or grows without bound.
     """
+    check_recorder(recorder)
     fits = in_range(duration, quantity("s", at_least=method.dt))
     require(fits, "duration", duration, "s", f"must be a finite number >= one step, {method.dt:g} s")
     check_sampling(np.array([excitation.frequency]), method, "frequency")
-    warnings = check_step(system, method)
+    warnings, again = check_step(system, method), partial(_again, system, excitation, method, duration, initial)
+    largest = LargestValues(partial(find_largest, again, recorder))
     steps = round(duration / method.dt)
     channels, drive = resolve_channels(system, recorder.channels), drive_of(system, excitation)
     rows = channel_rows(system, drive, channels, springs_apart=False)
@@ -83,7 +87,14 @@ def run_steps(
             kept_state = _state(block, system, excitation, method)
     response = _response(block, system, excitation, method, recorder, initial, stream, warnings)
     notes = (*response.notes, *reaction_notes(system, drive, channels))
-    return replace(response, notes=notes, kept_state=kept_state)
+    return replace(response, notes=notes, kept_state=kept_state, largest_values=largest)
+
+
+def _again(
+    system: System, excitation: Excitation, method: SteppingMethod, duration: float, initial: State, recorder: Recorder
+) -> Response:  # fmt: skip
+    """The same run with another recorder."""
+    return run_steps(system, excitation, method, duration, recorder, initial)
 
 
 def divergence_message(frequency: float, time: float, method: SteppingMethod) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
+from femimpact.decimal_number import decimal_number
 from femimpact.errors import in_range, quantity, require, suggestion
 from femimpact.response.channels.contact import ContactForce, Gap
 from femimpact.response.channels.motion import Motion, Rotation
@@ -87,11 +88,8 @@ def _kind(shown: Any, stem: str) -> str | None:
 
 
 def _metres(text: str) -> float | None:
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if in_range(value, quantity("m")) else None
+    value = decimal_number(text)
+    return value if value is not None and in_range(value, quantity("m")) else None
 
 
 def channel_of(shown: Any, channel: Position | Channel) -> Channel:

@@ -70,6 +70,10 @@ class ShakerForce:
     base_load u'' + m ub'' + sum m_j (y_j'' + ub'') - (gravity and other constant forces) - (forces of stops that stand
     in space) - (a driving point force). Its power is what the energy in the inertial frame gains and damping takes.
     The mass of the shaker's own table is not in it.
+
+    With modes left out, u'' is that of the kept ones, and the mass m and gravity are those of all: the momentum and
+    the power of the motion that is computed. At rest it is the whole weight whatever the number of modes, and gravity
+    reads as a base acceleration of -g does.
     """
 
     @property
@@ -87,7 +91,7 @@ class ShakerForce:
         balls = np.array([0.0 if pair.is_stop else pair.mass for pair in system.contacts])
         given = sum(mass * pair.acceleration for mass, pair in zip(balls, system.contacts, strict=True))
         held = sum(item.constant for item in system.reactions.values() if item.unit == "N")
-        constant = float(system.rigid_translation @ np.asarray(system.constant_load)) + held + given
+        constant = system.constant_resultant + held + given
         # a stop's direction points against w
         in_space = np.array([1.0 if pair.is_stop and pair.fixed_to == "space" else 0.0 for pair in system.contacts])
         return replace(

@@ -1,0 +1,228 @@
+"""One mode under base motion: its response curve, and its least-squares fit to one."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femimpact.errors import checked, quantity, real_array
+from femimpact.identification.estimate import DampingEstimate, checked_curve
+from femimpact.identification.misfit import pattern_in
+from femimpact.identification.resolution import peak_resolution, resolution_warnings
+
+__all__ = ["fit_one_pole", "one_pole_amplitude"]
+
+Array = NDArray[np.float64]
+
+ENOUGH_POINTS = 15
+"""From so many points on, without noise, a second pole of a tenth of the first is seen half a width away or more."""
+
+FEWEST_POLES, MOST_POLES = 8, 60
+"""Between which a second pole is looked for at so many places."""
+
+NEGLIGIBLE_MISFIT = 1e-5
+"""Share of the peak below which a misfit, of far modes or of rounding, does not matter."""
+
+KNOWN = 1e-8
+"""Share of the peak to which any point is known."""
+
+LARGEST = 50.0
+"""Power of e that a scale and a ratio are tried up to."""
+
+UNDETERMINED = math.log(10.0)
+"""Half-width of the logarithm's interval beyond which the points do not determine the ratio."""
+
+
+def one_pole_amplitude(frequency: ArrayLike, scale: float, natural_frequency: float, ratio: float) -> Array:
+    """Relative displacement amplitude of one mode under a sine of the base.
+
+    |X| = scale f^2 / sqrt((f0^2 - f^2)^2 + (2 zeta f0 f)^2)
+
+    Parameters
+    ----------
+    frequency : array_like, Hz
+    scale : float, m
+        Base amplitude times participation factor times the mode's displacement.
+    natural_frequency : float, Hz
+    ratio : float, 1
+
+    Returns
+    -------
+    ndarray, m
+
+    Raises
+    ------
+    InputError
+        If a number is not finite, or natural frequency or ratio are not > 0.
+    """
+    f = real_array("frequency", frequency, "Hz", "must be finite numbers")
+    scale = checked("scale", scale, quantity("m"))
+    natural_frequency = checked("natural_frequency", natural_frequency, quantity("Hz", above=0.0))
+    return _one_pole(f, scale, natural_frequency, checked("ratio", ratio, quantity("1", above=0.0)))
+
+
+def _one_pole(f: Array, scale: float, natural_frequency: float, ratio: float) -> Array:
+    return np.asarray(scale * f**2 / np.hypot(natural_frequency**2 - f**2, 2.0 * ratio * natural_frequency * f))
+
+
+def fit_one_pole(
+    frequency: ArrayLike, amplitude: ArrayLike, share: float = 0.2, misfit_limit: float = 0.05
+) -> DampingEstimate:
+    """Least-squares fit of one mode under base motion to a response curve.
+
+    Minimises the sum of (|X_i| - scale f^2/|f0^2 - f^2 + 2 i zeta f0 f|)^2 over scale, f0 and zeta;
+    see `one_pole_amplitude`.
+
+    Parameters
+    ----------
+    frequency : array_like (n,), Hz
+    amplitude : array_like (n,), m
+        Relative to the base.
+    share : float, 1
+        All points from the first above this share of the peak to the last are fitted, and never fewer than the 7
+        nearest. Those between that are lower count too: a choice by each value would keep the noise that raises it.
+    misfit_limit : float, 1
+        A root-mean-square misfit above this share of the peak is warned of.
+
+    Returns
+    -------
+    DampingEstimate
+        With the 95 % interval of the linearised fit for independent noise of one size at all points. There is none
+        where fewer than 15 points are fitted, or the misfit shows a pattern that such noise shows in at most 1 of 100
+        curves: neighbours alike, or a second pole or a constant beside the first that would take much of it away
+        (see `femimpact.identification.misfit`). There is no ratio where the points do not determine it or the largest
+        amplitude is at an end of the grid.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range, frequency and amplitude are not of one length, fewer than 4 points are
+        finite, a frequency is not > 0 or there twice, or an amplitude is negative.
+    """
+    from scipy.optimize import least_squares
+
+    share = checked("share", share, quantity("1", at_least=0.0, at_most=1.0))
+    misfit_limit = checked("misfit_limit", misfit_limit, quantity("1", at_least=0.0))
+    f, x = checked_curve(frequency, amplitude, 4)
+    top = int(np.argmax(x))
+    if top in (0, f.size - 1):
+        message = f"no resonance within {f[0]:g} to {f[-1]:g} Hz: the largest amplitude is at the edge, {f[top]:.4g} Hz"
+        return DampingEstimate(math.nan, float(f[top]), (math.nan, math.nan), "one-pole least squares", (message,))
+    chosen = x >= share * x[top]
+    chosen[np.argsort(np.abs(f - f[top]))[:7]] = True
+    first, last = np.flatnonzero(chosen)[[0, -1]]
+    chosen[first : last + 1] = True
+    # both as shares of the peak's: the fit does not hang on units
+    f_fit, x_fit = f[chosen] / f[top], x[chosen] / x[top]
+
+    def curve_of(p: Array) -> Array:
+        return _one_pole(f_fit, _power(p[0]), p[1], _power(p[2]))
+
+    def misfit_of(p: Array) -> Array:
+        return np.asarray(curve_of(p) - x_fit)
+
+    def tangents(p: Array) -> Array:
+        value, ratio = curve_of(p), _power(p[2])
+        apart, damped = p[1] ** 2 - f_fit**2, 2.0 * ratio * p[1] * f_fit
+        by_frequency = -2.0 * p[1] * value * (apart + 2.0 * (ratio * f_fit) ** 2) / (apart**2 + damped**2)
+        return np.column_stack([value, by_frequency, -value * damped**2 / (apart**2 + damped**2)])
+
+    # the residual has several valleys when the grid is coarse: start from narrow and wide peaks
+    step = float(np.mean(np.diff(f)))
+    starts = [
+        np.array([math.log(2.0 * ratio), 1.0 + shift * step / f[top], math.log(ratio)])
+        for ratio in (1e-3, 5e-3, 2e-2, 8e-2)
+        for shift in (-0.5, 0.0, 0.5)
+    ]
+    scale = [1.0, 1e-2, 1.0]
+    trials: list[Any] = [least_squares(misfit_of, p, tangents, x_scale=scale, xtol=1e-14, ftol=1e-14) for p in starts]
+    best = min(trials, key=lambda trial: float(trial.cost))
+    # the curve is that of the frequency's square
+    best.x[1] = abs(best.x[1])
+    return _judged(f, float(f[top]), f_fit, x_fit, best, misfit_limit)
+
+
+def _power(logarithm: float) -> float:
+    """E to a power, finite: a search among points of no resonance may try any."""
+    return math.exp(min(max(logarithm, -LARGEST), LARGEST))
+
+
+def _judged(f: Array, at: float, f_fit: Array, x_fit: Array, best: Any, misfit_limit: float) -> DampingEstimate:
+    """The estimate of the best fit, as far as its points determine it: they are shares of the peak, which lies at `at`.
+
+    `f` are all frequencies (Hz).
+    """
+    from scipy.special import stdtrit
+
+    step = float(np.mean(np.diff(f)))
+    ratio, frequency_found = _power(best.x[2]), float(best.x[1] * at)
+    spread = _spread_of_logarithm(best.jac, 2.0 * best.cost, stdtrit)
+    if not f[0] <= frequency_found <= f[-1]:
+        message = f"no resonance within {f[0]:g} to {f[-1]:g} Hz: the best fit has its pole at {frequency_found:.4g} Hz"
+        return DampingEstimate(math.nan, frequency_found, (math.nan, math.nan), "one-pole least squares", (message,))
+    if spread > UNDETERMINED:
+        message = (
+            f"{f_fit.size} points with steps of {step:.3g} Hz do not determine a damping ratio: "
+            f"refine the grid around {at:.4g} Hz"
+        )
+        return DampingEstimate(math.nan, frequency_found, (math.nan, math.nan), "one-pole least squares", (message,))
+    warnings = list(resolution_warnings(peak_resolution(f, frequency_found, 2.0 * ratio * frequency_found)))
+    interval = (ratio * math.exp(-spread), ratio * math.exp(spread))
+    misfit = math.sqrt(2.0 * best.cost / f_fit.size)
+    # far modes and rounding leave a pattern, but a negligible one
+    few, negligible = f_fit.size < ENOUGH_POINTS, misfit <= NEGLIGIBLE_MISFIT
+    pattern = "" if few or negligible else pattern_in(best.fun, best.jac, _further_terms(f_fit, best.x, at))
+    reason = f"is not random over frequency, as beside a second pole or on a bent peak: {pattern}" if pattern else ""
+    if few and not negligible:
+        reason = f"may be noise or a second pole: {f_fit.size} points do not decide it"
+    if reason:
+        interval = (math.nan, math.nan)
+        warnings.append(f"no interval: the misfit of {100 * misfit:.2g} % of the peak {reason}")
+    if misfit > misfit_limit:
+        kind = "the curve is not that of one pole" if pattern else "the points scatter about the curve of one pole"
+        warnings.append(
+            f"{kind}: root-mean-square misfit {100 * misfit:.0f} % of the peak "
+            f"(limit {100 * misfit_limit:.0f} %); read the ratio as an equivalent one"
+        )
+    return DampingEstimate(ratio, frequency_found, interval, "one-pole least squares", tuple(warnings))
+
+
+def _spread_of_logarithm(jacobian: Array, squares: float, quantile: Any) -> float:
+    """Half-width of the 95 % interval of log(ratio), the third parameter; infinite where nothing depends on it."""
+    points = jacobian.shape[0]
+    freedom = max(points - 3, 1)
+    size = np.linalg.norm(jacobian, axis=0)
+    if float(size[2]) < 1e-6 * math.sqrt(points):
+        return math.inf
+    scaled = jacobian / np.where(size > 0.0, size, 1.0)
+    normal = scaled.T @ scaled
+    if float(np.linalg.eigvalsh(normal)[0]) < 1e-13:
+        return math.inf
+    # points are never known better than this: a fit through all of them may still be one of many
+    variance = (squares / freedom + KNOWN**2) * float(np.linalg.inv(normal)[2, 2]) / float(size[2]) ** 2
+    return float(quantile(freedom, 0.975)) * math.sqrt(variance)
+
+
+def _further_terms(f: Array, pole: Array, at: float) -> dict[str, Array]:
+    """What a constant and second poles add to a curve of one pole, per unit of the parts of their complex factor.
+
+    d|X + c Y| by the real and the imaginary part of c, at none of it. Second poles are as wide as the first and stand
+    a half-power width apart, from two widths before the first point to two behind the last.
+    """
+
+    def response(natural_frequency: float) -> NDArray[np.complex128]:
+        return np.asarray(f**2 / (natural_frequency**2 - f**2 + 2j * ratio * natural_frequency * f))
+
+    def added(term: NDArray[np.complex128]) -> Array:
+        turned = np.conj(first / np.abs(first)) * term
+        return np.column_stack([turned.real, -turned.imag])
+
+    ratio = math.exp(pole[2])
+    first, width = response(pole[1]), 2.0 * ratio * pole[1]
+    low, high = max(f[0] - 2.0 * width, 0.5 * f[0]), f[-1] + 2.0 * width
+    count = int(np.clip((high - low) / width, FEWEST_POLES, MOST_POLES)) + 1
+    poles = {f"a second pole at {at * one:.4g} Hz": added(response(one)) for one in np.linspace(low, high, count)}
+    return {"a constant": added(np.ones(f.size, dtype=complex)), **poles}

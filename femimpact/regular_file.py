@@ -1,0 +1,106 @@
+"""The one place that opens files for reading: regular files only, whose size is looked at before.
+
+A pipe would be waited for without end, and a device such as /dev/zero has no end.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from io import BufferedReader
+
+__all__ = ["check_regular", "open_regular", "read_regular"]
+
+KINDS = ((stat.S_ISDIR, "a directory"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISCHR, "a device"),
+         (stat.S_ISBLK, "a device"), (stat.S_ISSOCK, "a socket"))  # fmt: skip
+
+
+def check_regular(path: str | Path, most: int | None = None) -> None:
+    """Refuse what is no regular file, before a library opens it by its name.
+
+    Parameters
+    ----------
+    path : str or Path
+    most : int, optional
+        Bytes that the file may have.
+
+    Raises
+    ------
+    OSError
+        If it does not exist, is a directory, a pipe, a device or a socket, or larger; `strerror` says which.
+    """
+    try:
+        found = os.stat(path)
+    except ValueError:
+        # a null character
+        raise OSError(errno.EINVAL, "no path of a file", str(path)) from None
+    _check(found, path, most)
+
+
+def open_regular(path: str | Path, most: int | None = None) -> BufferedReader:
+    """The open file of a path, to read bytes from.
+
+    Parameters
+    ----------
+    path : str or Path
+    most : int, optional
+        Bytes that the file may have.
+
+    Raises
+    ------
+    OSError
+        As of `check_regular`, or if it cannot be opened.
+    """
+    # first by its name: to open a device can change it
+    check_regular(path, most)
+    with ExitStack() as stack:
+        file = stack.enter_context(open(path, "rb", opener=_open_without_waiting))
+        # it may be another one by now
+        _check(os.fstat(file.fileno()), path, most)
+        stack.pop_all()
+    return file
+
+
+def read_regular(path: str | Path, most: int) -> bytes:
+    """What a file holds that is read in one piece.
+
+    Parameters
+    ----------
+    path : str or Path
+    most : int
+        Bytes that it may hold, whatever size it states.
+
+    Raises
+    ------
+    OSError
+        As of `open_regular`.
+    """
+    with open_regular(path, most) as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise _too_large(path, len(content), most)
+    return content
+
+
+def _open_without_waiting(path: str, flags: int) -> int:
+    # there is no such flag, and no such pipe, on Windows
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def _check(found: os.stat_result, path: str | Path, most: int | None) -> None:
+    kind = next((words for is_one, words in KINDS if is_one(found.st_mode)), "")
+    if kind:
+        code = errno.EISDIR if stat.S_ISDIR(found.st_mode) else errno.EINVAL
+        raise OSError(code, f"is {kind}, no regular file", str(path))
+    if most is not None and found.st_size > most:
+        raise _too_large(path, found.st_size, most)
+
+
+def _too_large(path: str | Path, size: int, most: int) -> OSError:
+    return OSError(errno.EFBIG, f"has {size:,} bytes, of which at most {most:,} are read", str(path))

@@ -1,0 +1,271 @@
+"""Damaged and lying matrix files give the right matrix or one line, and sparse matrices are checked before use."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import json
+import subprocess
+import sys
+import zipfile
+
+import numpy as np
+import pytest
+import scipy.sparse as sparse
+
+import femimpact as fi
+
+SYMMETRIC = np.array([[2.0, -1.0, 0.0], [-1.0, 3.5, 1e-3], [0.0, 1e-3, 4.0]])
+BANNER = "%%MatrixMarket matrix"
+
+
+def _refused(path, *words):
+    with pytest.raises(fi.InputError) as told:
+        fi.read_matrix(path)
+    assert len(str(told.value).splitlines()) == 1
+    assert path.name in str(told.value)
+    for word in words:
+        assert word in str(told.value)
+
+
+# ---- Matrix Market --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "cell",
+    ["1,5", "0x10", "1.5abc", "1e", "1_0", "1.5 7", "-", "1d3", "nan", "inf", "1e400", "\uff11", "1.5 % c", "--1"],
+)
+@pytest.mark.parametrize("kind", ["coordinate", "array"])
+def test_what_is_no_decimal_number_is_refused_with_its_line(tmp_path, kind, cell):
+    path = tmp_path / "K.mtx"
+    head = f"{BANNER} {kind} real general\n% 1,5\n"
+    lines = f"2 2 2\n1 1 3.0\n2 2 {cell}\n" if kind == "coordinate" else f"2 2\n3.0\n0.0\n0.0\n{cell}\n4\n"
+    path.write_text(head + lines, encoding="utf-8")
+    _refused(path, f"line {5 if kind == 'coordinate' else 7}, ")
+
+
+@pytest.mark.parametrize("number", ["1.5", "+1.5", ".5", "5.", "-1e-3", "1E+2", "007"])
+def test_a_decimal_number_is_what_python_takes_it_for(tmp_path, number):
+    path = tmp_path / "K.mtx"
+    path.write_text(f"{BANNER} coordinate real general\n\n2 2 2\n  1  1\t{number} \r\n\n2 2 1\n", encoding="ascii")
+    assert fi.read_matrix(path).toarray().tolist() == [[float(number), 0.0], [0.0, 1.0]]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("coordinate real general\n2 2 2\n0 1 1\n2 2 1\n", ["line 3", "'0 1 1'", "row (1 to 2)"]),
+        ("coordinate real general\n2 2 2\n1 3 1\n2 2 1\n", ["line 3", "'1 3 1'"]),
+        ("coordinate real general\n2 2 2\n1.5 1 1\n2 2 1\n", ["line 3", "'1.5 1 1'"]),
+        ("coordinate integer general\n2 2 2\n1 1 1.5\n2 2 1\n", ["line 3", "a whole number"]),
+        ("coordinate pattern general\n2 2 2\n1 1 1\n2 2\n", ["line 3", "'1 1 1'"]),
+        ("coordinate real general\n2 2 3\n1 1 1\n2 2 1\n", ["line 2 announces 3 entries, there are 2"]),
+        ("coordinate real general\n2 2 1\n1 1 1\n2 2 1\n", ["line 2 announces 1 entries, there are more"]),
+        ("coordinate real symmetric\n2 2 4\n1 1 1\n2 2 1\n2 1 1\n1 2 1\n", ["more than once", "both of its halves"]),
+        ("coordinate real general\n2 2 3\n1 1 1\n1 1 1\n2 2 1\n", ["more than once"]),
+        ("coordinate real general\n2,2 2\n", ["line 2", "'2,2 2'"]),
+        ("coordinate real general\n0x2 2 2\n", ["line 2", "'0x2 2 2'"]),
+        ("coordinate real general\n2 2 2\n1 1\n2 2 1\n", ["line 3", "'1 1'"]),
+        ("coordinate complex general\n1 1 1\n1 1 1 0\n", ["line 1", "real, integer or pattern"]),
+        ("array pattern general\n1 1\n", ["line 2"]),
+        ("coordinate real general\n", ["line 2", "rows, columns, entries"]),
+        ("coordinate real general\n1000000000 1000000000 1\n1 1 1\n", ["line 2", "at most 1,000,000 rows"]),
+        ("coordinate real general\n2 2 1000000000\n1 1 1\n", ["line 2", "50,000,000 entries"]),
+        ("array real general\n100000 100000\n1\n", ["line 2", "50,000,000 entries"]),
+    ],
+)
+def test_a_bad_line_is_named(tmp_path, text, words):
+    path = tmp_path / "K.mtx"
+    path.write_text(f"{BANNER} {text}", encoding="ascii")
+    _refused(path, *words)
+
+
+@pytest.mark.parametrize("layout", ["coordinate", "array"])
+@pytest.mark.parametrize("symmetry", ["general", "symmetric"])
+@pytest.mark.parametrize("many", [False, True])
+def test_layouts_and_symmetries_mean_the_same_matrix(tmp_path, monkeypatch, layout, symmetry, many):
+    # a line at once, and all of them
+    monkeypatch.setattr("femimpact.system.matrix_files.LINES", 1000 if many else 1)
+    size = len(SYMMETRIC)
+    # column by column, of a symmetric one from the diagonal on
+    places = [(i, j) for j in range(size) for i in range(j if symmetry == "symmetric" else 0, size)]
+    lines = [f"{i + 1} {j + 1} {SYMMETRIC[i, j]!r}" if layout == "coordinate" else f"{SYMMETRIC[i, j]!r}"
+             for i, j in places]  # fmt: skip
+    sizes = f"{size} {size}" + (f" {len(lines)}" if layout == "coordinate" else "")
+    path = tmp_path / "K.mtx"
+    path.write_text("\n".join([f"{BANNER} {layout} real {symmetry}", sizes, *lines]).replace("np.float64", ""))
+    text = path.read_text().replace("(", "").replace(")", "")
+    path.write_text(text)
+    assert (fi.read_matrix(path).toarray() == SYMMETRIC).all()
+
+
+# ---- archives -------------------------------------------------------------------------------------
+
+
+def _npy(shape, data=b"", descr="<f8", version=(1, 0)):
+    """A member of an archive that states a shape."""
+    file = io.BytesIO()
+    header = {"descr": descr, "fortran_order": False, "shape": shape}
+    writer = np.lib.format.write_array_header_1_0 if version == (1, 0) else np.lib.format.write_array_header_2_0
+    writer(file, header)
+    return file.getvalue() + data
+
+
+@pytest.mark.parametrize("shape", [(10**9, 10**9), (10**9,), (2**62, 4), (3, 3), (-1, -8), (0, 10**9)])
+@pytest.mark.parametrize("version", [(1, 0), (2, 0)])
+def test_a_stated_size_that_the_file_does_not_have_is_refused_before_it_is_allocated(tmp_path, shape, version):
+    with zipfile.ZipFile(tmp_path / "K.npz", "w") as archive:
+        archive.writestr("K.npy", _npy(shape, b"\0" * 64, version=version))
+    _refused(tmp_path / "K.npz")
+
+
+@pytest.mark.parametrize("kind", ["csr", "csc", "coo", "bsr", "dia"])
+def test_a_sparse_shape_of_a_billion_is_refused_before_it_is_allocated(tmp_path, kind):
+    np.savez(
+        tmp_path / "K.npz", format=kind.encode(), shape=(10**9, 10**9), data=np.ones((1, 1, 1)) if kind == "bsr" else
+        np.ones((1, 1)) if kind == "dia" else np.ones(1), indices=[0], indptr=[0, 1], row=[0], col=[0], offsets=[0],
+    )  # fmt: skip
+    _refused(tmp_path / "K.npz", "1,000,000 rows")
+
+
+def test_a_compressed_file_of_zeros_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
+    monkeypatch.setattr("femimpact.system.matrix_files.MOST_BYTES", 100_000)
+    np.savez_compressed(tmp_path / "K.npz", K=np.zeros((200, 200)))
+    _refused(tmp_path / "K.npz", "of which at most 100,000 are read")
+    with gzip.open(tmp_path / "K.mtx.gz", "wb") as file:
+        file.write(f"{BANNER} array real general\n200 200\n".encode() + b"0.0\n" * 40_000)
+    _refused(tmp_path / "K.mtx.gz", "100,000 bytes")
+
+
+@pytest.mark.parametrize("kind", ["csr", "csc", "coo", "bsr", "dia"])
+@pytest.mark.parametrize("compressed", [False, True])
+def test_every_format_of_scipy_is_read(tmp_path, kind, compressed):
+    sparse.save_npz(tmp_path / "K.npz", sparse.csr_array(SYMMETRIC).asformat(kind), compressed=compressed)
+    assert (fi.read_matrix(tmp_path / "K.npz").toarray() == SYMMETRIC).all()
+
+
+DAMAGE = """
+import json, sys
+import numpy as np
+from pathlib import Path
+import femimpact as fi
+
+folder, true = Path(sys.argv[1]), np.array(json.loads(sys.argv[2]))
+told = []
+for path in sorted(folder.iterdir()):
+    print(path.name, file=sys.stderr, flush=True)
+    try:
+        fine = bool((fi.read_matrix(path).toarray() == true).all())
+    except fi.InputError as error:
+        fine = len(str(error).splitlines()) == 1
+    told.append(fine)
+print(json.dumps(told))
+"""
+
+
+def _in_a_child(script, *arguments):
+    """What a script prints last; an end by a signal is told with the last name that it wrote."""
+    done = subprocess.run(
+        [sys.executable, "-c", script, *arguments], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, (done.returncode, done.stderr[-500:])
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def _damaged(content, random):
+    """Bytes with one of five accidents."""
+    place = int(random.integers(len(content)))
+    noise = bytes(random.integers(0, 256, 8, dtype=np.uint8))
+    return [
+        content[:place],
+        content[:place] + bytes([content[place] ^ 1 << int(random.integers(8))]) + content[place + 1 :],
+        content[:place] + noise + content[place + 8 :],
+        content[:place] + content[place + 8 :],
+        content[:place] + noise + content[place:],
+    ][int(random.integers(5))]
+
+
+def test_hundreds_of_damaged_archives_give_the_matrix_or_one_line(tmp_path):
+    # checksums lie in these, so that another matrix is an error; in the text of Matrix Market none do
+    random = np.random.default_rng(1)
+    sound = []
+    for kind in ("csr", "csc", "coo", "bsr", "dia"):
+        for compressed in (False, True):
+            path = tmp_path / "sound.npz"
+            sparse.save_npz(path, sparse.csr_array(SYMMETRIC).asformat(kind), compressed=compressed)
+            sound.append(path.read_bytes())
+    np.savez(path, K=SYMMETRIC)
+    sound.append(path.read_bytes())
+    path.unlink()
+    for i in range(500):
+        (tmp_path / f"{i}.npz").write_bytes(_damaged(sound[i % len(sound)], random))
+    told = _in_a_child(DAMAGE, str(tmp_path), json.dumps(SYMMETRIC.tolist()))
+    assert told == [True] * 500
+
+
+def test_archives_with_sound_checksums_and_any_indices_do_not_end_the_process(tmp_path):
+    # every stored number is replaced by one of these, and written anew by numpy
+    wild = (-(2**31), -5, -1, 0, 1, 2, 3, 7, 10**8, 2**31 - 1)
+    random = np.random.default_rng(2)
+    for i in range(400):
+        kind = ("csr", "csc", "coo", "bsr", "dia")[i % 5]
+        path = tmp_path / f"{i}.npz"
+        sparse.save_npz(path, sparse.csr_array(SYMMETRIC).asformat(kind))
+        with np.load(path) as archive:
+            arrays = {name: np.array(archive[name]) for name in archive.files}
+        name = str(random.choice([name for name in arrays if name not in ("format", "data", "_is_array")]))
+        for _ in range(int(random.integers(1, 4))):
+            arrays[name][int(random.integers(arrays[name].size))] = random.choice(wild)
+        np.savez(path, **arrays)
+    script = DAMAGE.replace("bool((fi.read_matrix(path).toarray() == true).all())", "fi.read_matrix(path) is not None")
+    assert all(_in_a_child(script, str(tmp_path), "[]"))
+
+
+# ---- sparse matrices in memory --------------------------------------------------------------------
+
+MEMORY = """
+import json
+import numpy as np
+import scipy.sparse as sparse
+import femimpact as fi
+
+def spoilt(kind, attribute, place, value):
+    matrix = sparse.eye_array(6, format=kind)
+    stored = getattr(matrix, attribute)
+    (stored[0] if attribute == "coords" else stored)[place] = value
+    return matrix
+
+CASES = [(kind, name, place, value) for kind in ("csr", "csc", "bsr") for name in ("indices", "indptr")
+         for place in (0, 3, -1) for value in (-5, 7, 10**8)]
+CASES += [("coo", "coords", 2, value) for value in (-5, 7, 10**8)] + [("lil", "rows", 1, [10**8])]
+sound = np.eye(6)
+rows, told = {"tip": np.ones(6)}, []
+for case in CASES:
+    for given in (lambda bad: fi.System.from_matrices(bad, sound, sound, points=rows),
+                  lambda bad: fi.System.from_matrices(sound, sound, bad, points=rows),
+                  lambda bad: fi.System.from_matrices(
+                      sound, sound, sound, points=rows, nodes=[0, 1, 2], expansion=bad)):
+        print(case, file=__import__("sys").stderr, flush=True)
+        try:
+            given(spoilt(*case))
+            told.append(False)
+        except fi.InputError as error:
+            told.append(len(str(error).splitlines()) == 1)
+print(json.dumps(told))
+"""
+
+
+def test_bad_indices_of_a_sparse_matrix_are_an_input_error():
+    told = _in_a_child(MEMORY)
+    assert len(told) == 3 * 58
+    assert all(told)
+
+
+@pytest.mark.parametrize("made", [sparse.coo_array, sparse.dok_array])
+def test_a_sparse_matrix_of_a_billion_rows_is_refused_before_it_is_converted(made):
+    large = made((10**9, 10**9))
+    with pytest.raises(fi.InputError, match=r"M = .*must be a matrix of at most 1,000,000 rows"):
+        fi.System.from_matrices(large, large, large, points={"tip": [1.0]})
+    wide = sparse.coo_array((30_000, 30_000))
+    with pytest.raises(fi.InputError, match="must have at most 20,000 dofs"):
+        fi.System.from_matrices(wide, wide, wide, points={"tip": [1.0]})

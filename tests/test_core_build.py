@@ -1,0 +1,465 @@
+"""How the compiled core is built, packed and loaded, and in which words it is refused."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import tomllib
+import zipfile
+from email.parser import Parser
+from pathlib import Path
+
+import pytest
+
+from femimpact import core
+from femimpact.core import compilation, compilers
+from femimpact.core.binary import source_hash
+
+ROOT = Path(__file__).parents[1]
+CORE = ROOT / "femimpact" / "core"
+SOURCES = {path.relative_to(ROOT).as_posix() for path in CORE.rglob("*.[ch]pp")}
+BINARY = compilation._binary_name()
+
+ENVIRONMENT = {name: value for name, value in os.environ.items() if name not in ("FEMIMPACT_BUILD", "FEMIMPACT_CORE")}
+
+
+def ran(*command, cwd, **environment):
+    """A finished child process."""
+    return subprocess.run(
+        [sys.executable, *command], cwd=cwd, env=ENVIRONMENT | environment, capture_output=True, text=True
+    )
+
+
+@pytest.fixture(scope="session")
+def sdist(tmp_path_factory):
+    """A source distribution."""
+    pytest.importorskip("hatchling")
+    folder = tmp_path_factory.mktemp("sdist")
+    done = ran("-m", "hatchling", "build", "-t", "sdist", "-d", str(folder), cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    return next(folder.glob("*.tar.gz"))
+
+
+@pytest.fixture(scope="session")
+def unpacked(sdist, tmp_path_factory):
+    """A checkout from the sdist; with the binary of this one, so that nothing is compiled again."""
+    folder = tmp_path_factory.mktemp("unpacked")
+    with tarfile.open(sdist) as archive:
+        archive.extractall(folder, filter="data")
+    root = next(folder.iterdir())
+    if core.build_info()["kind"] == "release":
+        shutil.copy2(ROOT / "femimpact" / BINARY, root / "femimpact" / BINARY)
+    return root
+
+
+@pytest.fixture(scope="session")
+def wheel(unpacked, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wheel")
+    done = ran("-m", "pip", "wheel", "--no-build-isolation", "--no-deps", "-w", str(folder), ".", cwd=unpacked)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return next(folder.glob("*.whl"))
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    """What loads the core and its sources, in a place of its own."""
+    package = tmp_path / "femimpact"
+    shutil.copytree(CORE, package / "core", ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("__init__.py", "errors.py", BINARY):
+        shutil.copy2(ROOT / "femimpact" / name, package / name)
+    return tmp_path
+
+
+# ---- wheel and sdist ------------------------------------------------------------------------------
+
+
+def test_an_sdist_holds_every_source_and_no_binary(sdist):
+    with tarfile.open(sdist) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert names >= SOURCES | {
+        "femimpact/core/build.py",
+        "femimpact/core/compilation.py",
+        "femimpact/core/__init__.pyi",
+    }
+    assert [name for name in names if re.search(r"\.(so|pyd|dylib|o)\b", name)] == []
+
+
+def test_a_wheel_holds_the_binary_and_nothing_of_its_build(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+    assert f"femimpact/{BINARY}" in names
+    core_files = sorted(Path(name).name for name in names if name.startswith("femimpact/core/"))
+    assert core_files == ["__init__.py", "__init__.pyi", "binary.py"]
+    # all else of the package is there: what git ignores is left out of a wheel without a word
+    python = {path.relative_to(ROOT).as_posix() for path in (ROOT / "femimpact").rglob("*.py")}
+    assert python - set(names) == {f"femimpact/core/{name}.py" for name in ("build", "compilation", "compilers")}
+
+
+def test_a_wheel_is_for_this_platform_and_every_python(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        about = next(name for name in archive.namelist() if name.endswith(".dist-info/WHEEL"))
+        record = Parser().parsestr(archive.read(about).decode())
+    assert record["Root-Is-Purelib"] == "false"
+    assert record["Tag"] == compilation.wheel_tag()
+    assert wheel.name.endswith(f"-{compilation.wheel_tag()}.whl")
+    assert compilation.wheel_tag().startswith("cp311-abi3-")
+
+
+def test_the_binary_of_a_wheel_is_loaded_without_sources_beside_it(wheel, tmp_path):
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(tmp_path)
+    code = "import sys; sys.path.insert(0, ''); from femimpact import core; print(core.build_info()['sources'])"
+    done = ran("-I", "-c", code, cwd=tmp_path)
+    assert done.stdout.strip() == source_hash(), done.stderr
+
+
+@pytest.mark.parametrize("kind", ["checked", "sanitized", "fast"])
+def test_no_wheel_is_made_of_a_build_with_checks(unpacked, kind, tmp_path):
+    command = ("-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path))
+    done = ran(*command, cwd=unpacked, FEMIMPACT_BUILD=kind)
+    assert done.returncode != 0
+    # one line, no traceback
+    assert re.fullmatch(rf"femimpact: FEMIMPACT_BUILD = '{kind}': .*", done.stderr.strip())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_python_that_is_named_in_the_tag_is_the_lowest_that_is_allowed():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    lowest = project["requires-python"].removeprefix(">=").replace(".", "")
+    assert compilation.wheel_tag().startswith(f"cp{lowest}-")
+
+
+# ---- what is compiled, and by what ----------------------------------------------------------------
+
+
+def release():
+    """A compiler that is never called."""
+    return compilers.Compiler("gcc 12.2.0", ("c++",), ("c++",))
+
+
+def test_an_unchanged_build_is_skipped(checkout, monkeypatch):
+    lines = []
+    monkeypatch.setattr(compilation, "find_compiler", lambda kind: release())
+    key = compilation.build_key(checkout, release(), "release")
+    binary = checkout / "femimpact" / BINARY
+    binary.write_bytes(b"\x7fELF femimpact build key " + key.encode() + b"\0")
+    assert not compilation.build(checkout, "release", lines.append)
+    assert "up to date" in lines[0]
+    assert not compilation.needs_zig(checkout, "release")
+
+
+def test_sources_compiler_and_flags_each_make_another_build(checkout, monkeypatch):
+    monkeypatch.delenv("CXXFLAGS", raising=False)
+    keys = [compilation.build_key(checkout, release(), "release")]
+    assert compilation.build_key(checkout, release(), "release") == keys[0]
+    keys.append(compilation.build_key(checkout, release(), "checked"))
+    keys.append(compilation.build_key(checkout, compilers.Compiler("gcc 13.1.0", ("c++",), ("c++",)), "release"))
+    with monkeypatch.context() as changed:
+        changed.setenv("CXXFLAGS", "-g")
+        keys.append(compilation.build_key(checkout, release(), "release"))
+    header = checkout / "femimpact" / "core" / "kernels.hpp"
+    header.write_text(header.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    keys.append(compilation.build_key(checkout, release(), "release"))
+    assert len(set(keys)) == len(keys)
+
+
+def test_zig_is_the_same_wherever_it_lies(checkout):
+    # every build from pip has it in another temporary directory
+    places = [("/a/zig", "c++"), ("/b/zig", "c++"), ()]
+    keys = {compilation.build_key(checkout, compilers.Compiler("zig 0.17.1", at, at), "zig") for at in places}
+    assert len(keys) == 1
+
+
+def test_a_binary_that_is_in_use_stays_whole(checkout, monkeypatch):
+    def compiled(root, compiler, kind, key, directory):
+        path = Path(directory, BINARY)
+        path.write_bytes(b"new")
+        return path
+
+    monkeypatch.setattr(compilation, "find_compiler", lambda kind: release())
+    monkeypatch.setattr(compilation, "_compile", compiled)
+    binary = checkout / "femimpact" / BINARY
+    earlier = binary.read_bytes()
+    with binary.open("rb") as in_use:
+        assert compilation.build(checkout, "release", lambda line: None)
+        assert in_use.read() == earlier
+    assert binary.read_bytes() == b"new"
+    assert sorted(path.name for path in (checkout / "femimpact").glob("_core*")) == [BINARY]
+
+
+def test_a_build_that_fails_leaves_the_binary(checkout, monkeypatch):
+    def fails(*arguments):
+        raise compilers.CompilationError("the compiler failed")
+
+    monkeypatch.setattr(compilation, "find_compiler", lambda kind: release())
+    monkeypatch.setattr(compilation, "_compile", fails)
+    earlier = (checkout / "femimpact" / BINARY).read_bytes()
+    with pytest.raises(compilers.CompilationError):
+        compilation.build(checkout, "release", lambda line: None)
+    assert (checkout / "femimpact" / BINARY).read_bytes() == earlier
+
+
+def test_a_binary_that_cannot_be_written_is_one_line(checkout, monkeypatch):
+    def refuses(*arguments):
+        raise PermissionError(13, "Permission denied", str(checkout))
+
+    monkeypatch.setattr(compilation, "find_compiler", lambda kind: release())
+    monkeypatch.setattr(compilation, "_compile", lambda *arguments: checkout / "femimpact" / "errors.py")
+    monkeypatch.setattr(compilation.os, "replace", refuses)
+    with pytest.raises(compilers.CompilationError, match=r"^.*: cannot be written: Permission denied$"):
+        compilation.build(checkout, "release", lambda line: None)
+    assert sorted(path.name for path in (checkout / "femimpact").glob("_core*")) == [BINARY]
+
+
+def test_a_compiler_is_called_without_a_shell_in_a_directory_of_its_own(no_compiler, monkeypatch, tmp_path):
+    done = tmp_path / "done"
+    # words of a shell are arguments of the program, which is no compiler; what is left in its directory goes with it
+    monkeypatch.setenv("CXX", f'{sys.executable} -c \'open("done", "w")\' ; touch {done} $(touch {done})')
+    assert compilers.find_compiler("release").is_zig
+    assert not done.exists()
+    assert not Path("done").exists()
+
+
+def test_our_flags_come_after_those_of_the_environment(monkeypatch):
+    monkeypatch.setenv("CXXFLAGS", "-Ofast -ffp-contract=fast -fopenmp")
+    for compiler in (release(), compilers.Compiler("zig 0.17.1", ("zig", "c++"), ("zig", "cc"))):
+        flags = compilers.compile_flags(compiler, "release", "common")
+        assert flags[:3] == ["-Ofast", "-ffp-contract=fast", "-fopenmp"]
+        assert {"-O3", "-fno-fast-math", "-ffp-contract=off", "-fno-tree-vectorize"} <= set(flags[3:])
+        # what every processor runs is not made for the one that compiles
+        assert {"-march=x86-64", "-mcpu=baseline", "-fPIC"} & set(flags[3:])
+
+
+def test_the_pages_name_the_versions_that_the_build_asks_for():
+    text = "".join((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "CONTRIBUTING.md"))
+    (backend,) = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]["requires"]
+    assert set(re.findall(r"ziglang==[\d.]+", text)) == {compilation.zig_requirement()}
+    assert set(re.findall(r"hatchling>=[\d.,<]+", text)) == {backend}
+    assert f"zig {compilers.ZIG.rpartition('.')[0]} " in text
+
+
+@pytest.fixture
+def no_compiler(monkeypatch, tmp_path):
+    """A PATH without compilers, and no zig."""
+    for name in ("CC", "CXX"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(compilers.importlib.util, "find_spec", lambda name: None)
+
+
+def test_without_a_compiler_the_index_is_asked_for_zig(no_compiler, checkout):
+    assert compilers.find_compiler("release").is_zig
+    assert compilation.zig_requirement() == f"ziglang=={compilers.ZIG}"
+    (checkout / "femimpact" / BINARY).unlink()
+    assert compilation.needs_zig(checkout, "release")
+
+
+def test_with_neither_compiler_nor_zig_one_line_says_what_to_do(no_compiler, checkout):
+    (checkout / "femimpact" / BINARY).unlink()
+    with pytest.raises(compilers.CompilationError, match=r"^no compiler of C\+\+20 .* ziglang==.*isolation$"):
+        compilation.build(checkout, "release")
+
+
+def test_a_sanitized_build_takes_no_zig(no_compiler):
+    with pytest.raises(compilers.CompilationError, match="'sanitized': needs gcc or clang"):
+        compilers.find_compiler("sanitized")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a program that is a script of the shell")
+@pytest.mark.parametrize("variable", ["CXX", "CC", "PATH"])
+@pytest.mark.parametrize("status", [0, 1])
+def test_a_program_that_takes_no_new_language_is_passed_over(no_compiler, monkeypatch, tmp_path, variable, status):
+    old = tmp_path / "c++"
+    # one that ends well has compiled nothing either
+    old.write_text(f"#!/bin/sh\nexit {status}\n", encoding="utf-8")
+    old.chmod(0o755)
+    if variable != "PATH":
+        monkeypatch.setenv("PATH", "")
+        monkeypatch.setenv(variable, str(old))
+    assert compilers.find_compiler("release").is_zig
+
+
+def test_machines_without_a_target_are_one_line(monkeypatch):
+    monkeypatch.setattr(compilers.platform, "machine", lambda: "riscv64")
+    with pytest.raises(compilers.CompilationError, match=r"^the compiled core is made for .* not for 'riscv64'$"):
+        compilers.targets_here()
+
+
+def test_free_threaded_python_is_one_line(monkeypatch):
+    monkeypatch.setattr(sysconfig, "get_config_var", lambda name: int(name == "Py_GIL_DISABLED"))
+    with pytest.raises(compilers.CompilationError, match=r"^the compiled core .* free-threaded Python$"):
+        compilers.targets_here()
+
+
+def test_the_declarations_of_pythons_limited_api_are_pythons(tmp_path):
+    headers = Path(sysconfig.get_path("include"))
+    compiler = compilers.find_compiler("release")
+    if not (headers / "Python.h").is_file() or not compiler.command:
+        pytest.skip("Python.h or a compiler is missing")
+    source = tmp_path / "both.cpp"
+    # what is declared twice must be the same; layouts and numbers are asserted below the declarations
+    source.write_text('#include <Python.h>\n#include "limited_api.hpp"\n', encoding="utf-8")
+    flags = ["-std=c++20", "-DPy_LIMITED_API=0x030b0000", f"-I{headers}", f"-I{CORE}", "-fsyntax-only"]
+    compilers.run_compiler([*compiler.command, *flags, str(source)], str(tmp_path))
+
+
+def test_the_binary_needs_no_library_of_cpp():
+    binary = (ROOT / "femimpact" / BINARY).read_bytes()
+    assert b"PyInit__core" in binary
+    if core.build_info()["kind"] != "sanitized":
+        assert not any(name in binary for name in (b"libstdc++", b"libc++", b"libgcc_s"))
+
+
+# ---- what is loaded -------------------------------------------------------------------------------
+
+
+def test_the_core_says_what_it_was_made_of():
+    info = core.build_info()
+    assert info["sources"] == source_hash()
+    assert info["target"] in info["targets"] == compilers.targets_here()
+    assert re.fullmatch(r"(gcc|clang|zig) \d+\.\d+\.\d+", info["compiler"])
+    assert info["kind"] in ("release", "checked", "sanitized")
+
+
+def test_the_names_of_the_core_are_those_of_its_binary():
+    import femimpact._core as binary
+
+    functions = sorted(name for name in vars(binary) if not name.startswith("_"))
+    stub = (CORE / "__init__.pyi").read_text(encoding="utf-8")
+    assert sorted(core.__all__) == functions == sorted(re.findall(r"^def (\w+)", stub, re.MULTILINE))
+
+
+def test_the_binary_is_imported_in_one_place():
+    importing = re.compile(r"(import|from) .*\b_core\b|import_module\(.*\b_core\b")
+    found = [path.name for path in (ROOT / "femimpact").rglob("*.py") if importing.search(path.read_text("utf-8"))]
+    assert found == ["binary.py"]
+
+
+def test_importing_the_package_does_not_load_the_binary():
+    code = "import femimpact, femimpact.core, femimpact.integrators.event_driven, sys; print([*sys.modules])"
+    done = ran("-c", code, cwd=ROOT)
+    assert "femimpact.core" in done.stdout
+    assert "femimpact._core" not in done.stdout
+
+
+LOAD = """
+import sys
+sys.path.insert(0, "")
+from femimpact import core, errors
+try:
+    print(core.build_info()["target"])
+except errors.CoreError as error:
+    print("REFUSED", error)
+"""
+
+
+def test_a_core_that_is_missing_is_one_line_with_the_command(checkout):
+    (checkout / "femimpact" / BINARY).unlink()
+    done = ran("-I", "-c", LOAD, cwd=checkout)
+    command = re.escape(f"{sys.executable} -m pip install -e {checkout}")
+    assert re.fullmatch(f"REFUSED the compiled core is missing: run {command}\n", done.stdout), done.stderr
+
+
+def test_a_core_of_other_sources_is_one_line_with_the_command(checkout):
+    with (checkout / "femimpact" / "core" / "kernels.cpp").open("a", encoding="utf-8") as source:
+        source.write("// changed\n")
+    done = ran("-I", "-c", LOAD, cwd=checkout)
+    command = re.escape(f"{sys.executable} -m pip install -e {checkout}")
+    assert re.fullmatch(f"REFUSED the compiled core was not built from .*: run {command}\n", done.stdout), done.stderr
+
+
+def test_a_core_that_is_no_library_is_one_line(checkout):
+    (checkout / "femimpact" / BINARY).write_bytes(b"nothing")
+    done = ran("-I", "-c", LOAD, cwd=checkout)
+    assert re.fullmatch("REFUSED the compiled core cannot be loaded: .*\n", done.stdout), done.stderr
+
+
+def level():
+    """The highest x86-64-vN by what the kernel of Linux says of the processor."""
+    wanted = {
+        2: "cx16 lahf_lm popcnt sse4_1 sse4_2 ssse3",
+        3: "abm avx avx2 bmi1 bmi2 f16c fma movbe",
+        4: "avx512f avx512bw avx512cd avx512dq avx512vl",
+    }
+    flags = set(re.search(r"^flags\s*: (.*)$", Path("/proc/cpuinfo").read_text("utf-8"), re.MULTILINE)[1].split())
+    found = 1
+    for number, names in wanted.items():
+        if not set(names.split()) <= flags:
+            break
+        found = number
+    return found
+
+
+of_x86 = pytest.mark.skipif(compilers.targets_here()[0] != "v2", reason="x86-64 alone has several targets")
+
+
+@of_x86
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc/cpuinfo")
+def test_the_highest_target_of_the_processor_is_taken():
+    assert ran("-c", LOAD, cwd=ROOT).stdout.strip() == f"v{level()}"
+
+
+@of_x86
+@pytest.mark.parametrize("target", ["v2", "v3", "v4"])
+def test_a_target_can_be_chosen(target):
+    done = ran("-c", LOAD, cwd=ROOT, FEMIMPACT_CORE=target)
+    # by what the library itself takes: another processor has fewer
+    if int(target[1]) <= int(ran("-c", LOAD, cwd=ROOT).stdout.strip()[1]):
+        assert done.stdout == f"{target}\n"
+    else:
+        assert f"REFUSED the compiled core cannot be loaded: FEMIMPACT_CORE = '{target}': this processor" in done.stdout
+
+
+@of_x86
+@pytest.mark.parametrize(
+    ("processor", "asked", "taken"), [(2, "", "v2"), (3, "", "v3"), (4, "", "v4"), (4, "v2", "v2"), (3, "v3", "v3")]
+)
+def test_each_processor_has_its_target(processor, asked, taken):
+    assert core.choose_target(processor, asked) == taken
+
+
+@of_x86
+@pytest.mark.parametrize(
+    ("processor", "asked", "words"),
+    [
+        (1, "", "this processor lacks x86-64-v2"),
+        (1, "v2", "this processor lacks x86-64-v2"),
+        (2, "v3", "FEMIMPACT_CORE = 'v3': this processor has no x86-64-v3"),
+        (3, "v4", "FEMIMPACT_CORE = 'v4': this processor has no x86-64-v4"),
+        (4, "v5", "FEMIMPACT_CORE = 'v5': must be one of v2, v3, v4"),
+        (4, "v" * 1000, "must be one of v2, v3, v4"),
+        (4, "é" * 1000, "must be one of v2, v3, v4"),
+    ],
+)
+def test_a_target_that_a_processor_lacks_is_one_line(processor, asked, words):
+    with pytest.raises(ImportError, match=words) as refused:
+        core.choose_target(processor, asked)
+    assert len(str(refused.value)) < 200
+    assert "\n" not in str(refused.value)
+
+
+def test_the_command_line_refuses_in_one_line(tmp_path):
+    assert ran("-m", "femimpact", "init", "study.toml", cwd=tmp_path, PYTHONPATH=str(ROOT)).returncode == 0
+    for command in (["check", "study.toml"], ["run", "study.toml"]):
+        done = ran("-m", "femimpact", *command, cwd=tmp_path, PYTHONPATH=str(ROOT), FEMIMPACT_CORE="v9")
+        assert done.returncode == 2
+        assert re.fullmatch(r"femimpact: .*FEMIMPACT_CORE = 'v9': must be one of .*\n", done.stderr)
+        assert not (tmp_path / "study-results").exists()
+
+
+def test_the_version_names_target_compiler_and_sources(tmp_path):
+    done = ran("-m", "femimpact", "--version", cwd=tmp_path, PYTHONPATH=str(ROOT))
+    info = core.build_info()
+    version, line = done.stdout.splitlines()
+    assert version == tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    assert info["compiler"] in line
+    assert info["sources"][:12] in line
+    # also where it is what is at fault
+    done = ran("-m", "femimpact", "--version", cwd=tmp_path, PYTHONPATH=str(ROOT), FEMIMPACT_CORE="v9")
+    assert done.returncode == 0
+    assert "must be one of" in done.stdout.splitlines()[1]

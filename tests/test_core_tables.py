@@ -1,0 +1,220 @@
+"""Arrays that Python hands to the core: names, types and shapes are the same on both sides, wrong ones are refused."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from builders import REFERENCE, reduced, with_ball
+
+import femimpact as fi
+from femimpact import core
+from femimpact.contact import formulas
+from femimpact.integrators.event_driven import block, loop_data
+from femimpact.response import columns
+
+TYPES = {
+    "Array": "float64", "Complex": "complex128", "Indices": "int64", "NDArray[np.bool_]": "bool",
+    "int": "int", "float": "float", "bool": "bool number",
+}  # fmt: skip
+
+HANDED = {"task": loop_data.Task, "job": loop_data.Job, "ledger": loop_data.Ledger}
+
+
+def fields_of(noun, prefix):
+    """Names, types and number of axes of a named tuple and those within it, as its source says them."""
+    tree = ast.parse(inspect.getsource(inspect.getmodule(noun)))
+    lines = inspect.getsource(inspect.getmodule(noun)).splitlines()
+    body = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == noun.__name__).body
+    for item in body:
+        if not isinstance(item, ast.AnnAssign):
+            continue
+        name, kind = f"{prefix}.{item.target.id}", ast.unparse(item.annotation)
+        inner = getattr(loop_data, kind, None)
+        if inspect.isclass(inner) and issubclass(inner, tuple):
+            yield from fields_of(inner, name)
+            continue
+        shape = re.search(r"# \(([^)]*)\)", lines[item.lineno - 1])
+        axes = len([axis for axis in shape[1].split(",") if axis.strip()]) if shape else 0
+        yield name, TYPES[kind], axes
+
+
+def rows_of(name):
+    """The same of the core."""
+    for path, kind, shape, _ in core.tables():
+        if path.partition(".")[0] == name:
+            yield path, "bool number" if kind == "bool" and not shape else kind, len(shape.split())
+
+
+@pytest.mark.parametrize("name", HANDED)
+def test_names_types_and_axes_are_those_of_the_core(name):
+    assert list(fields_of(HANDED[name], name)) == list(rows_of(name))
+
+
+def test_rows_of_tables_have_the_same_order_on_both_sides():
+    text = (Path(fi.__file__).parent / "core" / "event_driven" / "loop_data.hpp").read_text(encoding="utf-8")
+    for names in (
+        "ENTERED, ENTERING, STARTED, RESUMED, STARTING",
+        "BEGUN, TOUCH_SPEED, PUSHED, LARGEST_FORCE, LASTED, LOST",
+    ):
+        assert names in text
+        assert [getattr(loop_data, name) for name in names.split(", ")] == list(range(len(names.split(", "))))
+    totals = re.search(r"enum : Index \{ (COUNT, [A-Z_, ]+) \}", text)[1].split(", ")
+    assert [getattr(columns, name) for name in totals] == list(range(6))
+
+
+# ---- what is refused -------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def call(monkeypatch):
+    """Arguments of the first call that a run makes."""
+    kept = []
+
+    class KeptError(Exception):
+        pass
+
+    def keep(*arguments):
+        kept.append(arguments)
+        raise KeptError
+
+    monkeypatch.setattr(block.core, "run_cases", keep, raising=False)
+    system = reduced(with_ball(REFERENCE, contact=fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)), 4)
+    record = fi.Recorder(("tip", "ball"), snapshots=7)
+    with pytest.raises(KeptError):
+        fi.integrate(system, fi.Sine(1e-4, 5.0), fi.EventDriven(), 1.0, record)
+    monkeypatch.undo()
+    return kept[0]
+
+
+def places(values, path=()):
+    for i, value in enumerate(values):
+        if isinstance(value, tuple):
+            yield from places(value, (*path, i))
+        else:
+            yield (*path, i), value
+
+
+def put(values, path, value):
+    """A copy of nested tuples with another value at a place."""
+    first, *rest = path
+    own = list(values)
+    own[first] = put(own[first], rest, value) if rest else value
+    return tuple(own)
+
+
+SPOILT = {
+    "another type": lambda a: np.zeros(a.shape, np.float32),
+    "one axis more": lambda a: a[None],
+    "one item more": lambda a: np.concatenate([a, a[:1]]) if a.shape[0] else np.zeros((1, *a.shape[1:]), a.dtype),
+    "strided": lambda a: np.stack([a, a], axis=-1)[..., 0],
+    "no array": lambda a: a.tolist(),
+    "none": lambda a: None,
+    "text": lambda a: "array",
+}
+
+
+FREE = {
+    "members", "knots", "kept", "shown", "fields", "forces", "impacts", "sticking", "values", "cycles", "energy",
+    "samples",
+}  # fmt: skip
+"""Arrays whose first length is their own."""
+
+
+@pytest.mark.parametrize("how", SPOILT)
+def test_every_array_that_is_spoilt_is_refused(call, how):
+    names, count = names_of(call), 0
+    for path, value in places(call):
+        if not isinstance(value, np.ndarray):
+            continue
+        name = names[path]
+        spoilt = SPOILT[how](value)
+        same = isinstance(spoilt, np.ndarray) and spoilt.flags.c_contiguous and spoilt.dtype == value.dtype
+        if same and (how != "one item more" or name in FREE or value.size == 0) and spoilt.ndim == value.ndim:
+            # a length of its own, or still contiguous: nothing is wrong with it
+            continue
+        with pytest.raises((TypeError, ValueError)) as refusal:
+            core.run_cases(*put(call, path, spoilt))
+        assert "\n" not in str(refusal.value)
+        count += 1
+    assert count > 90
+
+
+def names_of(call):
+    """Name of the field at every place."""
+
+    def walk(values, path=()):
+        for i, (value, name) in enumerate(zip(values, values._fields, strict=True)):
+            if isinstance(value, tuple):
+                yield from walk(value, (*path, i))
+            else:
+                yield (*path, i), name
+
+    return {(k, *path): name for k, one in enumerate(call) if one is not None for path, name in walk(one)}
+
+
+def test_what_is_only_read_may_be_read_only_and_what_is_written_may_not(call):
+    writable = [row[3] for row in core.tables()]
+    names = [row[0] for row in core.tables()]
+    order = [*(n for n in names if n.startswith("task.")), *(n for n in names if n.startswith("job."))]
+    order += [n for n in names if n.startswith("ledger.")]
+    flags = dict(zip(names, writable, strict=True))
+    refused = 0
+    for (path, value), name in zip(places(call), order, strict=True):
+        if not isinstance(value, np.ndarray):
+            continue
+        frozen = value.copy()
+        frozen.setflags(write=False)
+        if flags[name]:
+            with pytest.raises(ValueError, match="read-only"):
+                core.run_cases(*put(call, path, frozen))
+            refused += 1
+    assert refused > 50
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 4])
+def test_another_number_of_arguments_is_refused(call, count):
+    with pytest.raises(TypeError, match="takes 3 arguments"):
+        core.run_cases(*[*call, *call][:count])
+
+
+def test_a_tuple_too_short_or_too_long_is_refused(call):
+    task, job, ledger = call
+    for wrong in (tuple(job)[:-1], (*job, 1.0), [*job]):
+        with pytest.raises(TypeError):
+            core.run_cases(task, wrong, ledger)
+
+
+def test_numbers_of_cases_and_rows_stay_within_their_arrays(call):
+    task, job, ledger = call
+    for members in ([1], [-1]):
+        with pytest.raises(ValueError, match="members"):
+            core.run_cases(task._replace(members=np.array(members)), job, ledger)
+    for per_cycle in (0.0, np.nan, 1e9):
+        with pytest.raises(ValueError, match="per_cycle"):
+            core.run_cases(task, job._replace(grid=job.grid._replace(per_cycle=per_cycle)), ledger)
+    for name, value in (("interval", 0.0), ("interval", np.nan), ("cycle", -1)):
+        wrong = np.full_like(getattr(job.grid, name), value)
+        with pytest.raises(ValueError, match=rf"grid\.{name}"):
+            core.run_cases(task, job._replace(grid=job.grid._replace(**{name: wrong})), ledger)
+    for name, value in (("hit", 7.0), ("hit", np.nan), ("entering", 99), ("form", 99)):
+        wrong = np.full_like(getattr(job.cases, name), value)
+        with pytest.raises(ValueError, match=rf"cases\.{name}"):
+            core.run_cases(task, job._replace(cases=job.cases._replace(**{name: wrong})), ledger)
+    with pytest.raises(ValueError, match="made"):
+        core.run_cases(task, job._replace(forms=job.forms._replace(made=99)), ledger)
+
+
+# ---- formulas that stand on both sides until stepping is in the core ---------------------------------
+
+
+def test_contact_formulas_are_those_of_python_bit_for_bit():
+    rng = np.random.default_rng(5)
+    for depth, rate, stiffness, damping in rng.normal(size=(2000, 4)) * 10.0 ** rng.uniform(-9, 9, (2000, 4)):
+        force = core.kelvin_voigt_force(depth, rate, stiffness, damping)
+        assert force == formulas.kelvin_voigt_force(depth, rate, stiffness, damping)
+        assert core.spring_potential(depth, stiffness) == formulas.spring_potential(depth, stiffness)

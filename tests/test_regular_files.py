@@ -1,0 +1,132 @@
+"""Files that are read are regular ones of known size: no pipe is waited for, no device fills the memory."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+
+import pytest
+from builders import NO_PICTURES, short_study
+
+from femimpact.export.tables import read_csv
+from femimpact.regular_file import check_regular, open_regular, read_regular
+from femimpact.study.demo import paper_study_text
+from femimpact.study.run import run_study
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes on this system")
+
+READERS = {".csv": "RecordedBase.from_csv", ".toml": "load_study", ".msh": "read_mesh"} | dict.fromkeys(
+    (".mtx", ".mtx.gz", ".npz"), "read_matrix"
+)
+"""By the suffix of the file that each function takes."""
+
+SCRIPT = """
+import operator, sys
+import femimpact as fi
+for name, path in zip(sys.argv[1::2], sys.argv[2::2]):
+    try:
+        operator.attrgetter(name)(fi)(path)
+        print("read")
+    except fi.InputError as error:
+        print(error)
+"""
+
+
+def _told(*calls):
+    """Lines of the input errors of functions of a path, in a process of its own, which is ended after a minute."""
+    arguments = [str(part) for call in calls for part in call]
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, *arguments], capture_output=True, text=True, timeout=60, check=True
+    )
+    return done.stdout.splitlines()
+
+
+@pytest.mark.parametrize("kind", ["a pipe", "a device", "a directory", "a socket"])
+def test_what_is_no_regular_file_is_refused_at_once(tmp_path, monkeypatch, kind):
+    monkeypatch.chdir(tmp_path)
+    paths = {suffix: tmp_path / f"given{suffix}" for suffix in READERS}
+    for path in paths.values():
+        if kind == "a pipe":
+            os.mkfifo(path)
+        elif kind == "a device":
+            path.symlink_to("/dev/zero")
+        elif kind == "a directory":
+            path.mkdir()
+        else:
+            # by a short name: that of a socket has its limit
+            with socket.socket(socket.AF_UNIX) as made:
+                made.bind(path.name)
+    lines = _told(*((READERS[suffix], path) for suffix, path in paths.items()))
+    assert len(lines) == len(paths)
+    for line, path in zip(lines, paths.values(), strict=True):
+        assert f"is {kind}, no regular file" in line
+        assert path.name in line
+
+
+def test_a_record_of_a_study_that_is_a_pipe_or_a_device_is_one_line(tmp_path):
+    os.mkfifo(tmp_path / "pipe.csv")
+    for record, kind in (("pipe.csv", "a pipe"), ("/dev/zero", "a device")):
+        text = paper_study_text()
+        begin, end = text.index("[base]"), text.index("[method]")
+        study = tmp_path / "study.toml"
+        study.write_text(f'{text[:begin]}[base]\nrecord = "{record}"\n{text[end : text.index("[sweep]")]}')
+        (line,) = _told(("load_study", study))
+        assert f"is {kind}, no regular file" in line
+        assert line.startswith(f"base.record = '{tmp_path / record}'")
+
+
+@pytest.mark.impacts
+def test_results_with_a_pipe_in_the_place_of_a_file_are_one_line(tmp_path):
+    run_study(short_study(1.0, **NO_PICTURES), tmp_path / "out")
+    names = ("modes.csv", "impacts.csv", "sticking.csv", "sweep.nc", "history.nc", "impacts.nc", "summary.json")
+    for name in names:
+        results = shutil.copytree(tmp_path / "out", tmp_path / name)
+        (results / name).unlink(missing_ok=True)
+        os.mkfifo(results / name)
+    lines = _told(*(("load", tmp_path / name) for name in names))
+    assert len(lines) == len(names)
+    assert all(str(tmp_path / name) in line for line, name in zip(lines, names, strict=True))
+    assert all("is a pipe, no regular file" in line for line in lines[:-1])
+
+
+def test_a_table_that_is_a_pipe_is_an_error(tmp_path):
+    os.mkfifo(tmp_path / "a.csv")
+    with pytest.raises(OSError, match="is a pipe, no regular file"):
+        read_csv(tmp_path / "a.csv")
+
+
+def test_a_regular_file_is_opened_and_read_up_to_a_size(tmp_path):
+    path = tmp_path / "a"
+    path.write_bytes(b"abc")
+    (tmp_path / "link").symlink_to(path)
+    check_regular(tmp_path / "link", 3)
+    with open_regular(path) as file:
+        assert file.read() == b"abc"
+    assert read_regular(path, 3) == b"abc"
+    for refuses in (check_regular, open_regular, read_regular):
+        with pytest.raises(OSError, match="has 3 bytes, of which at most 2 are read"):
+            refuses(path, 2)
+        with pytest.raises(FileNotFoundError):
+            refuses(tmp_path / "b", 2)
+        with pytest.raises(OSError, match="no path of a file"):
+            refuses("a\0b", 2)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/maps"), reason="no files of the system that state no size")
+def test_a_file_that_states_no_size_is_read_up_to_that_size():
+    with pytest.raises(OSError, match="of which at most 10 are read"):
+        read_regular("/proc/self/maps", 10)
+
+
+def test_a_large_file_is_refused_without_being_read(tmp_path):
+    # a sparse file takes no place on the disk, and its zeros would be text
+    paths = {suffix: tmp_path / f"large{suffix}" for suffix in READERS}
+    for path in paths.values():
+        with path.open("wb") as file:
+            file.truncate(10**11)
+    lines = _told(*((READERS[suffix], path) for suffix, path in paths.items()))
+    assert len(lines) == len(paths)
+    assert all("has 100,000,000,000 bytes, of which at most" in line for line in lines)
