@@ -150,9 +150,6 @@ def holds(kept: object, given: object, metadata: dict[str, object]) -> bool:
         return kept == tuple(given)
     if isinstance(given, dict):
         return kept == given or "points" in str(kept) or "root" in kept
-    if isinstance(kept, tuple) and kept and all(isinstance(entry, str) for entry in kept):
-        # no words are those by default
-        return isinstance(given, np.ndarray) and given.size == 0
     # one number may stand for a row of one
     row = np.atleast_1d(np.asarray(kept, dtype=float))
     return np.array_equal(row, np.atleast_1d(np.asarray(given, dtype=float)), equal_nan=True)

@@ -29,6 +29,8 @@ SUPPORT_MARKS: dict[str, tuple[Any, float, str]] = {
 """Marker, its size in points, and its label."""
 STOP_AT = 1.13
 """Height of the mark of a stop, whose point is towards the beam."""
+SYSTEM: Any = having("a System", ("nodes", "contacts", "total_mass", "position_of", "deflection_rows"))
+"""What a study has left of one will do."""
 MOST = 4
 """Modes that are drawn."""
 MOST_POINTS = 100_000
@@ -36,9 +38,7 @@ MOST_POINTS = 100_000
 
 
 @takes(
-    # what was read from files has these, too
-    system=having("a System", ("nodes", "contacts", "total_mass", "position_of", "deflection_rows")),
-    modes=instance(Modes), points=quantity("1", at_least=2, at_most=MOST_POINTS, integer=True),
+    system=SYSTEM, modes=instance(Modes), points=quantity("1", at_least=2, at_most=MOST_POINTS, integer=True),
     structure=optional(instance(Structure)),
 )  # fmt: skip
 def mode_shapes(
@@ -73,11 +73,12 @@ def mode_shapes(
         If the system has no beam to draw a shape of, the modes are of another one, or an argument is out of range.
     """
     require(system.nodes.size > 1, "system.nodes", system.nodes.size, "", "must be 2 or more: a shape needs a beam")
-    require_modes_of(system, modes)
     count = min(modes.natural_frequency.size, MOST)
-    axes = panels(figure, 8.0, 1.55 * count + 0.6, count, 1, sharex=True)[:, 0]
     x = np.linspace(0.0, float(system.nodes[-1]), points)
-    shapes = system.deflection_rows(x) @ modes.vectors[:, :count]
+    rows = system.deflection_rows(x)
+    require_modes_of(rows.shape[1], modes)
+    axes = panels(figure, 8.0, 1.55 * count + 0.6, count, 1, sharex=True)[:, 0]
+    shapes = rows @ modes.vectors[:, :count]
     for i, axis in enumerate(axes):
         largest = np.abs(shapes[:, i]).max()
         axis.axhline(0.0, color=GREY, linewidth=0.8)

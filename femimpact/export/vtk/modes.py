@@ -44,7 +44,7 @@ class _Shapes:
         allowed = quantity("cells", at_least=1, integer=True)
         subdivisions = checked("subdivisions", subdivisions, allowed)
         height = 0.1 * structure.beam.length if scale is None else checked("scale", scale, SCALE)
-        require_modes_of(system, modes)
+        require_modes_of(system.dofs, modes)
         self.modes, self.height = modes, height
         self.scene = build_whole_scene(structure, system, 1.0, subdivisions)
         self.fields = beam_fields(self.scene, structure, system)
