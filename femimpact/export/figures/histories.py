@@ -206,9 +206,11 @@ def cycle_averaged_force(response: Response) -> tuple[Array, Array]:
     """
     period, impacts, sticking = 1.0 / response.base.frequency, response.impacts, response.sticking
     edges = period * np.arange(int(response.window[1] / period + 1e-9) + 1, dtype=float)
-    impulse = (
-        np.histogram(impacts.time, bins=edges, weights=np.abs(impacts.impulse))[0] if edges.size > 1 else edges[1:]
-    )
+    # a method with steps has the impulse of a sticking phase in both tables
+    phases = set(zip(sticking.start.tolist(), sticking.impulse.tolist(), strict=True))
+    pairs = zip(impacts.time.tolist(), impacts.impulse.tolist(), strict=True)
+    own = np.where([pair in phases for pair in pairs], 0.0, np.abs(impacts.impulse))
+    impulse = np.histogram(impacts.time, bins=edges, weights=own)[0] if edges.size > 1 else edges[1:]
     for start, end, force in zip(sticking.start, sticking.end, sticking.mean_force, strict=True):
         last = edges[-1] if np.isnan(end) else end
         shared = np.minimum(edges[1:], last) - np.maximum(edges[:-1], start)

@@ -145,8 +145,8 @@ def sticking_of(block: Block, system: System) -> StickingPhases:
         side=_own(side),
         start=_own(start),
         end=_own(end),
-        impulse=_own(side * impulse),
-        mean_force=_own(side * impulse / duration),
+        impulse=_own(impulse),
+        mean_force=_own(impulse / duration),
     )
 
 
