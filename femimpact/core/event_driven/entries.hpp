@@ -66,8 +66,15 @@ inline const char *fault_of(const Task &task, const Job &job, const Ledger *ledg
     for (Index i = 0; i < task.members.size(); i++)
         if (task.members(i) < 0 || task.members(i) >= cases)
             return "task.members: must be numbers of cases";
+    // losses are summed of the structure's coordinates only
+    if (ledger != nullptr)
+        for (Index i = ledger->loss_of_mode.shape[1]; i < ledger->damping.size(); i++)
+            if (ledger->damping(i) != 0.0)
+                return "ledger.damping: must be zero for balls";
     for (Index c = 0; c < cases; c++) {
-        const Index samples = task.end(c) - task.begin(c);
+        const Index samples = task.end(c) - task.begin(c), last = larger(job.cases.sample(c), task.begin(c));
+        if (grid.cycle(c) < grid.cycles.shape[1] && cycle_begin(grid.cycle(c), c, grid) + grid.per_cycle < double(last))
+            return "grid.origin: the cycle that goes on must not have ended before the first sample";
         if (ledger != nullptr && grid.energy.shape[1] > 0 && samples > grid.kept.size())
             return "grid.kept: must have a row number for each sample";
         if (job.snapshots.shown.size() > 0 && samples > job.snapshots.shown.size())
