@@ -129,24 +129,16 @@ inline PyObject *next_event_entry(const femimpact_kernels &kernels, PyObject *co
     return PyLong_FromLongLong(status);
 }
 
-// handed_over(): names of the structs with their tables
-inline PyObject *tables_of_entries() {
-    PyObject *list = PyList_New(0);
-    if (list == nullptr)
-        return nullptr;
+// Lists the tables of all that these functions are handed.
+inline void list_tables(ToList &rows) {
     Task task;
     Job job;
     Ledger ledger;
     SearchCall search_call;
-    ToList rows(list);
     rows.group("task", task);
     rows.group("job", job);
     rows.group("ledger", ledger);
     rows.group("search_call", search_call);
-    if (!rows.failed())
-        return list;
-    Py_DecRef(list);
-    return nullptr;
 }
 
 } // namespace FEMIMPACT_TARGET

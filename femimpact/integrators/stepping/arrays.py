@@ -51,16 +51,16 @@ class Inputs:
     beginning: Beginning = field(default_factory=Beginning)
 
 
-def empty_record(dofs: int) -> layout.Record:
+def empty_record(dofs: int, pairs: int) -> layout.Record:
     """A record that keeps nothing."""
     return layout.Record(
         used=np.zeros((0, 4), dtype=np.int64),
         rows=np.zeros((0, 2, dofs)),
-        pair_rows=np.zeros((0, 4, 0)),
+        pair_rows=np.zeros((0, 4, pairs)),
         channels=np.zeros((0, 0)),
         energy=np.zeros((0, len(ENERGY_COLUMNS))),
-        fields=np.zeros((0, 2, 0)),
-        forces=np.zeros((0, 0)),
+        snapshots=np.zeros((0, 2, dofs + pairs)),
+        forces=np.zeros((0, pairs)),
         impacts=np.zeros((0, len(IMPACT_COLUMNS))),
         stride=np.ones(4, dtype=np.int64),
         tally=np.zeros(4, dtype=np.int64),
@@ -92,6 +92,7 @@ def pairs_of(system: System, operator: layout.Operator, drive: Drive, lanes: int
         address=np.array([0 if force is None else address_of(force) for force in forces], dtype=np.int64),
         constants=_placed(constants, 10),
         obstacles=np.array(obstacles, dtype=np.int64),
+        refused=np.zeros((len(contacts), 3)),
     )
 
 
@@ -137,7 +138,7 @@ def motion_of(
     ) - inside * constants[layout.MOBILITY]
     load = operator.rows[pairs.row].T @ inside + np.outer(operator.drive_load, drive[layout.BASE])
     load += np.asarray(system.constant_load)[:, None] - (system.C @ v + system.K @ q)
-    ledger = np.zeros((9, lanes))
+    ledger = np.zeros((8, lanes))
     ledger[layout.LOAD_BEFORE] = operator.drive_load @ q
     ledger[layout.HELD] = np.asarray(system.constant_load) @ q
     redo = method.refine > 1

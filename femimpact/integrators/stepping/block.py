@@ -9,12 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.integrators.compiled.packs import WIDTH
+from femimpact import core
 from femimpact.integrators.driving import drive_of
-from femimpact.integrators.stepping import layout, loop
+from femimpact.integrators.stepping import layout
 from femimpact.integrators.stepping.arrays import Inputs, cycles_of, empty_record, limits_of, motion_of, pairs_of
 from femimpact.integrators.stepping.continued import Beginning, go_on
-from femimpact.integrators.stepping.entries import write_energy
 from femimpact.integrators.stepping.operators import operator_of
 from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
 from femimpact.integrators.threads import Progress
@@ -49,6 +48,12 @@ class Block:
     limit: Array
     diverged: Array
 
+    def handed(self) -> layout.Stepped:
+        """The block as functions of the core take it, with scratch space of this call."""
+        scratch = np.zeros((6, len(self.pairs.row))), np.zeros(len(ENERGY_COLUMNS))
+        cases = layout.Cases(self.pairs, self.motion, self.cycles, self.record, *scratch)
+        return layout.Stepped(self.operator, self.scheme, cases, self.ledger)
+
     @property
     def cycle_statistics(self) -> CycleStatistics:
         """Statistics of every base cycle of the real cases that was finished since the beginning."""
@@ -59,7 +64,7 @@ class Block:
 
 def _lanes(cases: int) -> int:
     """Width of the case axis: one alone, else whole packs."""
-    return 1 if cases == 1 else WIDTH * math.ceil(cases / WIDTH)
+    return 1 if cases == 1 else layout.WIDTH * math.ceil(cases / layout.WIDTH)
 
 
 def prepare(
@@ -105,7 +110,7 @@ def prepare(
     if method.refine > 1:
         fine_scheme = scheme_of(method, method.dt / method.refine)
         fine = layout.Fine(method.refine, operator_of(system, fine_scheme, observed, drives[0].load), fine_scheme)
-    kept = record or empty_record(system.dofs)
+    kept = record or empty_record(system.dofs, len(system.contacts))
     pairs = pairs_of(system, operator, drives[0], lanes)
     # only a history has losses mode by mode; in a sweep a case alone is summed as beside others
     modal = ledger and record is not None and lanes == 1 and not operator.banded
@@ -129,11 +134,7 @@ def prepare(
         diverged=np.full(lanes, np.inf),
     )
     if ledger:
-        # a row of its own: strided, it would have the same code compiled once more
-        energy = np.zeros(len(ENERGY_COLUMNS))
-        for c in range(lanes):
-            write_energy(c, operator, pairs, motion, energy)
-            cycles.energy[0, :, c] = energy
+        core.write_energies(block.handed())
     return block
 
 
@@ -149,15 +150,7 @@ def run_block(block: Block, progress: Progress | None = None, stop: threading.Ev
         Ends the run early once set.
     """
     lanes, dofs = block.motion.q.shape[1], block.motion.q.shape[0]
-    cases = layout.Cases(
-        pairs=block.pairs,
-        motion=block.motion,
-        cycles=block.cycles,
-        record=block.record,
-        pair_scratch=np.zeros((6, max(len(block.pairs.row), 1))),
-        energy_scratch=np.zeros(len(ENERGY_COLUMNS)),
-    )
-    physical = True if block.operator.banded else None
+    handed = block.handed()
     piece = max(1000, STEPS_BETWEEN_CHECKS // (lanes * dofs))
     done = 0
     while done < block.steps:
@@ -165,7 +158,7 @@ def run_block(block: Block, progress: Progress | None = None, stop: threading.Ev
             return
         # pieces end where cases end, so that what comes after does not count
         steps = min(piece, int(block.ends[block.ends > done].min()) - done)
-        loop.advance(steps, block.operator, block.scheme, block.fine, cases, block.ledger, physical)
+        core.advance(steps, handed, block.fine)
         done += steps
         with np.errstate(invalid="ignore"):
             out = ~(np.abs(block.motion.w[0]) <= block.limit) & np.isinf(block.diverged)

@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from femimpact import core
 from femimpact.contact.formulas import RIGID
 from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation
@@ -16,7 +17,6 @@ from femimpact.integrators.channel_rows import channel_rows, reaction_notes
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.stepping.block import Block, Inputs, prepare, run_block
 from femimpact.integrators.stepping.continued import beginning_of, final_state
-from femimpact.integrators.stepping.entries import keep
 from femimpact.integrators.stepping.largest import find_largest
 from femimpact.integrators.stepping.reading import Recorded, history_of, impacts_of, open_contacts, sticking_of
 from femimpact.integrators.stepping.record import check_recorder, piece_ends, record_of
@@ -108,8 +108,8 @@ def divergence_message(frequency: float, time: float, method: SteppingMethod) ->
 
 def _keep_first(block: Block) -> None:
     """Keep the state at the start where it is asked for."""
-    if block.record.channels.shape[0] + block.record.fields.shape[0] > 0:
-        keep(block.beginning.step, block.operator, block.pairs, block.motion, block.record, block.ledger)
+    if block.record.channels.shape[0] + block.record.snapshots.shape[0] > 0:
+        core.keep_present(block.handed())
 
 
 def _run(
