@@ -12,9 +12,9 @@ import scipy.linalg
 import scipy.sparse.linalg
 from numpy.typing import NDArray
 
+from femimpact.contact.callback import ForcePointer, force_pointer
 from femimpact.contact.formulas import KELVIN_VOIGT, RIGID, SWITCHING_SPRING, kelvin_voigt_force, power_force
 from femimpact.excitation import Excitation
-from femimpact.integrators.compiled.custom import address_of
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.stepping import layout
 from femimpact.integrators.stepping.continued import Beginning, resume_contacts
@@ -23,7 +23,7 @@ from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COL
 from femimpact.system.state import ROUNDED, State
 from femimpact.system.system import System
 
-__all__ = ["Inputs", "cycles_of", "empty_record", "limits_of", "motion_of", "pairs_of"]
+__all__ = ["Inputs", "cycles_of", "empty_record", "forces_of", "limits_of", "motion_of", "pairs_of"]
 
 Array = NDArray[np.float64]
 
@@ -67,7 +67,15 @@ def empty_record(dofs: int, pairs: int) -> layout.Record:
     )
 
 
-def pairs_of(system: System, operator: layout.Operator, drive: Drive, lanes: int) -> layout.Pairs:
+def forces_of(system: System) -> tuple[ForcePointer | None, ...]:
+    """The C function of every pair's law, None where the law has a compiled branch."""
+    functions = [pair.law.force_function(pair.effective_mass) for pair in system.contacts]
+    return tuple(None if function is None else force_pointer(function) for function in functions)
+
+
+def pairs_of(
+    system: System, operator: layout.Operator, drive: Drive, lanes: int, forces: Sequence[ForcePointer | None]
+) -> layout.Pairs:
     """Contact pairs: the row that each reads, its law and its numbers."""
     contacts = system.contacts
     rows = [next(i for i, row in enumerate(operator.rows) if np.array_equal(row, pair.direction)) for pair in contacts]
@@ -84,12 +92,11 @@ def pairs_of(system: System, operator: layout.Operator, drive: Drive, lanes: int
         constants[layout.FREE_STIFFNESS, j] = pair.free_stiffness + getattr(pair.law, "free_stiffness", 0.0)
         constants[layout.ACCELERATION, j] = pair.acceleration
         constants[layout.SHARE, j] = 0.0 if pair.is_stop else drive.share
-    forces = [pair.law.force_function(pair.effective_mass) for pair in contacts]
     obstacles = [j for j, pair in enumerate(contacts) if pair.fixed_to == "space" and drive.share != 0.0]
     return layout.Pairs(
         row=np.array(rows, dtype=np.int64),
         kind=np.array([pair.parameters.kind for pair in contacts], dtype=np.int64),
-        address=np.array([0 if force is None else address_of(force) for force in forces], dtype=np.int64),
+        address=np.array([0 if force is None else force.address for force in forces], dtype=np.int64),
         constants=_placed(constants, 10),
         obstacles=np.array(obstacles, dtype=np.int64),
         refused=np.zeros((len(contacts), 3)),
