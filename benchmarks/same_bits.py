@@ -3,9 +3,9 @@
     python benchmarks/same_bits.py COMMIT [--runs 1000] [--sweeps 100] [--steps 1000]
 
 The commit is unpacked and installed into an environment of its own, both versions run the same random structures
-(tests/random_structures.py; for methods with steps stepped_cases.py), and every array of their responses is compared: what differs is printed with the largest
-difference, relative to the array's largest value. Zeros of both signs count as equal. The exit status is 1 where
-anything differs.
+(tests/random_structures.py; for methods with steps stepped_cases.py), and every array of their responses is compared:
+what differs is printed with the largest difference, relative to the array's largest value. Zeros of both signs count
+as equal. The exit status is 1 where anything differs.
 """
 
 from __future__ import annotations

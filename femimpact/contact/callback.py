@@ -78,8 +78,9 @@ def as_function(force: ForceFunction) -> Callable[[float, float, float], float]:
     InputError
         If it is no force, or a pointer of another signature.
     """
-    plain = getattr(force, "py_func", force)
-    return plain if _is_plain(plain) else force_pointer(force).function
+    plain: Any = getattr(force, "py_func", force)
+    function: Callable[[float, float, float], float] = plain if _is_plain(plain) else force_pointer(force).function
+    return function
 
 
 def force_pointer(force: ForceFunction) -> ForcePointer:
@@ -137,11 +138,11 @@ def law_error(name: str, pointer: ForcePointer, depth: float, rate: float, appro
         cause = error
     where = f"at depth {depth:.6g} m, rate {rate:.6g} m/s and approach speed {approach_speed:.6g} m/s"
     key = f"{name}.contact.force"
-    error = (
-        raised_error(key, cause, where) if cause else InputError([Fault(key, value, "N", f"must be finite, {where}")])
-    )
-    error.__cause__ = cause
-    return error
+    if cause is None:
+        return InputError([Fault(key, value, "N", f"must be finite, {where}")])
+    named = raised_error(key, cause, where)
+    named.__cause__ = cause
+    return named
 
 
 def raised_error(key: str, cause: BaseException, where: str) -> InputError:

@@ -8,7 +8,7 @@
 namespace FEMIMPACT_TARGET::stepping {
 
 // Steps, cycles and samples beyond which a count is a mistake: products of two of them are whole numbers of the loop.
-constexpr double MOST = 1e9 * 1e6;
+constexpr double MOST = 1e15;
 
 // Why an operator does not belong to a block, or null: it is checked for its own shapes before.
 inline const char *fault_of(const Operator &op, Index dofs, Index places, Index pairs) {
