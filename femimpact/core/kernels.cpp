@@ -3,6 +3,7 @@
 
 #include "contact/formulas.hpp"
 #include "event_driven/loop.hpp"
+#include "stepping/collision.hpp"
 #include "stepping/loop.hpp"
 
 #define FEMIMPACT_JOINED(a, b) a##b

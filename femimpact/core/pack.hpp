@@ -116,14 +116,14 @@ FEMIMPACT_COMPARISON(>)
 #endif
 }
 
-// In how many cases a condition holds.
-[[gnu::always_inline]] inline Index how_many(bool where) {
+// The cases in which a condition holds, as bits.
+[[gnu::always_inline]] inline unsigned bits_where(bool where) {
     return where;
 }
-[[gnu::always_inline]] inline Index how_many(PackMask where) {
+[[gnu::always_inline]] inline unsigned bits_where(PackMask where) {
     unsigned bits = 0;
     FEMIMPACT_EACH_PART bits |= signs_of(where.part[i]) << (i * LANES);
-    return __builtin_popcount(bits);
+    return bits;
 }
 
 // Whether two values differ in sign in any case; zeros have a sign.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "../columns.hpp"
+#include "banded.hpp"
 #include "crest.hpp"
 
 namespace FEMIMPACT_TARGET::stepping {
@@ -12,32 +13,20 @@ template <class Value> struct Place {
 };
 
 // The drive at the next step, by rotating the phase: no trigonometric call per step.
-[[gnu::always_inline]] inline void turn_drive(Matrix drive) {
-    over_cases(drive.shape[1], [&](auto zero, Index c) {
-        using Value = decltype(zero);
-        Value sine = load<Value>(drive.row(SINE), c), cosine = load<Value>(drive.row(COSINE), c);
-        Value turn_sine = load<Value>(drive.row(TURN_SINE), c), turn_cosine = load<Value>(drive.row(TURN_COSINE), c);
-        Value turned = sine * turn_cosine + cosine * turn_sine;
-        store(cosine * turn_cosine - sine * turn_sine, drive.row(COSINE), c);
-        store(turned, drive.row(SINE), c);
-        store(load<Value>(drive.row(BASE), c), drive.row(BASE_BEFORE), c);
-        store(load<Value>(drive.row(SCALE), c) * turned, drive.row(BASE), c);
-    });
-}
-
-// The drive at the next step from its samples.
-inline void read_drive(GivenArray table, Array base) {
-    for (Index c = 0; c < base.size(); c++)
-        base(c) = table(c);
+template <class Value> [[gnu::always_inline]] inline void turn_drive(Matrix drive, Index c) {
+    Value sine = load<Value>(drive.row(SINE), c), cosine = load<Value>(drive.row(COSINE), c);
+    Value turn_sine = load<Value>(drive.row(TURN_SINE), c), turn_cosine = load<Value>(drive.row(TURN_COSINE), c);
+    Value turned = sine * turn_cosine + cosine * turn_sine;
+    store(cosine * turn_cosine - sine * turn_sine, drive.row(COSINE), c);
+    store(turned, drive.row(SINE), c);
+    store(load<Value>(drive.row(BASE), c), drive.row(BASE_BEFORE), c);
+    store(load<Value>(drive.row(SCALE), c) * turned, drive.row(BASE), c);
 }
 
 // The drive in the balance within the step.
-[[gnu::always_inline]] inline void blend_drive(double alpha, Matrix drive) {
-    over_cases(drive.shape[1], [&](auto zero, Index c) {
-        using Value = decltype(zero);
-        Value acting = (1.0 - alpha) * load<Value>(drive.row(BASE), c) + alpha * load<Value>(drive.row(BASE_BEFORE), c);
-        store(acting, drive.row(ACTING), c);
-    });
+template <class Value> [[gnu::always_inline]] inline Value acting_drive(double alpha, Matrix drive, Index c) {
+    Value base = load<Value>(drive.row(BASE), c);
+    return alpha == 0.0 ? base : (1.0 - alpha) * base + alpha * load<Value>(drive.row(BASE_BEFORE), c);
 }
 
 // One step of every mode without contact force, of one case or of a pack of them; returns the place of a row. The sums
@@ -78,21 +67,34 @@ template <class Value> inline void read_rows(GivenMatrix rows, Index first, cons
     }
 }
 
-// What the constant load adds to a step, but for the places.
-template <class Value> inline void add_constant_load(const Operator &op, const Motion &m, Index c) {
+// What the constant load adds to a step.
+template <class Value> [[gnu::noinline]] inline void add_constant_load(const Operator &op, const Motion &m, Index c) {
     for (Index i = 0; i < op.constant_load.size(); i++) {
         store(load<Value>(m.a.row(i), c) + op.constant_a(i), m.a.row(i), c);
         store(load<Value>(m.q.row(i), c) + op.constant_u(i), m.q.row(i), c);
         store(load<Value>(m.v.row(i), c) + op.constant_v(i), m.v.row(i), c);
     }
-}
-
-// What it adds to the places that are read.
-template <class Value> inline void add_constant_load_to_places(const Operator &op, const Motion &m, Index c) {
     for (Index r = 0; r < m.w.shape[0]; r++) {
         store(load<Value>(m.w.row(r), c) + op.constant_w(0, r), m.w.row(r), c);
         store(load<Value>(m.w_rate.row(r), c) + op.constant_w(1, r), m.w_rate.row(r), c);
     }
+}
+
+// One step of the structure without contact force, of one case or of a pack of them, and what is read of it.
+template <bool BANDED, class Value>
+[[gnu::always_inline]] inline void free_step(const Operator &op, const Scheme &s, const Motion &m, Index c,
+                                             Value acting) {
+    if constexpr (BANDED) {
+        step_bands(op, s, m, c, acting);
+        read_rows<Value>(op.rows, 0, m, c);
+    } else {
+        auto place = step_modes(op.modes, op.rows.row(0), s, m, c, acting);
+        store(place.w, m.w.row(0), c);
+        store(place.rate, m.w_rate.row(0), c);
+        read_rows<Value>(op.rows, 1, m, c);
+    }
+    if (op.constant_load.size() > 0)
+        add_constant_load<Value>(op, m, c);
 }
 
 // Stops fixed in space a step before y (m), at the rate (m/s) that they have there.
@@ -121,19 +123,19 @@ inline void place_obstacles(Index c, double y, double rate, double dt, const Pai
     }
 }
 
-// In how many cases a pair must be looked at: x is beyond a gap, or the pair is busy.
+// The cases in which a pair must be looked at, as bits: x is beyond a gap, or the pair is busy.
 template <class Value>
-[[gnu::always_inline]] inline Index how_many_beyond(Index j, Index c, Value x, const Pairs &pairs, const Motion &m) {
-    return how_many((x > load<Value>(pairs.constants.row(GAP_PLUS, j), c)) |
-                    (x < -load<Value>(pairs.constants.row(GAP_MINUS, j), c)) |
-                    (load<Value>(m.touch.row(BUSY, j), c) > Value{}));
+[[gnu::always_inline]] inline unsigned in_reach(Index j, Index c, Value x, const Pairs &pairs, const Motion &m) {
+    return bits_where((x > load<Value>(pairs.constants.row(GAP_PLUS, j), c)) |
+                      (x < -load<Value>(pairs.constants.row(GAP_MINUS, j), c)) |
+                      (load<Value>(m.touch.row(BUSY, j), c) > Value{}));
 }
 
 // One step of a ball without contact, of one case or of a pack of them; w is the place of its pair. A stop has no share
-// in the drive and stays where it is, or goes on at its rate. Returns in how many cases its contact must be looked at.
+// in the drive and stays where it is, or goes on at its rate. Returns the cases in which its contact must be looked at.
 template <class Value>
-[[gnu::always_inline]] inline Index step_ball(Index j, Index c, Value acting, Value w, const Scheme &s,
-                                              const Pairs &pairs, const Motion &m) {
+[[gnu::always_inline]] inline unsigned step_ball(Index j, Index c, Value acting, Value w, const Scheme &s,
+                                                 const Pairs &pairs, const Motion &m) {
     double scale = 1.0 / (1.0 - s.alpha_m), inertia = s.alpha_m / (1.0 - s.alpha_m),
            share = pairs.constants(SHARE, j, 0);
     Array y_row = m.ball.row(Y, j), rate_row = m.ball.row(Y_RATE, j), old_row = m.ball.row(Y_ACCELERATION, j);
@@ -148,36 +150,23 @@ template <class Value>
     Value x = y - w;
     store(load<Value>(x_row, c), m.ball.row(X_BEFORE, j), c);
     store(x, x_row, c);
-    return how_many_beyond(j, c, x, pairs, m);
-}
-
-// The same of every case.
-[[gnu::always_inline]] inline Index free_step_ball(Index j, Array acting, const Scheme &s, const Pairs &pairs,
-                                                   const Motion &m) {
-    Array w = m.w.row(pairs.row(j));
-    Index looking = 0;
-    over_cases(acting.size(), [&](auto zero, Index c) {
-        using Value = decltype(zero);
-        looking += step_ball(j, c, load<Value>(acting, c), load<Value>(w, c), s, pairs, m);
-    });
-    return looking;
+    return in_reach(j, c, x, pairs, m);
 }
 
 // Adds the observed place's displacement to the statistics of the running cycle.
-[[gnu::always_inline]] inline void observe(Index step, const Scheme &s, const Motion &m, const Cycles &cycles) {
+template <class Value>
+[[gnu::always_inline]] inline void observe(Index step, Index c, const Scheme &s, const Motion &m,
+                                           const Cycles &cycles) {
     Matrix sums = cycles.sums, last = cycles.last;
-    over_cases(m.w.shape[1], [&](auto zero, Index c) {
-        using Value = decltype(zero);
-        Value w = load<Value>(m.w.row(0), c), rate = load<Value>(m.w_rate.row(0), c);
-        // rare; the extremes have no other part in this loop
-        if (differ_in_sign(rate, load<Value>(last.row(LAST_RATE), c)))
-            add_crests(c, double(step - 1) * s.dt, s, m, cycles);
-        store(w, last.row(LAST), c);
-        store(rate, last.row(LAST_RATE), c);
-        store(w * w + load<Value>(sums.row(SQUARE), c), sums.row(SQUARE), c);
-        store(w * load<Value>(m.drive.row(SINE), c) + load<Value>(sums.row(SINE_SUM), c), sums.row(SINE_SUM), c);
-        store(w * load<Value>(m.drive.row(COSINE), c) + load<Value>(sums.row(COSINE_SUM), c), sums.row(COSINE_SUM), c);
-    });
+    Value w = load<Value>(m.w.row(0), c), rate = load<Value>(m.w_rate.row(0), c);
+    // rare; the extremes have no other part in this loop
+    if (differ_in_sign(rate, load<Value>(last.row(LAST_RATE), c)))
+        add_crests(c, double(step - 1) * s.dt, s, m, cycles);
+    store(w, last.row(LAST), c);
+    store(rate, last.row(LAST_RATE), c);
+    store(w * w + load<Value>(sums.row(SQUARE), c), sums.row(SQUARE), c);
+    store(w * load<Value>(m.drive.row(SINE), c) + load<Value>(sums.row(SINE_SUM), c), sums.row(SINE_SUM), c);
+    store(w * load<Value>(m.drive.row(COSINE), c) + load<Value>(sums.row(COSINE_SUM), c), sums.row(COSINE_SUM), c);
 }
 
 } // namespace FEMIMPACT_TARGET::stepping

@@ -6,7 +6,7 @@
 
 namespace FEMIMPACT_TARGET::stepping {
 
-// Adds dt c ((v0 + v1)/2)^2 of every mode to the loss, and returns load @ q; scratch holds dt c/4.
+// Adds dt c ((v0 + v1)/2)^2 of every mode to the loss, and returns load @ q.
 template <class Value>
 [[gnu::always_inline]] inline Value add_loss_of_modes(const Operator &op, const Motion &m, Index c) {
     Array losses = m.ledger.row(STRUCTURE_LOSS);
@@ -14,7 +14,7 @@ template <class Value>
     for (Index i = 0; i < m.q.shape[0]; i++) {
         Value rate = load<Value>(m.v.row(i), c), twice = rate + load<Value>(m.v_before.row(i), c);
         store(rate, m.v_before.row(i), c);
-        loss = loss + m.scratch(0, i, 0) * twice * twice;
+        loss = loss + op.modes.loss(i) * twice * twice;
         total = total + op.drive_load(i) * load<Value>(m.q.row(i), c);
     }
     store(loss, losses, c);
@@ -27,7 +27,7 @@ inline double add_loss_mode_by_mode(const Operator &op, const Motion &m) {
     for (Index i = 0; i < m.q.shape[0]; i++) {
         double rate = m.v(i, 0), twice = rate + m.v_before(i, 0);
         m.v_before(i, 0) = rate;
-        m.loss_of_mode(i) += m.scratch(0, i, 0) * twice * twice;
+        m.loss_of_mode(i) += op.modes.loss(i) * twice * twice;
         total += op.drive_load(i) * m.q(i, 0);
     }
     return total;
@@ -74,28 +74,18 @@ template <class Value>
     store(work, m.ledger.row(WORK), c);
 }
 
-// All of the above for one case and one of its fine steps.
-inline void write_ledger_of_case(Index c, double base, double before, const Operator &op, const Scheme &s,
-                                 const Pairs &pairs, const Motion &m) {
-    const Index n = m.q.shape[0];
-    double total = 0.0, loss = 0.0;
-    for (Index i = 0; i < n; i++) {
-        total += op.drive_load(i) * m.q(i, c);
-        m.v_before(i, c) += m.v(i, c);
-    }
-    for (Index i = 0; i < n; i++) {
-        double lost = 0.25 * s.dt * op.damping_band(0, i) * m.v_before(i, c) * m.v_before(i, c);
-        if (m.loss_of_mode.size() > 0)
-            m.loss_of_mode(i) += lost;
-        else
-            loss += lost;
-        for (Index k = 1; k < smaller(op.damping_band.shape[0], n - i); k++)
-            loss += 0.5 * s.dt * op.damping_band(k, i) * m.v_before(i, c) * m.v_before(i + k, c);
-    }
-    for (Index i = 0; i < n; i++)
-        m.v_before(i, c) = m.v(i, c);
-    m.ledger(STRUCTURE_LOSS, c) += loss;
-    add_work(base, before, total, pairs, m, c);
+// All of the above for one step of one case or of a pack of them.
+template <bool BANDED, class Value>
+[[gnu::always_inline]] inline void write_ledger(Index c, Value base, Value before, const Operator &op, const Scheme &s,
+                                                const Pairs &pairs, const Motion &m) {
+    Value held;
+    if constexpr (BANDED)
+        held = add_loss_of_bands<Value>(op, s, m, c);
+    else if (m.loss_of_mode.size() > 0)
+        held = Value{} + add_loss_mode_by_mode(op, m);
+    else
+        held = add_loss_of_modes<Value>(op, m, c);
+    add_work(base, before, held, pairs, m, c);
 }
 
 // Puts back the sums of the cases that took the step in fine ones.

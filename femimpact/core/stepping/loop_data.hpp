@@ -57,7 +57,7 @@ enum : Index {
     SHARE
 };
 // Rows of Motion.touch; BUSY: the pair must be looked at in every step.
-enum : Index { BUSY, OPEN, SIDE, START, APPROACH, IMPULSE, PEAK, DURATION, LOSS, NORMAL, DISSIPATIVE, REBOUND, NEAR };
+enum : Index { BUSY, OPEN, SIDE, START, APPROACH, IMPULSE, PEAK, DURATION, LOSS, NORMAL, DISSIPATIVE, REBOUND };
 
 // Constants of a one-step method for one step size; see femimpact/integrators/stepping/layout.py.
 struct Scheme {
@@ -100,12 +100,14 @@ struct ModalStep {
     GivenArray inertia;   // (n,)
     GivenArray damping;   // (n,)
     GivenArray stiffness; // (n,)
+    GivenArray loss;      // (n,) dt c/4, not divided
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("load", load, "n");
         visit("inertia", inertia, "n");
         visit("damping", damping, "n");
         visit("stiffness", stiffness, "n");
+        visit("loss", loss, "n");
     }
 };
 
@@ -205,7 +207,7 @@ struct Motion {
     Matrix w;                    // (R, C)
     Matrix w_rate;               // (R, C)
     Block ball;                  // (9, P, C)
-    Block touch;                 // (13, P, C)
+    Block touch;                 // (12, P, C)
     Block totals;                // (6, P, C)
     View<const Index, 2> window; // (2, C) first step, and the step after the last
     Matrix drive;                // (14, C)
@@ -226,7 +228,7 @@ struct Motion {
         visit("w", w, "R C");
         visit("w_rate", w_rate, "R C");
         visit("ball", ball, "9 P C");
-        visit("touch", touch, "9+4 P C");
+        visit("touch", touch, "9+3 P C");
         visit("totals", totals, "6 P C");
         visit("window", window, "2 C");
         visit("drive", drive, "9+5 C");

@@ -1,7 +1,6 @@
 // A step in which contact takes place, redone by one case in fine steps with the second prepared operator.
 #pragma once
 
-#include "banded.hpp"
 #include "ledger.hpp"
 #include "touch.hpp"
 #include "watch.hpp"
@@ -32,22 +31,6 @@ inline void restore(Index c, const Motion &m) {
         m.ball(X, j, c) = m.ball(X_BEFORE, j, c);
         m.ball(RATE, j, c) = m.ball(RATE_BEFORE, j, c);
     }
-}
-
-// Whether any pair of a case was in contact in this step, or could have been.
-inline bool is_near(Index c, const Motion &m) {
-    double near = 0.0;
-    for (Index j = 0; j < m.ball.shape[1]; j++)
-        near = larger(near, m.touch(NEAR, j, c));
-    return near > 0.0;
-}
-
-// How many pairs must be looked at, in all cases of a pack or in one alone.
-template <class Value> [[gnu::always_inline]] inline Index in_reach(Index c, const Pairs &pairs, const Motion &m) {
-    Index reached = 0;
-    for (Index j = 0; j < pairs.row.size(); j++)
-        reached += how_many_beyond(j, c, load<Value>(m.ball.row(X, j), c), pairs, m);
-    return reached;
 }
 
 // Drive of one case after `part` fine steps of the step that began at `step`; at its ends as the others have it.
@@ -82,32 +65,6 @@ inline void move_obstacles_within(Index c, Index step, Index part, Index parts, 
     place_obstacles(c, y, rate, s.dt, pairs, m);
 }
 
-// One fine step of one case without contact force.
-template <bool BANDED>
-inline void fine_free_step(Index c, double before, double after, const Operator &op, const Scheme &s,
-                           const Pairs &pairs, const Motion &m) {
-    double acting = (1.0 - s.alpha_f) * after + s.alpha_f * before;
-    if constexpr (BANDED)
-        step_bands(op, s, m, c, acting);
-    else
-        step_modes(op.modes, op.rows.row(0), s, m, c, acting);
-    add_constant_load<double>(op, m, c);
-    read_rows<double>(op.rows, 0, m, c);
-    double scale = 1.0 / (1.0 - s.alpha_m), inertia = s.alpha_m / (1.0 - s.alpha_m);
-    for (Index j = 0; j < pairs.row.size(); j++) {
-        double given = pairs.constants(ACCELERATION, j, c) - pairs.constants(SHARE, j, c) * acting;
-        double old = m.ball(Y_ACCELERATION, j, c), now = scale * given - inertia * old;
-        m.ball(Y, j, c) += s.dt * m.ball(Y_RATE, j, c) + s.predict_u * old + s.correct_u * now;
-        m.ball(Y_RATE, j, c) += s.predict_v * old + s.correct_v * now;
-        m.ball(Y_ACCELERATION, j, c) = now;
-        const Index r = pairs.row(j);
-        m.ball(X_BEFORE, j, c) = m.ball(X, j, c);
-        m.ball(RATE_BEFORE, j, c) = m.ball(RATE, j, c);
-        m.ball(X, j, c) = m.ball(Y, j, c) - m.w(r, c);
-        m.ball(RATE, j, c) = m.ball(Y_RATE, j, c) - m.w_rate(r, c);
-    }
-}
-
 // Takes one case through its step of dt again, in fine ones; its ledger and its crests are its own.
 template <bool BANDED>
 [[gnu::noinline]] inline void redo_step(Index c, double dt, const Fine &fine, const Cases &cases, bool ledger) {
@@ -123,12 +80,18 @@ template <bool BANDED>
         after = drive_within(c, step, part + 1, parts, m);
         if (pairs.obstacles.size() > 0)
             move_obstacles_within(c, step, part + 1, parts, s, pairs, m);
-        fine_free_step<BANDED>(c, before, after, op, s, pairs, m);
-        if (in_reach<double>(c, pairs, m) > 0)
+        double acting = s.alpha_f == 0.0 ? after : (1.0 - s.alpha_f) * after + s.alpha_f * before;
+        free_step<BANDED>(op, s, m, c, acting);
+        unsigned reached = 0;
+        for (Index j = 0; j < pairs.row.size(); j++) {
+            reached |= step_ball(j, c, acting, m.w(pairs.row(j), c), s, pairs, m);
+            keep_rate(j, c, m.w_rate(pairs.row(j), c), m);
+        }
+        if (reached)
             contact_step(c, double(step) * dt + double(part + 1) * s.dt, op, s, cases);
         add_fine_step(c, step, part, parts, dt, m, cases.cycles);
         if (ledger)
-            write_ledger_of_case(c, before, after, op, s, pairs, m);
+            write_ledger<BANDED>(c, before, after, op, s, pairs, m);
     }
     m.ledger(REFINED, c) = 1.0;
     m.ledger(OWN_WORK, c) = m.ledger(WORK, c);

@@ -1,4 +1,4 @@
-// Contact: the equations of the pairs of one case, their effect on its state, and one collision alone.
+// Contact: the equations of the pairs of one case, and their effect on its state.
 #pragma once
 
 #include "impact.hpp"
@@ -136,42 +136,6 @@ inline void contact_step(Index c, double time, const Operator &op, const Scheme 
         record_contact(j, c, {time, gate(j), x_free(j), approach(j), normal(j)}, op.rows.row(r), s, pairs, m,
                        cases.record);
     }
-}
-
-// Rebound over approach speed, and peak force (N), of one collision.
-struct Collision {
-    double rebound, peak;
-};
-
-// One mass (kg) sent against one wall at a speed (m/s) with this step.
-//
-// The wall of the + side stands at gap 0, the contact begins `start` (0 to 1) of a step after the last step without
-// contact, and the law's approach speed is that of this collision.
-inline Collision collide(Law law, double mass, double speed, double start, const Scheme &s) {
-    double x = -start * s.dt * speed, rate = speed, acceleration = 0.0, before = 0.0, peak = 0.0;
-    law.gap_plus = law.spring = law.approach = 0.0;
-    law.gap_minus = INFINITE;
-    for (int k = 0; k < 100'000'000; k++) {
-        double x_before = x, rate_before = rate, old = acceleration;
-        acceleration = -s.alpha_m / (1.0 - s.alpha_m) * old - s.give_a * s.carry * before / mass;
-        x += s.dt * rate + s.predict_u * old + s.correct_u * acceleration;
-        rate += s.predict_v * old + s.correct_v * acceleration;
-        double gate = side_at_hand(s, law.kind, x, x_before, rate_before, 0.0, INFINITE);
-        if (law.approach == 0.0 && gate != 0.0)
-            law.approach = approach_speed(gate, rate, x, x_before, s.dt);
-        auto [force, normal] =
-            pair_force(s, law, {gate, x, rate, x_before, rate_before, s.give_u / mass, s.give_v / mass});
-        peak = larger(peak, normal);
-        x -= s.give_u * force / mass;
-        rate -= s.give_v * force / mass;
-        acceleration -= s.give_a * force / mass;
-        bool left = x <= 0.0 || law.kind == RIGID;
-        // an algorithmic acceleration may last longer than the force
-        if (left && rate <= 0.0 && force == 0.0 && magnitude(rate - rate_before) <= 1e-13 * speed)
-            break;
-        before = force;
-    }
-    return {-rate / speed, peak};
 }
 
 } // namespace FEMIMPACT_TARGET::stepping

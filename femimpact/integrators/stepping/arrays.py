@@ -127,7 +127,7 @@ def motion_of(
     springs = constants[layout.FREE_STIFFNESS] * ball[layout.X]
     # where contact forces are no part of the acceleration, neither are those of centring springs
     inside = np.zeros_like(springs) if scheme_of(method).mean else springs
-    touch = np.zeros((13, count, lanes))
+    touch = np.zeros((12, count, lanes))
     touch[layout.BUSY] = (pairs.kind[:, None] == SWITCHING_SPRING) | (constants[layout.FREE_STIFFNESS] > 0.0)
     # any speed > 0: a law's potential is asked for before its first contact
     touch[layout.APPROACH] = 1.0
@@ -225,7 +225,7 @@ def _contacts_at_start(
                 touch[layout.DISSIPATIVE, j, c] = force - numbers.stiffness * depth
             else:
                 force = power_force(depth, 0.0, numbers.stiffness, numbers.exponent, 0.0, 1.0)
-            touch[layout.BUSY, j, c] = touch[layout.OPEN, j, c] = touch[layout.NEAR, j, c] = 1.0
+            touch[layout.BUSY, j, c] = touch[layout.OPEN, j, c] = 1.0
             touch[layout.SIDE, j, c], touch[layout.APPROACH, j, c] = side, 0.0
             touch[layout.NORMAL, j, c] = touch[layout.PEAK, j, c] = force
             pushes[j, c] += side * force

@@ -38,7 +38,7 @@ WORK, STRUCTURE_LOSS, CONTACT_LOSS, LOAD_BEFORE, REFINED, OWN_WORK, OWN_LOSS, HE
     MASS, MOBILITY, GAP_PLUS, GAP_MINUS, STIFFNESS, DAMPING, EXPONENT, RESTITUTION, FREE_STIFFNESS, ACCELERATION, SHARE,
 ) = range(11)  # fmt: skip
 # rows of Motion.touch (., pairs, cases); BUSY: the pair must be looked at in every step
-BUSY, OPEN, SIDE, START, APPROACH, IMPULSE, PEAK, DURATION, LOSS, NORMAL, DISSIPATIVE, REBOUND, NEAR = range(13)
+BUSY, OPEN, SIDE, START, APPROACH, IMPULSE, PEAK, DURATION, LOSS, NORMAL, DISSIPATIVE, REBOUND = range(12)
 
 
 class Scheme(NamedTuple):
@@ -72,6 +72,7 @@ class ModalStep(NamedTuple):
     inertia: Array  # (n,)
     damping: Array  # (n,)
     stiffness: Array  # (n,)
+    loss: Array  # (n,) dt c/4, not divided
 
 
 class BandedStep(NamedTuple):
@@ -133,7 +134,7 @@ class Motion(NamedTuple):
     w: Array  # (rows, cases)
     w_rate: Array  # (rows, cases)
     ball: Array  # (9, pairs, cases)
-    touch: Array  # (13, pairs, cases)
+    touch: Array  # (12, pairs, cases)
     totals: Array  # (columns, pairs, cases)
     window: Indices  # (2, cases) first step, and the step after the last
     drive: Array  # (14, cases)
