@@ -70,17 +70,18 @@ def test_rows_of_tables_have_the_same_order_on_both_sides():
 # ---- what is refused -------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def call(monkeypatch):
-    """Arguments of the first call that a run makes."""
-    kept = []
+def calls_of_a_run(monkeypatch, count):
+    """Arguments of the first calls that a run makes."""
+    kept, run_cases = [], core.run_cases
 
     class KeptError(Exception):
         pass
 
     def keep(*arguments):
         kept.append(arguments)
-        raise KeptError
+        if len(kept) == count:
+            raise KeptError
+        run_cases(*arguments)
 
     monkeypatch.setattr(block.core, "run_cases", keep, raising=False)
     system = reduced(with_ball(REFERENCE, contact=fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)), 4)
@@ -88,7 +89,19 @@ def call(monkeypatch):
     with pytest.raises(KeptError):
         fi.integrate(system, fi.Sine(1e-4, 5.0), fi.EventDriven(), 1.0, record)
     monkeypatch.undo()
-    return kept[0]
+    return kept
+
+
+@pytest.fixture
+def call(monkeypatch):
+    """Arguments of the first call that a run makes."""
+    return calls_of_a_run(monkeypatch, 1)[0]
+
+
+@pytest.fixture
+def second_call(monkeypatch):
+    """Arguments of the second one, when a closed form has been made."""
+    return calls_of_a_run(monkeypatch, 2)[1]
 
 
 def places(values, path=()):
@@ -207,6 +220,73 @@ def test_numbers_of_cases_and_rows_stay_within_their_arrays(call):
             core.run_cases(task, job._replace(cases=job.cases._replace(**{name: wrong})), ledger)
     with pytest.raises(ValueError, match="made"):
         core.run_cases(task, job._replace(forms=job.forms._replace(made=99)), ledger)
+
+
+FAR = 2**63 - 1
+
+
+@pytest.mark.parametrize(
+    ("group", "name", "value"),
+    [
+        ("task", "begin", FAR), ("task", "most", np.nan), ("task", "most", np.inf),
+        ("cases", "omega", np.inf), ("cases", "omega", -1.0), ("cases", "clock", np.nan), ("cases", "clock", 1e9),
+        ("cases", "hit", 0.5), ("cases", "sample", FAR), ("cases", "events", FAR),
+        ("grid", "start", np.nan), ("grid", "start", 1e30), ("grid", "origin", FAR),
+        ("tables", "number", -1), ("tables", "number", FAR),
+    ],
+)  # fmt: skip
+def test_times_and_counts_that_lead_nowhere_are_refused(call, group, name, value):
+    task, job, ledger = call
+    array = getattr(task if group == "task" else getattr(job, group), name)
+    spoilt = {name: np.full_like(array, value)}
+    if group == "task":
+        task = task._replace(**spoilt)
+    else:
+        job = job._replace(**{group: getattr(job, group)._replace(**spoilt)})
+    # beside a start so far the interval is rounding
+    named = "interval" if value == 1e30 else name
+    with pytest.raises(ValueError, match=rf"{group}\.{named}[,:] "):
+        core.run_cases(task, job, ledger)
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "value"),
+    [
+        ("following", 0, 0), ("following", 0, FAR), ("number", 0, -1), ("entries", 0, FAR), ("rigid_bodies", 0, -1),
+        ("blocks", (0, 0), (FAR, FAR)), ("first", (0, 0), -1), ("first", (0, -1), FAR), ("first", (0, 1), FAR),
+        ("members", (0, 0), -1), ("members", (0, 0), FAR), ("exponent", (0, 0), np.inf), ("size", (0, 0), np.nan),
+    ],
+)  # fmt: skip
+def test_closed_forms_that_lead_outside_their_arrays_are_refused(second_call, name, place, value):
+    task, job, ledger = second_call
+    assert job.forms.made > 0
+    spoilt = getattr(job.forms, name).copy()
+    spoilt[place] = value
+    with pytest.raises(ValueError, match=rf"^forms\..*{name}"):
+        core.run_cases(task, job._replace(forms=job.forms._replace(**{name: spoilt})), ledger)
+
+
+def test_cycles_need_an_output_and_have_begun(call):
+    task, job, ledger = call
+    grid = job.grid._replace(cycles=np.zeros((1, 9, 8)), cycle=np.full(1, 5))
+    with pytest.raises(ValueError, match=r"^grid\.cycle: .* begun"):
+        core.run_cases(task, job._replace(grid=grid), ledger)
+
+
+def test_what_is_written_shares_no_memory_with_another_array(call):
+    task, job, ledger = call
+    with pytest.raises(ValueError, match=r"^task\.\w+, task\.\w+: must not share memory"):
+        core.run_cases(task._replace(begin=task.stopped), job, ledger)
+    memory = np.zeros(3, dtype=np.int64)
+    for own, other in ((memory[:2], memory[1:]), (memory[1:], memory[:2])):
+        cases = job.cases._replace(events=own[None], form=other[None])
+        with pytest.raises(ValueError, match=r"^cases\.\w+, cases\.\w+: must not share memory"):
+            core.run_cases(task, job._replace(cases=cases), ledger)
+
+
+def test_what_is_only_read_may_share_memory(call):
+    task, job, ledger = call
+    core.run_cases(task._replace(members=task.members[:0]), job, ledger._replace(load=ledger.given))
 
 
 # ---- formulas that stand on both sides until stepping is in the core ---------------------------------
