@@ -22,6 +22,8 @@ TYPES = {
     "int": "int", "float": "float", "bool": "bool number",
 }  # fmt: skip
 
+SINE = fi.Sine(1e-4, 5.0)
+
 HANDED = {"task": loop_data.Task, "job": loop_data.Job, "ledger": loop_data.Ledger}
 
 
@@ -70,7 +72,7 @@ def test_rows_of_tables_have_the_same_order_on_both_sides():
 # ---- what is refused -------------------------------------------------------------------------------
 
 
-def calls_of_a_run(monkeypatch, count):
+def calls_of_a_run(monkeypatch, count, excitation=SINE):
     """Arguments of the first calls that a run makes."""
     kept, run_cases = [], core.run_cases
 
@@ -87,7 +89,7 @@ def calls_of_a_run(monkeypatch, count):
     system = reduced(with_ball(REFERENCE, contact=fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)), 4)
     record = fi.Recorder(("tip", "ball"), snapshots=7)
     with pytest.raises(KeptError):
-        fi.integrate(system, fi.Sine(1e-4, 5.0), fi.EventDriven(), 1.0, record)
+        fi.integrate(system, excitation, fi.EventDriven(), 1.0, record)
     monkeypatch.undo()
     return kept
 
@@ -287,6 +289,24 @@ def test_what_is_written_shares_no_memory_with_another_array(call):
 def test_what_is_only_read_may_share_memory(call):
     task, job, ledger = call
     core.run_cases(task._replace(members=task.members[:0]), job, ledger._replace(load=ledger.given))
+
+
+# ---- what must end ---------------------------------------------------------------------------------
+
+
+def test_a_long_record_goes_on_where_rounding_finds_the_same_sample_again(monkeypatch):
+    base = fi.RecordedBase(np.linspace(-1.0, 1.0, 9), 0.1)
+    task, job, _ = calls_of_a_run(monkeypatch, 2, base)[1]
+    # so many samples after the start that the quotient of a sample's time and the interval is less than its number
+    interval, number = 0.0077, 2**24 + np.arange(500_000)
+    number = int(number[np.floor(number * interval / interval + 1e-9) < number][0])
+    start = number * interval
+    job.cases.clock[0, 0] = job.grid.start[0] = start
+    cases = job.cases._replace(knots=np.zeros(number + 9), knot_interval=interval)
+    none_shown, end = job.snapshots._replace(shown=np.zeros(0, dtype=np.int64)), task.begin + 2
+    core.run_cases(task._replace(end=end), job._replace(cases=cases, snapshots=none_shown), None)
+    assert task.stopped[0] == loop_data.DONE
+    assert cases.clock[0, 0] == start + float(end[0]) * job.grid.interval[0]
 
 
 # ---- formulas that stand on both sides until stepping is in the core ---------------------------------
