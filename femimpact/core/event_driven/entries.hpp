@@ -13,9 +13,9 @@ inline PyObject *run_cases_entry(const femimpact_kernels &kernels, PyObject *con
     if (!take_count(count, 3, "run_cases"))
         return nullptr;
     FromTuple handed;
-    Task task;
-    Job job;
-    Ledger ledger;
+    Task task = {};
+    Job job = {};
+    Ledger ledger = {};
     const bool has_ledger = arguments[2] != Py_None;
     if (!handed.read("job", arguments[1], job) || !handed.read("task", arguments[0], task) ||
         (has_ledger && !handed.read("ledger", arguments[2], ledger)))
@@ -38,7 +38,7 @@ inline PyObject *next_event_entry(const femimpact_kernels &kernels, PyObject *co
     if (!take_count(count, 2, "next_event"))
         return nullptr;
     FromTuple handed;
-    SearchCall call;
+    SearchCall call = {};
     double until = 0.0;
     if (!handed.read("call", arguments[0], call) || !take_number(arguments[1], "until", &until) || !handed.are_apart())
         return nullptr;

@@ -203,7 +203,7 @@ inline const char *fault_of(const Task &task, const Job &job, const Ledger *ledg
 }
 
 inline const char *fault_of(const SearchCall &call, double until) {
-    if (!(until == until))
+    if (__builtin_isnan(until))
         return "until: must be a number";
     if (!(call.scalars.omega >= 0.0 && is_finite(call.scalars.omega)))
         return "call.scalars.omega: must be finite and >= 0";
