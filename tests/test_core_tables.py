@@ -23,6 +23,8 @@ TYPES = {
     "int": "int", "float": "float", "bool": "bool number",
 }  # fmt: skip
 
+SINE = fi.Sine(1e-4, 5.0)
+
 HANDED = {
     "task": loop_data.Task, "job": loop_data.Job, "ledger": loop_data.Ledger,
     "block": layout.Stepped, "fine": layout.Fine, "law": layout.Law,
@@ -102,32 +104,33 @@ class KeptError(Exception):
     """Ends a run at its first call of the core."""
 
 
-def first_call(monkeypatch, module, name, method, law, **recorded):
-    """Arguments of the first call of a function of the core that a run makes."""
-    kept = []
+def calls_of_a_run(monkeypatch, module, name, method, count=1, excitation=SINE):
+    """Arguments of the first calls of a function of the core that a run makes."""
+    kept, function = [], getattr(core, name)
 
     def keep(*arguments):
         kept.append(arguments)
-        raise KeptError
+        if len(kept) == count:
+            raise KeptError
+        function(*arguments)
 
     monkeypatch.setattr(module.core, name, keep, raising=False)
-    system = reduced(with_ball(REFERENCE, contact=law), 4)
-    with pytest.raises(KeptError):
-        fi.integrate(system, fi.Sine(1e-4, 5.0), method, 1.0, fi.Recorder(("tip", "ball"), snapshots=7, **recorded))
-    monkeypatch.undo()
-    return kept[0]
-
-
-def of_events(monkeypatch):
-    """Of the event-driven method."""
     law = fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)
-    return first_call(monkeypatch, block, "run_cases", fi.EventDriven(), law)
+    system, record = reduced(with_ball(REFERENCE, contact=law), 4), fi.Recorder(("tip", "ball"), snapshots=7)
+    with pytest.raises(KeptError):
+        fi.integrate(system, excitation, method, 1.0, record)
+    monkeypatch.undo()
+    return kept
+
+
+def of_events(monkeypatch, count=1, excitation=SINE):
+    """The last of so many calls of the event-driven method."""
+    return calls_of_a_run(monkeypatch, block, "run_cases", fi.EventDriven(), count, excitation)[-1]
 
 
 def of_steps(monkeypatch):
-    """Of a method with steps, which divides those with contact."""
-    law = fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)
-    return first_call(monkeypatch, stepping_block, "advance", fi.Newmark(1e-4, refine=4), law)
+    """The first call of a method with steps, which divides those with contact."""
+    return calls_of_a_run(monkeypatch, stepping_block, "advance", fi.Newmark(1e-4, refine=4))[-1]
 
 
 CALLS = {"run_cases": (of_events, ("task", "job", "ledger")), "advance": (of_steps, (None, "block", "fine"))}
@@ -149,6 +152,12 @@ def arguments(function, monkeypatch):
 def call(monkeypatch):
     """What a run hands to the event-driven loop first."""
     return of_events(monkeypatch)
+
+
+@pytest.fixture
+def second_call(monkeypatch):
+    """What it hands over next, when a closed form has been made."""
+    return of_events(monkeypatch, 2)
 
 
 def places(values, path=()):
@@ -325,3 +334,88 @@ def test_numbers_of_cases_and_rows_stay_within_their_arrays(call):
             core.run_cases(task, job._replace(cases=job.cases._replace(**{name: wrong})), ledger)
     with pytest.raises(ValueError, match="made"):
         core.run_cases(task, job._replace(forms=job.forms._replace(made=99)), ledger)
+
+
+FAR = 2**63 - 1
+
+
+@pytest.mark.parametrize(
+    ("group", "name", "value"),
+    [
+        ("task", "begin", FAR), ("task", "most", np.nan), ("task", "most", np.inf),
+        ("cases", "omega", np.inf), ("cases", "omega", -1.0), ("cases", "clock", np.nan), ("cases", "clock", 1e9),
+        ("cases", "hit", 0.5), ("cases", "sample", FAR), ("cases", "events", FAR),
+        ("grid", "start", np.nan), ("grid", "start", 1e30), ("grid", "origin", FAR),
+        ("tables", "number", -1), ("tables", "number", FAR),
+    ],
+)  # fmt: skip
+def test_times_and_counts_that_lead_nowhere_are_refused(call, group, name, value):
+    task, job, ledger = call
+    array = getattr(task if group == "task" else getattr(job, group), name)
+    spoilt = {name: np.full_like(array, value)}
+    if group == "task":
+        task = task._replace(**spoilt)
+    else:
+        job = job._replace(**{group: getattr(job, group)._replace(**spoilt)})
+    # beside a start so far the interval is rounding
+    named = "interval" if value == 1e30 else name
+    with pytest.raises(ValueError, match=rf"{group}\.{named}[,:] "):
+        core.run_cases(task, job, ledger)
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "value"),
+    [
+        ("following", 0, 0), ("following", 0, FAR), ("number", 0, -1), ("entries", 0, FAR), ("rigid_bodies", 0, -1),
+        ("blocks", (0, 0), (FAR, FAR)), ("first", (0, 0), -1), ("first", (0, -1), FAR), ("first", (0, 1), FAR),
+        ("members", (0, 0), -1), ("members", (0, 0), FAR), ("exponent", (0, 0), np.inf), ("size", (0, 0), np.nan),
+    ],
+)  # fmt: skip
+def test_closed_forms_that_lead_outside_their_arrays_are_refused(second_call, name, place, value):
+    task, job, ledger = second_call
+    assert job.forms.made > 0
+    spoilt = getattr(job.forms, name).copy()
+    spoilt[place] = value
+    with pytest.raises(ValueError, match=rf"^forms\..*{name}"):
+        core.run_cases(task, job._replace(forms=job.forms._replace(**{name: spoilt})), ledger)
+
+
+def test_cycles_need_an_output_and_have_begun(call):
+    task, job, ledger = call
+    grid = job.grid._replace(cycles=np.zeros((1, 9, 8)), cycle=np.full(1, 5))
+    with pytest.raises(ValueError, match=r"^grid\.cycle: .* begun"):
+        core.run_cases(task, job._replace(grid=grid), ledger)
+
+
+def test_what_is_written_shares_no_memory_with_another_array(call):
+    task, job, ledger = call
+    with pytest.raises(ValueError, match=r"^task\.\w+, task\.\w+: must not share memory"):
+        core.run_cases(task._replace(begin=task.stopped), job, ledger)
+    memory = np.zeros(3, dtype=np.int64)
+    for own, other in ((memory[:2], memory[1:]), (memory[1:], memory[:2])):
+        cases = job.cases._replace(events=own[None], form=other[None])
+        with pytest.raises(ValueError, match=r"^cases\.\w+, cases\.\w+: must not share memory"):
+            core.run_cases(task, job._replace(cases=cases), ledger)
+
+
+def test_what_is_only_read_may_share_memory(call):
+    task, job, ledger = call
+    core.run_cases(task._replace(members=task.members[:0]), job, ledger._replace(load=ledger.given))
+
+
+# ---- what must end ---------------------------------------------------------------------------------
+
+
+def test_a_long_record_goes_on_where_rounding_finds_the_same_sample_again(monkeypatch):
+    base = fi.RecordedBase(np.linspace(-1.0, 1.0, 9), 0.1)
+    task, job, _ = of_events(monkeypatch, 2, base)
+    # so many samples after the start that the quotient of a sample's time and the interval is less than its number
+    interval, number = 0.0077, 2**24 + np.arange(500_000)
+    number = int(number[np.floor(number * interval / interval + 1e-9) < number][0])
+    start = number * interval
+    job.cases.clock[0, 0] = job.grid.start[0] = start
+    cases = job.cases._replace(knots=np.zeros(number + 9), knot_interval=interval)
+    none_shown, end = job.snapshots._replace(shown=np.zeros(0, dtype=np.int64)), task.begin + 2
+    core.run_cases(task._replace(end=end), job._replace(cases=cases, snapshots=none_shown), None)
+    assert task.stopped[0] == loop_data.DONE
+    assert cases.clock[0, 0] == start + float(end[0]) * job.grid.interval[0]

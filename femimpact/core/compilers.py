@@ -54,7 +54,7 @@ KIND_FLAGS = {
     ),
     "sanitized": (
         "-O1", "-g", "-UNDEBUG", "-DFEMIMPACT_CHECKED", "-fno-omit-frame-pointer",
-        "-fsanitize=address,undefined", "-fno-sanitize=vptr", "-fno-sanitize-recover=undefined",
+        "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize=vptr", "-fno-sanitize-recover=undefined",
     ),
 }  # fmt: skip
 

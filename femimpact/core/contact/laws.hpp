@@ -38,18 +38,23 @@ struct Law {
 
 // Depths (m) as a share, and weights, of the Gauss rule of eight points on 0 to 1.
 constexpr int LAW_POINTS = 8;
-constexpr double LAW_NODES[LAW_POINTS] = {0.019855071751231912, 0.10166676129318664, 0.2372337950418355, 0.4082826787521751,
-                                  0.5917173212478248,   0.7627662049581645,  0.8983332387068134, 0.9801449282487681};
-constexpr double LAW_WEIGHTS[LAW_POINTS] = {0.05061426814518853, 0.11119051722668721, 0.15685332293894344, 0.18134189168918083,
-                                    0.18134189168918083, 0.15685332293894344, 0.11119051722668721, 0.05061426814518853};
+constexpr double LAW_NODES[LAW_POINTS] = {0.019855071751231912, 0.10166676129318664, 0.2372337950418355,
+                                          0.4082826787521751,   0.5917173212478248,  0.7627662049581645,
+                                          0.8983332387068134,   0.9801449282487681};
+constexpr double LAW_WEIGHTS[LAW_POINTS] = {0.05061426814518853, 0.11119051722668721, 0.15685332293894344,
+                                            0.18134189168918083, 0.18134189168918083, 0.15685332293894344,
+                                            0.11119051722668721, 0.05061426814518853};
 
 // Travel over depth below which a mean of forces is taken by quadrature: differences of potentials would cancel.
 constexpr double SHORT_TRAVEL = 0.02;
 
+// Depth (m) and rate (m/s) beyond which a motion has diverged, whatever the law.
+constexpr double BEYOND_ANY = 1e100;
+
 // Force of a custom law, never pulling. One that is no finite number is kept in `refused`, and ends the run.
 [[gnu::noinline]] inline double custom_force(const Law &law, double depth, double rate) {
     double force = reinterpret_cast<CustomForce>(law.address)(depth, rate, law.approach);
-    if (magnitude(force) < INFINITE)
+    if (magnitude(force) < INFINITE || !(depth < BEYOND_ANY && magnitude(rate) < BEYOND_ANY))
         return force > 0.0 ? force : 0.0;
     if (law.refused[0] == 0.0) {
         law.refused[0] = depth;

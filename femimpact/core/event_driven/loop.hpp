@@ -121,7 +121,11 @@ inline Index to_next_event(Index begin, double until, const Form &form, const Ca
     double knot = INFINITE;
     Index index = 0;
     if (scalars.broken) {
-        index = Index(__builtin_floor(motion.clock(0) / cases.knot_interval + 1e-9)) + 1;
+        double passed = __builtin_floor(motion.clock(0) / cases.knot_interval + 1e-9);
+        index = Index(larger(-1.0, smaller(double(cases.knots.size()), passed))) + 1;
+        // rounding may find the knot again that the motion is at
+        if (double(index) * cases.knot_interval <= motion.clock(0))
+            index++;
         if (index < cases.knots.size())
             knot = double(index) * cases.knot_interval;
     }

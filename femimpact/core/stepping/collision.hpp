@@ -52,7 +52,7 @@ inline Collision collide(const Law &law, double mass, double speed, double start
     cases.record.tally = {tally, {4}};
     cases.pair_scratch = {scratch, {6, 1}};
     double peak = 0.0;
-    for (; tally[0] < MOST_STEPS && law.refused[0] == 0.0; tally[0]++) {
+    for (; tally[0] < MOST_STEPS && law.refused[0] == 0.0 && magnitude(ball[RATE]) < INFINITE; tally[0]++) {
         if (s.rigid)
             look_ahead<double>(0, 0, 0.5 * s.dt, cases.pairs, m);
         const unsigned reached = step_ball(0, 0, 0.0, 0.0, s, cases.pairs, m);

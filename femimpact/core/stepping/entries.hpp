@@ -122,7 +122,8 @@ struct Handed {
     // false with an exception where anything is not what the tables say
     bool read(Index steps, PyObject *block, PyObject *fine_steps) {
         has_fine = fine_steps != Py_None;
-        if (!arrays.read("block", block, stepped) || (has_fine && !fine_arrays.read("fine", fine_steps, fine)))
+        if (!arrays.read("block", block, stepped) || !arrays.are_apart() ||
+            (has_fine && !fine_arrays.read("fine", fine_steps, fine)))
             return false;
         const char *fault = fault_of(steps, stepped, given_fine());
         if (fault != nullptr)
@@ -189,6 +190,10 @@ inline PyObject *collide_entry(const femimpact_kernels &kernels, PyObject *const
             return nullptr;
     if (law.kind == CUSTOM && law.address == 0)
         return PyErr_Format(PyExc_ValueError, "law.address: must be that of a function for a custom law");
+    const double positive[] = {numbers[0], numbers[1], scheme.dt};
+    for (double number : positive)
+        if (!(number > 0.0 && number < INFINITE))
+            return PyErr_Format(PyExc_ValueError, "mass, speed, scheme.dt: must be finite and > 0");
     law.refused = refused;
     {
         const WithoutLock others_run;
