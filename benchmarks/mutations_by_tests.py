@@ -25,7 +25,7 @@ __all__ = ["MUTATIONS", "findings"]
 LEFT_OUT = shutil.ignore_patterns(".*", "femimpact-demo*", "benchmark-results*", "build", "dist")
 """Of the checkout: what no test reads."""
 
-FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+)(?: - (.*))?$", re.MULTILINE)
+FAILED = re.compile(r"^(?:FAILED|ERROR) tests/(.+?)(?: - (.*))?$", re.MULTILINE)
 """A test that failed, and the beginning of what it says."""
 
 MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
@@ -180,7 +180,9 @@ def findings(tests: str, mutation: Mutation | None) -> dict[str, str]:
             return {tests: f"not done within {LIMIT:g} s"}
     if done.returncode not in (0, 1):
         sys.exit(f"{shlex.join(words)} ended with status {done.returncode}:\n{done.stdout}{done.stderr}")
-    return {name.partition("/")[2]: why[:60] for name, why in FAILED.findall(done.stdout)} if done.returncode else {}
+    if done.returncode == 0:
+        return {}
+    return {name: why[:60] for name, why in FAILED.findall(done.stdout)} or {tests: "fails"}
 
 
 def main(names: list[str]) -> int:

@@ -4,12 +4,17 @@
 between processors: the linear-algebra kernel decides those bits, and impacts amplify them.
 """
 
+import os
 import sys
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
+import command
 import numpy as np
 import pytest
-from builders import REFERENCE, reduced, with_ball
+from builders import REFERENCE, SMALL_STUDY, reduced, with_ball
 
 import femimpact as fi
 import femimpact.system.modes
@@ -98,3 +103,31 @@ def bouncing(reference: fi.Structure) -> fi.System:
     """A light ball that loses little: thrown between walls at rest it bounces regularly, and meets no chaos."""
     law = fi.KelvinVoigt(restitution=0.9, contact_time=2e-3)
     return reduced(with_ball(reference, mass=1e-5, contact=law), 4, 10)
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory) -> Iterator[Path]:
+    """A directory with `study.toml` and what a run of it left in `out`; a test that changes it takes a copy.
+
+    It is made once, also for several processes of tests: whoever comes first puts it where all look.
+    """
+    own = tmp_path_factory.mktemp("finished")
+    shared = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared = shared.parent
+    place = shared / "finished-run"
+    if not place.exists():
+        (own / "study.toml").write_text(SMALL_STUDY, encoding="utf-8")
+        command.femimpact("run", "study.toml", "-o", "out", cwd=own)
+        with suppress(OSError):
+            # another process was first: a folder that is not empty is not replaced
+            own.rename(place)
+    before = _seen(place)
+    yield place
+    assert _seen(place) == before, "a test has changed the finished run, which all share"
+
+
+def _seen(folder: Path) -> dict[str, tuple[int, int]]:
+    """Size and time of every file in a folder."""
+    found = {path: path.stat() for path in folder.rglob("*")}
+    return {str(path): (about.st_size, about.st_mtime_ns) for path, about in found.items()}

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from builders import femimpact
+from command import femimpact
 
 import femimpact as fi
 from femimpact.export.figures import OffScreen, collision_history, contact_laws
