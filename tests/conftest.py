@@ -1,4 +1,7 @@
-"""The reference structure behind the published 5.30 and 4.98 Hz, and modes with another last bit.
+"""The reference structure behind the published 5.30 and 4.98 Hz, modes with another last bit, and processes of tests.
+
+Files of tests are run side by side, where there are more than a few, by one process for each core (pytest-xdist);
+`pytest -n 0` runs them one after the other.
 
 `pytest --perturb-modes SEED` runs the tests marked `impacts` on modes that differ in their last bits, as they do
 between processors: the linear-algebra kernel decides those bits, and impacts amplify them.
@@ -18,9 +21,38 @@ from builders import REFERENCE, SMALL_STUDY, reduced, with_ball
 
 import femimpact as fi
 import femimpact.system.modes
+from femimpact.integrators import threads
 
 LAST_BITS = 1e-15
 """Relative: a few units in the last place, as far as another linear-algebra kernel moves a mode."""
+
+
+FEW_FILES = 3
+"""Files that one process runs sooner than several, each of which takes some seconds to begin."""
+
+MOST_PROCESSES = 8
+"""Each takes some 500 MB."""
+
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""Variables by which linear algebra is told its number of threads, before it is loaded."""
+
+
+def pytest_xdist_auto_num_workers(config) -> int:
+    """Processes of tests: none beside this one for a few files, for a debugger, or where output is not captured."""
+    named = {path for path, _, _ in (word.partition("::") for word in config.args)}
+    few = len(named) <= FEW_FILES and all(Path(config.invocation_params.dir, path).is_file() for path in named)
+    return 0 if few or config.option.capture == "no" else min(threads.cores(), MOST_PROCESSES)
+
+
+def pytest_xdist_setupnodes(config, specs):
+    """Share the cores between processes that begin: what a user has set stays."""
+    for name in THREADS:
+        os.environ.setdefault(name, str(share_of_cores(len(specs))))
+
+
+def share_of_cores(processes: int) -> int:
+    """Threads of each of so many processes."""
+    return max(threads.cores() // processes, 1)
 
 
 def pytest_addoption(parser):
@@ -80,6 +112,17 @@ def _perturbed_modes(request):
         for name, module in list(sys.modules.items()):
             if name.partition(".")[0] == "femimpact" and vars(module).get("solve_modes") is exact:
                 patch.setattr(module, "solve_modes", solve_modes)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _shared_cores():
+    """Beside other processes of tests, sweeps take this one's share of the cores where they are not told a number."""
+    processes = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    share = share_of_cores(processes)
+    with pytest.MonkeyPatch.context() as patch:
+        if processes > 1:
+            patch.setattr(threads, "cores", lambda: share)
         yield
 
 
