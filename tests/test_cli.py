@@ -151,6 +151,12 @@ def test_a_run_shorter_than_a_base_cycle_has_no_amplitude_and_says_so(tmp_path):
     assert "peak none mm" in printed
 
 
+def test_a_frequency_of_the_command_line_takes_the_place_of_that_of_the_study(tmp_path):
+    (tmp_path / "small.toml").write_text(UNDRAWN_STUDY, encoding="utf-8")
+    femimpact("simulate", "small.toml", "--frequency", "7.25", "-o", "out", "-q", cwd=tmp_path)
+    assert fi.load(tmp_path / "out").summary["history"]["frequency"] == 7.25
+
+
 def test_check_refuses_what_run_would_refuse(tmp_path):
     for find, put, words in (
         ("stop = 6.0 ", "stop = 6000.0 ", "sweep.stop = 6000.0 Hz: must be <= 1250 Hz"),
