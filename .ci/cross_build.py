@@ -43,12 +43,7 @@ FUNCTION = re.compile(r"^[\w ]+[ *](Py\w+)\(", re.MULTILINE)
 def import_library(zig: str, folder: Path) -> None:
     """`libs/python3.lib` as an installation of Python on Windows has it, of what the core takes."""
     text = (ROOT / "femimpact" / "core" / "limited_api.hpp").read_text(encoding="utf-8")
-    lines = [
-        "LIBRARY python3.dll",
-        "EXPORTS",
-        *FUNCTION.findall(text),
-        *(f"{name} DATA" for name in DATA.findall(text)),
-    ]
+    names = [*FUNCTION.findall(text), *(f"{name} DATA" for name in DATA.findall(text))]
     (folder / "libs").mkdir()
     (folder / "python3.def").write_text("\n".join(["LIBRARY python3.dll", "EXPORTS", *names]) + "\n", encoding="utf-8")
     words = [zig, "dlltool", "-m", "i386:x86-64", "-d", "python3.def", "-l", "libs/python3.lib"]
