@@ -37,11 +37,28 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Variables by which linear algebra is told its number of threads, before it is loaded."""
 
 
-def pytest_xdist_auto_num_workers(config) -> int:
-    """Processes of tests: none beside this one for a few files, for a debugger, or where output is not captured."""
-    named = {path for path, _, _ in (word.partition("::") for word in config.args)}
-    few = len(named) <= FEW_FILES and all(Path(config.invocation_params.dir, path).is_file() for path in named)
-    return 0 if few or config.option.capture == "no" else min(threads.cores(), MOST_PROCESSES)
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config):
+    """Ask pytest-xdist for files side by side, unless the command line says how many processes there shall be."""
+    # its processes come here too, and must not begin further ones
+    if "PYTEST_XDIST_WORKER" in os.environ or hasattr(config, "workerinput"):
+        return
+    option = config.option
+    if getattr(option, "numprocesses", 0) is None and option.dist == "no":
+        option.numprocesses = processes_for(config.args, config.invocation_params.dir, interactive(option))
+        option.dist = "loadfile"
+
+
+def interactive(option) -> bool:
+    """Whether somebody looks on while a test runs: by a debugger, or at what is printed."""
+    return option.usepdb or option.trace or option.capture == "no"
+
+
+def processes_for(args, folder, alone: bool) -> int:
+    """Processes of tests for the arguments of a command line: none beside its own for a few files."""
+    named = {word.partition("::")[0] for word in args}
+    few = len(named) <= FEW_FILES and all(Path(folder, name).is_file() for name in named)
+    return 0 if few or alone else min(threads.cores(), MOST_PROCESSES)
 
 
 def pytest_xdist_setupnodes(config, specs):

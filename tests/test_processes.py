@@ -9,7 +9,15 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from conftest import FEW_FILES, MOST_PROCESSES, THREADS, pytest_xdist_auto_num_workers, share_of_cores
+from conftest import (
+    FEW_FILES,
+    MOST_PROCESSES,
+    THREADS,
+    interactive,
+    processes_for,
+    pytest_cmdline_main,
+    share_of_cores,
+)
 
 import femimpact.integrators.threads as threads
 
@@ -35,13 +43,7 @@ def test_linear_algebra_in_a_process_of_tests_has_its_share_of_the_cores():
     assert threads.workers_of(None) <= share
 
 
-def asked(folder, *args, capture="fd"):
-    """What pytest knows when it asks how many processes there shall be."""
-    invocation = SimpleNamespace(dir=folder)
-    return SimpleNamespace(args=list(args), option=SimpleNamespace(capture=capture), invocation_params=invocation)
-
-
-def test_a_few_files_and_what_is_not_captured_are_run_in_this_process(monkeypatch):
+def test_a_few_files_and_what_somebody_looks_at_are_run_in_one_process(monkeypatch):
     monkeypatch.setattr(threads, "cores", lambda: 64)
     several = [f"tests/{path.name}" for path in sorted(Path(__file__).parent.glob("test_*.py"))]
     many = several[: FEW_FILES + 1]
@@ -51,7 +53,39 @@ def test_a_few_files_and_what_is_not_captured_are_run_in_this_process(monkeypatc
         (several[:FEW_FILES], 0),
         ([f"{many[0]}::test_{i}" for i in range(20)], 0),
     ):
-        assert pytest_xdist_auto_num_workers(asked(CHECKOUT, *args)) == processes
-        assert pytest_xdist_auto_num_workers(asked(CHECKOUT, *args, capture="no")) == 0
+        assert processes_for(args, CHECKOUT, alone=False) == processes
+        assert processes_for(args, CHECKOUT, alone=True) == 0
     monkeypatch.setattr(threads, "cores", lambda: 2)
-    assert pytest_xdist_auto_num_workers(asked(CHECKOUT, "tests")) == 2
+    assert processes_for(["tests"], CHECKOUT, alone=False) == 2
+    for changed in ({"usepdb": True}, {"trace": True}, {"capture": "no"}, {}):
+        assert interactive(SimpleNamespace(**{"usepdb": False, "trace": False, "capture": "fd"} | changed)) == bool(
+            changed
+        )
+
+
+def configured(processes):
+    """What pytest has when it begins with a number of processes, or with none given."""
+    option = SimpleNamespace(numprocesses=processes, dist="no", usepdb=False, trace=False, capture="fd")
+    return SimpleNamespace(option=option, args=["tests"], invocation_params=SimpleNamespace(dir=CHECKOUT))
+
+
+@pytest.mark.parametrize(("given", "processes", "dist"), [(None, 2, "loadfile"), (0, 0, "no"), (5, 5, "no")])
+def test_the_command_line_decides_before_the_number_of_cores(monkeypatch, given, processes, dist):
+    monkeypatch.delenv("PYTEST_XDIST_WORKER", raising=False)
+    monkeypatch.setattr(threads, "cores", lambda: 2)
+    config = configured(given)
+    pytest_cmdline_main(config)
+    assert (config.option.numprocesses, config.option.dist) == (processes, dist)
+    # without pytest-xdist there is no such option
+    pytest_cmdline_main(SimpleNamespace(option=SimpleNamespace()))
+
+
+def test_a_process_of_tests_begins_no_further_ones(monkeypatch):
+    monkeypatch.setenv("PYTEST_XDIST_WORKER", "gw0")
+    config = configured(None)
+    pytest_cmdline_main(config)
+    assert config.option.numprocesses is None
+    monkeypatch.delenv("PYTEST_XDIST_WORKER")
+    config.workerinput = {}
+    pytest_cmdline_main(config)
+    assert config.option.numprocesses is None

@@ -213,7 +213,9 @@ def link_command(compiler: Compiler, kind: str, objects: Sequence[str], binary: 
     sanitizers = [flag for flag in KIND_FLAGS.get(kind, ()) if flag.startswith("-fsanitize")]
     ours = ["-shared", "-fno-lto", "-fno-fast-math", *sanitizers]
     if sys.platform == "darwin":
-        ours[:1] = ["-bundle", "-undefined", "dynamic_lookup", "-Wl,-dead_strip_dylibs", "-mmacosx-version-min=11.0"]
+        # zig 0.17 crashes where it is asked for a bundle; Python loads either
+        library = "-shared" if compiler.is_zig else "-bundle"
+        ours[:1] = [library, "-undefined", "dynamic_lookup", "-Wl,-dead_strip_dylibs", "-mmacosx-version-min=11.0"]
     elif sys.platform == "win32":
         # no library of the compiler's own: none is on a machine without it. With zig it is so
         own = [] if compiler.is_zig else ["-static-libgcc"]
