@@ -25,7 +25,7 @@ from femimpact.study.picture_data import (
     write_mode_shapes,
 )
 from femimpact.study.prepared import prepare
-from femimpact.study.result_files import FILES
+from femimpact.study.result_files import FILES, replaced_by
 from femimpact.study.results import read_summary
 from femimpact.study.run import run_simulation, run_study, run_sweep
 from femimpact.study.study_file import load_study
@@ -280,3 +280,9 @@ def test_the_window_that_was_probed_is_the_one_that_is_used(monkeypatch):
     with movie._window("vtkEGLRenderWindow"):
         assert os.environ[movie.WINDOW] == "vtkEGLRenderWindow"
     assert os.environ[movie.WINDOW] == "broken"
+
+
+def test_of_two_movies_the_later_one_stays():
+    assert replaced_by(["deflection.gif"]) == {"deflection.mp4"}
+    assert replaced_by(["deflection.mp4", "summary.json"]) == {"deflection.gif", "summary.json"}
+    assert replaced_by(["response.png"]) == frozenset()
