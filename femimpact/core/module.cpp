@@ -196,6 +196,6 @@ static PyObject *created() {
 
 } // namespace FEMIMPACT_TARGET
 
-extern "C" __attribute__((visibility("default"))) PyObject *PyInit__core(void) {
+extern "C" FEMIMPACT_EXPORTED PyObject *PyInit__core(void) {
     return FEMIMPACT_TARGET::created();
 }
