@@ -81,6 +81,10 @@ if TYPE_CHECKING:
     from femimpact.integrators.stepping.newmark import MoreauJean as MoreauJean
     from femimpact.integrators.stepping.newmark import Newmark as Newmark
     from femimpact.integrators.stepping.step_size import recommended_step as recommended_step
+    from femimpact.parametric import ParameterStudy as ParameterStudy
+    from femimpact.parametric import StudyProgress as StudyProgress
+    from femimpact.parametric import load_parameter_study as load_parameter_study
+    from femimpact.parametric import parameter_study as parameter_study
     from femimpact.response.energy import EnergyLedger as EnergyLedger
     from femimpact.response.history import HistoryPiece as HistoryPiece
     from femimpact.response.impacts import Impacts as Impacts
@@ -184,6 +188,7 @@ _MODULES = {
     "integrators.stepping.step_size": ("recommended_step",),
     "fem.mesh": ("Mesh", "graded_mesh", "random_mesh", "uniform_mesh"),
     "fem.mesh_files": ("read_mesh",),
+    "parametric": ("ParameterStudy", "StudyProgress", "load_parameter_study", "parameter_study"),
     "system.damped": ("with_damping",),
     "system.matrix_files": ("read_matrix",),
     "system.modes": ("Modes", "solve_modes"),

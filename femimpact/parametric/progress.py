@@ -1,0 +1,46 @@
+"""How far a study is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["StudyProgress"]
+
+
+@dataclass(frozen=True)
+class StudyProgress:
+    """How far a study is.
+
+    Parameters
+    ----------
+    cases : int
+    finished : int
+        Those found on disk included.
+    found : int
+        Cases that an earlier call had finished.
+    failed : int
+        Finished cases of which a start has no values.
+    rate : float, 1/s
+        Cases finished in a second by this call.
+    """
+
+    cases: int
+    finished: int
+    found: int
+    failed: int
+    rate: float
+
+    @property
+    def share(self) -> float:
+        """Share that is done, 0 to 1."""
+        return self.finished / self.cases
+
+    @property
+    def remaining(self) -> float:
+        """Time (s) that the rest takes at this rate; infinite before the first cases."""
+        left = self.cases - self.finished
+        return left / self.rate if self.rate > 0.0 else float("inf") if left else 0.0
+
+    def __str__(self) -> str:
+        failed = f", {self.failed} failed" if self.failed else ""
+        return f"{self.finished} of {self.cases} cases, {self.rate:.3g}/s{failed}"
