@@ -117,7 +117,8 @@ def _plain(value: Any, version: str | None) -> Any:
     if isinstance(value, np.ndarray):
         return {"shape": list(value.shape), "content": _digest(value)}
     if sparse.issparse(value):
-        rows: Any = value.tocoo()
+        matrix: Any = value
+        rows = matrix.tocoo()
         return {"shape": list(rows.shape), "content": _digest(*rows.coords, rows.data)}
     if isinstance(value, Mapping):
         return {str(key): _plain(item, version) for key, item in value.items()}

@@ -79,7 +79,6 @@ OTHER_FILES = {
     "convergence_summary": "convergence_summary.csv",
     "parameter_study": "study.nc",
     "parameter_table": "study.csv",
-    "parameter_figure": "study.png",
 }
 """What is left besides: one file of deflections where the study has `vtkhdf`, what a history leaves in which something
 stuck (and its name in results of earlier versions), the record of the base, and what a table of contacts, a movie
