@@ -19,6 +19,7 @@ from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.measures import INSTANTS, Measure, Source, columns_of, of_response
 from femimpact.parametric.paths import Place, Stage
 from femimpact.parametric.starts import scaled_starts, unit_draws
+from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder, Response
 from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
@@ -298,8 +299,8 @@ def _runs(
         laws=laws,
         law_of=np.repeat(law_of, starts),
         initial=initial,
-        ball_displacement=placed.reshape(-1, balls),
-        ball_velocity=moving.reshape(-1, balls),
+        ball_displacement=placed.reshape(cases.size * starts, balls),
+        ball_velocity=moving.reshape(cases.size * starts, balls),
         cycles=np.full(cases.size * starts, study.dwell),
         measured=np.full(cases.size * starts, study.dwell // 3),
     )
@@ -395,7 +396,7 @@ def _read_runs(group: _Group, part: Numbers, own: Numbers, columns: Any, answers
         frequency = float(group.runs.frequency[member])
         begin = (study.dwell - study.dwell // 3) / frequency
         try:
-            response = _response(group, member, _record([item for _, item in asked], begin))
+            response = _response(group, member, _record([item for _, item in asked], begin, group.system))
             for m, item in asked:
                 value = of_response(item, response, begin, study.dwell // 3)
                 if isinstance(value, str):
@@ -406,14 +407,14 @@ def _read_runs(group: _Group, part: Numbers, own: Numbers, columns: Any, answers
             answers.fail(np.array([run]), str(error))
 
 
-def _record(asked: Sequence[Measure], begin: float) -> Recorder:
+def _record(asked: Sequence[Measure], begin: float, system: System) -> Recorder:
     """What a run keeps for its measures; a function of the user's own may read anything of the whole run."""
+    channels = [item.channel for item in asked if item.channel]
     if any(item.function is not None for item in asked):
-        # the default channels, and those asked for
-        return Recorder()
-    channels = tuple(dict.fromkeys(item.channel for item in asked if item.channel))
+        usual = [channel.name for channel in resolve_channels(system, None)]
+        return Recorder(channels=tuple(dict.fromkeys([*usual, *channels])))
     ledger = any(item.source is Source.LEDGER for item in asked)
-    return Recorder(channels=channels, start=begin, ledger=ledger)
+    return Recorder(channels=tuple(dict.fromkeys(channels)), start=begin, ledger=ledger)
 
 
 def _response(group: _Group, run: int, record: Recorder) -> Response:

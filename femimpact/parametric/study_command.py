@@ -204,7 +204,7 @@ def summary_lines(dataset: xarray.Dataset, directory: Path) -> list[str]:
     return [*lines, f"results in {directory}"]
 
 
-def _value(dataset: xarray.Dataset, axis: str, index: int) -> str:
+def _value(dataset: xarray.Dataset, axis: str, index: Any) -> str:
     if axis == "case":
         return str(index)
     value = dataset[axis].to_numpy()[index]

@@ -29,8 +29,8 @@ __all__ = [
     "COLOURS", "STYLE", "OffScreen", "amplitude_spectrum", "beam_mesh", "bifurcation", "collision_history",
     "contact_force", "contact_laws", "convergence", "convergence_panels", "cycle_averaged_force", "energies",
     "impact_histograms", "impulse_phase", "mesh_convergence", "mode_convergence", "mode_shapes", "motion",
-    "phase_portrait", "response_curve", "restitution_scan", "save_figure", "spectrum", "step_convergence", "study_lines", "study_map",
-    "study_maps", "study_scatter", "value_map",
+    "phase_portrait", "response_curve", "restitution_scan", "save_figure", "spectrum", "step_convergence",
+    "study_lines", "study_map", "study_maps", "study_scatter", "value_map",
 ]  # fmt: skip
 
 

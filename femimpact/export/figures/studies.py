@@ -75,8 +75,8 @@ def study_lines(
         ("_median_low", "_median_high", 0.4, "90 % interval of the median"),
     ):
         if f"{measure}{low}" in dataset:
-            ends = [factor * dataset[f"{measure}{end}"].to_numpy() for end in (low, high)]
-            entries.append(axis.fill_between(x, *ends, color=BLUE, alpha=alpha, linewidth=0.0, label=told))
+            below, above = (factor * dataset[f"{measure}{end}"].to_numpy() for end in (low, high))
+            entries.append(axis.fill_between(x, below, above, color=BLUE, alpha=alpha, linewidth=0.0, label=told))
     starts = int(dataset.attrs.get("starts", 1))
     entries.insert(0, axis.plot(x, factor * values, "o-", color=BLUE, markersize=4.0,
                                 label="value" if starts == 1 else f"median of {starts} starts")[0])  # fmt: skip
@@ -195,7 +195,7 @@ def study_maps(
 def study_scatter(
     dataset: xarray.Dataset, measure: str, *, figure: FigureBase | OffScreen | None = None
 ) -> NDArray[np.object_]:  # fmt: skip
-    """A measure of a list or a sample of cases over each of its axes: a dot for a case, a line from smallest to largest.
+    """A measure of a list or a sample of cases over each of its axes: dots, and lines from smallest to largest.
 
     Parameters
     ----------
@@ -336,7 +336,11 @@ def _cells(
         if not np.isfinite(value) or not (every or samples[i, j]):
             continue
         colour = "white" if value < 0.5 * (low + high) else "black"
-        behind = {"facecolor": image.to_rgba(value), "edgecolor": "none", "pad": 1.0} if unsure[i, j] else None
+        behind = (
+            {"facecolor": image.to_rgba(np.array([value]))[0], "edgecolor": "none", "pad": 1.0}
+            if unsure[i, j]
+            else None
+        )
         shown_number = f"{value:.2g}" if every else ""
         axis.annotate(f"{shown_number}{'*' if samples[i, j] else ''}", (j, i), ha="center", va="center", color=colour,
                       fontsize=9.0, bbox=behind)  # fmt: skip
