@@ -85,6 +85,7 @@ if TYPE_CHECKING:
     from femimpact.parametric import StudyProgress as StudyProgress
     from femimpact.parametric import load_parameter_study as load_parameter_study
     from femimpact.parametric import parameter_study as parameter_study
+    from femimpact.parametric import run_case as run_case
     from femimpact.response.energy import EnergyLedger as EnergyLedger
     from femimpact.response.history import HistoryPiece as HistoryPiece
     from femimpact.response.impacts import Impacts as Impacts
@@ -188,7 +189,7 @@ _MODULES = {
     "integrators.stepping.step_size": ("recommended_step",),
     "fem.mesh": ("Mesh", "graded_mesh", "random_mesh", "uniform_mesh"),
     "fem.mesh_files": ("read_mesh",),
-    "parametric": ("ParameterStudy", "StudyProgress", "load_parameter_study", "parameter_study"),
+    "parametric": ("ParameterStudy", "StudyProgress", "load_parameter_study", "parameter_study", "run_case"),
     "system.damped": ("with_damping",),
     "system.matrix_files": ("read_matrix",),
     "system.modes": ("Modes", "solve_modes"),

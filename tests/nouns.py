@@ -296,8 +296,8 @@ VERBS = {
     "parameter_study of a sample": (fi.parameter_study, lambda: {
         **parameter_study(), "axes": {"impactor.ball.gap": {"uniform": [1e-3, 2e-3]}}, "sample": {"points": 2},
     }),
-    "ParameterStudy.case": (lambda **given: NOUNS["ParameterStudy"]().case(**given), lambda: {
-        "number": 1, "start": 1, "record": fi.Recorder(("tip",)),
+    "run_case": (fi.run_case, lambda: {
+        "study": NOUNS["ParameterStudy"](), "number": 1, "start": 1, "record": fi.Recorder(("tip",)),
     }),
     "mode_convergence": (fi.mode_convergence, lambda: {
         "system": small(), "excitation": fi.Sine(0.0, 24.0), "method": fi.Newmark(2e-4), "duration": 1.0,

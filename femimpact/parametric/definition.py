@@ -14,7 +14,6 @@ from femimpact.errors import (
     Fault,
     InputError,
     check_fields,
-    checked,
     kind_of,
     optional,
     quantity,
@@ -35,7 +34,6 @@ from femimpact.parametric.paths import (
     study_with,
     unknown_path,
 )
-from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import Position
 from femimpact.study.parameter_plan import MOST_STARTS, AxisValues, Distribution, SamplePlan, axis_from
 from femimpact.study.study import BaseMotion, Study, sine_of
@@ -248,35 +246,6 @@ class ParameterStudy:
     def runs(self) -> int:
         """Cases times starts."""
         return self.table.size * self.starts
-
-    def case(self, number: int, start: int = 0, record: Recorder | None = None) -> Response:
-        """A run of one case, with its history.
-
-        Parameters
-        ----------
-        number : int
-            Of the case from 0, in the order of the dataset: of a grid the last axis is the fastest.
-        start : int
-            Of its starts, from 0.
-        record : Recorder, optional
-            What is kept.
-
-        Returns
-        -------
-        Response
-
-        Raises
-        ------
-        InputError
-            If there is no such case or start, or the case cannot be run.
-        """
-        from femimpact.parametric.evaluation import case_response
-
-        for key, value, most in (("number", number, self.table.size), ("start", start, self.starts)):
-            checked(key, value, quantity("1", at_least=0, at_most=most - 1, integer=True))
-        if record is not None:
-            require_type(record, Recorder, "record")
-        return case_response(self, int(number), int(start), record)
 
     # ---- checks ------------------------------------------------------------------------------------
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact import ContactLaw
-from femimpact.errors import FemimpactError
+from femimpact.errors import FemimpactError, checked, quantity, require_type
 from femimpact.excitation import Sine
 from femimpact.integrators.answers import SineCases, SineDwellResults
 from femimpact.integrators.many_cases import run_cases, start_of, with_contacts_of
@@ -24,7 +24,7 @@ from femimpact.response.response import Recorder, Response
 from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
 
-__all__ = ["BlockValues", "case_response", "evaluated"]
+__all__ = ["BlockValues", "evaluated", "run_case"]
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -114,19 +114,38 @@ def evaluated(study: ParameterStudy, cases: Numbers) -> BlockValues:
     return answers.whole()
 
 
-def case_response(study: ParameterStudy, case: int, start: int = 0, record: Recorder | None = None) -> Response:
-    """A run of one start of one case, with its history.
+def run_case(study: ParameterStudy, number: int, start: int = 0, record: Recorder | None = None) -> Response:
+    """A run of one start of one case of a parameter study, with its history.
+
+    Parameters
+    ----------
+    study : ParameterStudy
+    number : int
+        Of the case from 0, in the order of the dataset: of a grid the last axis is the fastest.
+    start : int
+        Of its starts, from 0.
+    record : Recorder, optional
+        What is kept.
+
+    Returns
+    -------
+    Response
 
     Raises
     ------
-    FemimpactError
-        If the case cannot be run.
+    InputError
+        If there is no such case or start, or the case cannot be run.
     """
-    answers = _Answers(study, np.array([case]))
+    require_type(study, ParameterStudy, "study")
+    for key, value, most in (("number", number, study.table.size), ("start", start, study.starts)):
+        checked(key, value, quantity("1", at_least=0, at_most=most - 1, integer=True))
+    if record is not None:
+        require_type(record, Recorder, "record")
+    answers = _Answers(study, np.array([number], dtype=np.int64))
     groups = list(_groups(study, answers.cases, answers))
     if not groups:
-        _raise_of_case(study, case)
-    return _response(groups[0], start, Recorder() if record is None else record)
+        _raise_of_case(study, int(number))
+    return _response(groups[0], int(start), Recorder() if record is None else record)
 
 
 def _raise_of_case(study: ParameterStudy, case: int) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Mapping
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from femimpact import __version__
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.evaluation import BlockValues
 from femimpact.parametric.statistics_over_starts import LEAST_FOR_INTERVAL, over_starts
@@ -55,7 +55,7 @@ def labels_of(study: ParameterStudy) -> dict[str, Any]:
         "starts": study.starts,
         "attributes": {
             "title": "femimpact parameter study",
-            "femimpact": __version__,
+            "femimpact": version("femimpact"),
             "numpy": np.__version__,
             "scipy": scipy.__version__,
             "python": ".".join(map(str, sys.version_info[:3])),
