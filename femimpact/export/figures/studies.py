@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 MOST_NUMBERS = 120
 """Cells of a map up to which each has its number."""
 
-MOST_TICKS = 9
+MOST_TICKS = 12
 
 MOST_PANELS = 36
 """Maps of a figure."""
@@ -323,7 +323,7 @@ def _cells(
         (first, axis.set_xticks, axis.set_xlabel), (second, axis.set_yticks, axis.set_ylabel),
     ):  # fmt: skip
         x, label, words = _axis_values(dataset, name)
-        chosen = _some(x.size, MOST_TICKS)
+        chosen = list(range(0, x.size, -(-x.size // MOST_TICKS)))
         set_ticks(chosen, [words[i] if words is not None else f"{x[i]:.3g}" for i in chosen])
         set_label(label)
     samples, unsure = _samples(dataset).T, _unsure(dataset, measure).T
