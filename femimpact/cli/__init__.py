@@ -230,14 +230,22 @@ def converge(
 
 
 @app.command(name="study")
-def parameter_study(study: Path, *, output: Output = None, quiet: Quiet = False) -> None:
-    """The parameter study of [study]: all cases of its axes; the same call goes on where an earlier one ended."""
+def parameter_study(
+    study: Path, *, scheduler: str | None = None, output: Output = None, quiet: Quiet = False
+) -> None:  # fmt: skip
+    """The parameter study of [study]: all cases of its axes; the same call goes on where an earlier one ended.
+
+    Parameters
+    ----------
+    scheduler
+        Address or scheduler file of a Dask cluster on which the cases run.
+    """
     from femimpact.parametric.study_command import summary_lines, write_parameter_study
     from femimpact.study.study_file import load_study
 
     plan, directory = load_study(study), output or _directory(study, "study")
     with _study_progress(quiet) as report:
-        found = write_parameter_study(plan, directory, report)
+        found = write_parameter_study(plan, directory, report, scheduler)
     if quiet:
         return
     for line in summary_lines(found, directory):

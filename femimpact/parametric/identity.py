@@ -21,7 +21,7 @@ from femimpact.parametric.definition import ParameterStudy
 from femimpact.study.study import Study
 from femimpact.system.system import System
 
-__all__ = ["code_key", "first_difference", "plain_study", "study_key"]
+__all__ = ["code_key", "first_difference", "plain_study", "sources_key", "study_key"]
 
 NUMERICAL = ("contact", "excitation", "fem", "integrators", "response", "structure", "system", "parametric")
 """Folders whose sources decide the numbers."""
@@ -33,15 +33,21 @@ WITHOUT = ("text", "path", "plan", "output", "sweep")
 
 
 @cache
-def code_key() -> str:
-    """Hash of the sources of the numerical folders, of the core, and of the versions of numpy and scipy."""
+def sources_key() -> str:
+    """Hash of the sources of the numerical folders."""
     root = Path(__file__).parent.parent
     digest = hashlib.sha256()
     sources = sorted(path for folder in NUMERICAL for path in (root / folder).rglob("*.py"))
     for path in (*sources, *(root / name for name in BESIDE)):
         digest.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes() + b"\0")
-    digest.update(f"{build_words()} numpy {np.__version__} scipy {scipy.__version__}".encode())
     return digest.hexdigest()
+
+
+@cache
+def code_key() -> str:
+    """Hash of the sources of the numerical folders, of the core, and of the versions of numpy and scipy."""
+    words = f"{sources_key()} {build_words()} numpy {np.__version__} scipy {scipy.__version__}"
+    return hashlib.sha256(words.encode()).hexdigest()
 
 
 def plain_study(study: ParameterStudy) -> dict[str, Any]:

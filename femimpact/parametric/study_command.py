@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ import numpy as np
 from femimpact.errors import Fault, InputError, require
 from femimpact.export import figures, tables
 from femimpact.export.files import atomic_write
+from femimpact.parametric.cluster import connected
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.progress import StudyProgress
 from femimpact.parametric.verb import run_parameter_study
@@ -66,7 +68,7 @@ def _in_file(study: Study, fault: Fault) -> Fault:
 
 
 def write_parameter_study(
-    study: Study, directory: Path, progress: Callable[[StudyProgress], None] | None = None
+    study: Study, directory: Path, progress: Callable[[StudyProgress], None] | None = None, scheduler: str | None = None
 ) -> xarray.Dataset:  # fmt: skip
     """Run the parameter study of a study file and leave `study.nc`, `study.csv`, `study.toml` and figures.
 
@@ -76,6 +78,8 @@ def write_parameter_study(
     directory : Path
         Goes on from what an earlier call has left there.
     progress : callable, optional
+    scheduler : str, optional
+        Address or scheduler file of a cluster on which the cases run.
 
     Returns
     -------
@@ -86,7 +90,9 @@ def write_parameter_study(
     InputError
         As of `parameter_study`.
     """
-    dataset = run_parameter_study(definition_of(study), directory=directory, progress=progress)
+    definition = definition_of(study)
+    with nullcontext() if scheduler is None else connected(scheduler) as client:
+        dataset = run_parameter_study(definition, directory=directory, client=client, progress=progress)
     atomic_write(directory / FILES["study"], study_text(study))
     columns, units = table_of(dataset)
     tables.write_csv(directory / OTHER_FILES["parameter_table"], columns, units)

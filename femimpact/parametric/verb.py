@@ -17,6 +17,7 @@ from femimpact.export.tables import write_netcdf
 from femimpact.integrators.methods import Method
 from femimpact.integrators.threads import check_progress, workers_of
 from femimpact.parametric.block_files import BlockFolder
+from femimpact.parametric.cluster import check_client
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.evaluation import BlockValues
 from femimpact.parametric.identity import plain_study, study_key
@@ -52,6 +53,7 @@ def parameter_study(
     modes: int = 4,
     version: str | None = None,
     directory: str | Path | None = None,
+    client: Any = None,
     threads: int | None = None,
     progress: Callable[[StudyProgress], None] | None = None,
 ) -> xarray.Dataset:
@@ -66,8 +68,11 @@ def parameter_study(
     directory : str or Path, optional
         Where finished blocks are kept, and `study.nc` is written. The same call goes on from the blocks that are
         there, and gives the dataset of a call that was never interrupted, to the last bit.
+    client : distributed.Client, optional
+        On whose workers the cases run; this process alone writes. The results are the same, to the last bit, on
+        processors of the same kind.
     threads : int, optional
-        The number of cores by default; the results do not depend on it, to the last bit.
+        Without a client: the number of cores by default; the results do not depend on it, to the last bit.
     progress : callable, optional
         Called with a `StudyProgress` after each block.
 
@@ -87,23 +92,25 @@ def parameter_study(
         study, axes, measures, starts=starts, seed=seed, sample=sample, cycles=cycles, excitation=excitation,
         method=method, at=at, elements=elements, modes=modes, version=version,
     )  # fmt: skip
-    return run_parameter_study(definition, directory=directory, threads=threads, progress=progress)
+    return run_parameter_study(definition, directory=directory, client=client, threads=threads, progress=progress)
 
 
 def run_parameter_study(
     study: ParameterStudy,
     *,
     directory: str | Path | None = None,
+    client: Any = None,
     threads: int | None = None,
     progress: Callable[[StudyProgress], None] | None = None,
 ) -> xarray.Dataset:
     """Run what `parameter_study` makes of its arguments; see there."""
     check_progress(progress)
+    check_client(client)
     workers = workers_of(threads)
     labels = labels_of(study)
     columns, blocks = Columns(labels), block_cases(study)
     if directory is None:
-        _run(study, columns, blocks, None, workers, progress)
+        _run(study, columns, blocks, None, workers, client, progress)
         return dataset_of(columns)
     require_path(directory, "directory", "a directory")
     target = Path(directory)
@@ -112,7 +119,7 @@ def run_parameter_study(
     with locked(target):
         folder = BlockFolder(target, {"study": plain, "table": labels}, study_key(plain))
         folder.remove_unfinished()
-        _run(study, columns, blocks, folder, workers, progress)
+        _run(study, columns, blocks, folder, workers, client, progress)
         dataset = dataset_of(columns)
         write_netcdf(target / OTHER_FILES["parameter_study"], dataset)
     return dataset
@@ -130,7 +137,7 @@ def locked(target: Path) -> Iterator[None]:
 
 def _run(
     study: ParameterStudy, columns: Columns, blocks: list[Any], folder: BlockFolder | None, threads: int,
-    progress: Callable[[StudyProgress], None] | None,
+    client: Any, progress: Callable[[StudyProgress], None] | None,
 ) -> None:  # fmt: skip
     """Fill the columns from the blocks on disk, then from those that are run now."""
     shape = study.starts, len(study.chosen)
@@ -152,7 +159,7 @@ def _run(
             progress(StudyProgress(columns.cases, finished, found, failed, (finished - found) / max(lasted, 1e-9)))
 
     report()
-    for block in run_blocks(study, left, threads):
+    for block in run_blocks(study, left, threads, client):
         keep(block, columns, folder)
         report()
 

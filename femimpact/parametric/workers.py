@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.parametric.cluster import cluster_executor
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.evaluation import BlockValues, evaluated
 
@@ -37,7 +38,9 @@ def block_cases(study: ParameterStudy) -> list[Numbers]:
     return [order[first : first + size] for first in range(0, order.size, size)]
 
 
-def run_blocks(study: ParameterStudy, blocks: Sequence[Numbers], threads: int) -> Iterator[BlockValues]:
+def run_blocks(
+    study: ParameterStudy, blocks: Sequence[Numbers], threads: int, client: Any = None
+) -> Iterator[BlockValues]:  # fmt: skip
     """Values of all blocks as they are finished, whatever their order.
 
     Parameters
@@ -45,11 +48,19 @@ def run_blocks(study: ParameterStudy, blocks: Sequence[Numbers], threads: int) -
     study : ParameterStudy
     blocks : sequence of ndarray of int
     threads : int
+    client : distributed.Client, optional
+        On whose workers they run, in place of threads.
 
     Yields
     ------
     BlockValues
     """
+    if not blocks:
+        return
+    if client is not None:
+        with cluster_executor(client, study) as (pool, there, count):
+            yield from _as_finished(pool, there, blocks, WAITING * max(count, 1))
+        return
     with ThreadPoolExecutor(threads) as pool:
         yield from _as_finished(pool, study, blocks, WAITING * threads)
 
