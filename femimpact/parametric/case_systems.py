@@ -9,6 +9,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+import scipy.sparse as sparse
+
 from femimpact.errors import InputError, require
 from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import Mesh
@@ -19,7 +22,7 @@ from femimpact.parametric.paths import Place, Stage, study_with
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Structure
 from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of
-from femimpact.system.damped import with_damping
+from femimpact.system.damped import rayleigh_of, with_damping
 from femimpact.system.reduction import reduce
 from femimpact.system.system import System
 
@@ -85,9 +88,11 @@ class CaseSystems:
         """
         key = tuple((place.path, values[place]) for place in values if place.stage < Stage.METHOD)
         with self.lock:
-            found = self.made.get(key)
-        if found is not None:
-            return found
+            found = self.made.pop(key, None)
+            if found is not None:
+                # the one that was asked for last is dropped last
+                self.made[key] = found
+                return found
         system = self._made(values)
         with self.lock:
             while len(self.made) >= KEPT:
@@ -104,7 +109,7 @@ class CaseSystems:
         if of_damping and isinstance(self.given, Study):
             damping = study_with(self.given, of_damping).structure.damping
             if _is_damping_of_modes(self.given, damping):
-                return with_damping(self.of(of_modes), damping)
+                return _damped(self.of(of_modes), damping)
         with warnings.catch_warnings():
             # of numbers that are unusual the nominal study has warned
             warnings.simplefilter("ignore")
@@ -141,13 +146,28 @@ class CaseSystems:
         return method
 
 
+def _damped(system: System, damping: Rayleigh | ModalDamping | None) -> System:
+    """The system with another damping; one on its modes has their frequencies in its matrices."""
+    if not (system.is_diagonal and isinstance(damping, Rayleigh)):
+        return with_damping(system, damping)
+    square = system.K.diagonal() / system.M.diagonal()
+    alpha, beta = rayleigh_of(damping, np.sort(np.sqrt(square)))
+    C = sparse.diags_array(alpha * system.M.diagonal() + beta * system.K.diagonal(), format="csr")
+    changed = replace(system, C=C, rayleigh=(alpha, beta))
+    changed.__dict__["is_diagonal"] = True
+    return changed
+
+
 def _with_balls(system: System, values: Values) -> System:
     """The system with other masses, centring springs and accelerations of its balls."""
     contacts = list(system.contacts)
     for place, value in values.items():
         j = next(i for i, pair in enumerate(contacts) if pair.name == place.part)
         contacts[j] = replace(contacts[j], **{place.field: value})
-    return replace(system, contacts=tuple(contacts))
+    changed = replace(system, contacts=tuple(contacts))
+    # of the same matrices
+    changed.__dict__["is_diagonal"] = system.is_diagonal
+    return changed
 
 
 def _is_damping_of_modes(study: Study, damping: Rayleigh | ModalDamping | None) -> bool:

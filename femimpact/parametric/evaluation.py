@@ -222,10 +222,11 @@ def _laws(
 
 def _laws_of(study: ParameterStudy, system: System, case: int) -> tuple[ContactLaw, ...]:
     """The laws of a case; numbers that belong together are changed together."""
+    table = study.table
     changes: dict[str, dict[str, Any]] = {}
-    for place, value in _values_of(study, case).items():
+    for axis, place in enumerate(table.places):
         if place.field.startswith("contact."):
-            changes.setdefault(place.part, {})[place.field.removeprefix("contact.")] = value
+            changes.setdefault(place.part, {})[place.field.removeprefix("contact.")] = table.value(axis, case)
     laws: list[Any] = [pair.law for pair in system.contacts]
     return tuple(
         replace(law, **changes[pair.name]) if pair.name in changes else law
