@@ -191,7 +191,7 @@ CALLS = {
     "load": (fi.load, lambda: {"directory": results()}),
     "load_parameter_study": (fi.load_parameter_study, lambda: {"directory": studied_directory()}),
     "parameter_study": (fi.parameter_study, lambda: {
-        **parameter_study(), "directory": "study", "threads": 1, "progress": lambda now: None,
+        **parameter_study(), "directory": "study", "client": None, "threads": 1, "progress": lambda now: None,
     }),
     "load_study": (fi.load_study, lambda: {"path": study_file()}),
     "read_matrix": (fi.read_matrix, lambda: {"path": matrix_file(), "name": "K"}),

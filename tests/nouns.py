@@ -292,7 +292,7 @@ VERBS = {
         "system": fi.without_impactors(small()), "amplitude": 1e-4, "frequencies": [5.0, 6.0],
         "method": fi.Newmark(1e-3, allow_coarse_step=True), "duration": 2.0, "window": 1.0, "threads": 1,
     }),
-    "parameter_study": (fi.parameter_study, lambda: {**parameter_study(), "threads": 1}),
+    "parameter_study": (fi.parameter_study, lambda: {**parameter_study(), "threads": 1, "client": None}),
     "parameter_study of a sample": (fi.parameter_study, lambda: {
         **parameter_study(), "axes": {"impactor.ball.gap": {"uniform": [1e-3, 2e-3]}}, "sample": {"points": 2},
     }),

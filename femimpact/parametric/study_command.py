@@ -16,7 +16,7 @@ from femimpact.export.files import atomic_write
 from femimpact.parametric.cluster import connected
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.progress import StudyProgress
-from femimpact.parametric.verb import run_parameter_study
+from femimpact.parametric.verb import run_parameter_study, to_stderr
 from femimpact.study.result_files import FILES, OTHER_FILES
 from femimpact.study.study import Study
 from femimpact.study.study_text import study_text
@@ -78,6 +78,7 @@ def write_parameter_study(
     directory : Path
         Goes on from what an earlier call has left there.
     progress : callable, optional
+        None is silence.
     scheduler : str, optional
         Address or scheduler file of a cluster on which the cases run.
 
@@ -92,7 +93,9 @@ def write_parameter_study(
     """
     definition = definition_of(study)
     with nullcontext() if scheduler is None else connected(scheduler) as client:
-        dataset = run_parameter_study(definition, directory=directory, client=client, progress=progress)
+        dataset = run_parameter_study(
+            definition, directory=directory, client=client, progress=progress, say=to_stderr if progress else None
+        )
     atomic_write(directory / FILES["study"], study_text(study))
     columns, units = table_of(dataset)
     tables.write_csv(directory / OTHER_FILES["parameter_table"], columns, units)

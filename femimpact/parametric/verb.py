@@ -92,7 +92,14 @@ def parameter_study(
         study, axes, measures, starts=starts, seed=seed, sample=sample, cycles=cycles, excitation=excitation,
         method=method, at=at, elements=elements, modes=modes, version=version,
     )  # fmt: skip
-    return run_parameter_study(definition, directory=directory, client=client, threads=threads, progress=progress)
+    return run_parameter_study(
+        definition, directory=directory, client=client, threads=threads, progress=progress, say=to_stderr
+    )
+
+
+def to_stderr(line: str) -> None:
+    """Print a line where progress belongs."""
+    print(line, file=sys.stderr, flush=True)
 
 
 def run_parameter_study(
@@ -102,6 +109,7 @@ def run_parameter_study(
     client: Any = None,
     threads: int | None = None,
     progress: Callable[[StudyProgress], None] | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> xarray.Dataset:
     """Run what `parameter_study` makes of its arguments; see there."""
     check_progress(progress)
@@ -110,7 +118,7 @@ def run_parameter_study(
     labels = labels_of(study)
     columns, blocks = Columns(labels), block_cases(study)
     if directory is None:
-        _run(study, columns, blocks, None, workers, client, progress)
+        _run(study, columns, blocks, None, workers, client, progress, say)
         return dataset_of(columns)
     require_path(directory, "directory", "a directory")
     target = Path(directory)
@@ -119,7 +127,7 @@ def run_parameter_study(
     with locked(target):
         folder = BlockFolder(target, {"study": plain, "table": labels}, study_key(plain))
         folder.remove_unfinished()
-        _run(study, columns, blocks, folder, workers, client, progress)
+        _run(study, columns, blocks, folder, workers, client, progress, say)
         dataset = dataset_of(columns)
         write_netcdf(target / OTHER_FILES["parameter_study"], dataset)
     return dataset
@@ -137,7 +145,7 @@ def locked(target: Path) -> Iterator[None]:
 
 def _run(
     study: ParameterStudy, columns: Columns, blocks: list[Any], folder: BlockFolder | None, threads: int,
-    client: Any, progress: Callable[[StudyProgress], None] | None,
+    client: Any, progress: Callable[[StudyProgress], None] | None, say: Callable[[str], None] | None,
 ) -> None:  # fmt: skip
     """Fill the columns from the blocks on disk, then from those that are run now."""
     shape = study.starts, len(study.chosen)
@@ -149,8 +157,8 @@ def _run(
         else:
             columns.add(known)
     found = columns.finished
-    if folder is not None and found:
-        print(f"found {found} of {columns.cases} finished", file=sys.stderr, flush=True)
+    if found and say is not None:
+        say(f"found {found} of {columns.cases} finished")
 
     def report() -> None:
         if progress is not None:
