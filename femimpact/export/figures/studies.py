@@ -185,9 +185,11 @@ def study_maps(
                 axes[i, j].set_ylabel("")
     bar = axes[0, 0].figure.colorbar(image, ax=axes)
     bar.set_label(_label(dataset[measure].attrs.get("long_name", measure), unit, int(dataset.attrs.get("starts", 1))))
-    if middle:
-        fixed = ", ".join(_told(dataset, name, index) for name, index in middle.items())
-        axes[0, 0].figure.suptitle(f"at {fixed}", fontsize=10.0)
+    told = [f"at {', '.join(_told(dataset, name, index) for name, index in middle.items())}"] if middle else []
+    told += [f"hatched: {UNSURE}"] if _unsure(dataset, measure).any() else []
+    told += [f"*: {ONE_START}"] if _samples(dataset).any() else []
+    if told:
+        axes[0, 0].figure.suptitle("\n".join(told), fontsize=10.0)
     return axes
 
 
