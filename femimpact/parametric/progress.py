@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from femimpact.errors import check_fields, quantity
 
 __all__ = ["StudyProgress"]
 
@@ -22,13 +24,21 @@ class StudyProgress:
         Finished cases of which a start has no values.
     rate : float, 1/s
         Cases finished in a second by this call.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
-    cases: int
-    finished: int
-    found: int
-    failed: int
-    rate: float
+    cases: int = field(metadata=quantity("1", at_least=1, integer=True))
+    finished: int = field(metadata=quantity("1", at_least=0, integer=True))
+    found: int = field(metadata=quantity("1", at_least=0, integer=True))
+    failed: int = field(metadata=quantity("1", at_least=0, integer=True))
+    rate: float = field(metadata=quantity("1/s", at_least=0.0))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     @property
     def share(self) -> float:
