@@ -81,6 +81,11 @@ if TYPE_CHECKING:
     from femimpact.integrators.stepping.newmark import MoreauJean as MoreauJean
     from femimpact.integrators.stepping.newmark import Newmark as Newmark
     from femimpact.integrators.stepping.step_size import recommended_step as recommended_step
+    from femimpact.parametric import ParameterStudy as ParameterStudy
+    from femimpact.parametric import StudyProgress as StudyProgress
+    from femimpact.parametric import load_parameter_study as load_parameter_study
+    from femimpact.parametric import parameter_study as parameter_study
+    from femimpact.parametric import run_case as run_case
     from femimpact.response.energy import EnergyLedger as EnergyLedger
     from femimpact.response.history import HistoryPiece as HistoryPiece
     from femimpact.response.impacts import Impacts as Impacts
@@ -184,6 +189,7 @@ _MODULES = {
     "integrators.stepping.step_size": ("recommended_step",),
     "fem.mesh": ("Mesh", "graded_mesh", "random_mesh", "uniform_mesh"),
     "fem.mesh_files": ("read_mesh",),
+    "parametric": ("ParameterStudy", "StudyProgress", "load_parameter_study", "parameter_study", "run_case"),
     "system.damped": ("with_damping",),
     "system.matrix_files": ("read_matrix",),
     "system.modes": ("Modes", "solve_modes"),

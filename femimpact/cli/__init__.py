@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +20,7 @@ from femimpact.errors import CoreError, FemimpactError, InputError, require
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from femimpact.parametric.progress import StudyProgress
     from femimpact.study.results import StudyResults
     from femimpact.study.run import Report
     from femimpact.study.study import Study
@@ -173,8 +174,14 @@ def check(study: Path) -> None:
     from femimpact.study.plan import plan_lines
     from femimpact.study.study_file import load_study
 
-    for line in plan_lines(load_study(study)):
+    plan = load_study(study)
+    for line in plan_lines(plan):
         print(line)
+    if plan.plan is not None:
+        from femimpact.parametric.study_command import plan_lines as study_lines
+
+        for line in study_lines(plan):
+            print(line)
 
 
 @app.command
@@ -220,6 +227,29 @@ def converge(
     for line in convergence_lines(found):
         print(line)
     print(f"results in {found.directory}")
+
+
+@app.command(name="study")
+def parameter_study(
+    study: Path, *, scheduler: str | None = None, output: Output = None, quiet: Quiet = False
+) -> None:  # fmt: skip
+    """The parameter study of [study]: all cases of its axes; the same call goes on where an earlier one ended.
+
+    Parameters
+    ----------
+    scheduler
+        Address or scheduler file of a Dask cluster on which the cases run.
+    """
+    from femimpact.parametric.study_command import summary_lines, write_parameter_study
+    from femimpact.study.study_file import load_study
+
+    plan, directory = load_study(study), output or _directory(study, "study")
+    with _study_progress(quiet) as report:
+        found = write_parameter_study(plan, directory, report, scheduler)
+    if quiet:
+        return
+    for line in summary_lines(found, directory):
+        print(line)
 
 
 @app.command
@@ -417,6 +447,21 @@ def _print_closing(where: Console, results: StudyResults) -> None:
     for text in results.summary.get("warnings", []):
         where.print(f"warning: {text}", style="yellow")
     where.print(f"results in {results.directory}")
+
+
+@contextmanager
+def _study_progress(quiet: bool) -> Iterator[Callable[[StudyProgress], None] | None]:
+    """A reporter of a parameter study: one bar with cases, rate, failures and the time that remains."""
+    if quiet:
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("study", total=1.0)
+        yield lambda now: bar.update(task, completed=now.share, description=str(now))
 
 
 @contextmanager

@@ -77,10 +77,12 @@ OTHER_FILES = {
     "quantities_over_modes_figure": "quantities_over_modes.png",
     "statistics_over_mesh": "statistics_over_mesh.csv",
     "convergence_summary": "convergence_summary.csv",
+    "parameter_study": "study.nc",
+    "parameter_table": "study.csv",
 }
 """What is left besides: one file of deflections where the study has `vtkhdf`, what a history leaves in which something
 stuck (and its name in results of earlier versions), the record of the base, and what a table of contacts, a movie
-without an encoder, the demo and a convergence study leave."""
+without an encoder, the demo, a convergence study and a parameter study leave."""
 
 NAMES = sorted((*FILES.values(), *OTHER_FILES.values()), key=lambda name: (name == SUMMARY, name))
 """All of them, the summary last."""

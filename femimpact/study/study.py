@@ -26,6 +26,7 @@ from femimpact.fem.mesh import Mesh
 from femimpact.fem.mesh_files import read_mesh
 from femimpact.integrators.methods import METHODS, Method
 from femimpact.structure.structure import Structure
+from femimpact.study.parameter_plan import ParameterPlan
 from femimpact.study.recorded_motion import RecordedMotion
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
@@ -216,6 +217,8 @@ class Study:
     path : Path
     text : str
         The file as read; what is kept with the results is `study_text.study_text`.
+    plan : ParameterPlan or None
+        The axes and measures of a parameter study.
 
     Raises
     ------
@@ -232,12 +235,15 @@ class Study:
     output: Output = field(metadata=instance(Output))
     path: Path = field(metadata=instance(Path))
     text: str = field(metadata=text())
+    plan: ParameterPlan | None = field(default=None, metadata=optional(instance(ParameterPlan)))
 
     def __post_init__(self) -> None:
         check_fields(self)
         require_name(self.method.get("name", "newmark"), METHODS, "method.name")
         if self.sweep is not None:
             sine_of(self, "sweep")
+        if self.plan is not None:
+            sine_of(self, "study")
 
     @property
     def excitation(self) -> Sine | RecordedBase:
