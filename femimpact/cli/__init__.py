@@ -223,6 +223,21 @@ def converge(
 
 
 @app.command
+def report(
+    directory: Path,
+    *,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="File of the report.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write the report of results: one HTML file that opens in any browser."""
+    from femimpact.study.result_report import write_report
+
+    path = write_report(directory, output)
+    if not quiet:
+        print(f"wrote {path}")
+
+
+@app.command
 def figures(directory: Path, *, quiet: Quiet = False) -> None:
     """Draw the figures of results again, from their files."""
     _draw_again(directory, "figures", quiet)

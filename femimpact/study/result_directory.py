@@ -33,6 +33,7 @@ from femimpact.study.directory_lock import LOCK, RUNNING, Lock, is_ours
 from femimpact.study.result_files import (
     NAMES,
     PLACES,
+    REPORT,
     SUMMARY,
     earlier_files,
     is_folder,
@@ -40,7 +41,10 @@ from femimpact.study.result_files import (
     result_files,
 )
 
-__all__ = ["ResultsWarning", "Staging", "finish_results", "prepare_directory", "unfinished_state", "update_results"]
+__all__ = [
+    "ResultsWarning", "Staging", "finish_results", "finished_parts", "prepare_directory", "unfinished_state",
+    "update_results",
+]  # fmt: skip
 
 FILES = "files"
 FINISHED = "finished"
@@ -191,7 +195,8 @@ def finish_results(directory: str | Path, force: bool = False) -> tuple[str, ...
         require(left is not None, "directory", str(target), "", "holds no unfinished results")
         if left is _Left.PARTS:
             allowed = f"holds earlier results, which {', '.join(parts)} of a later run would replace: --force"
-            require(force or not earlier_files(target), "directory", str(target), "", allowed)
+            earlier = [name for name in earlier_files(target) if name != REPORT]
+            require(force or not earlier, "directory", str(target), "", allowed)
             _gather(running / FINISHED)
             _commit(target, running)
         _move_noted(target, running)
@@ -276,12 +281,22 @@ def _check_target(target: Path, occupied: bool) -> None:
         require(not target.exists() or target.is_dir(), "output", str(target), "", allowed)
         if occupied or not target.is_dir():
             return
-        held = any(item.name != RUNNING for item in target.iterdir())
+        held = any(item.name != RUNNING for item in target.iterdir() if item.name != REPORT or not _holds_parts(target))
     left = _left(target / RUNNING)
     if left is _Left.STRANGE or (held and left is _Left.MOVE):
         state = "another run is writing into it" if Lock.is_held(target / RUNNING) else _in_words(left, target)
         raise InputError([Fault("output", str(target), "", state)])
     require(not held, "output", str(target), "", "exists already: choose another directory with -o, or --force")
+
+
+def _holds_parts(target: Path) -> bool:
+    """Whether a directory holds parts of an ended run: a report beside them is of these."""
+    return _left(target / RUNNING) is _Left.PARTS
+
+
+def finished_parts(target: Path) -> Path | None:
+    """The folder with the files of an ended run's finished parts; None where there is none."""
+    return target / RUNNING / FINISHED if _holds_parts(target) else None
 
 
 def _check_places(target: Path, names: Iterable[str]) -> None:

@@ -1,0 +1,384 @@
+"""The structure drawn to scale in the plane of its motion: beam, supports, bodies, balls with their gaps, stops."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from femimpact.export.scene_pieces import BALL_DENSITY, ball_radius
+from femimpact.structure.structure import Position, Structure
+from femimpact.svg.axis import number_text
+from femimpact.svg.elements import Element, element
+
+__all__ = ["PlacedContact", "body_side", "place_finder", "placed_contacts", "structure_element", "structure_words"]
+
+WIDTH = 1000.0
+"""Units of a drawing."""
+
+STATIONS = 33
+"""Of the outline of a segment whose section changes."""
+
+Finder = Callable[[Position], float]
+
+
+@dataclass(frozen=True)
+class PlacedContact:
+    """What is drawn of a ball or a stop.
+
+    Parameters
+    ----------
+    name : str
+    position : float, m
+    mass : float, kg
+        Infinite for a stop.
+    gaps : pair of float, m
+    fixed_to : str
+    law : str
+        In words; empty where it is not known.
+    """
+
+    name: str
+    position: float
+    mass: float
+    gaps: tuple[float, float]
+    fixed_to: str = "base"
+    law: str = ""
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether it is a fixed obstacle."""
+        return math.isinf(self.mass)
+
+
+def place_finder(structure: Structure, points: Any = None) -> Finder:
+    """A function that gives the metres from the root of a place of a structure.
+
+    Parameters
+    ----------
+    structure : Structure
+    points : mapping of str to float, optional
+        Places that a mesh or a system names.
+    """
+    length = structure.beam.length
+    known = {"root": 0.0, "tip": length, "mid": 0.5 * length, **dict(points or {})}
+
+    def position(at: Position) -> float:
+        place = structure.place_of(at)
+        return float(known[place] if isinstance(place, str) else place)
+
+    return position
+
+
+def placed_contacts(structure: Structure, position: Finder) -> tuple[PlacedContact, ...]:
+    """Balls and stops of a structure at their places."""
+    balls = [
+        PlacedContact(ball.name, position(ball.at), ball.mass, _pair(ball.gap), "base", ball.contact.name)
+        for ball in structure.impactors
+    ]
+    stops = [
+        PlacedContact(stop.name, position(stop.at), math.inf, stop.gaps, stop.fixed_to, stop.contact.name)
+        for stop in structure.stops
+    ]
+    return (*balls, *stops)
+
+
+def _pair(gap: Any) -> tuple[float, float]:
+    return (float(gap[0]), float(gap[1])) if isinstance(gap, (tuple, list)) else (float(gap), float(gap))
+
+
+def body_side(mass: float) -> float:
+    """Side (m) of the steel cube that is drawn for a body of this mass (kg)."""
+    return float((mass / BALL_DENSITY) ** (1.0 / 3.0))
+
+
+def structure_words(structure: Structure) -> str:
+    """A structure in a few words: how it is held, its length, and what is on it."""
+    kinds = [f"{one.kind} at {_at(one.at)}" for one in structure.supports]
+    root_only = len(kinds) == 1 and structure.supports[0].kind == "clamped" and structure.supports[0].at == "root"
+    held = "cantilever" if root_only else f"beam ({', '.join(kinds) or 'on springs'})"
+    counts = [
+        (len(structure.masses), "body", "bodies"), (len(structure.impactors), "ball", "balls"),
+        (len(structure.stops), "stop", "stops"), (len(structure.springs), "spring", "springs"),
+        (len(structure.dashpots), "dashpot", "dashpots"),
+    ]  # fmt: skip
+    parts = [f"{'a' if n == 1 else n} {one if n == 1 else many}" for n, one, many in counts if n]
+    *first, last = parts or [""]
+    on_it = f" with {', '.join(first)}{' and ' if first else ''}{last}" if parts else ""
+    return f"{held} of {_mm(structure.beam.length)}{on_it}"
+
+
+def _at(place: Position) -> str:
+    return place if isinstance(place, str) else _mm(place)
+
+
+def _mm(value: float) -> str:
+    return f"{number_text(1e3 * value, 4)} mm"
+
+
+# ---- the drawing ----------------------------------------------------------------------------------
+
+
+def structure_element(structure: Structure, position: Finder, contacts: Sequence[Any]) -> Element:
+    """The whole structure at one scale, each ball in its box larger, and the parts in words.
+
+    Parameters
+    ----------
+    structure : Structure
+    position : callable
+        As of `place_finder`.
+    contacts : sequence
+        With the fields of `PlacedContact`.
+    """
+    balls = [one for one in contacts if not one.is_stop]
+    letters = _letters(structure, contacts)
+    whole = element("figure.drawing", _whole(structure, position, contacts, letters))
+    details = [
+        element(
+            "figure.drawing",
+            _detail(structure, one),
+            element("figcaption", f"{letters[one.name]}  {one.name} in its box, {_gap_words(one)}"),
+        )
+        for one in balls[:4]
+    ]
+    return element(
+        "div",
+        whole,
+        element("p.below", "Lengths, thicknesses, gaps and balls are to one scale. Balls and bodies are drawn as steel of their mass."),
+        element("ul.parts", *(element("li", element("b", head), f" {words}") for head, words in _part_words(structure, contacts, letters))),
+        element("div.details", *details) if details else None,
+    )
+
+
+def _letters(structure: Structure, contacts: Sequence[Any]) -> dict[str, str]:
+    names = [*(body.name for body in structure.masses), *(one.name for one in contacts)]
+    return {name: chr(ord("A") + i % 26) + (str(i // 26) if i >= 26 else "") for i, name in enumerate(dict.fromkeys(names))}
+
+
+def _gap_words(one: Any) -> str:
+    plus, minus = one.gaps
+    if plus == minus:
+        return f"gaps {_mm(plus)}"
+    if math.isinf(plus) or math.isinf(minus):
+        return f"gap {_mm(min(plus, minus))} on the {'−' if math.isinf(plus) else '+'} side"
+    return f"gaps +{_mm(plus)}, −{_mm(minus)}"
+
+
+def _part_words(
+    structure: Structure, contacts: Sequence[Any], letters: dict[str, str]
+) -> Iterable[tuple[str, str]]:
+    for i, segment in enumerate(structure.beam.segments):
+        width, thickness = segment.rectangle
+        end = segment.end_rectangle
+        taper = "" if end == (width, thickness) else f" to {_mm(end[0])} × {_mm(end[1])}"
+        name = "beam" if len(structure.beam.segments) == 1 else f"segment {segment.name or i + 1}"
+        yield name, (
+            f"{_mm(segment.length)} long, {_mm(width)} × {_mm(thickness)}{taper}, {number_text(segment.young_modulus / 1e9)} GPa, "
+            f"{number_text(segment.density)} kg/m³"
+        )
+    for support in structure.supports:
+        yield support.kind, f"at {_at(support.at)}"
+    for body in structure.masses:
+        yield f"{letters[body.name]}  {body.name}", f"{number_text(1e3 * body.mass)} g at {_at(body.at)}"
+    for one in contacts:
+        law = f", {one.law}" if getattr(one, "law", "") and isinstance(one.law, str) else ""
+        if one.is_stop:
+            yield f"{letters[one.name]}  {one.name}", f"stop at {_mm(one.position)}, {_gap_words(one)}, fixed to {'space' if one.fixed_to == 'space' else 'the base'}{law}"
+        else:
+            yield f"{letters[one.name]}  {one.name}", f"ball of {number_text(1e3 * one.mass)} g at {_mm(one.position)}, {_gap_words(one)}{law}"
+    for spring in structure.springs:
+        yield spring.name, f"spring of {number_text(spring.stiffness)} N/m at {_at(spring.at)}"
+    for dashpot in structure.dashpots:
+        yield dashpot.name, f"dashpot of {number_text(dashpot.damping)} N s/m at {_at(dashpot.at)}"
+
+
+@dataclass(frozen=True)
+class _Canvas:
+    """Where metres are in a drawing."""
+
+    left: float
+    top: float
+    scale: float
+
+    def x(self, metres: float) -> float:
+        return round((metres - self.left) * self.scale, 2)
+
+    def y(self, metres: float) -> float:
+        return round((self.top - metres) * self.scale, 2)
+
+    def box(self, kind: str, x0: float, y0: float, x1: float, y1: float, **more: Any) -> Element:
+        return element(
+            f"rect.{kind}", x=self.x(min(x0, x1)), y=self.y(max(y0, y1)), width=round(abs(x1 - x0) * self.scale, 2),
+            height=round(abs(y1 - y0) * self.scale, 2), **more,
+        )  # fmt: skip
+
+
+def _whole(structure: Structure, position: Finder, contacts: Sequence[Any], letters: dict[str, str]) -> Element:
+    length = structure.beam.length
+    reach = _reach(structure, contacts)
+    left, right = -0.07 * length, 1.07 * length
+    for body in structure.masses:
+        centre, half = position(body.at) + body.offset, 0.5 * body_side(body.mass)
+        left, right = min(left, centre - 1.3 * half), max(right, centre + 1.3 * half)
+    for one in contacts:
+        if not one.is_stop:
+            radius = ball_radius(one.mass)
+            left, right = min(left, one.position - 1.8 * radius), max(right, one.position + 1.8 * radius)
+    scale = WIDTH / (right - left)
+    high = min(max(reach, 0.05 * length), 0.6 * length)
+    canvas = _Canvas(left, high + 34.0 / scale, scale)
+    below = 0.12 * length if structure.springs or structure.dashpots else 0.0
+    height = canvas.y(-max(high, below)) + 62.0
+    drawn = [
+        *_supports(canvas, structure, position),
+        *_bodies(canvas, structure, position),
+        *(shape for one in contacts for shape in _contact(canvas, structure, one)),
+        *_beam(canvas, structure),
+        *(_ball(canvas, one) for one in contacts if not one.is_stop),
+        *_connections(canvas, structure, position),
+        *_names(canvas, structure, position, contacts, letters, high),
+        *_scale_bar(canvas, length, height),
+    ]
+    words = f"{structure_words(structure)}, drawn to scale"
+    return element("svg", *drawn, viewBox=f"0 0 {WIDTH:g} {height:.2f}", role="img", aria_label=words)
+
+
+def _reach(structure: Structure, contacts: Sequence[Any]) -> float:
+    """Largest distance (m) from the axis of anything drawn."""
+    found = [0.5 * max(segment.rectangle[1] for segment in structure.beam.segments)]
+    found += [0.5 * body_side(body.mass) for body in structure.masses]
+    for one in contacts:
+        sizes = [gap for gap in one.gaps if math.isfinite(gap)]
+        found.append(max(sizes, default=0.0) + (0.03 * structure.beam.length if one.is_stop else 2.4 * ball_radius(one.mass)))
+    return max(found)
+
+
+def _beam(canvas: _Canvas, structure: Structure) -> list[Element]:
+    shapes, joints = [], structure.beam.joints
+    for segment, start in zip(structure.beam.segments, joints[:-1], strict=True):
+        stations = np.linspace(0.0, segment.length, STATIONS if segment.is_tapered else 2)
+        half = [0.5 * segment.rectangle_at(float(s))[1] for s in stations]
+        # a thickness of a third of a pixel would not be seen
+        least = 1.1 / canvas.scale
+        upper = [(start + float(s), max(h, least)) for s, h in zip(stations, half, strict=True)]
+        outline = [*upper, *((x, -y) for x, y in reversed(upper))]
+        shapes.append(element("polygon.beam", points=" ".join(f"{canvas.x(x)},{canvas.y(y)}" for x, y in outline)))
+    return shapes
+
+
+def _supports(canvas: _Canvas, structure: Structure, position: Finder) -> list[Element]:
+    length, shapes = structure.beam.length, []
+    for support in structure.supports:
+        x, size = position(support.at), 0.03 * length
+        end = -1.0 if x <= 1e-9 * length else 1.0 if x >= (1.0 - 1e-9) * length else 0.0
+        if support.kind == "clamped":
+            centre = x + 0.5 * end * 0.6 * size
+            shapes.append(canvas.box("solid", centre - 0.3 * size, -1.3 * size, centre + 0.3 * size, 1.3 * size))
+        elif support.kind == "pinned":
+            corners = [(x, 0.0), (x - 0.6 * size, -size), (x + 0.6 * size, -size)]
+            shapes.append(element("polygon.solid", points=" ".join(f"{canvas.x(a)},{canvas.y(b)}" for a, b in corners)))
+        else:
+            for side in (-1.0, 1.0):
+                shapes.append(canvas.box("solid", x - 0.6 * size, side * 0.25 * size, x + 0.6 * size, side * 0.5 * size))
+    return shapes
+
+
+def _bodies(canvas: _Canvas, structure: Structure, position: Finder) -> list[Element]:
+    shapes = []
+    for body in structure.masses:
+        if body.mass > 0.0:
+            centre, half = position(body.at) + body.offset, 0.5 * body_side(body.mass)
+            shapes.append(canvas.box("body", centre - half, -half, centre + half, half, opacity="0.55"))
+    return shapes
+
+
+def _contact(canvas: _Canvas, structure: Structure, one: Any) -> list[Element]:
+    """The box of a ball, or the blocks of a stop."""
+    x, length = one.position, structure.beam.length
+    if one.is_stop:
+        half, thick = 0.5 * structure.beam.rectangle_at(x)[1], 0.02 * length
+        return [
+            canvas.box("solid", x - 0.5 * thick, side * (gap + half), x + 0.5 * thick, side * (gap + half + thick))
+            for side, gap in ((1.0, one.gaps[0]), (-1.0, one.gaps[1]))
+            if math.isfinite(gap)
+        ]
+    radius = ball_radius(one.mass)
+    wall, plus, minus = 0.3 * radius, one.gaps[0] + radius, -one.gaps[1] - radius
+    left, right = x - 1.25 * radius, x + 1.25 * radius
+    return [
+        canvas.box("free", left, minus, right, plus),
+        canvas.box("wall", left, plus, right, plus + wall),
+        canvas.box("wall", left, minus - wall, right, minus),
+    ]
+
+
+def _ball(canvas: _Canvas, one: Any) -> Element:
+    radius = ball_radius(one.mass)
+    return element("circle.ball", cx=canvas.x(one.position), cy=canvas.y(0.0), r=round(radius * canvas.scale, 2))
+
+
+def _connections(canvas: _Canvas, structure: Structure, position: Finder) -> list[Element]:
+    length, shapes = structure.beam.length, []
+    for key, _, places in structure.connections:
+        at, *to = (position(place) for place in places.values())
+        low = -0.1 * length
+        if to:
+            leg = canvas.y(-0.06 * length)
+            path = f"M{canvas.x(at)} {canvas.y(0)}V{leg}H{canvas.x(to[0])}V{canvas.y(0)}"
+        elif key.startswith("spring"):
+            turns = np.linspace(-0.02 * length, low, 9)[1:-1]
+            zigzag = "".join(f"L{canvas.x(at + (-1) ** i * 0.008 * length)} {canvas.y(float(y))}" for i, y in enumerate(turns))
+            path = f"M{canvas.x(at)} {canvas.y(0)}V{canvas.y(-0.02 * length)}{zigzag}L{canvas.x(at)} {canvas.y(low)}"
+        else:
+            half = 0.01 * length
+            path = f"M{canvas.x(at)} {canvas.y(0)}V{canvas.y(-0.05 * length)}M{canvas.x(at - half)} {canvas.y(-0.05 * length)}H{canvas.x(at + half)}"
+            path += f"M{canvas.x(at - half)} {canvas.y(-0.04 * length)}V{canvas.y(-0.07 * length)}H{canvas.x(at + half)}V{canvas.y(-0.04 * length)}M{canvas.x(at)} {canvas.y(-0.07 * length)}V{canvas.y(low)}"
+        shapes.append(element("path.thread", d=path))
+        if not to:
+            shapes.append(canvas.box("solid", at - 0.012 * length, low, at + 0.012 * length, low - 0.004 * length))
+    return shapes
+
+
+def _names(
+    canvas: _Canvas, structure: Structure, position: Finder, contacts: Sequence[Any], letters: dict[str, str], high: float
+) -> list[Element]:
+    """Letters above what they name, those of one place beside one another."""
+    places = [(position(body.at) + body.offset, letters[body.name]) for body in structure.masses]
+    places += [(one.position, letters[one.name]) for one in contacts]
+    together: dict[float, list[str]] = {}
+    for x, letter in places:
+        near = next((at for at in together if abs(at - x) < 0.04 * structure.beam.length), x)
+        together.setdefault(near, []).append(letter)
+    return [
+        element("text", ", ".join(found), x=canvas.x(x), y=18, text_anchor="middle") for x, found in sorted(together.items())
+    ]
+
+
+def _scale_bar(canvas: _Canvas, length: float, height: float) -> list[Element]:
+    """The length of the beam, below it."""
+    y, left, right = round(height - 26.0, 2), canvas.x(0.0), canvas.x(length)
+    path = f"M{left} {y}H{right}M{left} {y - 6}V{y + 6}M{right} {y - 6}V{y + 6}"
+    middle = round(0.5 * (left + right), 2)
+    return [element("path.measure", d=path), element("text.quiet", _mm(length), x=middle, y=y + 20, text_anchor="middle")]
+
+
+def _detail(structure: Structure, one: Any) -> Element:
+    """A ball in its box, with the gaps between its surface and the walls."""
+    radius = ball_radius(one.mass)
+    high = max(one.gaps) + 1.5 * radius
+    scale = 120.0 / high
+    canvas = _Canvas(one.position - 160.0 / scale, high + 6.0 / scale, scale)
+    x = canvas.x(one.position)
+    marks = []
+    for side, gap in ((1.0, one.gaps[0]), (-1.0, one.gaps[1])):
+        near, far = canvas.y(side * radius), canvas.y(side * (radius + gap))
+        if gap > 0.0:
+            marks.append(element("path.measure", d=f"M{x} {near}V{far}M{x - 6} {near}h12M{x - 6} {far}h12"))
+            marks.append(element("text", _mm(gap), x=x + 12, y=round(0.5 * (near + far) + 4.5, 2)))
+    half = max(0.5 * structure.beam.rectangle_at(min(one.position, structure.beam.length))[1], 0.6 / scale)
+    shapes = [*_contact(canvas, structure, one), canvas.box("beam", one.position - 160.0 / scale, -half, one.position, half), _ball(canvas, one), *marks]
+    words = f"{one.name} in its box, {_gap_words(one)}"
+    return element("svg", *shapes, viewBox=f"0 0 320 {2 * 126.0:g}", role="img", aria_label=words)

@@ -1,0 +1,189 @@
+"""What a report is made of: conclusions, tables, texts and sections, as plain data, and their HTML."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from femimpact.svg.axis import number_text
+from femimpact.svg.elements import Child, Element, element
+
+__all__ = [
+    "Conclusion", "Section", "Table", "conclusions_element", "list_element", "section_element", "table_element",
+    "table_of",
+]  # fmt: skip
+
+MOST_ROWS = 200
+"""Rows of a table that a report shows."""
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """A number that a run has found.
+
+    Parameters
+    ----------
+    label, value, unit : str
+    scatter : str
+        Its range over several starts, or its interval, in words.
+    one_sample : bool
+        Whether another start would have another value.
+    note : str
+        What it is of.
+    """
+
+    label: str
+    value: str
+    unit: str = ""
+    scatter: str = ""
+    one_sample: bool = False
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Rows of cells.
+
+    Parameters
+    ----------
+    title : str
+    header : tuple of str
+        Names, with their units.
+    rows : tuple of tuple
+        Numbers, texts, or None.
+    file : str
+        The file that holds all rows, or nothing.
+    total : int or None
+        How many rows there are, where these are not all.
+    """
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+    file: str = ""
+    total: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A part of a report with a heading.
+
+    Parameters
+    ----------
+    key : str
+        Letters and hyphens, by which the table of contents leads to it.
+    heading : str
+    content : tuple of Element
+    """
+
+    key: str
+    heading: str
+    content: tuple[Element, ...] = field(default=())
+
+
+def section_element(section: Section) -> Element:
+    """A section with its heading."""
+    heading = f"{section.key}-heading"
+    return element(
+        "section", element("h2", section.heading, id=heading), *section.content, id=section.key, aria_labelledby=heading
+    )
+
+
+def conclusions_element(conclusions: Iterable[Conclusion]) -> Element:
+    """Conclusions side by side."""
+    return element("dl.conclusions", *(_conclusion(one) for one in conclusions))
+
+
+def _conclusion(one: Conclusion) -> Element:
+    details: list[Child] = []
+    if one.scatter:
+        details.append(element("dd.scatter", one.scatter))
+    if one.one_sample:
+        details.append(element("dd.sample", "one sample: another start has another value"))
+    if one.note:
+        details.append(element("dd.of", one.note))
+    value = element("dd.value", one.value, element("span.unit", f" {one.unit}") if one.unit else None)
+    return element("div", element("dt", one.label), value, *details)
+
+
+def list_element(texts: Sequence[str], kind: str) -> Element:
+    """Texts one below the other; `kind` is the class of the list."""
+    return element(f"ul.{kind}", *(element("li", text) for text in texts))
+
+
+# ---- tables ---------------------------------------------------------------------------------------
+
+
+def table_of(
+    title: str, columns: Mapping[str, Any], units: Mapping[str, str], file: str = "", most: int = MOST_ROWS
+) -> Table:
+    """The first rows of columns as a table.
+
+    Parameters
+    ----------
+    title : str
+    columns : mapping of str to array_like (n,)
+    units : mapping of str to str
+    file : str
+    most : int
+    """
+    header = tuple(_headed(name, units.get(name, "")) for name in columns)
+    arrays = [np.asarray(values) for values in columns.values()]
+    count = min((array.shape[0] for array in arrays), default=0)
+    rows = tuple(zip(*(array[:most].tolist() for array in arrays), strict=False))
+    return Table(title, header, rows, file, count if count > most else None)
+
+
+def _headed(name: str, unit: str) -> str:
+    words = name.replace("_", " ")
+    return f"{words} ({unit})" if unit not in ("", "1") else words
+
+
+def table_element(table: Table) -> Element:
+    """A table that a script sorts and copies."""
+    numbers = [_holds_numbers(table, i) for i in range(len(table.header))]
+    head = element(
+        "tr", *(element("th.number" if numeric else "th", name, scope="col") for name, numeric in zip(table.header, numbers, strict=True))
+    )
+    body = [
+        element("tr", *(_cell(value, numeric) for value, numeric in zip(row, numbers, strict=True)))
+        for row in table.rows
+    ]
+    shown = element(
+        "table", element("caption", table.title), element("thead", head), element("tbody", *body)
+    )
+    return element(
+        "div.table",
+        element("div.scroll", shown, tabindex="0", role="region", aria_label=table.title),
+        element("p.below", _rows_words(table)) if _rows_words(table) else None,
+    )
+
+
+def _rows_words(table: Table) -> str:
+    if table.total is not None:
+        more = f" All are in {table.file}." if table.file else ""
+        return f"The first {len(table.rows)} of {table.total} rows.{more}"
+    return f"From {table.file}." if table.file else ""
+
+
+def _holds_numbers(table: Table, column: int) -> bool:
+    values = [row[column] for row in table.rows if row[column] is not None and row[column] != ""]
+    return bool(values) and all(_is_number(value) for value in values)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+
+
+def _cell(value: Any, numeric: bool) -> Element:
+    if value is None or value == "" or (isinstance(value, float) and math.isnan(value)):
+        return element("td.number" if numeric else "td", "–", data_value="")
+    if _is_number(value):
+        whole = isinstance(value, (int, np.integer))
+        text = str(value).replace("-", "−") if whole else number_text(float(value), 5)
+        return element("td.number" if numeric else "td", text, data_value=value if whole else repr(float(value)))
+    return element("td", str(value))
