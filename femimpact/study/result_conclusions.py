@@ -14,7 +14,7 @@ from femimpact.svg.axis import number_text
 
 __all__ = ["conclusions_of", "convergence_conclusions"]
 
-FRAMES = {"base": "from rest relative to the base", "space": "from rest in the inertial frame"}
+FRAMES = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
 
 PREFIXES = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N s": (1e3, "mN s")}
 
@@ -25,6 +25,11 @@ def conclusions_of(summary: Mapping[str, Any]) -> tuple[Conclusion, ...]:
         *_peaks(summary), *_ratio(summary), *_damping(summary), *_history(summary), *_contacts(summary),
         *_frequencies(summary), *_energy(summary),
     )  # fmt: skip
+
+
+def _shown(value: float) -> str:
+    """Four digits, those at the end that are zero among them."""
+    return str(int(value)) if value == int(value) and abs(value) >= 1000.0 else number_text(value, zeros=True)
 
 
 def _at(data: Any, *keys: str) -> Any:
@@ -44,14 +49,17 @@ def _number(data: Any, *keys: str) -> float | None:
 def _peaks(summary: Mapping[str, Any]) -> list[Conclusion]:
     found = []
     for case, words in (("empty", "without ball"), ("ball", "with ball")):
-        peak, frequency = _number(summary, "sweep", case, "peak_amplitude"), _number(summary, "sweep", case, "peak_frequency")
+        peak, frequency = (
+            _number(summary, "sweep", case, "peak_amplitude"),
+            _number(summary, "sweep", case, "peak_frequency"),
+        )
         if peak is None or frequency is None:
             continue
         low = _number(summary, "sweep", case, "peak_too_low_at_most")
         coarse = _at(summary, "sweep", case, "resolved") is False and low is not None
         found.append(
             Conclusion(
-                f"Largest peak {words}", number_text(1e3 * peak), "mm",
+                f"Largest peak {words}", _shown(1e3 * peak), "mm",
                 scatter=f"may be read up to {100 * low:.2g} % too low" if coarse and low is not None else "",
                 one_sample=bool(_at(summary, "sweep", case, "peak_is_one_start")),
                 note=f"at {number_text(frequency)} Hz, relative to the base",
@@ -61,31 +69,32 @@ def _peaks(summary: Mapping[str, Any]) -> list[Conclusion]:
 
 
 def _spread(summary: Mapping[str, Any], start: str, name: str) -> Spread | None:
-    values = [_number(summary, "starts", start, name, key) for key in ("median", "lowest", "highest")]
-    if any(value is None for value in values):
+    median, lowest, highest = (_number(summary, "starts", start, name, key) for key in ("median", "lowest", "highest"))
+    if median is None or lowest is None or highest is None:
         return None
-    return Spread(*(float(value) for value in values if value is not None), _number(summary, "starts", start, name, "resolution") or 0.0)
+    return Spread(median, lowest, highest, _number(summary, "starts", start, name, "resolution") or 0.0)
 
 
 def _from_starts(summary: Mapping[str, Any], name: str, label: str, unit: str, scale: float = 1.0) -> list[Conclusion]:
-    """A quantity that was taken over several starts, for each frame of the start."""
-    found = []
-    for start, words in FRAMES.items():
-        spread = _spread(summary, start, name)
-        if spread is not None:
-            value, _, scatter = spread.text(scale).partition(" (")
-            between = f"{scatter.rstrip(')')} over several starts" if scatter else ""
-            found.append(Conclusion(label, value, unit, between, note=words))
-    return found
+    """A quantity that was taken over several starts: in the first frame of them, and in the others in words."""
+    spreads = [(words, _spread(summary, start, name)) for start, words in FRAMES.items()]
+    known = [(words, spread.text(scale)) for words, spread in spreads if spread is not None]
+    if not known:
+        return []
+    (words, text), *others = known
+    value, _, scatter = text.partition(" (")
+    between = f"{scatter.rstrip(')')} over starts {words}" if scatter else words
+    return [Conclusion(label, value, unit, between, note="; ".join(f"{words}: {text}" for words, text in others))]
 
 
 def _ratio(summary: Mapping[str, Any]) -> list[Conclusion]:
-    several = _from_starts(summary, "amplitude_ratio", "Peak without ball over peak with it", "")
+    several = _from_starts(summary, "peak_frequency", "Frequency of the peak with ball", "Hz")
+    several += _from_starts(summary, "amplitude_ratio", "Peak without ball over peak with it", "")
     ratio = _number(summary, "amplitude_ratio")
     if several or ratio is None:
         return several
     sample = any(_at(summary, "sweep", case, "peak_is_one_start") for case in ("empty", "ball"))
-    return [Conclusion("Peak without ball over peak with it", number_text(ratio), one_sample=bool(sample))]
+    return [Conclusion("Peak without ball over peak with it", _shown(ratio), one_sample=bool(sample))]
 
 
 def _damping(summary: Mapping[str, Any]) -> list[Conclusion]:
@@ -95,13 +104,20 @@ def _damping(summary: Mapping[str, Any]) -> list[Conclusion]:
         interval = _at(summary, "sweep", "empty", "damping_fit_interval")
         known = isinstance(interval, list) and len(interval) == 2 and all(isinstance(one, float) for one in interval)
         words = f"interval {100 * interval[0]:.4g} to {100 * interval[1]:.4g} %" if known else ""
-        found.append(Conclusion("Damping ratio without ball", number_text(100 * ratio), "%", words, note="one-pole fit of the curve"))
+        found.append(
+            Conclusion("Damping ratio without ball", _shown(100 * ratio), "%", words, note="one-pole fit of the curve")
+        )
     several = _from_starts(summary, "damping_amplitude_ratio", "Damping ratio with ball", "%", 100.0)
     with_ball = _number(summary, "sweep", "ball", "damping_amplitude_ratio")
     if several or with_ball is None:
         return found + several
     sample = bool(_at(summary, "sweep", "ball", "peak_is_one_start"))
-    return [*found, Conclusion("Damping ratio with ball", number_text(100 * with_ball), "%", one_sample=sample, note="by the drop of the peak")]
+    return [
+        *found,
+        Conclusion(
+            "Damping ratio with ball", _shown(100 * with_ball), "%", one_sample=sample, note="by the drop of the peak"
+        ),
+    ]
 
 
 def _history(summary: Mapping[str, Any]) -> list[Conclusion]:
@@ -115,18 +131,20 @@ def _history(summary: Mapping[str, Any]) -> list[Conclusion]:
     label = _at(history, "regime", "label")
     if isinstance(label, str):
         per_cycle = _number(history, "impacts_per_cycle")
-        rate = f"{number_text(per_cycle)} impacts in a cycle" if per_cycle is not None else ""
+        rate = f"{_shown(per_cycle)} impacts in a cycle" if per_cycle is not None else ""
         found.append(Conclusion("Kind of motion", label, scatter=rate, note=at))
     peak = _number(history, "peak")
     if peak is not None:
-        found.append(Conclusion("Peak of the tip", number_text(1e3 * peak), "mm", one_sample=sample, note=f"over the last third {at}"))
+        found.append(
+            Conclusion("Peak of the tip", _shown(1e3 * peak), "mm", one_sample=sample, note=f"over the last third {at}")
+        )
     channels = history.get("channels")
     for name, about in channels.items() if isinstance(channels, Mapping) else ():
         unit, largest = _at(about, "unit"), _number(about, "largest_of_run")
         if unit in ("Pa", "N m") and largest is not None:
             scale, shown = PREFIXES.get(unit, (1.0, unit))
             words = f"largest of the run{_when(about)}"
-            found.append(Conclusion(str(name), number_text(scale * largest), shown, one_sample=sample, note=words))
+            found.append(Conclusion(str(name), _shown(scale * largest), shown, one_sample=sample, note=words))
     return found
 
 
@@ -149,12 +167,23 @@ def _contacts(summary: Mapping[str, Any]) -> list[Conclusion]:
     for name, contact in contacts.items():
         law, count = _at(contact, "law"), _number(contact, "impacts")
         force, mean = _number(contact, "peak_force"), _number(contact, "cycle_mean_force")
+        if count == 0.0:
+            found.append(Conclusion(f"Impacts of {name}", "none", note="in the run"))
+            continue
         impacts = f"{count:.0f} impacts of the run" if count is not None else ""
         if force is not None:
-            found.append(Conclusion(f"Largest force of {name}", number_text(force), "N", one_sample=sample, note=f"law: {law}; {impacts}"))
+            found.append(
+                Conclusion(
+                    f"Largest force of {name}", _shown(force), "N", one_sample=sample, note=f"law: {law}; {impacts}"
+                )
+            )
         if mean is not None:
             scale, unit = (1e3, "mN") if mean < 1.0 else (1.0, "N")
-            found.append(Conclusion(f"Cycle-averaged force of {name}", number_text(scale * mean), unit, one_sample=sample, note=impacts))
+            found.append(
+                Conclusion(
+                    f"Cycle-averaged force of {name}", _shown(scale * mean), unit, one_sample=sample, note=impacts
+                )
+            )
     return found
 
 
@@ -163,7 +192,7 @@ def _frequencies(summary: Mapping[str, Any]) -> list[Conclusion]:
     for case, words in (("empty", "without ball"), ("glued", "with the balls glued on")):
         values = _at(summary, "natural_frequency", case)
         if isinstance(values, list) and values and isinstance(values[0], (int, float)):
-            found.append(Conclusion("First natural frequency", number_text(float(values[0])), "Hz", note=words))
+            found.append(Conclusion("First natural frequency", _shown(float(values[0])), "Hz", note=words))
     return found
 
 
@@ -171,16 +200,25 @@ def _energy(summary: Mapping[str, Any]) -> list[Conclusion]:
     residual = _number(summary, "energy_residual")
     if residual is None:
         return []
-    return [Conclusion("Energy unaccounted for", number_text(100 * residual, 2), "%", note="of the energy put in: a check of the computation")]
+    return [
+        Conclusion(
+            "Energy unaccounted for",
+            number_text(100 * residual, 2),
+            "%",
+            note="of the energy put in: a check of the computation",
+        )
+    ]
 
 
-def convergence_conclusions(columns: Mapping[str, Any] | None) -> tuple[Conclusion, ...]:
+def convergence_conclusions(columns: Mapping[str, Any] | None, accuracy: Any = None) -> tuple[Conclusion, ...]:
     """The numbers with which every quantity that has an order is accurate, over each axis.
 
     Parameters
     ----------
     columns : mapping of str to ndarray, or None
         As of `convergence_summary.csv`.
+    accuracy : float, optional
+        Relative error that was asked for.
     """
     if columns is None or not {"axis", "quantity", "recommended", "expected_order"} <= set(columns):
         return ()
@@ -194,6 +232,18 @@ def convergence_conclusions(columns: Mapping[str, Any] | None) -> tuple[Conclusi
             continue
         worst = int(np.argmax(np.where(known, recommended, -np.inf)))
         unknown = int(mine.sum() - known.sum())
-        scatter = f"not known for {unknown} of {int(mine.sum())} quantities" if unknown else "for every quantity that has an order"
-        found.append(Conclusion(f"Needed: {words.get(axis, axis)}", number_text(float(recommended[worst])), scatter=scatter, note=f"most for {columns['quantity'][worst]}"))
+        known_for = (
+            f"not known for {unknown} of {int(mine.sum())} quantities"
+            if unknown
+            else "for every quantity that has an order"
+        )
+        asked = f"for a relative error of {accuracy:g}, " if isinstance(accuracy, float) else ""
+        found.append(
+            Conclusion(
+                f"Needed: {words.get(axis, axis)}",
+                f"{recommended[worst]:.0f}",
+                scatter=asked + known_for,
+                note=f"most for {columns['quantity'][worst]}",
+            )
+        )
     return tuple(found)

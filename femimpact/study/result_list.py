@@ -71,13 +71,25 @@ def about_section(summary: Mapping[str, Any], study: Study | None) -> Section:
     if isinstance(versions, Mapping):
         rows += [(str(name), str(version)) for name, version in versions.items()]
     if isinstance(core, Mapping):
-        rows.append(("compiled core", ", ".join(f"{name} {core[name]}" for name in ("target", "compiler", "kind") if name in core)))
+        rows.append(
+            (
+                "compiled core",
+                ", ".join(f"{name} {core[name]}" for name in ("target", "compiler", "kind") if name in core),
+            )
+        )
         if "sources" in core:
             rows.append(("its sources (SHA-256)", str(core["sources"])))
     seeds = summary.get("seeds")
     rows.append(("seeds", str(seeds) if seeds else "none: no random numbers were used"))
     if study is not None:
-        rows.append(("start", {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}.get(study.base.start, study.base.start)))
+        rows.append(
+            (
+                "start",
+                {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}.get(
+                    study.base.start, study.base.start
+                ),
+            )
+        )
     if not isinstance(versions, Mapping):
         rows.insert(0, ("versions", "not known: the results do not say"))
     pairs = [part for name, value in rows for part in (element("dt", name), element("dd", value))]
@@ -86,7 +98,10 @@ def about_section(summary: Mapping[str, Any], study: Study | None) -> Section:
 
 def files_section(folder: Path, summary: Mapping[str, Any]) -> tuple[Section, tuple[str, ...]]:
     """The files of results with what each is for, and lines for those that are lost."""
-    present = set(result_files(folder)) | {OTHER_FILES["report"], SUMMARY if (folder / SUMMARY).exists() else OTHER_FILES["report"]}
+    present = set(result_files(folder)) | {
+        OTHER_FILES["report"],
+        SUMMARY if (folder / SUMMARY).exists() else OTHER_FILES["report"],
+    }
     keys = {name: key for key, name in {**OTHER_FILES, **FILES}.items()}
     rows = []
     for name in sorted(set(NAMES) & present):
@@ -102,9 +117,18 @@ def files_section(folder: Path, summary: Mapping[str, Any]) -> tuple[Section, tu
         )
         for name, size, words in sorted(rows)
     ]  # fmt: skip
-    head = element("tr", element("th", "file", scope="col"), element("th.number", "size", scope="col"), element("th", "what it is for", scope="col"))
-    shown = element("table", element("caption", "Files beside this page"), element("thead", head), element("tbody", *body))
-    holder = element("div.table", element("div.scroll", shown, tabindex="0", role="region", aria_label="Files beside this page"))
+    head = element(
+        "tr",
+        element("th", "file", scope="col"),
+        element("th.number", "size", scope="col"),
+        element("th", "what it is for", scope="col"),
+    )
+    shown = element(
+        "table", element("caption", "Files beside this page"), element("thead", head), element("tbody", *body)
+    )
+    holder = element(
+        "div.table", element("div.scroll", shown, tabindex="0", role="region", aria_label="Files beside this page")
+    )
     return Section("files", "Files", (holder,)), _lost(summary, present)
 
 

@@ -116,14 +116,25 @@ def page_of(folder: Path, directory: Path) -> Page:
         made, find, placed = structure, finder, contacts
         drawing = results.attempt("drawing of the structure", lambda: structure_element(made, find, placed))
     conclusions = results.attempt("conclusions", lambda: conclusions_of(summary)) or ()
-    conclusions = (*conclusions, *(results.attempt("conclusions", lambda: convergence_conclusions(results.table(OTHER_FILES["convergence_summary"]))) or ()))
+    conclusions = (
+        *conclusions,
+        *(
+            results.attempt(
+                "conclusions",
+                lambda: convergence_conclusions(
+                    results.table(OTHER_FILES["convergence_summary"]), written.get("accuracy")
+                ),
+            )
+            or ()
+        ),
+    )
     sections.append(about_section(summary or written, study))
     listed = results.attempt("list of files", lambda: files_section(folder, summary))
     if listed is not None:
         section, lost = listed
         sections.append(section)
         results.missing.extend(text for text in lost if text not in results.missing)
-    title = name if structure is None else f"{name}: {structure_words(structure)}"
+    title = name if structure is None else f"{name}: {structure_words(structure, contacts)}"
     return Page(
         title=title,
         lead=tuple(_lead(study, summary, written)),
@@ -177,8 +188,8 @@ def _structure(
     if "structure" in written:
         parts = results.attempt(OTHER_FILES["convergence_notes"], lambda: read_parts(written["structure"]))
         if parts is not None:
-            structure, points, contacts = parts
-            return name, structure, place_finder(structure, points), contacts
+            made, places, contacts = parts
+            return name, made, place_finder(made, places), contacts
     return name, None, None, ()
 
 
@@ -211,12 +222,18 @@ def _comparison(results: _Results) -> list[Section]:
     beside = results.table(OTHER_FILES["comparison"])
     if beside is not None:
         heads = {
-            "paper_theory": "paper, theory", "paper_experiment": "paper, experiment",
-            "from_rest_on_base": "ours, from rest relative to the base", "from_rest_in_space": "ours, from rest in the inertial frame",
+            "paper_theory": "paper, theory",
+            "paper_experiment": "paper, experiment",
+            "from_rest_on_base": "ours, from rest relative to the base",
+            "from_rest_in_space": "ours, from rest in the inertial frame",
         }  # fmt: skip
         header = tuple(heads.get(name, name) for name in beside)
         rows = tuple(zip(*(_plain_column(values) for values in beside.values()), strict=True))
-        content.append(table_element(Table("The paper beside ours: median and range over starts", header, rows, OTHER_FILES["comparison"])))
+        content.append(
+            table_element(
+                Table("The paper beside ours: median and range over starts", header, rows, OTHER_FILES["comparison"])
+            )
+        )
     remarks = _texts(results.summary.get("remarks"))
     if remarks:
         content.append(element("div.said", element("h3", "Where they differ, and why"), list_element(remarks, "notes")))
@@ -271,9 +288,11 @@ def _motion(results: _Results) -> list[Section]:
         response = last[1]
         end = {name: (response.time, values, response.units[name]) for name, values in response.channels.items()}
     found = results.summary.get("history")
+    regime = found.get("regime") if isinstance(found, dict) else None
     words = []
-    if isinstance(found, dict) and isinstance(found.get("regime"), dict):
-        words.append(f"Kind of motion over the last third: {found['regime'].get('label', 'unknown')}. Criterion: {found['regime'].get('criterion', 'unknown')}.")
+    if isinstance(regime, dict):
+        label, criterion = (str(regime.get(key, "not known")) for key in ("label", "criterion"))
+        words.append(f"Kind of motion over the last third: {label}. Criterion: {criterion}.")
     return [history_section(history, end, heading="Histories", words=words)]
 
 
@@ -294,7 +313,11 @@ def _modes(results: _Results) -> list[Section]:
     found = read_mode_shapes(results.folder, results.summary)
     name = FILES["modes"]
     columns = results.table(name)
-    table = None if columns is None else table_of("Modes without balls", {k: _whole(v) for k, v in columns.items()}, results.units(name), name)
+    table = (
+        None
+        if columns is None
+        else table_of("Modes without balls", {k: _whole(v) for k, v in columns.items()}, results.units(name), name)
+    )
     if found is None:
         return [] if table is None else [Section("modes", "Modes", (table_element(table),))]
     return [modes_section(found[0], found[1], table)]
@@ -303,7 +326,15 @@ def _modes(results: _Results) -> list[Section]:
 def _whole(values: Any) -> Any:
     """Numbers as whole ones where all are."""
     array = np.asarray(values)
-    return array.astype(int) if array.dtype.kind == "f" and array.size and np.all(array == np.rint(array)) and np.abs(array).max() < 1e6 and array.min() >= 1 else array
+    return (
+        array.astype(int)
+        if array.dtype.kind == "f"
+        and array.size
+        and np.all(array == np.rint(array))
+        and np.abs(array).max() < 1e6
+        and array.min() >= 1
+        else array
+    )
 
 
 def _convergence(results: _Results) -> list[Section]:

@@ -8,12 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Axis", "axis_of", "number_text"]
+__all__ = ["MINUS", "NO_NUMBER", "TIMES", "Axis", "axis_of", "number_text"]
 
 Array = NDArray[np.float64]
 
 TICKS = 6
 """Ticks of a linear axis, about."""
+
+MINUS, TIMES, NO_NUMBER, INFINITE = "\u2212", "\u00d7", "\u2013", "\u221e"
+"""A minus and a multiplication sign, a dash for what there is none of, and the sign of infinity."""
+
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 MARGIN = 0.04
 """Share of the range that is left free at an end."""
@@ -54,9 +59,7 @@ class Axis:
         return _log_ticks(self) if self.logarithmic else _linear_ticks(self)
 
 
-def axis_of(
-    label: str, *values: ArrayLike, logarithmic: bool = False, tight: bool = False, zero: bool = False
-) -> Axis:
+def axis_of(label: str, *values: ArrayLike, logarithmic: bool = False, tight: bool = False, zero: bool = False) -> Axis:
     """The axis on which all finite values have a place.
 
     Parameters
@@ -87,19 +90,32 @@ def axis_of(
     return Axis(label, max(low if zero and low == 0.0 else low - margin, -most), min(high + margin, most))
 
 
-def number_text(value: float, digits: int = 4) -> str:
-    """A number for the eye, with a minus sign and without an exponent where that is readable."""
+def number_text(value: float, digits: int = 4, zeros: bool = False) -> str:
+    """A number for the eye, with a minus sign and without a power of ten where that is readable.
+
+    Parameters
+    ----------
+    value : float
+    digits : int
+        That count.
+    zeros : bool
+        Whether zeros at its end stay: they say how exact it is.
+    """
     if math.isnan(value):
-        return "–"
+        return NO_NUMBER
     if math.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    text = f"{value:.{digits}g}"
+        return INFINITE if value > 0 else f"{MINUS}{INFINITE}"
+    text = f"{value:#.{digits}g}".rstrip(".") if zeros and value else f"{value:.{digits}g}"
     mantissa, _, exponent = text.partition("e")
     if exponent:
         power = int(exponent)
-        # 12340 is read more easily than 1.234e4, and 0.0001234 than 1.234e-4
-        text = f"{value:.0f}" if 0 < power < 7 else f"{mantissa}e{power}"
-    return text.replace("-", "−")
+        # 12340 is read more easily than with a power of ten
+        text = f"{value:.0f}" if 0 < power < 7 else f"{mantissa}{TIMES}{_power_of_ten(power)}"
+    return text.replace("-", MINUS)
+
+
+def _power_of_ten(power: int) -> str:
+    return "10" + str(power).translate(RAISED)
 
 
 def _linear_ticks(axis: Axis) -> list[tuple[float, str]]:
@@ -115,7 +131,7 @@ def _linear_ticks(axis: Axis) -> list[tuple[float, str]]:
 
     def text(value: float) -> str:
         if plain:
-            return f"{value:.{digits}f}".replace("-", "−") if value else "0"
+            return f"{value:.{digits}f}".replace("-", MINUS) if value else "0"
         return number_text(value if abs(value) > 1e-9 * step else 0.0, 6)
 
     return [(value, text(value)) for value in values]
@@ -139,4 +155,6 @@ def _log_ticks(axis: Axis) -> list[tuple[float, str]]:
 
 
 def _power_text(value: float, decades: int) -> str:
-    return f"{value:g}".replace("-", "−") if decades <= 4 else number_text(value)
+    power = round(math.log10(value))
+    is_power = abs(value / 10.0**power - 1.0) < 1e-9
+    return f"{value:g}" if decades <= 4 or not is_power else _power_of_ten(power)

@@ -223,7 +223,11 @@ def _ticks(chart: Chart) -> list[Element]:
 def _words(chart: Chart) -> list[Element]:
     """Words of the levels and places inside the plot."""
     return [
-        *(element("span.fi-level-word", words, style=f"bottom:{100 * at:.2f}%") for words, at in _levels(chart) if words),
+        *(
+            element("span.fi-level-word", words, style=f"bottom:{100 * at:.2f}%")
+            for words, at in _levels(chart)
+            if words
+        ),
         *(
             element("span.fi-place-word" + (".fi-left" if at > 0.6 else ""), words, style=_beside(at))
             for words, at in _marks(chart)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,6 +37,6 @@ def thinned_line(values: NDArray[np.float64], most: int = MOST_POINTS) -> NDArra
     edges = np.linspace(0, count, (most - 2) // 2 + 1).round().astype(int)
     kept = [0, count - 1]
     low, high = np.where(np.isnan(values), np.inf, values), np.where(np.isnan(values), -np.inf, values)
-    for first, end in zip(edges[:-1], edges[1:], strict=True):
+    for first, end in itertools.pairwise(edges.tolist()):
         kept += [first + int(np.argmin(low[first:end])), first + int(np.argmax(high[first:end]))]
     return np.unique(np.array(kept, dtype=np.int64))

@@ -11,13 +11,16 @@ import numpy as np
 
 from femimpact.export.scene_pieces import BALL_DENSITY, ball_radius
 from femimpact.structure.structure import Position, Structure
-from femimpact.svg.axis import number_text
+from femimpact.svg.axis import MINUS, TIMES, number_text
 from femimpact.svg.elements import Element, element
 
 __all__ = ["PlacedContact", "body_side", "place_finder", "placed_contacts", "structure_element", "structure_words"]
 
 WIDTH = 1000.0
 """Units of a drawing."""
+
+FOOT = 0.1
+"""Of the beam's length: how far below the beam springs and dashpots are fixed."""
 
 STATIONS = 33
 """Of the outline of a segment whose section changes."""
@@ -95,14 +98,15 @@ def body_side(mass: float) -> float:
     return float((mass / BALL_DENSITY) ** (1.0 / 3.0))
 
 
-def structure_words(structure: Structure) -> str:
-    """A structure in a few words: how it is held, its length, and what is on it."""
+def structure_words(structure: Structure, contacts: Sequence[Any]) -> str:
+    """A structure in a few words: how it is held, its length, and what is on it, contacts among it."""
+    stops = sum(1 for one in contacts if one.is_stop)
     kinds = [f"{one.kind} at {_at(one.at)}" for one in structure.supports]
     root_only = len(kinds) == 1 and structure.supports[0].kind == "clamped" and structure.supports[0].at == "root"
     held = "cantilever" if root_only else f"beam ({', '.join(kinds) or 'on springs'})"
     counts = [
-        (len(structure.masses), "body", "bodies"), (len(structure.impactors), "ball", "balls"),
-        (len(structure.stops), "stop", "stops"), (len(structure.springs), "spring", "springs"),
+        (len(structure.masses), "body", "bodies"), (len(contacts) - stops, "ball", "balls"),
+        (stops, "stop", "stops"), (len(structure.springs), "spring", "springs"),
         (len(structure.dashpots), "dashpot", "dashpots"),
     ]  # fmt: skip
     parts = [f"{'a' if n == 1 else n} {one if n == 1 else many}" for n, one, many in counts if n]
@@ -147,15 +151,26 @@ def structure_element(structure: Structure, position: Finder, contacts: Sequence
     return element(
         "div",
         whole,
-        element("p.below", "Lengths, thicknesses, gaps and balls are to one scale. Balls and bodies are drawn as steel of their mass."),
-        element("ul.parts", *(element("li", element("b", head), f" {words}") for head, words in _part_words(structure, contacts, letters))),
+        element(
+            "p.below",
+            "Lengths, thicknesses, gaps and balls are to one scale. Balls and bodies are drawn as steel of their mass.",
+        ),
+        element(
+            "ul.parts",
+            *(
+                element("li", element("b", head), f" {words}")
+                for head, words in _part_words(structure, contacts, letters)
+            ),
+        ),
         element("div.details", *details) if details else None,
     )
 
 
 def _letters(structure: Structure, contacts: Sequence[Any]) -> dict[str, str]:
     names = [*(body.name for body in structure.masses), *(one.name for one in contacts)]
-    return {name: chr(ord("A") + i % 26) + (str(i // 26) if i >= 26 else "") for i, name in enumerate(dict.fromkeys(names))}
+    return {
+        name: chr(ord("A") + i % 26) + (str(i // 26) if i >= 26 else "") for i, name in enumerate(dict.fromkeys(names))
+    }
 
 
 def _gap_words(one: Any) -> str:
@@ -163,36 +178,42 @@ def _gap_words(one: Any) -> str:
     if plus == minus:
         return f"gaps {_mm(plus)}"
     if math.isinf(plus) or math.isinf(minus):
-        return f"gap {_mm(min(plus, minus))} on the {'−' if math.isinf(plus) else '+'} side"
-    return f"gaps +{_mm(plus)}, −{_mm(minus)}"
+        return f"gap {_mm(min(plus, minus))} on the {MINUS if math.isinf(plus) else '+'} side"
+    return f"gaps +{_mm(plus)}, {MINUS}{_mm(minus)}"
 
 
-def _part_words(
-    structure: Structure, contacts: Sequence[Any], letters: dict[str, str]
-) -> Iterable[tuple[str, str]]:
+def _part_words(structure: Structure, contacts: Sequence[Any], letters: dict[str, str]) -> Iterable[tuple[str, str]]:
+    """Each part's letter and name, and what it is."""
     for i, segment in enumerate(structure.beam.segments):
-        width, thickness = segment.rectangle
-        end = segment.end_rectangle
-        taper = "" if end == (width, thickness) else f" to {_mm(end[0])} × {_mm(end[1])}"
         name = "beam" if len(structure.beam.segments) == 1 else f"segment {segment.name or i + 1}"
-        yield name, (
-            f"{_mm(segment.length)} long, {_mm(width)} × {_mm(thickness)}{taper}, {number_text(segment.young_modulus / 1e9)} GPa, "
-            f"{number_text(segment.density)} kg/m³"
-        )
+        yield name, _segment_words(segment)
     for support in structure.supports:
         yield support.kind, f"at {_at(support.at)}"
     for body in structure.masses:
         yield f"{letters[body.name]}  {body.name}", f"{number_text(1e3 * body.mass)} g at {_at(body.at)}"
     for one in contacts:
-        law = f", {one.law}" if getattr(one, "law", "") and isinstance(one.law, str) else ""
-        if one.is_stop:
-            yield f"{letters[one.name]}  {one.name}", f"stop at {_mm(one.position)}, {_gap_words(one)}, fixed to {'space' if one.fixed_to == 'space' else 'the base'}{law}"
-        else:
-            yield f"{letters[one.name]}  {one.name}", f"ball of {number_text(1e3 * one.mass)} g at {_mm(one.position)}, {_gap_words(one)}{law}"
+        yield f"{letters[one.name]}  {one.name}", _contact_words(one)
     for spring in structure.springs:
         yield spring.name, f"spring of {number_text(spring.stiffness)} N/m at {_at(spring.at)}"
     for dashpot in structure.dashpots:
         yield dashpot.name, f"dashpot of {number_text(dashpot.damping)} N s/m at {_at(dashpot.at)}"
+
+
+def _segment_words(segment: Any) -> str:
+    width, thickness = segment.rectangle
+    end = segment.end_rectangle
+    taper = "" if end == (width, thickness) else f" to {_mm(end[0])} {TIMES} {_mm(end[1])}"
+    material = f"{number_text(segment.young_modulus / 1e9)} GPa, {number_text(segment.density)} kg/m\u00b3"
+    return f"{_mm(segment.length)} long, {_mm(width)} {TIMES} {_mm(thickness)}{taper}, {material}"
+
+
+def _contact_words(one: Any) -> str:
+    given = getattr(one, "law", "")
+    law = f", {given}" if isinstance(given, str) and given else ""
+    if one.is_stop:
+        held = "space" if one.fixed_to == "space" else "the base"
+        return f"fixed obstacle at {_mm(one.position)}, {_gap_words(one)}, fixed to {held}{law}"
+    return f"{number_text(1e3 * one.mass)} g, free between its walls at {_mm(one.position)}: {_gap_words(one)}{law}"
 
 
 @dataclass(frozen=True)
@@ -242,7 +263,7 @@ def _whole(structure: Structure, position: Finder, contacts: Sequence[Any], lett
         *_names(canvas, structure, position, contacts, letters, high),
         *_scale_bar(canvas, length, height),
     ]
-    words = f"{structure_words(structure)}, drawn to scale"
+    words = f"{structure_words(structure, contacts)}, drawn to scale"
     return element("svg", *drawn, viewBox=f"0 0 {WIDTH:g} {height:.2f}", role="img", aria_label=words)
 
 
@@ -252,7 +273,9 @@ def _reach(structure: Structure, contacts: Sequence[Any]) -> float:
     found += [0.5 * body_side(body.mass) for body in structure.masses]
     for one in contacts:
         sizes = [gap for gap in one.gaps if math.isfinite(gap)]
-        found.append(max(sizes, default=0.0) + (0.03 * structure.beam.length if one.is_stop else 2.4 * ball_radius(one.mass)))
+        found.append(
+            max(sizes, default=0.0) + (0.03 * structure.beam.length if one.is_stop else 2.4 * ball_radius(one.mass))
+        )
     return max(found)
 
 
@@ -282,7 +305,9 @@ def _supports(canvas: _Canvas, structure: Structure, position: Finder) -> list[E
             shapes.append(element("polygon.solid", points=" ".join(f"{canvas.x(a)},{canvas.y(b)}" for a, b in corners)))
         else:
             for side in (-1.0, 1.0):
-                shapes.append(canvas.box("solid", x - 0.6 * size, side * 0.25 * size, x + 0.6 * size, side * 0.5 * size))
+                shapes.append(
+                    canvas.box("solid", x - 0.6 * size, side * 0.25 * size, x + 0.6 * size, side * 0.5 * size)
+                )
     return shapes
 
 
@@ -324,26 +349,52 @@ def _connections(canvas: _Canvas, structure: Structure, position: Finder) -> lis
     length, shapes = structure.beam.length, []
     for key, _, places in structure.connections:
         at, *to = (position(place) for place in places.values())
-        low = -0.1 * length
         if to:
-            leg = canvas.y(-0.06 * length)
-            path = f"M{canvas.x(at)} {canvas.y(0)}V{leg}H{canvas.x(to[0])}V{canvas.y(0)}"
-        elif key.startswith("spring"):
-            turns = np.linspace(-0.02 * length, low, 9)[1:-1]
-            zigzag = "".join(f"L{canvas.x(at + (-1) ** i * 0.008 * length)} {canvas.y(float(y))}" for i, y in enumerate(turns))
-            path = f"M{canvas.x(at)} {canvas.y(0)}V{canvas.y(-0.02 * length)}{zigzag}L{canvas.x(at)} {canvas.y(low)}"
-        else:
-            half = 0.01 * length
-            path = f"M{canvas.x(at)} {canvas.y(0)}V{canvas.y(-0.05 * length)}M{canvas.x(at - half)} {canvas.y(-0.05 * length)}H{canvas.x(at + half)}"
-            path += f"M{canvas.x(at - half)} {canvas.y(-0.04 * length)}V{canvas.y(-0.07 * length)}H{canvas.x(at + half)}V{canvas.y(-0.04 * length)}M{canvas.x(at)} {canvas.y(-0.07 * length)}V{canvas.y(low)}"
-        shapes.append(element("path.thread", d=path))
-        if not to:
-            shapes.append(canvas.box("solid", at - 0.012 * length, low, at + 0.012 * length, low - 0.004 * length))
+            corners = [(at, 0.0), (at, -0.06 * length), (to[0], -0.06 * length), (to[0], 0.0)]
+            shapes.append(element("path.thread", d=_thread(canvas, corners)))
+            continue
+        drawn = _spring(at, length) if key.startswith("spring") else _dashpot(at, length)
+        shapes.append(element("path.thread", d="".join(_thread(canvas, corners) for corners in drawn)))
+        low = -FOOT * length
+        shapes.append(canvas.box("solid", at - 0.012 * length, low, at + 0.012 * length, low - 0.004 * length))
     return shapes
 
 
+def _thread(canvas: _Canvas, corners: Sequence[tuple[float, float]]) -> str:
+    return "M" + "L".join(f"{canvas.x(x)} {canvas.y(y)}" for x, y in corners)
+
+
+def _spring(at: float, length: float) -> list[list[tuple[float, float]]]:
+    """A zigzag from the beam to the base."""
+    levels = np.linspace(-0.02, -FOOT, 9)[1:-1].tolist()
+    zigzag = [(at + (-1) ** i * 0.008 * length, y * length) for i, y in enumerate(levels)]
+    return [[(at, 0.0), (at, -0.02 * length), *zigzag, (at, -FOOT * length)]]
+
+
+def _dashpot(at: float, length: float) -> list[list[tuple[float, float]]]:
+    """A piston in its pot."""
+    left, right, top, piston, bottom = (
+        at - 0.01 * length,
+        at + 0.01 * length,
+        -0.04 * length,
+        -0.05 * length,
+        -0.07 * length,
+    )
+    return [
+        [(at, 0.0), (at, piston)],
+        [(left, piston), (right, piston)],
+        [(left, top), (left, bottom), (right, bottom), (right, top)],
+        [(at, bottom), (at, -FOOT * length)],
+    ]
+
+
 def _names(
-    canvas: _Canvas, structure: Structure, position: Finder, contacts: Sequence[Any], letters: dict[str, str], high: float
+    canvas: _Canvas,
+    structure: Structure,
+    position: Finder,
+    contacts: Sequence[Any],
+    letters: dict[str, str],
+    high: float,
 ) -> list[Element]:
     """Letters above what they name, those of one place beside one another."""
     places = [(position(body.at) + body.offset, letters[body.name]) for body in structure.masses]
@@ -353,7 +404,8 @@ def _names(
         near = next((at for at in together if abs(at - x) < 0.04 * structure.beam.length), x)
         together.setdefault(near, []).append(letter)
     return [
-        element("text", ", ".join(found), x=canvas.x(x), y=18, text_anchor="middle") for x, found in sorted(together.items())
+        element("text", ", ".join(found), x=canvas.x(x), y=18, text_anchor="middle")
+        for x, found in sorted(together.items())
     ]
 
 
@@ -362,7 +414,10 @@ def _scale_bar(canvas: _Canvas, length: float, height: float) -> list[Element]:
     y, left, right = round(height - 26.0, 2), canvas.x(0.0), canvas.x(length)
     path = f"M{left} {y}H{right}M{left} {y - 6}V{y + 6}M{right} {y - 6}V{y + 6}"
     middle = round(0.5 * (left + right), 2)
-    return [element("path.measure", d=path), element("text.quiet", _mm(length), x=middle, y=y + 20, text_anchor="middle")]
+    return [
+        element("path.measure", d=path),
+        element("text.quiet", _mm(length), x=middle, y=y + 20, text_anchor="middle"),
+    ]
 
 
 def _detail(structure: Structure, one: Any) -> Element:
@@ -379,6 +434,11 @@ def _detail(structure: Structure, one: Any) -> Element:
             marks.append(element("path.measure", d=f"M{x} {near}V{far}M{x - 6} {near}h12M{x - 6} {far}h12"))
             marks.append(element("text", _mm(gap), x=x + 12, y=round(0.5 * (near + far) + 4.5, 2)))
     half = max(0.5 * structure.beam.rectangle_at(min(one.position, structure.beam.length))[1], 0.6 / scale)
-    shapes = [*_contact(canvas, structure, one), canvas.box("beam", one.position - 160.0 / scale, -half, one.position, half), _ball(canvas, one), *marks]
+    shapes = [
+        *_contact(canvas, structure, one),
+        canvas.box("beam", one.position - 160.0 / scale, -half, one.position, half),
+        _ball(canvas, one),
+        *marks,
+    ]
     words = f"{one.name} in its box, {_gap_words(one)}"
     return element("svg", *shapes, viewBox=f"0 0 320 {2 * 126.0:g}", role="img", aria_label=words)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from femimpact.svg.axis import number_text
+from femimpact.svg.axis import MINUS, NO_NUMBER, number_text
 from femimpact.svg.elements import Child, Element, element
 
 __all__ = [
@@ -19,6 +19,18 @@ __all__ = [
 
 MOST_ROWS = 200
 """Rows of a table that a report shows."""
+
+MANY = 25
+"""Rows beyond which a table has a height of its own."""
+
+DIGITS = 5
+"""Of the largest number of a column."""
+
+LONG = 12
+"""Letters of a value from which on it is set smaller."""
+
+SHORT = 22
+"""Letters up to which a text is not divided into lines."""
 
 
 @dataclass(frozen=True)
@@ -94,8 +106,11 @@ def section_element(section: Section) -> Element:
 
 
 def conclusions_element(conclusions: Iterable[Conclusion]) -> Element:
-    """Conclusions side by side."""
-    return element("dl.conclusions", *(_conclusion(one) for one in conclusions))
+    """Conclusions side by side, and what the mark of one sample means."""
+    shown = list(conclusions)
+    marked = any(one.one_sample for one in shown)
+    words = element("p.below", "One sample: the motion does not repeat, and another start has another value.")
+    return element("div", element("dl.conclusions", *map(_conclusion, shown)), words if marked else None)
 
 
 def _conclusion(one: Conclusion) -> Element:
@@ -103,10 +118,14 @@ def _conclusion(one: Conclusion) -> Element:
     if one.scatter:
         details.append(element("dd.scatter", one.scatter))
     if one.one_sample:
-        details.append(element("dd.sample", "one sample: another start has another value"))
+        details.append(element("dd.sample", "one sample"))
     if one.note:
         details.append(element("dd.of", one.note))
-    value = element("dd.value", one.value, element("span.unit", f" {one.unit}") if one.unit else None)
+    value = element(
+        "dd.value" if len(one.value) < LONG else "dd.value.words",
+        one.value,
+        element("span.unit", f" {one.unit}") if one.unit else None,
+    )
     return element("div", element("dt", one.label), value, *details)
 
 
@@ -140,27 +159,67 @@ def table_of(
 
 def _headed(name: str, unit: str) -> str:
     words = name.replace("_", " ")
-    return f"{words} ({unit})" if unit not in ("", "1") else words
+    # a unit is not divided
+    return (
+        f"{words} ({unit})".replace(f"({unit})", f"({unit})".replace(" ", "\u00a0")) if unit not in ("", "1") else words
+    )
 
 
 def table_element(table: Table) -> Element:
     """A table that a script sorts and copies."""
     numbers = [_holds_numbers(table, i) for i in range(len(table.header))]
     head = element(
-        "tr", *(element("th.number" if numeric else "th", name, scope="col") for name, numeric in zip(table.header, numbers, strict=True))
+        "tr",
+        *(
+            element("th.number" if numeric else "th", name, scope="col")
+            for name, numeric in zip(table.header, numbers, strict=True)
+        ),
     )
-    body = [
-        element("tr", *(_cell(value, numeric) for value, numeric in zip(row, numbers, strict=True)))
-        for row in table.rows
+    columns = [[row[i] for row in table.rows] for i in range(len(table.header))]
+    shown_as = [
+        _number_cells(column) if numeric else _text_cells(column)
+        for column, numeric in zip(columns, numbers, strict=True)
     ]
-    shown = element(
-        "table", element("caption", table.title), element("thead", head), element("tbody", *body)
-    )
+    body = [element("tr", *cells) for cells in zip(*shown_as, strict=True)]
+    shown = element("table", element("caption", table.title), element("thead", head), element("tbody", *body))
     return element(
         "div.table",
-        element("div.scroll", shown, tabindex="0", role="region", aria_label=table.title),
+        element(
+            "div.scroll.long" if len(table.rows) > MANY else "div.scroll",
+            shown,
+            tabindex="0",
+            role="region",
+            aria_label=table.title,
+        ),
         element("p.below", _rows_words(table)) if _rows_words(table) else None,
     )
+
+
+def _texts(values: Sequence[Any]) -> list[str]:
+    """Numbers of a column with as many digits behind the point each, so that they stand below one another."""
+    known = [float(value) for value in values if value is not None and value != ""]
+    sizes = [abs(value) for value in known if math.isfinite(value) and value]
+    if all(isinstance(value, (int, np.integer)) for value in values if value is not None and value != ""):
+        return [_sign(str(value)) for value in values]
+    largest, smallest = max(sizes, default=1.0), min(sizes, default=1.0)
+    if largest < 1e-4 or largest >= 1e7 or largest > 1e4 * smallest:
+        return [_plain(value, f"{float(value or 0.0):.3e}") for value in values]
+    digits = max(0, DIGITS - 1 - math.floor(math.log10(largest)))
+    # of numbers that need none, none behind the point
+    while digits and all(round(size, digits) == round(size, digits - 1) for size in sizes):
+        digits -= 1
+    return [_plain(value, f"{float(value or 0.0):.{digits}f}") for value in values]
+
+
+def _plain(value: Any, text: str) -> str:
+    if value is None or value == "" or math.isnan(float(value)):
+        return NO_NUMBER
+    mantissa, _, exponent = text.partition("e")
+    return _sign(f"{mantissa}e{int(exponent)}" if exponent else mantissa)
+
+
+def _sign(text: str) -> str:
+    return text.replace("-", MINUS)
 
 
 def _rows_words(table: Table) -> str:
@@ -179,11 +238,19 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
 
 
-def _cell(value: Any, numeric: bool) -> Element:
-    if value is None or value == "" or (isinstance(value, float) and math.isnan(value)):
-        return element("td.number" if numeric else "td", "–", data_value="")
-    if _is_number(value):
-        whole = isinstance(value, (int, np.integer))
-        text = str(value).replace("-", "−") if whole else number_text(float(value), 5)
-        return element("td.number" if numeric else "td", text, data_value=value if whole else repr(float(value)))
-    return element("td", str(value))
+def _number_cells(values: Sequence[Any]) -> list[Element]:
+    return [
+        element(
+            "td.number",
+            text,
+            data_value="" if text == NO_NUMBER else value if isinstance(value, int) else repr(float(value)),
+        )
+        for value, text in zip(values, _texts(values), strict=True)
+    ]
+
+
+def _text_cells(values: Sequence[Any]) -> list[Element]:
+    texts = [NO_NUMBER if value is None or value == "" else str(value) for value in values]
+    texts = [number_text(value, 5) if _is_number(value) else text for value, text in zip(values, texts, strict=True)]
+    kind = "td.short" if max(map(len, texts), default=0) <= SHORT else "td"
+    return [element(kind, text, data_value="" if text == NO_NUMBER else None) for text in texts]

@@ -1,4 +1,4 @@
-"""The part of a report on convergence: relative errors over the mesh, the step and the modes, and what they recommend."""
+"""The part of a report on convergence: relative errors over mesh, step and modes, and what an accuracy takes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,11 @@ from femimpact.svg.elements import element
 __all__ = ["axis_section", "steps_section", "summary_table"]
 
 COUNTED = {"mesh": "elements", "step": "steps in the first natural period", "modes": "modes kept"}
-HEADINGS = {"mesh": "Convergence over the mesh", "step": "Convergence over the step", "modes": "Convergence over the modes"}
+HEADINGS = {
+    "mesh": "Convergence over the mesh",
+    "step": "Convergence over the step",
+    "modes": "Convergence over the modes",
+}
 
 FAMILIES = 6
 """Lines of one chart."""
@@ -43,10 +47,15 @@ def axis_section(
     number = np.asarray(columns["number"], dtype=float)
     charts = []
     for k in range(0, len(names), FAMILIES):
-        charts.append(_chart(axis, number, {n: np.asarray(columns[f"{n}_error"], dtype=float) for n in names[k : k + FAMILIES]}))
+        charts.append(
+            _chart(axis, number, {n: np.asarray(columns[f"{n}_error"], dtype=float) for n in names[k : k + FAMILIES]})
+        )
     shown = {"case": columns["case"]} if "case" in columns else {"number": number}
     rows_of = {**shown, **{name: columns[name] for name in names if name in columns}}
-    header = tuple(f"{_words(name)} ({units[name]})" if units.get(name) not in (None, "", "1") else _words(name) for name in rows_of)
+    header = tuple(
+        f"{_words(name)} ({units[name]})" if units.get(name) not in (None, "", "1") else _words(name)
+        for name in rows_of
+    )
     rows = tuple(zip(*(np.asarray(values).tolist() for values in rows_of.values()), strict=True))
     heading = "Runs with contacts, over the mesh" if statistics else HEADINGS[axis]
     words = (
@@ -71,7 +80,9 @@ def _chart(axis: str, number: NDArray[np.float64], errors: Mapping[str, NDArray[
     for i, (name, error) in enumerate(errors.items()):
         known = np.isfinite(error) & (error > 0.0)
         if known.any():
-            lines.append(Line(_words(name), number[known], error[known], 1 + i, marked=np.ones(int(known.sum()), dtype=bool)))
+            lines.append(
+                Line(_words(name), number[known], error[known], 1 + i, marked=np.ones(int(known.sum()), dtype=bool))
+            )
     across = axis_of(COUNTED[axis], number, logarithmic=True)
     up = axis_of("relative error", *(line.y for line in lines), logarithmic=True)
     return Chart("", across, up, tuple(lines))
@@ -79,7 +90,11 @@ def _chart(axis: str, number: NDArray[np.float64], errors: Mapping[str, NDArray[
 
 def steps_section(columns: Mapping[str, Any], file: str = "") -> Section | None:
     """Errors of runs in steps over the step; None of a table without them."""
-    labels = {"linear_error": "without ball", "first_impact_error": "to the first impact", "energy_residual": "energy residual"}
+    labels = {
+        "linear_error": "without ball",
+        "first_impact_error": "to the first impact",
+        "energy_residual": "energy residual",
+    }
     known = {name: words for name, words in labels.items() if name in columns}
     if "dt" not in columns or not known:
         return None
@@ -90,10 +105,8 @@ def steps_section(columns: Mapping[str, Any], file: str = "") -> Section | None:
         fits = np.isfinite(values) & (values > 0.0)
         if fits.any():
             lines.append(Line(words, step[fits], values[fits], 1 + i, marked=np.ones(int(fits.sum()), dtype=bool)))
-    chart = Chart(
-        "", axis_of("time step (ms)", step, logarithmic=True), axis_of("relative error", *(line.y for line in lines), logarithmic=True),
-        tuple(lines),
-    )  # fmt: skip
+    up = axis_of("relative error", *(line.y for line in lines), logarithmic=True)
+    chart = Chart("", axis_of("time step (ms)", step, logarithmic=True), up, tuple(lines))
     rows = tuple(zip(*(np.asarray(columns[name]).tolist() for name in ("dt", *known)), strict=True))
     table = Table("Errors of runs in steps", ("step (s)", *known.values()), rows, file)
     return Section("steps", "Runs in steps", (element("div.charts", chart_element(chart)), table_element(table)))
@@ -101,7 +114,20 @@ def steps_section(columns: Mapping[str, Any], file: str = "") -> Section | None:
 
 def summary_table(columns: Mapping[str, Any], file: str = "") -> Table:
     """Reference, orders and recommended number of every quantity."""
-    names = [name for name in ("axis", "quantity", "unit", "reference", "fitted_order", "expected_order", "recommended", "recommended_is_bound") if name in columns]
+    names = [
+        name
+        for name in (
+            "axis",
+            "quantity",
+            "unit",
+            "reference",
+            "fitted_order",
+            "expected_order",
+            "recommended",
+            "recommended_is_bound",
+        )
+        if name in columns
+    ]
     heads = {"recommended_is_bound": "fewer may do"}
     values = {name: np.asarray(columns[name]).tolist() for name in names}
     if "recommended_is_bound" in values:

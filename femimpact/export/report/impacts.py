@@ -10,13 +10,23 @@ from numpy.typing import NDArray
 
 from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.blocks import Section, table_element, table_of
-from femimpact.svg.axis import axis_of
+from femimpact.svg.axis import MINUS, axis_of
 from femimpact.svg.chart import Chart, Line, chart_element
 from femimpact.svg.elements import Element, element
 
 __all__ = ["impacts_section"]
 
-SHOWN = ("time", "impactor", "side", "approach_speed", "rebound_speed", "impulse", "peak_force", "duration", "energy_loss")
+SHOWN = (
+    "time",
+    "impactor",
+    "side",
+    "approach_speed",
+    "rebound_speed",
+    "impulse",
+    "peak_force",
+    "duration",
+    "energy_loss",
+)
 """Columns of the table, where an impact has them."""
 
 ROWS = 100
@@ -50,7 +60,9 @@ def impacts_section(
     table = table_of(title, {name: numbers[name][late] for name in shown}, units, file)
     charts = [one for one in (_over_phase(numbers), _speeds(numbers), _over_time(numbers)) if one is not None]
     return Section(
-        "impacts", "Impacts", (element("div.charts", *(chart_element(one) for one in charts), *more), table_element(table))
+        "impacts",
+        "Impacts",
+        (element("div.charts", *(chart_element(one) for one in charts), *more), table_element(table)),
     )
 
 
@@ -63,7 +75,7 @@ def _walls(numbers: Mapping[str, NDArray[Any]]) -> list[tuple[str, NDArray[np.bo
     names = list(dict.fromkeys(numbers["impactor"].tolist()))
     found = []
     for name in names[:3]:
-        for side, sign in ((1.0, "+"), (-1.0, "−")):
+        for side, sign in ((1.0, "+"), (-1.0, MINUS)):
             mine = (numbers["impactor"] == name) & (np.sign(numbers["side"].astype(float)) == side)
             if mine.any():
                 found.append((f"{name}, {sign} side", mine))
@@ -80,7 +92,9 @@ def _over_phase(numbers: Mapping[str, NDArray[Any]]) -> Chart | None:
         for i, (name, mine) in enumerate(_walls(numbers))
     )
     phases = axis_of("phase of the base at impact (degrees)", [0.0, 360.0], tight=True)
-    return Chart("Impulse over the phase", phases, axis_of(f"impulse ({unit})", *(line.y for line in lines), zero=True), lines)
+    return Chart(
+        "Impulse over the phase", phases, axis_of(f"impulse ({unit})", *(line.y for line in lines), zero=True), lines
+    )
 
 
 def _largest(values: NDArray[Any]) -> float:
@@ -113,4 +127,6 @@ def _over_time(numbers: Mapping[str, NDArray[Any]]) -> Chart:
         for i, (name, mine) in enumerate(_walls(numbers))
     )
     time = axis_of("time (s)", numbers["time"])
-    return Chart("Impulse of every impact", time, axis_of(f"impulse ({unit})", *(line.y for line in lines), zero=True), lines)
+    return Chart(
+        "Impulse of every impact", time, axis_of(f"impulse ({unit})", *(line.y for line in lines), zero=True), lines
+    )

@@ -1,4 +1,4 @@
-"""The part of a report on a parameter study: a quantity over two of its axes as a map of colours, or over one as a line."""
+"""The part of a report on a parameter study: a quantity over two axes as a map of colours, over one as a line."""
 
 from __future__ import annotations
 
@@ -69,7 +69,12 @@ def _line(data: Any, name: str, values: Any) -> Element | None:
     if not np.any(np.isfinite(y)):
         return None
     order = np.argsort(x, kind="stable")
-    chart = Chart(_label(data, name), axis_of(_label(data, dim), x, tight=True), axis_of(_label(data, name), y), (Line(name, x[order], y[order]),))
+    chart = Chart(
+        _label(data, name),
+        axis_of(_label(data, dim), x, tight=True),
+        axis_of(_label(data, name), y),
+        (Line(name, x[order], y[order]),),
+    )
     return chart_element(chart)
 
 
@@ -86,14 +91,28 @@ def _map(data: Any, name: str, values: Any) -> Element | None:
     x, y, z = x[columns], y[rows], z[np.ix_(rows, columns)]
     low, high = float(finite.min()), float(finite.max())
     ends_x, ends_y = _edges(x), _edges(y)
-    axes = Axis(_label(data, across), float(ends_x[0]), float(ends_x[-1])), Axis(_label(data, down), float(ends_y[0]), float(ends_y[-1]))
+    axes = (
+        Axis(_label(data, across), float(ends_x[0]), float(ends_x[-1])),
+        Axis(_label(data, down), float(ends_y[0]), float(ends_y[-1])),
+    )
     frame = chart_element(Chart(_label(data, name), *axes, ()))
     plot = frame.find(".//svg")
     if plot is None:
         raise AssertionError("a chart has a plot")
     for level in range(16):
         share = np.clip((z - low) / (high - low), 0.0, 1.0) if high > low else np.zeros_like(z)
-        mine = np.argwhere(np.isfinite(z) & (np.minimum((16 * share).astype(int, copy=False) if np.all(np.isfinite(share)) else np.nan_to_num(16 * share, nan=-1).astype(int), 15) == level))
+        mine = np.argwhere(
+            np.isfinite(z)
+            & (
+                np.minimum(
+                    (16 * share).astype(int, copy=False)
+                    if np.all(np.isfinite(share))
+                    else np.nan_to_num(16 * share, nan=-1).astype(int),
+                    15,
+                )
+                == level
+            )
+        )
         path = "".join(_cell(axes, ends_x, ends_y, int(i), int(j)) for i, j in mine)
         if path:
             plot.append(element("path", d=path, style=f"fill:{_colour(level / 15.0)};stroke:none"))
@@ -122,6 +141,7 @@ def _colour(share: float) -> str:
     at = share * (len(COLOURS) - 1)
     k = min(int(at), len(COLOURS) - 2)
     mixed = [
-        round((1 - at + k) * int(COLOURS[k][i : i + 2], 16) + (at - k) * int(COLOURS[k + 1][i : i + 2], 16)) for i in (1, 3, 5)
+        round((1 - at + k) * int(COLOURS[k][i : i + 2], 16) + (at - k) * int(COLOURS[k + 1][i : i + 2], 16))
+        for i in (1, 3, 5)
     ]
     return "#" + "".join(f"{part:02x}" for part in mixed)

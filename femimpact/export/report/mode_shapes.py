@@ -51,7 +51,9 @@ def _shapes(system: Any, modes: Any, nodes: Any) -> Chart:
         name = f"mode {i + 1}, {number_text(float(modes.natural_frequency[i]))} Hz"
         lines.append(Line(name, 1e3 * x, scaled, 1 + i))
     places = axis_of("distance from the root (mm)", 1e3 * x, tight=True)
-    return Chart("Mode shapes, without balls", places, axis_of("deflection over its largest", [-1.0, 1.0]), tuple(lines))
+    return Chart(
+        "Mode shapes, without balls", places, axis_of("deflection over its largest", [-1.0, 1.0]), tuple(lines)
+    )
 
 
 def _table(modes: Any) -> Table:

@@ -30,9 +30,14 @@ KINDS = {
 NO_CHANNELS = ("base_displacement", "base_velocity", "base_acceleration", "base", "time")
 
 ENERGIES = {
-    "energy_work": "work of the base", "energy_structure_loss": "lost in the structure", "energy_contact_loss": "lost in contacts",
-    "energy_kinetic": "kinetic", "energy_strain": "strain", "energy_ball": "of the balls", "energy_contact": "in contacts",
-}  # fmt: skip
+    "energy_work": "work of the base",
+    "energy_structure_loss": "lost in the structure",
+    "energy_contact_loss": "lost in contacts",
+    "energy_kinetic": "kinetic",
+    "energy_strain": "strain",
+    "energy_ball": "of the balls",
+    "energy_contact": "in contacts",
+}
 """Variables of a history that are energies, and their words."""
 
 MOST_LINES = 4
@@ -104,15 +109,27 @@ def history_charts(channels: Mapping[str, tuple[Array, Array, str]], when: str) 
 def _chart(channels: Mapping[str, tuple[Array, Array, str]], names: Sequence[str], unit: str, when: str) -> Chart:
     arrays = [channels[name][1] for name in names]
     largest = max((float(np.abs(one[np.isfinite(one)]).max(initial=0.0)) for one in arrays), default=0.0)
-    factor, shown = prefixed(largest, unit) if unit != "1" else (1.0, "1")
+    factor, shown = _unit(largest, unit)
     quantity = KINDS.get(unit, "value")
     style = "thin" if max((one.size for one in arrays), default=0) > 4000 else "line"
+    sizes = [float(np.nan_to_num(np.abs(one)).mean()) if one.size else 0.0 for one in arrays]
     lines = tuple(
         Line(name, channels[name][0], factor * channels[name][1], 1 + i, style) for i, name in enumerate(names)
     )
-    title = f"{', '.join(names)}: {when}"
+    # the larger ones first, or they would hide the others
+    lines = tuple(lines[i] for i in sorted(range(len(lines)), key=lambda i: -sizes[i]))
+    title = f"{names[0] if len(names) == 1 else quantity.capitalize()}, {when}"
     time = axis_of("time (s)", *(line.x for line in lines), tight=True)
-    return Chart(title, time, axis_of(f"{quantity} ({shown})" if shown != "1" else quantity, *(line.y for line in lines)), lines)
+    return Chart(
+        title, time, axis_of(f"{quantity} ({shown})" if shown != "1" else quantity, *(line.y for line in lines)), lines
+    )
+
+
+def _unit(largest: float, unit: str) -> tuple[float, str]:
+    """Factor and unit in which values up to the largest are read most easily."""
+    if unit == "Pa" and largest >= 1e5:
+        return 1e-6, "MPa"
+    return prefixed(largest, unit) if unit != "1" else (1.0, "1")
 
 
 def energy_section(history: xarray.Dataset) -> Section | None:
@@ -138,7 +155,5 @@ def _energies(title: str, time: Array, values: Mapping[str, Array]) -> Chart:
         Line(ENERGIES[name], time, factor * one, 1 + i, "thin" if one.size > 4000 else "line")
         for i, (name, one) in enumerate(values.items())
     ]
-    return Chart(
-        title, axis_of("time (s)", time, tight=True), axis_of(f"energy ({unit})", *(line.y for line in lines), zero=True),
-        tuple(lines),
-    )  # fmt: skip
+    up = axis_of(f"energy ({unit})", *(line.y for line in lines), zero=True)
+    return Chart(title, axis_of("time (s)", time, tight=True), up, tuple(lines))

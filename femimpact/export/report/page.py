@@ -70,7 +70,12 @@ def page_bytes(page: Page) -> bytes:
     body = element(
         "body",
         element("a.skip", "to the conclusions", href="#conclusions"),
-        element("header", element("p.maker", "femimpact"), element("h1", page.title), *(element("p.lead", text) for text in page.lead)),
+        element(
+            "header",
+            element("p.maker", "femimpact"),
+            element("h1", page.title),
+            *(element("p.lead", text) for text in page.lead),
+        ),
         element("main", *_main(page)),
         *(element("script", _own(name)) for name in SCRIPTS),
     )

@@ -83,7 +83,7 @@
   function colours() {
     const style = getComputedStyle(document.documentElement);
     const named = {};
-    for (const name of ["card", "beam", "box", "floor", "ball", "hit", "solid", "fi-grid"]) {
+    for (const name of ["card", "beam", "box", "floor", "ball", "hit", "solid", "fi-grid", "fi-quiet"]) {
       named[name] = style.getPropertyValue("--" + name).trim();
     }
     return named;
@@ -95,10 +95,26 @@
     return largest;
   })();
 
+  const MARGIN = 0.08;
+
+  // half of the height that is shown, in metres
+  const high = (function () {
+    let found = 1.15 * data.larger * reach + 0.05 * data.length;
+    for (const contact of data.contacts) {
+      if (!contact.stop) found = Math.max(found, data.larger * (reach + Math.max(...contact.gaps)) + 2.4 * contact.radius);
+      else for (const gap of contact.gaps) if (gap !== null) found = Math.max(found, Math.min(data.larger * gap + 0.04 * data.length, 0.25 * data.length));
+    }
+    for (const body of data.bodies) found = Math.max(found, data.larger * reach + 0.6 * body.side);
+    return 1.05 * found;
+  })();
+
+  function shape() {
+    return (2 * high) / (data.length * (1 + 2 * MARGIN));
+  }
+
   function sizes(canvas) {
     const width = canvas.clientWidth;
-    const view = canvas.dataset.view;
-    const height = view === "beam" ? Math.round(Math.min(Math.max(0.5 * width, 190), 400)) : Math.round(Math.min(width, 210));
+    const height = canvas.dataset.view === "beam" ? Math.round(Math.min(Math.max(width * shape(), 150), 400)) : Math.round(Math.min(width, 210));
     const ratio = window.devicePixelRatio || 1;
     if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
       canvas.width = Math.round(width * ratio);
@@ -111,13 +127,7 @@
   function drawBeamView(canvas, at, paint) {
     const { width, height, ratio } = sizes(canvas);
     const pen = canvas.getContext("2d");
-    const margin = 0.08 * data.length;
-    let high = 1.15 * data.larger * reach + 0.02 * data.length;
-    for (const contact of data.contacts) {
-      if (!contact.stop) high = Math.max(high, data.larger * (reach + Math.max(...contact.gaps)) + 2.4 * contact.radius);
-    }
-    for (const body of data.bodies) high = Math.max(high, data.larger * reach + 0.6 * body.side);
-    const scale = Math.min(width / (data.length + 2 * margin), height / (2 * high));
+    const scale = Math.min(width / (data.length + 2 * MARGIN * data.length), height / (2 * high));
     const left = 0.5 * (width - scale * data.length);
     const X = (x) => left + scale * x;
     const Y = (y) => 0.5 * height - scale * y;
@@ -188,6 +198,9 @@
       pen.stroke();
     }
 
+    pen.fillStyle = paint["fi-quiet"];
+    pen.font = "12px system-ui, sans-serif";
+    pen.fillText(s === 1 ? "true scale" : "motion and gaps \u00d7 " + s, 10, height - 10);
     let ball = 0;
     data.contacts.forEach((contact, j) => {
       if (contact.stop) return;

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from femimpact.export.report.beam import Finder, body_side
 from femimpact.export.scene import thinned
 from femimpact.export.scene_pieces import ball_radius
-from femimpact.response.impacts import Impacts
 from femimpact.response.history import Snapshots
+from femimpact.response.impacts import Impacts
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
-from femimpact.svg.axis import axis_of
+from femimpact.svg.axis import TIMES, axis_of
 from femimpact.svg.chart import Band, Chart, Line, chart_element
 from femimpact.svg.elements import Element, data_element, element
 from femimpact.system.hermite import hermite_rows
@@ -46,6 +46,11 @@ FULL = 32_000
 
 SPEEDS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 """Shares of the true speed that can be chosen."""
+
+MOST_CLOSE = 4
+"""Balls that are shown close up."""
+
+KEYS = "Keys: space plays and pauses, arrows step by frames, page keys by impacts, home and end go to the ends."
 
 WANTED = 10.0
 """Seconds for which the motion is shown, about."""
@@ -91,7 +96,9 @@ def frames_of(response: Response) -> Frames | None:
     rows, slopes = (_dense(hermite_rows(nodes, stations, order)) for order in (0, 1))
     displacement = _between(snapshots, times)
     deflection = displacement @ rows.T
-    at_pairs = displacement @ _dense(hermite_rows(nodes, [pair.position for pair in contacts], 0)).T if contacts else None
+    at_pairs = (
+        displacement @ _dense(hermite_rows(nodes, [pair.position for pair in contacts], 0)).T if contacts else None
+    )
     balls = np.zeros((times.size, len(response.system.balls)))
     for j, pair in enumerate(response.system.balls):
         mine = hits["contact"] == j
@@ -132,7 +139,8 @@ def _stations(nodes: Array, held: Sequence[float]) -> Array:
     inside = [x for x in held if nodes[0] <= x <= nodes[-1]]
     found = np.unique(np.concatenate([inner, inside]))
     # two places that rounding alone separates are one
-    return found[np.concatenate([[True], np.diff(found) > 1e-9 * (nodes[-1] - nodes[0])])]
+    apart = np.diff(found) > 1e-9 * (nodes[-1] - nodes[0])
+    return np.asarray(found[np.concatenate([[True], apart])])
 
 
 def _between(snapshots: Snapshots, times: Array) -> Array:
@@ -142,7 +150,7 @@ def _between(snapshots: Snapshots, times: Array) -> Array:
     h = np.maximum(known[k + 1] - known[k], 1e-300)
     s = np.clip((times - known[k]) / h, 0.0, 1.0)[:, None]
     u, v, span = snapshots.displacement, snapshots.velocity, h[:, None]
-    return np.asarray(
+    return (
         (1 - 3 * s**2 + 2 * s**3) * u[k] + (s - 2 * s**2 + s**3) * span * v[k]
         + (3 * s**2 - 2 * s**3) * u[k + 1] + (s**3 - s**2) * span * v[k + 1]
     )  # fmt: skip
@@ -151,7 +159,9 @@ def _between(snapshots: Snapshots, times: Array) -> Array:
 # ---- the page -------------------------------------------------------------------------------------
 
 
-def player_element(response: Response, structure: Structure, position: Finder, exaggeration: float | None) -> Element | None:
+def player_element(
+    response: Response, structure: Structure, position: Finder, exaggeration: float | None
+) -> Element | None:
     """The player of a response's snapshots, with its data; None where it has none.
 
     Parameters
@@ -172,21 +182,17 @@ def player_element(response: Response, structure: Structure, position: Finder, e
     speed = min(SPEEDS, key=lambda share: abs(math.log(span / share / WANTED)))
     data = _data(frames, structure, position, contacts) | {"larger": larger, "speed": speed}
     balls = [pair for pair in contacts if not pair.is_stop]
-    options = [
-        element("option", _speed_words(share), value=repr(share), selected=share == speed) for share in SPEEDS
+    options = [element("option", _speed_words(share), value=repr(share), selected=share == speed) for share in SPEEDS]
+    factors = dict.fromkeys((larger, 1.0))
+    scales = [element("option", _scale_words(factor), value=repr(float(factor))) for factor in factors]
+    close = [
+        _view(f"{pair.name}, moving with its box", str(j), f"{pair.name} in its box") for j, pair in enumerate(balls)
     ]
-    scales = [("1", "true scale"), (repr(larger), f"motion and gaps {larger:g} times as large")]
     stage = element(
         "div.stage.beside" if balls else "div.stage",
-        element("div.view", element("p", "Whole beam, relative to the moving base"), element("canvas", data_view="beam", role="img", aria_label="The moving beam")),
-        element(
-            "div.close",
-            *(
-                element("div.view", element("p", f"{pair.name}, moving with its box"), element("canvas", data_view=str(j), role="img", aria_label=f"{pair.name} in its box"))
-                for j, pair in enumerate(balls[:4])
-            ),
-        ) if balls else None,
-    )  # fmt: skip
+        _view("Whole beam, relative to the moving base", "beam", "The moving beam"),
+        element("div.close", *close[:MOST_CLOSE]) if balls else None,
+    )
     controls = element(
         "div.controls",
         element("button", "Play", type="button", data_do="play"),
@@ -195,22 +201,30 @@ def player_element(response: Response, structure: Structure, position: Finder, e
         element("input", type="range", min="0", max=frames.time.size - 1, step="1", value="0", aria_label="Time"),
         element("output", ""),
         element("label", "speed ", element("select", *options, data_do="speed")),
-        element("label", "drawn at ", element("select", *(element("option", words, value=value, selected=value != "1") for value, words in dict(scales).items()), data_do="scale")),
-    )  # fmt: skip
+        element("label", "scale ", element("select", *scales, data_do="scale")),
+    )
     return element(
         "div.player",
         element("noscript", element("p", "The player needs scripts, which this browser does not run.")),
         stage,
         controls,
         chart_element(_history(response, frames)),
-        element("p.keys", "Keys: space plays and pauses, arrows step by frames, page keys by impacts, home and end go to the ends."),
+        element("p.keys", KEYS),
         data_element("player-data", data),
         tabindex="0", role="group", aria_label="Player of the motion",
     )  # fmt: skip
 
 
+def _view(words: str, view: str, label: str) -> Element:
+    return element("div.view", element("p", words), element("canvas", data_view=view, role="img", aria_label=label))
+
+
 def _speed_words(share: float) -> str:
     return "true" if share == 1.0 else f"1/{1.0 / share:.0f}"
+
+
+def _scale_words(factor: float) -> str:
+    return "true" if factor == 1.0 else f"motion and gaps {TIMES} {factor:g}"
 
 
 def _larger(frames: Frames, structure: Structure, contacts: Sequence[Any]) -> float:

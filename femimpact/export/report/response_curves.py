@@ -38,7 +38,13 @@ def curves_section(
     key, heading : str
     """
     first = next(iter(curves.values()))
-    peak = chart_of(curves, "peak", f"Peak of {first.at if isinstance(first.at, str) else f'{first.at:g} m'}, relative to the base", "peak", "m")
+    peak = chart_of(
+        curves,
+        "peak",
+        f"Peak of {first.at if isinstance(first.at, str) else f'{first.at:g} m'}, relative to the base",
+        "peak",
+        "m",
+    )
     phase = chart_of(curves, "phase", "Phase of the first harmonic", "phase", "rad")
     others = [chart_of(curves, *other) for other in OTHERS if _has(curves, other[0])]
     return Section(
@@ -53,7 +59,11 @@ def curves_section(
 
 def _dwell(curve: FrequencyResponse) -> Element:
     length = f"{curve.cycles} cycles" if curve.cycles is not None else f"{curve.duration:g} s"
-    starts = {"base": "at rest relative to the base", "space": "at rest in the inertial frame", "static": "in the static state"}
+    starts = {
+        "base": "at rest relative to the base",
+        "space": "at rest in the inertial frame",
+        "static": "in the static state",
+    }
     start = starts.get(curve.start, "from a given state")
     return element(
         "p",
@@ -67,9 +77,7 @@ def _has(curves: Mapping[str, FrequencyResponse], name: str) -> bool:
     return any(np.any(np.nan_to_num(np.asarray(curve[name], dtype=float)) != 0.0) for curve in curves.values())
 
 
-def chart_of(
-    curves: Mapping[str, FrequencyResponse], name: str, title: str, quantity: str, unit: str
-) -> Chart:
+def chart_of(curves: Mapping[str, FrequencyResponse], name: str, title: str, quantity: str, unit: str) -> Chart:
     """One column of curves over the frequency, with dots where it is one start's."""
     columns = {label: np.asarray(curve[name], dtype=float) for label, curve in curves.items()}
     finite = np.concatenate([values[np.isfinite(values)] for values in columns.values()])
@@ -97,4 +105,6 @@ def curve_table(curves: Mapping[str, FrequencyResponse]) -> Table:
         if np.any(np.isfinite(curve.peak)):
             mark = "one sample" if curve.peak_is_sample else "periodic"
             rows.append((label, curve.peak_frequency, 1e3 * curve.peak_amplitude, mark, len(curve.warnings)))
-    return Table("Peaks of the curves", ("curve", "frequency (Hz)", "peak (mm)", "motion there", "warnings"), tuple(rows))
+    return Table(
+        "Peaks of the curves", ("curve", "frequency (Hz)", "peak (mm)", "motion there", "warnings"), tuple(rows)
+    )
