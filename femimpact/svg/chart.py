@@ -7,7 +7,7 @@ CSS (`--fi-1` and so on), so that a page can have its own; without one, and in a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
@@ -15,15 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.svg.axis import Axis
-from femimpact.svg.elements import Child, Element, element
+from femimpact.svg.elements import Child, Element, element, markup
 from femimpact.svg.thinning import MOST_POINTS, thinned_line
 
-__all__ = ["COLOURS", "GRID", "Band", "Chart", "Line", "chart_element", "chart_style", "path_of"]
+__all__ = ["COLOURS", "GRID", "Band", "Chart", "Line", "chart_element", "chart_style", "notebook_markup", "path_of"]
 
 Array = NDArray[np.float64]
 
 GRID = 10_000
 """Steps into which a plot is divided both ways."""
+
+NOTEBOOK_POINTS = 600
+"""Points of a line in a notebook."""
 
 COLOURS = 6
 """Colours that differ; further lines begin with the first again."""
@@ -83,8 +86,6 @@ class Chart:
         Words and value of x of lines from its lower to its upper edge.
     note : str
         Below the chart.
-    identifier : str
-        By which a script finds it; without one none does.
     """
 
     title: str
@@ -95,23 +96,29 @@ class Chart:
     levels: tuple[tuple[str, float], ...] = ()
     places: tuple[tuple[str, float], ...] = ()
     note: str = ""
-    identifier: str = field(default="")
 
 
-def chart_element(chart: Chart) -> Element:
-    """The chart as a figure of HTML."""
+def chart_element(chart: Chart, most: int = MOST_POINTS) -> Element:
+    """The chart as a figure of HTML, with at most so many points of each line."""
     return element(
         "figure.fi-chart",
         element("figcaption.fi-title", chart.title) if chart.title else None,
         _legend(chart),
         element("div.fi-y-label", chart.y.label),
-        element("div.fi-plot", _plot(chart), *_ticks(chart), *_words(chart)),
+        element("div.fi-plot", _plot(chart, most), *_ticks(chart), *_words(chart)),
         element("div.fi-x-label", chart.x.label),
         element("p.fi-note", chart.note) if chart.note else None,
-        id=chart.identifier or None,
         data_x=_range_words(chart.x),
         data_y=_range_words(chart.y),
     )
+
+
+def notebook_markup(chart: Chart | Element | None) -> str:
+    """A chart as HTML for a notebook, with its style and fewer points; nothing for None."""
+    if chart is None:
+        return ""
+    shown = chart_element(chart, NOTEBOOK_POINTS) if isinstance(chart, Chart) else chart
+    return markup(element("div", element("style", chart_style()), shown, style="max-width:40rem"))
 
 
 @cache
@@ -157,7 +164,7 @@ def _colour(number: int) -> int:
     return 0 if number == 0 else (number - 1) % COLOURS + 1
 
 
-def _plot(chart: Chart) -> Element:
+def _plot(chart: Chart, most: int) -> Element:
     words = ", ".join(line.name for line in chart.lines if line.name)
     title = f"{chart.title or chart.y.label}: {chart.y.label} over {chart.x.label}{'; ' if words else ''}{words}"
     grid = "".join(f"M{GRID * at:.0f} 0V{GRID}" for at in _places(chart.x))
@@ -165,10 +172,10 @@ def _plot(chart: Chart) -> Element:
     return element(
         "svg",
         element("path.fi-grid", d=grid),
-        *(_band(chart, band) for band in chart.bands),
+        *(_band(chart, band, most) for band in chart.bands),
         *(element("path.fi-level", d=f"M0 {GRID * (1.0 - at):.0f}H{GRID}") for _, at in _levels(chart)),
         *(element("path.fi-level", d=f"M{GRID * at:.0f} 0V{GRID}") for _, at in _marks(chart)),
-        *(drawn for line in chart.lines for drawn in _line(chart, line)),
+        *(drawn for line in chart.lines for drawn in _line(chart, line, most)),
         viewBox=f"0 0 {GRID} {GRID}", preserveAspectRatio="none", role="img", aria_label=title,
     )  # fmt: skip
 
@@ -187,24 +194,24 @@ def _marks(chart: Chart) -> list[tuple[str, float]]:
     return [(words, at) for words, at in found if 0.0 <= at <= 1.0]
 
 
-def _line(chart: Chart, line: Line) -> list[Element]:
+def _line(chart: Chart, line: Line, most: int) -> list[Element]:
     x, y = chart.x.share(line.x), chart.y.share(line.y)
     drawn, colour = [], _colour(line.colour)
     if line.style != "none":
-        kept = thinned_line(y)
+        kept = thinned_line(y, most)
         path = _dots_of(x[kept], y[kept]) if line.style == "dots" else path_of(x[kept], y[kept])
         drawn.append(element(f"path.fi-{line.style}.fi-c{colour}", d=path, data_name=line.name or None))
     if line.marked is not None and np.any(line.marked):
-        own = thinned_line(y[line.marked], MOST_POINTS // 2)
+        own = thinned_line(y[line.marked], most // 2)
         name = line.name if line.style == "none" else None
         path = _dots_of(x[line.marked][own], y[line.marked][own])
         drawn.append(element(f"path.fi-dots.fi-c{colour}", d=path, data_name=name or None))
     return drawn
 
 
-def _band(chart: Chart, band: Band) -> Element:
+def _band(chart: Chart, band: Band, most: int) -> Element:
     x, low, high = chart.x.share(band.x), chart.y.share(band.low), chart.y.share(band.high)
-    kept = np.union1d(thinned_line(low, MOST_POINTS // 2), thinned_line(high, MOST_POINTS // 2))
+    kept = np.union1d(thinned_line(low, most // 2), thinned_line(high, most // 2))
     known = kept[np.isfinite(x[kept]) & np.isfinite(low[kept]) & np.isfinite(high[kept])]
     around = np.concatenate([x[known], x[known][::-1]]), np.concatenate([low[known], high[known][::-1]])
     path = path_of(*around)

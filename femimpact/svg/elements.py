@@ -55,11 +55,11 @@ def element(kind: str, /, *children: Child, **attributes: Any) -> Element:
     return made
 
 
-def data_element(identifier: str, data: Any) -> Element:
+def data_element(data: Any) -> Element:
     """Plain data for a script of the page, as JSON that no text in it can end."""
     # of one text alone the writer escapes nothing, for a browser would not read it
     text = json.dumps(data, allow_nan=False, separators=(",", ":"), sort_keys=True).replace("<", "\\u003c")
-    return element("script", text, id=identifier, type="application/json")
+    return element("script", text, type="application/json")
 
 
 def markup(root: Element) -> str:

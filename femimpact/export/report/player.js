@@ -1,10 +1,7 @@
 // The player: the beam swings, balls meet their walls, and impacts flash.
 "use strict";
-(function () {
-  const source = document.getElementById("player-data");
-  const root = document.querySelector(".player");
-  if (!source || !root) return;
-  const data = JSON.parse(source.textContent);
+document.querySelectorAll(".player").forEach(function (root) {
+  const data = JSON.parse(root.querySelector("script").textContent);
   const FLASH = 260; // milliseconds of the screen for which an impact is shown
   const frames = data.time.length;
   const stations = data.stations.length;
@@ -31,7 +28,7 @@
   const slider = root.querySelector("input[type=range]");
   const output = root.querySelector("output");
   const play = root.querySelector("[data-do=play]");
-  const plot = root.querySelector("#player-history .fi-plot");
+  const plot = root.querySelector(".fi-chart .fi-plot");
   const now = document.createElement("div");
   now.className = "now";
   plot.append(now);
@@ -396,4 +393,4 @@
   window.addEventListener("resize", draw);
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
   show(first);
-})();
+});

@@ -210,7 +210,7 @@ def player_element(
         controls,
         chart_element(_history(response, frames)),
         element("p.keys", KEYS),
-        data_element("player-data", data),
+        data_element(data),
         tabindex="0", role="group", aria_label="Player of the motion",
     )  # fmt: skip
 
@@ -291,5 +291,5 @@ def _history(response: Response, frames: Frames) -> Chart:
     note = "Dots are impacts." if frames.impacts else ""
     return Chart(
         "", axis_of("time (s)", time, tight=True), axis_of("displacement relative to the base (mm)", *shown),
-        tuple(lines), tuple(bands), note=note, identifier="player-history",
+        tuple(lines), tuple(bands), note=note,
     )  # fmt: skip
