@@ -5,8 +5,9 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -30,6 +31,12 @@ from femimpact.study.results import read_dataset, read_json, read_summary, read_
 from femimpact.study.study import Study
 from femimpact.study.study_file import load_study
 from femimpact.svg.elements import Element, element
+
+if TYPE_CHECKING:
+    import xarray
+
+    from femimpact.system.modes import Modes
+    from femimpact.system.system import System
 
 __all__ = ["page_of"]
 
@@ -71,6 +78,16 @@ class _Results:
             if issubclass(one.category, ResultsWarning):
                 self.miss(str(one.message))
         return found
+
+    @cached_property
+    def history(self) -> xarray.Dataset | None:
+        """The history; None where there is none, or it cannot be read."""
+        return self.attempt(FILES["history"], lambda: read_dataset(self.folder, "history", self.summary))
+
+    @cached_property
+    def modes(self) -> tuple[System, Modes, Structure | None] | None:
+        """The mode shapes, as the history."""
+        return self.attempt(FILES["mode_shapes"], lambda: read_mode_shapes(self.folder, self.summary))
 
     def miss(self, text: str) -> None:
         """Note what is missing, with names of files alone: a report does not hang on where its directory is."""
@@ -177,7 +194,7 @@ def _structure(
     """Name of the study, structure, what finds a place of it, and its contacts."""
     named = results.summary.get("study", written.get("study"))
     name = str(named).removesuffix(".toml") if named else "study"
-    modes = results.attempt(FILES["mode_shapes"], lambda: read_mode_shapes(results.folder, results.summary))
+    modes = results.modes
     points = {} if modes is None else dict(modes[0].points)
     if study is not None:
         finder = place_finder(study.structure, points)
@@ -279,7 +296,7 @@ def _player(structure: Structure | None) -> Callable[[_Results], list[Section]]:
 
 
 def _motion(results: _Results) -> list[Section]:
-    history = read_dataset(results.folder, "history", results.summary)
+    history = results.history
     if history is None:
         return []
     last = results.attempt(FILES["last_cycles"], lambda: read_last_cycles(results.folder, results.summary))
@@ -297,7 +314,7 @@ def _motion(results: _Results) -> list[Section]:
 
 
 def _energy(results: _Results) -> list[Section]:
-    history = read_dataset(results.folder, "history", results.summary)
+    history = results.history
     made = None if history is None else energy_section(history)
     return [] if made is None else [made]
 
@@ -310,7 +327,7 @@ def _impacts(results: _Results) -> list[Section]:
 
 
 def _modes(results: _Results) -> list[Section]:
-    found = read_mode_shapes(results.folder, results.summary)
+    found = results.modes
     name = FILES["modes"]
     columns = results.table(name)
     table = (

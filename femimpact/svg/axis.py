@@ -79,9 +79,11 @@ def axis_of(label: str, *values: ArrayLike, logarithmic: bool = False, tight: bo
         return Axis(label, 0.1 if logarithmic else 0.0, 1.0, logarithmic)
     low, high = float(array.min()), float(array.max())
     if logarithmic:
+        # room for what is beside it
+        low, high = (min(max(end, 1e-300), 1e300) for end in (low, high))
         low, high = (low / 2.0, high * 2.0) if high <= low * 1.0001 else (low, high)
-        widened = 1.0 if tight else (high / low) ** MARGIN
-        return Axis(label, max(low / widened, 5e-324), min(high * widened, 1.7e308), True)
+        widened = 1.0 if tight else 10.0 ** (MARGIN * (math.log10(high) - math.log10(low)))
+        return Axis(label, low / widened, high * widened, True)
     if not high - low > 1e-12 * max(abs(low), abs(high)):
         half = 0.5 * abs(high) or 0.5
         return Axis(label, low - half, high + half)

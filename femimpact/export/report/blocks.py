@@ -26,6 +26,9 @@ MANY = 25
 DIGITS = 5
 """Of the largest number of a column."""
 
+LEAST_DIGITS, MOST_DIGITS = 4, 7
+"""Of the smallest one, as far as the largest has no more than so many."""
+
 LONG = 12
 """Letters of a value from which on it is set smaller."""
 
@@ -204,7 +207,8 @@ def _texts(values: Sequence[Any]) -> list[str]:
     largest, smallest = max(sizes, default=1.0), min(sizes, default=1.0)
     if largest < 1e-4 or largest >= 1e7 or largest > 1e4 * smallest:
         return [_plain(value, f"{float(value or 0.0):.3e}") for value in values]
-    digits = max(0, DIGITS - 1 - math.floor(math.log10(largest)))
+    whole, least = math.floor(math.log10(largest)), math.floor(math.log10(smallest))
+    digits = max(0, min(max(DIGITS - 1 - whole, LEAST_DIGITS - 1 - least), MOST_DIGITS - 1 - whole))
     # of numbers that need none, none behind the point
     while digits and all(round(size, digits) == round(size, digits - 1) for size in sizes):
         digits -= 1

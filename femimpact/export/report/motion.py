@@ -40,6 +40,9 @@ ENERGIES = {
 }
 """Variables of a history that are energies, and their words."""
 
+MOST_CHANNELS = 24
+"""Channels that are drawn: of more the page would be too large to open."""
+
 MOST_LINES = 4
 """Channels of one chart."""
 
@@ -60,13 +63,17 @@ def history_section(
     words : sequence of str
         Sentences above the charts.
     """
-    channels = channels_of(history)
+    recorded = channels_of(history)
+    channels = dict(list(recorded.items())[:MOST_CHANNELS])
     whole = history_charts(channels, "whole run")
-    end = history_charts(dict(last), "last cycles") if last else _last_part(channels)
+    left_out = list(recorded)[MOST_CHANNELS:]
+    late = {name: one for name, one in (last or {}).items() if name in channels}
+    end = history_charts(late, "last cycles") if late else _last_part(channels)
+    more = f"{len(left_out)} more channels are not drawn: {', '.join(left_out)}."
     return Section(
         key, heading,
         (
-            *(element("p", text) for text in words),
+            *(element("p", text) for text in (*words, *([more] if left_out else []))),
             element("div.charts", *(chart_element(one) for one in (*end, *whole))),
         ),
     )  # fmt: skip

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.blocks import Section, Table
@@ -15,6 +16,8 @@ from femimpact.svg.elements import Element, element
 from femimpact.sweep import FrequencyResponse
 
 __all__ = ["curve_table", "curves_section"]
+
+Array = NDArray[np.float64]
 
 OTHERS = (
     ("impacts_per_cycle", "Impacts in a cycle of the base", "impacts per cycle", "1"),
@@ -90,12 +93,21 @@ def chart_of(curves: Mapping[str, FrequencyResponse], name: str, title: str, qua
         order = np.argsort(curve.frequency, kind="stable")
         sample = np.asarray(curve.is_sample)[order]
         marked = marked or bool(sample.any())
-        lines.append(Line(label, curve.frequency[order], values[order], 1 + i, marked=sample))
+        x, y = curve.frequency[order], values[order]
+        if name == "phase":
+            x, y, sample = _cut_at_turns(x, y, sample)
+        lines.append(Line(label, x, y, 1 + i, marked=sample))
     words = quantity if shown == "1" else f"{quantity} ({shown})"
     frequency = axis_of("frequency of the base (Hz)", *(line.x for line in lines), tight=True)
     zero = name != "phase"
     note = ONE_START if marked and name == "peak" else ""
     return Chart(title, frequency, axis_of(words, *(line.y for line in lines), zero=zero), tuple(lines), note=note)
+
+
+def _cut_at_turns(x: Array, y: Array, sample: Any) -> tuple[Array, Array, Any]:
+    """The same with a gap wherever a phase goes on at the other end of its range."""
+    turns = 1 + np.flatnonzero(np.abs(np.diff(y)) > np.pi)
+    return np.insert(x, turns, np.nan), np.insert(y, turns, np.nan), np.insert(sample, turns, False)
 
 
 def curve_table(curves: Mapping[str, FrequencyResponse]) -> Table:
