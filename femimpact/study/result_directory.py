@@ -117,11 +117,12 @@ def prepare_directory(directory: str | Path, force: bool = False) -> Iterator[St
     target = Path(directory)
     with _named(target, "output"):
         _check_places(target, PLACES)
+    reported = _holds_parts(target)
     with _taken(target, force) as running:
         with _named(target, None):
             _clear_leftovers(target, running, os.listdir(running))
         # a move that was finished just now has filled it
-        _check_target(target, force)
+        _check_target(target, force, reported)
         staging = Staging(target, running / FILES)
         with _named(target, "output"):
             staging.folder.mkdir()
@@ -255,7 +256,7 @@ def _part_names(running: Path) -> tuple[str, ...]:
 @contextmanager
 def _taken(target: Path, occupied: bool) -> Iterator[Path]:
     """The folder of a run in a directory that no other process writes into; what of the two stays empty goes."""
-    _check_target(target, occupied)
+    _check_target(target, occupied, _holds_parts(target))
     made = [folder for folder in (target, *target.parents) if not folder.exists()]
     try:
         with _named(target, "output"):
@@ -274,14 +275,17 @@ def _taken(target: Path, occupied: bool) -> Iterator[Path]:
                 folder.rmdir()
 
 
-def _check_target(target: Path, occupied: bool) -> None:
-    """Refuse what cannot be the directory of a run, or holds something where it must not."""
+def _check_target(target: Path, occupied: bool, reported: bool) -> None:
+    """Refuse what cannot be the directory of a run, or holds something where it must not.
+
+    Where it holds, or held, parts of an ended run, a report is `reported`: one of these, which may be there.
+    """
     with _named(target, "output"):
         allowed = "must be a directory: this is a file"
         require(not target.exists() or target.is_dir(), "output", str(target), "", allowed)
         if occupied or not target.is_dir():
             return
-        held = any(item.name != RUNNING for item in target.iterdir() if item.name != REPORT or not _holds_parts(target))
+        held = any(item.name != RUNNING and not (reported and item.name == REPORT) for item in target.iterdir())
     left = _left(target / RUNNING)
     if left is _Left.STRANGE or (held and left is _Left.MOVE):
         state = "another run is writing into it" if Lock.is_held(target / RUNNING) else _in_words(left, target)
