@@ -247,6 +247,11 @@ def test_a_run_goes_where_only_the_report_of_an_ended_one_is(tmp_path, monkeypat
 # ---- texts ----------------------------------------------------------------------------------------
 
 
+def attributes_of(page: Parsed) -> list[tuple[str, str]]:
+    """Elements with their attributes; the class of a cell hangs on how long its text is."""
+    return [(tag, name) for tag, name, _ in page.attributes if name != "class"]
+
+
 @pytest.mark.parametrize("text", HOSTILE)
 def test_every_text_of_a_report_stays_text(sound, tmp_path, text):
     summary = json.loads((sound / "summary.json").read_text())
@@ -259,7 +264,7 @@ def test_every_text_of_a_report_stays_text(sound, tmp_path, text):
         write_report(tmp_path, tmp_path / f"{named}.html")
     plain, hostile = (Parsed((tmp_path / f"{n}.html").read_text(encoding="utf-8")) for n in ("plain", "hostile"))
     assert hostile.tags == plain.tags
-    assert [one[:2] for one in hostile.attributes] == [one[:2] for one in plain.attributes]
+    assert attributes_of(hostile) == attributes_of(plain)
 
 
 @pytest.mark.parametrize("text", HOSTILE)
@@ -271,7 +276,7 @@ def test_every_text_of_a_script_stays_text(run, tmp_path, text):
 
     hostile, plain = page(text), page("word")
     assert hostile.tags == plain.tags
-    assert [one[:2] for one in hostile.attributes] == [one[:2] for one in plain.attributes]
+    assert attributes_of(hostile) == attributes_of(plain)
 
 
 # ---- the player -----------------------------------------------------------------------------------
@@ -301,7 +306,8 @@ def test_the_player_has_every_snapshot_to_its_last_bit_but_rounding(run, tmp_pat
     slope = data["slopeUnit"] * unpacked(data["slope"], len(data["stations"]))[rows]
     assert np.abs(deflection - snapshots.displacement[:, 0::2]).max() <= 0.51 * data["unit"]
     assert np.abs(slope - snapshots.displacement[:, 1::2]).max() <= 0.51 * data["slopeUnit"]
-    assert data["unit"] * FULL <= 1.01 * max(np.abs(snapshots.ball_displacement).max(), np.abs(deflection).max())
+    # on its wall at an impact the ball is further out than at any snapshot
+    assert data["unit"] * FULL <= np.abs(deflection).max() + REFERENCE.impactors[0].gap
     balls = data["unit"] * unpacked(data["balls"], 1)[rows]
     assert np.abs(balls - snapshots.ball_displacement).max() <= 0.51 * data["unit"]
 
