@@ -149,18 +149,19 @@ def energy_section(history: xarray.Dataset) -> Section | None:
     summed = [name for name in known if name in ("energy_work", "energy_structure_loss", "energy_contact_loss")]
     stored = [name for name in known if name not in summed]
     charts = [
-        _energies("Energy put in, and where it went", time, {n: values[n] for n in summed}),
-        _energies("Energy stored", time, {n: values[n] for n in stored}),
+        _energies("Energy put in, and where it went", time, {n: values[n] for n in summed}, "line"),
+        _energies("Energy stored", time, {n: values[n] for n in stored}, "thin" if time.size > 4000 else "line"),
     ]
     return Section("energy", "Energy", (element("div.charts", *(chart_element(one) for one in charts if one.lines)),))
 
 
-def _energies(title: str, time: Array, values: Mapping[str, Array]) -> Chart:
+def _energies(title: str, time: Array, values: Mapping[str, Array], style: str) -> Chart:
     largest = max((float(np.abs(one[np.isfinite(one)]).max(initial=0.0)) for one in values.values()), default=0.0)
     factor, unit = prefixed(largest, "J")
     lines: list[Any] = [
-        Line(ENERGIES[name], time, factor * one, 1 + i, "thin" if one.size > 4000 else "line")
-        for i, (name, one) in enumerate(values.items())
+        Line(ENERGIES[name], time, factor * one, 1 + i, style) for i, (name, one) in enumerate(values.items())
     ]
+    # the larger ones first, or they would hide the others
+    lines.sort(key=lambda line: -float(np.nan_to_num(line.y).mean()))
     up = axis_of(f"energy ({unit})", *(line.y for line in lines), zero=True)
     return Chart(title, axis_of("time (s)", time, tight=True), up, tuple(lines))
