@@ -380,6 +380,31 @@ def test_a_script_writes_responses_curves_tables_and_maps(run, tmp_path):
     assert text.count("fill:#") >= 12 - 2
 
 
+def test_a_map_has_a_cell_of_the_right_colour_at_every_place():
+    import xarray
+
+    from femimpact.export.report.maps import LEVELS, maps_section
+    from femimpact.svg.chart import GRID
+
+    values = np.array([[0.0, 1.0, 2.0], [3.0, np.nan, 15.0]])
+    # places in any order, and none evenly spaced
+    data = xarray.Dataset({"z": (("y", "x"), values)}, {"y": [5.0, 1.0], "x": [1.0, 4.0, 2.0]})
+    section = maps_section(data)
+    paths = [one for content in section.content for one in content.iter("path") if "fill:#" in one.get("style", "")]
+    colours = {one.get("style"): one.get("d") for one in paths}
+    # 0, 1, 2, 3 and 15 of 16 levels; the cell without a value has none
+    assert len(colours) == 5
+    assert sum(path.count("M") for path in colours.values()) == 5
+    assert LEVELS == 16
+    lowest, highest = colours[paths[0].get("style")], colours[paths[-1].get("style")]
+    # x = 1 and y = 5: left and above; x = 2 and y = 1: middle and below. Cells end halfway between places
+    assert lowest.startswith("M0 0H")
+    assert highest.endswith("Z")
+    start, bottom = highest[1:].split("H")[0].split(" "), highest.split("V")[1].split("H")[0]
+    assert float(start[0]) == pytest.approx(GRID * (1.5 - 0.5) / (5.0 - 0.5), abs=1)
+    assert int(bottom) == GRID
+
+
 @pytest.mark.parametrize("part", [3, None, "text", {}, {"a": [1, 2], "b": [1]}, [1, 2], {"a": np.ones((2, 2))}])
 def test_a_part_that_is_no_result_is_named(tmp_path, part):
     with pytest.raises(fi.InputError, match=r"parts\.Odd"):

@@ -227,11 +227,15 @@ def report(
     directory: Path,
     *,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="File of the report.")] = None,
+    force: Force = False,
     quiet: Quiet = False,
 ) -> None:
     """Write the report of results: one HTML file that opens in any browser."""
     from femimpact.study.result_report import write_report
 
+    if output is not None:
+        require(force or not output.exists(), "output", str(output), "", "exists already: choose another, or --force")
+        require(output.resolve().parent.is_dir(), "output", str(output), "", "must be in an existing directory")
     path = write_report(directory, output)
     if not quiet:
         print(f"wrote {path}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from femimpact.export.report.blocks import Section
 from femimpact.svg.axis import Axis, axis_of, number_text
-from femimpact.svg.chart import Chart, Line, chart_element
+from femimpact.svg.chart import GRID, Chart, Line, chart_element
 from femimpact.svg.elements import Element, element
 
 if TYPE_CHECKING:
@@ -17,8 +18,11 @@ if TYPE_CHECKING:
 
 __all__ = ["maps_section"]
 
-MOST_CELLS = 20_000
+MOST_CELLS = 4000
 """Cells of one map; of a finer one every second, third, ... is drawn."""
+
+LEVELS = 16
+"""Colours of a map."""
 
 MOST_MAPS = 12
 
@@ -79,61 +83,48 @@ def _line(data: Any, name: str, values: Any) -> Element | None:
 
 
 def _map(data: Any, name: str, values: Any) -> Element | None:
+    """A map of colours in 16 levels, with its scale below."""
     down, across = (str(dim) for dim in values.dims)
     z = np.asarray(values.to_numpy(), dtype=float)
     finite = z[np.isfinite(z)]
     if not finite.size or min(z.shape) < 2:
         return None
-    stride = int(np.ceil(np.sqrt(z.size / MOST_CELLS)))
-    x, y = _places(data, across, z.shape[1])[::stride], _places(data, down, z.shape[0])[::stride]
-    z = z[::stride, ::stride]
-    columns, rows = np.argsort(x, kind="stable"), np.argsort(y, kind="stable")
-    x, y, z = x[columns], y[rows], z[np.ix_(rows, columns)]
     low, high = float(finite.min()), float(finite.max())
-    ends_x, ends_y = _edges(x), _edges(y)
-    axes = (
-        Axis(_label(data, across), float(ends_x[0]), float(ends_x[-1])),
-        Axis(_label(data, down), float(ends_y[0]), float(ends_y[-1])),
-    )
-    frame = chart_element(Chart(_label(data, name), *axes, ()))
+    stride = math.ceil(math.sqrt(z.size / MOST_CELLS))
+    x, y = _places(data, across, z.shape[1])[::stride], _places(data, down, z.shape[0])[::stride]
+    columns, rows = np.argsort(x, kind="stable"), np.argsort(y, kind="stable")
+    level = _levels(z[::stride, ::stride][np.ix_(rows, columns)], low, high)
+    ends = _edges(x[columns]), _edges(y[rows])
+    axes = [Axis(_label(data, dim), float(e[0]), float(e[-1])) for dim, e in zip((across, down), ends, strict=True)]
+    frame = chart_element(Chart(_label(data, name), axes[0], axes[1], ()))
     plot = frame.find(".//svg")
     if plot is None:
         raise AssertionError("a chart has a plot")
-    for level in range(16):
-        share = np.clip((z - low) / (high - low), 0.0, 1.0) if high > low else np.zeros_like(z)
-        mine = np.argwhere(
-            np.isfinite(z)
-            & (
-                np.minimum(
-                    (16 * share).astype(int, copy=False)
-                    if np.all(np.isfinite(share))
-                    else np.nan_to_num(16 * share, nan=-1).astype(int),
-                    15,
-                )
-                == level
-            )
-        )
-        path = "".join(_cell(axes, ends_x, ends_y, int(i), int(j)) for i, j in mine)
+    # corners of the cells in the units of the plot
+    left = np.rint(GRID * axes[0].share(ends[0])).astype(int).tolist()
+    top = np.rint(GRID * (1.0 - axes[1].share(ends[1]))).astype(int).tolist()
+    for k in range(LEVELS):
+        cells = np.argwhere(level == k).tolist()
+        path = "".join(f"M{left[j]} {top[i + 1]}H{left[j + 1]}V{top[i]}H{left[j]}Z" for i, j in cells)
         if path:
-            plot.append(element("path", d=path, style=f"fill:{_colour(level / 15.0)};stroke:none"))
-    key = element(
-        "p.fi-note", element("span.key", style=f"background:linear-gradient(to right,{','.join(COLOURS)})"),
-        f" {number_text(low)} to {number_text(high)}",
-    )  # fmt: skip
-    frame.append(key)
+            plot.append(element("path", d=path, style=f"fill:{_colour(k / (LEVELS - 1))};stroke:none"))
+    thinned = f"; one of {stride} cells is drawn each way" if stride > 1 else ""
+    scale = element("span.key", style=f"background:linear-gradient(to right,{','.join(COLOURS)})")
+    frame.append(element("p.fi-note", scale, f" {number_text(low)} to {number_text(high)}{thinned}"))
     return frame
+
+
+def _levels(z: NDArray[np.float64], low: float, high: float) -> NDArray[np.int64]:
+    """Number of the level of every value; -1 where there is none."""
+    known = np.isfinite(z)
+    share = np.where(known, (z - low) / ((high - low) or 1.0), 0.0)
+    return np.where(known, np.minimum((LEVELS * share).astype(np.int64), LEVELS - 1), -1)
 
 
 def _edges(places: NDArray[np.float64]) -> NDArray[np.float64]:
     """Ends of the cells around places in their order."""
     middles = 0.5 * (places[1:] + places[:-1])
     return np.concatenate([[2 * places[0] - middles[0]], middles, [2 * places[-1] - middles[-1]]])
-
-
-def _cell(axes: tuple[Axis, Axis], x: NDArray[np.float64], y: NDArray[np.float64], row: int, column: int) -> str:
-    left, right = (round(1e4 * float(axes[0].share(x[column + k]))) for k in (0, 1))
-    low, high = (round(1e4 * (1.0 - float(axes[1].share(y[row + k])))) for k in (0, 1))
-    return f"M{left} {high}H{right}V{low}H{left}Z"
 
 
 def _colour(share: float) -> str:
