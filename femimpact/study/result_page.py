@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from femimpact.export import tables
-from femimpact.export.report.beam import place_finder, placed_contacts, structure_element, structure_words
 from femimpact.export.report.blocks import Section, Table, list_element, table_element, table_of
 from femimpact.export.report.convergence import axis_section, steps_section, summary_table
 from femimpact.export.report.impacts import impacts_section
@@ -21,6 +20,8 @@ from femimpact.export.report.motion import energy_section, history_section
 from femimpact.export.report.page import Page
 from femimpact.export.report.player import player_element
 from femimpact.export.report.response_curves import curves_section
+from femimpact.export.report.structure_drawing import structure_element
+from femimpact.export.report.structure_parts import place_finder, placed_contacts, structure_words
 from femimpact.structure.structure import Structure
 from femimpact.study.picture_data import read_curves, read_film, read_last_cycles, read_mode_shapes, read_parts
 from femimpact.study.result_conclusions import conclusions_of, convergence_conclusions

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.export.report.beam import Finder, body_side
+from femimpact.export.report.structure_parts import Finder, body_side
 from femimpact.export.scene import thinned
 from femimpact.export.scene_pieces import ball_radius
 from femimpact.response.history import Snapshots

@@ -11,7 +11,6 @@ import numpy as np
 from femimpact.convergence import ConvergenceStudy, ConvergenceTable
 from femimpact.errors import Fault, InputError, instance, optional, require, require_type, takes, text
 from femimpact.export.files import file_path
-from femimpact.export.report.beam import place_finder, placed_contacts, structure_element
 from femimpact.export.report.blocks import Conclusion, Section, table_element, table_of
 from femimpact.export.report.convergence import axis_section, summary_table
 from femimpact.export.report.impacts import impacts_section
@@ -20,6 +19,8 @@ from femimpact.export.report.motion import energy_section, history_section
 from femimpact.export.report.page import Page, write_page
 from femimpact.export.report.player import player_element
 from femimpact.export.report.response_curves import curve_table, curves_section
+from femimpact.export.report.structure_drawing import structure_element
+from femimpact.export.report.structure_parts import place_finder, placed_contacts
 from femimpact.response.impacts import impact_columns
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
