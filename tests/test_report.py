@@ -405,6 +405,24 @@ def test_a_map_has_a_cell_of_the_right_colour_at_every_place():
     assert int(bottom) == GRID
 
 
+def test_a_notebook_shows_small_charts_in_which_texts_stay_texts(run):
+    system = reduced(REFERENCE, 4, 10)
+    curve = fi.frequency_sweep(system, 0.2e-3, np.linspace(4.8, 5.2, 400), fi.EventDriven(), cycles=24)
+    bare = replace(REFERENCE, impactors=())
+    study = fi.convergence_study(bare, fi.OverMeshes.uniform(bare, [2, 4, 8]), fi.Frequencies(2))
+    records = (run, curve, run.impacts, study["mesh"], study, system, replace(curve, start="given"))
+    for record in records:
+        shown = record._repr_html_()
+        assert len(shown) < 50_000, type(record).__name__
+        assert "<svg" in shown, type(record).__name__
+    # a channel of one's own may have any name
+    name = "<script>alert(1)</script>"
+    named = replace(run, channels={name: run["tip"]}, units={name: "m"})
+    assert "script" not in Parsed(named._repr_html_()).tags
+    nothing = replace(run, time=np.zeros(0), channels={}, units={}, energy=None, snapshots=None, streamed_to=5.0)
+    assert "<svg" not in nothing._repr_html_()
+
+
 @pytest.mark.parametrize("part", [3, None, "text", {}, {"a": [1, 2], "b": [1]}, [1, 2], {"a": np.ones((2, 2))}])
 def test_a_part_that_is_no_result_is_named(tmp_path, part):
     with pytest.raises(fi.InputError, match=r"parts\.Odd"):
