@@ -423,6 +423,29 @@ def test_a_notebook_shows_small_charts_in_which_texts_stay_texts(run):
     assert "<svg" not in nothing._repr_html_()
 
 
+@pytest.mark.parametrize(
+    ("values", "texts"),
+    [
+        ([5.3, 70.13385, 462.2723], ["5.300", "70.134", "462.272"]),
+        ([1e-9, 0.5], ["1.000e\u22129", "5.000e\u22121"]),
+        ([1.2782e-3, 462.27, None], ["0.0012782", "462.27", "\u2013"]),
+        ([1, -20], ["1", "\u221220"]),
+        ([2.0, 4.0, np.nan], ["2", "4", "\u2013"]),
+        ([0.0, 0.0], ["0", "0"]),
+        ([np.inf, 1.0], ["\u221e", "1"]),
+    ],
+)
+def test_numbers_of_a_column_stand_below_one_another(values, texts):
+    from femimpact.export.report.blocks import Table, table_element
+
+    cells = table_element(Table("t", ("x",), tuple((value,) for value in values))).iter("td")
+    shown, data = zip(*((cell.text, cell.get("data-value")) for cell in cells), strict=True)
+    assert list(shown) == texts
+    # all digits are in what is copied
+    known = [value for value in values if value is not None and not np.isnan(value)]
+    assert [float(text) for text in data if text] == known
+
+
 @pytest.mark.parametrize("part", [3, None, "text", {}, {"a": [1, 2], "b": [1]}, [1, 2], {"a": np.ones((2, 2))}])
 def test_a_part_that_is_no_result_is_named(tmp_path, part):
     with pytest.raises(fi.InputError, match=r"parts\.Odd"):

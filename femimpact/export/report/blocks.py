@@ -205,7 +205,11 @@ def _texts(values: Sequence[Any]) -> list[str]:
     if all(isinstance(value, (int, np.integer)) for value in values if value is not None and value != ""):
         return [_sign(str(value)) for value in values]
     largest, smallest = max(sizes, default=1.0), min(sizes, default=1.0)
-    if largest < 1e-4 or largest >= 1e7 or largest > 1e4 * smallest:
+    wide = largest > 1e4 * smallest
+    if wide and largest >= 1.0:
+        # of several units: each number for itself
+        return [NO_NUMBER if value is None or value == "" else number_text(float(value), DIGITS) for value in values]
+    if wide or largest < 1e-4 or largest >= 1e7:
         return [_plain(value, f"{float(value or 0.0):.3e}") for value in values]
     whole, least = math.floor(math.log10(largest)), math.floor(math.log10(smallest))
     digits = max(0, min(max(DIGITS - 1 - whole, LEAST_DIGITS - 1 - least), MOST_DIGITS - 1 - whole))
@@ -218,6 +222,8 @@ def _texts(values: Sequence[Any]) -> list[str]:
 def _plain(value: Any, text: str) -> str:
     if value is None or value == "" or math.isnan(float(value)):
         return NO_NUMBER
+    if math.isinf(float(value)):
+        return number_text(float(value))
     mantissa, _, exponent = text.partition("e")
     return _sign(f"{mantissa}e{int(exponent)}" if exponent else mantissa)
 
