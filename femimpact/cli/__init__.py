@@ -219,6 +219,7 @@ def converge(
         return
     for line in convergence_lines(found):
         print(line)
+    _print_report(console(), found.directory)
     print(f"results in {found.directory}")
 
 
@@ -435,7 +436,15 @@ def _print_closing(where: Console, results: StudyResults) -> None:
         where.print(f"note: {text}")
     for text in results.summary.get("warnings", []):
         where.print(f"warning: {text}", style="yellow")
+    _print_report(where, results.directory)
     where.print(f"results in {results.directory}")
+
+
+def _print_report(where: Console, directory: Path) -> None:
+    from femimpact.study.result_files import REPORT
+
+    if (directory / REPORT).is_file():
+        where.print(f"to look at: {directory / REPORT}")
 
 
 @contextmanager
