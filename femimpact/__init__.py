@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from femimpact.excitation import RecordedBase as RecordedBase
     from femimpact.excitation import Sine as Sine
     from femimpact.export import figures as figures
+    from femimpact.export.report.script_page import report as report
     from femimpact.export.vtk.notebook import to_pyvista as to_pyvista
     from femimpact.fem.assembly import assemble as assemble
     from femimpact.fem.discretisation import Discretisation as Discretisation
@@ -178,6 +179,7 @@ _MODULES = {
     "response.energy": ("EnergyLedger",),
     "errors": ("DivergenceError", "FemimpactError", "InputError", "InputWarning"),
     "excitation": ("PointForce", "RecordedBase", "Sine"),
+    "export.report.script_page": ("report",),
     "export.vtk.notebook": ("to_pyvista",),
     "response.history": ("HistoryPiece",),
     "identification": ("DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power"),

@@ -181,6 +181,10 @@ CALLS = {
         "path": "deflection.vtkhdf", "response": drawn_run(), "structure": STRUCTURE, "exaggeration": 1.0, "most": 400,
         "frame": "base",
     }),
+    "report": (fi.report, lambda: {
+        "path": "page.html", "parts": {"run": drawn_run(), "curve": curve(), "columns": {"a": [1.0, 2.0]}},
+        "structure": STRUCTURE, "title": "Title", "notes": ("a note",),
+    }),
     "write_movie": (movie.write_movie, lambda: {
         "path": "movie.gif", "response": drawn_run(), "structure": STRUCTURE, "exaggeration": 2.0, "fps": 2, "most": 2,
         "renderer": "matplotlib",

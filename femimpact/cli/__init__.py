@@ -226,6 +226,7 @@ def converge(
         return
     for line in convergence_lines(found):
         print(line)
+    _print_report(console(), found.directory)
     print(f"results in {found.directory}")
 
 
@@ -250,6 +251,25 @@ def parameter_study(
         return
     for line in summary_lines(found, directory):
         print(line)
+
+
+@app.command
+def report(
+    directory: Path,
+    *,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="File of the report.")] = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write the report of results: one HTML file that opens in any browser."""
+    from femimpact.study.result_report import write_report
+
+    if output is not None:
+        require(force or not output.exists(), "output", str(output), "", "exists already: choose another, or --force")
+        require(output.resolve().parent.is_dir(), "output", str(output), "", "must be in an existing directory")
+    path = write_report(directory, output)
+    if not quiet:
+        print(f"wrote {path}")
 
 
 @app.command
@@ -446,7 +466,15 @@ def _print_closing(where: Console, results: StudyResults) -> None:
         where.print(f"note: {text}")
     for text in results.summary.get("warnings", []):
         where.print(f"warning: {text}", style="yellow")
+    _print_report(where, results.directory)
     where.print(f"results in {results.directory}")
+
+
+def _print_report(where: Console, directory: Path) -> None:
+    from femimpact.study.result_files import REPORT
+
+    if (directory / REPORT).is_file():
+        where.print(f"to look at: {directory / REPORT}")
 
 
 @contextmanager

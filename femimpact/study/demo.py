@@ -21,6 +21,7 @@ from femimpact.export import figures, tables
 from femimpact.study.prepared import PreparedStudy, prepare, with_base
 from femimpact.study.result_directory import prepare_directory
 from femimpact.study.result_files import OTHER_FILES
+from femimpact.study.result_report import add_report
 from femimpact.study.results import StudyResults, load
 from femimpact.study.run import (
     Found,
@@ -180,6 +181,8 @@ def run_demo(
             for start, samples_of in spreads.items()
         }
         keep_pictures(staging, prepared, found, report, more)
+    if prepared.study.output.report:
+        add_report(directory, report)
     restitution = float(summary["restitution"])
     return Demo(load(directory), comparison, scans, _scan_rows(samples), restitution, remarks)
 

@@ -173,8 +173,8 @@ class Output:
     it besides those of the tip, the middle, the balls and the contacts, by their names (see
     `response.channels.QUANTITIES`), as "root.reaction_force"; `frames` whole deflections are kept over the last
     `frame_cycles` base cycles for ParaView and the movie; `exaggeration` scales the motion there (absent: chosen by the
-    movie, 1 for ParaView); with `vtkhdf` the deflections are in one temporal VTKHDF file too; a run that would keep
-    more than `memory_limit` is refused.
+    movie, 1 for ParaView); with `vtkhdf` the deflections are in one temporal VTKHDF file too; `report` writes
+    `report.html`; a run that would keep more than `memory_limit` is refused.
 
     Raises
     ------
@@ -193,6 +193,7 @@ class Output:
     paraview: bool = field(default=True, metadata=truth())
     vtkhdf: bool = field(default=False, metadata=truth())
     movie: bool = field(default=True, metadata=truth())
+    report: bool = field(default=True, metadata=truth())
 
     def __post_init__(self) -> None:
         check_fields(self)
