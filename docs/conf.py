@@ -30,7 +30,15 @@ extensions = [
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
 ]
-exclude_patterns = ["_build", "_templates", "_generated/*.inc.md", "README.md", "gallery/*.ipynb", "gallery/*.py"]
+exclude_patterns = [
+    "_build",
+    "_templates",
+    "api/*.inc.md",
+    "api/examples",
+    "README.md",
+    "gallery/*.ipynb",
+    "gallery/*.py",
+]
 templates_path = ["_templates"]
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
@@ -86,9 +94,11 @@ sphinx_gallery_conf = {
     "write_computation_times": False,
     "doc_module": ("femimpact",),
     "reference_url": {"femimpact": None},
-    "backreferences_dir": "_generated/examples",
+    "backreferences_dir": "api/examples",
     "inspect_global_variables": False,
-    "within_subsection_order": "FileNameSortKey",
+    "within_subsection_order": "generated.BySubject",
+    "reset_modules": ("matplotlib", "generated.script_path"),
+    "reset_modules_order": "before",
     "nested_sections": False,
     "abort_on_example_error": True,
     "matplotlib_animations": False,
@@ -101,6 +111,6 @@ sphinx_gallery_conf = {
 
 def setup(app):
     """Pages that code writes, and the words of docstrings as they are meant."""
-    generated.write(HERE / "_generated")
+    generated.write(HERE / "api")
     app.connect("autodoc-process-docstring", generated.plain_docstring)
     app.connect("source-read", generated.fill_lists)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
+import builtins
 import io
 import re
-import shutil
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -29,6 +28,7 @@ SUBJECTS = {
     "study": "Study files and their results",
     "export": "Pictures and files",
     "errors": "Errors and warnings",
+    "versions": "Versions",
 }
 """Headings of the groups of public names, by the folder of `femimpact` that holds them."""
 
@@ -43,10 +43,10 @@ SUBMODULES = {
 
 
 def write(folder: Path) -> None:
-    """Write every generated part into a folder; what has not changed keeps its time, so that a build goes on from it."""
+    """Write every generated part into a folder; what has not changed keeps its time."""
     folder.mkdir(exist_ok=True)
     pages = {
-        "names.inc.md": api_page(),
+        "index.rst": api_page(),
         "keys.inc.md": "\n".join(key_page()),
         "commands.inc.md": "\n".join(command_page()),
         "channels.inc.md": "\n".join(channel_page()),
@@ -70,13 +70,22 @@ def groups() -> dict[str, list[str]]:
     return {**{key: found.pop(key) for key in SUBJECTS if key in found}, **found}
 
 
+API_HEAD = """Python names
+============
+
+Everything in the first parts of this page is called as ``import femimpact as fi``, then ``fi.NAME``; the last parts are
+modules. Values are in SI units, and ``frequency`` is in Hz. Each name has a page with its arguments, shapes, units and
+errors, and with the examples that use it.
+"""
+
+
 def api_page() -> str:
     """Tables of all public names with the first sentence of each, every name with a page of its own."""
-    lines: list[str] = []
+    lines = [API_HEAD]
     for key, names in groups().items():
         lines += autosummary(SUBJECTS.get(key, key.capitalize()), "femimpact", names)
     for module, (place, heading) in SUBMODULES.items():
-        lines += autosummary(f"{heading}: `{module}`", place, _functions(place))
+        lines += autosummary(f"{heading}: ``{module}``", place, _functions(place))
     return "\n".join(lines)
 
 
@@ -91,8 +100,17 @@ def _functions(place: str) -> list[str]:
 def autosummary(heading: str, module: str, names: Iterable[str]) -> list[str]:
     """A heading and the table of the names below it."""
     rows = [f"   {name}" for name in names]
-    head = ["```{eval-rst}", f".. currentmodule:: {module}", "", ".. autosummary::", "   :toctree: ../_generated/names"]
-    return ["", f"## {heading}", "", *head, "", *rows, "```", ""]
+    head = [
+        heading,
+        "-" * len(heading),
+        "",
+        f".. currentmodule:: {module}",
+        "",
+        ".. autosummary::",
+        "   :toctree: .",
+        "",
+    ]
+    return ["", *head, *rows, ""]
 
 
 def plain_docstring(_app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:
@@ -169,16 +187,15 @@ def _type(about: dict[str, Any]) -> str:
 
 def command_page() -> Iterator[str]:
     """What every command prints as its help."""
+    from rich.console import Console
+
     from femimpact.cli import app
 
     for name in app:
         if name.startswith("-"):
             continue
         text = io.StringIO()
-        with contextlib.redirect_stdout(text):
-            from rich.console import Console
-
-            app([name, "--help"], console=Console(width=100, file=text, color_system=None), exit_on_error=False)
+        app.help_print([name], console=Console(width=100, file=text, color_system=None))
         yield from ["", f"## femimpact {name}", "", "```text", text.getvalue().strip("\n"), "```"]
 
 
@@ -215,6 +232,28 @@ def _listed(page: Path) -> set[str]:
     return {word for block in blocks for word in re.findall(r"^(?:.*<)?([a-z_/]+)>?$", block, flags=re.MULTILINE)}
 
 
-def clean(folder: Path) -> None:
-    """Remove what is generated."""
-    shutil.rmtree(folder, ignore_errors=True)
+# ---- the gallery ----------------------------------------------------------------------------------
+
+
+def script_path(_gallery: Any, script: str) -> None:
+    """Give the next example its `__file__`, which the gallery leaves out: some have a file beside them."""
+    vars(builtins)["__file__"] = str(HERE.parent / "examples" / Path(script).name)
+
+
+class BySubject:
+    """Order of the examples: those of `ORDER` first, then others by their names."""
+
+    ORDER = (
+        "damped_resonance", "energy_ledger", "root_stress", "best_ball_mass", "clearance_restitution_map", "two_balls",
+        "two_starts", "calibrate_restitution", "restitution_of_laws", "two_laws", "own_contact_law", "switching_spring",
+        "sticking_ball", "bifurcation", "up_and_down_sweep", "preloaded_stop", "tapered_blade", "spring_between_places",
+        "base_from_csv", "mesh_convergence", "step_size", "damping_from_a_curve",
+    )  # fmt: skip
+
+    def __init__(self, _folder: str) -> None:
+        pass
+
+    def __call__(self, file: str) -> tuple[int, str]:
+        """What examples are sorted by."""
+        stem = Path(file).stem
+        return (self.ORDER.index(stem) if stem in self.ORDER else len(self.ORDER)), stem

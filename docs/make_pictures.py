@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
-PAGES = ("measured_base", "own_mesh", "root_stress", "two_balls")
+PAGES = ("measured_base", "own_mesh", "root_stress", "start", "two_balls")
 MESHES = {f"beam_{n}.msh": HERE.parent / "meshes" / f"graded_{n}.msh" for n in (6, 12, 24, 48)}
 """What gmsh makes of the geometry on the page on meshes."""
 

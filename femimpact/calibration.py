@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -28,7 +27,7 @@ from femimpact.identification import amplitude_ratio_damping
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.integrators.stepping.step_size import recommended_step
-from femimpact.integrators.threads import check_progress
+from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.structure.structure import Structure
 from femimpact.sweep import FrequencyResponse, frequency_sweep
 from femimpact.system.reduction import reduce
@@ -163,6 +162,7 @@ def with_restitution(structure: Structure, restitution: float) -> Structure:
     return dataclasses.replace(structure, impactors=tuple(impactors))
 
 
+@draws_progress
 def scan_restitution(
     structure: Structure,
     restitutions: ArrayLike,
@@ -173,7 +173,7 @@ def scan_restitution(
     frequencies: ArrayLike,
     cycles: int,
     initial: State | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | bool | None = None,
 ) -> RestitutionScan:
     """One sweep for each restitution, beside one sweep without balls.
 
@@ -191,7 +191,8 @@ def scan_restitution(
     cycles : int
         Dwell at each frequency.
     initial : State, optional
-    progress : callable, optional
+    progress : callable or bool, optional
+        Called with the share done, 0 to 1; True draws a bar.
 
     Returns
     -------
@@ -204,7 +205,7 @@ def scan_restitution(
     """
     require_type(structure, Structure, "structure")
     require_type(empty, FrequencyResponse, "empty")
-    check_progress(progress)
+    report = check_progress(progress)
     of_one = quantity("1", above=0.0, at_most=1.0)
     allowed = "must be one or more numbers > 0 and <= 1"
     values = np.atleast_1d(real_array("restitutions", restitutions, "1", allowed))
@@ -220,8 +221,8 @@ def scan_restitution(
         curves.append(
             frequency_sweep(system, empty.amplitude, frequencies, method, cycles, initial=initial, ledger=False)
         )
-        if progress is not None:
-            progress((i + 1) / values.size)
+        if report is not None:
+            report((i + 1) / values.size)
     peaks = np.array([curve.peak_amplitude for curve in curves])
     by_ratio = [amplitude_ratio_damping(empty.damping, empty.peak_amplitude, peak).ratio for peak in peaks]
     return RestitutionScan(

@@ -27,10 +27,14 @@ def show_versions() -> None:
 
 def _versions() -> dict[str, str]:
     """Name and version of everything that a result may depend on."""
-    from femimpact import __version__
     from femimpact.core.binary import build_words
 
-    found = {OWN: __version__, "core": build_words(), "python": sys.version.split()[0], "platform": platform.platform()}
+    found = {
+        OWN: _version_of(OWN),
+        "core": build_words(),
+        "python": sys.version.split()[0],
+        "platform": platform.platform(),
+    }
     return {**found, **{name: _version_of(name) for name in _libraries()}}
 
 

@@ -494,11 +494,9 @@ def _progress(quiet: bool) -> Iterator[Report]:
     if quiet:
         yield lambda _what, _share: None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from femimpact.progress import bars as new_bars
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    bars = Progress(*columns, console=Console(stderr=True))
+    bars = new_bars()
     tasks: dict[str, Any] = {}
 
     def report(what: str, share: float) -> None:

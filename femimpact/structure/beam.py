@@ -157,6 +157,11 @@ class Beam:
         names = [segment.name for segment in self.segments]
         require(len(set(names)) == len(names), "segments", names, "", "must have distinct names")
 
+    def __repr__(self) -> str:
+        parts = "1 segment" if len(self.segments) == 1 else f"{len(self.segments)} segments"
+        names = ", ".join(segment.name for segment in self.segments)
+        return f"Beam: {self.length:g} m, {self.mass:.4g} kg, {parts}: {names}"
+
     @classmethod
     def uniform(cls, *, length: float, width: float, thickness: float, young_modulus: float, density: float) -> Beam:
         """A beam of one rectangular section; lengths in m, modulus in Pa, density in kg/m^3."""

@@ -24,6 +24,7 @@ from femimpact.errors import (
 from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.springs import Dashpot, Spring
+from femimpact.table import Head, head_of_values, short_repr
 
 __all__ = [
     "Beam",
@@ -225,6 +226,7 @@ class Stop:
         return self.gap if isinstance(self.gap, tuple) else (self.gap, self.gap)
 
 
+@short_repr
 @dataclass(frozen=True)
 class Structure:
     """Beam, supports, bodies, balls and stops, and the structure's damping.
@@ -296,6 +298,22 @@ class Structure:
         if beyond:
             raise InputError(beyond)
         self._check_supports()
+
+    @property
+    def _head(self) -> Head:
+        """What stands where on the beam."""
+        lists = ("supports", "masses", "impactors", "stops", "springs", "dashpots")
+        given = {key: [getattr(one, "name", getattr(one, "kind", "")) for one in getattr(self, key)] for key in lists}
+        places = {key: [one.at for one in getattr(self, key)] for key in lists}
+        shown = {
+            key: ", ".join(f"{name} at {place}" for name, place in zip(names, places[key], strict=True))
+            for key, names in given.items()
+            if names
+        }
+        shown["damping"] = "none" if self.damping is None else repr(self.damping)
+        if self.gravity:
+            shown["gravity"] = f"{self.gravity:g} m/s^2"
+        return head_of_values(f"Structure: beam of {self.beam.length:g} m, {self.beam.mass:.4g} kg", shown)
 
     @property
     def attachments(self) -> tuple[tuple[str, PointMass | Impactor | Support | Stop], ...]:
