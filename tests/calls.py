@@ -160,6 +160,7 @@ CALLS = {
     "tables.read_csv": (tables.read_csv, lambda: {"path": csv_file()}),
     "load": (fi.load, lambda: {"directory": results()}),
     "load_study": (fi.load_study, lambda: {"path": study_file()}),
+    "show_versions": (fi.show_versions, dict),
     "read_matrix": (fi.read_matrix, lambda: {"path": matrix_file(), "name": "K"}),
     "run_study": (fi.run_study, lambda: {
         "study": study(), "directory": "new", "parts": ("modes",), "force": True, "report": lambda *_: None
