@@ -56,7 +56,7 @@ html_theme_options = {
     "pygments_light_style": "a11y-high-contrast-light",
     "pygments_dark_style": "a11y-high-contrast-dark",
 }
-html_sidebars = {"index": []}
+html_sidebars = {"index": [], "start": [], "contributing": [], "changelog": []}
 
 # pages are Markdown; a heading is an anchor, and links between pages are checked
 myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist"]
@@ -79,8 +79,8 @@ bibtex_reference_style = "author_year"
 
 # one file of MathJax lies in the site: nothing is fetched when a page is read
 MATHJAX = Path(find_spec("sphinx-mathjax-offline").origin).parent / "static" / "mathjax"
-mathjax_path = "tex-svg.js"
-html_static_path.append(str(MATHJAX / "tex-svg.js"))
+mathjax_path = "tex-svg-full.js"
+html_static_path.append(str(MATHJAX / "tex-svg-full.js"))
 
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",

@@ -221,7 +221,7 @@ def fill_lists(app: Any, name: str, content: list[str]) -> None:
         return
     listed = set(re.findall(r"^([a-z_]+)$", content[0], flags=re.MULTILINE))
     others = {"index", "howto", "start", "paper_and_validation", "contributing", "changelog", "references", "README"}
-    named = {stem for page in HERE.glob("*.md") for stem in _listed(page)}
+    named = {stem for page in (*HERE.glob("*.md"), HERE / "reference" / "index.md") for stem in _listed(page)}
     rest = sorted({page.stem for page in HERE.glob("*.md")} - listed - others - named)
     content[0] = content[0].replace("MORE_PAGES", "\n".join(rest))
 
@@ -229,7 +229,9 @@ def fill_lists(app: Any, name: str, content: list[str]) -> None:
 def _listed(page: Path) -> set[str]:
     """Pages that the toctrees of a page name."""
     blocks = re.findall(r"```\{toctree\}(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
-    return {word for block in blocks for word in re.findall(r"^(?:.*<)?([a-z_/]+)>?$", block, flags=re.MULTILINE)}
+    return {
+        word for block in blocks for word in re.findall(r"^(?:.*<)?(?:\.\./)?([a-z_/]+)>?$", block, flags=re.MULTILINE)
+    }
 
 
 # ---- the gallery ----------------------------------------------------------------------------------

@@ -24,11 +24,19 @@ class Segment:
     Parameters
     ----------
     length : float, m
+        Along the beam.
     young_modulus : float, Pa
+        Of the material.
     density : float, kg/m^3
-    width, thickness : float, m
+        Of the material.
+    width : float, m
+        Of the rectangle, across the motion; with the thickness.
+    thickness : float, m
+        Of the rectangle, in the direction of motion.
     area : float, m^2
+        Of another section, with the second moment.
     second_moment : float, m^4
+        Of another section, about the axis of bending.
     name : str
         Name of the mesh region that the segment fills.
     end_width, end_thickness : float, m

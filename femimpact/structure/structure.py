@@ -83,9 +83,11 @@ class PointMass:
     Parameters
     ----------
     name : str
+        By which it is named in results; a place for everything else.
     at : str or float
         Place on the beam; see `Position`.
     mass : float, kg
+        Of the body.
     rotary_inertia : float, kg m^2
         About the body's own centre.
     offset : float, m
@@ -115,6 +117,7 @@ class Support:
     Parameters
     ----------
     kind : {"clamped", "pinned", "guided"}
+        Neither deflection nor slope, no deflection, no slope.
     at : str or float
         Place on the beam; see `Position`.
 
@@ -140,13 +143,16 @@ class Impactor:
     Parameters
     ----------
     name : str
+        By which it is named in results.
     at : str or float
         Place on the beam; see `Position`.
     mass : float, kg
+        Of the ball.
     gap : float or pair of float, m
         Free travel from the centre to each wall (the paper's d1 on the + side, d2 on the - side);
         the total clearance is their sum.
     contact : a contact law
+        Of both walls.
     free_stiffness : float, N/m
         Centring spring between ball and beam, acting everywhere.
     acceleration : float, m/s^2
@@ -188,6 +194,7 @@ class Stop:
     Parameters
     ----------
     name : str
+        By which it is named in results.
     at : str or float
         Place on the beam; see `Position`.
     gap : float or pair of float, m
@@ -195,6 +202,7 @@ class Stop:
         preloads: the undeformed beam would be that far inside the obstacle, and a run starts from the static
         state (`State`) unless its initial state gives displacements.
     contact : a contact law
+        Of both sides.
     fixed_to : {"base", "space"}
         Whether the obstacle moves with the base or is fixed in space.
 
