@@ -160,8 +160,17 @@ def _key_table(part: dict[str, Any]) -> Iterator[str]:
     yield "| --- | --- | --- | --- | --- | --- |"
     for key, about in part["properties"].items():
         default = "required" if key in needed else _shown(about.get("default"))
-        cells = (f"`{key}`", _type(about), about.get("x-unit", ""), default, about.get("x-range", ""))
+        cells = (f"`{key}`", _type(about), about.get("x-unit", ""), default, _bounds(about.get("x-range", "")))
         yield f"| {' | '.join(cells)} | {about.get('description', '')} |"
+
+
+def _bounds(words: str) -> str:
+    """A range without the words that stand in the columns of type and unit."""
+    if words in ("True or False", "a text", "texts") or words.startswith("'"):
+        return ""
+    if not words.startswith(("a finite", "a whole")):
+        return words
+    return ", ".join(re.findall(r"[<>]=? -?\d[\d.e+-]*", words))
 
 
 def _shown(value: Any) -> str:

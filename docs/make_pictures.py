@@ -32,10 +32,11 @@ def prepare(page: Path, folder: Path) -> None:
             shutil.copyfile(source, folder / name)
 
 
-def ran(page: Path) -> dict[str, Any]:
-    """Names that the Python of a page leaves, its blocks run one after another in the current directory."""
+def ran(*pages: Path) -> dict[str, Any]:
+    """Names that the Python of pages leaves, their blocks run one after another in the current directory."""
     names: dict[str, Any] = {}
-    exec(compile("\n".join(blocks(page, "python")), str(page), "exec"), names)
+    for page in pages:
+        exec(compile("\n".join(blocks(page, "python")), str(page), "exec"), names)
     return names
 
 
