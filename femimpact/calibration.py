@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from femimpact.contact.formulas import KELVIN_VOIGT, RIGID
 from femimpact.errors import (
     Fault,
     InputError,
@@ -180,7 +181,7 @@ def scan_restitution(
     Parameters
     ----------
     structure : Structure
-        Its contacts are Rigid, run by the event-driven method, or Kelvin-Voigt with a restitution,
+        Its contacts have a restitution. Rigid and Kelvin-Voigt ones are run by the event-driven method, others are
         stepped by Newmark.
     restitutions : array_like (n,), 1
     empty : FrequencyResponse
@@ -216,8 +217,8 @@ def scan_restitution(
     curves = []
     for i, restitution in enumerate(values):
         system = reduce(assemble(with_restitution(structure, float(restitution)), elements=elements), modes)
-        rigid = any(pair.parameters.is_rigid for pair in system.contacts)
-        method = EventDriven() if rigid else Newmark(dt=recommended_step(system))
+        in_closed_form = all(pair.parameters.kind in (RIGID, KELVIN_VOIGT) for pair in system.contacts)
+        method = EventDriven() if in_closed_form else Newmark(dt=recommended_step(system))
         curves.append(
             frequency_sweep(system, empty.amplitude, frequencies, method, cycles, initial=initial, ledger=False)
         )
