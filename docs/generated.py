@@ -108,6 +108,7 @@ def autosummary(heading: str, module: str, names: Iterable[str]) -> list[str]:
         "",
         ".. autosummary::",
         "   :toctree: .",
+        "   :nosignatures:",
         "",
     ]
     return ["", *head, *rows, ""]
