@@ -127,6 +127,7 @@ if TYPE_CHECKING:
     from femimpact.system.static import static_state as static_state
     from femimpact.system.system import System as System
     from femimpact.system.system import without_impactors as without_impactors
+    from femimpact.versions import show_versions as show_versions
 
 _MODULES = {
     "fem.assembly": ("assemble",),
@@ -212,6 +213,7 @@ _MODULES = {
     "system.contact_pair": ("ContactPair",),
     "system.state": ("State",),
     "system.system": ("System", "without_impactors"),
+    "versions": ("show_versions",),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 _SUBMODULES = {"figures": "export.figures"}

@@ -198,6 +198,7 @@ CALLS = {
         **parameter_study(), "directory": "study", "client": None, "threads": 1, "progress": lambda now: None,
     }),
     "load_study": (fi.load_study, lambda: {"path": study_file()}),
+    "show_versions": (fi.show_versions, dict),
     "read_matrix": (fi.read_matrix, lambda: {"path": matrix_file(), "name": "K"}),
     "run_study": (fi.run_study, lambda: {
         "study": study(), "directory": "new", "parts": ("modes",), "force": True, "report": lambda *_: None

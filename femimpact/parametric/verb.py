@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.errors import require, require_path
+from femimpact.errors import kind_of, require, require_path
 from femimpact.excitation import Sine
 from femimpact.export.tables import write_netcdf
 from femimpact.integrators.methods import Method
-from femimpact.integrators.threads import check_progress, workers_of
+from femimpact.integrators.threads import workers_of
 from femimpact.parametric.block_files import BlockFolder
 from femimpact.parametric.cluster import check_client
 from femimpact.parametric.definition import ParameterStudy
@@ -112,7 +112,8 @@ def run_parameter_study(
     say: Callable[[str], None] | None = None,
 ) -> xarray.Dataset:
     """Run what `parameter_study` makes of its arguments; see there."""
-    check_progress(progress)
+    usable = progress is None or (callable(progress) and not isinstance(progress, type))
+    require(usable, "progress", kind_of(progress), "", "must be callable with a StudyProgress")
     check_client(client)
     workers = workers_of(threads)
     labels = labels_of(study)

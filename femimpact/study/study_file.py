@@ -26,7 +26,7 @@ from femimpact.study.parameter_plan import DISTRIBUTIONS, ParameterPlan, SampleP
 from femimpact.study.recorded_motion import RecordedMotion, record_beside
 from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
 
-__all__ = ["load_study", "read_study"]
+__all__ = ["LAWS", "TABLES", "chosen_later", "load_study", "read_study"]
 
 LAWS: Mapping[str, tuple[Any, Mapping[str, Any]]] = {
     "kelvin-voigt": (KelvinVoigt, {}),
@@ -318,9 +318,9 @@ def _method(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
         faults.append(Fault(f"{prefix}.name", name, "", allowed))
         return None
     noun = METHODS[name]
-    found = _model_faults(_model_of(noun, optional=_chosen(noun)), noun, prefix, settings)
+    found = _model_faults(_model_of(noun, optional=chosen_later(noun)), noun, prefix, settings)
     # what may be left out is chosen later: any will do to check the rest together
-    stand_in = dict.fromkeys(_chosen(noun), 1.0)
+    stand_in = dict.fromkeys(chosen_later(noun), 1.0)
     if not found:
         _collected(prefix, lambda: noun(**{**stand_in, **settings}), found)
     faults += found
@@ -357,7 +357,7 @@ def _flat(axes: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def _chosen(noun: Any) -> tuple[str, ...]:
+def chosen_later(noun: Any) -> tuple[str, ...]:
     """Fields of a method that a study may leave to `Method.for_system`: those without a default."""
     return tuple(item.name for item in dataclasses.fields(noun) if item.default is dataclasses.MISSING)
 

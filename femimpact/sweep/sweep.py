@@ -15,7 +15,8 @@ from femimpact.excitation.remarks import frequency_warnings, motion_warnings
 from femimpact.identification import peak_resolution, resolution_warnings
 from femimpact.integrators.answers import SineDwellResults, SineDwells
 from femimpact.integrators.methods import Method, require_method
-from femimpact.integrators.threads import Progress, check_progress, workers_of
+from femimpact.integrators.threads import workers_of
+from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.energy import residual_warnings
 from femimpact.response.impacts import statistics_of_cases
 from femimpact.response.remarks import deflection_warnings
@@ -35,6 +36,7 @@ TRANSIENT_LEFT = 0.03
 """Share of the first mode's transient that may be left where measuring begins without a warning."""
 
 
+@draws_progress
 def frequency_sweep(
     system: System,
     amplitude: float,
@@ -48,7 +50,7 @@ def frequency_sweep(
     at: Position = "tip",
     ledger: bool = True,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
 ) -> FrequencyResponse:
     """Stepped-sine sweep: each frequency a run of its own from the initial state.
 
@@ -74,8 +76,8 @@ def frequency_sweep(
         Keep the energy residual of every case; costs about half as much again, event-driven up to as much again.
     threads : int, optional
         The number of cores by default; the results do not depend on it, to the last bit.
-    progress : callable, optional
-        Called with the share done, 0 to 1.
+    progress : callable or bool, optional
+        Called with the share done, 0 to 1; True draws a bar.
 
     Returns
     -------
@@ -94,13 +96,13 @@ def frequency_sweep(
     require_type(system, System, "system")
     require_type(state, State, "initial")
     require_method(method)
-    check_progress(progress)
+    report = check_progress(progress)
     state = replace(state, time=0.0)
     amplitude = checked("amplitude", amplitude, quantity("m", at_least=0.0))
     ledger = checked("ledger", ledger, truth())
     dwells = dwells_of(amplitude, frequencies, cycles, duration, window)
     workers, observed = workers_of(threads), system.point_row(at)
-    found = method.run_dwells(system, dwells, state, observed, ledger, workers, progress)
+    found = method.run_dwells(system, dwells, state, observed, ledger, workers, report)
     columns, warnings = _columns(found, dwells.frequency, ledger)
     warnings += _steadiness_warnings(dwells.frequency, columns["steadiness"]) + _dwell_warnings(system, dwells)
     warnings += _grid_warnings(system, dwells.frequency)
