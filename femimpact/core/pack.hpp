@@ -190,7 +190,7 @@ template <> [[gnu::always_inline]] inline Pack load<Pack>(GivenArray row, Index 
     check_index(c, row.size());
     check_index(c + WIDTH - 1, row.size());
     Pack value;
-    FEMIMPACT_EACH_PART value.part[i] = *reinterpret_cast<const Anywhere *>(row.data + c + i * LANES);
+    FEMIMPACT_EACH_PART value.part[i] = *reinterpret_cast<const Anywhere *>(row.data + c + Index(i) * LANES);
     return value;
 }
 [[gnu::always_inline]] inline void store(double value, Array row, Index c) {
@@ -199,7 +199,7 @@ template <> [[gnu::always_inline]] inline Pack load<Pack>(GivenArray row, Index 
 [[gnu::always_inline]] inline void store(Pack value, Array row, Index c) {
     check_index(c, row.size());
     check_index(c + WIDTH - 1, row.size());
-    FEMIMPACT_EACH_PART *reinterpret_cast<Anywhere *>(row.data + c + i * LANES) = value.part[i];
+    FEMIMPACT_EACH_PART *reinterpret_cast<Anywhere *>(row.data + c + Index(i) * LANES) = value.part[i];
 }
 #undef FEMIMPACT_EACH_PART
 
