@@ -383,6 +383,6 @@ VERBS = {
 
 OTHERS = {
     "ALUMINIUM", "STEEL", "ContactLaw", "ContactParameters", "DivergenceError", "FemimpactError", "InputError",
-    "InputWarning", "StudyResults", "__version__", "figures",
+    "InputWarning", "StudyResults", "__version__", "figures", "load_parameter_study", "report", "show_versions",
 }  # fmt: skip
-"""Public names that take nothing from a user: constants, errors, what only `load` makes, protocols, the figures."""
+"""Public names that take no numbers: constants, errors, what only `load` makes, protocols, figures and files."""

@@ -462,6 +462,7 @@ def test_converge_studies_a_mesh_file_and_its_refinements_in_80_columns(tmp_path
     assert files == {
         "quantities_over_mesh.csv", "quantities_over_mesh.png", "quantities_over_modes.csv",
         "quantities_over_modes.png", "convergence_summary.csv", "mesh_convergence.csv", "mesh_convergence.png",
+        "convergence.json", "report.html",
     }  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from femimpact.study import demo
 from femimpact.study import run as runs
 from femimpact.study import study as studies
 from femimpact.study.demo import paper_study
+from femimpact.study.parameter_plan import AxisValues, ParameterPlan
 from femimpact.study.plan import plan_lines
 from femimpact.study.prepared import prepare, with_base
 from femimpact.study.result_files import FILES, OTHER_FILES
@@ -213,7 +214,8 @@ def test_one_change_is_in_the_text_and_nothing_else_is(changes):
 def test_every_table_of_a_study_file_can_be_written(study):
     springs, dashpots = (fi.Spring("stay", 0.05, 20.0),), (fi.Dashpot("damper", 0.05, 0.1),)
     structure = dataclasses.replace(structure_with(fi.Rigid(0.5)), springs=springs, dashpots=dashpots)
-    everything = dataclasses.replace(study, structure=structure, method={"name": "event-driven"})
+    plan = ParameterPlan(("peak",), {"base.amplitude": AxisValues((1e-4, 2e-4))})
+    everything = dataclasses.replace(study, structure=structure, method={"name": "event-driven"}, plan=plan)
     text = study_text(everything)
     for table in TABLES:
         assert f"[{table}]" in text or f"[[{table}]]" in text or f"[{table}.segment]" in text

@@ -123,7 +123,10 @@ def test_numpy_scalars_and_arrays_are_numbers_too(small):
         (lambda s, m, r: fi.frequency_sweep(s, 1e-4, [5.0], m, 3, initial=0), "initial = 'int': must be a State"),
         (lambda s, m, r: fi.frequency_sweep(s, 1e-4, [5.0], m, 3, at=[1]), r"at = \[1\]: must be the name of a place"),
         (lambda s, m, r: fi.frequency_sweep(s, 1e-4, [5.0], m, 3, ledger="no"), "ledger = 'no': must be True or False"),
-        (lambda s, m, r: fi.frequency_sweep(s, 1e-4, [5.0], m, 3, progress=1), "progress = 'int': must be callable"),
+        (
+            lambda s, m, r: fi.frequency_sweep(s, 1e-4, [5.0], m, 3, progress=1),
+            "progress = 'int': must be True, or callable",
+        ),
         (lambda s, m, r: fi.integrate(s, fi.PointForce(None, BASE), m, 1.0), "at: must be .*metres from the root"),
         (
             lambda s, m, r: fi.integrate(s, BASE, m, 1.0, initial=fi.State("a")),
