@@ -59,7 +59,7 @@ def main() -> None:
     warnings.showwarning = _show_warning  # type: ignore[assignment]
     _check_memory_limit()
     try:
-        app(exit_on_error=False, print_error=False)
+        app(sys.argv[1:], exit_on_error=False, print_error=False)
     except CycloptsError as error:
         _fail(str(error).strip() + "\nsee: femimpact --help", 2)
     except (InputError, CoreError) as error:
