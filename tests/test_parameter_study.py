@@ -474,6 +474,7 @@ def test_a_study_file_goes_round_and_its_table_has_a_row_for_every_case():
     [
         ('"impactor.ball.gap" = []', "study.axes.impactor.ball.gap = 'no value'"),
         ('"impactor.ball.gap" = [1e-3, 1e-3]', "study.axes.impactor.ball.gap = 0.001: is given twice"),
+        (f'"impactor.ball.gap" = [1{"0" * 400}]', "study.axes.impactor.ball.gap = 1000.*: must be finite numbers"),
         ('"impactor.ball.gap" = { mean = 3 }', "study.axes.impactor.ball.gap = .*: must be a list of values"),
         ('"impactor.bal.gap" = [1e-3]', "study.axes.impactor.bal.gap: unknown; did you mean 'impactor.ball.gap'"),
     ],
