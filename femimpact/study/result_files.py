@@ -68,6 +68,7 @@ OTHER_FILES = {
     "restitution": "restitution.csv",
     "restitution_figure": "restitution.png",
     "response_of_starts": "response_of_starts.png",
+    "curves_of_starts": "curves_of_starts.csv",
     "mesh_convergence": "mesh_convergence.csv",
     "mesh_convergence_figure": "mesh_convergence.png",
     "step_convergence": "step_convergence.csv",

@@ -55,6 +55,7 @@ PURPOSES = {
     "restitution": "scan of the restitution",
     "restitution_figure": "scan of the restitution",
     "response_of_starts": "response curves of both starts",
+    "curves_of_starts": "peaks with ball over the frequency: median, smallest and largest of the starts in each frame",
     "mesh_convergence": "natural frequencies over the mesh",
     "mesh_convergence_figure": "natural frequencies over the mesh",
     "step_convergence": "errors of runs in steps",
