@@ -423,9 +423,14 @@ def read_bands(folder: Path, summary: Mapping[str, Any]) -> list[tuple[str, Arra
     columns = read_table(folder, OTHER_FILES["curves_of_starts"], summary)
     if columns is None:
         return []
-    frames = {"base": "starts at rest relative to the base", "space": "starts at rest in the inertial frame"}
+    frames = {"base": "relative to the base", "space": "in the inertial frame"}
     return [
-        (f"with ball: {words}", columns["frequency"], columns[f"{start}_low"], columns[f"{start}_high"])
+        (
+            f"with ball, starts from rest {words}",
+            columns["frequency"],
+            columns[f"{start}_low"],
+            columns[f"{start}_high"],
+        )
         for start, words in frames.items()
         if f"{start}_low" in columns
     ]

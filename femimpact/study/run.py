@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from femimpact.errors import checked, require, require_name, require_path, require_type, truth
+from femimpact.errors import checked, kind_of, require, require_name, require_path, require_type, truth
 from femimpact.export import tables
 from femimpact.export.files import atomic_write
 from femimpact.integrators.integrate import integrate
@@ -209,6 +209,8 @@ def run_study(
     for part in parts:
         require_name(part, PARTS, "parts")
     force = checked("force", force, truth())
+    usable = callable(report) and not isinstance(report, type)
+    require(usable, "report", kind_of(report), "", "must be callable with the name of a part and its share")
     prepared = prepare(study, parts)
     run = [part for part in parts if part != "sweep" or study.sweep is not None]
     with prepare_directory(directory, force) as staging:

@@ -125,14 +125,15 @@ def response_curve(
     place = first.at if isinstance(first.at, str) else f"{1e3 * first.at:.4g} mm from the root,"
     axis.set_ylabel(f"{place} displacement relative to the base (mm)")
     plain_log_ticks(axis.yaxis)
-    _legend(axis, named, coarse, join_all, [*filled, *marks])
+    _legend(axis, named, coarse, join_all, filled, marks)
     return axis
 
 
 def _legend(
-    axis: Axes, named: Mapping[str, FrequencyResponse], coarse: ArrayLike | None, join_all: bool, marks: Sequence[Any]
-) -> None:
-    """Colours of the curves in one row, what their lines and dots are in another, then the published peaks."""
+    axis: Axes, named: Mapping[str, FrequencyResponse], coarse: ArrayLike | None, join_all: bool, bands: Sequence[Any],
+    marks: Sequence[Any],
+) -> None:  # fmt: skip
+    """Colours of the curves in one row, what their lines and dots are in another, then bands and published peaks."""
     from matplotlib.lines import Line2D
 
     def entry(label: str, **style: Any) -> Line2D:
@@ -152,7 +153,7 @@ def _legend(
     if coarse is not None:
         label = f"even grid, {np.size(coarse)} points"
         kinds.append(entry(label, marker="o", linestyle="none", **RINGS))
-    legend_above(axis, colours, [*kinds, *marks])
+    legend_above(axis, colours, [*kinds, *marks], bands)
 
 
 def _has_rms(named: Mapping[str, FrequencyResponse], curve: FrequencyResponse) -> bool:
