@@ -24,6 +24,7 @@ SUBJECTS = {
     "response": "Recorders, responses, impacts, energies",
     "identification": "Damping from response curves",
     "calibration": "Scans of the restitution",
+    "parametric": "Parameter studies",
     "convergence": "Convergence studies",
     "study": "Study files and their results",
     "export": "Pictures and files",
@@ -142,10 +143,28 @@ def key_page() -> Iterator[str]:
                 yield f"\n**{heading}**\n"
             yield from _key_table(part)
         for key, about in inner.get("properties", {}).items():
+            if "$ref" in about:
+                yield from _axis_table(name, key, schema["$defs"][key])
+            elif "properties" in about:
+                yield from ["", f"### `[{name}.{key}]`", "", about.get("description", ""), ""]
+                yield from _key_table(about)
             if "oneOf" in about and key == "contact":
                 for heading, part in _alternatives(about):
                     yield f"\n**`contact`: {heading}**\n"
                     yield from _key_table(part)
+
+
+def _axis_table(name: str, key: str, about: dict[str, Any]) -> Iterator[str]:
+    """A table of the forms that the values of an axis have."""
+    yield from ["", f"### `[{name}.{key}]`", "", about["description"] + " At least one.", ""]
+    yield "| an axis is | keys | type |"
+    yield "| --- | --- | --- |"
+    for form in about["additionalProperties"]["anyOf"]:
+        if "$ref" in form:
+            continue
+        keys = ", ".join(f"`{inner}`" for inner in form.get("properties", {}))
+        types = dict.fromkeys(_type(inner) for inner in form.get("properties", {"": form}).values())
+        yield f"| {form['title']} | {keys} | {', '.join(types)} |"
 
 
 def _alternatives(part: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
@@ -187,6 +206,10 @@ def _type(about: dict[str, Any]) -> str:
     if "anyOf" in about or "oneOf" in about:
         parts = about.get("anyOf", about.get("oneOf"))
         return " or ".join(dict.fromkeys(_type(part) for part in parts))
+    if "prefixItems" in about:
+        return "list of two numbers"
+    if about.get("type") == "array" and about.get("maxItems") == 2 and "anyOf" not in about["items"]:
+        return "pair of numbers"
     if about.get("type") == "array":
         return f"list of {_type(about['items'])}" if "items" in about else "list"
     return words.get(about.get("type", ""), "table")
@@ -256,7 +279,8 @@ class BySubject:
     """Order of the examples: those of `ORDER` first, then others by their names."""
 
     ORDER = (
-        "damped_resonance", "energy_ledger", "root_stress", "best_ball_mass", "clearance_restitution_map", "two_balls",
+        "damped_resonance", "energy_ledger", "root_stress", "best_ball_mass", "clearance_restitution_map",
+        "gap_and_tolerance", "two_balls",
         "two_starts", "calibrate_restitution", "restitution_of_laws", "two_laws", "own_contact_law", "switching_spring",
         "sticking_ball", "bifurcation", "up_and_down_sweep", "preloaded_stop", "tapered_blade", "spring_between_places",
         "base_from_csv", "mesh_convergence", "step_size", "damping_from_a_curve",

@@ -1,14 +1,20 @@
-r"""Which gap for this beam, this base level and at most 5 g of ball, and how wrong may gap and restitution be?
+r"""
+Which gap, and how wrong may it be?
+===================================
 
-The heaviest ball allowed takes most. Free are the gap d to either wall and the restitution e,
+A beam, a base level, and at most 5 g of ball: the heaviest ball takes most. Free are the gap :math:`d` to either wall
+and the restitution :math:`e`,
 
-    M u'' + C u' + K u = -M r ub'',    y'' = -ub'',    |y - b^T u| < d,    v_after = -e v_before,
+.. math::
 
-of which a workshop meets d to some tenths of a millimetre and nobody knows e to a tenth. Each cell of the map is the
-largest motion of the tip at the worst of the frequencies around the resonance: the median over 8 starts that differ in
-where the ball lies and how fast it moves. Cells that the starts cannot tell from their neighbours are hatched. What is
-printed is the worst that any restitution makes of each gap: the smallest is the gap to choose, and its neighbours say
-how wrong it may be.
+   \mathbf M \ddot{\mathbf u} + \mathbf C \dot{\mathbf u} + \mathbf K \mathbf u = -\mathbf M \mathbf r\,\ddot u_b, \quad
+   \ddot y = -\ddot u_b, \quad |y - \mathbf b^T \mathbf u| < d, \quad v_\mathrm{after} = -e\,v_\mathrm{before},
+
+of which a workshop meets :math:`d` to some tenths of a millimetre and nobody knows :math:`e` to a tenth. Each cell of
+the map is the largest motion of the tip at the worst of the frequencies around the resonance: the median over 8 starts
+that differ in where the ball lies and how fast it moves. Cells that the starts cannot tell from their neighbours are
+hatched. What is printed is the worst that any restitution makes of each gap: the smallest is the gap to choose, and
+its neighbours say how wrong it may be.
 """
 
 import numpy as np
@@ -28,7 +34,7 @@ def main(gaps, restitutions, frequencies, **more):
 
 
 if __name__ == "__main__":
-    worst = main(1e-3 * np.arange(1, 11), np.linspace(0.3, 0.8, 6), np.linspace(4.7, 5.6, 13), directory="gap_study")
+    worst = main(1e-3 * np.arange(1, 11), np.linspace(0.3, 0.8, 6), np.linspace(4.7, 5.6, 13))
     drawn = fi.figures.study_map(worst, "peak", title="ball of 5 g, base 0.2 mm, worst of 4.7 to 5.6 Hz")
     fi.figures.save_figure(drawn, "gap_and_tolerance.png")
     print(worst["peak"].max("impactor.ball.contact.restitution").to_pandas())

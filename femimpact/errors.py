@@ -298,7 +298,7 @@ _COMPARISONS = {"above": operator.gt, "at_least": operator.ge, "at_most": operat
 
 
 def _number(value: Any, bounds: Mapping[str, float], integer: bool, finite: bool) -> float | int:
-    """A Python number of exactly one type: numpy's, and whole numbers for floats, would compile kernels again."""
+    """The value as float or int of Python, whatever kind of number it is."""
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise _Refused
     try:

@@ -146,6 +146,7 @@ FIGURES = {
     "phase_portrait": lambda: {"response": drawn_run(), "of": "ball", "cycles": 4, "phase": 0.5, "ax": SHEET},
     "response_curve": lambda: {
         "curves": {"a": curve()}, "title": "title", "coarse": [5.0, 6.0], "published": [("paper", 5.3, 1e-3)],
+        "bands": [("starts", [5.0, 6.0], [1e-3, 2e-3], [2e-3, 3e-3])],
         "join_all": True, "ax": SHEET,
     },
     "restitution_scan": lambda: {

@@ -387,8 +387,11 @@ def test_print_says_how_many_of_its_cases_it_shows():
 
 def test_a_figure_has_a_curve_a_quantity_and_a_slope_an_order(small_study, tmp_path):
     axis = fi.figures.convergence(small_study["mesh"], ax=fi.figures.OffScreen())
-    dashed = [line for line in axis.lines if line.get_linestyle() == "--"]
+    dashed = [line for line in axis.lines if str(line.get_label()).startswith("reference: order")]
     assert len(dashed) == 2
+    # their names are in the legend alone, and touch no curve
+    assert not [text for text in axis.texts if "order" in text.get_text()]
+    assert axis.get_legend().get_window_extent().x0 >= axis.get_window_extent().x1
     for line, order in zip(dashed, (2.0, 4.0), strict=True):
         x, y = np.log(line.get_xdata()), np.log(line.get_ydata())
         assert np.polyfit(x, y, 1)[0] == pytest.approx(order, rel=1e-9)

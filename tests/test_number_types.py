@@ -1,4 +1,4 @@
-"""Numbers of a noun are Python's float and int, so that compiled code meets one type of each argument and no other."""
+"""Numbers of a noun are Python's float and int, whatever kind of number is given: the core takes no other."""
 
 from __future__ import annotations
 

@@ -16,6 +16,7 @@ import xarray
 from builders import REFERENCE, with_ball
 
 import femimpact as fi
+from femimpact.export.study_columns import unsure_cells
 from femimpact.parametric.block_files import BLOCKS
 from femimpact.parametric.evaluation import evaluated
 from femimpact.parametric.statistics_over_starts import median_ranks, over_starts
@@ -473,6 +474,7 @@ def test_a_study_file_goes_round_and_its_table_has_a_row_for_every_case():
     [
         ('"impactor.ball.gap" = []', "study.axes.impactor.ball.gap = 'no value'"),
         ('"impactor.ball.gap" = [1e-3, 1e-3]', "study.axes.impactor.ball.gap = 0.001: is given twice"),
+        (f'"impactor.ball.gap" = [1{"0" * 400}]', "study.axes.impactor.ball.gap = 1000.*: must be finite numbers"),
         ('"impactor.ball.gap" = { mean = 3 }', "study.axes.impactor.ball.gap = .*: must be a list of values"),
         ('"impactor.bal.gap" = [1e-3]', "study.axes.impactor.bal.gap: unknown; did you mean 'impactor.ball.gap'"),
     ],
@@ -487,12 +489,10 @@ def test_faults_of_a_study_file_have_the_path_they_have_there(line, words):
 
 
 def test_a_map_hatches_what_the_starts_cannot_tell_apart():
-    from femimpact.export.figures.studies import _unsure
-
     median = xarray.DataArray([[1.0, 1.01, 2.0]], dims=("a", "b"))
     given = xarray.Dataset({"m": median, "m_median_low": median - 0.02, "m_median_high": median + 0.02})
     # the steps to the neighbours are 0.01, then 0.99: an interval of 0.04 is wider than the first alone
-    np.testing.assert_array_equal(_unsure(given, "m"), [[True, False, False]])
+    np.testing.assert_array_equal(unsure_cells(given, "m"), [[True, False, False]])
 
 
 @pytest.mark.parametrize("axes", [1, 2, 3])

@@ -115,7 +115,7 @@ FILE_NAMES = """
     last_cycles.nc modes.pvd deflection.pvd deflection.mp4 deflection.gif modes.png response.png contact_force.png
     phase_portrait.png impact_histograms.png impulse_phase.png contact.csv riding.csv mesh_convergence.csv
     mesh_convergence.png step_convergence.csv step_convergence.png comparison.csv restitution.csv restitution.png
-    response_of_starts.png report.html convergence.json
+    response_of_starts.png curves_of_starts.csv report.html convergence.json
 """
 IMPACT_COLUMNS = """
     time phase impactor side approach_speed rebound_speed impulse peak_force duration energy_loss contact_law

@@ -19,11 +19,28 @@ from femimpact.study.study_file import TABLES, load_study
 
 jsonschema = pytest.importorskip("jsonschema")
 
-SOUND = tomllib.loads(paper_study_text())
+STUDY = """
+[study]
+measures = ["peak", "rms"]
+starts = 8
+cycles = 60
+[study.axes]
+"impactor.ball.gap" = [0.001, [0.002, 0.003]]
+impactor.ball.mass = { from = 0.003, to = 0.004, points = 3, spacing = "logarithmic" }
+"base.frequency" = { normal = [5.0, 0.1] }
+damping.ratio = { lognormal = [0.003, 0.2] }
+"beam.thickness" = { uniform = [0.001, 0.002] }
+[study.sample]
+points = 64
+seed = 1
+method = "halton"
+"""
+SOUND = tomllib.loads(paper_study_text() + STUDY)
 RULES = (
     ("nan", r" = nan"),
     ("pairs of keys", r": give (exactly one pair|width and thickness|either elements|either two modes)"),
-    ("comparisons", r": must be > start"),
+    ("comparisons", r": must (be > start|not be the value of from|be > 0, as to|be \[.*\], the (first|last))"),
+    ("axes", r": must be a power of two"),
     ("how many numbers", r": must be (two different values|one number or two)"),
     ("names", r": must be (one of root, tip, mid|letters, digits)"),
     ("files", r": must be (readable|an existing)"),

@@ -286,6 +286,8 @@ def parameter_study(
 ) -> None:  # fmt: skip
     """The parameter study of [study]: all cases of its axes; the same call goes on where an earlier one ended.
 
+    Example: femimpact study study.toml -o gap-study
+
     Parameters
     ----------
     scheduler
@@ -299,8 +301,11 @@ def parameter_study(
         found = write_parameter_study(plan, directory, report, scheduler)
     if quiet:
         return
-    for line in summary_lines(found, directory):
+    *lines, where = summary_lines(found, directory)
+    for line in lines:
         print(line)
+    _print_report(console(), directory)
+    print(where)
 
 
 @app.command
@@ -311,7 +316,10 @@ def report(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write the report of results: one HTML file that opens in any browser."""
+    """Write the report of results: one HTML file that opens in any browser.
+
+    Example: femimpact report study-results
+    """
     from femimpact.study.result_report import write_report
 
     if output is not None:

@@ -24,10 +24,11 @@ from femimpact.export.files import atomic_write, to_disk
 from femimpact.parametric.evaluation import BlockValues
 from femimpact.parametric.identity import first_difference
 from femimpact.regular_file import read_regular
+from femimpact.study.result_files import STUDY_BLOCKS
 
 __all__ = ["BLOCKS", "BlockFolder", "blocks_of", "read_manifest"]
 
-BLOCKS = "blocks"
+BLOCKS = STUDY_BLOCKS
 MANIFEST = "study.json"
 NAME = re.compile(r"([0-9a-f]{16})-([0-9a-f]{16})\.block")
 MOST_BYTES = 2_000_000_000

@@ -13,11 +13,13 @@ import numpy as np
 from femimpact.errors import Fault, InputError, require
 from femimpact.export import figures, tables
 from femimpact.export.files import atomic_write
+from femimpact.export.study_columns import measure_names
 from femimpact.parametric.cluster import connected
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.progress import StudyProgress
 from femimpact.parametric.verb import run_parameter_study, to_stderr
 from femimpact.study.result_files import FILES, OTHER_FILES
+from femimpact.study.result_report import add_report
 from femimpact.study.study import Study
 from femimpact.study.study_text import study_text
 
@@ -70,7 +72,7 @@ def _in_file(study: Study, fault: Fault) -> Fault:
 def write_parameter_study(
     study: Study, directory: Path, progress: Callable[[StudyProgress], None] | None = None, scheduler: str | None = None
 ) -> xarray.Dataset:  # fmt: skip
-    """Run the parameter study of a study file and leave `study.nc`, `study.csv`, `study.toml` and figures.
+    """Run the parameter study of a study file and leave `study.nc`, `study.csv`, `study.toml`, figures and a report.
 
     Parameters
     ----------
@@ -101,6 +103,8 @@ def write_parameter_study(
     tables.write_csv(directory / OTHER_FILES["parameter_table"], columns, units)
     if study.output.figures:
         _draw(dataset, directory)
+    if study.output.report:
+        add_report(directory, lambda part, share: None)
     return dataset
 
 
@@ -127,14 +131,7 @@ def table_of(dataset: xarray.Dataset) -> tuple[dict[str, Any], dict[str, str]]:
 
 def _draw(dataset: xarray.Dataset, directory: Path) -> None:
     """A figure of every measure that is a number and has a value."""
-    beside = ("periodic_starts", "failed_starts", "finished")
-    endings = ("_low", "_high", "_groups", "_median_low", "_median_high", "_quantile_5", "_quantile_95")
-    names = [str(name) for name in dataset.data_vars if dataset[name].dtype.kind == "f" and name not in beside]
-    for name in names:
-        if any(name.endswith(end) and name.removesuffix(end) in names for end in endings):
-            continue
-        if not np.isfinite(dataset[name].to_numpy()).any():
-            continue
+    for name in measure_names(dataset):
         figures.save_figure(_drawn(dataset, name), directory / f"{_file_name(name)}.png")
 
 

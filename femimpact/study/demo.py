@@ -166,7 +166,9 @@ def run_demo(
         sweeps = {start: _sweep_from(prepared, start, report) for start in STARTS}
         keep_sweeps(staging, prepared, Found(modes, None, sweeps["base"]), ("history",))
         _write_scans(staging.folder, scans, sweeps)
-        spreads = {start: sample_starts(prepared, start, sweeps["base"].empty, report) for start in STARTS}
+        curves = {start: curves_of_starts(prepared, start, report) for start in STARTS}
+        spreads = {start: spreads_of(curves[start], sweeps["base"].empty) for start in STARTS}
+        _write_curves(staging.folder, curves)
         prepared = _at_resonance(prepared, sweeps["base"])
         keep_study(staging, prepared.study)
         found = Found(modes, run_simulation(prepared, report), sweeps["base"])
@@ -274,24 +276,25 @@ def _scan_rows(samples: Mapping[str, Sequence[RestitutionScan]]) -> tuple[tuple[
     return tuple(rows)
 
 
-def sample_starts(prepared: PreparedStudy, start: str, empty: FrequencyResponse, report: Report) -> dict[str, Spread]:
-    """Resonance and impacts at it over several starts in one frame: Hz, 1, N and N s.
-
-    Every start has an event-driven sweep of its own, on a grid twice as fine as the study's.
-    """
+def curves_of_starts(prepared: PreparedStudy, start: str, report: Report) -> list[FrequencyResponse]:
+    """An event-driven sweep from each of several starts in one frame, on a grid twice as fine as the study's."""
     study, small = prepared.study, prepared.small
     plan = study.sweep
     if plan is None:
         raise InputError([Fault("sweep", None, "", "table [sweep] is missing")])
     frequencies = np.linspace(plan.start, plan.stop, 2 * plan.points - 1)
-    step = float(frequencies[1] - frequencies[0])
-    curves = [
+    return [
         frequency_sweep(
             small, study.sine.amplitude, frequencies, EventDriven(), plan.cycles, initial=state, ledger=False,
             progress=_part(report, f"{SAMPLES} starts, {STARTS[start]}", i, SAMPLES),
         )
         for i, state in enumerate(states(start, SAMPLES))
     ]  # fmt: skip
+
+
+def spreads_of(curves: Sequence[FrequencyResponse], empty: FrequencyResponse) -> dict[str, Spread]:
+    """Resonance and impacts at it over several starts in one frame: Hz, 1, N and N s."""
+    step = float(curves[0].frequency[1] - curves[0].frequency[0])
     at_peak = [int(np.nanargmax(curve.peak)) for curve in curves]
     ratio = empty.peak_amplitude / np.array([curve.peak_amplitude for curve in curves])
     columns = {
@@ -304,6 +307,17 @@ def sample_starts(prepared: PreparedStudy, start: str, empty: FrequencyResponse,
         "damping_amplitude_ratio": spread_of(empty.damping.ratio * ratio),
         **columns,
     }
+
+
+def _write_curves(folder: Path, curves: Mapping[str, Sequence[FrequencyResponse]]) -> None:
+    """Median, smallest and largest peak of the starts in each frame, over the frequency."""
+    columns: dict[str, Any] = {"frequency": next(iter(curves.values()))[0].frequency}
+    for start, several in curves.items():
+        peaks = np.array([curve.peak for curve in several])
+        for name, found in (("median", np.median), ("low", np.min), ("high", np.max)):
+            columns[f"{start}_{name}"] = found(peaks, axis=0)
+    units = {name: "Hz" if name == "frequency" else "m" for name in columns}
+    tables.write_csv(folder / OTHER_FILES["curves_of_starts"], columns, units)
 
 
 def _sweep_row(sweeps: SweepPair) -> dict[str, Any]:

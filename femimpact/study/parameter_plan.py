@@ -76,6 +76,15 @@ class Distribution:
 class SamplePlan:
     """`[study.sample]`: so many points from the axes' distributions, by a method of scipy.stats.qmc or at random.
 
+    Parameters
+    ----------
+    points : int
+        Cases; of a Sobol sequence a power of two.
+    method : str
+        Sequence or design that spreads them, or "random".
+    seed : int
+        Of the sample.
+
     Raises
     ------
     InputError
@@ -101,15 +110,17 @@ class ParameterPlan:
     Parameters
     ----------
     measures : tuple of str
+        By their names, as "peak" or "root.surface_stress".
     axes : mapping of str to AxisValues or Distribution
         By the study path of the value.
     starts : int
+        Of each case, by which the balls start at different places and speeds; of several the median is taken.
     seed : int
         Of the starts.
     cycles : int or None
-        Of the base in each case, the last third of which is measured; None takes those of the sweep.
+        Of the base in each case, the last third of which is measured. Absent: those of [sweep].
     sample : SamplePlan or None
-        None is the full grid of the axes.
+        Absent: the full grid of the axes.
 
     Raises
     ------
@@ -205,6 +216,14 @@ def _number(key: str, value: Any) -> float:
     return float(checked(key, value, quantity("1")))
 
 
+def _is_finite(value: numbers.Real) -> bool:
+    """Whether a number is finite as a float."""
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
+
+
 def _value(key: str, value: Any) -> Any:
     """One value of an axis: a number, a pair of numbers or a name."""
     if isinstance(value, str):
@@ -213,6 +232,6 @@ def _value(key: str, value: Any) -> Any:
         pair = tuple(_number(key, entry) for entry in value)
         if len(pair) == 2:
             return pair
-    elif isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(value):
+    elif isinstance(value, numbers.Real) and not isinstance(value, bool) and _is_finite(value):
         return int(value) if isinstance(value, numbers.Integral) else float(value)
     raise InputError([Fault(key, value, "", "must be finite numbers, pairs of them (gaps), or names")])

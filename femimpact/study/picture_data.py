@@ -22,8 +22,8 @@ from femimpact.response.response import Response
 from femimpact.response.signals import no_steady_motion
 from femimpact.structure.springs import Dashpot, Spring
 from femimpact.structure.structure import Beam, PointMass, Segment, Structure, Support
-from femimpact.study.result_files import FILES
-from femimpact.study.results import read_dataset, read_sticking
+from femimpact.study.result_files import FILES, OTHER_FILES
+from femimpact.study.results import read_dataset, read_sticking, read_table
 from femimpact.sweep import SWEEP_UNITS, FrequencyResponse
 from femimpact.system.hermite import hermite_rows
 from femimpact.system.modes import Modes
@@ -36,6 +36,7 @@ __all__ = [
     "DrawnContact",
     "DrawnSystem",
     "Film",
+    "read_bands",
     "read_curves",
     "read_film",
     "read_last_cycles",
@@ -415,3 +416,21 @@ def read_curves(folder: Path, summary: Mapping[str, Any]) -> tuple[dict[str, Fre
         curves[str(case)] = FrequencyResponse(**columns, **about, **dwell, amplitude=amplitude, law="")
     frequency = data["frequency"].to_numpy()
     return curves, frequency[data["grid"].to_numpy() == "even"]
+
+
+def read_bands(folder: Path, summary: Mapping[str, Any]) -> list[tuple[str, Array, Array, Array]]:
+    """Words, frequencies (Hz), smallest and largest peaks (m) of the starts of the demo in each frame; else none."""
+    columns = read_table(folder, OTHER_FILES["curves_of_starts"], summary)
+    if columns is None:
+        return []
+    frames = {"base": "relative to the base", "space": "in the inertial frame"}
+    return [
+        (
+            f"with ball, starts from rest {words}",
+            columns["frequency"],
+            columns[f"{start}_low"],
+            columns[f"{start}_high"],
+        )
+        for start, words in frames.items()
+        if f"{start}_low" in columns
+    ]

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from femimpact.errors import Fault, InputError, require
-from femimpact.study.picture_data import read_curves, read_film, read_last_cycles, read_mode_shapes
+from femimpact.study.picture_data import read_bands, read_curves, read_film, read_last_cycles, read_mode_shapes
 from femimpact.study.result_directory import update_results
 from femimpact.study.result_files import FILES
 from femimpact.study.results import read_summary, write_summary
@@ -120,7 +120,10 @@ def _figures(source: Path, summary: Mapping[str, Any]) -> Iterator[tuple[str, Ca
         curves, coarse = swept
         labels = {"empty": "without ball", "ball": "with ball"}
         named = {label: curves[case] for case, label in labels.items() if case in curves}
-        yield "response_figure", lambda: figures.response_curve(named, coarse=coarse, ax=off_screen)
+        yield (
+            "response_figure",
+            lambda: figures.response_curve(named, coarse=coarse, bands=read_bands(source, summary), ax=off_screen),
+        )
     last = read_last_cycles(source, summary)
     if last is None:
         return

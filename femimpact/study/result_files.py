@@ -17,6 +17,8 @@ __all__ = [
     "OTHER_FILES",
     "PLACES",
     "REPORT",
+    "STUDY_BLOCKS",
+    "STUDY_FIGURE",
     "SUMMARY",
     "earlier_files",
     "is_file",
@@ -66,6 +68,7 @@ OTHER_FILES = {
     "restitution": "restitution.csv",
     "restitution_figure": "restitution.png",
     "response_of_starts": "response_of_starts.png",
+    "curves_of_starts": "curves_of_starts.csv",
     "mesh_convergence": "mesh_convergence.csv",
     "mesh_convergence_figure": "mesh_convergence.png",
     "step_convergence": "step_convergence.csv",
@@ -97,6 +100,12 @@ FRAME = re.compile(r"[0-9]{4,}\.vtu")
 
 PLACES = (*NAMES, *(f"{scene}/0000.vtu" for scene in SCENES))
 """Every name, with one frame of each scene."""
+
+STUDY_BLOCKS = "blocks"
+"""The folder in which a parameter study keeps its finished blocks, from which it goes on."""
+
+STUDY_FIGURE = re.compile(r"study_[\w-]+\.png")
+"""Names of the figures of a parameter study, one for each measure."""
 
 REPORT = OTHER_FILES["report"]
 """It is made from the other files, and can be made again at any time."""

@@ -7,7 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from femimpact.export.report.blocks import Section
-from femimpact.study.result_files import FILES, NAMES, OTHER_FILES, SUMMARY, result_files
+from femimpact.study.result_files import (
+    FILES,
+    NAMES,
+    OTHER_FILES,
+    STUDY_BLOCKS,
+    STUDY_FIGURE,
+    SUMMARY,
+    is_folder,
+    result_files,
+)
 from femimpact.study.study import Study
 from femimpact.svg.elements import element
 
@@ -15,7 +24,7 @@ __all__ = ["about_section", "files_section"]
 
 PURPOSES = {
     "summary": "the numbers of this page, machine-readable",
-    "study": "the study that was run; femimpact run computes it again",
+    "study": "the study that was run, from which it can be run again",
     "modes": "frequencies, damping and effective masses of the modes",
     "mode_shapes": "mode shapes with labels (netCDF, xarray)",
     "sweep": "response curves, a row for each frequency",
@@ -46,6 +55,7 @@ PURPOSES = {
     "restitution": "scan of the restitution",
     "restitution_figure": "scan of the restitution",
     "response_of_starts": "response curves of both starts",
+    "curves_of_starts": "peaks with ball over the frequency: median, smallest and largest of the starts in each frame",
     "mesh_convergence": "natural frequencies over the mesh",
     "mesh_convergence_figure": "natural frequencies over the mesh",
     "step_convergence": "errors of runs in steps",
@@ -55,6 +65,8 @@ PURPOSES = {
     "quantities_over_modes": "values and errors over the modes",
     "statistics_over_mesh": "means of runs with contacts over the mesh",
     "convergence_summary": "orders and recommended numbers",
+    "parameter_study": "every measure over the axes of the study, with labels (netCDF, xarray)",
+    "parameter_table": "every measure and its statistics, a row for each case",
     "convergence_notes": "what was studied, with versions and notes",
     "report": "this page",
 }
@@ -107,6 +119,13 @@ def files_section(folder: Path, summary: Mapping[str, Any]) -> tuple[Section, tu
     for name in sorted(set(NAMES) & present):
         size = "" if name in UNSIZED else _size((folder / name).stat().st_size)
         rows.append((name, size, _purpose(name, keys[name])))
+    rows += [
+        (path.name, _size(path.stat().st_size), "a measure over the axes of the study")
+        for path in sorted(folder.glob("study_*.png"))
+        if STUDY_FIGURE.fullmatch(path.name)
+    ]
+    if is_folder(folder / STUDY_BLOCKS):
+        rows.append((f"{STUDY_BLOCKS}/", "", "finished blocks of cases, from which the same study goes on"))
     for scene in sorted({name.partition("/")[0] for name in present if "/" in name}):
         frames = [name for name in present if name.startswith(f"{scene}/")]
         total = sum((folder / name).stat().st_size for name in frames)

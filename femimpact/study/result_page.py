@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from femimpact.export.report.blocks import Conclusion
 from femimpact.export.report.page import Page
 from femimpact.export.report.structure_drawing import structure_element
 from femimpact.export.report.structure_parts import place_finder, placed_contacts, structure_words
 from femimpact.structure.structure import Structure
+from femimpact.study.parameter_words import (
+    study_conclusions,
+    study_failures,
+    study_lead,
+    study_missing,
+    study_versions,
+)
 from femimpact.study.picture_data import read_parts
 from femimpact.study.result_conclusions import conclusions_of, convergence_conclusions
 from femimpact.study.result_directory import unfinished_state
-from femimpact.study.result_files import FILES, OTHER_FILES, SUMMARY
+from femimpact.study.result_files import FILES, OTHER_FILES, STUDY_BLOCKS, SUMMARY, is_folder
 from femimpact.study.result_list import about_section, files_section
 from femimpact.study.result_reading import ResultReading, texts_of
 from femimpact.study.result_sections import SECTIONS
@@ -63,7 +72,8 @@ def page_of(folder: Path, directory: Path) -> Page:
             or ()
         ),
     )
-    sections.append(about_section(summary or written, study))
+    studied = _of_parameter_study(results, directory, study)
+    sections.append(about_section(summary or written or studied.about, None if studied.many_starts else study))
     listed = results.attempt("list of files", lambda: files_section(folder, summary))
     if listed is not None:
         section, lost = listed
@@ -72,11 +82,11 @@ def page_of(folder: Path, directory: Path) -> Page:
     title = name if structure is None else f"{name}: {structure_words(structure, contacts)}"
     return Page(
         title=title,
-        lead=tuple(_lead(study, summary, written)),
+        lead=(*studied.lead, *_lead(study, summary, written)),
         drawing=drawing,
-        conclusions=conclusions,
+        conclusions=(*conclusions, *studied.conclusions),
         missing=tuple(results.missing),
-        warnings=texts_of(summary.get("warnings")),
+        warnings=(*texts_of(summary.get("warnings")), *studied.failures),
         notes=(*texts_of(summary.get("notes")), *texts_of(written.get("notes"))),
         sections=tuple(sections),
     )
@@ -100,7 +110,9 @@ def _structure(
 ) -> tuple[str, Structure | None, Any, tuple[Any, ...]]:
     """Name of the study, structure, what finds a place of it, and its contacts."""
     named = results.summary.get("study", written.get("study"))
-    name = str(named).removesuffix(".toml") if named else "study"
+    name = (
+        str(named).removesuffix(".toml") if named else "study" if results.parameter_study is None else "parameter study"
+    )
     modes = results.modes
     points = {} if modes is None else dict(modes[0].points)
     if study is not None:
@@ -115,6 +127,36 @@ def _structure(
             made, places, contacts = parts
             return name, made, place_finder(made, places), contacts
     return name, None, None, ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Studied:
+    """What a report says of a parameter study beside its sections; nothing where there is none."""
+
+    lead: tuple[str, ...] = ()
+    conclusions: tuple[Conclusion, ...] = ()
+    failures: tuple[str, ...] = ()
+    about: Mapping[str, Any] = field(default_factory=dict)
+    many_starts: bool = False
+
+
+def _of_parameter_study(results: ResultReading, directory: Path, study: Study | None) -> _Studied:
+    """What the dataset of a parameter study says; what it does not is among the missing."""
+    data, name = results.parameter_study, OTHER_FILES["parameter_study"]
+    if data is None:
+        if is_folder(directory / STUDY_BLOCKS) and not (results.folder / name).exists():
+            results.miss(f"{name}: the parameter study was not finished; the same femimpact study goes on with it")
+        return _Studied()
+    for text in results.attempt(name, lambda: study_missing(data)) or ():
+        results.miss(text)
+    about = results.attempt(name, lambda: study_versions(data, None if study is None else study.plan)) or {}
+    return _Studied(
+        tuple(results.attempt(name, lambda: study_lead(data)) or ()),
+        results.attempt(name, lambda: study_conclusions(data)) or (),
+        results.attempt(name, lambda: study_failures(data)) or (),
+        about,
+        int(data.attrs.get("starts", 1)) > 1,
+    )
 
 
 def _lead(study: Study | None, summary: Mapping[str, Any], written: Mapping[str, Any]) -> list[str]:

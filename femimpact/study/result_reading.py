@@ -13,7 +13,7 @@ from femimpact.export import tables
 from femimpact.structure.structure import Structure
 from femimpact.study.picture_data import read_mode_shapes
 from femimpact.study.result_directory import ResultsWarning
-from femimpact.study.result_files import FILES
+from femimpact.study.result_files import FILES, OTHER_FILES
 from femimpact.study.results import read_dataset, read_table
 
 if TYPE_CHECKING:
@@ -65,6 +65,12 @@ class ResultReading:
     def history(self) -> xarray.Dataset | None:
         """The history; None where there is none, or it cannot be read."""
         return self.attempt(FILES["history"], lambda: read_dataset(self.folder, "history", self.summary))
+
+    @cached_property
+    def parameter_study(self) -> xarray.Dataset | None:
+        """The dataset of a parameter study, as the history."""
+        name = OTHER_FILES["parameter_study"]
+        return self.attempt(name, lambda: read_dataset(self.folder, "parameter_study", self.summary))
 
     @cached_property
     def modes(self) -> tuple[System, Modes, Structure | None] | None:

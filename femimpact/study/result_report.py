@@ -9,7 +9,7 @@ from pathlib import Path
 from femimpact.errors import require, require_path
 from femimpact.export.report.page import write_page
 from femimpact.study.result_directory import ResultsWarning, finished_parts, update_results
-from femimpact.study.result_files import REPORT, result_files
+from femimpact.study.result_files import REPORT, STUDY_BLOCKS, is_folder, result_files
 from femimpact.study.result_page import page_of
 
 __all__ = ["add_report", "write_report"]
@@ -41,7 +41,7 @@ def write_report(directory: str | Path, path: str | Path | None = None) -> Path:
     require(folder.is_dir(), "directory", str(folder), "", "must be a directory of results")
     parts = finished_parts(folder)
     source = folder if parts is None or set(result_files(folder)) - {REPORT} else parts
-    some = bool(set(result_files(source)) - {REPORT})
+    some = bool(set(result_files(source)) - {REPORT}) or is_folder(folder / STUDY_BLOCKS)
     require(some, "directory", str(folder), "", "must hold results of a study: none of their files is there")
     page = page_of(source, folder)
     if path is not None:

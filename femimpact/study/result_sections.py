@@ -10,6 +10,7 @@ import numpy as np
 from femimpact.export.report.blocks import Section, Table, list_element, table_element, table_of
 from femimpact.export.report.convergence import axis_section, steps_section, summary_table
 from femimpact.export.report.impacts import impacts_section
+from femimpact.export.report.maps import maps_section
 from femimpact.export.report.mode_shapes import modes_section
 from femimpact.export.report.motion import energy_section, history_section
 from femimpact.export.report.player import player_element
@@ -162,6 +163,19 @@ def _convergence(results: ResultReading) -> list[Section]:
     return sections + ([] if section is None else [section])
 
 
+def _parameter_study(results: ResultReading) -> list[Section]:
+    """Every measure over the axes of the study, and a row for each case."""
+    data = results.parameter_study
+    maps = None if data is None else maps_section(data, "study", "The measures over the axes")
+    name = OTHER_FILES["parameter_table"]
+    columns = results.table(name)
+    sections = [] if maps is None else [maps]
+    if columns is not None:
+        made = table_of("A row for each case", columns, results.units(name), name)
+        sections.append(Section("cases", "Cases", (table_element(made),)))
+    return sections
+
+
 def _contact_table(results: ResultReading) -> list[Section]:
     name = OTHER_FILES["contact_table"]
     columns = results.table(name)
@@ -180,6 +194,7 @@ SECTIONS: tuple[tuple[str, Callable[[ResultReading], list[Section]]], ...] = (
     ("energy", _energy),
     ("modes", _modes),
     ("convergence", _convergence),
+    ("parameter study", _parameter_study),
     ("contacts", _contact_table),
 )
 """What a report says of results, in its order: the words for it, and what makes its sections."""

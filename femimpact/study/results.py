@@ -207,14 +207,14 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def read_dataset(folder: Path, name: str, summary: Mapping[str, Any]) -> xarray.Dataset | None:
-    """One of the netCDF files of `FILES`; None where the results have none.
+    """One of the netCDF files of `FILES` or `OTHER_FILES`; None where the results have none.
 
     Raises
     ------
     InputError
         If it is missing or cannot be read.
     """
-    return _read(folder, FILES[name], summary, _load_dataset)
+    return _read(folder, {**OTHER_FILES, **FILES}[name], summary, _load_dataset)
 
 
 def _load_dataset(path: Path) -> xarray.Dataset:

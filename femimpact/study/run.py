@@ -210,7 +210,7 @@ def run_study(
         require_name(part, PARTS, "parts")
     force = checked("force", force, truth())
     usable = callable(report) and not isinstance(report, type)
-    require(usable, "report", kind_of(report), "", "must be callable with what is done and its share")
+    require(usable, "report", kind_of(report), "", "must be callable with the name of a part and its share")
     prepared = prepare(study, parts)
     run = [part for part in parts if part != "sweep" or study.sweep is not None]
     with prepare_directory(directory, force) as staging:

@@ -8,14 +8,17 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import re
+import sys
 from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
 from femimpact.contact import PowerLaw
+from femimpact.errors import quantity
 from femimpact.integrators.methods import METHODS
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Segment
+from femimpact.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, ParameterPlan, SamplePlan
 from femimpact.study.recorded_motion import RecordedMotion
 from femimpact.study.study import BaseMotion
 from femimpact.study.study_file import LAWS, TABLES, chosen_later
@@ -25,13 +28,18 @@ __all__ = ["NOT_IN_SCHEMA", "study_schema"]
 NOT_IN_SCHEMA = (
     "what is not a number (nan), for which a schema has no word",
     "pairs of keys that belong together, as width and thickness, or restitution and contact_time",
-    "comparisons of two keys, as stop above start in [sweep]",
+    "comparisons of two keys, as stop above start in [sweep], or of the two numbers of an axis",
+    "axes: whether a path leads to a number of the study, and a measure is known; a power of two of a Sobol sequence",
     "how many numbers a list has: two for a gap and for the ratio, modes or frequencies of [damping]",
     "names: each once, none of those that mean a place, none with a dot; places and channels must exist",
     "files: a mesh file or a record must be there and be sound",
     "the structure as a whole: held, within the beam, with gaps and contact laws that fit",
 )
 """Rules of `load_study` that the schema does not hold."""
+
+MOST_FLOAT = sys.float_info.max
+
+DISTRIBUTION_WORDS = {name: f"{name} with {first} and {second}" for name, (first, second) in DISTRIBUTIONS.items()}
 
 CONTENT = {"content"}
 """Fields of a noun that no key of a study file gives."""
@@ -55,6 +63,7 @@ def study_schema() -> dict[str, Any]:
         "properties": {name: _table(name) for name in TABLES},
         "required": [name for name, table in TABLES.items() if table.required],
         "additionalProperties": False,
+        "$defs": {"axes": _axes()},
     }
 
 
@@ -169,5 +178,55 @@ def _method() -> dict[str, Any]:
     return {"description": "How time runs; without dt the recommended step is taken.", "oneOf": forms}
 
 
-_FORMS = {"beam": _beam, "damping": _damping, "base": _base, "method": _method}
+def _study() -> dict[str, Any]:
+    return _noun(ParameterPlan, axes={"$ref": "#/$defs/axes"}, sample=_noun(SamplePlan))
+
+
+def _axes() -> dict[str, Any]:
+    """Schema of [study.axes]; without quotes TOML takes the dots of a path for tables in one another."""
+    number = _number_of(quantity("1"))
+    value = {"anyOf": [
+        {"type": "number", "minimum": -MOST_FLOAT, "maximum": MOST_FLOAT},
+        {"type": "array", "items": number, "minItems": 2, "maxItems": 2},
+        {"type": "string"},
+    ]}  # fmt: skip
+    points = _number_of(quantity("1", at_least=2, at_most=MOST_POINTS, integer=True))
+    grid = {"from": number, "to": number, "points": points, "spacing": {"enum": ["even", "logarithmic"]}}
+    forms = [
+        {"title": "values", "type": "array", "items": value, "minItems": 1, "uniqueItems": True},
+        {"title": "points between two values", **_closed(grid, ["from", "to", "points"])},
+        {"title": "of a sample: uniform between two values", **_closed({"from": number, "to": number})},
+        *({"title": f"of a sample: {words}", **_closed({name: _two_numbers(name)})}
+          for name, words in DISTRIBUTION_WORDS.items()),
+    ]  # fmt: skip
+    return {
+        "type": "object",
+        "description": "Values or a distribution of every axis, by the study path of the number.",
+        "minProperties": 1,
+        "additionalProperties": {"anyOf": [*forms, {"title": "a part of a path", "$ref": "#/$defs/axes"}]},
+    }
+
+
+def _closed(properties: dict[str, Any], required: list[str] | None = None) -> dict[str, Any]:
+    """A table with these keys alone, all of which are required where no list says which."""
+    return {
+        "type": "object", "properties": properties, "additionalProperties": False,
+        "required": required or list(properties),
+    }  # fmt: skip
+
+
+def _number_of(metadata: Mapping[str, Any]) -> Any:
+    """Schema of a number with its unit and its range in words."""
+    return {**metadata["schema"], "x-unit": metadata["unit"], "x-range": metadata["allowed"].removeprefix("must be ")}
+
+
+def _two_numbers(distribution: str) -> dict[str, Any]:
+    """Schema of the numbers of a distribution."""
+    anything, positive = _number_of(quantity("1")), _number_of(quantity("1", above=0.0))
+    first = positive if distribution == "lognormal" else anything
+    second = anything if distribution == "uniform" else positive
+    return {"type": "array", "prefixItems": [first, second], "minItems": 2, "maxItems": 2}
+
+
+_FORMS = {"beam": _beam, "damping": _damping, "base": _base, "method": _method, "study": _study}
 """Tables that have several forms."""

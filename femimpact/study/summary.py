@@ -310,4 +310,14 @@ def _restitution_warnings(contacts: dict[str, Any]) -> list[str]:
 def library_versions() -> dict[str, str]:
     """Versions of Python, femimpact and the libraries that results hang on."""
     names = ("femimpact", "numpy", "scipy", "scikit-fem", "numba", "xarray", "pyvista", "meshio")
-    return {"python": platform.python_version(), **{name: importlib.metadata.version(name) for name in names}}
+    # an extra may be missing
+    known = {name: _version(name) for name in names}
+    return {"python": platform.python_version(), **{name: found for name, found in known.items() if found is not None}}
+
+
+def _version(name: str) -> str | None:
+    """Version of a library; None where it is not installed."""
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return None

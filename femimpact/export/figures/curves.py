@@ -41,6 +41,7 @@ def response_curve(
     coarse: ArrayLike | None = None,
     *,
     published: Sequence[tuple[str, float, float]] = (),
+    bands: Sequence[tuple[str, ArrayLike, ArrayLike, ArrayLike]] = (),
     join_all: bool = False,
     ax: Axes | OffScreen | None = None,
 ) -> Axes:
@@ -61,6 +62,9 @@ def response_curve(
         Frequencies marked on the curves, to show which points a coarse grid has.
     published : sequence of (label, Hz, m)
         Peaks to compare with, marked by stars; an amplitude that is not a number marks the frequency only.
+    bands : sequence of (label, Hz, m, m)
+        Frequencies with the lowest and the highest peak of several starts there. Each band has the colour of the curve
+        of its place in `curves`, after the first.
     join_all : bool
         Join all peaks by lines, also those that scatter; these keep their dots.
     ax : Axes, optional
@@ -81,8 +85,21 @@ def response_curve(
     for label, curve in named.items():
         require_type(curve, FrequencyResponse, f"curves.{label}")
     peaks = rows_of("published", published, label=text(), frequency=FREQUENCY, amplitude=quantity("m", finite=False))
+    ranges = rows_of("bands", bands, label=text(), frequency=column("Hz", "n"), low=column("m", "n"),
+                     high=column("m", "n"))  # fmt: skip
+    for i, (_, *arrays) in enumerate(ranges):
+        lengths = {len(array) for array in arrays}
+        require(
+            len(lengths) == 1, f"bands[{i}]", "arrays", "", "must have as many frequencies as lowest and highest peaks"
+        )
     axis = panel(ax, 8.0, 5.0)
     axis.set_yscale("log")
+    filled = [
+        axis.fill_between(
+            x, 1e3 * low, 1e3 * high, color=COLOURS[i % len(COLOURS)], alpha=0.25, linewidth=0.0, label=label
+        )
+        for i, (label, x, low, high) in enumerate(ranges, 1)
+    ]
     for colour, (label, curve) in zip(COLOURS, named.items(), strict=False):
         prefix = f"{label}: " if label else ""
         _peaks(axis, curve, colour, f"{prefix}peak", join_all)
@@ -108,14 +125,15 @@ def response_curve(
     place = first.at if isinstance(first.at, str) else f"{1e3 * first.at:.4g} mm from the root,"
     axis.set_ylabel(f"{place} displacement relative to the base (mm)")
     plain_log_ticks(axis.yaxis)
-    _legend(axis, named, coarse, join_all, marks)
+    _legend(axis, named, coarse, join_all, filled, marks)
     return axis
 
 
 def _legend(
-    axis: Axes, named: Mapping[str, FrequencyResponse], coarse: ArrayLike | None, join_all: bool, marks: Sequence[Any]
-) -> None:
-    """Colours of the curves in one row, what their lines and dots are in another, then the published peaks."""
+    axis: Axes, named: Mapping[str, FrequencyResponse], coarse: ArrayLike | None, join_all: bool, bands: Sequence[Any],
+    marks: Sequence[Any],
+) -> None:  # fmt: skip
+    """Colours of the curves in one row, what their lines and dots are in another, then bands and published peaks."""
     from matplotlib.lines import Line2D
 
     def entry(label: str, **style: Any) -> Line2D:
@@ -135,7 +153,7 @@ def _legend(
     if coarse is not None:
         label = f"even grid, {np.size(coarse)} points"
         kinds.append(entry(label, marker="o", linestyle="none", **RINGS))
-    legend_above(axis, colours, [*kinds, *marks])
+    legend_above(axis, colours, [*kinds, *marks], bands)
 
 
 def _has_rms(named: Mapping[str, FrequencyResponse], curve: FrequencyResponse) -> bool:

@@ -31,6 +31,9 @@ CURVES = (*COLOURS, "#222222")
 LARGEST, SMALLEST = 10.0, 5.0
 """Points, of marks."""
 
+SLOPE_DASHES = ((6.0, 3.0), (2.0, 2.0), (8.0, 2.0, 2.0, 2.0))
+"""Of reference slopes, which have one colour."""
+
 LOWEST = 1e-16
 """Smallest error that is drawn."""
 
@@ -86,8 +89,8 @@ def convergence(
         axis.loglog(x, noise, linestyle="none", markerfacecolor="white", **style)
         if has_order and np.isfinite(table.expected_order[i]) and np.count_nonzero(np.isfinite(error)) > 1:
             slopes.setdefault(float(table.expected_order[i]), i)
-    for order, i in sorted(slopes.items()):
-        _slope(axis, x, table.error[:, i], order, -1.0 if table.axis == "modes" else 1.0)
+    for number, (order, i) in enumerate(sorted(slopes.items())):
+        _slope(axis, x, table.error[:, i], order, -1.0 if table.axis == "modes" else 1.0, number)
     floor = np.nanmax(table.floor[chosen], initial=0.0)
     if floor > 0.0:
         axis.axhspan(LOWEST, floor, color="#eeeeee", zorder=0)
@@ -139,21 +142,14 @@ def convergence_panels(table: ConvergenceTable, figure: FigureBase | OffScreen |
     return np.asarray(axes[: len(kinds)])
 
 
-def _slope(axis: Any, x: Any, error: Any, order: float, sense: float) -> None:
-    """A line of a slope through the largest error, as far as the errors go."""
-    from matplotlib.patheffects import withStroke
-
+def _slope(axis: Any, x: Any, error: Any, order: float, sense: float, number: int) -> None:
+    """A line of a slope below the largest error, as far as the errors go; `number` decides its dashes."""
     known = np.flatnonzero(np.isfinite(error) & (error > 0.0))
     first = known[np.argmax(error[known])]
     line = 0.5 * error[first] * (x / x[first]) ** (sense * order)
     kept = line >= max(0.1 * error[known].min(), LOWEST)
     if np.count_nonzero(kept) < 2:
         return
-    axis.loglog(x[kept], line[kept], "--", color=GREY, linewidth=1.0)
-    middle = np.flatnonzero(kept)[np.count_nonzero(kept) // 2]
-    # on the side away from the curve, which begins above the slope; below other curves where it meets them
-    outline, left = [withStroke(linewidth=2.5, foreground="white")], sense < 0.0
-    axis.annotate(
-        f"order {order:g}", (x[middle], line[middle]), xytext=(-3 if left else 3, -2), textcoords="offset points",
-        ha="right" if left else "left", va="top", color=GREY, fontsize=9.0, path_effects=outline, zorder=1.5,
-    )  # fmt: skip
+    # its name is in the legend, where it lies on no curve
+    dashes = (0, SLOPE_DASHES[int(number) % len(SLOPE_DASHES)])
+    axis.loglog(x[kept], line[kept], linestyle=dashes, color=GREY, linewidth=1.2, label=f"reference: order {order:g}")

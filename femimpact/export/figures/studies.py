@@ -17,6 +17,7 @@ from femimpact.export.figures.drawing import (
     panels,
     prefixed,
 )
+from femimpact.export.study_columns import single_samples, unsure_cells
 from femimpact.sweep import ONE_START
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ def study_lines(
     starts = int(dataset.attrs.get("starts", 1))
     entries.insert(0, axis.plot(x, factor * values, "o-", color=BLUE, markersize=4.0,
                                 label="value" if starts == 1 else f"median of {starts} starts")[0])  # fmt: skip
-    one = _samples(dataset)
+    one = single_samples(dataset)
     if one.any():
         entries.append(axis.plot(x[one], factor * values[one], "*", color=DARK, markersize=9.0, label=ONE_START)[0])
     if words is not None:
@@ -186,8 +187,8 @@ def study_maps(
     bar = axes[0, 0].figure.colorbar(image, ax=axes)
     bar.set_label(_label(dataset[measure].attrs.get("long_name", measure), unit, int(dataset.attrs.get("starts", 1))))
     told = [f"at {', '.join(_told(dataset, name, index) for name, index in middle.items())}"] if middle else []
-    told += [f"hatched: {UNSURE}"] if _unsure(dataset, measure).any() else []
-    told += [f"*: {ONE_START}"] if _samples(dataset).any() else []
+    told += [f"hatched: {UNSURE}"] if unsure_cells(dataset, measure).any() else []
+    told += [f"*: {ONE_START}"] if single_samples(dataset).any() else []
     if told:
         axes[0, 0].figure.suptitle("\n".join(told), fontsize=10.0)
     return axes
@@ -328,7 +329,7 @@ def _cells(
         chosen = list(range(0, x.size, -(-x.size // MOST_TICKS)))
         set_ticks(chosen, [words[i] if words is not None else f"{x[i]:.3g}" for i in chosen])
         set_label(label)
-    samples, unsure = _samples(dataset).T, _unsure(dataset, measure).T
+    samples, unsure = single_samples(dataset).T, unsure_cells(dataset, measure).T
     for i, j in np.argwhere(unsure).tolist():
         dark = shown[i, j] >= 0.5 * (low + high)
         axis.add_patch(Rectangle((j - 0.5, i - 0.5), 1.0, 1.0, fill=False, hatch="///", linewidth=0.0,
@@ -355,32 +356,8 @@ def _map_legend(axis: Axes, dataset: xarray.Dataset, measure: str) -> None:
     from matplotlib.patches import Patch
 
     entries: list[Any] = []
-    if _samples(dataset).any():
+    if single_samples(dataset).any():
         entries.append(Line2D([], [], color=DARK, marker="$*$", markersize=7.0, linestyle="none", label=ONE_START))
-    if _unsure(dataset, measure).any():
+    if unsure_cells(dataset, measure).any():
         entries.append(Patch(facecolor="white", edgecolor=DARK, hatch="///", label=UNSURE))
     legend_above(axis, entries)
-
-
-def _samples(dataset: xarray.Dataset) -> NDArray[np.bool_]:
-    """Where a value is a sample of a motion that does not repeat, and no interval says how far others lie."""
-    if "median_interval" in dataset.attrs:
-        return np.zeros(dataset["finished"].shape, dtype=bool)
-    repeated = dataset["periodic_starts"].to_numpy() + dataset["failed_starts"].to_numpy()
-    return np.asarray((repeated < int(dataset.attrs.get("starts", 1))) & (dataset["finished"].to_numpy() > 0))
-
-
-def _unsure(dataset: xarray.Dataset, measure: str) -> NDArray[np.bool_]:
-    """Where the interval of the median is wider than the largest difference to the median of a neighbour."""
-    median = dataset[measure].to_numpy()
-    if f"{measure}_median_low" not in dataset:
-        return np.zeros(median.shape, dtype=bool)
-    width = dataset[f"{measure}_median_high"].to_numpy() - dataset[f"{measure}_median_low"].to_numpy()
-    largest = np.zeros(median.shape)
-    for dim in range(median.ndim):
-        step = np.nan_to_num(np.abs(np.diff(median, axis=dim)))
-        before, after = ([slice(None)] * median.ndim for _ in range(2))
-        before[dim], after[dim] = slice(0, -1), slice(1, None)
-        for side in (tuple(before), tuple(after)):
-            largest[side] = np.maximum(largest[side], step)
-    return np.asarray(width > largest)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.export.report.blocks import Section
+from femimpact.export.study_columns import measure_names, single_samples, unsure_cells
 from femimpact.svg.axis import Axis, axis_of, number_text
-from femimpact.svg.chart import GRID, Chart, Line, chart_element
+from femimpact.svg.chart import GRID, Band, Chart, Line, chart_element
 from femimpact.svg.elements import Element, element
 
 if TYPE_CHECKING:
@@ -26,12 +27,28 @@ LEVELS = 16
 
 MOST_MAPS = 12
 
+MOST_DOTS = 60
+"""Points of a line up to which each has a dot."""
+
+HATCHING = (("#ffffff", "3px"), ("#000000", "1.2px"))
+"""Colours and widths of the line through a cell, of which one is seen on any colour."""
+
+UNSURE = (
+    "A line through a cell: the 90 % interval of its median is wider than the step to any neighbour, so that starts "
+    "cannot tell them apart."
+)
+
+MOTIONS = "Motions that do not repeat are among the cells: another start has another value there."
+
 COLOURS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725")
 """Viridis, which is read alike in grey and by colour-blind readers, at equal distances."""
 
 
 def maps_section(data: xarray.Dataset, key: str = "maps", heading: str = "Maps of the study") -> Section | None:
-    """Every numeric quantity of a dataset over its first two axes; further axes are read at their first value.
+    """Every measure of a dataset: over two axes as a map, over one as a line, of a list of cases as dots.
+
+    Further axes are read at their first value. Of several starts a line has the band from the smallest start to the
+    largest; a cell of a map is hatched where the starts cannot tell it from its neighbours.
 
     Parameters
     ----------
@@ -44,16 +61,22 @@ def maps_section(data: xarray.Dataset, key: str = "maps", heading: str = "Maps o
     Section or None
         None where there is nothing to draw.
     """
-    drawn = []
-    for name, values in data.data_vars.items():
-        if values.dtype.kind not in "fiu" or not values.dims:
-            continue
-        fixed = {str(dim): 0 for dim in values.dims[2:]}
-        one = values.isel(fixed) if fixed else values
-        made = _line(data, str(name), one) if one.ndim == 1 else _map(data, str(name), one)
-        if made is not None:
-            drawn.append(made)
-    return Section(key, heading, (element("div.charts", *drawn[:MOST_MAPS]),)) if drawn else None
+    drawn: list[Element] = []
+    for name in measure_names(data):
+        # an axis of one value is none
+        longer = [dim for dim, size in data[name].sizes.items() if size > 1]
+        fixed = {dim: 0 for dim in data[name].dims if dim not in longer[:2]}
+        one = data.isel(fixed) if fixed else data
+        values = one[name]
+        if values.dims == ("case",):
+            drawn += _dots(one, name)
+        elif values.ndim:
+            drawn.append(_line(one, name) if values.ndim == 1 else _map(one, name))
+    if not drawn:
+        return None
+    left = len(drawn) - MOST_MAPS
+    words = [element("p.below", f"{left} further charts are left out: the file of the study has all values.")]
+    return Section(key, heading, (element("div.charts", *drawn[:MOST_MAPS]), *(words if left > 0 else [])))
 
 
 def _label(data: Any, name: str) -> str:
@@ -67,28 +90,63 @@ def _places(data: Any, dim: str, count: int) -> NDArray[np.float64]:
     return np.asarray(values, dtype=float) if values.dtype.kind in "fiu" else np.arange(count, dtype=float)
 
 
-def _line(data: Any, name: str, values: Any) -> Element | None:
+def _line(data: Any, name: str) -> Element:
+    """A measure over one axis, with the band of its starts."""
+    values = data[name]
     dim = str(values.dims[0])
     x, y = _places(data, dim, values.size), np.asarray(values.to_numpy(), dtype=float)
-    if not np.any(np.isfinite(y)):
-        return None
     order = np.argsort(x, kind="stable")
+    bands: tuple[Band, ...] = ()
+    reach = [y]
+    if f"{name}_low" in data and f"{name}_high" in data:
+        low, high = (np.asarray(data[f"{name}{end}"].to_numpy(), dtype=float) for end in ("_low", "_high"))
+        bands = (Band("smallest to largest of the starts", x[order], low[order], high[order], colour=1),)
+        reach += [low, high]
+    # without a name a single line has no legend
+    line = Line("median of the starts" if bands else name, x[order], y[order], marked=_marked(data, order))
     chart = Chart(
-        _label(data, name),
-        axis_of(_label(data, dim), x, tight=True),
-        axis_of(_label(data, name), y),
-        (Line(name, x[order], y[order]),),
-    )
+        _label(data, name), axis_of(_label(data, dim), x, tight=True),
+        axis_of(_label(data, name), np.concatenate(reach)), (line,), bands, note=_names_of_places(data, dim),
+    )  # fmt: skip
     return chart_element(chart)
 
 
-def _map(data: Any, name: str, values: Any) -> Element | None:
+def _marked(data: Any, order: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Every point of a few has a dot."""
+    return np.full(order.shape, order.size <= MOST_DOTS)
+
+
+def _dots(data: Any, name: str) -> list[Element]:
+    """A measure of a list or a sample of cases over each of their values that is a number."""
+    y = np.asarray(data[name].to_numpy(), dtype=float)
+    drawn: list[Element] = []
+    for axis, places in data.coords.items():
+        if str(axis) == "case" or places.dims != ("case",) or places.dtype.kind not in "fiu":
+            continue
+        x = np.asarray(places.to_numpy(), dtype=float)
+        lines = (Line(name, x, y, style="dots"),)
+        drawn.append(
+            chart_element(
+                Chart(_label(data, name), axis_of(_label(data, str(axis)), x), axis_of(_label(data, name), y), lines)
+            )
+        )
+    return drawn
+
+
+def _names_of_places(data: Any, dim: str) -> str:
+    """What the places of an axis of names are, which are counted from 0."""
+    if dim not in data.variables or data[dim].dtype.kind in "fiu":
+        return ""
+    return "; ".join(f"{i}: {name}" for i, name in enumerate(map(str, data[dim].to_numpy()[:20])))
+
+
+def _map(data: Any, name: str) -> Element:
     """A map of colours in 16 levels, with its scale below."""
+    values = data[name]
     down, across = (str(dim) for dim in values.dims)
     z = np.asarray(values.to_numpy(), dtype=float)
     finite = z[np.isfinite(z)]
-    if not finite.size or min(z.shape) < 2:
-        return None
+    unsure = unsure_cells(data, name)
     low, high = float(finite.min()), float(finite.max())
     stride = math.ceil(math.sqrt(z.size / MOST_CELLS))
     x, y = _places(data, across, z.shape[1])[::stride], _places(data, down, z.shape[0])[::stride]
@@ -108,9 +166,20 @@ def _map(data: Any, name: str, values: Any) -> Element | None:
         path = "".join(f"M{left[j]} {top[i + 1]}H{left[j + 1]}V{top[i]}H{left[j]}Z" for i, j in cells)
         if path:
             plot.append(element("path", d=path, style=f"fill:{_colour(k / (LEVELS - 1))};stroke:none"))
+    # a line through each cell that the starts cannot tell from its neighbours
+    doubtful = np.argwhere(unsure[::stride, ::stride][np.ix_(rows, columns)] & (level >= 0)).tolist()
+    if doubtful:
+        path = "".join(f"M{left[j]} {top[i]}L{left[j + 1]} {top[i + 1]}" for i, j in doubtful)
+        for colour, width in HATCHING:
+            plot.append(element("path.hatching", d=path, style=f"stroke:{colour};stroke-width:{width}"))
     thinned = f"; one of {stride} cells is drawn each way" if stride > 1 else ""
     scale = element("span.key", style=f"background:linear-gradient(to right,{','.join(COLOURS)})")
     frame.append(element("p.fi-note", scale, f" {number_text(low)} to {number_text(high)}{thinned}"))
+    told = [UNSURE] if doubtful else []
+    told += [MOTIONS] if "finished" in data and single_samples(data).any() else []
+    told += [words for words in (_names_of_places(data, across), _names_of_places(data, down)) if words]
+    for words in told:
+        frame.append(element("p.fi-note", words))
     return frame
 
 

@@ -1,0 +1,188 @@
+"""The report that a parameter study leaves: its numbers, its maps, and what is missing of a damaged or ended study."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from builders import with_ball
+from test_report import LOADING, section, text_of
+from test_svg import Parsed
+
+import femimpact as fi
+from femimpact.export.study_columns import measure_names, unsure_cells
+from femimpact.parametric.study_command import write_parameter_study
+from femimpact.study.demo import paper_study, paper_study_text
+from femimpact.study.result_directory import ResultsWarning
+from femimpact.study.result_report import write_report
+from femimpact.study.study_file import read_study
+
+pytestmark = pytest.mark.impacts
+
+TABLE = (
+    '[study]\nmeasures = ["peak", "impacts_per_cycle"]\nstarts = 5\ncycles = 9\n[study.axes]\n'
+    '"impactor.ball.gap" = [0.002, 0.004, 0.006]\n"impactor.ball.contact.restitution" = [0.5, 0.7]\n'
+)
+
+
+def study(table=TABLE, **output):
+    """The paper's case on three modes, event-driven, with a parameter study and without figures."""
+    text = paper_study_text().replace('name = "newmark"', 'name = "event-driven"') + table
+    given = read_study(text, Path("study.toml"))
+    smaller = replace(given, mesh=replace(given.mesh, elements=6), reduction=replace(given.reduction, modes=3))
+    return replace(smaller, output=replace(given.output, figures=False, **output), text="")
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    out = tmp_path_factory.mktemp("studied") / "out"
+    write_parameter_study(study(), out)
+    return out
+
+
+@pytest.fixture
+def results(sound, tmp_path):
+    return shutil.copytree(sound, tmp_path / "out")
+
+
+def missing_of(directory):
+    """What a report says is missing."""
+    text = text_of(directory)
+    start = text.index("What is missing")
+    return Parsed(text[start : text.index("</ul>", start)]).text
+
+
+def lines_through_cells(markup):
+    """Cells of a map with a line through them, each of which is drawn twice."""
+    paths = re.findall(r'<path class="hatching" d="([^"]*)"', markup)
+    return sum(path.count("M") for path in paths) // 2
+
+
+def test_a_study_leaves_one_page_with_its_smallest_and_largest_values(sound):
+    text = text_of(sound)
+    page = Parsed(text)
+    assert not LOADING & {(tag, name) for tag, name, _ in page.attributes}
+    with xarray.open_dataset(sound / "study.nc") as data:
+        peak = 1e3 * data["peak"].to_numpy()
+        low, high = (1e3 * data[f"peak_{end}"].to_numpy().flat[peak.argmin()] for end in ("low", "high"))
+    found = Parsed(section(text, "conclusions")).text
+    for value in (peak.min(), peak.max(), low, high):
+        assert f"{value:.4g}" in found
+    # the page has the structure, a map of either measure, and every case
+    assert "230.3 mm" in Parsed(section(text, "structure")).text
+    assert section(text, "study").count("<figure") == 2
+    assert section(text, "cases").count("<tr>") == 1 + 6
+    assert "0 of the 5 starts" in Parsed(section(text, "versions")).text
+    assert "What is missing" not in text
+
+
+def test_the_report_of_a_study_can_be_made_again_with_the_same_bytes(results):
+    before = {path.name: path.read_bytes() for path in results.iterdir() if path.is_file()}
+    write_report(results)
+    assert {path.name: path.read_bytes() for path in results.iterdir() if path.is_file()} == before
+
+
+def test_without_report_a_study_leaves_none(tmp_path):
+    write_parameter_study(study(TABLE.replace("starts = 5", "starts = 1"), report=False), tmp_path)
+    assert (tmp_path / "study.nc").exists()
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_a_report_that_fails_is_a_warning_and_the_study_stands(tmp_path, monkeypatch):
+    def fails(folder, directory):
+        raise RuntimeError("no page")
+
+    monkeypatch.setattr("femimpact.study.result_report.page_of", fails)
+    with pytest.warns(ResultsWarning, match=r"report not written: no page; 'femimpact report"):
+        data = write_parameter_study(study(TABLE.replace("starts = 5", "starts = 1")), tmp_path)
+    with xarray.open_dataset(tmp_path / "study.nc") as again:
+        np.testing.assert_array_equal(again["peak"], data["peak"])
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda path: path.write_bytes(path.read_bytes()[:5000]),
+        lambda path: path.write_bytes(b"\x89HDF\r\n\x1a\nnothing"),
+        lambda path: path.write_bytes(b""),
+        lambda path: xarray.Dataset({"a": ("x", [1.0, 2.0])}).to_netcdf(path, engine="h5netcdf"),
+    ],
+    ids=["cut", "nonsense", "empty", "of another kind"],
+)
+def test_a_damaged_dataset_is_named_and_the_table_of_cases_stands(results, damage):
+    damage(results / "study.nc")
+    write_report(results)
+    assert "study.nc" in missing_of(results)
+    assert section(text_of(results), "cases").count("<tr>") == 1 + 6
+
+
+def test_a_dataset_with_cases_that_are_not_finished_says_how_many(results):
+    data = xarray.load_dataset(results / "study.nc", engine="h5netcdf")
+    data["finished"][0, :] = 0
+    for name in measure_names(data):
+        data[name][0, :] = np.nan
+    data.to_netcdf(results / "study.nc", engine="h5netcdf")
+    write_report(results)
+    assert "2 of 6 cases: the study was not finished" in missing_of(results)
+
+
+def test_a_study_that_was_ended_has_a_report_that_says_so(results):
+    for path in results.iterdir():
+        if path.is_file():
+            path.unlink()
+    write_report(results)
+    assert "study.nc: the parameter study was not finished" in missing_of(results)
+    assert "blocks/" in section(text_of(results), "files")
+    # the report does not keep the same study from going on
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        write_parameter_study(study(), results)
+    assert "What is missing" not in text_of(results)
+
+
+def test_a_case_that_fails_is_a_warning_of_the_report(results):
+    data = xarray.load_dataset(results / "study.nc", engine="h5netcdf")
+    data["failed_starts"][0, 0] = 5
+    data["failure"] = data["failure"].astype(object)
+    data["failure"][0, 0] = "<b>too soft</b>"
+    data.to_netcdf(results / "study.nc", engine="h5netcdf")
+    write_report(results)
+    text = text_of(results)
+    assert "1 of 6 cases have starts that failed, the first: <b>too soft</b>" in Parsed(text).text
+    assert "<b>too soft" not in text
+
+
+def test_a_line_goes_through_the_cells_that_the_starts_cannot_tell_apart(sound, tmp_path):
+    data = xarray.load_dataset(sound / "study.nc", engine="h5netcdf")
+    # made by hand: the first row apart from the rest, with narrow intervals; the others alike, with wide ones
+    data["peak"][:] = [[9.0, 8.0], [1.0, 1.01], [1.0, 1.01]]
+    data["peak_median_low"][:], data["peak_median_high"][:] = data["peak"] - 0.1, data["peak"] + 0.1
+    unsure = unsure_cells(data, "peak")
+    np.testing.assert_array_equal(unsure, [[False, False], [False, False], [True, True]])
+    fi.report(tmp_path / "page.html", {"Study": data[["peak", "peak_median_low", "peak_median_high"]]})
+    markup = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert lines_through_cells(markup) == 2
+    assert "90 % interval" in markup
+
+
+def test_starts_are_a_band_around_their_median_and_a_sample_is_dots_over_each_axis(tmp_path):
+    system = fi.reduce(
+        fi.assemble(with_ball(paper_study().structure, contact=fi.Rigid(0.6)), elements=6), modes=3
+    )  # fmt: skip
+    given = {"excitation": fi.Sine(0.2e-3, 5.0), "cycles": 9}
+    axes = {"base.frequency": [4.8, 5.0, 5.2]}
+    lines = fi.parameter_study(system, axes, ["peak"], starts=5, **given)
+    cases = [{"base.frequency": 4.8, "impactor.ball.gap": 2e-3}, {"base.frequency": 5.2, "impactor.ball.gap": 4e-3}]
+    dots = fi.parameter_study(system, cases, ["peak"], **given)
+    fi.report(tmp_path / "page.html", {"Lines": lines, "Dots": dots})
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    # one chart of the measure, not one of each statistic and count
+    assert section(text, "part-1").count("<figure") == 1
+    assert section(text, "part-1").count('<path class="fi-band fi-c') == 1
+    assert section(text, "part-2").count("<figure") == 2
