@@ -76,12 +76,13 @@ static inline double turned(const modal *m, double *cosine, double *sine) {
 }
 
 /* one step of modes and ball; the velocity is read where the ball touches, or where it is asked for */
-static inline __attribute__((always_inline)) place modal_next(const modal *m, const wall *pair, double acting, int asked,
-                                                              state *s) {
+static inline __attribute__((always_inline)) place modal_next(const modal *m, const wall *pair, double acting,
+                                                              int asked, state *s) {
     double dt = m->dt, q = 0.25 * dt * dt, force = 0.0;
     lane p = s->p, w = s->w, part = m->tp * p + m->tw * w;
     place now = {0.0, 0.0, 0.0};
-    now.tip = ((part[0] + part[4]) + (part[1] + part[5])) + ((part[2] + part[6]) + (part[3] + part[7])) + m->tg * acting;
+    now.tip = ((part[0] + part[4]) + (part[1] + part[5])) + ((part[2] + part[6]) + (part[3] + part[7]));
+    now.tip += m->tg * acting;
     s->p = m->pp * p + (m->pw * w + m->pg * acting);
     s->w = m->ww * w + (m->wp * p + m->wg * acting);
     s->past = w;
