@@ -86,7 +86,7 @@ def _finite(value):
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="two repeats, small meshes, no cold starts")
+    parser.add_argument("--quick", action="store_true", help="two repeats, small meshes, no starts")
     parser.add_argument("--output", default="benchmark-results", help="directory of the results")
     parser.add_argument("--peers", default=",".join(PEERS), help=f"of {', '.join(PEERS)}")
     options = parser.parse_args()

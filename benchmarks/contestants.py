@@ -15,7 +15,10 @@ import femimpact as fi
 
 __all__ = ["OWN", "PEERS", "SEPARATE", "Own", "versions"]
 
-PEERS = ("hand_c_eight", "hand_c", "hand_c_dofs", "scipy_loop", "scipy_lsoda", "exudyn_ode", "opensees", "mujoco_chain")
+PEERS = (
+    "hand_c_adaptive", "hand_c_eight", "hand_c", "hand_c_dofs", "scipy_loop", "scipy_lsoda", "exudyn_ode", "opensees",
+    "mujoco_chain",
+)  # fmt: skip
 """Modules of `peers`, fastest first."""
 
 SEPARATE = ("exudyn_ode", "opensees", "mujoco_chain")

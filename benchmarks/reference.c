@@ -34,58 +34,143 @@ static double force_of(const wall *pair, double dt, double x, double rate) {
     return side * push / (1.0 + pair->mobility * (0.25 * dt * dt * pair->stiffness + 0.5 * dt * pair->damping));
 }
 
+/* tables of a step, one mode a lane: of what p, w, the tip and its velocity are at the end; h: of 1 N at the tip */
+typedef struct {
+    lane pp, pw, pg, wp, ww, wg, tp, tw, rp, rw, hp, hw;
+    double dt, tg, rg, th, turn_c, turn_s;
+} modal;
+
+/* between two steps; `past` is the w before the last step, so that (w - past)/dt is the acceleration */
+typedef struct {
+    lane p, w, past;
+    double yp, yw, y_past;
+} state;
+
+/* at a step's end: the tip, and where a ball is and how fast, relative to it */
+typedef struct {
+    double tip, x, rate;
+} place;
+
+static modal modal_tables(int modes, double dt, double omega, const double *k, const double *c, const double *load,
+                          const double *row) {
+    double q = 0.25 * dt * dt;
+    modal m;
+    memset(&m, 0, sizeof m);
+    for (int i = 0; i < modes; i++) {
+        double s = 1.0 / (1.0 + 0.5 * dt * c[i] + q * k[i]);
+        m.pp[i] = 1.0 - dt * dt * s * k[i], m.pw[i] = dt - dt * dt * s * c[i], m.pg[i] = -dt * dt * s * load[i];
+        m.wp[i] = -dt * s * k[i], m.ww[i] = 1.0 - dt * s * c[i], m.wg[i] = -dt * s * load[i];
+        m.tp[i] = row[i] * (1.0 - q * s * k[i]), m.tw[i] = -row[i] * q * s * c[i], m.tg -= row[i] * q * s * load[i];
+        m.rp[i] = -row[i] * 0.5 * dt * s * k[i], m.rw[i] = row[i] * (1.0 - 0.5 * dt * s * c[i]);
+        m.rg -= row[i] * 0.5 * dt * s * load[i];
+        m.hp[i] = dt * dt * s * row[i], m.hw[i] = dt * s * row[i], m.th += q * s * row[i] * row[i];
+    }
+    m.dt = dt, m.turn_c = cos(omega * dt), m.turn_s = sin(omega * dt);
+    return m;
+}
+
+static inline double turned(const modal *m, double *cosine, double *sine) {
+    double next = *sine * m->turn_c + *cosine * m->turn_s;
+    *cosine = *cosine * m->turn_c - *sine * m->turn_s;
+    return *sine = next;
+}
+
+/* one step of modes and ball; the velocity is read where the ball touches, or where it is asked for */
+static inline __attribute__((always_inline)) place modal_next(const modal *m, const wall *pair, double acting,
+                                                              int asked, state *s) {
+    double dt = m->dt, q = 0.25 * dt * dt, force = 0.0;
+    lane p = s->p, w = s->w, part = m->tp * p + m->tw * w;
+    place now = {0.0, 0.0, 0.0};
+    now.tip = ((part[0] + part[4]) + (part[1] + part[5])) + ((part[2] + part[6]) + (part[3] + part[7]));
+    now.tip += m->tg * acting;
+    s->p = m->pp * p + (m->pw * w + m->pg * acting);
+    s->w = m->ww * w + (m->wp * p + m->wg * acting);
+    s->past = w;
+    if (pair->ball == 0.0) return now;
+    now.x = s->yp - q * acting - now.tip;
+    if (asked || now.x > pair->plus || now.x < -pair->minus) {
+        lane slow = m->rp * p + m->rw * w;
+        double rate = m->rg * acting;
+        for (int i = 0; i < WIDTH; i++) rate += slow[i];
+        now.rate = s->yw - 0.5 * dt * acting - rate;
+        force = force_of(pair, dt, now.x, now.rate);
+        s->p += m->hp * force;
+        s->w += m->hw * force;
+        now.tip += m->th * force;
+        now.x -= q * pair->mobility * force;
+        now.rate -= 0.5 * dt * pair->mobility * force;
+    }
+    double a = -acting - force / pair->mass;
+    s->y_past = s->yw;
+    s->yp += dt * s->yw + dt * dt * a;
+    s->yw += dt * a;
+    return now;
+}
+
 /* Modal coordinates, one case: the modes (at most 8) fill one SIMD register. */
 void modal_one(int modes, long steps, long start, double dt, double amplitude, double omega, const double *k,
                const double *c, const double *load, const double *row, const wall *pair, long every,
                double *trace, double *peak_rms) {
-    double q = 0.25 * dt * dt;
-    lane p = fill(0.0), w = fill(0.0), pp = p, pw = p, pg = p, wp = p, ww = p, wg = p, tp = p, tw = p, rp = p, rw = p;
-    lane hp = p, hw = p;
-    double tg = 0.0, rg = 0.0, th = 0.0;
-    for (int i = 0; i < modes; i++) {
-        double s = 1.0 / (1.0 + 0.5 * dt * c[i] + q * k[i]);
-        pp[i] = 1.0 - dt * dt * s * k[i], pw[i] = dt - dt * dt * s * c[i], pg[i] = -dt * dt * s * load[i];
-        wp[i] = -dt * s * k[i], ww[i] = 1.0 - dt * s * c[i], wg[i] = -dt * s * load[i];
-        tp[i] = row[i] * (1.0 - q * s * k[i]), tw[i] = -row[i] * q * s * c[i], tg -= row[i] * q * s * load[i];
-        rp[i] = -row[i] * 0.5 * dt * s * k[i], rw[i] = row[i] * (1.0 - 0.5 * dt * s * c[i]);
-        rg -= row[i] * 0.5 * dt * s * load[i];
-        hp[i] = dt * dt * s * row[i], hw[i] = dt * s * row[i], th += q * s * row[i] * row[i];
-    }
-    double yp = 0.0, yw = 0.0, peak = 0.0, sum = 0.0, cosine = 1.0, sine = 0.0;
-    double turn_c = cos(omega * dt), turn_s = sin(omega * dt), top = -amplitude * omega * omega;
+    modal m = modal_tables(modes, dt, omega, k, c, load, row);
+    state s;
+    memset(&s, 0, sizeof s);
+    double peak = 0.0, sum = 0.0, cosine = 1.0, sine = 0.0, top = -amplitude * omega * omega;
     for (long n = 1; n <= steps; n++) {
-        double next = sine * turn_c + cosine * turn_s;
-        cosine = cosine * turn_c - sine * turn_s;
-        sine = next;
-        double acting = top * sine;
-        lane part = tp * p + tw * w;
-        double tip = ((part[0] + part[4]) + (part[1] + part[5])) + ((part[2] + part[6]) + (part[3] + part[7])) + tg * acting;
-        lane p_new = pp * p + (pw * w + pg * acting);
-        lane w_new = ww * w + (wp * p + wg * acting);
-        if (pair->ball != 0.0) {
-            double x = yp - q * acting - tip;
-            double force = 0.0;
-            if (x > pair->plus || x < -pair->minus) {
-                lane slow = rp * p + rw * w;
-                double rate = rg * acting;
-                for (int i = 0; i < WIDTH; i++) rate += slow[i];
-                force = force_of(pair, dt, x, yw - 0.5 * dt * acting - rate);
-                p_new += hp * force;
-                w_new += hw * force;
-                tip += th * force;
-            }
-            double a = -acting - force / pair->mass;
-            yp += dt * yw + dt * dt * a;
-            yw += dt * a;
-        }
-        p = p_new;
-        w = w_new;
+        double tip = modal_next(&m, pair, top * turned(&m, &cosine, &sine), 0, &s).tip;
         if (n > start) {
             double size = fabs(tip);
             peak = size > peak ? size : peak;
             sum += tip * tip;
         }
         if (every && n % every == 0) trace[n / every - 1] = tip;
+    }
+    peak_rms[0] = peak;
+    peak_rms[1] = sqrt(sum / (double)(steps - start));
+}
+
+/* the same state for steps of another size: u, v and a stay */
+static state resized(state s, double from, double to) {
+    lane a = (s.w - s.past) / from, v = s.w - 0.5 * from * a, u = s.p - from * v - 0.25 * from * from * a;
+    double b = (s.yw - s.y_past) / from, z = s.yw - 0.5 * from * b, y = s.yp - from * z - 0.25 * from * from * b;
+    s.p = u + to * v + 0.25 * to * to * a, s.w = v + 0.5 * to * a, s.past = s.w - to * a;
+    s.yp = y + to * z + 0.25 * to * to * b, s.yw = z + 0.5 * to * b, s.y_past = s.yw - to * b;
+    return s;
+}
+
+/* Modal coordinates, one case, adaptive step: one in which the ball may touch is taken again in `parts` fine ones.
+ *
+ * The cubic through both ends of a step with their velocities stays below max(x0, x1) + 4/27 dt (|v0| + |v1|).
+ * The pair's mobility is that of the fine step; peak and sum of squares are of the coarse ones.
+ */
+void modal_adaptive(int modes, long steps, long start, double dt, double amplitude, double omega, const double *k,
+                    const double *c, const double *load, const double *row, const wall *pair, long every,
+                    double *trace, double *peak_rms, long parts) {
+    double small = dt / (double)parts, reach = dt * 4.0 / 27.0;
+    modal coarse = modal_tables(modes, dt, omega, k, c, load, row);
+    modal fine = modal_tables(modes, small, omega, k, c, load, row);
+    state s;
+    memset(&s, 0, sizeof s);
+    place last = {0.0, 0.0, 0.0};
+    double peak = 0.0, sum = 0.0, cosine = 1.0, sine = 0.0, top = -amplitude * omega * omega;
+    for (long n = 1; n <= steps; n++) {
+        state begun = s;
+        double cosine_fine = cosine, sine_fine = sine;
+        place now = modal_next(&coarse, pair, top * turned(&coarse, &cosine, &sine), 1, &s);
+        double beyond = reach * (fabs(last.rate) + fabs(now.rate));
+        double high = now.x > last.x ? now.x : last.x, low = now.x < last.x ? now.x : last.x;
+        if (pair->ball != 0.0 && (high + beyond > pair->plus || low - beyond < -pair->minus)) {
+            s = resized(begun, dt, small);
+            for (long i = 1; i <= parts; i++)
+                now = modal_next(&fine, pair, top * turned(&fine, &cosine_fine, &sine_fine), i == parts, &s);
+            s = resized(s, small, dt);
+        }
+        last = now;
+        if (n > start) {
+            double size = fabs(now.tip);
+            peak = size > peak ? size : peak;
+            sum += now.tip * now.tip;
+        }
+        if (every && n % every == 0) trace[n / every - 1] = now.tip;
     }
     peak_rms[0] = peak;
     peak_rms[1] = sqrt(sum / (double)(steps - start));

@@ -85,13 +85,17 @@ def _address(array):
 
 
 class Run:
-    """One prepared call: the tables are made once, `go` is what is timed."""
+    """One prepared call: the tables are made once, `go` is what is timed.
 
-    def __init__(self, kind, system, amplitude, frequencies, dt, steps, start=0, every=0):
+    `kind` is modal, modal eight, modal adaptive (in `parts` fine steps where the ball may touch) or physical.
+    """
+
+    def __init__(self, kind, system, amplitude, frequencies, dt, steps, start=0, every=0, parts=1):
         self.omega = 2.0 * np.pi * _doubles(frequencies)
         self.kind, self.dt, self.amplitude = kind, dt, amplitude
         self.steps, self.start, self.every = int(steps), int(start), int(every)
-        self.wall, h = _wall(system, dt)
+        self.parts, self.alone = int(parts), kind in ("modal", "modal adaptive")
+        self.wall, h = _wall(system, dt / parts)
         row = system.point_row("tip")
         if kind == "physical":
             self.at = int(np.argmax(np.abs(row)))
@@ -104,7 +108,7 @@ class Run:
         count = self.steps // self.every if self.every else 1
         self.cases = len(self.omega)
         self.padded = LANES * -(-self.cases // LANES)
-        self.trace = np.zeros((count, 1 if kind == "modal" else LANES))
+        self.trace = np.zeros((count, 1 if self.alone else LANES))
         self.result = np.zeros((self.padded, 2))
 
     def go(self) -> Sweep:
@@ -113,10 +117,13 @@ class Run:
         tables = [_address(table) for table in self.tables]
         times = (long(self.steps), long(self.start), double(self.dt), double(self.amplitude))
         wall, every, trace = ctypes.byref(self.wall), long(self.every), _address(self.trace)
-        if self.kind == "modal":
+        if self.alone:
             for i, omega in enumerate(self.omega):
-                found = _address(self.result[i])
-                code.modal_one(self.dofs, *times, double(omega), *tables, wall, every, trace, found)
+                given = (self.dofs, *times, double(omega), *tables, wall, every, trace, _address(self.result[i]))
+                if self.kind == "modal":
+                    code.modal_one(*given)
+                else:
+                    code.modal_adaptive(*given, long(self.parts))
         else:
             filled = np.append(self.omega, np.repeat(self.omega[-1], self.padded - self.cases))
             for first in range(0, self.padded, LANES):
@@ -185,7 +192,7 @@ def cost(run, repeats=5):
         start = time.process_time()
         run.go()
         best = min(best, time.process_time() - start)
-    return 1e9 * best / run.steps / (run.cases if run.kind == "modal" else run.padded)
+    return 1e9 * best / run.steps / (run.cases if run.alone else run.padded)
 
 
 def main() -> None:

@@ -60,10 +60,14 @@ template <bool BANDED, bool LOOKS_AHEAD> inline void advance_all(Index steps, co
     const bool keeping = record.channels.shape[0] + record.snapshots.shape[0] > 0, sampled = m.table.shape[0] > 0;
     const Index parts = LOOKS_AHEAD ? fine->parts : 1, count = m.q.shape[1];
     const FreeBall free = free_ball(s);
+    // packs go through all parts of a step at once where nothing concerns all cases between two of them
+    const bool at_once = count > 1 && !LOOKS_AHEAD && !sampled && pairs.obstacles.size() == 0;
     Index next_wrap = least(cycles.next_wrap);
     for (Index k = 0; k < steps; k++) {
         const Index step = record.tally(STEP) + 1;
-        over_cases(count, [&](auto zero, Index c) { turn_drive<decltype(zero)>(m.drive, c); });
+        const bool apart = !at_once || step == next_wrap;
+        if (apart)
+            over_cases(count, [&](auto zero, Index c) { turn_drive<decltype(zero)>(m.drive, c); });
         if (sampled)
             for (Index c = 0; c < count; c++)
                 m.drive(BASE, c) = m.table(parts * step, c);
@@ -73,7 +77,12 @@ template <bool BANDED, bool LOOKS_AHEAD> inline void advance_all(Index steps, co
             move_obstacles(parts * step, s, pairs, m);
         Index refined = 0;
         over_cases(count, [&](auto zero, Index c) {
+            const bool whole = sizeof(zero) > sizeof(double) && !apart;
+            if (whole)
+                turn_drive<decltype(zero)>(m.drive, c);
             refined += step_cases<BANDED, LOOKS_AHEAD, decltype(zero)>(c, free, given, fine);
+            if (whole)
+                observe<decltype(zero)>(step, c, s, m, cycles);
         });
         if (any_refused(pairs))
             return;
@@ -81,7 +90,8 @@ template <bool BANDED, bool LOOKS_AHEAD> inline void advance_all(Index steps, co
             split_cycles(step, s, m, cycles);
         if (refined > 0)
             restore_refined_cases(m.ledger);
-        over_cases(count, [&](auto zero, Index c) { observe<decltype(zero)>(step, c, s, m, cycles); });
+        if (apart)
+            over_cases(count, [&](auto zero, Index c) { observe<decltype(zero)>(step, c, s, m, cycles); });
         record.tally(STEP) = step;
         if (step == next_wrap) {
             close_cycles(step, given);
