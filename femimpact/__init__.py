@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from femimpact.errors import FemimpactError as FemimpactError
     from femimpact.errors import InputError as InputError
     from femimpact.errors import InputWarning as InputWarning
+    from femimpact.excitation import PiecewisePolynomial as PiecewisePolynomial
     from femimpact.excitation import PointForce as PointForce
     from femimpact.excitation import RecordedBase as RecordedBase
     from femimpact.excitation import Sine as Sine
@@ -172,7 +173,7 @@ _MODULES = {
     "structure.damping": ("ModalDamping", "Rayleigh"),
     "response.energy": ("EnergyLedger",),
     "errors": ("DivergenceError", "FemimpactError", "InputError", "InputWarning"),
-    "excitation": ("PointForce", "RecordedBase", "Sine"),
+    "excitation": ("PiecewisePolynomial", "PointForce", "RecordedBase", "Sine"),
     "export.vtk.notebook": ("to_pyvista",),
     "response.history": ("HistoryPiece",),
     "identification": ("DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power"),

@@ -34,6 +34,7 @@ STRUCTURE = fi.Structure(
     stops=(fi.Stop("wall", "mid", (math.inf, 5e-3), LAW),),
     damping=fi.Rayleigh(0.01, modes=(1, 2)),
 )
+PIECES = fi.PiecewisePolynomial([0.0, 1.0], [[1.0, 2.0]])
 BASE = fi.Sine(2e-3, 6.0)
 STATE = fi.State(displacement=[0.0, 1e-4], ball_velocity=[0.1])
 CURVE = np.linspace(5.0, 7.0, 41), one_pole_amplitude(np.linspace(5.0, 7.0, 41), 1e-3, 6.0, 0.01)
@@ -141,6 +142,7 @@ NOUNS = {
     "Modes": lambda: fi.solve_modes(system(), 2),
     "MoreauJean": lambda: fi.MoreauJean(1e-4),
     "Newmark": lambda: fi.Newmark(1e-4),
+    "PiecewisePolynomial": lambda: PIECES,
     "PointForce": lambda: fi.PointForce("tip", BASE),
     "PointMass": lambda: STRUCTURE.masses[0],
     "PowerLaw": lambda: fi.Flores(1e7, 0.7),
@@ -318,6 +320,10 @@ VERBS = {
     "System.point_row": (lambda at: system().point_row(at), lambda: {"at": 0.1}),
     "point_row without a beam": (lambda at: oscillators().point_row(at), lambda: {"at": "first"}),
     "State.at_rest": (fi.State.at_rest, lambda: {"frame": "space"}),
+    **{
+        f"PiecewisePolynomial.{name}": (getattr(PIECES, name), lambda: {"time": 0.1})
+        for name in ("displacement", "velocity", "value")
+    },
     "Sine.displacement": (BASE.displacement, lambda: {"time": [0.0, 0.1]}),
     "Sine.velocity": (BASE.velocity, lambda: {"time": 0.1}),
     "Sine.acceleration": (BASE.acceleration, lambda: {"time": 0.1}),

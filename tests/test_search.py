@@ -36,7 +36,7 @@ def first_beyond(scalars, motion, horizon, points):
 def free_motion(system, drive):
     """Scalars of a system whose ball flies, and a motion of that size."""
     whole, rigid = equations_of(system, drive), np.ones(1, dtype=bool)
-    store = FormStore(whole, rigid, outputs_of(system, system.point_row("tip")), broken=False)
+    store = FormStore(whole, rigid, outputs_of(system, system.point_row("tip")), pieces=False)
     rest = np.zeros((1, system.dofs + 1))
     window = np.array([[0.0, np.inf]])
     inputs = Inputs([drive], [system.contacts], rest, rest, window)
@@ -58,7 +58,7 @@ def scalars_of(block, forms, drive, space):
     entries, rigid_bodies, bounds = int(forms.entries[0]), int(forms.rigid_bodies[0]), space.bounds
     values = {
         "exponent": forms.exponent[0, :entries], "coupling": forms.coupling[0, :entries, :entries].copy(),
-        "blocks": forms.blocks[0], "size": forms.size[0, :entries], "omega": drive.omega, "broken": False,
+        "blocks": forms.blocks[0], "size": forms.size[0, :entries], "omega": drive.omega, "degree": -1,
         "rigid_body_given": bounds.given[:rigid_bodies], "rigid_body_drive": bounds.nothing[:rigid_bodies],
         "lasting": bounds.lasting, "upper": bounds.upper, "lower": bounds.lower,
         "weight": forms.weight[0, :, :entries].copy(), "weight_size": forms.weight_size[0, :, :entries].copy(),

@@ -30,8 +30,8 @@ class Excitation(Protocol):
 
     Two members more are optional:
 
-    - `closed_form`, a `Harmonic` or a `BrokenLine` of the base's acceleration (m/s^2) or of the force (N): the
-      event-driven method needs it.
+    - `closed_form`, a `Harmonic`, a `BrokenLine` or a `PiecewisePolynomial` of the base's acceleration (m/s^2) or of
+      the force (N): the event-driven method needs it.
     - `at`, a place, with `force(time)` in N: the history acts there as a force. The base then stands still, so that its
       motions are zero.
     """

@@ -43,11 +43,16 @@ inline const char *fault_of(const Cases &cases, const Grid &grid, const Forms &f
             return "cases.form: must be -1 or numbers of forms";
         if (cases.entering(c) == ENTERED && (cases.form(c, 1) < 0 || cases.form(c, 1) >= forms.made))
             return "cases.form: must be numbers of forms that were made";
+        if (cases.piece(c) < 0 || cases.piece(c) > cases.knots.size())
+            return "cases.piece: must be numbers of pieces";
         if (grid.cycle(c) < 0)
             return "grid.cycle: must be >= 0";
     }
-    if (cases.knots.size() > 0 && !(cases.knot_interval > 0.0 && cases.knot_interval < INFINITE))
-        return "cases.knot_interval: must be finite and > 0";
+    if (cases.degree < -1 || cases.degree > DRIVE - 3)
+        return "cases.degree: must be -1 to 5";
+    for (Index i = 0; i < cases.knots.size(); i++)
+        if (!(magnitude(cases.knots(i)) < INFINITE && (i == 0 || cases.knots(i) > cases.knots(i - 1))))
+            return "cases.knots: must be finite and rise";
     return nullptr;
 }
 

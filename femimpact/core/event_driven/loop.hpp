@@ -118,13 +118,8 @@ inline Index to_next_event(Index begin, double until, const Form &form, const Ca
     const Space &space = job.space;
     const Scalars &scalars = form.scalars;
     const Motion &motion = space.motion, &trial = space.trial;
-    double knot = INFINITE;
-    Index index = 0;
-    if (scalars.broken) {
-        index = Index(__builtin_floor(motion.clock(0) / cases.knot_interval + 1e-9)) + 1;
-        if (index < cases.knots.size())
-            knot = double(index) * cases.knot_interval;
-    }
+    Index next = cases.piece(c.number) + 1;
+    double knot = scalars.degree >= 0 && next < cases.knots.size() ? cases.knots(next) : INFINITE;
     copy_motion(motion, space.mark);
     copy_motion(motion, trial);
     Index status = next_event(scalars, trial, smaller(until, knot), space.search);
@@ -149,8 +144,10 @@ inline Index to_next_event(Index begin, double until, const Form &form, const Ca
     copy_motion(trial, motion);
     if (b && (b->everywhere || any_compliant(c, job.pairs)))
         add_to_ledger(form, job.pairs, c, space, *b);
-    if (status == END && reached >= knot)
-        turn_knot(index, cases.form(c.number, 1), cases, job.forms, motion);
+    if (status == END && reached >= knot) {
+        turn_knot(next, cases.form(c.number, 1), cases, job.forms, motion);
+        cases.piece(c.number) = next;
+    }
     return status;
 }
 

@@ -55,7 +55,21 @@ struct Push {
     return {scalars.rigid_body_given(i) + drive * motion.drive(2), drive * motion.drive(3)};
 }
 
-// Advances the rigid-body coordinates, and the drive where it is a broken line.
+// Numbers in `Motion.drive`: ub, ub', s, and the derivatives of s to the fifth.
+constexpr Index DRIVE = 8;
+
+// Taylor's series of what begins with the derivative `first` of a drive, the later ones with their factors:
+// t^n/n! of its n-th term, for n from `from` on.
+[[gnu::always_inline]] inline double series(GivenArray d, Index first, Index from, double time) {
+    double total = 0.0;
+    for (Index i = DRIVE - 1; i >= first + from; i--)
+        total = d(i) + total * time / double(i - first + 1);
+    for (Index n = from; n >= 1; n--)
+        total *= time / double(n);
+    return total;
+}
+
+// Advances the rigid-body coordinates, and the drive where it is in pieces.
 [[gnu::always_inline]] inline void move_rigid_bodies(const Scalars &scalars, const Motion &motion, double duration) {
     Array d = motion.drive, y = motion.rigid_body, v = motion.rigid_body_rate;
     for (Index i = 0; i < scalars.rigid_body_given.size(); i++) {
@@ -63,20 +77,67 @@ struct Push {
         y(i) += duration * (v(i) + duration * (0.5 * push + duration * growth / 6.0));
         v(i) += duration * (push + 0.5 * duration * growth);
     }
-    if (scalars.broken) {
+    if (scalars.degree > 1) {
+        // what the terms from s'' on add to both integrals of s
+        double moved = series(d, 0, 4, duration), faster = series(d, 1, 3, duration);
+        for (Index i = 0; i < scalars.rigid_body_given.size(); i++) {
+            y(i) += scalars.rigid_body_drive(i) * moved;
+            v(i) += scalars.rigid_body_drive(i) * faster;
+        }
+        for (Index i = 0; i < DRIVE - 1; i++)
+            d(i) += series(d, i, 1, duration);
+    } else if (scalars.degree >= 0) {
         d(0) += duration * (d(1) + duration * (0.5 * d(2) + duration * d(3) / 6.0));
         d(1) += duration * (d(2) + 0.5 * duration * d(3));
         d(2) += duration * d(3);
     }
 }
 
-// What a broken line adds to a scalar: the value and its three derivatives, the last of which is constant.
+// The derivative of some order of what a polynomial adds to a scalar.
+[[gnu::always_inline]] inline double derivative(GivenMatrix follow, Index r, GivenArray d, Index order) {
+    double total = 0.0;
+    for (Index i = 0; i + order < DRIVE; i++)
+        total += follow(i, r) * d(i + order);
+    return total;
+}
+
+// What a polynomial adds to a scalar: the value and its first three derivatives.
 struct Taylor {
     double value, rate, bend, twist;
 };
-[[gnu::always_inline]] inline Taylor taylor(GivenMatrix follow, Index r, GivenArray d) {
+[[gnu::always_inline]] inline Taylor taylor(const Scalars &scalars, Index r, GivenArray d) {
+    GivenMatrix follow = scalars.follow;
+    if (scalars.degree > 1)
+        return {derivative(follow, r, d, 0), derivative(follow, r, d, 1), derivative(follow, r, d, 2),
+                derivative(follow, r, d, 3)};
     double a = follow(0, r), b = follow(1, r), c = follow(2, r), e = follow(3, r);
     return {a * d(0) + b * d(1) + c * d(2) + e * d(3), a * d(1) + b * d(2) + c * d(3), a * d(2) + b * d(3), a * d(3)};
+}
+
+// How far a derivative of scalar r may change within a time by those from one order on, which a polynomial adds.
+//
+// Bounds |x^(of)(t) - its Taylor series of the orders before `from`|, with the entries of the motion left out.
+[[gnu::noinline]] inline double later_change(const Scalars &scalars, Index r, GivenArray d, Index of, Index from,
+                                             double time) {
+    double total = 0.0;
+    for (Index order = DRIVE - 1; order >= from; order--) {
+        double own = derivative(scalars.follow, r, d, order);
+        for (Index i = 0; i < scalars.rigid_body_given.size(); i++) {
+            // x = p y + q y' with y'' = s times a factor
+            double p = scalars.rigid_body_weight(r, i), q = scalars.rigid_body_rate_weight(r, i);
+            double higher = order + 1 < DRIVE ? q * d(order + 1) : 0.0;
+            own += scalars.rigid_body_drive(i) * (p * d(order) + higher);
+        }
+        total = magnitude(own) + total * time / double(order - of + 1);
+    }
+    for (Index n = from - of; n >= 1; n--)
+        total *= time / double(n);
+    return total;
+}
+
+// Change of the second derivative within a time beyond that by the third one.
+[[gnu::always_inline]] inline double later_bend(const Scalars &scalars, Index r, GivenArray d, double time) {
+    return later_change(scalars, r, d, 2, 4, time);
 }
 
 // Sets `out` to Lambda times a vector of entries.
@@ -173,7 +234,7 @@ struct Taylor {
         target.rigid_body(i) = source.rigid_body(i);
         target.rigid_body_rate(i) = source.rigid_body_rate(i);
     }
-    for (Index i = 0; i < 4; i++)
+    for (Index i = 0; i < DRIVE; i++)
         target.drive(i) = source.drive(i);
     target.clock(0) = source.clock(0);
     target.clock(1) = source.clock(1);
@@ -214,7 +275,7 @@ struct Taylor {
                                            Complex phase, double remaining, const Search &search) {
     Array size = search.size, found = search.found, d = motion.drive;
     ComplexArray rate_of = search.power.row(0);
-    bool broken = scalars.broken;
+    bool pieces = scalars.degree >= 0;
     Complex turned = scalars.sine(r) * phase, wave = scalars.sine(r);
     double size_of_sine = __builtin_sqrt(wave.real * wave.real + wave.imag * wave.imag);
     double value = scalars.constant(r) + turned.real;
@@ -223,8 +284,8 @@ struct Taylor {
     double scale_rate = scalars.omega * size_of_sine;
     double bend = scalars.omega * scale_rate;
     double pull = 0.0, twist = 0.0;
-    if (broken) {
-        Taylor followed = taylor(scalars.follow, r, d);
+    if (pieces) {
+        Taylor followed = taylor(scalars, r, d);
         value += followed.value;
         rate += followed.rate;
         pull = followed.bend;
@@ -242,10 +303,12 @@ struct Taylor {
         scale += magnitude(p * y) + magnitude(q * v);
         scale_rate += magnitude(p * v) + magnitude(q * push);
         pull += p * push + q * growth;
-        twist += magnitude(p * growth);
+        twist += magnitude(p * growth + q * scalars.rigid_body_drive(i) * d(4));
     }
-    if (broken)
+    if (pieces)
         twist *= remaining;
+    if (scalars.degree > 1)
+        twist += later_bend(scalars, r, d, remaining);
     double fast = 0.0;
     for (Index k = 0; k < active; k++)
         fast += scalars.weight_size(r, k) * size(k);
@@ -289,9 +352,9 @@ struct Taylor {
 
 // Sets found[0:5] to the second and third derivative of scalar r, and bounds on the second to fourth.
 //
-// `search` is as `measure` leaves it.
+// The last two hold for the time that remains. `search` is as `measure` leaves it.
 [[gnu::noinline]] inline void derivatives(Index r, const Scalars &scalars, const Motion &motion, Complex phase,
-                                          const Search &search) {
+                                          double remaining, const Search &search) {
     Array size = search.size, found = search.found;
     ComplexArray once = search.power.row(0), twice = search.power.row(1), thrice = search.power.row(2);
     Complex turned = scalars.sine(r) * phase;
@@ -305,14 +368,18 @@ struct Taylor {
         size2 += magnitude(pull);
         size3 += magnitude(twist);
     };
-    if (scalars.broken) {
-        Taylor followed = taylor(scalars.follow, r, motion.drive);
+    if (scalars.degree >= 0) {
+        Taylor followed = taylor(scalars, r, motion.drive);
         add(followed.bend, followed.twist);
     }
     for (Index i = 0; i < scalars.rigid_body_given.size(); i++) {
         double p = scalars.rigid_body_weight(r, i), q = scalars.rigid_body_rate_weight(r, i);
         auto [push, growth] = rigid_body_push(i, scalars, motion);
-        add(p * push + q * growth, p * growth);
+        add(p * push + q * growth, p * growth + q * scalars.rigid_body_drive(i) * motion.drive(4));
+    }
+    if (scalars.degree > 1) {
+        size3 += later_change(scalars, r, motion.drive, 3, 4, remaining);
+        size4 += later_change(scalars, r, motion.drive, 4, 4, remaining);
     }
     multiply(scalars, once, twice);
     multiply(scalars, twice, thrice);
@@ -335,8 +402,8 @@ struct Taylor {
 [[gnu::always_inline]] inline double value_now(Index r, Index active, Complex phase, const Scalars &scalars,
                                                const Motion &motion) {
     double value = scalars.constant(r) + (scalars.sine(r) * phase).real;
-    if (scalars.broken)
-        value += taylor(scalars.follow, r, motion.drive).value;
+    if (scalars.degree >= 0)
+        value += taylor(scalars, r, motion.drive).value;
     for (Index k = 0; k < active; k++) {
         Complex w = scalars.weight(r, k), h = motion.entry(k);
         value += w.real * h.real - w.imag * h.imag;
@@ -358,8 +425,8 @@ struct Rates {
     Complex phase = unit_phase(omega, motion.clock), turned = scalars.sine(r) * phase;
     double value = value_now(r, scalars.exponent.size(), phase, scalars, motion);
     double rate = -omega * turned.imag, bend = -(omega * omega) * turned.real;
-    if (scalars.broken) {
-        Taylor followed = taylor(scalars.follow, r, motion.drive);
+    if (scalars.degree >= 0) {
+        Taylor followed = taylor(scalars, r, motion.drive);
         rate += followed.rate;
         bend += followed.bend;
     }

@@ -106,14 +106,17 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     Complex wave = scalars.sine(r);
     double total =
         scalars.omega * scalars.omega * __builtin_sqrt(wave.real * wave.real + wave.imag * wave.imag) * share;
-    if (scalars.broken) {
-        Taylor own = taylor(scalars.follow, r, motion.drive);
+    if (scalars.degree >= 0) {
+        Taylor own = taylor(scalars, r, motion.drive);
         total += (magnitude(own.bend) + magnitude(own.twist) * duration) * share;
     }
+    if (scalars.degree > 1)
+        total += later_bend(scalars, r, motion.drive, duration) * share;
     for (Index p = 0; p < scalars.rigid_body_given.size(); p++) {
         double weight = scalars.rigid_body_weight(r, p), rate_weight = scalars.rigid_body_rate_weight(r, p);
         auto [push, growth] = rigid_body_push(p, scalars, motion);
-        total += (magnitude(weight * push + rate_weight * growth) + magnitude(weight * growth) * duration) * share;
+        double bent = weight * growth + rate_weight * scalars.rigid_body_drive(p) * motion.drive(4);
+        total += (magnitude(weight * push + rate_weight * growth) + magnitude(bent) * duration) * share;
     }
     for (Index k = 0; k < scalars.size.size(); k++) {
         double own = smaller(scalars.size(k) * scalars.size(k) * share, 2.0);
@@ -197,7 +200,7 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
         include(value, motion.clock(0), row);
         // far below the extremes so far long times are safe, and curvature need not be computed
         if (safe < remaining && (0.25 * magnitude(rate) * safe < row(0) - row(1) || safe < SHORT * least)) {
-            derivatives(r, scalars, motion, phase, search);
+            derivatives(r, scalars, motion, phase, remaining, search);
             safe = larger(larger(safe, least), advance_to_crest(r, wanted, rate, remaining, scalars, space, row));
         }
         if (safe < remaining)

@@ -89,7 +89,7 @@ constexpr double PI = 3.141592653589793;
             return 0.0;
     }
     // it creeps along its wall, where the bound by a parabola is far too low
-    derivatives(r, scalars, motion, phase, search);
+    derivatives(r, scalars, motion, phase, remaining, search);
     double bend = side * found(0), twist = side * found(1);
     if (search.at_wall(r) != 0.0 && toward >= -rate_rounding) {
         toward = 0.0;

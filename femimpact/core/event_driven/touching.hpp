@@ -45,9 +45,16 @@ namespace FEMIMPACT_TARGET {
     if (has_blocks(scalars))
         return side * integral_over_points(r, duration, scalars, motion);
     double total = scalars.constant(r) * duration;
-    if (scalars.broken) {
-        auto [value, rate, bend, twist] = taylor(scalars.follow, r, motion.drive);
+    if (scalars.degree >= 0) {
+        auto [value, rate, bend, twist] = taylor(scalars, r, motion.drive);
         total += duration * (value + duration * (rate / 2.0 + duration * (bend / 6.0 + duration * twist / 24.0)));
+        // the same from the fourth derivative on
+        double later = 0.0;
+        for (Index order = scalars.degree > 1 ? DRIVE - 1 : 0; order >= 4; order--)
+            later = derivative(scalars.follow, r, motion.drive, order) + later * duration / double(order + 2);
+        for (Index n = 5; n >= 1; n--)
+            later *= duration / double(n);
+        total += later;
     } else {
         auto [cosine, sine] = cosine_and_sine(scalars.omega * duration);
         Complex own = integral_of({0.0, scalars.omega}, {cosine, sine}, duration);

@@ -46,7 +46,8 @@ constexpr double ROUNDING_SHARE = 1e-12;
     const Search &search = space.search;
     double e = c.restitution(j);
     measure(scalars, space.motion, search);
-    derivatives(j, scalars, space.motion, unit_phase(scalars.omega, space.motion.clock), search);
+    // of the moment: the bounces rise no higher than the closure
+    derivatives(j, scalars, space.motion, unit_phase(scalars.omega, space.motion.clock), 0.0, search);
     double press = side * search.found(0), steepest = search.found(3);
     if (press <= 1e-12 * search.found(2) || rebound * rebound > 2.0 * press * pairs.closure)
         return -1.0;

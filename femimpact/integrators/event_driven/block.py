@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.errors import require
+from femimpact.excitation import PiecewisePolynomial
+from femimpact.excitation.piecewise_polynomial import HIGHEST_DEGREE, ORDERS, motion_at, piece_at
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven.continued import Held, resumed
 from femimpact.integrators.event_driven.equations import Equations
@@ -163,11 +165,11 @@ def new_block(
 def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
     drives, count, pairs, d = inputs.drives, len(inputs.drives), store.rigid.size, store.whole.M.shape[0]
     rows, first = 2 * pairs + store.outputs.force.shape[0], drives[0]
-    line = first.line
-    knots = np.zeros(0) if line is None else np.array(line.samples, dtype=float)
-    drive = np.zeros((count, 4))
-    if line is not None:
-        drive[:] = line.motion_at(inputs.start)
+    pieces, drive, piece = first.pieces, np.zeros((count, ORDERS)), 0
+    knots, table = (np.zeros(0), np.zeros((0, ORDERS))) if pieces is None else _pieces_from(pieces, inputs.start)
+    if pieces is not None:
+        drive[:] = motion_at(pieces, inputs.start)
+        piece = piece_at(pieces, inputs.start)
 
     def of_pairs(name: str) -> Array:
         values = [[getattr(pair.parameters, name) for pair in own] for own in inputs.contacts]
@@ -178,7 +180,8 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
         omega=np.array([case.omega if case.is_sine else 0.0 for case in drives]),
         amplitude=np.array([case.sine.amplitude for case in drives]),
         knots=knots,
-        knot_interval=1.0 if line is None else line.interval,
+        pieces=table,
+        degree=-1 if pieces is None else pieces.degree,
         gap_plus=gaps[:, :, 0].copy(),
         gap_minus=gaps[:, :, 1].copy(),
         stiffness=np.where(store.rigid, 0.0, of_pairs("stiffness")),
@@ -190,6 +193,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
         rigid_body=np.zeros((count, 2, 1)),
         clock=np.stack([np.full(count, inputs.start), [case.sine.phase for case in drives]], axis=1),
         drive=drive,
+        piece=np.full(count, piece, dtype=np.int64),
         coordinates=np.ascontiguousarray(np.stack([inputs.position, inputs.velocity], axis=1)),
         entering=np.full(count, STARTING, dtype=np.int64),
         leaving=np.zeros((count, 2 * pairs)),
@@ -212,6 +216,13 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
     # the arrays of all forms are then as large as a motion in this one
     _add_form(0, cases, store)
     return cases
+
+
+def _pieces_from(pieces: PiecewisePolynomial, start: float) -> tuple[Array, Array]:
+    """Knots and what each piece begins with, from a time (s) on: before the first knot s is zero."""
+    if start >= pieces.knots[0]:
+        return pieces.knots, pieces.table
+    return np.concatenate([[start], pieces.knots]), np.vstack([motion_at(pieces, start), pieces.table])
 
 
 def no_cycles(cases: int, cycles: int) -> Array:
@@ -347,6 +358,7 @@ def working_space(block: Block, forms: Forms) -> Space:
         growth=np.zeros(terms, dtype=complex),
         plus=square,
         minus=square,
+        moments=np.zeros((entries, HIGHEST_DEGREE + 1), dtype=complex),
     )
     rest: list[NDArray[np.float64 | np.complex128]] = [
         np.zeros(entries, dtype=complex),
@@ -359,7 +371,7 @@ def working_space(block: Block, forms: Forms) -> Space:
         rigid_body=np.zeros(rigid_bodies),
         rigid_body_rate=np.zeros(rigid_bodies),
         clock=np.zeros(2),
-        drive=np.zeros(4),
+        drive=np.zeros(ORDERS),
     )
     *whole, own = _together(*[motion] * 6, search, bounds, products, rest)
     return Space._make((*whole, *own))

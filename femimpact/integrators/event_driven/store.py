@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import require
+from femimpact.excitation.piecewise_polynomial import ORDERS
 from femimpact.integrators.channel_rows import ChannelRows
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven.closed_form import (
@@ -83,8 +84,8 @@ class FormStore:
     whole : Equations
     rigid : ndarray (pairs,) of bool
     outputs : Outputs
-    broken : bool
-        Whether s(t) is a broken line.
+    pieces : bool
+        Whether s(t) is made of polynomials.
     derived : dict, optional
         Where closed forms of the system were kept by earlier calls; see `System.derived`.
     """
@@ -94,13 +95,13 @@ class FormStore:
         whole: Equations,
         rigid: NDArray[np.bool_],
         outputs: Outputs,
-        broken: bool,
+        pieces: bool,
         derived: dict[Any, Any] | None = None,
     ) -> None:
         self.whole = whole
         self.rigid = rigid
         self.outputs = outputs
-        self.broken = broken
+        self.pieces = pieces
         self.derived: dict[Any, Any] = {} if derived is None else derived
         self.lock = threading.Lock()
         self.known: dict[tuple[bytes, int], int] = {}
@@ -131,7 +132,7 @@ class FormStore:
                 active = np.array([bool(key >> j & 1) for j in range(self.rigid.size)], dtype=bool)
                 made = self._closed_form(active, stiffness, damping)
                 allowed = "must have stiffness in every braked motion for this excitation or constant force"
-                require(not made.unheld[0] and not (self.broken and made.unheld[1]), "system", None, "", allowed)
+                require(not made.unheld[0] and not (self.pieces and made.unheld[1]), "system", None, "", allowed)
                 self._add(made, active, key, parameters)
             return self.first[parameters]
 
@@ -163,11 +164,11 @@ class FormStore:
             "rigid_body_rate_weight": (f, rows, rigid_bodies),
             "constant": (f, rows, 1 + pairs),
             "through": (f, 3, rows),
-            "follow": (f, 4, rows),
+            "follow": (f, ORDERS, rows),
             "rigid_body_shape": (f, d, rigid_bodies),
             "static": (f, d, 1 + pairs),
             "position_through": (f, d),
-            "position_follow": (f, 4, d),
+            "position_follow": (f, ORDERS, d),
             "to_rigid_body": (f, rigid_bodies, d),
             "impulse_rigid_body": (f, rigid_bodies, pairs),
             "reaction": (f, pairs, pairs),
