@@ -224,3 +224,17 @@ def test_pieces_that_are_none_are_refused_in_one_line(knots, coefficients, more,
     with pytest.raises(fi.InputError, match=words) as refusal:
         fi.PiecewisePolynomial(knots, coefficients, **more)
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("ratio", [3.0, 20.0, 200.0])
+def test_a_mode_far_below_the_drive_keeps_its_digits(ratio):
+    # pieces of 0.28 rad of a sine, whose derivatives over powers of the mode's frequency are up to ratio^5
+    frequency, end = 5.0 * 1.0371 * ratio, 40.0 / (5.0 * ratio)
+    base = fi.Sine(1e-3, frequency)
+    knots = np.linspace(0.0, 1.01 * end, math.ceil(1.01 * end * base.omega / 0.28) + 1)
+    pieces = fitted(base.acceleration, knots, initial=(base.amplitude * base.omega, 0.0))
+    record = fi.Recorder(interval=0.1 / frequency, channels=("mass",))
+    alone = fi.without_impactors(in_a_box())
+    one, other = (fi.integrate(alone, drive, fi.EventDriven(), end, record) for drive in (base, Own(pieces)))
+    np.testing.assert_allclose(other["mass"], one["mass"], atol=1e-10 * np.abs(one["mass"]).max())
+    assert other.energy.residual < 1e-11

@@ -138,6 +138,19 @@ class PiecewisePolynomial:
         table.setflags(write=False)
         return table
 
+    @cached_property
+    def rate(self) -> float:
+        """How fast the pieces change (1/s): the largest n-th root of |d^n s/dt^n| over the largest |s|; 0 of lines."""
+        if self.degree <= 1:
+            return 0.0
+        h = np.diff(self.knots)
+        sizes = np.abs(self.coefficients)
+        largest = float((sizes * h[:, None] ** np.arange(self.degree + 1)).max())
+        if largest == 0.0:
+            return 0.0
+        shares = sizes.max(axis=0)[1:] * FACTORIAL[1 : self.degree + 1] / largest
+        return float((shares ** (1.0 / np.arange(1, self.degree + 1))).max())
+
     def _derivative(self, time: ArrayLike, order: int) -> Array:
         """Ub differentiated so often at times (s)."""
         t = times(time)

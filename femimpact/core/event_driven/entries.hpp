@@ -18,6 +18,8 @@ inline const char *fault_of(const Forms &forms, Index most_numbers) {
             return "forms.number: must be less than cases.known has columns";
         if (forms.entries(f) < 0 || forms.entries(f) > forms.exponent.shape[1])
             return "forms.entries: must be at most as many as there is room for";
+        if (forms.driven(f) < 0 || forms.driven(f) > forms.entries(f))
+            return "forms.driven: must be at most as many as there are entries";
         if (forms.rigid_bodies(f) < 0 || forms.rigid_bodies(f) > forms.rigid_body_drive.shape[1])
             return "forms.rigid_bodies: must be at most as many as there is room for";
         for (Index b = 0; b < forms.blocks.shape[1]; b++) {
@@ -48,6 +50,8 @@ inline const char *fault_of(const Cases &cases, const Grid &grid, const Forms &f
         if (grid.cycle(c) < 0)
             return "grid.cycle: must be >= 0";
     }
+    if (!(cases.longest > 0.0))
+        return "cases.longest: must be > 0";
     if (cases.degree < -1 || cases.degree > DRIVE - 3)
         return "cases.degree: must be -1 to 5";
     for (Index i = 0; i < cases.knots.size(); i++)

@@ -102,7 +102,8 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
             strength(k) = {0.0, 0.0};
         for (Index m = shapes.first(i); m < shapes.first(i + 1); m++) {
             Index k = shapes.members(m);
-            strength(k) = shapes.shape_rate(i, k) * mark.entry(k);
+            if (k >= scalars.driven)
+                strength(k) = shapes.shape_rate(i, k) * mark.entry(k);
         }
         Complex harmonic = shapes.harmonic(i);
         for (Index p = 0; p < shapes.rigid_bodies; p++)
@@ -202,24 +203,64 @@ constexpr Index FEW_TERMS = 10, MANY_TERMS = 22;
     return 0.5 * duration * total;
 }
 
+// Whether driven and other entries move the same coordinate.
+[[gnu::always_inline]] inline bool are_mixed(const Shapes &shapes, Index driven, Index coordinates) {
+    for (Index i = 0; driven > 0 && i < coordinates; i++) {
+        Index first = shapes.first(i), last = shapes.first(i + 1);
+        if (first < last && shapes.members(first) < driven && shapes.members(last - 1) >= driven)
+            return true;
+    }
+    return false;
+}
+
+// Sets the rates of the driven entries at the Gauss points, coordinate by coordinate; uses the spare motion up.
+[[gnu::noinline]] inline void set_driven_rates(double duration, const Form &form, const Space &space, const Ledger &b) {
+    const Scalars &scalars = form.scalars;
+    const Shapes &shapes = form.shapes;
+    ComplexArray entry = space.spare.entry;
+    GivenComplexArray begun = space.mark.entry;
+    for (Index node = 0; node < GAUSS_POINTS; node++) {
+        double time = 0.5 * duration * (1.0 + NODES[node]);
+        exponentials(scalars.exponent.first(scalars.driven), time, scalars.growth);
+        for (Index k = 0; k < scalars.driven; k++)
+            entry(k) = begun(k) * scalars.growth(k);
+        drive_entries(scalars, space.spare, time);
+        for (Index i = 0; i < b.mass.size(); i++) {
+            double total = 0.0;
+            for (Index m = shapes.first(i); m < shapes.first(i + 1); m++) {
+                Index k = shapes.members(m);
+                if (k < scalars.driven)
+                    total += (shapes.shape_rate(i, k) * entry(k)).real;
+            }
+            space.products.rates(i, node) = total;
+        }
+    }
+}
+
 // Adds the work on what the entries move, and the loss of every mode, under a polynomial.
 [[gnu::noinline]] inline void sum_polynomials(Index terms, double duration, const Form &form, const Case &c,
                                               const Space &space, const Ledger &b) {
     const Scalars &scalars = form.scalars;
     const Products &s = space.products;
     Array drive = space.mark.drive;
-    for (Index k = 0; k < terms; k++)
+    for (Index k = scalars.driven; k < terms; k++)
         set_moments(scalars.exponent(k), s.growth(k), duration, s.moments.row(k));
+    if (scalars.driven > 0) {
+        copy_motion(space.mark, space.spare);
+        set_driven_rates(duration, form, space, b);
+    }
     double acting[GAUSS_POINTS], steady[GAUSS_POINTS], work = 0.0;
     set_values(&drive(2), duration, acting);
     for (Index i = 0; i < b.mass.size(); i++) {
         ComplexArray strength = s.strength.row(i);
         double rates[POWERS];
         for (Index j = 0; j < POWERS; j++)
-            rates[j] = derivative(form.shapes.follow, i, drive, j + 1);
+            rates[j] = derivative(form.shapes.follow_rate, i, drive, j);
         set_values(rates, duration, steady);
+        for (Index node = 0; scalars.driven > 0 && node < GAUSS_POINTS; node++)
+            steady[node] += s.rates(i, node);
         double driven = integral_of_product(acting, steady, duration), twice = 0.0;
-        for (Index k = 0; k < terms; k++) {
+        for (Index k = scalars.driven; k < terms; k++) {
             if (strength(k) == 0.0)
                 continue;
             Complex by_drive = {0.0, 0.0}, by_rate = {0.0, 0.0};
@@ -394,7 +435,8 @@ constexpr Index FEW_TERMS = 10, MANY_TERMS = 22;
         read_coordinates(form.shapes, mark, s.before);
         if (touching)
             b.contact_loss(c.number) += add_separating(pairs, c, space);
-        if (has_blocks(scalars) || moving || (scalars.degree >= 0 && active)) {
+        if (has_blocks(scalars) || moving || (scalars.degree >= 0 && active) ||
+            are_mixed(form.shapes, scalars.driven, b.mass.size())) {
             sum_over_points(duration, form, pairs, c, space, b);
             read_coordinates(form.shapes, motion, s.after);
         } else {

@@ -70,6 +70,8 @@ constexpr Index EVENTS_AT_ONCE = 200;
             }
             for (Index k = 0; k < active; k++)
                 motion.entry(k) *= growth(k);
+            if (scalars.driven > 0)
+                drive_entries(scalars, motion, time - motion.clock(0));
             move_rigid_bodies(scalars, motion, time - motion.clock(0));
             phase *= wave;
         } else {
@@ -77,7 +79,7 @@ constexpr Index EVENTS_AT_ONCE = 200;
             motion.clock(0) = time;
             phase = unit_phase(scalars.omega, motion.clock);
             for (Index k = 0; k < scalars.exponent.size(); k++)
-                if (motion.entry(k) != 0.0)
+                if (motion.entry(k) != 0.0 || k < scalars.driven)
                     active = k + 1;
         }
         motion.clock(0) = time;
@@ -120,9 +122,13 @@ inline Index to_next_event(Index begin, double until, const Form &form, const Ca
     const Motion &motion = space.motion, &trial = space.trial;
     Index next = cases.piece(c.number) + 1;
     double knot = scalars.degree >= 0 && next < cases.knots.size() ? cases.knots(next) : INFINITE;
+    // within a long piece as far as series of driven entries serve
+    double end = smaller(until, knot);
+    if (are_pushed(scalars, motion.drive))
+        end = smaller(end, motion.clock(0) + cases.longest);
     copy_motion(motion, space.mark);
     copy_motion(motion, trial);
-    Index status = next_event(scalars, trial, smaller(until, knot), space.search);
+    Index status = next_event(scalars, trial, end, space.search);
     double reached = trial.clock(0);
     if (reached > motion.clock(0)) {
         cases.events(c.number, 1) = 0;

@@ -51,6 +51,8 @@ struct Scalars {
     GivenComplexArray sine;             // (2R + O,)
     GivenArray constant;                // (2R + O,)
     GivenMatrix follow;                 // (8, 2R + O) steady motion under a polynomial, per unit of what `drive` holds
+    Index driven;                       // entries, the slowest ones, that move under a polynomial; see `drive_entries`
+    GivenComplexMatrix load;            // (3, K) what s, ub' and ub add to the rate of each entry
     ComplexArray term;                  // (K,) scratch
     ComplexArray growth;                // (K,) scratch
 
@@ -73,6 +75,8 @@ struct Scalars {
         visit("sine", sine, "2R+O");
         visit("constant", constant, "2R+O");
         visit("follow", follow, "8 2R+O");
+        visit("driven", driven);
+        visit("load", load, "3 K");
         visit("term", term, "K");
         visit("growth", growth, "K");
     }
@@ -102,7 +106,8 @@ struct Search {
     Array rate;          // (2R,)
     Array found;         // (5,) scratch
     Array size;          // (K,) |H|; see `measure`
-    ComplexMatrix power; // (3, K): H', and scratch
+    Matrix drift;        // (2, K) of driven entries: |H''|, and how far H'' changes; see `measure`
+    ComplexMatrix power; // (3, K): H', H'' of driven entries, and scratch
     Array event;         // (2,): scalar, side
     Array negligible;    // (1,) m/s, see `negligible_approach`
 
@@ -112,6 +117,7 @@ struct Search {
         visit("rate", rate, "2R");
         visit("found", found, "5");
         visit("size", size, "K");
+        visit("drift", drift, "2 K");
         visit("power", power, "3 K");
         visit("event", event, "2");
         visit("negligible", negligible, "1");
@@ -141,6 +147,7 @@ struct Forms {
     GivenIndices number;                     // (F,) among those of the same contact parameters
     GivenIndices entries;                    // (F,)
     GivenIndices rigid_bodies;               // (F,)
+    GivenIndices driven;                     // (F,) see Scalars
     GivenComplexMatrix exponent;             // (F, K)
     View<const Complex, 3> coupling;         // (F, K, K); see Scalars
     View<const Index, 3> blocks;             // (F, B, 2)
@@ -160,6 +167,7 @@ struct Forms {
     View<const double, 3> static_part;            // (F, d, 1 + R)
     GivenMatrix position_through;                 // (F, d) directly of ub
     View<const double, 3> position_follow;        // (F, 8, d)
+    View<const double, 3> velocity_follow;        // (F, 8, d)
     View<const Complex, 3> load;                  // (F, 3, K): what s, ub' and ub add to the rate of each entry
     View<const Complex, 3> to_entry_u;            // (F, K, d)
     View<const Complex, 3> to_entry_v;            // (F, K, d)
@@ -178,6 +186,7 @@ struct Forms {
         visit("number", number, "F");
         visit("entries", entries, "F");
         visit("rigid_bodies", rigid_bodies, "F");
+        visit("driven", driven, "F");
         visit("exponent", exponent, "F K");
         visit("coupling", coupling, "F K K");
         visit("blocks", blocks, "F B 2");
@@ -197,6 +206,7 @@ struct Forms {
         visit("static", static_part, "F d R+1");
         visit("position_through", position_through, "F d");
         visit("position_follow", position_follow, "F 8 d");
+        visit("velocity_follow", velocity_follow, "F 8 d");
         visit("load", load, "F 3 K");
         visit("to_entry_u", to_entry_u, "F K d");
         visit("to_entry_v", to_entry_v, "F K d");
@@ -219,6 +229,7 @@ struct Shapes {
     GivenArray static_part;        // (d,)
     GivenComplexArray harmonic;    // (d,)
     GivenMatrix follow;            // (8, d)
+    GivenMatrix follow_rate;       // (8, d)
     Index degree;                  // see Scalars
     GivenIndices first;            // (d + 1,)
     GivenIndices members;          // (d K,)
@@ -263,6 +274,7 @@ struct Cases {
     GivenArray knots;             // (L,) s, where the pieces of s(t) begin, rising; none for a sine
     GivenMatrix pieces;           // (L, 8) what `Motion.drive` is at the beginning of each piece
     Index degree;                 // of the pieces; see Scalars
+    double longest;               // s, for which the series of `drive_entries` serves
     GivenMatrix gap_plus;         // (C, R)
     GivenMatrix gap_minus;        // (C, R)
     GivenMatrix stiffness;        // (C, R)
@@ -297,6 +309,7 @@ struct Cases {
         visit("knots", knots, "L");
         visit("pieces", pieces, "L 8");
         visit("degree", degree);
+        visit("longest", longest);
         visit("gap_plus", gap_plus, "C R");
         visit("gap_minus", gap_minus, "C R");
         visit("stiffness", stiffness, "C R");
@@ -442,6 +455,7 @@ struct Products {
     ComplexMatrix plus;     // (T, T)
     ComplexMatrix minus;    // (T, T)
     ComplexMatrix moments;  // (K, 6) see `set_moments`
+    Matrix rates;           // (d, 10) of driven entries at Gauss points
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("before", before, "2 d");
@@ -451,6 +465,7 @@ struct Products {
         visit("plus", plus, "K+2 K+2");
         visit("minus", minus, "K+2 K+2");
         visit("moments", moments, "K 6");
+        visit("rates", rates, "d 9+1");
     }
 };
 

@@ -152,10 +152,75 @@ struct Taylor {
     }
 }
 
-// Sets |H| of every entry, the norm within a block, and H'.
-[[gnu::noinline]] inline void measure(const Scalars &scalars, const Motion &motion, const Search &search) {
+// The derivative of some order of what drives an entry.
+[[gnu::always_inline]] inline Complex push_on_entry(const Scalars &scalars, Index k, GivenArray d, Index order) {
+    Complex total = scalars.load(2, k) * d(order);
+    if (order + 1 < DRIVE)
+        total += scalars.load(1, k) * d(order + 1);
+    if (order + 2 < DRIVE)
+        total += scalars.load(0, k) * d(order + 2);
+    return total;
+}
+
+// Sets `out` to Lambda times some derivative of the entries, and what a polynomial adds to that of driven ones.
+[[gnu::always_inline]] inline void differentiate(const Scalars &scalars, GivenComplexArray entry, GivenArray d,
+                                                 Index order, ComplexArray out) {
+    multiply(scalars, entry, out);
+    for (Index k = 0; k < scalars.driven; k++)
+        out(k) += push_on_entry(scalars, k, d, order);
+}
+
+// Bound on a derivative of what drives an entry, over a time.
+[[gnu::always_inline]] inline double largest_push(const Scalars &scalars, Index k, GivenArray d, Index order,
+                                                  double time) {
+    double total = 0.0;
+    for (Index i = DRIVE - 1; i >= order; i--) {
+        Complex own = push_on_entry(scalars, k, d, i);
+        total = magnitude(own.real) + magnitude(own.imag) + total * time / double(i - order + 1);
+    }
+    return total;
+}
+
+// Adds the values of driven entries within a block, whose motions mix.
+[[gnu::always_inline]] inline void sum_within_blocks(const Scalars &scalars, Array values) {
+    for (Index b = 0; b < scalars.blocks.shape[0]; b++) {
+        Index first = scalars.blocks(b, 0), last = first + scalars.blocks(b, 1);
+        if (last > scalars.driven)
+            continue;
+        double total = 0.0;
+        for (Index k = first; k < last; k++)
+            total += values(k);
+        for (Index k = first; k < last; k++)
+            values(k) = total;
+    }
+}
+
+// Sets what bounds driven entries over a time: |H|, from what it is now, and |H''| with its change.
+[[gnu::noinline]] inline void measure_driven(const Scalars &scalars, const Motion &motion, double ahead,
+                                             const Search &search) {
+    Array size = search.size, bend = search.drift.row(0), change = search.drift.row(1), d = motion.drive;
+    ComplexArray twice = search.power.row(1);
+    differentiate(scalars, search.power.row(0), d, 1, twice);
+    for (Index k = 0; k < scalars.driven; k++) {
+        bend(k) = magnitude(twice(k).real) + magnitude(twice(k).imag);
+        // here what its push alone may do: no motion of a block grows by itself
+        change(k) = largest_push(scalars, k, d, 2, ahead);
+        size(k) += ahead * largest_push(scalars, k, d, 0, ahead);
+    }
+    if (scalars.blocks.shape[0] > 0) {
+        sum_within_blocks(scalars, size);
+        sum_within_blocks(scalars, bend);
+        sum_within_blocks(scalars, change);
+    }
+    for (Index k = 0; k < scalars.driven; k++)
+        change(k) = ahead * (scalars.size(k) * (bend(k) + ahead * change(k)) + change(k));
+}
+
+// Sets |H| of every entry, the norm within a block, and H'; of driven entries what bounds them for a time.
+[[gnu::noinline]] inline void measure(const Scalars &scalars, const Motion &motion, double ahead,
+                                      const Search &search) {
     Array size = search.size;
-    multiply(scalars, motion.entry, search.power.row(0));
+    differentiate(scalars, motion.entry, motion.drive, 0, search.power.row(0));
     for (Index k = 0; k < scalars.exponent.size(); k++) {
         Complex h = motion.entry(k);
         size(k) = __builtin_sqrt(h.real * h.real + h.imag * h.imag);
@@ -168,6 +233,8 @@ struct Taylor {
         for (Index k = first; k < last; k++)
             size(k) = __builtin_sqrt(square);
     }
+    if (scalars.driven > 0)
+        measure_driven(scalars, motion, ahead, search);
 }
 
 // e^z by the C library.
@@ -204,6 +271,58 @@ struct Taylor {
     }
 }
 
+// Terms of Taylor's series of driven entries, by |lambda| times the time: below 0.1, below 0.5, below 2.
+constexpr Index TERMS_OF_SLOW = 10, TERMS_OF_SLOWER = 14, MOST_TERMS = 24;
+
+[[gnu::always_inline]] inline Index terms_of_driven(const Scalars &scalars, double duration) {
+    double largest = 0.0;
+    for (Index k = 0; k < scalars.driven; k++)
+        largest = larger(largest, scalars.size(k) * duration);
+    return largest < 0.1 ? TERMS_OF_SLOW : largest < 0.5 ? TERMS_OF_SLOWER : MOST_TERMS;
+}
+
+// Whether anything drives the driven entries now.
+[[gnu::always_inline]] inline bool are_pushed(const Scalars &scalars, GivenArray d) {
+    bool found = false;
+    for (Index i = 2; i < DRIVE; i++)
+        found = found || d(i) != 0.0;
+    for (Index k = 0; k < scalars.driven; k++)
+        found = found || scalars.load(1, k) != 0.0 || scalars.load(2, k) != 0.0;
+    return found && scalars.driven > 0;
+}
+
+// Adds what a polynomial does to driven entries in a time, which the rest of `move` leaves out.
+//
+// H' = Lambda H + F has the Taylor series of c_0 = 0, c_{n+1} = Lambda c_n + F^(n). An entry that is slow beside the
+// polynomial has its whole response; of a fast one the response that is a polynomial itself is apart (`follow`), and
+// its entry is the rest. Taken apart too, the response of a slow one would be a small difference of large numbers.
+[[gnu::noinline]] inline void drive_entries(const Scalars &scalars, const Motion &motion, double duration) {
+    if (!are_pushed(scalars, motion.drive))
+        return;
+    ComplexArray term = scalars.term, entry = motion.entry;
+    Index driven = scalars.driven, terms = terms_of_driven(scalars, duration);
+    for (Index k = 0; k < driven; k++)
+        term(k) = {0.0, 0.0};
+    double factor = 1.0;
+    for (Index n = 0; n < terms; n++) {
+        for (Index k = 0; k < driven; k++) {
+            Complex next = scalars.exponent(k) * term(k);
+            if (n < DRIVE)
+                next += push_on_entry(scalars, k, motion.drive, n);
+            for (Index b = 0; b < scalars.blocks.shape[0]; b++) {
+                Index last = scalars.blocks(b, 0) + scalars.blocks(b, 1);
+                if (k >= scalars.blocks(b, 0) && k < last)
+                    for (Index m = k + 1; m < last; m++)
+                        next += scalars.coupling(k, m) * term(m);
+            }
+            term(k) = next;
+        }
+        factor *= duration / double(n + 1);
+        for (Index k = 0; k < driven; k++)
+            entry(k) += term(k) * factor;
+    }
+}
+
 // Advances the homogeneous part, the rigid-body coordinates and the clock.
 [[gnu::noinline]] inline void move(const Scalars &scalars, const Motion &motion, double duration) {
     ComplexArray growth = scalars.growth;
@@ -217,6 +336,8 @@ struct Taylor {
     }
     for (Index k = 0; k < scalars.exponent.size(); k++)
         motion.entry(k) *= growth(k);
+    if (scalars.driven > 0)
+        drive_entries(scalars, motion, duration);
     move_rigid_bodies(scalars, motion, duration);
     motion.clock(0) += duration;
 }
@@ -248,7 +369,7 @@ struct Taylor {
                                            const Motion &motion) {
     double fastest = scalars.omega;
     for (Index k = 0; k < scalars.exponent.size(); k++) {
-        if (-scalars.exponent(k).real * elapsed > DECAY_EXPONENT)
+        if (k >= scalars.driven && -scalars.exponent(k).real * elapsed > DECAY_EXPONENT)
             motion.entry(k) = {0.0, 0.0};
         else if (motion.entry(k) != 0.0)
             fastest = larger(fastest, scalars.size(k));
@@ -330,7 +451,11 @@ struct Taylor {
             fast = k + 1 < active ? fast - own : 0.0;
             double speed = own * scalars.size(k);
             scale_rate += speed;
-            bend += speed * scalars.size(k);
+            if (k < scalars.driven) {
+                pull += (weight * search.power(1, k)).real;
+                bend += scalars.weight_size(r, k) * search.drift(1, k);
+            } else
+                bend += speed * scalars.size(k);
         }
     }
     found(0) = value;
@@ -381,12 +506,23 @@ struct Taylor {
         size3 += later_change(scalars, r, motion.drive, 3, 4, remaining);
         size4 += later_change(scalars, r, motion.drive, 4, 4, remaining);
     }
-    multiply(scalars, once, twice);
-    multiply(scalars, twice, thrice);
+    differentiate(scalars, once, motion.drive, 1, twice);
+    differentiate(scalars, twice, motion.drive, 2, thrice);
     for (Index k = 0; k < scalars.size.size(); k++) {
         second += (scalars.weight(r, k) * twice(k)).real;
         third += (scalars.weight(r, k) * thrice(k)).real;
-        double rate = scalars.size(k), own = scalars.weight_size(r, k) * size(k) * (rate * rate);
+        double rate = scalars.size(k), weight = scalars.weight_size(r, k);
+        if (k < scalars.driven) {
+            // from |H''|, its change, and that of what drives it
+            double bent = search.drift(0, k) + search.drift(1, k);
+            double pushed = weight * largest_push(scalars, k, motion.drive, 2, remaining);
+            double twisted = weight * rate * bent + pushed;
+            size2 += weight * search.drift(0, k);
+            size3 += twisted;
+            size4 += rate * twisted + weight * largest_push(scalars, k, motion.drive, 3, remaining);
+            continue;
+        }
+        double own = weight * size(k) * (rate * rate);
         size2 += own;
         size3 += own * rate;
         size4 += own * (rate * rate);
@@ -430,8 +566,8 @@ struct Rates {
         rate += followed.rate;
         bend += followed.bend;
     }
-    multiply(scalars, motion.entry, power.row(1));
-    multiply(scalars, power.row(1), power.row(2));
+    differentiate(scalars, motion.entry, motion.drive, 0, power.row(1));
+    differentiate(scalars, power.row(1), motion.drive, 1, power.row(2));
     for (Index k = 0; k < scalars.exponent.size(); k++) {
         rate += (scalars.weight(r, k) * power(1, k)).real;
         bend += (scalars.weight(r, k) * power(2, k)).real;

@@ -119,8 +119,10 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
         total += (magnitude(weight * push + rate_weight * growth) + magnitude(bent) * duration) * share;
     }
     for (Index k = 0; k < scalars.size.size(); k++) {
-        double own = smaller(scalars.size(k) * scalars.size(k) * share, 2.0);
-        total += scalars.weight_size(r, k) * search.size(k) * own;
+        double own = smaller(scalars.size(k) * scalars.size(k) * share, 2.0) * search.size(k);
+        if (k < scalars.driven)
+            own = (search.drift(0, k) + search.drift(1, k)) * share;
+        total += scalars.weight_size(r, k) * own;
     }
     return total;
 }
@@ -188,8 +190,8 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     double safe = 0.0, remaining = until - start;
     while (safe < remaining) {
         Complex phase = unit_phase(scalars.omega, motion.clock);
-        measure(scalars, motion, search);
         remaining = until - motion.clock(0);
+        measure(scalars, motion, larger(remaining, 0.0), search);
         double slack = PEAK_TOLERANCE * larger(magnitude(row(0)), magnitude(row(1))) +
                        negligible_motion(r, scalars, motion, search);
         scalars.upper(r) = wanted < 0.0 ? INFINITE : row(0) + slack;
@@ -233,7 +235,7 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     }
     double time = motion.clock(0), least = LEAST_ADVANCE * interval;
     Index r = scalars.lasting.size();
-    measure(scalars, motion, space.search);
+    measure(scalars, motion, until - time, space.search);
     double before = value_now(r, scalars.size.size(), unit_phase(scalars.omega, motion.clock), scalars, motion);
     include(before, time, row);
     include(last, until, row);

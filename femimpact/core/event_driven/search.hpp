@@ -118,7 +118,8 @@ constexpr double PI = 3.141592653589793;
                                           const Search &search) {
     for (Index advance = 0; advance < MOST_ADVANCES; advance++) {
         Complex phase = unit_phase(scalars.omega, motion.clock);
-        measure(scalars, motion, search);
+        double remaining = until - motion.clock(0);
+        measure(scalars, motion, larger(remaining, 0.0), search);
         double largest = 0.0;
         for (Index k = 0; k < scalars.size.size(); k++)
             largest = larger(largest, search.size(k));
@@ -131,7 +132,7 @@ constexpr double PI = 3.141592653589793;
             } else if (search.size(k) > 0.0)
                 active = k + 1;
         }
-        double remaining = until - motion.clock(0), safe = remaining;
+        double safe = remaining;
         for (Index r = 0; r < scalars.lasting.size(); r++) {
             if (scalars.upper(r) == INFINITE && scalars.lower(r) == -INFINITE)
                 continue;

@@ -127,6 +127,8 @@ struct BaseMotion {
                 .sine = cases.sine.row(c.number, n),
                 .constant = bounds.constant,
                 .follow = forms.follow.row(f),
+                .driven = degree > 1 ? forms.driven(f) : 0,
+                .load = forms.load.row(f),
                 .term = bounds.steady.row(0),
                 .growth = bounds.steady.row(1),
             },
@@ -139,6 +141,7 @@ struct BaseMotion {
                 .static_part = bounds.static_part,
                 .harmonic = cases.harmonic.row(c.number, n),
                 .follow = forms.position_follow.row(f),
+                .follow_rate = forms.velocity_follow.row(f),
                 .degree = degree,
                 .first = forms.first.row(f),
                 .members = forms.members.row(f),
@@ -208,7 +211,7 @@ struct Followed {
 };
 [[gnu::always_inline]] inline Followed followed(const Shapes &shapes, Index i, GivenArray d) {
     if (shapes.degree > 1)
-        return {derivative(shapes.follow, i, d, 0), derivative(shapes.follow, i, d, 1)};
+        return {derivative(shapes.follow, i, d, 0), derivative(shapes.follow_rate, i, d, 0)};
     double a = shapes.follow(0, i), b = shapes.follow(1, i), c = shapes.follow(2, i), e = shapes.follow(3, i);
     return {a * d(0) + b * d(1) + c * d(2) + e * d(3), a * d(1) + b * d(2) + c * d(3)};
 }
@@ -284,7 +287,7 @@ struct Followed {
 [[gnu::noinline]] inline void turn_knot(Index piece, Index f, const Cases &cases, const Forms &forms,
                                         const Motion &motion) {
     GivenArray next = cases.pieces.row(piece);
-    GivenMatrix follow = forms.position_follow.row(f);
+    GivenMatrix follow = forms.position_follow.row(f), rate = forms.velocity_follow.row(f);
     Array d = motion.drive;
     // the base's own motion goes on: a piece carries it to the last digit
     Index last = larger(cases.degree, 1) + 3;
@@ -295,10 +298,10 @@ struct Followed {
         d(j) = next(j);
     for (Index i = 0; i < follow.shape[1]; i++) {
         double x = follow(2, i) * jump[2] + follow(3, i) * jump[3];
-        double v = follow(1, i) * jump[2] + follow(2, i) * jump[3];
+        double v = rate(2, i) * jump[2] + rate(3, i) * jump[3];
         for (Index j = 4; j < last; j++) {
             x += follow(j, i) * jump[j];
-            v += follow(j - 1, i) * jump[j];
+            v += rate(j, i) * jump[j];
         }
         for (Index k = 0; k < forms.entries(f); k++)
             motion.entry(k) -= forms.to_entry_u(f, k, i) * x + forms.to_entry_v(f, k, i) * v;

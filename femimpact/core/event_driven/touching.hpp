@@ -42,7 +42,7 @@ namespace FEMIMPACT_TARGET {
     double side = side_of(c.state(j)), duration = end - begin;
     set_spare_motion(begin, scalars, space);
     const Motion &motion = space.spare;
-    if (has_blocks(scalars))
+    if (has_blocks(scalars) || scalars.driven > 0)
         return side * integral_over_points(r, duration, scalars, motion);
     double total = scalars.constant(r) * duration;
     if (scalars.degree >= 0) {

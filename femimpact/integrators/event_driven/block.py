@@ -48,6 +48,12 @@ __all__ = ["Block", "Inputs", "new_block", "no_cycles", "no_snapshots", "run_blo
 
 Array = NDArray[np.float64]
 
+GAUSS_POINTS = 10
+"""Of the core."""
+
+LONGEST_SERIES = 0.5
+"""Longest time in which a driven entry is advanced at once, times the rate of the polynomials."""
+
 LINE = 64
 """Bytes of a cache line."""
 
@@ -182,6 +188,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
         knots=knots,
         pieces=table,
         degree=-1 if pieces is None else pieces.degree,
+        longest=LONGEST_SERIES / rate if (rate := store.rate) else math.inf,
         gap_plus=gaps[:, :, 0].copy(),
         gap_minus=gaps[:, :, 1].copy(),
         stiffness=np.where(store.rigid, 0.0, of_pairs("stiffness")),
@@ -335,6 +342,7 @@ def working_space(block: Block, forms: Forms) -> Space:
         rate=np.zeros(2 * pairs),
         found=np.zeros(5),
         size=np.zeros(entries),
+        drift=np.zeros((2, entries)),
         power=np.zeros((3, entries), dtype=complex),
         event=np.zeros(2),
         negligible=np.zeros(1),
@@ -359,6 +367,7 @@ def working_space(block: Block, forms: Forms) -> Space:
         plus=square,
         minus=square,
         moments=np.zeros((entries, HIGHEST_DEGREE + 1), dtype=complex),
+        rates=np.zeros((d, GAUSS_POINTS)),
     )
     rest: list[NDArray[np.float64 | np.complex128]] = [
         np.zeros(entries, dtype=complex),

@@ -26,13 +26,18 @@ from femimpact.excitation.piecewise_polynomial import ORDERS
 from femimpact.integrators.event_driven.complex_modes import ComplexModes, complex_modes
 from femimpact.integrators.event_driven.equations import Equations, require_met, undamped_modes, wall_offsets
 
-__all__ = ["OF_DISPLACEMENT", "OF_VELOCITY", "ClosedForm", "Rows", "closed_form", "gap_rows"]
+__all__ = [
+    "OF_DISPLACEMENT", "OF_VELOCITY", "ClosedForm", "Rows", "closed_form", "driven_entries", "followed", "gap_rows",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 OF_DISPLACEMENT, OF_VELOCITY = (2, 0), (1, 1)
 """Where ub and ub' stand in `Rows.through` and in `Rows.follow`."""
+
+SLOW = 3.0
+"""|lambda| over the rate of the polynomials up to which an entry has its whole response to them."""
 
 ROUNDED = 1e-12
 """Share of the terms of a sum below which it is rounding."""
@@ -324,6 +329,43 @@ def gap_rows(whole: Equations, rows: Rows, base: tuple[int, int]) -> Rows:
     through[base[0]] -= whole.in_space
     follow[base[1]] -= whole.in_space
     return Rows(P @ rows.weight, P @ rows.rigid_body, P @ rows.rigid_body_rate, P @ rows.constant, through, follow)
+
+
+def driven_entries(modes: ComplexModes, rate: float | None) -> int:
+    """Number of the entries, the slowest ones, that are advanced with their whole response to polynomials.
+
+    The response of a fast entry is a polynomial itself, beside the exponential: a sum of derivatives of s over powers
+    of lambda, which for a slow one are large and cancel the exponential.
+
+    Parameters
+    ----------
+    modes : ComplexModes
+    rate : float or None, 1/s
+        Of the polynomials; none of a sine or of straight lines is driven.
+    """
+    if not rate:
+        return 0
+    count = int(np.argmax(np.append(modes.size > SLOW * rate, True)))
+    for first, length in modes.blocks:
+        if first < count < first + length:
+            count = int(first)
+    return count
+
+
+def followed(rows: Rows, modes: ComplexModes, load: Complex, driven: int) -> Array:
+    """Steady response (8, R) of scalars under a polynomial, as in `Rows.follow`, without that of driven entries."""
+    fast = slice(driven, None)
+    rate = modes.rate[fast, fast]
+    response = np.zeros((ORDERS, load.shape[1]), dtype=complex)
+    before = np.zeros(load.shape[1] - driven, dtype=complex)
+    for order in range(ORDERS):
+        # G' = Lambda G + load (s, ub', ub) with G a sum over ub and its derivatives
+        own = load[2 - order, fast] if order < 3 else 0.0
+        before = scipy.linalg.solve_triangular(rate, before - own) if before.size else before
+        response[order, fast] = before
+    follow = (response @ rows.weight.T).real
+    follow[:3] += rows.through[::-1]
+    return np.asarray(follow)
 
 
 def _compliant_forces(

@@ -52,6 +52,7 @@ class Forms(NamedTuple):
     number: Indices  # (F,) among those of the same contact parameters
     entries: Indices  # (F,)
     rigid_bodies: Indices  # (F,)
+    driven: Indices  # (F,) entries, the slowest ones, that have their whole response to a polynomial
     exponent: Complex  # (F, K)
     coupling: Complex  # (F, K, K); see Scalars
     blocks: Indices  # (F, B, 2)
@@ -71,6 +72,7 @@ class Forms(NamedTuple):
     static: Array  # (F, d, 1 + R)
     position_through: Array  # (F, d) directly of ub
     position_follow: Array  # (F, 8, d)
+    velocity_follow: Array  # (F, 8, d)
     load: Complex  # (F, 3, K): what s, ub' and ub add to the rate of each entry
     to_entry_u: Complex  # (F, K, d)
     to_entry_v: Complex  # (F, K, d)
@@ -104,6 +106,7 @@ class Cases(NamedTuple):
     knots: Array  # (L,) s, where the pieces of s(t) begin, rising; none for a sine
     pieces: Array  # (L, 8) what `Motion.drive` is at the beginning of each piece
     degree: int  # of the pieces, each a polynomial; -1 for a sine
+    longest: float  # s, for which the series of driven entries serves
     gap_plus: Array  # (C, R)
     gap_minus: Array  # (C, R)
     stiffness: Array  # (C, R)
@@ -214,6 +217,7 @@ class Search(NamedTuple):
     rate: Array  # (R,)
     found: Array  # (5,) scratch
     size: Array  # (K,) |H|; see `measure`
+    drift: Array  # (2, K) of driven entries: |H''|, and how far H'' changes
     power: Complex  # (3, K): H', and scratch
     event: Array  # (2,): scalar, side
     negligible: Array  # (1,) m/s, see `negligible_approach`
@@ -229,6 +233,7 @@ class Products(NamedTuple):
     plus: Complex  # (T, T)
     minus: Complex  # (T, T)
     moments: Complex  # (K, 6) integrals of powers of the time times e^{mu s}
+    rates: Array  # (d, 10) of driven entries at Gauss points
 
 
 class Bounds(NamedTuple):
