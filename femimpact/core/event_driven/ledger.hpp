@@ -150,7 +150,19 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
 constexpr Index POWERS = 6;
 
 // Terms of the series of `set_moments` for small and for larger exponents.
-constexpr Index FEW_TERMS = 10, MANY_TERMS = 22;
+constexpr Index FEW_TERMS = 10, SOME_TERMS = 15, MANY_TERMS = 22;
+
+// 6!/(n + 6)!
+struct SeriesOfMoments {
+    double values[MANY_TERMS + 1];
+    constexpr SeriesOfMoments() : values{} {
+        values[0] = 1.0;
+        for (Index n = 1; n <= MANY_TERMS; n++)
+            values[n] = values[n - 1] / double(n + POWERS);
+    }
+    constexpr double operator[](Index n) const { return values[n]; }
+};
+constexpr SeriesOfMoments SERIES;
 
 // Sets `out` to the integrals of s^j/j! e^{mu s} over the duration, j = 0 to 5, growth being e^{mu duration}.
 //
@@ -161,23 +173,22 @@ constexpr Index FEW_TERMS = 10, MANY_TERMS = 22;
     double size = z.real * z.real + z.imag * z.imag;
     if (size > 9.0) {
         double power = 1.0;
-        out(0) = (growth - 1.0) / exponent;
+        Complex inverse = Complex{1.0, 0.0} / exponent;
+        out(0) = (growth - 1.0) * inverse;
         for (Index j = 1; j < POWERS; j++) {
             power *= duration / double(j);
-            out(j) = (power * growth - out(j - 1)) / exponent;
+            out(j) = (power * growth - out(j - 1)) * inverse;
         }
         return;
     }
-    // sum of z^n/(n + 6)!, times 6!
-    Complex total = {1.0, 0.0};
-    for (Index n = (size < 0.25 ? FEW_TERMS : MANY_TERMS) + POWERS; n > POWERS; n--)
-        total = 1.0 + z / double(n) * total;
-    double factorial = 720.0;
-    total *= 1.0 / factorial;
+    // 6! times the sum of z^n/(n + 6)!
+    Complex total = {0.0, 0.0};
+    for (Index n = size < 0.25 ? FEW_TERMS : size < 2.0 ? SOME_TERMS : MANY_TERMS; n >= 0; n--)
+        total = SERIES[n] + z * total;
+    total *= INVERSE_FACTORIAL[POWERS];
     for (Index j = POWERS - 1; j >= 0; j--) {
         out(j) = total;
-        factorial /= double(j + 1);
-        total = 1.0 / factorial + z * total;
+        total = INVERSE_FACTORIAL[j] + z * total;
     }
     double power = duration;
     for (Index j = 0; j < POWERS; j++) {
@@ -191,7 +202,7 @@ constexpr Index FEW_TERMS = 10, MANY_TERMS = 22;
     for (Index node = 0; node < GAUSS_POINTS; node++) {
         double time = 0.5 * duration * (1.0 + NODES[node]), total = 0.0;
         for (Index j = POWERS - 1; j >= 0; j--)
-            total = derivatives[j] + total * time / double(j + 1);
+            total = derivatives[j] * INVERSE_FACTORIAL[j] + total * time;
         values[node] = total;
     }
 }
@@ -213,27 +224,24 @@ constexpr Index FEW_TERMS = 10, MANY_TERMS = 22;
     return false;
 }
 
-// Sets the rates of the driven entries at the Gauss points, coordinate by coordinate; uses the spare motion up.
-[[gnu::noinline]] inline void set_driven_rates(double duration, const Form &form, const Space &space, const Ledger &b) {
+// Sets the rates of what driven entries move, as the Taylor series of each coordinate; `term` is scratch space.
+[[gnu::noinline]] inline void set_driven_rates(Index terms, const Form &form, const Space &space, const Ledger &b) {
     const Scalars &scalars = form.scalars;
     const Shapes &shapes = form.shapes;
-    ComplexArray entry = space.spare.entry;
-    GivenComplexArray begun = space.mark.entry;
-    for (Index node = 0; node < GAUSS_POINTS; node++) {
-        double time = 0.5 * duration * (1.0 + NODES[node]);
-        exponentials(scalars.exponent.first(scalars.driven), time, scalars.growth);
-        for (Index k = 0; k < scalars.driven; k++)
-            entry(k) = begun(k) * scalars.growth(k);
-        drive_entries(scalars, space.spare, time);
+    ComplexArray term = scalars.term;
+    for (Index k = 0; k < scalars.driven; k++)
+        term(k) = space.mark.entry(k);
+    double factor = 1.0;
+    for (Index n = 0; n < terms; n++) {
         for (Index i = 0; i < b.mass.size(); i++) {
             double total = 0.0;
-            for (Index m = shapes.first(i); m < shapes.first(i + 1); m++) {
-                Index k = shapes.members(m);
-                if (k < scalars.driven)
-                    total += (shapes.shape_rate(i, k) * entry(k)).real;
-            }
-            space.products.rates(i, node) = total;
+            for (Index m = shapes.first(i); m < shapes.first(i + 1) && shapes.members(m) < scalars.driven; m++)
+                total += (shapes.shape_rate(i, shapes.members(m)) * term(shapes.members(m))).real;
+            space.products.rates(i, n) = total * factor;
         }
+        for (Index k = 0; k < scalars.driven; k++)
+            term(k) = next_term(scalars, k, term, space.mark.drive, n);
+        factor *= INVERSE[n + 1];
     }
 }
 
@@ -245,9 +253,10 @@ constexpr Index FEW_TERMS = 10, MANY_TERMS = 22;
     Array drive = space.mark.drive;
     for (Index k = scalars.driven; k < terms; k++)
         set_moments(scalars.exponent(k), s.growth(k), duration, s.moments.row(k));
+    Index series = 0;
     if (scalars.driven > 0) {
-        copy_motion(space.mark, space.spare);
-        set_driven_rates(duration, form, space, b);
+        series = terms_of_driven(scalars, duration);
+        set_driven_rates(series, form, space, b);
     }
     double acting[GAUSS_POINTS], steady[GAUSS_POINTS], work = 0.0;
     set_values(&drive(2), duration, acting);
@@ -257,8 +266,12 @@ constexpr Index FEW_TERMS = 10, MANY_TERMS = 22;
         for (Index j = 0; j < POWERS; j++)
             rates[j] = derivative(form.shapes.follow_rate, i, drive, j);
         set_values(rates, duration, steady);
-        for (Index node = 0; scalars.driven > 0 && node < GAUSS_POINTS; node++)
-            steady[node] += s.rates(i, node);
+        for (Index node = 0; series > 0 && node < GAUSS_POINTS; node++) {
+            double time = 0.5 * duration * (1.0 + NODES[node]), total = 0.0;
+            for (Index n = series - 1; n >= 0; n--)
+                total = s.rates(i, n) + time * total;
+            steady[node] += total;
+        }
         double driven = integral_of_product(acting, steady, duration), twice = 0.0;
         for (Index k = scalars.driven; k < terms; k++) {
             if (strength(k) == 0.0)

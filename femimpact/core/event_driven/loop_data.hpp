@@ -455,7 +455,7 @@ struct Products {
     ComplexMatrix plus;     // (T, T)
     ComplexMatrix minus;    // (T, T)
     ComplexMatrix moments;  // (K, 6) see `set_moments`
-    Matrix rates;           // (d, 10) of driven entries at Gauss points
+    Matrix rates;           // (d, 24) Taylor series of what driven entries move
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("before", before, "2 d");
@@ -465,7 +465,7 @@ struct Products {
         visit("plus", plus, "K+2 K+2");
         visit("minus", minus, "K+2 K+2");
         visit("moments", moments, "K 6");
-        visit("rates", rates, "d 9+1");
+        visit("rates", rates, "d 9+9+6");
     }
 };
 

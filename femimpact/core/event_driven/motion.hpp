@@ -58,14 +58,25 @@ struct Push {
 // Numbers in `Motion.drive`: ub, ub', s, and the derivatives of s to the fifth.
 constexpr Index DRIVE = 8;
 
-// Taylor's series of what begins with the derivative `first` of a drive, the later ones with their factors:
-// t^n/n! of its n-th term, for n from `from` on.
+// 1/n!.
+constexpr double INVERSE_FACTORIAL[] = {1.0,       1.0,        1.0 / 2.0,   1.0 / 6.0,    1.0 / 24.0,
+                                        1.0 / 120, 1.0 / 720., 1.0 / 5040., 1.0 / 40320., 1.0 / 362880.};
+
+// Taylor's series of the derivative `first` of a drive, from its n-th term on with n = `from`.
 [[gnu::always_inline]] inline double series(GivenArray d, Index first, Index from, double time) {
     double total = 0.0;
-    for (Index i = DRIVE - 1; i >= first + from; i--)
-        total = d(i) + total * time / double(i - first + 1);
-    for (Index n = from; n >= 1; n--)
-        total *= time / double(n);
+    for (Index n = DRIVE - 1 - first; n >= from; n--)
+        total = d(first + n) * INVERSE_FACTORIAL[n] + total * time;
+    for (Index n = 0; n < from; n++)
+        total *= time;
+    return total;
+}
+
+// The same of the sizes of the derivatives, from the first term on: a bound for all times up to this one.
+[[gnu::always_inline]] inline double size_of_series(GivenArray d, Index first, double time) {
+    double total = 0.0;
+    for (Index n = DRIVE - 1 - first; n >= 0; n--)
+        total = magnitude(d(first + n)) * INVERSE_FACTORIAL[n] + total * time;
     return total;
 }
 
@@ -128,10 +139,10 @@ struct Taylor {
             double higher = order + 1 < DRIVE ? q * d(order + 1) : 0.0;
             own += scalars.rigid_body_drive(i) * (p * d(order) + higher);
         }
-        total = magnitude(own) + total * time / double(order - of + 1);
+        total = magnitude(own) * INVERSE_FACTORIAL[order - of] + total * time;
     }
-    for (Index n = from - of; n >= 1; n--)
-        total *= time / double(n);
+    for (Index n = of; n < from; n++)
+        total *= time;
     return total;
 }
 
@@ -170,15 +181,12 @@ struct Taylor {
         out(k) += push_on_entry(scalars, k, d, order);
 }
 
-// Bound on a derivative of what drives an entry, over a time.
-[[gnu::always_inline]] inline double largest_push(const Scalars &scalars, Index k, GivenArray d, Index order,
-                                                  double time) {
-    double total = 0.0;
-    for (Index i = DRIVE - 1; i >= order; i--) {
-        Complex own = push_on_entry(scalars, k, d, i);
-        total = magnitude(own.real) + magnitude(own.imag) + total * time / double(i - order + 1);
-    }
-    return total;
+// Bound on a derivative of what drives an entry, from bounds on that of ub and on the next two.
+[[gnu::always_inline]] inline double largest_push(const Scalars &scalars, Index k, double of_base, double of_speed,
+                                                  double of_drive) {
+    auto size = [](Complex a) { return magnitude(a.real) + magnitude(a.imag); };
+    return size(scalars.load(0, k)) * of_drive + size(scalars.load(1, k)) * of_speed +
+           size(scalars.load(2, k)) * of_base;
 }
 
 // Adds the values of driven entries within a block, whose motions mix.
@@ -201,11 +209,14 @@ struct Taylor {
     Array size = search.size, bend = search.drift.row(0), change = search.drift.row(1), d = motion.drive;
     ComplexArray twice = search.power.row(1);
     differentiate(scalars, search.power.row(0), d, 1, twice);
+    double bound[5];
+    for (Index order = 0; order < 5; order++)
+        bound[order] = size_of_series(d, order, ahead);
     for (Index k = 0; k < scalars.driven; k++) {
         bend(k) = magnitude(twice(k).real) + magnitude(twice(k).imag);
         // here what its push alone may do: no motion of a block grows by itself
-        change(k) = largest_push(scalars, k, d, 2, ahead);
-        size(k) += ahead * largest_push(scalars, k, d, 0, ahead);
+        change(k) = largest_push(scalars, k, bound[2], bound[3], bound[4]);
+        size(k) += ahead * largest_push(scalars, k, bound[0], bound[1], bound[2]);
     }
     if (scalars.blocks.shape[0] > 0) {
         sum_within_blocks(scalars, size);
@@ -271,14 +282,35 @@ struct Taylor {
     }
 }
 
-// Terms of Taylor's series of driven entries, by |lambda| times the time: below 0.1, below 0.5, below 2.
-constexpr Index TERMS_OF_SLOW = 10, TERMS_OF_SLOWER = 14, MOST_TERMS = 24;
+// Terms of Taylor's series of driven entries, by |lambda| times the time: below 0.1, below 0.6, below 2.
+constexpr Index TERMS_OF_SLOW = 10, TERMS_OF_SLOWER = 15, MOST_TERMS = 24;
+
+constexpr double INVERSE[MOST_TERMS + 1] = {
+    0.0,      1.0,      1.0 / 2,  1.0 / 3,  1.0 / 4,  1.0 / 5,  1.0 / 6,  1.0 / 7,  1.0 / 8,
+    1.0 / 9,  1.0 / 10, 1.0 / 11, 1.0 / 12, 1.0 / 13, 1.0 / 14, 1.0 / 15, 1.0 / 16, 1.0 / 17,
+    1.0 / 18, 1.0 / 19, 1.0 / 20, 1.0 / 21, 1.0 / 22, 1.0 / 23, 1.0 / 24,
+};
 
 [[gnu::always_inline]] inline Index terms_of_driven(const Scalars &scalars, double duration) {
     double largest = 0.0;
     for (Index k = 0; k < scalars.driven; k++)
         largest = larger(largest, scalars.size(k) * duration);
-    return largest < 0.1 ? TERMS_OF_SLOW : largest < 0.5 ? TERMS_OF_SLOWER : MOST_TERMS;
+    return largest < 0.1 ? TERMS_OF_SLOW : largest < 0.6 ? TERMS_OF_SLOWER : MOST_TERMS;
+}
+
+// The next derivative of driven entry k under a polynomial, `order` being that of `term`.
+[[gnu::always_inline]] inline Complex next_term(const Scalars &scalars, Index k, GivenComplexArray term, GivenArray d,
+                                                Index order) {
+    Complex next = scalars.exponent(k) * term(k);
+    if (order < DRIVE)
+        next += push_on_entry(scalars, k, d, order);
+    for (Index b = 0; b < scalars.blocks.shape[0]; b++) {
+        Index last = scalars.blocks(b, 0) + scalars.blocks(b, 1);
+        if (k >= scalars.blocks(b, 0) && k < last)
+            for (Index m = k + 1; m < last; m++)
+                next += scalars.coupling(k, m) * term(m);
+    }
+    return next;
 }
 
 // Whether anything drives the driven entries now.
@@ -305,21 +337,11 @@ constexpr Index TERMS_OF_SLOW = 10, TERMS_OF_SLOWER = 14, MOST_TERMS = 24;
         term(k) = {0.0, 0.0};
     double factor = 1.0;
     for (Index n = 0; n < terms; n++) {
+        factor *= duration * INVERSE[n + 1];
         for (Index k = 0; k < driven; k++) {
-            Complex next = scalars.exponent(k) * term(k);
-            if (n < DRIVE)
-                next += push_on_entry(scalars, k, motion.drive, n);
-            for (Index b = 0; b < scalars.blocks.shape[0]; b++) {
-                Index last = scalars.blocks(b, 0) + scalars.blocks(b, 1);
-                if (k >= scalars.blocks(b, 0) && k < last)
-                    for (Index m = k + 1; m < last; m++)
-                        next += scalars.coupling(k, m) * term(m);
-            }
-            term(k) = next;
-        }
-        factor *= duration / double(n + 1);
-        for (Index k = 0; k < driven; k++)
+            term(k) = next_term(scalars, k, term, motion.drive, n);
             entry(k) += term(k) * factor;
+        }
     }
 }
 
@@ -508,6 +530,9 @@ constexpr Index TERMS_OF_SLOW = 10, TERMS_OF_SLOWER = 14, MOST_TERMS = 24;
     }
     differentiate(scalars, once, motion.drive, 1, twice);
     differentiate(scalars, twice, motion.drive, 2, thrice);
+    double ahead[4] = {};
+    for (Index order = 0; scalars.driven > 0 && order < 4; order++)
+        ahead[order] = size_of_series(motion.drive, 2 + order, remaining);
     for (Index k = 0; k < scalars.size.size(); k++) {
         second += (scalars.weight(r, k) * twice(k)).real;
         third += (scalars.weight(r, k) * thrice(k)).real;
@@ -515,11 +540,11 @@ constexpr Index TERMS_OF_SLOW = 10, TERMS_OF_SLOWER = 14, MOST_TERMS = 24;
         if (k < scalars.driven) {
             // from |H''|, its change, and that of what drives it
             double bent = search.drift(0, k) + search.drift(1, k);
-            double pushed = weight * largest_push(scalars, k, motion.drive, 2, remaining);
+            double pushed = weight * largest_push(scalars, k, ahead[0], ahead[1], ahead[2]);
             double twisted = weight * rate * bent + pushed;
             size2 += weight * search.drift(0, k);
             size3 += twisted;
-            size4 += rate * twisted + weight * largest_push(scalars, k, motion.drive, 3, remaining);
+            size4 += rate * twisted + weight * largest_push(scalars, k, ahead[1], ahead[2], ahead[3]);
             continue;
         }
         double own = weight * size(k) * (rate * rate);

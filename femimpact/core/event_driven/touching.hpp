@@ -50,10 +50,12 @@ namespace FEMIMPACT_TARGET {
         total += duration * (value + duration * (rate / 2.0 + duration * (bend / 6.0 + duration * twist / 24.0)));
         // the same from the fourth derivative on
         double later = 0.0;
-        for (Index order = scalars.degree > 1 ? DRIVE - 1 : 0; order >= 4; order--)
-            later = derivative(scalars.follow, r, motion.drive, order) + later * duration / double(order + 2);
-        for (Index n = 5; n >= 1; n--)
-            later *= duration / double(n);
+        for (Index order = scalars.degree > 1 ? DRIVE - 1 : 0; order >= 4; order--) {
+            double factor = INVERSE_FACTORIAL[order] / double(order + 1);
+            later = derivative(scalars.follow, r, motion.drive, order) * factor + later * duration;
+        }
+        for (Index n = 0; n < 5; n++)
+            later *= duration;
         total += later;
     } else {
         auto [cosine, sine] = cosine_and_sine(scalars.omega * duration);

@@ -48,8 +48,8 @@ __all__ = ["Block", "Inputs", "new_block", "no_cycles", "no_snapshots", "run_blo
 
 Array = NDArray[np.float64]
 
-GAUSS_POINTS = 10
-"""Of the core."""
+SERIES_TERMS = 24
+"""Of a driven entry, at most."""
 
 LONGEST_SERIES = 0.5
 """Longest time in which a driven entry is advanced at once, times the rate of the polynomials."""
@@ -367,7 +367,7 @@ def working_space(block: Block, forms: Forms) -> Space:
         plus=square,
         minus=square,
         moments=np.zeros((entries, HIGHEST_DEGREE + 1), dtype=complex),
-        rates=np.zeros((d, GAUSS_POINTS)),
+        rates=np.zeros((d, SERIES_TERMS)),
     )
     rest: list[NDArray[np.float64 | np.complex128]] = [
         np.zeros(entries, dtype=complex),

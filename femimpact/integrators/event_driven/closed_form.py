@@ -36,7 +36,7 @@ Complex = NDArray[np.complex128]
 OF_DISPLACEMENT, OF_VELOCITY = (2, 0), (1, 1)
 """Where ub and ub' stand in `Rows.through` and in `Rows.follow`."""
 
-SLOW = 3.0
+SLOW = 1.0
 """|lambda| over the rate of the polynomials up to which an entry has its whole response to them."""
 
 ROUNDED = 1e-12

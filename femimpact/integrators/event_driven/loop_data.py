@@ -233,7 +233,7 @@ class Products(NamedTuple):
     plus: Complex  # (T, T)
     minus: Complex  # (T, T)
     moments: Complex  # (K, 6) integrals of powers of the time times e^{mu s}
-    rates: Array  # (d, 10) of driven entries at Gauss points
+    rates: Array  # (d, 24) Taylor series of what driven entries move
 
 
 class Bounds(NamedTuple):
