@@ -55,10 +55,16 @@ if TYPE_CHECKING:
     from femimpact.errors import FemimpactError as FemimpactError
     from femimpact.errors import InputError as InputError
     from femimpact.errors import InputWarning as InputWarning
+    from femimpact.excitation import Chirp as Chirp
+    from femimpact.excitation import HammerBlow as HammerBlow
     from femimpact.excitation import PiecewisePolynomial as PiecewisePolynomial
     from femimpact.excitation import PointForce as PointForce
+    from femimpact.excitation import RandomBase as RandomBase
     from femimpact.excitation import RecordedBase as RecordedBase
+    from femimpact.excitation import Shock as Shock
     from femimpact.excitation import Sine as Sine
+    from femimpact.excitation import SteppedSine as SteppedSine
+    from femimpact.excitation import Sum as Sum
     from femimpact.export import figures as figures
     from femimpact.export.vtk.notebook import to_pyvista as to_pyvista
     from femimpact.fem.assembly import assemble as assemble
@@ -173,7 +179,18 @@ _MODULES = {
     "structure.damping": ("ModalDamping", "Rayleigh"),
     "response.energy": ("EnergyLedger",),
     "errors": ("DivergenceError", "FemimpactError", "InputError", "InputWarning"),
-    "excitation": ("PiecewisePolynomial", "PointForce", "RecordedBase", "Sine"),
+    "excitation": (
+        "Chirp",
+        "HammerBlow",
+        "PiecewisePolynomial",
+        "PointForce",
+        "RandomBase",
+        "RecordedBase",
+        "Shock",
+        "Sine",
+        "SteppedSine",
+        "Sum",
+    ),
     "export.vtk.notebook": ("to_pyvista",),
     "response.history": ("HistoryPiece",),
     "identification": ("DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power"),

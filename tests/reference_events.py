@@ -15,7 +15,7 @@ import numpy as np
 POINTS = 20
 """Of the quadrature of a panel; its error is that of order 40."""
 
-SCANNED = 40
+SCANNED = 12
 """Instants of a panel at which a crossing is looked for."""
 
 

@@ -65,7 +65,8 @@ def scalars_of(block, forms, drive, space):
         "rigid_body_weight": forms.rigid_body_weight[0, :, :rigid_bodies].copy(),
         "rigid_body_rate_weight": forms.rigid_body_rate_weight[0, :, :rigid_bodies].copy(),
         "sine": block.cases.sine[0, 0], "constant": bounds.constant, "follow": forms.follow[0],
-        "driven": 0, "load": forms.load[0, :, :entries].copy(), "term": np.zeros(entries, dtype=complex), "growth": np.zeros(entries, dtype=complex),
+        "driven": 0, "load": forms.load[0, :, :entries].copy(),
+        "term": np.zeros(entries, dtype=complex), "growth": np.zeros(entries, dtype=complex),
     }  # fmt: skip
     prefix = "search_call.scalars."
     names = [name.removeprefix(prefix) for name, *_ in core.tables() if name.startswith(prefix)]
@@ -95,7 +96,9 @@ def test_no_crossing_is_missed_in_thousands_of_random_motions(modes, cases):
         scalars, space, shape = free_motion(system, drive)
         entries = scalars.exponent.size
         motion = motion_alone(space.trial, entries, scalars.rigid_body_given.size)
-        search = space.search._replace(size=np.zeros(entries), drift=np.zeros((2, entries)), power=np.zeros((3, entries), dtype=complex))
+        search = space.search._replace(
+            size=np.zeros(entries), drift=np.zeros((2, entries)), power=np.zeros((3, entries), dtype=complex)
+        )
         scale = gap * 10.0 ** rng.uniform(-3, 1)
         motion.entry[:] = 0.0
         motion.entry[:modes] = scale * (rng.normal(size=modes) + 1j * rng.normal(size=modes))

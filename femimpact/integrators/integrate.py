@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any, cast, overload
 
 from femimpact.errors import require, require_type
-from femimpact.excitation import Excitation, require_excitation
+from femimpact.excitation import Excitation, Sum, require_excitation
 from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
 from femimpact.integrators.memory import check_memory, memory_needed
 from femimpact.integrators.methods import Method, require_method
@@ -118,6 +118,8 @@ def integrate(
     require(alone, "record.sink", None, "", "must serve one run: pieces of several could not be distinguished")
 
     def run(drive: Excitation, report: Progress | None) -> Response:
+        if isinstance(drive, Sum):
+            drive = drive.until(start.time + duration)
         response = method.run(system, drive, duration, recorder, start, report)
         warnings = motion_warnings(drive, system.length)
         warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)

@@ -134,7 +134,9 @@ class FormStore:
                 active = np.array([bool(key >> j & 1) for j in range(self.rigid.size)], dtype=bool)
                 made = self._closed_form(active, stiffness, damping)
                 allowed = "must have stiffness in every braked motion for this excitation or constant force"
-                require(not made.unheld[0] and not (self.rate is not None and made.unheld[1]), "system", None, "", allowed)
+                require(
+                    not made.unheld[0] and not (self.rate is not None and made.unheld[1]), "system", None, "", allowed
+                )
                 self._add(made, active, key, parameters)
             return self.first[parameters]
 
@@ -229,7 +231,8 @@ class FormStore:
             "blocks": modes.blocks, "size": modes.size, "rigid_body_given": made.rigid_body_given,
             "rigid_body_drive": made.rigid_body_drive, "weight": rows.weight, "weight_size": np.abs(rows.weight),
             "rigid_body_weight": rows.rigid_body, "rigid_body_rate_weight": rows.rigid_body_rate,
-            "constant": rows.constant, "through": rows.through, "follow": follow, "driven": driven, "shape": made.position.weight,
+            "constant": rows.constant, "through": rows.through, "follow": follow, "driven": driven,
+            "shape": made.position.weight,
             "shape_rate": made.velocity.weight, "rigid_body_shape": made.rigid_body_shape,
             "static": made.position.constant, "position_through": made.position.through[2],
             "position_follow": position, "velocity_follow": velocity, "load": made.load, "to_entry_u": made.to_entry_u,
