@@ -275,3 +275,27 @@ def test_what_is_no_excitation_is_refused_in_one_line(make, words):
     with pytest.raises(fi.InputError, match=words) as refusal:
         make()
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.impacts
+def test_without_a_cycle_nothing_is_periodic_and_nothing_is_drawn_at_a_base_frequency():
+    system = reduced(with_ball(REFERENCE, contact=fi.Rigid(restitution=0.7), gap=1e-4), 4)
+    run = fi.integrate(system, RANDOM, fi.EventDriven(), 3.0, fi.Recorder(interval=2e-3))
+    assert run.regime.kind == "not periodic"
+    assert math.isnan(run.statistics.impacts_per_cycle)
+    assert run.statistics.count > 0
+    axis = fi.figures.spectrum(run, "tip", ax=fi.figures.OffScreen() if hasattr(fi.figures, "OffScreen") else None)
+    assert "m)²/Hz" in axis.get_ylabel()
+    assert [line.get_label() for line in axis.get_lines()] == [axis.get_lines()[0].get_label()]
+    # Parseval: the density's integral is the mean square of the windows
+    (line,) = axis.get_lines()
+    f, density = line.get_xdata(), line.get_ydata()
+    assert np.trapezoid(density, f) == pytest.approx(np.mean(run["tip"] ** 2), rel=0.3)
+    sine = fi.integrate(system, fi.Sine(1e-3, 5.0) + fi.Sine(1e-3, 5.0, 1.0), fi.EventDriven(), 3.0)
+    assert sine.regime.kind != "not periodic"
+
+
+def test_a_run_longer_than_its_excitation_says_so():
+    alone = fi.without_impactors(in_a_box())
+    run = fi.integrate(alone, SHOCK, fi.EventDriven(), 0.1, fi.Recorder(interval=1e-3))
+    assert any("the run ends at 0.1 s, the excitation at 0.011 s" in note for note in run.notes)

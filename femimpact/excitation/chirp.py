@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import check_fields, choice, quantity, require
+from femimpact.excitation.excitation import times
 from femimpact.excitation.level import level_of
 from femimpact.excitation.piecewise_polynomial import (
     PiecewisePolynomial,
@@ -113,6 +114,11 @@ class Chirp:
         return max(self.start, self.stop)
 
     @property
+    def has_cycle(self) -> bool:
+        """False: statistics are over time, and no motion under it is called periodic."""
+        return False
+
+    @property
     def phase(self) -> float:
         """Not a number: impacts have no phase in a chirp."""
         return math.nan
@@ -122,16 +128,16 @@ class Chirp:
         """Largest displacement, m."""
         return self.level if self.by == "amplitude" else largest_displacement(self.closed_form)
 
-    def frequency_at(self, time: Array) -> Array:
+    def frequency_at(self, time: ArrayLike) -> Array:
         """Frequency (Hz) at times in s."""
-        share = np.asarray(time, dtype=float) / self.duration
+        share = times(time) / self.duration
         if self.kind == "linear":
             return np.asarray(self.start + (self.stop - self.start) * share)
         return np.asarray(self.start * (self.stop / self.start) ** share)
 
-    def phase_at(self, time: Array) -> Array:
+    def phase_at(self, time: ArrayLike) -> Array:
         """Phase (rad) at times in s."""
-        t = np.asarray(time, dtype=float)
+        t = times(time)
         if self.kind == "linear" or self.stop == self.start:
             return np.asarray(2.0 * np.pi * t * (self.start + 0.5 * (self.stop - self.start) * t / self.duration))
         rate = math.log(self.stop / self.start) / self.duration

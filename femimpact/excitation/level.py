@@ -19,7 +19,8 @@ def level_of(
     """
     given = {"amplitude": amplitude, "acceleration": acceleration}
     named = [name for name, value in given.items() if value is not None]
-    if not named and level is not None:
+    if not named and (level is not None or by is not None):
+        require(level is not None, "level", level, "m or m/s^2", "must be a finite number >= 0")
         return level, by
     allowed = "must be given alone: one of amplitude (m) and acceleration (m/s^2)"
     require(len(named) == 1, "amplitude", "both" if named else None, "", allowed)

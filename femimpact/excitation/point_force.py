@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import check_fields, kind_of, place, require
-from femimpact.excitation.excitation import MEMBERS, Harmonic, times
+from femimpact.excitation.excitation import MEMBERS, Harmonic, has_cycle, times
 from femimpact.excitation.piecewise_polynomial import pieces_of
 
 __all__ = ["PointForce"]
@@ -50,6 +50,11 @@ class PointForce:
     def frequency(self) -> float:
         """Of the force, Hz."""
         return float(self.history.frequency)
+
+    @property
+    def has_cycle(self) -> bool:
+        """Whether the history has one."""
+        return has_cycle(self.history)
 
     @property
     def phase(self) -> float:

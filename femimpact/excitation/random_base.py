@@ -104,6 +104,11 @@ class RandomBase:
         return float(self.lines[0][-1])
 
     @property
+    def has_cycle(self) -> bool:
+        """False: statistics are over time, and no motion under it is called periodic."""
+        return False
+
+    @property
     def phase(self) -> float:
         """Not a number."""
         return math.nan

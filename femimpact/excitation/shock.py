@@ -84,6 +84,11 @@ class Shock:
         return 0.5 / self.duration
 
     @property
+    def has_cycle(self) -> bool:
+        """False: statistics are over time, and no motion under it is called periodic."""
+        return False
+
+    @property
     def phase(self) -> float:
         """Not a number."""
         return math.nan

@@ -108,6 +108,11 @@ class SteppedSine:
         return float(max(self.frequencies))
 
     @property
+    def has_cycle(self) -> bool:
+        """False: statistics are over time, and no motion under it is called periodic."""
+        return False
+
+    @property
     def phase(self) -> float:
         """Not a number."""
         return math.nan

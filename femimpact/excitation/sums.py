@@ -71,6 +71,11 @@ class Sum:
         return float(max(part.frequency for part in self.parts))
 
     @property
+    def has_cycle(self) -> bool:
+        """Whether all parts are sines of one frequency."""
+        return self._harmonic is not None
+
+    @property
     def phase(self) -> float:
         """Of the displacement at t = 0 where all are sines of one frequency, rad; else not a number."""
         wave = self._harmonic
