@@ -58,6 +58,11 @@ class Drive:
         """s(t) as a broken line, where it is one."""
         return self.closed_form if isinstance(self.closed_form, BrokenLine) else None
 
+    @property
+    def in_pieces(self) -> bool:
+        """Whether s(t) is made of polynomials between knots, straight lines among them."""
+        return isinstance(self.closed_form, BrokenLine | PiecewisePolynomial)
+
     @cached_property
     def pieces(self) -> PiecewisePolynomial | None:
         """s(t) as polynomials between knots, where it is made of them or is a broken line."""

@@ -79,14 +79,14 @@ def reading_grid(
         If the interval of the recorder leaves fewer than 8 readings in a cycle of a sine.
     """
     drive, chosen = drive_of(system, excitation), tuple[str, ...]()
-    if drive.pieces is None and recorder.interval is None:
+    if not drive.in_pieces and recorder.interval is None:
         samples = method.samples_per_cycle
         return ReadingGrid((2.0 * math.pi / drive.omega) / samples, float(samples), follows_cycles=True)
     longest = 1.0 / (LEAST_SAMPLES * excitation.frequency)
     if recorder.interval is not None:
         interval = recorder.interval
         allowed = f"must be <= {longest:.4g} s, {LEAST_SAMPLES} readings in a cycle; Recorder.every keeps fewer of them"
-        resolved = drive.pieces is not None or interval <= longest * (1.0 + WHOLE)
+        resolved = drive.in_pieces or interval <= longest * (1.0 + WHOLE)
         require(resolved, "record.interval", interval, "s", allowed)
     elif drive.line is not None:
         interval, chosen = _suited(system, drive.line.interval, "the interval of the samples that drive it", duration)
