@@ -14,10 +14,11 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["MUTATIONS", "Mutation", "findings", "mutate", "place_of"]
+__all__ = ["MUTATIONS", "Mutation", "findings", "mutate", "place_of", "print_findings"]
 
 PACKAGE = Path(__file__).parents[1] / "femimpact"
 
@@ -263,21 +264,20 @@ def findings(mutation: Mutation | None) -> dict[str, str]:
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
 
-def main(names: list[str]) -> int:
-    """Print one row for each mutation; 1 if one survives."""
-    known = {mutation.name: mutation for mutation in MUTATIONS}
+def print_findings(
+    names: Sequence[str], mutations: Sequence[Mutation], found_by: Callable[[Mutation], dict[str, str]]
+) -> int:
+    """Print one row for each mutation of some names, or for all, and what finds it; 1 if one survives."""
+    known = {mutation.name: mutation for mutation in mutations}
     if unknown := [name for name in names if name not in known]:
         sys.exit(f"unknown: {', '.join(unknown)}; known: {', '.join(known)}")
-    chosen = [known[name] for name in names] or list(MUTATIONS)
+    chosen = [known[name] for name in names] or list(mutations)
     places = [place_of(mutation, PACKAGE).relative_to(PACKAGE) for mutation in chosen]
-    clean = findings(None)
-    if clean:
-        sys.exit(f"without a mutation these do not pass: {clean}")
     print("| mutation | in | found by | first of them (error) | s |\n| --- | --- | --- | --- | --- |", flush=True)
     survivors = []
     for mutation, place in zip(chosen, places, strict=True):
         start = time.perf_counter()
-        found = findings(mutation)
+        found = found_by(mutation)
         first = "; ".join(f"{name} ({error})" for name, error in list(found.items())[:3])
         seconds = time.perf_counter() - start
         print(f"| {mutation.name} | {place} | {len(found)} | {first} | {seconds:.0f} |", flush=True)
@@ -285,6 +285,13 @@ def main(names: list[str]) -> int:
             survivors.append(mutation.name)
     print(f"\n{len(chosen) - len(survivors)} of {len(chosen)} found; survivors: {', '.join(survivors) or 'none'}")
     return 1 if survivors else 0
+
+
+def main(names: list[str]) -> int:
+    """Print which case finds which mutation; 1 if one survives."""
+    if clean := findings(None):
+        sys.exit(f"without a mutation these do not pass: {clean}")
+    return print_findings(names, MUTATIONS, findings)
 
 
 if __name__ == "__main__":

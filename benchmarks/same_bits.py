@@ -1,11 +1,11 @@
 """Do two commits give the same bits? All arrays of whole runs, sweeps and continued runs, before and now.
 
-    python benchmarks/same_bits.py COMMIT [--runs 1000] [--sweeps 100]
+    python benchmarks/same_bits.py COMMIT [--runs 1000] [--sweeps 100] [--steps 1000]
 
 The commit is unpacked and installed into an environment of its own, both versions run the same random structures
-(tests/random_structures.py), and every array of their responses is compared: what differs is printed with the largest
-difference, relative to the array's largest value. Zeros of both signs count as equal. The exit status is 1 where
-anything differs.
+(tests/random_structures.py; for methods with steps stepped_cases.py), and every array of their responses is compared:
+what differs is printed with the largest difference, relative to the array's largest value. Zeros of both signs count
+as equal. The exit status is 1 where anything differs.
 """
 
 from __future__ import annotations
@@ -45,30 +45,51 @@ def arrays_of(value: object, name: str) -> Iterator[tuple[str, np.ndarray]]:
         yield name, np.array(value)
 
 
-def results_of(job: str) -> dict[str, np.ndarray]:
-    """Arrays of one job: "run SEED", "continued SEED" or "sweep SEED"."""
+def event_driven(kind: str, seed: int) -> dict[str, np.ndarray]:
+    """Arrays of one event-driven "run", "continued" run or "sweep"."""
     sys.path.insert(0, str(ROOT / "tests"))
     from random_structures import random_case
 
     import femimpact as fi
 
-    kind, seed = job.split()
-    case = random_case(int(seed))
-    try:
-        if kind == "sweep":
-            frequencies = case.system.first_frequency * np.linspace(0.8, 1.2, 11)
-            amplitude = 1e-3
-            curve = fi.frequency_sweep(case.system, amplitude, frequencies, fi.EventDriven(), cycles=30)
-            return dict(arrays_of(curve, "curve"))
-        record = fi.Recorder(impacts=100_000)
-        run = fi.integrate(case.system, case.excitation, fi.EventDriven(), case.duration, record, case.initial)
-        found = dict(arrays_of(run, "run"))
-        if kind == "continued":
-            more = fi.integrate(case.system, case.excitation, fi.EventDriven(), case.duration, record, run.final_state)
-            found |= dict(arrays_of(more, "more"))
-    except (fi.InputError, fi.DivergenceError) as refusal:
-        return {f"refused: {type(refusal).__name__}": np.zeros(1)}
+    case, method, record = random_case(seed), fi.EventDriven(), fi.Recorder(impacts=100_000)
+    if kind == "sweep":
+        frequencies = case.system.first_frequency * np.linspace(0.8, 1.2, 11)
+        return dict(arrays_of(fi.frequency_sweep(case.system, 1e-3, frequencies, method, cycles=30), "curve"))
+    run = fi.integrate(case.system, case.excitation, method, case.duration, record, case.initial)
+    found = dict(arrays_of(run, "run"))
+    if kind == "continued":
+        more = fi.integrate(case.system, case.excitation, method, case.duration, record, run.final_state)
+        found |= dict(arrays_of(more, "more"))
     return found
+
+
+def stepped(kind: str, seed: int) -> dict[str, np.ndarray]:
+    """Arrays of one run by a method with steps and its continuation, or of a sweep."""
+    from stepped_cases import stepped_case
+
+    import femimpact as fi
+
+    case = stepped_case(seed)
+    if kind == "steps-sweep":
+        frequencies = case.system.first_frequency * np.linspace(0.8, 1.2, 3 + seed % 9)
+        curve = fi.frequency_sweep(case.system, 3e-4, frequencies, case.method, cycles=6, initial=case.initial)
+        return dict(arrays_of(curve, "curve"))
+    run = fi.integrate(case.system, case.excitation, case.method, case.duration, case.recorder, case.initial)
+    found = dict(arrays_of(run, "run"))
+    more = fi.integrate(case.system, case.excitation, case.method, 0.3 * case.duration, case.recorder, run.final_state)
+    return found | dict(arrays_of(more, "more"))
+
+
+def results_of(job: str) -> dict[str, np.ndarray]:
+    """Arrays of one job: a kind and a seed."""
+    import femimpact as fi
+
+    kind, seed = job.split()
+    try:
+        return (stepped if kind.startswith("steps") else event_driven)(kind, int(seed))
+    except (fi.InputError, fi.DivergenceError) as refusal:
+        return {f"refused: {type(refusal).__name__}: {' '.join(str(refusal).split())[:60]}": np.zeros(1)}
 
 
 def digest(values: np.ndarray) -> str:
@@ -137,15 +158,18 @@ def main() -> int:
     parser.add_argument("commit", nargs="?")
     parser.add_argument("--runs", type=int, default=1000)
     parser.add_argument("--sweeps", type=int, default=100)
+    parser.add_argument("--steps", type=int, default=1000, help="runs by methods with steps, and a tenth of sweeps")
     parser.add_argument("--work", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--whole", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.work:
         work(json.loads((given.work / "jobs.json").read_text()), given.work, given.whole)
         return 0
-    continued = range(max(given.runs // 10, 1))
+    continued = range(given.runs // 10)
     jobs = [f"run {seed}" for seed in range(given.runs)]
     jobs += [f"sweep {seed}" for seed in range(given.sweeps)] + [f"continued {seed}" for seed in continued]
+    jobs += [f"steps {seed}" for seed in range(given.steps)]
+    jobs += [f"steps-sweep {seed}" for seed in range(given.steps // 10)]
     with tempfile.TemporaryDirectory() as directory:
         folder = Path(directory)
         old, now = installed(given.commit, folder), (Path(sys.executable), ROOT)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 import femimpact as fi
-from femimpact.study.demo import paper_study
+from femimpact.study.demo import paper_study, paper_study_text
 from femimpact.study.study import SweepPlan
 
 REFERENCE = fi.Structure(
@@ -105,12 +102,19 @@ def short_study(duration: float, points: int = 5, **output: object) -> fi.Study:
 NO_PICTURES = {"frames": 0, "figures": False, "paraview": False, "movie": False}
 """Output of a study that draws nothing."""
 
+SMALL_STUDY = (
+    paper_study_text()
+    .replace("duration = 120.0 ", "duration = 6.0 ")
+    .replace("refine = 40 ", "refine = 6 ")
+    .replace("cycles = 600 ", "cycles = 60 ")
+    .replace("frames = 160 ", "frames = 6 ")
+)
+"""The paper's study with a short run and a short sweep, and with few frames of all that is drawn."""
 
-def femimpact(*arguments: object, cwd: Path, check: bool = True) -> subprocess.CompletedProcess[str]:
-    """The command line in a process of its own; it must end well unless told otherwise."""
-    done = subprocess.run(
-        [sys.executable, "-m", "femimpact", *map(str, arguments)], cwd=cwd, capture_output=True, text=True
-    )
-    if check:
-        assert done.returncode == 0, done.stderr
-    return done
+UNDRAWN_STUDY = (
+    SMALL_STUDY.replace("frames = 6 ", "frames = 0 ")
+    .replace("figures = true", "figures = false")
+    .replace("paraview = true", "paraview = false")
+    .replace("movie = true", "movie = false")
+)
+"""The same without pictures."""

@@ -1,21 +1,76 @@
-"""The reference structure behind the published 5.30 and 4.98 Hz, and modes with another last bit.
+"""The reference structure behind the published 5.30 and 4.98 Hz, modes with another last bit, and processes of tests.
+
+Files of tests are run side by side, where there are more than a few, by one process for each core (pytest-xdist);
+`pytest -n 0` runs them one after the other.
 
 `pytest --perturb-modes SEED` runs the tests marked `impacts` on modes that differ in their last bits, as they do
 between processors: the linear-algebra kernel decides those bits, and impacts amplify them.
 """
 
+import os
 import sys
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
+import command
 import numpy as np
 import pytest
-from builders import REFERENCE, reduced, with_ball
+from builders import REFERENCE, SMALL_STUDY, reduced, with_ball
 
 import femimpact as fi
 import femimpact.system.modes
+from femimpact.integrators import threads
 
 LAST_BITS = 1e-15
 """Relative: a few units in the last place, as far as another linear-algebra kernel moves a mode."""
+
+
+FEW_FILES = 3
+"""Files that one process runs sooner than several, each of which takes some seconds to begin."""
+
+MOST_PROCESSES = 8
+"""Each takes some 500 MB."""
+
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""Variables by which linear algebra is told its number of threads, before it is loaded."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config):
+    """Ask pytest-xdist for files side by side, unless the command line says how many processes there shall be."""
+    # its processes come here too, and must not begin further ones
+    if "PYTEST_XDIST_WORKER" in os.environ or hasattr(config, "workerinput"):
+        return
+    option = config.option
+    if getattr(option, "numprocesses", 0) is None and option.dist == "no":
+        option.numprocesses = processes_for(config.args, config.invocation_params.dir, interactive(option))
+        option.dist = "loadfile"
+
+
+def interactive(option) -> bool:
+    """Whether somebody looks on while a test runs: by a debugger, or at what is printed."""
+    return option.usepdb or option.trace or option.capture == "no"
+
+
+def processes_for(args, folder, alone: bool) -> int:
+    """Processes of tests for the arguments of a command line: none beside its own for a few files."""
+    named = {word.partition("::")[0] for word in args}
+    few = len(named) <= FEW_FILES and all(Path(folder, name).is_file() for name in named)
+    return 0 if few or alone else min(threads.cores(), MOST_PROCESSES)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes(config, specs):
+    """Share the cores between processes that begin: what a user has set stays."""
+    for name in THREADS:
+        os.environ.setdefault(name, str(share_of_cores(len(specs))))
+
+
+def share_of_cores(processes: int) -> int:
+    """Threads of each of so many processes."""
+    return max(threads.cores() // processes, 1)
 
 
 def pytest_addoption(parser):
@@ -78,6 +133,17 @@ def _perturbed_modes(request):
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _shared_cores():
+    """Beside other processes of tests, sweeps take this one's share of the cores where they are not told a number."""
+    processes = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    share = share_of_cores(processes)
+    with pytest.MonkeyPatch.context() as patch:
+        if processes > 1:
+            patch.setattr(threads, "cores", lambda: share)
+        yield
+
+
 @pytest.fixture(scope="session")
 def reference() -> fi.Structure:
     return REFERENCE
@@ -98,3 +164,31 @@ def bouncing(reference: fi.Structure) -> fi.System:
     """A light ball that loses little: thrown between walls at rest it bounces regularly, and meets no chaos."""
     law = fi.KelvinVoigt(restitution=0.9, contact_time=2e-3)
     return reduced(with_ball(reference, mass=1e-5, contact=law), 4, 10)
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory) -> Iterator[Path]:
+    """A directory with `study.toml` and what a run of it left in `out`; a test that changes it takes a copy.
+
+    It is made once, also for several processes of tests: whoever comes first puts it where all look.
+    """
+    own = tmp_path_factory.mktemp("finished")
+    shared = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared = shared.parent
+    place = shared / "finished-run"
+    if not place.exists():
+        (own / "study.toml").write_text(SMALL_STUDY, encoding="utf-8")
+        command.femimpact("run", "study.toml", "-o", "out", cwd=own)
+        with suppress(OSError):
+            # another process was first: a folder that is not empty is not replaced
+            own.rename(place)
+    before = _seen(place)
+    yield place
+    assert _seen(place) == before, "a test has changed the finished run, which all share"
+
+
+def _seen(folder: Path) -> dict[str, tuple[int, int]]:
+    """Size and time of every file in a folder."""
+    found = {path: path.stat() for path in folder.rglob("*")}
+    return {str(path): (about.st_size, about.st_mtime_ns) for path, about in found.items()}

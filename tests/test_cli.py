@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,33 +12,24 @@ import time
 
 import numpy as np
 import pytest
-from builders import femimpact
+from builders import SMALL_STUDY, UNDRAWN_STUDY
+from command import femimpact, femimpact_process
 
 import femimpact as fi
 from femimpact import core
 from femimpact.study.demo import paper_study_text
 
-SMALL = (
-    paper_study_text()
-    .replace("duration = 120.0 ", "duration = 6.0 ")
-    .replace("refine = 40 ", "refine = 6 ")
-    .replace("cycles = 600 ", "cycles = 60 ")
-    .replace("frames = 160 ", "frames = 12 ")
-)
 
-
-@pytest.fixture(scope="module")
-def ran(tmp_path_factory):
-    """One `run` of a small study, shared by the tests that read its results."""
-    folder = tmp_path_factory.mktemp("run")
-    (folder / "small.toml").write_text(SMALL, encoding="utf-8")
-    femimpact("run", "small.toml", "-o", "out", cwd=folder)
-    return folder / "out"
+@pytest.fixture
+def ran(finished):
+    """What one `run` of a small study left, to be read."""
+    return finished / "out"
 
 
 def test_init_then_check(tmp_path):
-    femimpact("init", "mine.toml", cwd=tmp_path)
-    printed = femimpact("check", "mine.toml", cwd=tmp_path).stdout
+    # as a user calls it: in processes of their own
+    femimpact_process("init", "mine.toml", cwd=tmp_path)
+    printed = femimpact_process("check", "mine.toml", cwd=tmp_path).stdout
     for words in (
         "dofs: 80 of the mesh",
         "contact time: 0.002 s",
@@ -46,9 +38,10 @@ def test_init_then_check(tmp_path):
         "MB",
     ):
         assert words in printed
-    again = femimpact("init", "mine.toml", cwd=tmp_path, check=False)
+    again = femimpact_process("init", "mine.toml", cwd=tmp_path, check=False)
     assert again.returncode == 2
-    assert "exists already" in again.stderr
+    (line,) = again.stderr.splitlines()
+    assert "exists already" in line
 
 
 def test_run_leaves_every_file_and_load_reads_it_back(ran):
@@ -107,13 +100,15 @@ def test_values_of_one_start_have_a_star_on_the_terminal(ran, capsys):
     assert "* one start's value: the motion is not periodic" in printed
 
 
-def test_existing_results_are_kept_unless_forced(ran):
+def test_existing_results_are_kept_unless_forced(finished, tmp_path):
+    ran = shutil.copytree(finished / "out", tmp_path / "out")
+    (tmp_path / "small.toml").write_text(UNDRAWN_STUDY, encoding="utf-8")
     (ran / "mine.txt").write_text("keep me")
-    refused = femimpact("modes", "small.toml", "-o", "out", cwd=ran.parent, check=False)
+    refused = femimpact("modes", "small.toml", "-o", "out", cwd=tmp_path, check=False)
     assert refused.returncode == 2
     (line,) = refused.stderr.splitlines()
     assert "exists already" in line
-    femimpact("modes", "small.toml", "-o", "out", "--force", "--quiet", cwd=ran.parent)
+    femimpact("modes", "small.toml", "-o", "out", "--force", "--quiet", cwd=tmp_path)
     # only files of the same names are replaced
     assert (ran / "mine.txt").read_text() == "keep me"
 
@@ -130,9 +125,9 @@ def test_existing_results_are_kept_unless_forced(ran):
     ],
 )
 def test_bad_input_exits_with_2_and_no_traceback(tmp_path, arguments, words):
-    (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
-    (tmp_path / "coarse.toml").write_text(SMALL.replace('name = "newmark"', "dt = 1e-3"), encoding="utf-8")
-    (tmp_path / "typo.toml").write_text(SMALL.replace("thickness =", "thicknes ="), encoding="utf-8")
+    (tmp_path / "small.toml").write_text(UNDRAWN_STUDY, encoding="utf-8")
+    (tmp_path / "coarse.toml").write_text(UNDRAWN_STUDY.replace('name = "newmark"', "dt = 1e-3"), encoding="utf-8")
+    (tmp_path / "typo.toml").write_text(UNDRAWN_STUDY.replace("thickness =", "thicknes ="), encoding="utf-8")
     before = sorted(tmp_path.iterdir())
     done = femimpact(*arguments, cwd=tmp_path, check=False)
     assert done.returncode == 2
@@ -142,7 +137,7 @@ def test_bad_input_exits_with_2_and_no_traceback(tmp_path, arguments, words):
 
 
 def test_coarse_step_let_through_leaves_its_warning(tmp_path):
-    text = SMALL.replace('name = "newmark"', "dt = 1e-3\nallow_coarse_step = true")
+    text = UNDRAWN_STUDY.replace('name = "newmark"', "dt = 1e-3\nallow_coarse_step = true")
     (tmp_path / "coarse.toml").write_text(text, encoding="utf-8")
     printed = femimpact("simulate", "coarse.toml", "-o", "out", cwd=tmp_path).stdout
     warnings = fi.load(tmp_path / "out").summary["warnings"]
@@ -151,9 +146,15 @@ def test_coarse_step_let_through_leaves_its_warning(tmp_path):
 
 
 def test_a_run_shorter_than_a_base_cycle_has_no_amplitude_and_says_so(tmp_path):
-    (tmp_path / "short.toml").write_text(SMALL.replace("duration = 6.0 ", "duration = 0.05 "), encoding="utf-8")
+    (tmp_path / "short.toml").write_text(UNDRAWN_STUDY.replace("duration = 6.0 ", "duration = 0.05 "), encoding="utf-8")
     printed = femimpact("simulate", "short.toml", "-o", "out", cwd=tmp_path).stdout
     assert "peak none mm" in printed
+
+
+def test_a_frequency_of_the_command_line_takes_the_place_of_that_of_the_study(tmp_path):
+    (tmp_path / "small.toml").write_text(UNDRAWN_STUDY, encoding="utf-8")
+    femimpact("simulate", "small.toml", "--frequency", "7.25", "-o", "out", "-q", cwd=tmp_path)
+    assert fi.load(tmp_path / "out").summary["history"]["frequency"] == 7.25
 
 
 def test_check_refuses_what_run_would_refuse(tmp_path):
@@ -161,7 +162,7 @@ def test_check_refuses_what_run_would_refuse(tmp_path):
         ("stop = 6.0 ", "stop = 6000.0 ", "sweep.stop = 6000.0 Hz: must be <= 1250 Hz"),
         ("duration = 6.0 ", "duration = 1e9 ", "output.memory_limit"),
     ):
-        (tmp_path / "s.toml").write_text(SMALL.replace(find, put), encoding="utf-8")
+        (tmp_path / "s.toml").write_text(UNDRAWN_STUDY.replace(find, put), encoding="utf-8")
         for command in (("check", "s.toml"), ("run", "s.toml")):
             done = femimpact(*command, cwd=tmp_path, check=False)
             assert done.returncode == 2
@@ -170,7 +171,7 @@ def test_check_refuses_what_run_would_refuse(tmp_path):
 
 
 def test_an_output_that_cannot_be_made_is_one_line(tmp_path):
-    (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
+    (tmp_path / "small.toml").write_text(UNDRAWN_STUDY, encoding="utf-8")
     done = femimpact("modes", "small.toml", "-o", "small.toml/out", cwd=tmp_path, check=False)
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
@@ -178,7 +179,7 @@ def test_an_output_that_cannot_be_made_is_one_line(tmp_path):
 
 
 def test_forced_results_do_not_stand_beside_older_ones(tmp_path):
-    (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
+    (tmp_path / "small.toml").write_text(UNDRAWN_STUDY, encoding="utf-8")
     femimpact("modes", "small.toml", "-o", "out", "-q", cwd=tmp_path)
     quiet = femimpact("sweep", "small.toml", "-o", "out", "-q", "--force", cwd=tmp_path)
     results = fi.load(tmp_path / "out")
@@ -221,7 +222,7 @@ def test_interrupt_leaves_nothing_behind(tmp_path, request_to_end):
 
 
 def test_converge_writes_tables_and_figures(tmp_path):
-    (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
+    (tmp_path / "small.toml").write_text(SMALL_STUDY, encoding="utf-8")
     printed = femimpact("converge", "small.toml", "-o", "out", "--accuracy", "1e-4", cwd=tmp_path).stdout
     both = {f"{name}.{kind}" for kind in ("csv", "png") for name in (
         "mesh_convergence", "step_convergence", "quantities_over_mesh", "quantities_over_step", "quantities_over_modes",
@@ -240,7 +241,7 @@ def test_converge_writes_tables_and_figures(tmp_path):
 def test_a_memory_limit_below_what_the_libraries_take_is_one_line(tmp_path, limit):
     import resource
 
-    (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
+    (tmp_path / "small.toml").write_text(UNDRAWN_STUDY, encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "-m", "femimpact", "modes", "small.toml", "-o", "out"],
         cwd=tmp_path, capture_output=True, text=True,

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from builders import femimpact
+from command import femimpact
 
 import femimpact as fi
 from femimpact.export.figures import OffScreen, collision_history, contact_laws
@@ -76,9 +76,11 @@ def test_existing_results_are_kept_unless_forced_and_quiet_prints_nothing(ran):
     assert refused.returncode == 2
     assert "exists already" in refused.stderr
     assert (folder / "two-contact" / "contact.csv").read_bytes() == before
-    forced = contact("two.toml", "--speed-max", 2, "-o", "two-contact", "--force", "--quiet", cwd=folder)
+    limits = ("--speed-min", 0.1, "--speed-max", 2)
+    forced = contact("two.toml", *limits, "-o", "two-contact", "--force", "--quiet", cwd=folder)
     assert (forced.returncode, forced.stdout) == (0, "")
-    assert read_csv(folder / "two-contact" / "contact.csv")["approach_speed"].max() == pytest.approx(2.0, rel=1e-12)
+    speeds = read_csv(folder / "two-contact" / "contact.csv")["approach_speed"]
+    assert (speeds.min(), speeds.max()) == pytest.approx((0.1, 2.0), rel=1e-12)
 
 
 @pytest.mark.parametrize(

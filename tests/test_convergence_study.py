@@ -260,14 +260,14 @@ def test_statistics_of_runs_have_a_scatter_and_equal_meshes_no_difference():
 
 
 def test_a_difference_means_something_beyond_three_standard_errors_of_both():
-    value, scatter = np.array([[1.5], [1.1], [1.0]]), np.array([[0.08], [0.08], [0.06]])
+    value, scatter = np.array([[1.5], [1.27], [1.0]]), np.array([[0.08], [0.08], [0.06]])
     table = fi.ConvergenceTable(
         axis="mesh", label=np.array(["a", "b", "c"]), number=[1.0, 2.0, 4.0], size=[4.0, 2.0, 1.0],
         failure=np.array(["", "", ""]), name=np.array(["rms"]), unit=np.array(["m"]), value=value,
         error=np.abs(value - 1.0), order=np.full((3, 1), np.nan), scatter=scatter, fitted_order=[np.nan],
         expected_order=[np.nan], reference=[1.0], floor=[np.nan], recommended=[2.0], accuracy=1e-3,
     )  # fmt: skip
-    # hypot(0.08, 0.06) = 0.1
+    # hypot(0.08, 0.06) = 0.1: 0.27 is beyond three of the one error, and within three of both
     assert table.meaningful[:, 0].tolist() == [True, False, False]
 
 

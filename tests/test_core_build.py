@@ -235,6 +235,40 @@ def test_our_flags_come_after_those_of_the_environment(monkeypatch):
         assert {"-march=x86-64", "-mcpu=baseline", "-fPIC"} & set(flags[3:])
 
 
+@pytest.mark.parametrize(
+    ("system", "machine", "name", "tag", "linked", "not_linked"),
+    [
+        ("linux", "x86_64", "_core.abi3.so", "linux_x86_64", "-shared -Wl,--as-needed -s -lm", "-lpython3"),
+        ("linux", "aarch64", "_core.abi3.so", "linux_aarch64", "-shared -Wl,--as-needed -s -lm", "-lpython3"),
+        ("darwin", "arm64", "_core.abi3.so", "macosx_11_0_arm64", "-bundle -undefined dynamic_lookup", "-shared -s"),
+        ("darwin", "x86_64", "_core.abi3.so", "macosx_11_0_x86_64", "-bundle -undefined dynamic_lookup", "-shared -s"),
+        ("win32", "AMD64", "_core.pyd", "win_amd64", "-shared -static-libgcc -lpython3", "-Wl,--as-needed -s"),
+    ],
+)
+def test_each_platform_has_its_flags_name_and_tag(monkeypatch, system, machine, name, tag, linked, not_linked):
+    monkeypatch.setattr(sys, "platform", system)
+    monkeypatch.setattr(compilers.platform, "machine", lambda: machine)
+    monkeypatch.setattr(sysconfig, "get_platform", lambda: {"win32": "win-amd64"}.get(system, f"{system}-{machine}"))
+    assert compilation._binary_name() == name
+    assert compilation.wheel_tag() == f"cp311-abi3-{tag}"
+    words = compilers.link_command(release(), "release", ["a.o"], name)
+    assert set(linked.split()) <= set(words)
+    assert not set(not_linked.split()) & set(words)
+    # of the Python that runs, not of an environment in it
+    assert (f"-L{Path(sys.base_prefix, 'libs')}" in words) == (system == "win32")
+    targets = ("arm64",) if machine in ("arm64", "aarch64") else ("v2", "v3", "v4")
+    assert compilers.targets_here() == targets
+    level = [word for word in compilers.compile_flags(release(), "release", targets[-1]) if word.startswith("-march")]
+    assert level == ([] if targets == ("arm64",) else ["-march=x86-64-v4"])
+
+
+def test_a_path_of_windows_keeps_its_backslashes(monkeypatch):
+    monkeypatch.setattr(sys, "platform", "win32")
+    given = compilers.given_words(r'"C:\Program Files\LLVM\bin\clang++.exe" -target x86_64-windows-gnu')
+    assert given == (r"C:\Program Files\LLVM\bin\clang++.exe", "-target", "x86_64-windows-gnu")
+    assert compilers.given_words(None) == ()
+
+
 def test_the_pages_name_the_versions_that_the_build_asks_for():
     text = "".join((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "CONTRIBUTING.md"))
     (backend,) = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]["requires"]

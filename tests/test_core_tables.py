@@ -13,8 +13,9 @@ from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
 from femimpact import core
-from femimpact.contact import formulas
 from femimpact.integrators.event_driven import block, loop_data
+from femimpact.integrators.stepping import block as stepping_block
+from femimpact.integrators.stepping import layout
 from femimpact.response import columns
 
 TYPES = {
@@ -22,19 +23,26 @@ TYPES = {
     "int": "int", "float": "float", "bool": "bool number",
 }  # fmt: skip
 
-HANDED = {"task": loop_data.Task, "job": loop_data.Job, "ledger": loop_data.Ledger}
+SINE = fi.Sine(1e-4, 5.0)
+
+HANDED = {
+    "task": loop_data.Task, "job": loop_data.Job, "ledger": loop_data.Ledger,
+    "block": layout.Stepped, "fine": layout.Fine, "law": layout.Law,
+}  # fmt: skip
+
+SOURCES = Path(fi.__file__).parent / "core"
 
 
 def fields_of(noun, prefix):
     """Names, types and number of axes of a named tuple and those within it, as its source says them."""
-    tree = ast.parse(inspect.getsource(inspect.getmodule(noun)))
-    lines = inspect.getsource(inspect.getmodule(noun)).splitlines()
+    module = inspect.getmodule(noun)
+    tree, lines = ast.parse(inspect.getsource(module)), inspect.getsource(module).splitlines()
     body = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == noun.__name__).body
     for item in body:
         if not isinstance(item, ast.AnnAssign):
             continue
         name, kind = f"{prefix}.{item.target.id}", ast.unparse(item.annotation)
-        inner = getattr(loop_data, kind, None)
+        inner = getattr(module, kind, None)
         if inspect.isclass(inner) and issubclass(inner, tuple):
             yield from fields_of(inner, name)
             continue
@@ -63,32 +71,93 @@ def test_rows_of_tables_have_the_same_order_on_both_sides():
     ):
         assert names in text
         assert [getattr(loop_data, name) for name in names.split(", ")] == list(range(len(names.split(", "))))
-    totals = re.search(r"enum : Index \{ (COUNT, [A-Z_, ]+) \}", text)[1].split(", ")
-    assert [getattr(columns, name) for name in totals] == list(range(6))
+
+
+def enumerations(file):
+    """Every list of names that are numbered from 0 on."""
+    text = re.sub(r"//.*", "", (SOURCES / file).read_text(encoding="utf-8"))
+    return [re.findall(r"\w+", names) for names in re.findall(r"enum : Index \{([^}]*)\}", text)]
+
+
+def test_rows_of_a_stepped_run_have_the_same_order_on_both_sides():
+    of_core = enumerations("stepping/loop_data.hpp")
+    assert len(of_core) == 6
+    for names in of_core:
+        assert [getattr(layout, name) for name in names] == list(range(len(names)))
+
+
+def test_columns_of_tables_have_the_same_order_on_both_sides():
+    text = (SOURCES / "columns.hpp").read_text(encoding="utf-8")
+    cycle, totals = enumerations("columns.hpp")
+    assert cycle[:2] == ["MAXIMUM", "MINIMUM"]
+    assert cycle[-1] == "CYCLE_COLUMNS"
+    assert len(cycle) - 1 == len(columns.CYCLE_COLUMNS)
+    assert [getattr(columns, name) for name in totals] == list(range(len(columns.TOTAL_COLUMNS)))
+    for name in ("ENERGY_COLUMNS", "IMPACT_COLUMNS"):
+        assert f"{name} = {len(getattr(columns, name))};" in text
 
 
 # ---- what is refused -------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def call(monkeypatch):
-    """Arguments of the first call that a run makes."""
-    kept = []
+class KeptError(Exception):
+    """Ends a run at its first call of the core."""
 
-    class KeptError(Exception):
-        pass
+
+def calls_of_a_run(monkeypatch, module, name, method, count=1, excitation=SINE):
+    """Arguments of the first calls of a function of the core that a run makes."""
+    kept, function = [], getattr(core, name)
 
     def keep(*arguments):
         kept.append(arguments)
-        raise KeptError
+        if len(kept) == count:
+            raise KeptError
+        function(*arguments)
 
-    monkeypatch.setattr(block.core, "run_cases", keep, raising=False)
-    system = reduced(with_ball(REFERENCE, contact=fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)), 4)
-    record = fi.Recorder(("tip", "ball"), snapshots=7)
+    monkeypatch.setattr(module.core, name, keep, raising=False)
+    law = fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)
+    system, record = reduced(with_ball(REFERENCE, contact=law), 4), fi.Recorder(("tip", "ball"), snapshots=7)
     with pytest.raises(KeptError):
-        fi.integrate(system, fi.Sine(1e-4, 5.0), fi.EventDriven(), 1.0, record)
+        fi.integrate(system, excitation, method, 1.0, record)
     monkeypatch.undo()
-    return kept[0]
+    return kept
+
+
+def of_events(monkeypatch, count=1, excitation=SINE):
+    """The last of so many calls of the event-driven method."""
+    return calls_of_a_run(monkeypatch, block, "run_cases", fi.EventDriven(), count, excitation)[-1]
+
+
+def of_steps(monkeypatch):
+    """The first call of a method with steps, which divides those with contact."""
+    return calls_of_a_run(monkeypatch, stepping_block, "advance", fi.Newmark(1e-4, refine=4))[-1]
+
+
+CALLS = {"run_cases": (of_events, ("task", "job", "ledger")), "advance": (of_steps, (None, "block", "fine"))}
+
+
+@pytest.fixture(params=CALLS)
+def function(request):
+    """Name of a function of the core that takes arrays."""
+    return request.param
+
+
+@pytest.fixture
+def arguments(function, monkeypatch):
+    """What a run hands to it first."""
+    return CALLS[function][0](monkeypatch)
+
+
+@pytest.fixture
+def call(monkeypatch):
+    """What a run hands to the event-driven loop first."""
+    return of_events(monkeypatch)
+
+
+@pytest.fixture
+def second_call(monkeypatch):
+    """What it hands over next, when a closed form has been made."""
+    return of_events(monkeypatch, 2)
 
 
 def places(values, path=()):
@@ -120,15 +189,15 @@ SPOILT = {
 
 FREE = {
     "members", "knots", "kept", "shown", "fields", "forces", "impacts", "sticking", "values", "cycles", "energy",
-    "samples",
+    "samples", "snapshots", "columns", "factor", "channels", "mass_band",
 }  # fmt: skip
 """Arrays whose first length is their own."""
 
 
 @pytest.mark.parametrize("how", SPOILT)
-def test_every_array_that_is_spoilt_is_refused(call, how):
-    names, count = names_of(call), 0
-    for path, value in places(call):
+def test_every_array_that_is_spoilt_is_refused(function, arguments, how):
+    names, count = names_of(arguments), 0
+    for path, value in places(arguments):
         if not isinstance(value, np.ndarray):
             continue
         name = names[path]
@@ -138,13 +207,13 @@ def test_every_array_that_is_spoilt_is_refused(call, how):
             # a length of its own, or still contiguous: nothing is wrong with it
             continue
         with pytest.raises((TypeError, ValueError)) as refusal:
-            core.run_cases(*put(call, path, spoilt))
+            getattr(core, function)(*put(arguments, path, spoilt))
         assert "\n" not in str(refusal.value)
         count += 1
-    assert count > 90
+    assert count > 50
 
 
-def names_of(call):
+def names_of(arguments):
     """Name of the field at every place."""
 
     def walk(values, path=()):
@@ -154,39 +223,97 @@ def names_of(call):
             else:
                 yield (*path, i), name
 
-    return {(k, *path): name for k, one in enumerate(call) if one is not None for path, name in walk(one)}
+    given = [(k, one) for k, one in enumerate(arguments) if isinstance(one, tuple)]
+    return {(k, *path): name for k, one in given for path, name in walk(one)}
 
 
-def test_what_is_only_read_may_be_read_only_and_what_is_written_may_not(call):
-    writable = [row[3] for row in core.tables()]
-    names = [row[0] for row in core.tables()]
-    order = [*(n for n in names if n.startswith("task.")), *(n for n in names if n.startswith("job."))]
-    order += [n for n in names if n.startswith("ledger.")]
-    flags = dict(zip(names, writable, strict=True))
+def test_what_is_only_read_may_be_read_only_and_what_is_written_may_not(function, arguments):
+    table = core.tables()
+    rows = [row for root in CALLS[function][1] for row in table if row[0].partition(".")[0] == root]
+    given = [(path, value) for path, value in places(arguments) if len(path) > 1]
     refused = 0
-    for (path, value), name in zip(places(call), order, strict=True):
+    for (path, value), (_, _, _, writable) in zip(given, rows, strict=True):
         if not isinstance(value, np.ndarray):
             continue
         frozen = value.copy()
         frozen.setflags(write=False)
-        if flags[name]:
+        if writable:
             with pytest.raises(ValueError, match="read-only"):
-                core.run_cases(*put(call, path, frozen))
+                getattr(core, function)(*put(arguments, path, frozen))
             refused += 1
-    assert refused > 50
+    assert refused > 25
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 4])
-def test_another_number_of_arguments_is_refused(call, count):
+def test_another_number_of_arguments_is_refused(function, arguments, count):
     with pytest.raises(TypeError, match="takes 3 arguments"):
-        core.run_cases(*[*call, *call][:count])
+        getattr(core, function)(*[*arguments, *arguments][:count])
 
 
-def test_a_tuple_too_short_or_too_long_is_refused(call):
-    task, job, ledger = call
-    for wrong in (tuple(job)[:-1], (*job, 1.0), [*job]):
+def test_a_tuple_too_short_or_too_long_is_refused(function, arguments):
+    first, second, last = arguments
+    for wrong in (tuple(second)[:-1], (*second, 1.0), [*second]):
         with pytest.raises(TypeError):
-            core.run_cases(task, wrong, ledger)
+            getattr(core, function)(first, wrong, last)
+
+
+def replaced(block, path, change):
+    """A block with one array changed, by the names that lead to it."""
+    name, _, rest = path.partition(".")
+    value = getattr(block, name)
+    return block._replace(**{name: replaced(value, rest, change) if rest else change(value)})
+
+
+def first_is(value):
+    """A copy of an array whose first item is a value."""
+
+    def change(array):
+        other = np.array(array)
+        other.reshape(-1)[0] = value
+        return other
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("path", "change", "words"),
+    [
+        ("cases.pairs.row", first_is(7), "row"),
+        ("cases.pairs.row", first_is(-1), "row"),
+        ("cases.pairs.kind", first_is(3), "address"),
+        ("cases.record.stride", first_is(0), "stride"),
+        ("cases.record.tally", first_is(-1), "tally"),
+        ("cases.record.tally", first_is(2**62), "tally"),
+        ("cases.record.energy", lambda a: a[:3].copy(), "energy"),
+        ("cases.record.impacts", lambda a: a[:, :5].copy(), "impacts"),
+        ("cases.cycles.period", first_is(0.0), "period"),
+        ("cases.cycles.period", first_is(np.nan), "period"),
+        ("cases.cycles.period", first_is(1e300), "period"),
+        ("cases.cycles.number", first_is(-1), "number"),
+        ("cases.cycles.energy", lambda a: a[:1].copy(), "energy"),
+        ("cases.motion.loss_of_mode", lambda a: a[:2].copy(), "loss_of_mode"),
+        ("cases.motion.table", lambda a: np.zeros((3, 1)), "table"),
+        ("operator.constant_w", lambda a: np.zeros((2, 5)), "constant_w"),
+        ("operator.narrow.columns", lambda a: np.zeros(3), "columns"),
+    ],
+)
+def test_numbers_of_steps_rows_and_pairs_stay_within_their_arrays(monkeypatch, path, change, words):
+    steps, block, fine = of_steps(monkeypatch)
+    with pytest.raises(ValueError, match=words):
+        core.advance(steps, replaced(block, path, change), fine)
+
+
+def test_wrong_fine_steps_and_counts_of_steps_are_refused(monkeypatch):
+    steps, block, fine = of_steps(monkeypatch)
+    for wrong in (-1, 2**62):
+        with pytest.raises(ValueError, match="steps"):
+            core.advance(wrong, block, fine)
+    for parts in (0, -3, 10**9):
+        with pytest.raises(ValueError, match="parts"):
+            core.advance(steps, block, fine._replace(parts=parts))
+    bare = replaced(block, "cases.motion.saved", lambda a: np.zeros((3, 0, 1)))
+    with pytest.raises(ValueError, match="saved"):
+        core.advance(steps, bare, fine)
 
 
 def test_numbers_of_cases_and_rows_stay_within_their_arrays(call):
@@ -209,12 +336,133 @@ def test_numbers_of_cases_and_rows_stay_within_their_arrays(call):
         core.run_cases(task, job._replace(forms=job.forms._replace(made=99)), ledger)
 
 
-# ---- formulas that stand on both sides until stepping is in the core ---------------------------------
+FAR = 2**63 - 1
 
 
-def test_contact_formulas_are_those_of_python_bit_for_bit():
-    rng = np.random.default_rng(5)
-    for depth, rate, stiffness, damping in rng.normal(size=(2000, 4)) * 10.0 ** rng.uniform(-9, 9, (2000, 4)):
-        force = core.kelvin_voigt_force(depth, rate, stiffness, damping)
-        assert force == formulas.kelvin_voigt_force(depth, rate, stiffness, damping)
-        assert core.spring_potential(depth, stiffness) == formulas.spring_potential(depth, stiffness)
+@pytest.mark.parametrize(
+    ("group", "name", "value"),
+    [
+        ("task", "begin", FAR), ("task", "most", np.nan), ("task", "most", np.inf),
+        ("cases", "omega", np.inf), ("cases", "omega", -1.0), ("cases", "clock", np.nan), ("cases", "clock", 1e9),
+        ("cases", "hit", 0.5), ("cases", "sample", FAR), ("cases", "events", FAR),
+        ("grid", "start", np.nan), ("grid", "start", 1e30), ("grid", "origin", FAR),
+        ("tables", "number", -1), ("tables", "number", FAR),
+    ],
+)  # fmt: skip
+def test_times_and_counts_that_lead_nowhere_are_refused(call, group, name, value):
+    task, job, ledger = call
+    array = getattr(task if group == "task" else getattr(job, group), name)
+    spoilt = {name: np.full_like(array, value)}
+    if group == "task":
+        task = task._replace(**spoilt)
+    else:
+        job = job._replace(**{group: getattr(job, group)._replace(**spoilt)})
+    # beside a start so far the interval is rounding
+    named = "interval" if value == 1e30 else name
+    with pytest.raises(ValueError, match=rf"{group}\.{named}[,:] "):
+        core.run_cases(task, job, ledger)
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "value"),
+    [
+        ("following", 0, 0), ("following", 0, FAR), ("number", 0, -1), ("entries", 0, FAR), ("rigid_bodies", 0, -1),
+        ("blocks", (0, 0), (FAR, FAR)), ("first", (0, 0), -1), ("first", (0, -1), FAR), ("first", (0, 1), FAR),
+        ("members", (0, 0), -1), ("members", (0, 0), FAR), ("exponent", (0, 0), np.inf), ("size", (0, 0), np.nan),
+    ],
+)  # fmt: skip
+def test_closed_forms_that_lead_outside_their_arrays_are_refused(second_call, name, place, value):
+    task, job, ledger = second_call
+    assert job.forms.made > 0
+    spoilt = getattr(job.forms, name).copy()
+    spoilt[place] = value
+    with pytest.raises(ValueError, match=rf"^forms\..*{name}"):
+        core.run_cases(task, job._replace(forms=job.forms._replace(**{name: spoilt})), ledger)
+
+
+def test_cycles_need_an_output_and_have_begun(call):
+    task, job, ledger = call
+    grid = job.grid._replace(cycles=np.zeros((1, 9, 8)), cycle=np.full(1, 5))
+    with pytest.raises(ValueError, match=r"^grid\.cycle: .* begun"):
+        core.run_cases(task, job._replace(grid=grid), ledger)
+
+
+def test_what_is_written_shares_no_memory_with_another_array(call):
+    task, job, ledger = call
+    with pytest.raises(ValueError, match=r"^task\.\w+, task\.\w+: must not share memory"):
+        core.run_cases(task._replace(begin=task.stopped), job, ledger)
+    memory = np.zeros(3, dtype=np.int64)
+    for own, other in ((memory[:2], memory[1:]), (memory[1:], memory[:2])):
+        cases = job.cases._replace(events=own[None], form=other[None])
+        with pytest.raises(ValueError, match=r"^cases\.\w+, cases\.\w+: must not share memory"):
+            core.run_cases(task, job._replace(cases=cases), ledger)
+
+
+def test_what_is_only_read_may_share_memory(call):
+    task, job, ledger = call
+    core.run_cases(task._replace(members=task.members[:0]), job, ledger._replace(load=ledger.given))
+
+
+def of_a_record(monkeypatch):
+    """The second call of a run under a recorded motion."""
+    return of_events(monkeypatch, 2, fi.RecordedBase(np.linspace(-1.0, 1.0, 9), 0.1))
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "value"),
+    [
+        ("knots", 1, np.nan), ("knots", 1, np.inf), ("knots", 1, 0.0), ("knots", 1, 99.0), ("pieces", (3, 2), np.nan),
+        ("piece", 0, -1), ("piece", 0, 9), ("piece", 0, FAR), ("drive", (0, 4), np.inf),
+    ],
+)  # fmt: skip
+def test_polynomials_that_lead_nowhere_are_refused(monkeypatch, name, place, value):
+    task, job, ledger = of_a_record(monkeypatch)
+    spoilt = getattr(job.cases, name).copy()
+    assert spoilt.size > 0
+    spoilt[place] = value
+    with pytest.raises(ValueError, match=rf"^cases\.{name}: "):
+        core.run_cases(task, job._replace(cases=job.cases._replace(**{name: spoilt})), ledger)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("degree", 6), ("degree", -2), ("degree", FAR), ("longest", 0.0), ("longest", np.nan)]
+)
+def test_degrees_and_times_of_polynomials_have_bounds(monkeypatch, name, value):
+    task, job, ledger = of_a_record(monkeypatch)
+    with pytest.raises(ValueError, match=rf"^cases\.{name}: "):
+        core.run_cases(task, job._replace(cases=job.cases._replace(**{name: value})), ledger)
+
+
+def test_a_piece_that_has_ended_and_a_time_lost_in_rounding_are_refused(monkeypatch):
+    task, job, ledger = of_a_record(monkeypatch)
+    ended = job.cases._replace(knots=np.arange(9.0) - 5.0)
+    with pytest.raises(ValueError, match=r"^cases\.piece: .* ended"):
+        core.run_cases(task, job._replace(cases=ended), ledger)
+    lost = job.cases._replace(degree=3, longest=1e-300)
+    with pytest.raises(ValueError, match=r"^cases\.longest: .* rounding"):
+        core.run_cases(task._replace(end=task.end + 5), job._replace(cases=lost), ledger)
+
+
+def test_driven_entries_are_entries(monkeypatch):
+    task, job, ledger = of_a_record(monkeypatch)
+    for wrong in (-1, FAR):
+        driven = np.full_like(job.forms.driven, wrong)
+        with pytest.raises(ValueError, match=r"^forms\.driven: "):
+            core.run_cases(task, job._replace(forms=job.forms._replace(driven=driven)), ledger)
+
+
+# ---- what must end ---------------------------------------------------------------------------------
+
+
+def test_a_long_record_goes_on_where_rounding_finds_the_same_sample_again(monkeypatch):
+    task, job, _ = of_a_record(monkeypatch)
+    # so many samples after the start that the quotient of a sample's time and the interval is less than its number
+    interval, number = 0.0077, 2**24 + np.arange(500_000)
+    number = int(number[np.floor(number * interval / interval + 1e-9) < number][0])
+    start = number * interval
+    job.cases.clock[0, 0] = job.grid.start[0] = start
+    cases = job.cases._replace(knots=(number + np.arange(9)) * interval)
+    none_shown, end = job.snapshots._replace(shown=np.zeros(0, dtype=np.int64)), task.begin + 2
+    core.run_cases(task._replace(end=end), job._replace(cases=cases, snapshots=none_shown), None)
+    assert task.stopped[0] == loop_data.DONE
+    assert cases.clock[0, 0] == start + float(end[0]) * job.grid.interval[0]

@@ -18,7 +18,8 @@ def table(tmp_path):
 def test_what_was_written_is_read(table, tmp_path):
     found = read_csv(table)
     assert {name: list(values) for name, values in found.items()} == {k: list(v) for k, v in COLUMNS.items()}
-    wild = np.array([np.nan, np.inf, -np.inf, 5e-324])
+    # a third and its neighbour differ in the last bit
+    wild = np.array([np.nan, np.inf, -np.inf, 5e-324, 1 / 3, np.nextafter(1 / 3, 1.0)])
     assert np.array_equal(read_csv(write_csv(tmp_path / "b.csv", {"x": wild}, {"x": "m"}))["x"], wild, equal_nan=True)
 
 

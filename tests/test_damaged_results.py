@@ -8,25 +8,16 @@ import warnings
 
 import numpy as np
 import pytest
-from builders import NO_PICTURES, short_study
 
 import femimpact as fi
 from femimpact.study.result_directory import ResultsWarning
-from femimpact.study.run import run_study
 
 FILES = ("summary.json", "modes.csv", "impacts.csv", "sweep.nc", "history.nc", "impacts.nc")
 
 
-@pytest.fixture(scope="module")
-def sound(tmp_path_factory):
-    out = tmp_path_factory.mktemp("damaged") / "out"
-    run_study(short_study(1.0, **NO_PICTURES), out)
-    return out
-
-
 @pytest.fixture
-def results(sound, tmp_path):
-    return shutil.copytree(sound, tmp_path / "out")
+def results(finished, tmp_path):
+    return shutil.copytree(finished / "out", tmp_path / "out")
 
 
 def damaged(data, other, kind, random):

@@ -9,7 +9,7 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
-from builders import femimpact
+from command import femimpact
 from test_result_directory import NEW, OLD, break_off, run, value_of, write_results
 
 import femimpact as fi

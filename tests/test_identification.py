@@ -1,5 +1,7 @@
 """Damping from response curves: exact on exact data, honest on noisy and on coarse data."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -242,3 +244,10 @@ def test_four_points_of_no_resonance_have_no_damping_ratio(amplitude):
     assert np.isnan(estimate.ratio)
     assert any("4 points" in warning and "do not determine" in warning for warning in estimate.warnings)
     assert "no damping ratio" in str(estimate)
+
+
+def test_half_power_crossings_lie_on_the_lines_between_points():
+    # a triangle of height 1 falls to 1/sqrt(2) at 1 - 1/sqrt(2) of its sides
+    side = 1.0 - 1.0 / math.sqrt(2.0)
+    exact = ((10.0 + side) ** 2 - (10.0 - side) ** 2) / (4.0 * 10.0**2)
+    assert fi.half_power([9.0, 10.0, 11.0], [0.0, 1.0, 0.0]).ratio == pytest.approx(exact, rel=1e-12)

@@ -145,6 +145,10 @@ def test_figures_show_units_walls_and_regime(run, request):
     axis = fi.figures.impulse_phase(result, fi.figures.OffScreen())
     walls = [line for line in axis.lines if "wall" in line.get_label()]
     assert sum(line.get_xdata().size for line in walls) == inside
+    # in degrees
+    chosen = (result.impacts.time >= start) & (result.impacts.time < end)
+    degrees = np.concatenate([line.get_xdata() for line in walls])
+    np.testing.assert_allclose(np.sort(degrees), np.sort(result.impacts.phase[chosen] * 180.0 / np.pi), rtol=1e-12)
     for look in ("marker", "color"):
         assert len({line.properties()[look] for line in walls}) == 2
     assert result.regime.label in axis.get_title(loc="left").replace("\n", " ")

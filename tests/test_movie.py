@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from builders import reduced
+from builders import impact_table, reduced
 
 import femimpact as fi
 from femimpact.export import movie, sheet
@@ -80,6 +81,22 @@ def test_an_impact_is_coloured_and_nothing_else_is(meeting, reference, renderer)
     # the ball in the close-up alone is a disc of about 40 pixels radius
     assert min(coloured[:3]) > 4500
     assert coloured[3:] == [0, 0, 0]
+
+
+def test_the_caption_says_how_much_slower_than_the_motion_the_movie_is(response, reference):
+    film = movie._film(response, reference, None, 20, 5)
+    times = film.snapshots.time[film.chosen]
+    # four intervals between five frames, 20 of them in a second
+    slowed = (4 / 20) / (times[-1] - times[0])
+    assert f"Slowed {slowed:.2g} times." in film.caption
+
+
+def test_an_impact_between_two_frames_is_shown_by_the_next_two_and_no_more(small):
+    # frames at 0, 0.1, 0.2, ...; nothing is in contact at any of them
+    grid = SimpleNamespace(time=np.linspace(0.0, 1.0, 11), contact_force=np.zeros((11, 1)))
+    impacts = impact_table(1.0, np.array([0.15, 0.55]), np.array([1, -1]), np.array([0.1, 0.1]))
+    run = SimpleNamespace(system=small, impacts=impacts)
+    assert movie._touched(run, grid, np.arange(11))[:, 0].tolist() == [0, 0, 1, 1, 0, 0, -1, -1, 0, 0, 0]
 
 
 @pytest.fixture(scope="module")

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import re
 import tomllib
-from importlib.metadata import metadata, version
 from pathlib import Path
 
-import pytest
-
 import femimpact
-from femimpact.integrators.compiled import compiling
 
 ROOT = Path(__file__).parents[1]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -40,19 +36,6 @@ def test_the_backend_that_is_tried_is_the_one_that_builds():
     # the hook is of the interface of one major version
     tried = _versions([line for line in PROJECT["optional-dependencies"]["test"] if "hatchling" in line], ">=")
     assert PYPROJECT["build-system"]["requires"] == [f"hatchling>={tried['hatchling']},<2"]
-
-
-def test_numba_and_llvmlite_are_the_pair_whose_insides_are_known():
-    asked = [line for line in PROJECT["dependencies"] if line.startswith(("numba", "llvmlite"))]
-    assert tuple(_versions(asked, "==").values()) in compiling.TESTED
-    assert asked == [f"{name}=={version(name)}" for name in ("numba", "llvmlite")]
-
-
-@pytest.mark.parametrize("name", ["numba", "llvmlite"])
-def test_every_python_that_is_named_has_the_one_version_of_numba(name):
-    classifier = "Programming Language :: Python :: 3."
-    named = {line for line in PROJECT["classifiers"] if line.startswith(classifier)}
-    assert named <= set(metadata(name).get_all("Classifier"))
 
 
 def test_the_version_is_the_same_everywhere():

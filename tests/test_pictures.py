@@ -25,9 +25,10 @@ from femimpact.study.picture_data import (
     write_mode_shapes,
 )
 from femimpact.study.prepared import prepare
-from femimpact.study.result_files import FILES
+from femimpact.study.result_files import FILES, replaced_by
 from femimpact.study.results import read_summary
 from femimpact.study.run import run_simulation, run_study, run_sweep
+from femimpact.study.study_file import load_study
 
 FIGURES = ("mode_figure", "response_figure", "force_figure", "portrait_figure", "impact_histograms", "impulse_phase")
 
@@ -36,22 +37,20 @@ def no_report(_what, _share):
     pass
 
 
-@pytest.fixture(scope="module")
-def study():
-    return short_study(3.0, frames=4, paraview=False)
+@pytest.fixture
+def ran(finished):
+    return finished / "out"
 
 
 @pytest.fixture(scope="module")
-def ran(study, tmp_path_factory):
-    """Results whose movie is drawn flat, so that no GL library is needed."""
-    out = tmp_path_factory.mktemp("pictures") / "out"
-    run_study(study, out)
-    return out
+def study(finished):
+    """That of the finished run."""
+    return load_study(finished / "study.toml")
 
 
 @pytest.fixture
-def results(ran, tmp_path):
-    return shutil.copytree(ran, tmp_path / "out")
+def results(finished, tmp_path):
+    return shutil.copytree(finished / "out", tmp_path / "out")
 
 
 def encoder(folder, monkeypatch, script):
@@ -159,11 +158,11 @@ def test_an_encoder_that_writes_nothing_is_found(results, tmp_path, monkeypatch,
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a shell script in the place of ffmpeg")
-def test_a_failing_encoder_is_a_warning_and_the_movie_can_be_made_again(tmp_path, study, monkeypatch):
+def test_a_failing_encoder_is_a_warning_and_the_movie_can_be_made_again(tmp_path, monkeypatch):
     encoder(tmp_path, monkeypatch, "exit 1")
     monkeypatch.setattr(pictures, "TIME_LIMIT", 120.0)
     out = tmp_path / "out"
-    results = run_study(study, out, parts=("simulate",))
+    results = run_study(short_study(3.0, frames=4, paraview=False), out, parts=("simulate",))
     assert results.history is not None
     (warning,) = (text for text in results.summary["warnings"] if text.startswith("movie not drawn: "))
     assert f"'femimpact movie {out}' draws again" in warning
@@ -281,3 +280,9 @@ def test_the_window_that_was_probed_is_the_one_that_is_used(monkeypatch):
     with movie._window("vtkEGLRenderWindow"):
         assert os.environ[movie.WINDOW] == "vtkEGLRenderWindow"
     assert os.environ[movie.WINDOW] == "broken"
+
+
+def test_of_two_movies_the_later_one_stays():
+    assert replaced_by(["deflection.gif"]) == {"deflection.mp4"}
+    assert replaced_by(["deflection.mp4", "summary.json"]) == {"deflection.gif", "summary.json"}
+    assert replaced_by(["response.png"]) == frozenset()

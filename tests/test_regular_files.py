@@ -9,12 +9,10 @@ import subprocess
 import sys
 
 import pytest
-from builders import NO_PICTURES, short_study
 
 from femimpact.export.tables import read_csv
 from femimpact.regular_file import check_regular, open_regular, read_regular
 from femimpact.study.demo import paper_study_text
-from femimpact.study.run import run_study
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes on this system")
 
@@ -79,11 +77,10 @@ def test_a_record_of_a_study_that_is_a_pipe_or_a_device_is_one_line(tmp_path):
 
 
 @pytest.mark.impacts
-def test_results_with_a_pipe_in_the_place_of_a_file_are_one_line(tmp_path):
-    run_study(short_study(1.0, **NO_PICTURES), tmp_path / "out")
+def test_results_with_a_pipe_in_the_place_of_a_file_are_one_line(finished, tmp_path):
     names = ("modes.csv", "impacts.csv", "sticking.csv", "sweep.nc", "history.nc", "impacts.nc", "summary.json")
     for name in names:
-        results = shutil.copytree(tmp_path / "out", tmp_path / name)
+        results = shutil.copytree(finished / "out", tmp_path / name)
         (results / name).unlink(missing_ok=True)
         os.mkfifo(results / name)
     lines = _told(*(("load", tmp_path / name) for name in names))

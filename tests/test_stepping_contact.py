@@ -298,12 +298,6 @@ def test_a_law_of_ones_own_is_the_built_in_one():
     np.testing.assert_allclose(one["ball"], other["ball"], rtol=0, atol=2e-7)
 
 
-def test_a_law_that_does_not_compile_is_refused():
-    law = fi.CustomLaw(lambda depth, rate, speed: float(str(2.5e5 * depth)))
-    with pytest.raises(fi.InputError, match="plain function"):
-        thrown(law, fi.Newmark(1e-5))
-
-
 # ---- fine steps in contact --------------------------------------------------------------------------
 
 

@@ -12,7 +12,7 @@ import femimpact as fi
 from femimpact.study.demo import paper_study, paper_study_text
 from femimpact.study.prepared import prepare
 from femimpact.study.study import build
-from femimpact.study.study_file import TABLES, load_study
+from femimpact.study.study_file import LAWS, TABLES, load_study
 
 TEXT = paper_study_text()
 
@@ -105,6 +105,34 @@ def test_every_fault_is_in_one_message(tmp_path):
         text = text.replace(find, put, 1)
     lines = faults_of(tmp_path, text)
     assert [line.split(" ")[0] for line in lines] == ["beam.width", "damping.ratio", "sweep.points"]
+
+
+def test_every_fault_between_tables_is_in_one_message(tmp_path):
+    bodies = "".join(f'[[mass]]\nname = "far {i}"\nat = {i}.0\nmass = 1e-3\n\n' for i in (1, 2))
+    lines = faults_of(tmp_path, TEXT.replace("[damping]", bodies + "[damping]", 1))
+    assert [next(word for word in ("far 1", "far 2") if word in line) for line in lines] == ["far 1", "far 2"]
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_name_of_a_law_makes_that_law(tmp_path, name):
+    numbers = {
+        "rigid": "restitution = 0.5",
+        "kelvin-voigt": "restitution = 0.5, contact_time = 2e-3",
+        "switching-spring": "free_stiffness = 0.0, stiffness = 1e4",
+        "hertz": "stiffness = 1e8",
+    }
+    begin = TEXT.index("contact = {")
+    end = TEXT.index("}", begin)
+    law = f'contact = {{ law = "{name}", {numbers.get(name, "stiffness = 1e8, restitution = 0.5")} '
+    study = load_study(write(tmp_path, TEXT[:begin] + law + TEXT[end:]))
+    assert study.structure.impactors[0].contact.name == name
+
+
+def test_gravity_and_the_phase_of_the_base_are_those_of_the_file(tmp_path):
+    text = TEXT.replace("[base]", "[gravity]\nacceleration = 9.81\n\n[base]\nphase = 0.5", 1)
+    study = load_study(write(tmp_path, text))
+    assert study.structure.gravity == 9.81
+    assert study.excitation.phase == 0.5
 
 
 @pytest.mark.parametrize("table", [name for name, spec in TABLES.items() if spec.required])

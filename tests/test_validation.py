@@ -15,7 +15,8 @@ from femimpact.validation import Case, case_columns, markdown_table, reference_c
 
 pytestmark = pytest.mark.impacts
 
-MUTATIONS = Path(__file__).parents[1] / "benchmarks" / "mutations.py"
+TESTS = Path(__file__).parent
+BENCHMARKS = TESTS.parent / "benchmarks"
 PAGE = Path(__file__).parents[1] / "docs" / "validation.md"
 GOOD = Case("good", "derived here", "speed", "m/s", 2.0, 2.0, 1e-9, "rounding")
 BAD = replace(GOOD, name="a|b", computed=2.1)
@@ -85,13 +86,21 @@ def test_the_markdown_table_has_one_row_a_case():
 
 
 @pytest.fixture(scope="module")
-def mutations():
-    spec = importlib.util.spec_from_file_location("mutations", MUTATIONS)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    yield module
-    del sys.modules[spec.name]
+def scripts():
+    """The scripts that plant bugs, by their names."""
+    found = {}
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("mutations", "mutations_by_tests"):
+            spec = importlib.util.spec_from_file_location(name, BENCHMARKS / f"{name}.py")
+            found[name] = importlib.util.module_from_spec(spec)
+            patch.setitem(sys.modules, name, found[name])
+            spec.loader.exec_module(found[name])
+        yield found
+
+
+@pytest.fixture
+def mutations(scripts):
+    return scripts["mutations"]
 
 
 def test_a_mutation_is_put_where_its_text_stands_once(mutations, tmp_path):
@@ -109,3 +118,11 @@ def test_mutations_are_distinct_and_change_something(mutations):
     names = [mutation.name for mutation in mutations.MUTATIONS]
     assert len(set(names)) == len(names) >= 20
     assert all(mutation.old != mutation.new for mutation in mutations.MUTATIONS)
+
+
+def test_mutations_of_what_no_case_reaches_are_distinct_and_name_files_of_tests(scripts):
+    by_tests = scripts["mutations_by_tests"].MUTATIONS
+    every = [mutation for several in by_tests.values() for mutation in several]
+    assert len({mutation.name for mutation in every}) == len(every) >= 40
+    assert all(mutation.old != mutation.new for mutation in every)
+    assert [name for name in by_tests if not (TESTS / name).is_file()] == []

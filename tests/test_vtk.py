@@ -307,6 +307,7 @@ def test_what_stood_there_survives_a_failed_attempt(tmp_path, response, referenc
 def test_a_folder_with_other_files_is_not_replaced(tmp_path, response, reference):
     (tmp_path / "a").mkdir()
     (tmp_path / "a" / "measured.csv").write_text("precious")
+    (tmp_path / "a" / "0000.vtu").write_text("a frame beside it")
     with pytest.raises(fi.InputError, match="holds other files"):
         vtk.write_deflection(tmp_path / "a.pvd", response, reference)
     assert (tmp_path / "a" / "measured.csv").read_text() == "precious"

@@ -75,7 +75,7 @@ def main() -> None:
 
 
 def _check_memory_limit() -> None:
-    """Refuse to begin in a memory in which the compiler would end the process without a word."""
+    """Refuse to begin in a memory in which a library would end the process without a word."""
     try:
         import resource
     except ImportError:  # no such limits outside POSIX
@@ -83,7 +83,7 @@ def _check_memory_limit() -> None:
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     begins_work = not {"--help", "-h", "--version"} & set(sys.argv) and len(sys.argv) > 1
     if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY and begins_work:
-        needed = f"the libraries and the compiler take up to {LEAST_MEMORY / 1e6:.0f} MB"
+        needed = f"the libraries take up to {LEAST_MEMORY / 1e6:.0f} MB"
         _fail(f"memory limit (ulimit -v) = {limit / 1e6:.0f} MB: {needed}; raise it", 2)
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Protocol, runtime_checkable
 
+from femimpact.contact.callback import ForceFunction, is_force
 from femimpact.contact.collision import Collision, mass_and_speed
 from femimpact.contact.formulas import CUSTOM, KELVIN_VOIGT, POWER, RIGID, SWITCHING_SPRING
 from femimpact.contact.parameters import ContactParameters
@@ -55,11 +55,11 @@ class ContactLaw(Protocol):
         """Numbers for the time loop; a law without a compiled branch gives `ContactParameters.of_function`."""
         ...
 
-    def force_function(self, effective_mass: float) -> Callable[[float, float, float], float] | None:
-        """Plain function of depth, rate and approach speed to the force (N), which numba compiles for the time loop.
+    def force_function(self, effective_mass: float) -> ForceFunction | None:
+        """Function of depth, rate and approach speed to the force (N), which the time loop calls as a C function.
 
-        None where the kind of the parameters has a compiled branch. The same function object each time is compiled
-        once; a new one is compiled again.
+        Of Python, of ctypes, or a scipy.LowLevelCallable; see `CustomLaw`. None where the kind of the parameters has
+        a compiled branch. The same function object each time is compiled once; a new one is compiled again.
         """
         ...
 
@@ -125,7 +125,7 @@ def resolve(law: ContactLaw, effective_mass: float) -> ContactParameters:
     found = law.parameters(mass)
     sound = isinstance(found, ContactParameters) and found.kind in KINDS
     require(sound, f"{law.name}.parameters", found, "", "must be ContactParameters: see ContactParameters.of_function")
-    given = found.kind != CUSTOM or callable(law.force_function(mass))
+    given = found.kind != CUSTOM or is_force(law.force_function(mass))
     allowed = "must give a function of depth, rate, approach_speed: the time loop has no branch for this law"
     require(given, f"{law.name}.force_function", None, "", allowed)
     return found

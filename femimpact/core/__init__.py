@@ -10,8 +10,9 @@ from typing import Any
 
 # every function of the binary; a test compares them
 __all__ = [
-    "build_info", "choose_target", "cosine_and_sine", "exponentials", "kelvin_voigt_force", "next_event", "run_cases",
-    "spring_potential", "tables",
+    "advance", "build_info", "choose_target", "collide", "cosine_and_sine", "exponentials", "keep_present",
+    "kelvin_voigt_force", "next_event", "penetration", "power_force", "power_potential", "run_cases",
+    "spring_potential", "switching_potential", "switching_stiffness", "tables", "write_energies",
 ]  # fmt: skip
 
 

@@ -107,6 +107,7 @@ class Argument {
     }
 
     void *data() const { return view_.buf; }
+    Py_ssize_t bytes() const { return view_.len; }
     double *doubles() const { return static_cast<double *>(view_.buf); }
     Py_ssize_t size(int axis) const { return view_.shape[axis]; }
 

@@ -150,6 +150,9 @@ inline Complex operator/(Complex a, Complex b) {
 [[gnu::always_inline]] inline double magnitude(double a) {
     return __builtin_fabs(a);
 }
+[[gnu::always_inline]] inline bool is_finite(double a) {
+    return magnitude(a) < INFINITE;
+}
 
 using Array = View<double, 1>;
 using Matrix = View<double, 2>;

@@ -23,6 +23,7 @@ __all__ = [
     "Compiler",
     "compile_flags",
     "find_compiler",
+    "given_words",
     "link_command",
     "run_compiler",
     "targets_here",
@@ -54,7 +55,7 @@ KIND_FLAGS = {
     ),
     "sanitized": (
         "-O1", "-g", "-UNDEBUG", "-DFEMIMPACT_CHECKED", "-fno-omit-frame-pointer",
-        "-fsanitize=address,undefined", "-fno-sanitize=vptr", "-fno-sanitize-recover=undefined",
+        "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize=vptr", "-fno-sanitize-recover=undefined",
     ),
 }  # fmt: skip
 
@@ -102,10 +103,16 @@ def targets_here() -> tuple[str, ...]:
     """Targets of this machine, the lowest first; refuses a machine or a Python for which there is none."""
     if sysconfig.get_config_var("Py_GIL_DISABLED") or sys.implementation.name != "cpython":
         raise CompilationError("the compiled core is made for CPython with its lock, not for free-threaded Python")
-    machine = {"amd64": "x86_64", "aarch64": "arm64"}.get(platform.machine().lower(), platform.machine().lower())
+    machine = _machine()
     if machine not in TARGETS or sys.maxsize < 2**32:
         raise CompilationError(f"the compiled core is made for 64 bits of x86-64 and arm64, not for {machine!r}")
     return TARGETS[machine]
+
+
+def _machine() -> str:
+    """The kind of processor, by one name on every platform."""
+    machine = platform.machine().lower()
+    return {"amd64": "x86_64", "aarch64": "arm64"}.get(machine, machine)
 
 
 # ---- compilers ------------------------------------------------------------------------------------
@@ -115,7 +122,7 @@ def find_compiler(kind: str) -> Compiler:
     """The system's compiler, or zig where there is none that takes C++20 or where the kind is "zig"."""
     if kind != "zig":
         for words in (os.environ.get("CXX"), os.environ.get("CC"), "c++", "g++", "clang++"):
-            found = _system_compiler(tuple(shlex.split(words or "")), kind)
+            found = _system_compiler(given_words(words), kind)
             if found is not None:
                 return found
     if kind == "sanitized":
@@ -123,11 +130,18 @@ def find_compiler(kind: str) -> Compiler:
     return _zig()
 
 
+def given_words(text: str | None) -> tuple[str, ...]:
+    """Words of a variable of the environment; of a path of Windows the backslashes stay."""
+    if sys.platform != "win32":
+        return tuple(shlex.split(text or ""))
+    return tuple(word.strip('"') for word in shlex.split(text or "", posix=False))
+
+
 def _system_compiler(command: tuple[str, ...], kind: str) -> Compiler | None:
     """The compiler of a command, if it is there and takes the flags of a build."""
     program = shutil.which(command[0]) if command else None
-    # Microsoft's has other options
-    if program is None or Path(program).stem.lower() == "cl":
+    # Microsoft's, and clang in its place, have other options
+    if program is None or Path(program).stem.lower() in ("cl", "clang-cl"):
         return None
     command = (str(Path(program).absolute()), *command[1:])
     with tempfile.TemporaryDirectory(prefix="femimpact-") as directory:
@@ -166,8 +180,11 @@ def _zig() -> Compiler:
         version = subprocess.run([program, "version"], capture_output=True, text=True, check=True).stdout.strip()
     except (OSError, subprocess.CalledProcessError):
         return Compiler(name, (), ())
+    # whatever else is installed there, with the headers and libraries that zig brings
+    target = ("-target", f"{_machine().replace('arm64', 'aarch64')}-windows-gnu") if sys.platform == "win32" else ()
     # linked as C: libc++, which nothing here needs, would be compiled from its source
-    return Compiler(name, (program, "c++"), (program, "cc")) if version == ZIG else Compiler(name, (), ())
+    commands = ((program, "c++", *target), (program, "cc", *target)) if version == ZIG else ((), ())
+    return Compiler(name, *commands)
 
 
 # ---- flags ----------------------------------------------------------------------------------------
@@ -186,19 +203,23 @@ def compile_flags(compiler: Compiler, kind: str, target: str) -> list[str]:
         ours.append("-mcpu=baseline")
     if sys.platform == "darwin":
         ours.append("-mmacosx-version-min=11.0")
-    return [*shlex.split(os.environ.get("CXXFLAGS", "")), *ours, f"-DFEMIMPACT_TARGET={target}"]
+    return [*given_words(os.environ.get("CXXFLAGS")), *ours, f"-DFEMIMPACT_TARGET={target}"]
 
 
 def link_command(compiler: Compiler, kind: str, objects: Sequence[str], binary: str) -> list[str]:
     """Command of a shared library that needs no library of C++."""
-    given = shlex.split(os.environ.get("LDFLAGS", ""))
+    given = given_words(os.environ.get("LDFLAGS"))
     # of the sanitizers' libraries those that the driver adds
     sanitizers = [flag for flag in KIND_FLAGS.get(kind, ()) if flag.startswith("-fsanitize")]
     ours = ["-shared", "-fno-lto", "-fno-fast-math", *sanitizers]
     if sys.platform == "darwin":
-        ours[:1] = ["-bundle", "-undefined", "dynamic_lookup", "-Wl,-dead_strip_dylibs", "-mmacosx-version-min=11.0"]
+        # zig 0.17 crashes where it is asked for a bundle; Python loads either
+        library = "-shared" if compiler.is_zig else "-bundle"
+        ours[:1] = [library, "-undefined", "dynamic_lookup", "-Wl,-dead_strip_dylibs", "-mmacosx-version-min=11.0"]
     elif sys.platform == "win32":
-        ours += [f"-L{Path(sys.base_prefix, 'libs')}", "-lpython3"]
+        # no library of the compiler's own: none is on a machine without it. With zig it is so
+        own = [] if compiler.is_zig else ["-static-libgcc"]
+        ours += [*own, f"-L{Path(sys.base_prefix, 'libs')}", "-lpython3"]
     else:
         ours += ["-Wl,--as-needed", *(["-s"] if kind in ("release", "zig") else [])]
     if compiler.is_zig:

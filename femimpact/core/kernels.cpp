@@ -3,6 +3,8 @@
 
 #include "contact/formulas.hpp"
 #include "event_driven/loop.hpp"
+#include "stepping/collision.hpp"
+#include "stepping/loop.hpp"
 
 #define FEMIMPACT_JOINED(a, b) a##b
 #define FEMIMPACT_NAME(a, b) FEMIMPACT_JOINED(a, b)
@@ -33,9 +35,47 @@ static constexpr femimpact_kernels KERNELS = {
         auto &given = *static_cast<const SearchCall *>(call);
         return next_event(given.scalars, given.motion, until, given.search);
     },
-    .kelvin_voigt_force = [](double depth, double rate, double stiffness,
-                             double damping) { return kelvin_voigt_force(depth, rate, stiffness, damping); },
-    .spring_potential = [](double depth, double stiffness) { return spring_potential(depth, stiffness); },
+    .formulas =
+        {
+            [](const double *given, double *found) {
+                auto at = penetration(given[0], given[1], given[2]);
+                found[0] = at.depth;
+                found[1] = at.side;
+            },
+            [](const double *given, double *found) {
+                *found = kelvin_voigt_force(given[0], given[1], given[2], given[3]);
+            },
+            [](const double *given, double *found) { *found = spring_potential(given[0], given[1]); },
+            [](const double *given, double *found) {
+                *found = switching_stiffness(given[0], given[1], given[2], given[3], given[4]);
+            },
+            [](const double *given, double *found) {
+                *found = switching_potential(given[0], given[1], given[2], given[3], given[4]);
+            },
+            [](const double *given, double *found) {
+                *found = power_force(given[0], given[1], given[2], given[3], given[4], given[5]);
+            },
+            [](const double *given, double *found) { *found = power_potential(given[0], given[1], given[2]); },
+        },
+    .advance =
+        [](std::int64_t steps, const void *stepped, const void *fine) {
+            stepping::advance(steps, *static_cast<const stepping::Stepped *>(stepped),
+                              static_cast<const stepping::Fine *>(fine));
+        },
+    .keep_present =
+        [](const void *stepped) {
+            auto &given = *static_cast<const stepping::Stepped *>(stepped);
+            stepping::keep(given.cases.record.tally(stepping::STEP), given);
+        },
+    .write_energies =
+        [](const void *stepped) { stepping::write_energies(*static_cast<const stepping::Stepped *>(stepped)); },
+    .collide =
+        [](const void *law, const double *numbers, const void *scheme, double *found) {
+            auto collision = stepping::collide(*static_cast<const Law *>(law), numbers[0], numbers[1], numbers[2],
+                                               *static_cast<const stepping::Scheme *>(scheme));
+            found[0] = collision.rebound;
+            found[1] = collision.peak;
+        },
 };
 
 } // namespace FEMIMPACT_TARGET

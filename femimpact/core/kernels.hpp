@@ -3,6 +3,9 @@
 
 #include <cstdint>
 
+// how many contact formulas there are, in the order of contact/entries.hpp
+#define FEMIMPACT_FORMULA_COUNT 7
+
 struct femimpact_kernels {
     const char *target;
     // e^{lambda t} of count complex lambda, real and imaginary parts side by side
@@ -13,8 +16,14 @@ struct femimpact_kernels {
     void (*run_cases)(const void *task, const void *job, const void *ledger);
     // takes a SearchCall
     std::int64_t (*next_event)(const void *call, double until);
-    double (*kelvin_voigt_force)(double depth, double rate, double stiffness, double damping);
-    double (*spring_potential)(double depth, double stiffness);
+    // contact formulas: arguments, results
+    void (*formulas[FEMIMPACT_FORMULA_COUNT])(const double *given, double *found);
+    // each takes a stepping::Stepped; advance a stepping::Fine or null too
+    void (*advance)(std::int64_t steps, const void *stepped, const void *fine);
+    void (*keep_present)(const void *stepped);
+    void (*write_energies)(const void *stepped);
+    // takes a Law, mass, speed and start, a stepping::Scheme; gives rebound over approach speed and peak force
+    void (*collide)(const void *law, const double *numbers, const void *scheme, double *found);
 };
 
 // the only names that an object of a target exports

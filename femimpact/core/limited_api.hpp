@@ -9,8 +9,10 @@
 
 #if defined(_WIN32)
 #define FEMIMPACT_PYTHON_DATA extern "C" __declspec(dllimport)
+#define FEMIMPACT_EXPORTED __declspec(dllexport)
 #else
 #define FEMIMPACT_PYTHON_DATA extern "C"
+#define FEMIMPACT_EXPORTED __attribute__((visibility("default")))
 #endif
 
 #ifndef Py_PYTHON_H

@@ -1,6 +1,8 @@
 // femimpact._core: Python's side of the kernels, in the limited API. Compiled once, for the lowest processor.
 #include "arguments.hpp"
+#include "contact/entries.hpp"
 #include "event_driven/entries.hpp"
+#include "stepping/entries.hpp"
 #include "targets.hpp"
 
 #include <cstdlib>
@@ -95,23 +97,24 @@ PyObject *cosine_and_sine(PyObject *, PyObject *const *arguments, Py_ssize_t cou
     return Py_BuildValue("(dd)", cosine, sine);
 }
 
-PyObject *kelvin_voigt_force(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
-    double depth = 0.0, rate = 0.0, stiffness = 0.0, damping = 0.0;
-    if (!take_count(count, 4, "kelvin_voigt_force") || !take_number(arguments[0], "depth", &depth) ||
-        !take_number(arguments[1], "rate", &rate) || !take_number(arguments[2], "stiffness", &stiffness) ||
-        !take_number(arguments[3], "damping", &damping)) {
-        return nullptr;
-    }
-    return PyFloat_FromDouble(kernels->kelvin_voigt_force(depth, rate, stiffness, damping));
+template <int WHICH> PyObject *formula(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
+    return formula_entry<WHICH>(*kernels, arguments, count);
 }
 
-PyObject *spring_potential(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
-    double depth = 0.0, stiffness = 0.0;
-    if (!take_count(count, 2, "spring_potential") || !take_number(arguments[0], "depth", &depth) ||
-        !take_number(arguments[1], "stiffness", &stiffness)) {
-        return nullptr;
-    }
-    return PyFloat_FromDouble(kernels->spring_potential(depth, stiffness));
+PyObject *advance(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
+    return stepping::advance_entry(*kernels, arguments, count);
+}
+
+PyObject *keep_present(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
+    return stepping::keep_present_entry(*kernels, arguments, count);
+}
+
+PyObject *write_energies(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
+    return stepping::write_energies_entry(*kernels, arguments, count);
+}
+
+PyObject *collide(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
+    return stepping::collide_entry(*kernels, arguments, count);
 }
 
 PyObject *run_cases(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
@@ -123,7 +126,18 @@ PyObject *next_event(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
 }
 
 PyObject *tables(PyObject *, PyObject *) {
-    return tables_of_entries();
+    PyObject *list = PyList_New(0);
+    if (list == nullptr) {
+        return nullptr;
+    }
+    ToList rows(list);
+    list_tables(rows);
+    stepping::list_tables(rows);
+    if (!rows.failed()) {
+        return list;
+    }
+    Py_DecRef(list);
+    return nullptr;
 }
 
 template <typename Function> PyCFunction method(Function function) noexcept {
@@ -139,10 +153,22 @@ PyMethodDef METHODS[] = {
      "exponentials(exponent, time, out, /)\n--\n\ne^{lambda t} of several lambda with Re lambda <= 0, written to out."},
     {"cosine_and_sine", method(cosine_and_sine), METH_FASTCALL,
      "cosine_and_sine(angle, /)\n--\n\nBoth of an angle (rad)."},
-    {"kelvin_voigt_force", method(kelvin_voigt_force), METH_FASTCALL,
-     "kelvin_voigt_force(depth, rate, stiffness, damping, /)\n--\n\nNormal force max(0, k p + c p') (N)."},
-    {"spring_potential", method(spring_potential), METH_FASTCALL,
-     "spring_potential(depth, stiffness, /)\n--\n\nEnergy k p^2/2 (J) stored by a linear spring."},
+    {FORMULAS[0].name, method(formula<0>), METH_FASTCALL, FORMULAS[0].document},
+    {FORMULAS[1].name, method(formula<1>), METH_FASTCALL, FORMULAS[1].document},
+    {FORMULAS[2].name, method(formula<2>), METH_FASTCALL, FORMULAS[2].document},
+    {FORMULAS[3].name, method(formula<3>), METH_FASTCALL, FORMULAS[3].document},
+    {FORMULAS[4].name, method(formula<4>), METH_FASTCALL, FORMULAS[4].document},
+    {FORMULAS[5].name, method(formula<5>), METH_FASTCALL, FORMULAS[5].document},
+    {FORMULAS[6].name, method(formula<6>), METH_FASTCALL, FORMULAS[6].document},
+    {"advance", method(advance), METH_FASTCALL,
+     "advance(steps, block, fine, /)\n--\n\nTake a block of cases that many steps on; the arrays are written to."},
+    {"keep_present", method(keep_present), METH_FASTCALL,
+     "keep_present(block, /)\n--\n\nWrite the sample and the snapshot that are due at the present step."},
+    {"write_energies", method(write_energies), METH_FASTCALL,
+     "write_energies(block, /)\n--\n\nWrite the energies of every case to the first row of its statistics."},
+    {"collide", method(collide), METH_FASTCALL,
+     "collide(law, mass, speed, start, scheme, /)\n--\n\nRebound over approach speed, peak force (N), and what a "
+     "custom law was given for a force that is no number."},
     {"run_cases", method(run_cases), METH_FASTCALL,
      "run_cases(task, job, ledger, /)\n--\n\nTake event-driven cases to their last samples; the arrays are written "
      "to."},
@@ -170,6 +196,6 @@ static PyObject *created() {
 
 } // namespace FEMIMPACT_TARGET
 
-extern "C" __attribute__((visibility("default"))) PyObject *PyInit__core(void) {
+extern "C" FEMIMPACT_EXPORTED PyObject *PyInit__core(void) {
     return FEMIMPACT_TARGET::created();
 }

@@ -4,6 +4,10 @@
 
 #include "array.hpp"
 
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+
 namespace FEMIMPACT_TARGET {
 
 // Doubles in a register of the processor that this is compiled for.
@@ -20,6 +24,167 @@ template <int W> struct Lanes {
     // unsigned: what is added to the bits of a number may pass beyond their range
     typedef unsigned long long Whole __attribute__((vector_size(8 * W)));
 };
+
+// ---- eight cases side by side -----------------------------------------------------------------------
+
+constexpr int WIDTH = 8;
+
+// Eight doubles in 1, 2 or 4 registers.
+struct Pack {
+    static constexpr int COUNT = WIDTH / LANES;
+    Lanes<LANES>::Real part[COUNT];
+};
+
+// Where a condition holds: all bits of a lane are set, or none.
+struct PackMask {
+    Lanes<LANES>::Whole part[Pack::COUNT];
+};
+
+#define FEMIMPACT_EACH_PART for (int i = 0; i < Pack::COUNT; i++)
+
+#define FEMIMPACT_OPERATOR(op)                                                                                         \
+    [[gnu::always_inline]] inline Pack operator op(Pack a, Pack b) {                                                   \
+        FEMIMPACT_EACH_PART a.part[i] = a.part[i] op b.part[i];                                                        \
+        return a;                                                                                                      \
+    }                                                                                                                  \
+    [[gnu::always_inline]] inline Pack operator op(double a, Pack b) {                                                 \
+        FEMIMPACT_EACH_PART b.part[i] = a op b.part[i];                                                                \
+        return b;                                                                                                      \
+    }                                                                                                                  \
+    [[gnu::always_inline]] inline Pack operator op(Pack a, double b) {                                                 \
+        FEMIMPACT_EACH_PART a.part[i] = a.part[i] op b;                                                                \
+        return a;                                                                                                      \
+    }
+FEMIMPACT_OPERATOR(+)
+FEMIMPACT_OPERATOR(-)
+FEMIMPACT_OPERATOR(*)
+#undef FEMIMPACT_OPERATOR
+
+[[gnu::always_inline]] inline Pack operator-(Pack a) {
+    FEMIMPACT_EACH_PART a.part[i] = -a.part[i];
+    return a;
+}
+
+#define FEMIMPACT_COMPARISON(op)                                                                                       \
+    [[gnu::always_inline]] inline PackMask operator op(Pack a, Pack b) {                                               \
+        PackMask found;                                                                                                \
+        FEMIMPACT_EACH_PART found.part[i] = (Lanes<LANES>::Whole)(a.part[i] op b.part[i]);                             \
+        return found;                                                                                                  \
+    }
+FEMIMPACT_COMPARISON(<)
+FEMIMPACT_COMPARISON(>)
+#undef FEMIMPACT_COMPARISON
+
+[[gnu::always_inline]] inline PackMask operator|(PackMask a, PackMask b) {
+    FEMIMPACT_EACH_PART a.part[i] |= b.part[i];
+    return a;
+}
+
+// The first where the condition holds, else the second.
+[[gnu::always_inline]] inline double chosen(bool where, double a, double b) {
+    return where ? a : b;
+}
+[[gnu::always_inline]] inline Pack chosen(PackMask where, Pack a, Pack b) {
+    FEMIMPACT_EACH_PART a.part[i] = where.part[i] ? a.part[i] : b.part[i];
+    return a;
+}
+
+[[gnu::always_inline]] inline Pack larger(Pack a, Pack b) {
+    return chosen(b > a, b, a);
+}
+[[gnu::always_inline]] inline Pack smaller(Pack a, Pack b) {
+    return chosen(b < a, b, a);
+}
+[[gnu::always_inline]] inline Pack magnitude(Pack a) {
+    FEMIMPACT_EACH_PART {
+        auto bits = (Lanes<LANES>::Whole)a.part[i] & 0x7fffffffffffffffULL;
+        a.part[i] = (Lanes<LANES>::Real)bits;
+    }
+    return a;
+}
+
+// The lanes of a register whose highest bit is set, as bits.
+[[gnu::always_inline]] inline unsigned signs_of(Lanes<LANES>::Whole part) {
+#if defined(__AVX512F__)
+    return _mm512_movepi64_mask((__m512i)part);
+#elif defined(__AVX__)
+    return unsigned(_mm256_movemask_pd((__m256d)part));
+#elif defined(__x86_64__)
+    return unsigned(_mm_movemask_pd((__m128d)part));
+#else
+    return unsigned(part[0] >> 63) | unsigned(part[1] >> 63) << 1;
+#endif
+}
+
+// The cases in which a condition holds, as bits.
+[[gnu::always_inline]] inline unsigned bits_where(bool where) {
+    return where;
+}
+[[gnu::always_inline]] inline unsigned bits_where(PackMask where) {
+    unsigned bits = 0;
+    FEMIMPACT_EACH_PART bits |= signs_of(where.part[i]) << (i * LANES);
+    return bits;
+}
+
+// Whether two values differ in sign in any case; zeros have a sign.
+[[gnu::always_inline]] inline bool differ_in_sign(double a, double b) {
+    return (__builtin_bit_cast(Index, a) ^ __builtin_bit_cast(Index, b)) < 0;
+}
+[[gnu::always_inline]] inline bool differ_in_sign(Pack a, Pack b) {
+    unsigned bits = 0;
+    FEMIMPACT_EACH_PART bits |= signs_of((Lanes<LANES>::Whole)a.part[i] ^ (Lanes<LANES>::Whole)b.part[i]);
+    return bits != 0;
+}
+
+// A number times a value, plus another value, rounded once.
+[[gnu::always_inline]] inline double fma(double number, double value, double to) {
+    return __builtin_fma(number, value, to);
+}
+[[gnu::always_inline]] inline Pack fma(double number, Pack value, Pack to) {
+    FEMIMPACT_EACH_PART {
+#if defined(__AVX512F__)
+        to.part[i] = _mm512_fmadd_pd(_mm512_set1_pd(number), value.part[i], to.part[i]);
+#elif defined(__FMA__)
+        to.part[i] = _mm256_fmadd_pd(_mm256_set1_pd(number), value.part[i], to.part[i]);
+#else
+        for (int k = 0; k < LANES; k++)
+            to.part[i][k] = __builtin_fma(number, value.part[i][k], to.part[i][k]);
+#endif
+    }
+    return to;
+}
+#undef FEMIMPACT_EACH_PART
+
+// The same number in every case.
+template <class Value> [[gnu::always_inline]] inline Value filled(double number) {
+    return Value{} + number;
+}
+
+// A row over the cases from case c on: of one case alone, or of a pack of them.
+template <class Value> [[gnu::always_inline]] inline Value load(GivenArray row, Index c) {
+    check_index(c, row.size());
+    check_index(c + Index(sizeof(Value) / 8) - 1, row.size());
+    Value value;
+    __builtin_memcpy(&value, row.data + c, sizeof value);
+    return value;
+}
+template <class Value> [[gnu::always_inline]] inline void store(Value value, Array row, Index c) {
+    check_index(c, row.size());
+    check_index(c + Index(sizeof(Value) / 8) - 1, row.size());
+    __builtin_memcpy(row.data + c, &value, sizeof value);
+}
+
+// Calls a function of a zero, whose type says for how many cases, and the first of them: for one case alone, or for
+// every pack.
+template <class Function> [[gnu::always_inline]] inline void over_cases(Index cases, Function function) {
+    if (cases == 1)
+        function(0.0, Index(0));
+    else
+        for (Index c = 0; c < cases; c += WIDTH)
+            function(Pack{}, c);
+}
+
+// ---- complex numbers that lie one after another ------------------------------------------------------
 
 // Whole numbers of the same size, with the bits of a value.
 [[gnu::always_inline]] inline unsigned long long bits_of(double value) {

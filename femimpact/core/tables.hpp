@@ -52,14 +52,14 @@ class Lengths {
                 Index &of_letter = length_of(*words);
                 if (of_letter < 0)
                     open = &of_letter;
-                else
-                    product *= of_letter;
+                else if (__builtin_mul_overflow(product, of_letter, &product))
+                    return false;
             }
             if (open != nullptr) {
                 unknown = open;
                 factor = product;
-            } else
-                known += product;
+            } else if (__builtin_add_overflow(known, product, &known))
+                return false;
         }
         while (*words == ' ')
             words++;
@@ -100,6 +100,36 @@ class FromTuple {
         return !failed_;
     }
 
+    // False with an exception where two arrays share memory of which one is written to.
+    bool are_apart() {
+        std::uint8_t order[MOST_ARRAYS];
+        sort_by_address(order);
+        const unsigned char *end = nullptr, *end_of_written = nullptr;
+        int last = 0, last_written = 0;
+        for (int k = 0; k < count_; k++) {
+            const int own = order[k];
+            const auto *begin = static_cast<const unsigned char *>(arrays_[own].data());
+            const unsigned char *own_end = begin + arrays_[own].bytes();
+            if (own_end == begin)
+                continue;
+            if (begin < end_of_written || (written_[own] && begin < end)) {
+                const int other = begin < end_of_written ? last_written : last;
+                PyErr_Format(PyExc_ValueError, "%s.%s, %s.%s: must not share memory, one of them is written to",
+                             groups_[own], fields_[own], groups_[other], fields_[other]);
+                return false;
+            }
+            if (own_end > end) {
+                end = own_end;
+                last = own;
+            }
+            if (written_[own]) {
+                end_of_written = own_end;
+                last_written = own;
+            }
+        }
+        return true;
+    }
+
     template <class Struct> void group(const char *name, Struct &values) {
         PyObject *tuple = next(name);
         if (tuple != nullptr)
@@ -115,7 +145,10 @@ class FromTuple {
             failed_ = true;
             return;
         }
-        const Argument &array = arrays_[count_++];
+        const Argument &array = arrays_[count_];
+        groups_[count_] = names_[depth_ - 1];
+        fields_[count_] = name;
+        written_[count_++] = wanted.writable;
         const char *words = shape;
         for (int axis = 0; axis < N; axis++) {
             if (!lengths_.fits(words, array.size(axis))) {
@@ -191,6 +224,22 @@ class FromTuple {
         return PyTuple_GetItem(tuple_, place_++);
     }
 
+    // Shell's sort: few steps for so few, of which many stand in order.
+    void sort_by_address(std::uint8_t *order) const {
+        for (int k = 0; k < count_; k++)
+            order[k] = std::uint8_t(k);
+        static constexpr int GAPS[] = {57, 23, 10, 4, 1};
+        for (const int gap : GAPS)
+            for (int k = gap; k < count_; k++) {
+                const std::uint8_t own = order[k];
+                const void *address = arrays_[own].data();
+                int place = k;
+                for (; place >= gap && arrays_[order[place - gap]].data() > address; place -= gap)
+                    order[place] = order[place - gap];
+                order[place] = own;
+            }
+    }
+
     // Sets the prefix to the names of the tuples around a value, each with a point behind it.
     void set_prefix() {
         char *end = prefix_;
@@ -217,6 +266,8 @@ class FromTuple {
     }
 
     Argument arrays_[MOST_ARRAYS];
+    const char *groups_[MOST_ARRAYS] = {}, *fields_[MOST_ARRAYS] = {};
+    bool written_[MOST_ARRAYS] = {};
     int count_ = 0;
     Lengths lengths_;
     PyObject *tuple_ = nullptr;

@@ -95,7 +95,9 @@ class BrokenLine:
     def motion_at(self, time: float) -> Array:
         """ub, ub', s and s' at a time (s), as (4,): exact integrals of the line, and its slope from there on."""
         s, h, last = np.asarray(self.samples, dtype=float), self.interval, len(self.samples) - 1
-        k = min(math.floor(time / h + AT_SAMPLE), last)
+        k = math.floor(time / h + AT_SAMPLE)
+        # late in a long record the quotient at a sample itself may be rounded to less
+        k = min(k + ((k + 1) * h <= time), last)
         speeds = self.initial_velocity + np.concatenate([[0.0], np.cumsum(0.5 * h * (s[1 : k + 1] + s[:k]))])
         place = float(np.sum(h * speeds[:-1] + h * h * (2.0 * s[:k] + s[1 : k + 1]) / 6.0))
         velocity, value, slope, later = speeds[k], s[k], 0.0, time - k * h

@@ -1,1 +1,1 @@
-"""Time integration: the compiled loop, its methods, and the verb that runs them."""
+"""Time integration: the methods, and the verb that runs them in the compiled core."""

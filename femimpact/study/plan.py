@@ -68,7 +68,7 @@ def plan_lines(study: Study) -> list[str]:
         lines.append(f"figures and movie: about {picture_seconds(study):.2g} s, when the rest is done")
     mesh = mesh_memory(full.nodes.size - 1, small.dofs if study.reduction else None)
     lines.append(f"mesh and modes: take about {max(mesh.values()) / 1e6:.3g} MB")
-    lines.append("besides: some 200 MB for the libraries; a first run with steps on a machine compiles for 15 to 60 s")
+    lines.append("besides: some 200 MB for the libraries")
     lines += [f"note: {text}" for text in method.notes(small)]
     return lines + [f"warning: {text}" for text in prepared.warnings]
 

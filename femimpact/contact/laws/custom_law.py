@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from femimpact.contact.callback import ForceFunction, as_function, is_force, raised_error
 from femimpact.contact.collision import Collision, integrated_collision
 from femimpact.contact.parameters import ContactParameters
 from femimpact.errors import check_fields, checked, quantity, require, text
@@ -19,10 +19,14 @@ class CustomLaw:
 
     Parameters
     ----------
-    force : callable
-        Plain function of three floats, penetration (m), its rate (m/s) and the approach speed at
-        the start of the contact (m/s), to the normal force (N); compiled with numba for the time
-        loop. Its elastic part is force(depth, 0, approach_speed).
+    force : callable or scipy.LowLevelCallable
+        Function of three floats, penetration (m), its rate (m/s) and the approach speed at the start of the contact
+        (m/s), to the normal force (N). Its elastic part is force(depth, 0, approach_speed). The loop over steps calls
+        it as a C function: a function of Python is compiled by numba where that is installed (the extra `laws`),
+        else each call is one of Python, some 0.2 us. C functions are taken as they are: of ctypes with three
+        c_double and a c_double returned, of numba.cfunc, or a scipy.LowLevelCallable of
+        "double (double, double, double)". A function of Python that raises ends the run with its error; a C function
+        cannot raise, and ends the run only by a force that is no finite number.
     name : str
     reference_speed : float, m/s
         At which the contact time of step recommendations is taken.
@@ -30,10 +34,10 @@ class CustomLaw:
     Raises
     ------
     InputError
-        If the force cannot be called, or another value is out of range.
+        If the force is no function, or a pointer of another signature, or another value is out of range.
     """
 
-    force: Callable[[float, float, float], float]
+    force: ForceFunction
     name: str = field(default="custom", metadata=text())
     reference_speed: float = field(default=0.25, metadata=quantity("m/s", above=0.0))
     restitution: ClassVar[float | None] = None
@@ -41,7 +45,8 @@ class CustomLaw:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        require(callable(self.force), "force", self.force, "", "must be a function of depth, rate, approach_speed")
+        require(is_force(self.force), "force", self.force, "", "must be a function of depth, rate, approach_speed")
+        as_function(self.force)
 
     def normal_force(self, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
         """Force (N): what the function gives, none off the wall and never below zero."""
@@ -68,7 +73,7 @@ class CustomLaw:
         typical = self.collide(effective_mass, self.reference_speed)
         return ContactParameters.of_function(typical.contact_time, typical.restitution)
 
-    def force_function(self, effective_mass: float) -> Callable[[float, float, float], float]:
+    def force_function(self, effective_mass: float) -> ForceFunction:
         """The function itself."""
         return self.force
 
@@ -80,4 +85,9 @@ class CustomLaw:
         """None: the function decides the restitution."""
 
     def _finite_force(self, depth: float, rate: float, approach_speed: float) -> float:
-        return float(checked("force", self.force(depth, rate, approach_speed), quantity("N")))
+        try:
+            force = as_function(self.force)(depth, rate, approach_speed)
+        except Exception as error:
+            where = f"at depth {depth:.6g} m, rate {rate:.6g} m/s and approach speed {approach_speed:.6g} m/s"
+            raise raised_error(f"{self.name}.force", error, where) from error
+        return float(checked(f"{self.name}.force", force, quantity("N")))

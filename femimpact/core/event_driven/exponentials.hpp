@@ -48,7 +48,7 @@ template <class Value> [[gnu::always_inline]] inline CosineAndSine<Value> reduce
     Value q = n - 4.0 * ((n * 0.25 + ROUND) - ROUND);
     auto turned = q * q == 1.0;
     Value sine = turned ? c : s, cosine = turned ? s : c;
-    return {(q == 0.0) | (q == -1.0) ? cosine : -cosine, (q == 0.0) | (q == 1.0) ? sine : -sine};
+    return {((q == 0.0) | (q == -1.0)) ? cosine : -cosine, ((q == 0.0) | (q == 1.0)) ? sine : -sine};
 }
 
 // Both of an angle (rad).

@@ -9,6 +9,7 @@
 #pragma once
 
 #include "../array.hpp"
+#include "../columns.hpp"
 
 namespace FEMIMPACT_TARGET {
 
@@ -23,9 +24,6 @@ enum : Index { ENTERED, ENTERING, STARTED, RESUMED, STARTING };
 // What a contact that has not ended adds up to: start (s), approach speed (m/s), impulse (N s), largest force (N),
 // duration (s) and loss (J).
 enum : Index { BEGUN, TOUCH_SPEED, PUSHED, LARGEST_FORCE, LASTED, LOST };
-
-// Sums over the impacts of a window.
-enum : Index { COUNT, APPROACH_SUM, LARGEST_APPROACH, IMPULSE_SUM, PEAK_FORCE, FORCE_TIME };
 
 using GivenFlags = View<const unsigned char, 1>;
 

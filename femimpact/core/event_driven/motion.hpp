@@ -261,7 +261,7 @@ struct Taylor {
     for (Index k = first; k < last; k++)
         mean += scalars.exponent(k) / double(last - first);
     // all of it has decayed long before so many steps
-    double norm = duration * (scalars.size(first) + __builtin_hypot(mean.real, mean.imag));
+    double norm = larger(0.0, magnitude(duration) * (scalars.size(first) + __builtin_hypot(mean.real, mean.imag)));
     Index steps = (norm < double(MOST_STEPS) ? Index(norm) : MOST_STEPS) + 1;
     double step = duration / double(steps);
     Complex turn = exponential(mean * step);

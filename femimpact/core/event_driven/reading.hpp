@@ -203,6 +203,9 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
         // far below the extremes so far long times are safe, and curvature need not be computed
         if (safe < remaining && (0.25 * magnitude(rate) * safe < row(0) - row(1) || safe < SHORT * least)) {
             derivatives(r, scalars, motion, phase, remaining, search);
+            // of what is no number least advances alone would be left
+            if (!is_finite(slack + value + rate + search.found(0) + search.found(3) + search.found(4)))
+                break;
             safe = larger(larger(safe, least), advance_to_crest(r, wanted, rate, remaining, scalars, space, row));
         }
         if (safe < remaining)

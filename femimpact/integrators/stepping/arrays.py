@@ -12,9 +12,9 @@ import scipy.linalg
 import scipy.sparse.linalg
 from numpy.typing import NDArray
 
+from femimpact.contact.callback import ForcePointer, force_pointer
 from femimpact.contact.formulas import KELVIN_VOIGT, RIGID, SWITCHING_SPRING, kelvin_voigt_force, power_force
 from femimpact.excitation import Excitation
-from femimpact.integrators.compiled.custom import address_of
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.stepping import layout
 from femimpact.integrators.stepping.continued import Beginning, resume_contacts
@@ -23,7 +23,7 @@ from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COL
 from femimpact.system.state import ROUNDED, State
 from femimpact.system.system import System
 
-__all__ = ["Inputs", "cycles_of", "empty_record", "limits_of", "motion_of", "pairs_of"]
+__all__ = ["Inputs", "cycles_of", "empty_record", "forces_of", "limits_of", "motion_of", "pairs_of"]
 
 Array = NDArray[np.float64]
 
@@ -51,23 +51,31 @@ class Inputs:
     beginning: Beginning = field(default_factory=Beginning)
 
 
-def empty_record(dofs: int) -> layout.Record:
+def empty_record(dofs: int, pairs: int) -> layout.Record:
     """A record that keeps nothing."""
     return layout.Record(
         used=np.zeros((0, 4), dtype=np.int64),
         rows=np.zeros((0, 2, dofs)),
-        pair_rows=np.zeros((0, 4, 0)),
+        pair_rows=np.zeros((0, 4, pairs)),
         channels=np.zeros((0, 0)),
         energy=np.zeros((0, len(ENERGY_COLUMNS))),
-        fields=np.zeros((0, 2, 0)),
-        forces=np.zeros((0, 0)),
+        snapshots=np.zeros((0, 2, dofs + pairs)),
+        forces=np.zeros((0, pairs)),
         impacts=np.zeros((0, len(IMPACT_COLUMNS))),
         stride=np.ones(4, dtype=np.int64),
         tally=np.zeros(4, dtype=np.int64),
     )
 
 
-def pairs_of(system: System, operator: layout.Operator, drive: Drive, lanes: int) -> layout.Pairs:
+def forces_of(system: System) -> tuple[ForcePointer | None, ...]:
+    """The C function of every pair's law, None where the law has a compiled branch."""
+    functions = [pair.law.force_function(pair.effective_mass) for pair in system.contacts]
+    return tuple(None if function is None else force_pointer(function) for function in functions)
+
+
+def pairs_of(
+    system: System, operator: layout.Operator, drive: Drive, lanes: int, forces: Sequence[ForcePointer | None]
+) -> layout.Pairs:
     """Contact pairs: the row that each reads, its law and its numbers."""
     contacts = system.contacts
     rows = [next(i for i, row in enumerate(operator.rows) if np.array_equal(row, pair.direction)) for pair in contacts]
@@ -84,14 +92,14 @@ def pairs_of(system: System, operator: layout.Operator, drive: Drive, lanes: int
         constants[layout.FREE_STIFFNESS, j] = pair.free_stiffness + getattr(pair.law, "free_stiffness", 0.0)
         constants[layout.ACCELERATION, j] = pair.acceleration
         constants[layout.SHARE, j] = 0.0 if pair.is_stop else drive.share
-    forces = [pair.law.force_function(pair.effective_mass) for pair in contacts]
     obstacles = [j for j, pair in enumerate(contacts) if pair.fixed_to == "space" and drive.share != 0.0]
     return layout.Pairs(
         row=np.array(rows, dtype=np.int64),
         kind=np.array([pair.parameters.kind for pair in contacts], dtype=np.int64),
-        address=np.array([0 if force is None else address_of(force) for force in forces], dtype=np.int64),
+        address=np.array([0 if force is None else force.address for force in forces], dtype=np.int64),
         constants=_placed(constants, 10),
         obstacles=np.array(obstacles, dtype=np.int64),
+        refused=np.zeros((len(contacts), 3)),
     )
 
 
@@ -119,7 +127,7 @@ def motion_of(
     springs = constants[layout.FREE_STIFFNESS] * ball[layout.X]
     # where contact forces are no part of the acceleration, neither are those of centring springs
     inside = np.zeros_like(springs) if scheme_of(method).mean else springs
-    touch = np.zeros((13, count, lanes))
+    touch = np.zeros((12, count, lanes))
     touch[layout.BUSY] = (pairs.kind[:, None] == SWITCHING_SPRING) | (constants[layout.FREE_STIFFNESS] > 0.0)
     # any speed > 0: a law's potential is asked for before its first contact
     touch[layout.APPROACH] = 1.0
@@ -137,7 +145,7 @@ def motion_of(
     ) - inside * constants[layout.MOBILITY]
     load = operator.rows[pairs.row].T @ inside + np.outer(operator.drive_load, drive[layout.BASE])
     load += np.asarray(system.constant_load)[:, None] - (system.C @ v + system.K @ q)
-    ledger = np.zeros((9, lanes))
+    ledger = np.zeros((8, lanes))
     ledger[layout.LOAD_BEFORE] = operator.drive_load @ q
     ledger[layout.HELD] = np.asarray(system.constant_load) @ q
     redo = method.refine > 1
@@ -217,7 +225,7 @@ def _contacts_at_start(
                 touch[layout.DISSIPATIVE, j, c] = force - numbers.stiffness * depth
             else:
                 force = power_force(depth, 0.0, numbers.stiffness, numbers.exponent, 0.0, 1.0)
-            touch[layout.BUSY, j, c] = touch[layout.OPEN, j, c] = touch[layout.NEAR, j, c] = 1.0
+            touch[layout.BUSY, j, c] = touch[layout.OPEN, j, c] = 1.0
             touch[layout.SIDE, j, c], touch[layout.APPROACH, j, c] = side, 0.0
             touch[layout.NORMAL, j, c] = touch[layout.PEAK, j, c] = force
             pushes[j, c] += side * force

@@ -9,12 +9,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.integrators.compiled.packs import WIDTH
+from femimpact import core
+from femimpact.contact.callback import ForcePointer, law_error
 from femimpact.integrators.driving import drive_of
-from femimpact.integrators.stepping import layout, loop
-from femimpact.integrators.stepping.arrays import Inputs, cycles_of, empty_record, limits_of, motion_of, pairs_of
+from femimpact.integrators.stepping import layout
+from femimpact.integrators.stepping.arrays import (
+    Inputs,
+    cycles_of,
+    empty_record,
+    forces_of,
+    limits_of,
+    motion_of,
+    pairs_of,
+)
 from femimpact.integrators.stepping.continued import Beginning, go_on
-from femimpact.integrators.stepping.entries import write_energy
 from femimpact.integrators.stepping.operators import operator_of
 from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
 from femimpact.integrators.threads import Progress
@@ -22,7 +30,7 @@ from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.response.signals import CycleStatistics
 from femimpact.system.system import System
 
-__all__ = ["Block", "Inputs", "prepare", "run_block"]
+__all__ = ["Block", "Inputs", "check_laws", "prepare", "run_block"]
 
 Array = NDArray[np.float64]
 
@@ -48,6 +56,15 @@ class Block:
     cases: int
     limit: Array
     diverged: Array
+    names: tuple[str, ...]
+    forces: tuple[ForcePointer | None, ...]
+    """The C functions of the pairs' laws, which are kept alive here."""
+
+    def handed(self) -> layout.Stepped:
+        """The block as functions of the core take it, with scratch space of this call."""
+        scratch = np.zeros((6, len(self.pairs.row))), np.zeros(len(ENERGY_COLUMNS))
+        cases = layout.Cases(self.pairs, self.motion, self.cycles, self.record, *scratch)
+        return layout.Stepped(self.operator, self.scheme, cases, self.ledger)
 
     @property
     def cycle_statistics(self) -> CycleStatistics:
@@ -59,7 +76,7 @@ class Block:
 
 def _lanes(cases: int) -> int:
     """Width of the case axis: one alone, else whole packs."""
-    return 1 if cases == 1 else WIDTH * math.ceil(cases / WIDTH)
+    return 1 if cases == 1 else layout.WIDTH * math.ceil(cases / layout.WIDTH)
 
 
 def prepare(
@@ -105,8 +122,9 @@ def prepare(
     if method.refine > 1:
         fine_scheme = scheme_of(method, method.dt / method.refine)
         fine = layout.Fine(method.refine, operator_of(system, fine_scheme, observed, drives[0].load), fine_scheme)
-    kept = record or empty_record(system.dofs)
-    pairs = pairs_of(system, operator, drives[0], lanes)
+    kept = record or empty_record(system.dofs, len(system.contacts))
+    forces = forces_of(system)
+    pairs = pairs_of(system, operator, drives[0], lanes, forces)
     # only a history has losses mode by mode; in a sweep a case alone is summed as beside others
     modal = ledger and record is not None and lanes == 1 and not operator.banded
     motion = motion_of(system, operator, pairs, padded, drives, method, modal, kept)
@@ -127,14 +145,27 @@ def prepare(
         cases=cases,
         limit=limits_of(system, padded, drives, operator, motion, method),
         diverged=np.full(lanes, np.inf),
+        names=tuple(pair.name for pair in system.contacts),
+        forces=forces,
     )
     if ledger:
-        # a row of its own: strided, it would have the same code compiled once more
-        energy = np.zeros(len(ENERGY_COLUMNS))
-        for c in range(lanes):
-            write_energy(c, operator, pairs, motion, energy)
-            cycles.energy[0, :, c] = energy
+        core.write_energies(block.handed())
+        check_laws(block)
     return block
+
+
+def check_laws(block: Block) -> None:
+    """Raise what a custom law has raised, or that its force was no finite number.
+
+    Raises
+    ------
+    InputError
+        With the name of the pair, and what the law was given.
+    """
+    for j in np.flatnonzero(block.pairs.refused[:, 0]):
+        force = block.forces[j]
+        if force is not None:
+            raise law_error(block.names[j], force, *(float(value) for value in block.pairs.refused[j]))
 
 
 def run_block(block: Block, progress: Progress | None = None, stop: threading.Event | None = None) -> None:
@@ -149,15 +180,7 @@ def run_block(block: Block, progress: Progress | None = None, stop: threading.Ev
         Ends the run early once set.
     """
     lanes, dofs = block.motion.q.shape[1], block.motion.q.shape[0]
-    cases = layout.Cases(
-        pairs=block.pairs,
-        motion=block.motion,
-        cycles=block.cycles,
-        record=block.record,
-        pair_scratch=np.zeros((6, max(len(block.pairs.row), 1))),
-        energy_scratch=np.zeros(len(ENERGY_COLUMNS)),
-    )
-    physical = True if block.operator.banded else None
+    handed = block.handed()
     piece = max(1000, STEPS_BETWEEN_CHECKS // (lanes * dofs))
     done = 0
     while done < block.steps:
@@ -165,7 +188,8 @@ def run_block(block: Block, progress: Progress | None = None, stop: threading.Ev
             return
         # pieces end where cases end, so that what comes after does not count
         steps = min(piece, int(block.ends[block.ends > done].min()) - done)
-        loop.advance(steps, block.operator, block.scheme, block.fine, cases, block.ledger, physical)
+        core.advance(steps, handed, block.fine)
+        check_laws(block)
         done += steps
         with np.errstate(invalid="ignore"):
             out = ~(np.abs(block.motion.w[0]) <= block.limit) & np.isinf(block.diverged)

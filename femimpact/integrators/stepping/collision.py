@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from femimpact import core
+from femimpact.contact.callback import force_pointer, law_error
 from femimpact.integrators.answers import AchievedRestitution
-from femimpact.integrators.compiled.custom import address_of
-from femimpact.integrators.compiled.laws import LawNumbers
-from femimpact.integrators.stepping import touch
+from femimpact.integrators.stepping.layout import Law
 from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
 from femimpact.system.contact_pair import ContactPair
 
@@ -33,13 +33,17 @@ def stepped_restitution(
     """
     scheme = scheme_of(method, method.dt / method.refine)
     law, force = pair.parameters, pair.law.force_function(pair.effective_mass)
-    address = 0 if force is None else address_of(force)
-    numbers = LawNumbers(
+    pointer = None if force is None else force_pointer(force)
+    address = 0 if pointer is None else pointer.address
+    numbers = Law(
         law.kind, 0.0, np.inf, law.stiffness, law.damping, law.exponent, law.restitution, 0.0, approach_speed, address
     )
     starts = (np.arange(phases) + 0.5) / phases
-    runs = [touch.collide(numbers, pair.effective_mass, approach_speed, start, scheme) for start in starts]
-    rebound, peak = (np.array(column) for column in zip(*runs, strict=True))
+    runs = [core.collide(numbers, pair.effective_mass, approach_speed, start, scheme) for start in starts]
+    for *_, refused in runs:
+        if pointer is not None and refused[0] != 0.0:
+            raise law_error(pair.name, pointer, *refused)
+    rebound, peak = (np.array(column) for column in list(zip(*runs, strict=True))[:2])
     return AchievedRestitution(
         law.restitution, float(rebound.mean()), float(rebound.min()), float(rebound.max()), float(peak.max())
     )

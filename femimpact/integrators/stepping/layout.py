@@ -1,4 +1,8 @@
-"""How the arrays of a stepped run are laid out: what each row is, and which arrays belong together."""
+"""What the core's loop over steps is handed, by name: how arrays are laid out and which belong together.
+
+The core reads these named tuples by its own table (`core/stepping/loop_data.hpp`); a test compares names, types, order
+and numbers of axes. The case axis comes last: cases lie side by side, one alone or in packs of `WIDTH`.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+WIDTH = 8
+"""Cases in a pack."""
 
 # rows of Cycles.last (., cases): displacement (m) and velocity (m/s) of the observed place
 LAST, LAST_RATE = range(2)
@@ -22,16 +29,16 @@ Y, Y_RATE, Y_ACCELERATION, X, X_BEFORE, FORCE, Y_BEFORE, RATE, RATE_BEFORE = ran
     SINE, COSINE, TURN_SINE, TURN_COSINE, PHASE, PHASE_STEP, SCALE, BASE, BASE_BEFORE, ACTING, TRAVEL, TRAVEL_RATE,
     OBSTACLE_RATE, OBSTACLE_RATE_BEFORE,
 ) = range(14)  # fmt: skip
-# rows of Motion.ledger (., cases); REFINED to OWN_LOSS set aside what a refined case has summed by itself; HELD is the
-# potential of the constant load at the start
-WORK, STRUCTURE_LOSS, CONTACT_LOSS, LOAD, LOAD_BEFORE, REFINED, OWN_WORK, OWN_LOSS, HELD = range(9)
+# rows of Motion.ledger (., cases); LOAD_BEFORE is load @ q at the last step; REFINED to OWN_LOSS set aside what a
+# refined case has summed by itself; HELD is the potential of the constant load at the start
+WORK, STRUCTURE_LOSS, CONTACT_LOSS, LOAD_BEFORE, REFINED, OWN_WORK, OWN_LOSS, HELD = range(8)
 # rows of Pairs.constants (., pairs, cases); a stop has no mass (its energy) and no mobility (1/m);
 # SHARE of the drive that acts as an acceleration of the base on the ball
 (
     MASS, MOBILITY, GAP_PLUS, GAP_MINUS, STIFFNESS, DAMPING, EXPONENT, RESTITUTION, FREE_STIFFNESS, ACCELERATION, SHARE,
 ) = range(11)  # fmt: skip
 # rows of Motion.touch (., pairs, cases); BUSY: the pair must be looked at in every step
-BUSY, OPEN, SIDE, START, APPROACH, IMPULSE, PEAK, DURATION, LOSS, NORMAL, DISSIPATIVE, REBOUND, NEAR = range(13)
+BUSY, OPEN, SIDE, START, APPROACH, IMPULSE, PEAK, DURATION, LOSS, NORMAL, DISSIPATIVE, REBOUND = range(12)
 
 
 class Scheme(NamedTuple):
@@ -65,6 +72,7 @@ class ModalStep(NamedTuple):
     inertia: Array  # (n,)
     damping: Array  # (n,)
     stiffness: Array  # (n,)
+    loss: Array  # (n,) dt c/4, not divided
 
 
 class BandedStep(NamedTuple):
@@ -114,14 +122,7 @@ class Pairs(NamedTuple):
     address: Indices  # (pairs,) of a custom law's compiled function
     constants: Array  # (11, pairs, cases)
     obstacles: Indices  # (stops fixed in space,) their pairs, where the base moves; else none
-
-
-class Coordinates(NamedTuple):
-    """Displacements of the dofs and their rates; the case axis last."""
-
-    q: Array  # (n, cases)
-    v: Array  # (n, cases)
-    a: Array  # (n, cases)
+    refused: Array  # (pairs, 3) depth, rate and approach speed for which a custom law first gave no number; else zero
 
 
 class Motion(NamedTuple):
@@ -133,13 +134,13 @@ class Motion(NamedTuple):
     w: Array  # (rows, cases)
     w_rate: Array  # (rows, cases)
     ball: Array  # (9, pairs, cases)
-    touch: Array  # (13, pairs, cases)
+    touch: Array  # (12, pairs, cases)
     totals: Array  # (columns, pairs, cases)
     window: Indices  # (2, cases) first step, and the step after the last
     drive: Array  # (14, cases)
     table: Array  # (steps * refine + 1, cases) history of a drive given by samples, else no rows
     travel: Array  # (2, steps * refine + 1, cases) such a base's displacement and velocity, where stops need it
-    ledger: Array  # (9, cases)
+    ledger: Array  # (8, cases)
     v_before: Array  # (n, cases)
     loss_of_mode: Array  # (n,) of a single case on its modes, else none
     to_modes: Array  # (pairs, n) energy that the open contacts of such a case have passed on, else none
@@ -168,7 +169,7 @@ class Record(NamedTuple):
     pair_rows: Array  # (channels, 4, pairs) of Y, Y_RATE, FORCE and of the force of contact
     channels: Array  # (samples, channels)
     energy: Array  # (samples, columns and modes)
-    fields: Array  # (snapshots, 2, n + pairs)
+    snapshots: Array  # (snapshots, 2, n + pairs)
     forces: Array  # (snapshots, pairs)
     impacts: Array  # (most, columns and modes)
     stride: Indices  # (4,): every, first sample, snapshot stride, first snapshot
@@ -184,3 +185,27 @@ class Cases(NamedTuple):
     record: Record
     pair_scratch: Array  # (6, pairs) for the contact equations of one case
     energy_scratch: Array  # (columns,) for the energies of one case
+
+
+class Law(NamedTuple):
+    """Numbers of one pair's law, and of its contact in progress."""
+
+    kind: int
+    gap_plus: float  # m
+    gap_minus: float  # m
+    stiffness: float  # N/m, or N/m^n
+    damping: float  # N s/m; of a power law its loss factor, 1
+    exponent: float
+    restitution: float
+    spring: float  # N/m, of the centring spring
+    approach: float  # m/s, speed at which the contact opened
+    address: int  # of a custom law's function
+
+
+class Stepped(NamedTuple):
+    """A block with its method: what every function of the loop is handed."""
+
+    operator: Operator
+    scheme: Scheme
+    cases: Cases
+    ledger: bool

@@ -68,6 +68,7 @@ def operator_of(system: System, s: Scheme, observed: Array, load: Array) -> Oper
             inertia=(s.alpha_m * m + felt * (s.predict_v * c + s.predict_u * k)) / scale,
             damping=(c + felt * s.dt * k) / scale,
             stiffness=k / scale,
+            loss=0.25 * s.dt * c,
         ),
         mass_band=bands(M),
         damping_band=_widened(bands(C), lower.shape[0]),

@@ -72,7 +72,7 @@ def history_of(
         },
         units={channel.name: channel.unit for channel in recorded.channels},
         energy=_ledger(record.energy[:samples], time) if block.ledger else None,
-        snapshots=_snapshots(record, system, shown) if record.fields.shape[0] > 0 else None,
+        snapshots=_snapshots(record, system, shown) if record.snapshots.shape[0] > 0 else None,
         base=recorded.excitation,
     )
 
@@ -83,7 +83,7 @@ def _ledger(table: Array, time: Array) -> EnergyLedger:
 
 
 def _snapshots(record: layout.Record, system: System, time: Array) -> Snapshots:
-    fields, forces = record.fields[: time.size], record.forces[: time.size]
+    fields, forces = record.snapshots[: time.size], record.forces[: time.size]
     dofs, balls = system.dofs, slice(system.dofs, system.dofs + len(system.balls))
     return Snapshots(
         time=time,

@@ -63,7 +63,7 @@ def record_of(
         pair_rows=of_pairs,
         channels=np.zeros((samples, rows.drive.size)),
         energy=np.zeros((samples if recorder.ledger else 0, len(ENERGY_COLUMNS) + modes)),
-        fields=np.zeros((snapshots, 2, system.dofs + balls)),
+        snapshots=np.zeros((snapshots, 2, system.dofs + balls)),
         forces=np.zeros((snapshots, balls)),
         impacts=np.zeros((recorder.impacts if balls else 0, len(IMPACT_COLUMNS) + modes)),
         stride=np.array([recorder.every, start, max(recorder.snapshots, 1), start_field], dtype=np.int64),

@@ -9,14 +9,15 @@ from functools import partial
 
 import numpy as np
 
+from femimpact import core
+from femimpact.contact.callback import speed_note
 from femimpact.contact.formulas import RIGID
 from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation
 from femimpact.integrators.channel_rows import channel_rows, reaction_notes
 from femimpact.integrators.driving import drive_of
-from femimpact.integrators.stepping.block import Block, Inputs, prepare, run_block
+from femimpact.integrators.stepping.block import Block, Inputs, check_laws, prepare, run_block
 from femimpact.integrators.stepping.continued import beginning_of, final_state
-from femimpact.integrators.stepping.entries import keep
 from femimpact.integrators.stepping.largest import find_largest
 from femimpact.integrators.stepping.reading import Recorded, history_of, impacts_of, open_contacts, sticking_of
 from femimpact.integrators.stepping.record import check_recorder, piece_ends, record_of
@@ -108,8 +109,9 @@ def divergence_message(frequency: float, time: float, method: SteppingMethod) ->
 
 def _keep_first(block: Block) -> None:
     """Keep the state at the start where it is asked for."""
-    if block.record.channels.shape[0] + block.record.fields.shape[0] > 0:
-        keep(block.beginning.step, block.operator, block.pairs, block.motion, block.record, block.ledger)
+    if block.record.channels.shape[0] + block.record.snapshots.shape[0] > 0:
+        core.keep_present(block.handed())
+        check_laws(block)
 
 
 def _run(
@@ -195,12 +197,20 @@ def _response(
             *begun_anew(initial.continuation, block.beginning.going_on(system)),
             *step_notes(system, method),
             *truncation_notes(system),
+            *_law_notes(block),
             *open_contacts(block, system),
         ),
         streamed_to=stream.streamed_to,
         start=initial.time,
         final_state=_state(block, system, excitation, method),
     )
+
+
+def _law_notes(block: Block) -> tuple[str, ...]:
+    """Notes on laws that are called as functions of Python."""
+    pairs = zip(block.names, block.forces, strict=True)
+    notes = [speed_note(name, force) for name, force in pairs if force is not None]
+    return tuple(note for note in notes if note)
 
 
 def _residual_warning(residual: float, limit: float) -> str:
