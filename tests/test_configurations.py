@@ -8,6 +8,7 @@ import pytest
 
 import femimpact as fi
 from femimpact.integrators.driving import drive_of
+from femimpact.integrators.event_driven.block import case_numbers
 from femimpact.integrators.event_driven.dwells import DwellCases, run_dwells
 
 pytestmark = pytest.mark.impacts
@@ -181,8 +182,9 @@ def test_each_case_of_a_call_has_its_own_contacts_and_the_bits_it_has_alone():
     def run(own, threads):
         cycles = np.full(len(own), 24)
         some_drives, some_contacts = [drives[i] for i in own], [contacts[i] for i in own]
-        some = DwellCases(some_drives, some_contacts, rest[own], rest[own], cycles, cycles // 3)
-        return run_dwells(system, some, EXACT, row, True, threads, None)
+        numbers = case_numbers(some_drives, some_contacts)
+        some = DwellCases(some_drives[0], numbers, rest[own], rest[own], cycles, cycles // 3)
+        return run_dwells(system, some, EXACT, row, 1, threads, None)
 
     together, spread = run(list(range(count)), 1), run(list(range(count)), 2)
     assert np.all(together.residual < 1e-9)

@@ -1,4 +1,4 @@
-"""What methods return: the restitution that they achieve, what a run costs, and the results of many dwells."""
+"""What methods take and return: many dwells and their results, the restitution they achieve, what a run costs."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.contact import ContactLaw
 from femimpact.errors import check_fields, quantity
 from femimpact.response.signals import SteadyMotion
+from femimpact.system.state import State
 
-__all__ = ["AchievedRestitution", "MethodCost", "SineDwellResults", "SineDwells"]
+__all__ = ["AchievedRestitution", "MethodCost", "SineCases", "SineDwellResults", "SineDwells"]
 
 Array = NDArray[np.float64]
 
@@ -77,12 +79,55 @@ class SineDwells:
         Whole base cycles run.
     measured : ndarray (n,) of int
         Of these at the end.
+    phase : float, rad
+        Of the base at t = 0.
     """
 
     amplitude: float
     frequency: Array
     cycles: NDArray[np.int64]
     measured: NDArray[np.int64]
+    phase: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class SineCases:
+    """Dwells of one system under sine motions of the base, each with numbers of its own.
+
+    Parameters
+    ----------
+    frequency, amplitude, phase : ndarray (n,)
+        Of the base: Hz, m and rad.
+    gaps : ndarray (n, pairs, 2), m
+        To the + and to the - side, in the order of `System.contacts`.
+    laws : tuple of tuple of ContactLaw
+        Sets of one law for each pair.
+    law_of : ndarray (n,) of int
+        Which set a case has.
+    initial : State
+        What all cases start from, at t = 0.
+    ball_displacement, ball_velocity : ndarray (n, balls)
+        In place of those of the initial state, and in its frame, m and m/s.
+    cycles, measured : ndarray (n,) of int
+        Whole base cycles run, and how many of them at the end are measured.
+    """
+
+    frequency: Array
+    amplitude: Array
+    phase: Array
+    gaps: Array
+    laws: tuple[tuple[ContactLaw, ...], ...]
+    law_of: NDArray[np.int64]
+    initial: State
+    ball_displacement: Array
+    ball_velocity: Array
+    cycles: NDArray[np.int64]
+    measured: NDArray[np.int64]
+
+
+def _no_values() -> Array:
+    """An array of no entry, for what a method does not sum up."""
+    return np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +150,11 @@ class SineDwellResults:
         Why a case has no results, with its frequency; empty where it has.
     warnings : tuple of str
         Of the method on the system.
+    loss : ndarray (n,) or (0,), J
+        Of structure and contacts in the measured time; not a number without a ledger, no entry of a method that does
+        not sum it up.
+    stored : ndarray (n,) or (0,), J
+        Largest of all energy stored at the instants of the ledger in the measured time.
     """
 
     motion: SteadyMotion
@@ -114,3 +164,5 @@ class SineDwellResults:
     bound: Array
     failures: tuple[str, ...]
     warnings: tuple[str, ...] = ()
+    loss: Array = field(default_factory=_no_values)
+    stored: Array = field(default_factory=_no_values)

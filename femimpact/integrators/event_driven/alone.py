@@ -11,7 +11,7 @@ from femimpact.contact.formulas import RIGID
 from femimpact.errors import require
 from femimpact.excitation import Excitation
 from femimpact.integrators.driving import Drive, drive_of
-from femimpact.integrators.event_driven.block import Block, Inputs, new_block
+from femimpact.integrators.event_driven.block import Block, Inputs, case_numbers, new_block
 from femimpact.integrators.event_driven.continued import Sampling, held_by, sampling_from
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.reading_grid import ReadingGrid
@@ -77,8 +77,8 @@ def block_alone(
     u, v, y, y_rate = initial.relative_to_base(system, excitation)
     balls, held = len(system.balls), held_by(initial, system, excitation)
     inputs = Inputs(
-        drives=[drive],
-        contacts=[system.contacts],
+        numbers=case_numbers([drive], [system.contacts]),
+        is_sine=drive.is_sine,
         position=np.concatenate([u, y[:balls]])[None],
         velocity=np.concatenate([v, y_rate[:balls]])[None],
         window=np.array([[begin, math.inf]]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from collections.abc import Sequence
@@ -44,7 +45,10 @@ from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COL
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.system import System
 
-__all__ = ["Block", "Inputs", "new_block", "no_cycles", "no_snapshots", "run_block", "working_space"]
+__all__ = [
+    "Block", "CaseNumbers", "Inputs", "case_numbers", "new_block", "no_cycles", "no_snapshots", "run_block",
+    "working_space",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -62,14 +66,80 @@ EXTREMES = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Inputs:
-    """What each of C cases is given at its start.
+class CaseNumbers:
+    """Excitation, gaps and contact parameters of C cases: what each has of its own beside its start.
+
+    Parameters
+    ----------
+    omega : ndarray (C,), rad/s
+        Of what counts as a cycle.
+    amplitude, phase : ndarray (C,)
+        Of s(t) (m/s^2 or N) and rad, where it is a sine; an amplitude of 0 where it is none.
+    pieces : PiecewisePolynomial or None
+        s(t) of all cases, where it is made of polynomials.
+    gaps : ndarray (C, R, 2), m
+        To the + and to the - side.
+    stiffness, damping, restitution : ndarray (C, R)
+        N/m, N s/m and 1.
+    """
+
+    omega: Array
+    amplitude: Array
+    phase: Array
+    pieces: PiecewisePolynomial | None
+    gaps: Array
+    stiffness: Array
+    damping: Array
+    restitution: Array
+
+    def of(self, members: NDArray[np.intp]) -> CaseNumbers:
+        """The same of some cases."""
+        own = {
+            item.name: getattr(self, item.name)[members] for item in dataclasses.fields(self) if item.name != "pieces"
+        }
+        return CaseNumbers(pieces=self.pieces, **own)
+
+
+def case_numbers(drives: Sequence[Drive], contacts: Sequence[Sequence[ContactPair]]) -> CaseNumbers:
+    """Numbers of cases that are given by their drives and their contact pairs.
 
     Parameters
     ----------
     drives : sequence of Drive
     contacts : sequence of sequence of ContactPair
         For each case: the system's pairs with gaps and contact parameters of the case's own.
+
+    Returns
+    -------
+    CaseNumbers
+    """
+    count, pairs = len(drives), len(contacts[0])
+
+    def of_pairs(name: str) -> Array:
+        values = [[getattr(pair.parameters, name) for pair in own] for own in contacts]
+        return np.array(values, dtype=float).reshape(count, pairs)
+
+    return CaseNumbers(
+        omega=np.array([drive.omega for drive in drives]),
+        amplitude=np.array([drive.sine.amplitude for drive in drives]),
+        phase=np.array([drive.sine.phase for drive in drives]),
+        pieces=drives[0].pieces,
+        gaps=np.array([[pair.gaps for pair in own] for own in contacts], dtype=float).reshape(count, pairs, 2),
+        stiffness=of_pairs("stiffness"),
+        damping=of_pairs("damping"),
+        restitution=of_pairs("restitution"),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What each of C cases is given at its start.
+
+    Parameters
+    ----------
+    numbers : CaseNumbers
+    is_sine : bool
+        Whether s(t) of the cases is a sine.
     position, velocity : ndarray (C, d)
         Structure and balls relative to the base, m and m/s.
     window : ndarray (C, 2), s
@@ -80,8 +150,8 @@ class Inputs:
         What an earlier run has left to a case alone.
     """
 
-    drives: Sequence[Drive]
-    contacts: Sequence[Sequence[ContactPair]]
+    numbers: CaseNumbers
+    is_sine: bool
     position: Array
     velocity: Array
     window: Array
@@ -136,8 +206,8 @@ def new_block(
     -------
     Block
     """
-    whole, n, count = store.whole, system.dofs, len(inputs.drives)
-    period = 2.0 * np.pi / np.array([drive.omega for drive in inputs.drives])
+    whole, n, count = store.whole, system.dofs, inputs.numbers.omega.size
+    period = 2.0 * np.pi / inputs.numbers.omega
     return Block(
         store=store,
         pairs=Pairs(
@@ -169,36 +239,31 @@ def new_block(
 
 
 def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
-    drives, count, pairs, d = inputs.drives, len(inputs.drives), store.rigid.size, store.whole.M.shape[0]
-    rows, first = 2 * pairs + store.outputs.force.shape[0], drives[0]
-    pieces, drive, piece = first.pieces, np.zeros((count, ORDERS)), 0
+    numbers, pairs, d = inputs.numbers, store.rigid.size, store.whole.M.shape[0]
+    count, pieces = numbers.omega.size, numbers.pieces
+    rows = 2 * pairs + store.outputs.force.shape[0]
+    drive, piece = np.zeros((count, ORDERS)), 0
     knots, table = (np.zeros(0), np.zeros((0, ORDERS))) if pieces is None else _pieces_from(pieces, inputs.start)
     if pieces is not None:
         drive[:] = motion_at(pieces, inputs.start)
         piece = piece_at(pieces, inputs.start)
-
-    def of_pairs(name: str) -> Array:
-        values = [[getattr(pair.parameters, name) for pair in own] for own in inputs.contacts]
-        return np.array(values, dtype=float).reshape(count, pairs)
-
-    gaps = np.array([[pair.gaps for pair in own] for own in inputs.contacts], dtype=float).reshape(count, pairs, 2)
     cases = Cases(
-        omega=np.array([case.omega if case.is_sine else 0.0 for case in drives]),
-        amplitude=np.array([case.sine.amplitude for case in drives]),
+        omega=numbers.omega.copy() if inputs.is_sine else np.zeros(count),
+        amplitude=numbers.amplitude.copy(),
         knots=knots,
         pieces=table,
         degree=-1 if pieces is None else pieces.degree,
         longest=LONGEST_SERIES / rate if (rate := store.rate) else math.inf,
-        gap_plus=gaps[:, :, 0].copy(),
-        gap_minus=gaps[:, :, 1].copy(),
-        stiffness=np.where(store.rigid, 0.0, of_pairs("stiffness")),
-        damping=np.where(store.rigid, 0.0, of_pairs("damping")),
-        restitution=of_pairs("restitution"),
+        gap_plus=numbers.gaps[:, :, 0].copy(),
+        gap_minus=numbers.gaps[:, :, 1].copy(),
+        stiffness=np.where(store.rigid, 0.0, numbers.stiffness),
+        damping=np.where(store.rigid, 0.0, numbers.damping),
+        restitution=numbers.restitution.copy(),
         form=np.full((count, 2), -1, dtype=np.int64),
         state=np.zeros((count, pairs)),
         entry=np.zeros((count, 1), dtype=complex),
         rigid_body=np.zeros((count, 2, 1)),
-        clock=np.stack([np.full(count, inputs.start), [case.sine.phase for case in drives]], axis=1),
+        clock=np.stack([np.full(count, inputs.start), numbers.phase], axis=1),
         drive=drive,
         piece=np.full(count, piece, dtype=np.int64),
         coordinates=np.ascontiguousarray(np.stack([inputs.position, inputs.velocity], axis=1)),

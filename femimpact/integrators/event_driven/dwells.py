@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
 from femimpact.integrators.driving import Drive
-from femimpact.integrators.event_driven.block import Block, Inputs, new_block, no_cycles, run_block
+from femimpact.integrators.event_driven.block import Block, CaseNumbers, Inputs, new_block, no_cycles, run_block
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop_data import DONE, Ledger
 from femimpact.integrators.event_driven.settings import EventSettings
@@ -21,7 +21,6 @@ from femimpact.integrators.threads import Progress, run_each
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.response.energy import CLOSED, energy_residual, largest_input
 from femimpact.response.signals import CycleStatistics
-from femimpact.system.contact_pair import ContactPair
 from femimpact.system.system import System
 
 __all__ = ["DwellCases", "DwellStatistics", "run_dwells"]
@@ -35,24 +34,28 @@ BLOCKS = 8
 """Blocks per thread: cases cost differently, small blocks even that out."""
 
 
+OF_LEDGER = ("residual", "bound", "loss", "stored")
+"""What the ledger of a case gives."""
+
+
 @dataclass(frozen=True, eq=False)
 class DwellCases:
     """Cases that run through whole cycles of a sine.
 
     Parameters
     ----------
-    drives : sequence of Drive
-        Sines of one kind, at one place.
-    contacts : sequence of sequence of ContactPair
-        For each case: the system's pairs, with gaps and contact parameters of the case's own.
+    drive : Drive
+        Of the first case: all are sines of one kind, at one place.
+    numbers : CaseNumbers
+        Frequency, amplitude, phase, gaps and contact parameters of each case's own.
     position, velocity : ndarray (cases, d)
         Structure and balls at t = 0 relative to the base, m and m/s.
     cycles, measured : ndarray (cases,) of int
         Of the base: the whole dwell, and how many at its end are measured.
     """
 
-    drives: Sequence[Drive]
-    contacts: Sequence[Sequence[ContactPair]]
+    drive: Drive
+    numbers: CaseNumbers
     position: Array
     velocity: Array
     cycles: NDArray[np.int64]
@@ -75,6 +78,10 @@ class DwellStatistics:
         What rounding may make of it.
     unending : ndarray (cases,), s
         When events did not end; infinite where they did.
+    loss : ndarray (cases,), J
+        Of structure and contacts in the measured cycles; not a number without a ledger.
+    stored : ndarray (cases,), J
+        Largest of kinetic, strain, ball and contact energy together at the instants of the ledger in these cycles.
     """
 
     cycles: CycleStatistics
@@ -82,10 +89,12 @@ class DwellStatistics:
     residual: Array
     bound: Array
     unending: Array
+    loss: Array
+    stored: Array
 
 
 def run_dwells(
-    system: System, cases: DwellCases, method: EventSettings, observed: Array, ledger: bool, workers: int,
+    system: System, cases: DwellCases, method: EventSettings, observed: Array, instants: int, workers: int,
     progress: Progress | None,
 ) -> DwellStatistics:  # fmt: skip
     """Run many cases through whole cycles and keep the statistics of the last ones.
@@ -98,7 +107,8 @@ def run_dwells(
     method : EventSettings
     observed : ndarray (dofs,)
         Row of the observed place.
-    ledger : bool
+    instants : int
+        Of a measured cycle at which the ledger is read, a divisor of `samples_per_cycle`; 0 for no ledger.
     workers : int
         Threads at most.
     progress : callable, optional
@@ -107,12 +117,12 @@ def run_dwells(
     -------
     DwellStatistics
     """
-    whole, count = equations_of(system, cases.drives[0]), len(cases.drives)
+    whole, count = equations_of(system, cases.drive), cases.cycles.size
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
     store = FormStore(whole, rigid, outputs_of(system, observed), rate=None, derived=system.derived)
 
     def run(members: NDArray[np.intp], share: Progress | None) -> DwellStatistics:
-        found = _run_block(system, store, cases, members, method, ledger)
+        found = _run_block(system, store, cases, members, method, instants)
         if share is not None:
             share(1.0)
         return found
@@ -122,57 +132,69 @@ def run_dwells(
 
 
 def _run_block(
-    system: System, store: FormStore, cases: DwellCases, members: NDArray[np.intp], method: EventSettings, ledger: bool
+    system: System, store: FormStore, cases: DwellCases, members: NDArray[np.intp], method: EventSettings, instants: int
 ) -> DwellStatistics:  # fmt: skip
-    own, per_cycle, count = members.tolist(), method.samples_per_cycle, members.size
+    per_cycle, count = method.samples_per_cycle, members.size
     cycles, measured, most_measured = cases.cycles[members], cases.measured[members], int(cases.measured.max())
-    drives = [cases.drives[i] for i in own]
-    period = np.array([2.0 * np.pi / drive.omega for drive in drives])
+    numbers = cases.numbers.of(members)
+    period = 2.0 * np.pi / numbers.omega
     inputs = Inputs(
-        drives=drives,
-        contacts=[cases.contacts[i] for i in own],
+        numbers=numbers,
+        is_sine=True,
         position=cases.position[members],
         velocity=cases.velocity[members],
         window=np.stack([(cycles - measured) * period, np.full(count, np.inf)], axis=1),
     )
-    block = new_block(system, store, inputs, method, ledger or None)
+    block = new_block(system, store, inputs, method, True if instants else None)
+    _begin_free(block)
     end = cycles * per_cycle
     # one sample more: the first measured cycle begins with it, be it that at the start
     begin = (cycles - measured) * per_cycle - 1
     number = np.arange(most_measured * per_cycle + 1)
-    shape = (count, most_measured + 1 if ledger else 0, block.grid.energy.shape[2])
+    between = per_cycle // max(instants, 1)
+    shape = (count, most_measured * instants + 1 if instants else 0, block.grid.energy.shape[2])
     block.cases.sample[:] = begin
     block.grid = block.grid._replace(
         origin=begin + 1,
         cycles=no_cycles(count, most_measured),
-        kept=np.where(number % per_cycle == 0, number // per_cycle, -1),
+        kept=np.where((number % between == 0) & (instants > 0), number // between, -1),
         energy=np.zeros(shape),
     )
     run_block(block, begin, end, float(method.most_events) * cycles.astype(float))
-    residual, bound = _residuals(block, measured) if ledger else np.full((2, count), np.nan)
+    found = _energies(block, measured, instants) if instants else np.full((4, count), np.nan)
     table = block.grid.cycles[:, :, : len(CYCLE_COLUMNS)]
     table = np.where(table[:, :, 5:] > 0.0, table, 0.0)
     return DwellStatistics(
         cycles=CycleStatistics(*np.moveaxis(table, (2, 1), (0, 1))),
         totals=np.moveaxis(block.cases.totals, 0, 2),
-        residual=residual,
-        bound=bound,
         unending=np.where(block.stopped == DONE, np.inf, block.cases.clock[:, 0]),
+        **dict(zip(OF_LEDGER, found, strict=True)),
     )
 
 
-def _residuals(block: Block, measured: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Largest energy residual of every case at the start and the ends of measured cycles, and its bound."""
+def _begin_free(block: Block) -> None:
+    """Make the closed forms without contact before the first call: every case needs one."""
+    cases = block.cases
+    parameters, of_case = np.unique(np.hstack([cases.stiffness, cases.damping]), axis=0, return_inverse=True)
+    pairs = block.pairs.rigid.size
+    first = np.array([block.store.form(0, row[:pairs].copy(), row[pairs:].copy()) for row in parameters])
+    cases.form[:, 0] = first[of_case.reshape(-1)]
+
+
+def _energies(block: Block, measured: NDArray[np.int64], instants: int) -> tuple[Array, Array, Array, Array]:
+    """What `OF_LEDGER` names; the residual is that of the start and of the ends of measured cycles."""
     ledger = cast(Ledger, block.ledger)
     table = np.concatenate([ledger.start[:, None], block.grid.energy], axis=1)[:, :, : len(ENERGY_COLUMNS)]
     # a case with fewer cycles than others: its last row stands for those after it
-    own = np.minimum(np.arange(table.shape[1]), measured[:, None] + 1)
+    own = np.minimum(np.arange(table.shape[1]), instants * measured[:, None] + 1)
     table = np.take_along_axis(table, own[:, :, None], axis=1)
     kinetic, strain, ball, contact, work, lost, in_contact = table.T
-    stored = kinetic + strain + ball + contact
-    residual = np.max(np.abs(energy_residual(stored, work, lost + in_contact)), axis=0)
-    put_in = largest_input(stored, work)
-    return np.asarray(residual), np.maximum(CLOSED, ledger.rounding / np.where(put_in > 0.0, put_in, 1.0))
+    stored, lost = kinetic + strain + ball + contact, lost + in_contact
+    ends = np.append(0, np.arange(1, table.shape[1], instants))
+    residual = np.max(np.abs(energy_residual(stored[ends], work[ends], lost[ends])), axis=0)
+    put_in = largest_input(stored[ends], work[ends])
+    bound = np.maximum(CLOSED, ledger.rounding / np.where(put_in > 0.0, put_in, 1.0))
+    return np.asarray(residual), bound, lost[-1] - lost[1], np.asarray(np.max(stored[1:], axis=0))
 
 
 def _joined(parts: Sequence[DwellStatistics]) -> DwellStatistics:
@@ -181,7 +203,5 @@ def _joined(parts: Sequence[DwellStatistics]) -> DwellStatistics:
         *(np.concatenate([getattr(part.cycles, name) for part in parts], axis=1) for name in CYCLE_COLUMNS)
     )
     totals = np.concatenate([part.totals for part in parts], axis=2)
-    residual, bound, unending = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("residual", "bound", "unending")
-    )
-    return DwellStatistics(cycles, totals, residual, bound, unending)
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in (*OF_LEDGER, "unending")}
+    return DwellStatistics(cycles, totals, **columns)

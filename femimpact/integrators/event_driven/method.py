@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, quantity
 from femimpact.excitation import Excitation
-from femimpact.integrators.answers import AchievedRestitution, MethodCost, SineDwellResults, SineDwells
+from femimpact.integrators.answers import AchievedRestitution, MethodCost, SineCases, SineDwellResults, SineDwells
 from femimpact.integrators.event_driven.reading_grid import reading_grid
 from femimpact.integrators.event_driven.run import run_events
 from femimpact.integrators.event_driven.settings import check_events
-from femimpact.integrators.event_driven.sine_dwells import event_driven_dwells
+from femimpact.integrators.event_driven.sine_dwells import event_driven_cases, event_driven_dwells
 from femimpact.integrators.threads import Progress
 from femimpact.response.response import Recorder, Response
 from femimpact.system.contact_pair import ContactPair
@@ -146,3 +146,10 @@ class EventDriven:
     ) -> SineDwellResults:  # fmt: skip
         """Many dwells side by side; see `frequency_sweep`."""
         return event_driven_dwells(system, dwells, self, initial, observed, ledger, workers, progress)
+
+    def run_cases(
+        self, system: System, cases: SineCases, observed: NDArray[np.float64], instants: int, workers: int,
+        progress: Progress | None = None,
+    ) -> SineDwellResults:  # fmt: skip
+        """Many cases with numbers of their own side by side; see `many_cases.run_cases`."""
+        return event_driven_cases(system, cases, self, observed, instants, workers, progress)

@@ -1,27 +1,31 @@
-"""Dwells under sine motions of the base, event-driven: each frequency a case of its own."""
+"""Dwells under sine motions of the base, event-driven: each a case of its own, all in blocks of one compiled call."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.contact import ContactParameters, resolve
 from femimpact.contact.formulas import RIGID
+from femimpact.errors import require
 from femimpact.excitation import Sine
-from femimpact.integrators.answers import SineDwellResults, SineDwells
+from femimpact.integrators.answers import SineCases, SineDwellResults, SineDwells
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven.alone import unending
+from femimpact.integrators.event_driven.block import CaseNumbers
 from femimpact.integrators.event_driven.dwells import DwellCases, run_dwells
 from femimpact.integrators.event_driven.run import not_finite, peaks_of_forces
 from femimpact.integrators.event_driven.settings import EventSettings, check_events
 from femimpact.integrators.threads import Progress
 from femimpact.response.energy import BALANCED, unbalanced
 from femimpact.response.signals import steady_motion
-from femimpact.system.state import State
+from femimpact.system.state import ROUNDED, State
 from femimpact.system.system import System
 
-__all__ = ["event_driven_dwells"]
+__all__ = ["event_driven_cases", "event_driven_dwells"]
 
 Array = NDArray[np.float64]
 
@@ -31,37 +35,137 @@ def event_driven_dwells(
     workers: int, progress: Progress | None,
 ) -> SineDwellResults:  # fmt: skip
     """Dwells event-driven; see `Method.run_dwells`."""
+    count, balls = dwells.frequency.size, len(system.balls)
+    given = (initial.ball_displacement, initial.ball_velocity)
+    moved = [np.zeros(balls) if values is None else np.asarray(values) for values in given]
+    # of another size than there are balls: refused with the first start
+    fits = all(values.shape == (balls,) for values in moved)
+    displacement, velocity = (np.tile(values if fits else np.zeros(balls), (count, 1)) for values in moved)
+    if not fits:
+        initial.relative_to_base(system, Sine(dwells.amplitude, float(dwells.frequency[0]), dwells.phase))
+    cases = SineCases(
+        frequency=dwells.frequency,
+        amplitude=np.full(count, dwells.amplitude),
+        phase=np.full(count, dwells.phase),
+        gaps=np.tile(np.array([pair.gaps for pair in system.contacts]).reshape(-1, 2), (count, 1, 1)),
+        laws=(tuple(pair.law for pair in system.contacts),),
+        law_of=np.zeros(count, dtype=np.int64),
+        initial=initial,
+        ball_displacement=displacement,
+        ball_velocity=velocity,
+        cycles=dwells.cycles,
+        measured=dwells.measured,
+    )
+    return event_driven_cases(system, cases, method, observed, int(ledger), workers, progress)
+
+
+def event_driven_cases(
+    system: System, cases: SineCases, method: EventSettings, observed: Array, instants: int, workers: int,
+    progress: Progress | None,
+) -> SineDwellResults:  # fmt: skip
+    """Cases event-driven; see `many_cases.run_cases`."""
     check_events(system)
-    found = run_dwells(system, _cases(system, dwells, initial), method, observed, ledger, workers, progress)
-    motion = steady_motion(found.cycles, dwells.measured)
+    found = run_dwells(system, _cases(system, cases), method, observed, instants, workers, progress)
+    motion = steady_motion(found.cycles, cases.measured)
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
     totals = peaks_of_forces(found.totals, rigid)
     faults = [
-        _fault(method, float(time), float(rms), float(residual), ledger)
-        for time, rms, residual in zip(found.unending, motion.rms, found.residual, strict=True)
+        _fault(method, time, rms, residual, instants > 0)
+        for time, rms, residual in zip(
+            found.unending.tolist(), motion.rms.tolist(), found.residual.tolist(), strict=True
+        )
     ]
-    failures = tuple(
-        f"at {f:g} Hz: {fault}" if fault else "" for f, fault in zip(dwells.frequency, faults, strict=True)
+    failures = tuple(f"at {f:g} Hz: {fault}" if fault else "" for f, fault in zip(cases.frequency, faults, strict=True))
+    duration = cases.measured / cases.frequency
+    return SineDwellResults(
+        motion, totals, duration, found.residual, found.bound, failures, loss=found.loss, stored=found.stored
     )
-    duration = dwells.measured / dwells.frequency
-    return SineDwellResults(motion, totals, duration, found.residual, found.bound, failures)
 
 
-def _cases(system: System, dwells: SineDwells, initial: State) -> DwellCases:
-    """Every frequency from the state of its own that the initial one means under it."""
-    bases = [Sine(dwells.amplitude, float(frequency)) for frequency in dwells.frequency]
-    balls = len(system.balls)
-    # at rest in the inertial frame means a speed of its own at every frequency, a stop fixed there a place of its own
-    alike = initial.frame == "base" and all(pair.fixed_to == "base" for pair in system.contacts)
-    starts = [initial.relative_to_base(system, base) for base in (bases[:1] if alike else bases)]
-    starts = starts * (len(bases) if alike else 1)
+def _cases(system: System, cases: SineCases) -> DwellCases:
+    """Every case from the state of its own that the initial one means under its base."""
+    position, velocity = _starts(system, cases)
+    omega = 2.0 * np.pi * cases.frequency
+    first = Sine(float(cases.amplitude[0]), float(cases.frequency[0]), float(cases.phase[0]))
     return DwellCases(
-        drives=[drive_of(system, base) for base in bases],
-        contacts=[system.contacts] * len(bases),
-        position=np.array([np.concatenate([u, y[:balls]]) for u, _, y, _ in starts]),
-        velocity=np.array([np.concatenate([v, y_rate[:balls]]) for _, v, _, y_rate in starts]),
-        cycles=dwells.cycles,
-        measured=dwells.measured,
+        drive=drive_of(system, first),
+        numbers=CaseNumbers(
+            omega=omega,
+            amplitude=-cases.amplitude * omega**2,
+            phase=cases.phase,
+            pieces=None,
+            gaps=cases.gaps,
+            **_parameters(system, cases),
+        ),
+        position=position,
+        velocity=velocity,
+        cycles=cases.cycles,
+        measured=cases.measured,
+    )
+
+
+def _parameters(system: System, cases: SineCases) -> dict[str, Array]:
+    """Numbers of each case's laws, (n, pairs)."""
+    kinds = tuple(pair.parameters.kind for pair in system.contacts)
+    sets: list[list[ContactParameters]] = []
+    for laws in cases.laws:
+        own = [resolve(law, pair.effective_mass) for law, pair in zip(laws, system.contacts, strict=True)]
+        same = tuple(numbers.kind for numbers in own) == kinds
+        require(same, "laws", ", ".join(law.name for law in laws), "", "must be laws of the kinds of the system's")
+        sets.append(own)
+    names, shape = ("stiffness", "damping", "restitution"), (len(sets), len(kinds))
+    values = {name: [[getattr(numbers, name) for numbers in own] for own in sets] for name in names}
+    return {name: np.array(rows, dtype=float).reshape(shape)[cases.law_of] for name, rows in values.items()}
+
+
+def _starts(system: System, cases: SineCases) -> tuple[Array, Array]:
+    """Displacements and velocities (n, d) of structure and balls at the start, relative to the base."""
+    # a static state is another one for other gaps, a stop fixed in space a place of its own under every base
+    simple = not cases.initial.is_static_on(system) and all(pair.fixed_to == "base" for pair in system.contacts)
+    simple = simple and cases.initial.displacement is None and cases.initial.velocity is None
+    simple = simple and (cases.gaps.size == 0 or float(cases.gaps.min()) >= 0.0)
+    if not simple:
+        return _starts_one_by_one(system, cases)
+    count, n = cases.frequency.size, system.dofs
+    position, velocity = (np.zeros((count, n + len(system.balls))) for _ in range(2))
+    position[:, n:], velocity[:, n:] = cases.ball_displacement, cases.ball_velocity
+    if cases.initial.frame == "space":
+        rigid = np.append(system.rigid_translation, np.ones(len(system.balls)))
+        scale = cases.amplitude * (2.0 * np.pi * cases.frequency)
+        position -= np.outer(cases.amplitude * np.sin(cases.phase), rigid)
+        velocity -= np.outer(scale * np.cos(cases.phase), rigid)
+    for j, pair in enumerate(system.contacts):
+        other = 0.0 if pair.is_stop else position[:, n + j]
+        x = other - position[:, :n] @ pair.direction
+        inside = (x >= -cases.gaps[:, j, 1] - ROUNDED) & (x <= cases.gaps[:, j, 0] + ROUNDED)
+        if not np.all(inside):
+            c = int(np.argmin(inside))
+            minus, plus = float(cases.gaps[c, j, 1]), float(cases.gaps[c, j, 0])
+            allowed = f"must start between its walls, {-minus:g} to {plus:g} m"
+            require(False, f"initial.{pair.name}.gap", float(x[c]), "m", allowed)
+    return position, velocity
+
+
+def _starts_one_by_one(system: System, cases: SineCases) -> tuple[Array, Array]:
+    balls, own = len(system.balls), cases.initial
+    starts = []
+    for c in range(cases.frequency.size):
+        laws, gaps = cases.laws[int(cases.law_of[c])], cases.gaps[c].tolist()
+        contacts = tuple(
+            pair if pair.gaps == tuple(gap) and pair.law is law else replace(pair, gaps=tuple(gap), law=law)
+            for pair, gap, law in zip(system.contacts, gaps, laws, strict=True)
+        )
+        alike = all(one is other for one, other in zip(contacts, system.contacts, strict=True))
+        placed = not own.is_static_on(system) or np.any(cases.ball_displacement[c])
+        start = replace(own, ball_velocity=cases.ball_velocity[c])
+        if placed and balls:
+            start = replace(start, ball_displacement=cases.ball_displacement[c])
+        whole = system if alike else replace(system, contacts=contacts)
+        base = Sine(float(cases.amplitude[c]), float(cases.frequency[c]), float(cases.phase[c]))
+        starts.append(start.relative_to_base(whole, base))
+    return (
+        np.array([np.concatenate([u, y[:balls]]) for u, _, y, _ in starts]),
+        np.array([np.concatenate([v, y_rate[:balls]]) for _, v, _, y_rate in starts]),
     )
 
 

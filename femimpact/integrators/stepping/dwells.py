@@ -59,7 +59,7 @@ def stepped_dwells(
 
     def run(members: NDArray[np.intp], share: Progress | None) -> None:
         # laid out when its turn comes: of many blocks only those at work are in memory
-        sines = [Sine(dwells.amplitude, float(f[i])) for i in members]
+        sines = [Sine(dwells.amplitude, float(f[i]), dwells.phase) for i in members]
         inputs = Inputs(sines, ends[members].tolist(), starts[members].tolist(), initial)
         block = prepare(system, inputs, method, observed=observed, ledger=ledger)
         run_block(block, share)
