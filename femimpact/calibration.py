@@ -218,7 +218,16 @@ def scan_restitution(
         rigid = any(pair.parameters.is_rigid for pair in system.contacts)
         method = EventDriven() if rigid else Newmark(dt=recommended_step(system))
         curves.append(
-            frequency_sweep(system, empty.amplitude, frequencies, method, cycles, initial=initial, ledger=False)
+            frequency_sweep(
+                system,
+                empty.amplitude,
+                frequencies,
+                method,
+                cycles,
+                acceleration=empty.acceleration,
+                initial=initial,
+                ledger=False,
+            )
         )
         if progress is not None:
             progress((i + 1) / values.size)
