@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
-PAGES = ("measured_base", "own_mesh", "root_stress", "two_balls")
+PAGES = ("measured_base", "own_mesh", "root_stress", "start", "two_balls")
 MESHES = {f"beam_{n}.msh": HERE.parent / "meshes" / f"graded_{n}.msh" for n in (6, 12, 24, 48)}
 """What gmsh makes of the geometry on the page on meshes."""
 
@@ -32,10 +32,11 @@ def prepare(page: Path, folder: Path) -> None:
             shutil.copyfile(source, folder / name)
 
 
-def ran(page: Path) -> dict[str, Any]:
-    """Names that the Python of a page leaves, its blocks run one after another in the current directory."""
+def ran(*pages: Path) -> dict[str, Any]:
+    """Names that the Python of pages leaves, their blocks run one after another in the current directory."""
     names: dict[str, Any] = {}
-    exec(compile("\n".join(blocks(page, "python")), str(page), "exec"), names)
+    for page in pages:
+        exec(compile("\n".join(blocks(page, "python")), str(page), "exec"), names)
     return names
 
 

@@ -1,13 +1,21 @@
-r"""What does a measured motion of the base do to the beam, and how much of it does the ball take away?
+r"""
+A measured motion of the base
+=============================
 
-The base's acceleration a(t) comes from a file of two columns, time (s) and acceleration (m/s^2). Between samples it is
-straight, so that velocity and displacement of the base are its exact integrals and the relative motion
+What does a measured motion of the base do to the beam, and how much of it does the ball take away?
 
-    M u'' + C u' + K u = -M r a(t) + b F,    m (y'' + a(t)) = -F
+The base's acceleration :math:`a(t)` comes from a file of two columns, time (s) and acceleration (m/s^2). Between
+samples it is straight, so that velocity and displacement of the base are its exact integrals and the relative motion
 
-has a closed form between impacts. The file of this example is a sweep over 12 s from 4 to 6 Hz,
-a(t) = 0.2 sin(2 pi (4 t + t^2 / 12)); a file from an accelerometer takes its place, with `scale=9.80665` where it is in
-g, and `detrend="line"` where the sensor has an offset or drifts.
+.. math::
+
+   \mathbf M \ddot{\mathbf u} + \mathbf C \dot{\mathbf u} + \mathbf K \mathbf u
+   = -\mathbf M \mathbf r\, a(t) + \mathbf b F,
+   \qquad m\,(\ddot y + a(t)) = -F
+
+has a closed form between impacts. The file of this example is a sweep over 12 s from 4 to 6 Hz. A file from an
+accelerometer takes its place, with ``scale=9.80665`` where it is in g, and ``detrend="line"`` where the sensor has an
+offset or drifts.
 """
 
 from __future__ import annotations

@@ -1,12 +1,19 @@
-r"""How heavy should the ball be?
+r"""
+How heavy should the ball be?
+=============================
 
-The base shakes the beam through its resonance; a ball of mass m in a box of clearance d takes energy from it,
+The base shakes the beam through its resonance; a ball of mass :math:`m` in a box of clearance :math:`d` takes energy
+from it,
 
-    M u'' + C u' + K u = -M r ub'' + b F,    m (y'' + ub'') = -F.
+.. math::
 
-A ball without mass changes nothing, for its force F goes to zero with m. A heavier one takes more at each impact, until
-the largest motion of the sweep falls no further: the second panel shows from which mass on. A filled dot there is one
-start's value, as its motion is not periodic.
+   \mathbf M \ddot{\mathbf u} + \mathbf C \dot{\mathbf u} + \mathbf K \mathbf u
+   = -\mathbf M \mathbf r\, \ddot u_b + \mathbf b F,
+   \qquad m\,(\ddot y + \ddot u_b) = -F .
+
+A ball without mass changes nothing, for its force goes to zero with :math:`m`. A heavier one takes more at each impact,
+until the largest motion of the sweep falls no further: the second panel shows from which mass on. A filled dot there is
+one start's value, as its motion is not periodic.
 """
 
 from __future__ import annotations

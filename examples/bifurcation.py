@@ -1,12 +1,17 @@
-r"""When does a beam that hits a stop repeat, and when is it chaotic?
+r"""
+Periodic or chaotic: a beam at a stop
+=====================================
 
-The tip meets a rigid stop on one side at w = d, and rebounds with w'_after = -e w'_before. The run is sampled once per
-base cycle, at one phase of the base: the Poincare section
+When does a beam that hits a stop repeat its motion, and when is it chaotic? The tip meets a rigid stop on one side at
+:math:`w = d`, and rebounds with :math:`\dot w_\mathrm{after} = -e\,\dot w_\mathrm{before}`. The run is sampled once per
+base cycle, at one phase of the base, which is the Poincare section
 
-    (w, w')(t_k),    2 pi f t_k = 2 pi k.
+.. math::
 
-A motion that repeats after n cycles leaves n points in it, a chaotic one a cloud. The section over the
-frequency is the bifurcation diagram; the phase portrait shows one motion with its section.
+   (w, \dot w)(t_k), \qquad 2\pi f\,t_k = 2\pi k .
+
+A motion that repeats after n cycles leaves n points in it, a chaotic one a cloud. The section over the frequency is the
+bifurcation diagram; the phase portrait shows one motion with its section.
 """
 
 from __future__ import annotations

@@ -1,14 +1,18 @@
-r"""Which restitution gives the paper's resonance, and is it the only one?
+r"""
+Which restitution gives the paper's resonance?
+==============================================
 
-The restitution e of the ball against its box is the one unknown that decides the response curve with
-the ball. For every e of a scan the contact is a Kelvin-Voigt pair with the same contact time,
+The restitution e of the ball against its box is the one unknown that decides the response curve with the ball. For
+every e of a scan the contact is a Kelvin-Voigt pair with the same contact time,
 
-    e = exp(-2 z acos z / sqrt(1 - z^2)),   z = c / (2 sqrt(k m_eff)),
+.. math::
 
-and the sweep of the paper is run from rest. Each e is judged by the distance of its largest peak from
-the published 4.95 Hz and a five-fold drop of the amplitude. Two starts, at rest relative to the base and at
-rest in the inertial frame, are scanned: where several motions exist, the start chooses between them. The motions are
-chaotic: what is shown are medians over several places of the ball in its box.
+   e = \exp\Bigl(-\frac{2 z \arccos z}{\sqrt{1 - z^2}}\Bigr), \qquad z = \frac{c}{2\sqrt{k\,m_\mathrm{eff}}},
+
+and the sweep of the paper is run from rest. Each e is judged by the distance of its largest peak from the published
+4.95 Hz and a five-fold drop of the amplitude. Two starts, at rest relative to the base and at rest in the inertial
+frame, are scanned: where several motions exist, the start chooses between them. The motions are chaotic: what is shown
+are medians over several places of the ball in its box.
 """
 
 from __future__ import annotations

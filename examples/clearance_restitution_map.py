@@ -1,13 +1,20 @@
-r"""Which clearance and which restitution damp the resonance of the beam most?
+r"""
+Which clearance, which restitution?
+===================================
 
-Between impacts the beam and its ball obey linear equations; an impact at a wall turns the relative speed,
+Which clearance and which restitution damp the resonance of the beam most? Between impacts the beam and its ball obey
+linear equations; an impact at a wall turns the relative speed,
 
-    M u'' + C u' + K u = -M r ub'',    y'' = -ub'',    |y - b^T u| < d,    v_after = -e v_before,
+.. math::
+
+   \mathbf M \ddot{\mathbf u} + \mathbf C \dot{\mathbf u} + \mathbf K \mathbf u
+   = -\mathbf M \mathbf r\, \ddot u_b, \quad
+   \ddot y = -\ddot u_b, \quad |y - \mathbf b^T \mathbf u| < d, \quad v_\mathrm{after} = -e\,v_\mathrm{before},
 
 in which the clearance d (to either wall) and the restitution e are free. The map shows the largest rms of the tip over
-the frequencies around the resonance, over that without the ball. Doubling d and the base's amplitude doubles
-the motion and leaves the map as it is: only their ratio matters. A star is at the values of one start, as
-the motion is not periodic: another start has another value.
+the frequencies around the resonance, over that without the ball. Doubling d and the base's amplitude doubles the motion
+and leaves the map as it is: only their ratio matters. A star is at the values of one start, as the motion is not
+periodic: another start has another value.
 """
 
 from __future__ import annotations

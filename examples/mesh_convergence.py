@@ -1,11 +1,16 @@
-r"""How many elements does a cantilever with a box need, and where does rounding end the gain?
+r"""
+How many elements does a frequency need?
+========================================
 
-Cubic Hermite elements converge with the fourth power of the element length in the frequencies,
+Cubic Hermite elements converge with the fourth power of the element length h in the frequencies,
 
-    |f_h - f| / f  ~  C (h/L)^4,
+.. math::
 
-until rounding stops it. Frequencies are read from the stiffness factor G, K = G^T G, whose condition
-number is the root of K's, so that the floor lies near 1e-12 instead of growing like N^4.
+   |f_h - f|/f \sim C\,(h/L)^4,
+
+until rounding ends the gain. Frequencies are read from a factor G of the stiffness, :math:`\mathbf K = \mathbf G^T
+\mathbf G`, whose condition number is the root of that of K, so that the floor lies near 1e-12 instead of growing with
+the fourth power of the number of elements.
 """
 
 from __future__ import annotations

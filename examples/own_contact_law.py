@@ -1,9 +1,15 @@
-r"""A contact law of one's own: a wall lined with felt, soft at first and hard when it is pressed flat.
+r"""
+A contact law of your own
+=========================
 
-    N(p, p') = k_1 p + k_3 p^3, times 1 + 0.4 p'/v_0 on the way in and back,
+A wall lined with felt is soft at first, and hard when it is pressed flat:
 
-with v_0 the approach speed at the start of each contact. It is a plain Python function of three floats; the time loop
-compiles it and calls it like its own laws. What does the lining do to the force, beside the bare Kelvin-Voigt wall?
+.. math::
+
+   N(p, \dot p) = (k_1 p + k_3 p^3)\,\max(1 + 0.4\,\dot p/v_0,\; 0),
+
+with :math:`v_0` the approach speed at the start of each contact. The law is a plain Python function of three floats,
+which the time loop calls like its own laws. What does the lining do to the force, beside the bare wall?
 """
 
 from __future__ import annotations
@@ -46,11 +52,18 @@ def main(duration: float = 30.0) -> dict[str, fi.Response]:
 
 
 if __name__ == "__main__":
-    for name, response in main().items():
-        pair = response.system.contacts[0]
-        alone = fi.collide(pair.law, pair.effective_mass, 0.2)
-        print(
-            f"{name}: at 0.2 m/s restitution {alone.restitution:.3f}, contact time {1e3 * alone.contact_time:.3g} ms, "
-            f"peak force {alone.peak_force:.3g} N; in the run peak force {response.statistics.peak_force:.3g} N, "
-            f"tip rms {1e3 * response.steady.rms[0]:.3g} mm, energy residual {response.energy.residual:.1e}"
-        )
+    import matplotlib.pyplot as plt
+
+    responses = main()
+    for name, response in responses.items():
+        force, rms = response.statistics.peak_force, 1e3 * response.steady.rms[0]
+        print(f"{name}: peak force {force:.3g} N, tip rms {rms:.3g} mm, energy residual {response.energy.residual:.1e}")
+    plt.rcParams.update(fi.figures.STYLE)
+    axes = plt.figure(layout="constrained").subplots()
+    for (name, response), mark in zip(responses.items(), "os", strict=True):
+        axes.loglog(1e3 * response.impacts["duration"], response.impacts["peak_force"], mark, alpha=0.4, label=name)
+    axes.set(xlabel="duration of an impact (ms)", ylabel="its largest force (N)")
+    axes.set_xticks([1, 2, 5, 10], ["1", "2", "5", "10"])
+    axes.minorticks_off()
+    axes.legend(title="wall", frameon=False)
+    print("wrote", fi.figures.save_figure(axes, "own_contact_law.png"))

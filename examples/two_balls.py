@@ -1,8 +1,14 @@
-r"""Two balls in two boxes: how is the work shared between the tip and the middle of the beam?
+r"""
+Two balls in two boxes
+======================
 
-Every ball j has its box at a place of the beam, read by the row b_j, with its own clearance:
+How is the work shared between a ball at the tip and one in the middle of the beam? Every ball :math:`j` has its box
+at a place of the beam, read by the row :math:`\mathbf b_j`, with its own clearance:
 
-    M u'' + C u' + K u = -M r ub'' + sum_j b_j F_j,    m_j (y_j'' + ub'') = -F_j.
+.. math::
+
+   \mathbf M \ddot{\mathbf u} + \mathbf C \dot{\mathbf u} + \mathbf K \mathbf u
+   = -\mathbf M \mathbf r\, \ddot u_b + \sum_j \mathbf b_j F_j, \qquad m_j\,(\ddot y_j + \ddot u_b) = -F_j .
 
 The middle moves less than the tip, so that its clearance must be smaller for the ball there to meet its walls. The
 table of impacts says what each ball dissipates; the energy ledger, that nothing is missing.

@@ -1,12 +1,15 @@
-r"""Does the contact law matter once restitution and contact time are right?
+r"""
+Does the contact law matter?
+============================
 
 A steel ball on its wall is better described by Hunt and Crossley's law than by a spring with a dashpot,
 
-    N = k p^(3/2) (1 + b p'),        N = k p + c p'.
+.. math::
+
+   N = k\,p^{3/2}\,(1 + b\,\dot p), \qquad N = k\,p + c\,\dot p .
 
 The spring and dashpot get the restitution and the contact time that the first law has at one approach speed. At other
-speeds the two differ: a dashpot has one restitution and one contact time for all. The response curves show what
-remains of that over a whole sweep.
+speeds the two differ: a dashpot has one restitution and one contact time for all. Does the response curve show that?
 """
 
 from __future__ import annotations

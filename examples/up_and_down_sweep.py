@@ -1,13 +1,23 @@
-r"""Where does a beam between walls jump? A slow sweep up, and one down that goes on from where the first one ended.
+r"""
+Where does a beam between walls jump?
+=====================================
 
-    M u'' + C u' + K u = -M r ub'' + b F,   ub = delta sin(2 pi f (t - t0)),   F of walls 8 mm from the tip
+A slow sweep up, and one down that goes on from where the first one ended,
 
-The walls stiffen the beam once it reaches them: the response curve leans to higher frequencies, and over a band two
-steady motions are stable, one with impacts and one without. Each dwell of 150 base cycles begins at t0 with the final
-state of the dwell before it. A star behind a peak says that the motion is not periodic: the value is that of this way's
-start alone. The way up keeps to the motion with impacts, the way down to the one without, until that
-motion ends.
+.. math::
+
+   \mathbf M \ddot{\mathbf u} + \mathbf C \dot{\mathbf u} + \mathbf K \mathbf u
+   = -\mathbf M \mathbf r\, \ddot u_b + \mathbf b F,
+   \qquad u_b = \delta \sin 2\pi f (t - t_0),
+
+with the force F of walls 8 mm from the tip. They stiffen the beam once it reaches them: the response curve leans to
+higher frequencies, and over a band two steady motions are stable, one with impacts and one without. Each dwell of 150
+base cycles begins at :math:`t_0` with the final state of the dwell before it. The way up keeps to the motion with
+impacts, the way down to the one without, until that motion ends. A hollow dot is a value of one start: the motion is
+not periodic.
 """
+
+from __future__ import annotations
 
 import math
 
@@ -35,7 +45,15 @@ def main(frequencies=FREQUENCIES, cycles=150):
 
 
 if __name__ == "__main__":
+    import matplotlib.pyplot as plt
+
     _, *peaks, one = main()
-    for f, up, down, stars in zip(FREQUENCIES, *peaks, np.where(one, "*", " ").T, strict=True):
-        print(f"{f:.1f} Hz: {1e3 * up:5.2f}{stars[0]} mm on the way up, {1e3 * down:5.2f}{stars[1]} mm on the way down")
-    print("* one start's value: the motion is not periodic")
+    plt.rcParams.update(fi.figures.STYLE)
+    axes = plt.figure(layout="constrained").subplots()
+    for peak, start, name, mark in zip(peaks, one, ("way up", "way down"), "^v", strict=True):
+        (line,) = axes.plot(FREQUENCIES, 1e3 * peak, f"{mark}-", label=name)
+        axes.plot(FREQUENCIES[start], 1e3 * peak[start], f"w{mark}", markeredgecolor=line.get_color())
+    axes.axhline(8.0, color="0.5", linestyle="--", linewidth=1.0, label="walls")
+    axes.set(xlabel="frequency of the base (Hz)", ylabel="peak of the tip (mm)")
+    axes.legend(frameon=False)
+    print("wrote", fi.figures.save_figure(axes, "up_and_down_sweep.png"))

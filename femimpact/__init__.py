@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from femimpact.excitation import SteppedSine as SteppedSine
     from femimpact.excitation import Sum as Sum
     from femimpact.export import figures as figures
+    from femimpact.export.report.script_page import report as report
     from femimpact.export.vtk.notebook import to_pyvista as to_pyvista
     from femimpact.fem.assembly import assemble as assemble
     from femimpact.fem.discretisation import Discretisation as Discretisation
@@ -88,6 +89,14 @@ if TYPE_CHECKING:
     from femimpact.integrators.stepping.newmark import MoreauJean as MoreauJean
     from femimpact.integrators.stepping.newmark import Newmark as Newmark
     from femimpact.integrators.stepping.step_size import recommended_step as recommended_step
+    from femimpact.laser import Laser as Laser
+    from femimpact.laser import LaserReading as LaserReading
+    from femimpact.laser import extrapolate as extrapolate
+    from femimpact.parametric import ParameterStudy as ParameterStudy
+    from femimpact.parametric import StudyProgress as StudyProgress
+    from femimpact.parametric import load_parameter_study as load_parameter_study
+    from femimpact.parametric import parameter_study as parameter_study
+    from femimpact.parametric import run_case as run_case
     from femimpact.response.energy import EnergyLedger as EnergyLedger
     from femimpact.response.history import HistoryPiece as HistoryPiece
     from femimpact.response.impacts import Impacts as Impacts
@@ -128,11 +137,13 @@ if TYPE_CHECKING:
     from femimpact.system.static import static_state as static_state
     from femimpact.system.system import System as System
     from femimpact.system.system import without_impactors as without_impactors
+    from femimpact.versions import show_versions as show_versions
 
 _MODULES = {
     "fem.assembly": ("assemble",),
     "fem.discretisation": ("Discretisation", "discretise"),
     "calibration": ("RestitutionScan", "scan_restitution"),
+    "laser": ("Laser", "LaserReading", "extrapolate"),
     "contact": (
         "ALUMINIUM",
         "STEEL",
@@ -191,6 +202,7 @@ _MODULES = {
         "SteppedSine",
         "Sum",
     ),
+    "export.report.script_page": ("report",),
     "export.vtk.notebook": ("to_pyvista",),
     "response.history": ("HistoryPiece",),
     "identification": ("DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power"),
@@ -202,6 +214,7 @@ _MODULES = {
     "integrators.stepping.step_size": ("recommended_step",),
     "fem.mesh": ("Mesh", "graded_mesh", "random_mesh", "uniform_mesh"),
     "fem.mesh_files": ("read_mesh",),
+    "parametric": ("ParameterStudy", "StudyProgress", "load_parameter_study", "parameter_study", "run_case"),
     "system.damped": ("with_damping",),
     "system.matrix_files": ("read_matrix",),
     "system.modes": ("Modes", "solve_modes"),
@@ -222,6 +235,7 @@ _MODULES = {
     "system.contact_pair": ("ContactPair",),
     "system.state": ("State",),
     "system.system": ("System", "without_impactors"),
+    "versions": ("show_versions",),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 _SUBMODULES = {"figures": "export.figures"}

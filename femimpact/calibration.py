@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from femimpact.contact.formulas import KELVIN_VOIGT, RIGID
 from femimpact.errors import (
     Fault,
     InputError,
@@ -28,7 +28,7 @@ from femimpact.identification import amplitude_ratio_damping
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.integrators.stepping.step_size import recommended_step
-from femimpact.integrators.threads import check_progress
+from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.structure.structure import Structure
 from femimpact.sweep import FrequencyResponse, frequency_sweep
 from femimpact.system.reduction import reduce
@@ -163,6 +163,7 @@ def with_restitution(structure: Structure, restitution: float) -> Structure:
     return dataclasses.replace(structure, impactors=tuple(impactors))
 
 
+@draws_progress
 def scan_restitution(
     structure: Structure,
     restitutions: ArrayLike,
@@ -173,14 +174,14 @@ def scan_restitution(
     frequencies: ArrayLike,
     cycles: int,
     initial: State | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | bool | None = None,
 ) -> RestitutionScan:
     """One sweep for each restitution, beside one sweep without balls.
 
     Parameters
     ----------
     structure : Structure
-        Its contacts are Rigid, run by the event-driven method, or Kelvin-Voigt with a restitution,
+        Its contacts have a restitution. Rigid and Kelvin-Voigt ones are run by the event-driven method, others are
         stepped by Newmark.
     restitutions : array_like (n,), 1
     empty : FrequencyResponse
@@ -191,7 +192,8 @@ def scan_restitution(
     cycles : int
         Dwell at each frequency.
     initial : State, optional
-    progress : callable, optional
+    progress : callable or bool, optional
+        Called with the share done, 0 to 1; True draws a bar.
 
     Returns
     -------
@@ -204,7 +206,7 @@ def scan_restitution(
     """
     require_type(structure, Structure, "structure")
     require_type(empty, FrequencyResponse, "empty")
-    check_progress(progress)
+    report = check_progress(progress)
     of_one = quantity("1", above=0.0, at_most=1.0)
     allowed = "must be one or more numbers > 0 and <= 1"
     values = np.atleast_1d(real_array("restitutions", restitutions, "1", allowed))
@@ -215,8 +217,8 @@ def scan_restitution(
     curves = []
     for i, restitution in enumerate(values):
         system = reduce(assemble(with_restitution(structure, float(restitution)), elements=elements), modes)
-        rigid = any(pair.parameters.is_rigid for pair in system.contacts)
-        method = EventDriven() if rigid else Newmark(dt=recommended_step(system))
+        in_closed_form = all(pair.parameters.kind in (RIGID, KELVIN_VOIGT) for pair in system.contacts)
+        method = EventDriven() if in_closed_form else Newmark(dt=recommended_step(system))
         curves.append(
             frequency_sweep(
                 system,
@@ -229,8 +231,8 @@ def scan_restitution(
                 ledger=False,
             )
         )
-        if progress is not None:
-            progress((i + 1) / values.size)
+        if report is not None:
+            report((i + 1) / values.size)
     peaks = np.array([curve.peak_amplitude for curve in curves])
     by_ratio = [amplitude_ratio_damping(empty.damping, empty.peak_amplitude, peak).ratio for peak in peaks]
     return RestitutionScan(

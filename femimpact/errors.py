@@ -8,6 +8,7 @@ import inspect
 import math
 import numbers
 import operator
+import sys
 import types
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -194,35 +195,53 @@ def quantity(
     shown = " and ".join(f"{words[name]}{bound:g}" for name, bound in given.items())
     of = "" if unit in ("", "1") else f" {unit}"
     take = functools.partial(_number, bounds=given, integer=integer, finite=finite)
+    schema = _number_schema(given, integer, finite)
     return {
         "unit": unit,
         "allowed": f"must be {kind}{' ' + shown + of if shown else ', in' + of if of else ''}",
         "take": functools.partial(_numbers, take=take) if several else take,
+        "schema": {"anyOf": [schema, {"type": "array", "items": schema, "minItems": 1}]} if several else schema,
     }
+
+
+def _number_schema(bounds: Mapping[str, float], integer: bool, finite: bool) -> dict[str, Any]:
+    """What a JSON schema can say of the numbers that `_number` takes; it has no word for what is not a number."""
+    words = {"above": "exclusiveMinimum", "at_least": "minimum", "at_most": "maximum", "below": "exclusiveMaximum"}
+    schema: dict[str, Any] = {"type": "integer" if integer else "number"}
+    if integer:
+        schema |= {"minimum": -MOST, "maximum": MOST}
+    elif finite and bounds.get("above") == 0.0:
+        schema |= {"minimum": SMALLEST, "maximum": LARGEST}
+    elif finite:
+        schema |= {"minimum": -sys.float_info.max, "maximum": sys.float_info.max}
+    return schema | {words[name]: bound for name, bound in bounds.items()}
 
 
 def choice(*names: str) -> dict[str, Any]:
     """Metadata of a dataclass field that holds one of a few names."""
     allowed = f"must be {' or '.join(repr(name) for name in names)}"
-    return {"unit": "", "allowed": allowed, "take": functools.partial(_instance, kinds=(str,), among=names)}
+    take = functools.partial(_instance, kinds=(str,), among=names)
+    return {"unit": "", "allowed": allowed, "take": take, "schema": {"enum": list(names)}}
 
 
 def truth() -> dict[str, Any]:
     """Metadata of a dataclass field that is True or False: no number and no word counts as either."""
-    return {"unit": "", "allowed": "must be True or False", "take": _truth}
+    return {"unit": "", "allowed": "must be True or False", "take": _truth, "schema": {"type": "boolean"}}
 
 
 def text(*, several: bool = False) -> dict[str, Any]:
     """Metadata of a dataclass field that holds a text, or a tuple of them."""
     if several:
-        return items(str) | {"allowed": "must be texts"}
-    return {"unit": "", "allowed": "must be a text", "take": functools.partial(_instance, kinds=(str,))}
+        return items(str) | {"allowed": "must be texts", "schema": {"type": "array", "items": {"type": "string"}}}
+    take = functools.partial(_instance, kinds=(str,))
+    return {"unit": "", "allowed": "must be a text", "take": take, "schema": {"type": "string"}}
 
 
 def place() -> dict[str, Any]:
     """Metadata of a dataclass field that holds a name of a place, or metres from the root."""
     allowed = 'must be "root", "tip", "mid", a point of the mesh, or metres from the root >= 0'
-    return {"unit": "", "allowed": allowed, "take": _place}
+    schema = {"anyOf": [{"type": "string"}, _number_schema({"at_least": 0.0}, False, True)]}
+    return {"unit": "", "allowed": allowed, "take": _place, "schema": schema}
 
 
 def instance(*kinds: Any) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import require_name
+from femimpact.svg.chart import notebook_markup
 
 if TYPE_CHECKING:
     import pandas
@@ -167,17 +168,21 @@ Record = TypeVar("Record")
 
 
 def short_repr(kind: type[Record]) -> type[Record]:
-    """Class decorator: text and HTML of the record's `_head`, a `Head`, are its reprs."""
-    for name, form in (("__repr__", "text"), ("_repr_html_", "html")):
-        setattr(kind, name, _repr_of(form))
+    """Class decorator: text and HTML of the record's `_head`, a `Head`, are its reprs.
+
+    Where it has a `_picture`, a chart or None, a notebook shows that below.
+    """
+    setattr(kind, "__repr__", _text)  # noqa: B010
+    setattr(kind, "_repr_html_", _html)  # noqa: B010
     return kind
 
 
-def _repr_of(form: str) -> Callable[[Any], str]:
-    def shown(record: Any) -> str:
-        return str(getattr(record._head, form))
+def _text(record: Any) -> str:
+    return str(record._head.text)
 
-    return shown
+
+def _html(record: Any) -> str:
+    return str(record._head.html) + notebook_markup(getattr(record, "_picture", None))
 
 
 def head_of_columns(

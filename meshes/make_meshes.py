@@ -71,7 +71,10 @@ FAMILIES = {
 
 def write(path: Path, stretches: Iterable[Stretch]) -> None:
     """One beam as a file of Gmsh 4.1."""
-    import gmsh
+    try:
+        import gmsh
+    except ImportError as error:
+        sys.exit(f"make_meshes: gmsh cannot be loaded ({error}): pip install -e '.[mesh]'")
 
     gmsh.initialize()
     try:

@@ -9,7 +9,20 @@ from pathlib import Path
 
 import numpy as np
 from builders import NO_PICTURES, short_study
-from nouns import BASE, LAW, NOUNS, STRUCTURE, curve, grid, mode_convergence, piece, response, small, system
+from nouns import (
+    BASE,
+    LAW,
+    NOUNS,
+    STRUCTURE,
+    curve,
+    grid,
+    mode_convergence,
+    parameter_study,
+    piece,
+    response,
+    small,
+    system,
+)
 
 import femimpact as fi
 from femimpact.contact import ContactParameters
@@ -19,6 +32,19 @@ from femimpact.export.history import history_writer
 SHEET = fi.figures.OffScreen()
 
 RECORD = "time,acceleration\n0.0,1.0\n0.1,-1.0\n0.2,0.5\n"
+
+
+@cache
+def studied(axes: int) -> object:
+    """A parameter study over so many axes; a list of cases for none."""
+    values = {"impactor.ball.gap": [1e-3, 2e-3], "base.frequency": [5.0, 6.0], "base.phase": [0.0, 1.0]}
+    given = dict(list(values.items())[:axes]) if axes else [{"impactor.ball.gap": 1e-3}, {"impactor.ball.gap": 2e-3}]
+    return fi.parameter_study(**{**parameter_study(), "axes": given, "starts": 5})
+
+
+def studied_directory() -> str:
+    fi.parameter_study(**parameter_study(), directory="studied")
+    return "studied"
 
 
 @cache
@@ -129,6 +155,10 @@ FIGURES = {
     "save_figure": lambda: {"drawn": fi.figures.value_map([1], [1], [[1]], ax=SHEET), "path": "figure.png"},
     "spectrum": lambda: {"response": drawn_run(), "channel": "tip", "highest": 50.0, "ax": SHEET},
     "step_convergence": lambda: {"result": NOUNS["StepConvergence"](), "slope": 2.0, "ax": SHEET},
+    "study_lines": lambda: {"dataset": studied(1), "measure": "peak", "title": "title", "ax": SHEET},
+    "study_map": lambda: {"dataset": studied(2), "measure": "peak", "title": "title", "ax": SHEET},
+    "study_maps": lambda: {"dataset": studied(3), "measure": "peak", "figure": SHEET},
+    "study_scatter": lambda: {"dataset": studied(0), "measure": "peak", "figure": SHEET},
     "value_map": lambda: {
         "x": [1.0, 2.0], "y": [1.0, 2.0, 3.0], "values": np.arange(6.0).reshape(3, 2), "samples": np.eye(3, 2) > 0.0,
         "title": "title", "ax": SHEET,
@@ -151,6 +181,10 @@ CALLS = {
         "path": "deflection.vtkhdf", "response": drawn_run(), "structure": STRUCTURE, "exaggeration": 1.0, "most": 400,
         "frame": "base",
     }),
+    "report": (fi.report, lambda: {
+        "path": "page.html", "parts": {"run": drawn_run(), "curve": curve(), "columns": {"a": [1.0, 2.0]}},
+        "structure": STRUCTURE, "title": "Title", "notes": ("a note",),
+    }),
     "write_movie": (movie.write_movie, lambda: {
         "path": "movie.gif", "response": drawn_run(), "structure": STRUCTURE, "exaggeration": 2.0, "fps": 2, "most": 2,
         "renderer": "matplotlib",
@@ -159,7 +193,12 @@ CALLS = {
     "history_writer's sink": (sent, lambda: {"piece": piece_without_snapshots()}),
     "tables.read_csv": (tables.read_csv, lambda: {"path": csv_file()}),
     "load": (fi.load, lambda: {"directory": results()}),
+    "load_parameter_study": (fi.load_parameter_study, lambda: {"directory": studied_directory()}),
+    "parameter_study": (fi.parameter_study, lambda: {
+        **parameter_study(), "directory": "study", "client": None, "threads": 1, "progress": lambda now: None,
+    }),
     "load_study": (fi.load_study, lambda: {"path": study_file()}),
+    "show_versions": (fi.show_versions, dict),
     "read_matrix": (fi.read_matrix, lambda: {"path": matrix_file(), "name": "K"}),
     "run_study": (fi.run_study, lambda: {
         "study": study(), "directory": "new", "parts": ("modes",), "force": True, "report": lambda *_: None

@@ -83,6 +83,15 @@ def curve() -> fi.FrequencyResponse:
     return fi.frequency_sweep(bare, 1e-4, np.linspace(5.0, 7.0, 5), fi.Newmark(1e-3, allow_coarse_step=True), 12)
 
 
+def parameter_study() -> dict[str, object]:
+    """Good arguments of a parameter study."""
+    return {
+        "study": small(), "axes": {"impactor.ball.gap": [1e-3, 2e-3]}, "measures": ["peak"], "starts": 2, "seed": 1,
+        "sample": None, "cycles": 3, "excitation": BASE, "method": None, "at": "tip", "elements": 4, "modes": 2,
+        "version": None,
+    }  # fmt: skip
+
+
 def columns(kind: type, sizes: dict[str | int, int], **given: object) -> object:
     """A record of a kind with arrays of ones, of the given length along each of its axes."""
     values = {}
@@ -159,6 +168,8 @@ NOUNS = {
     "Rayleigh": lambda: fi.Rayleigh((0.01, 0.02), modes=(1, 2)),
     "Reaction": lambda: system().reactions["root.force"],
     "RecordedBase": lambda: fi.RecordedBase([0.0, 1.0, 0.5], 0.1),
+    "ParameterStudy": lambda: fi.ParameterStudy(**parameter_study()),
+    "StudyProgress": lambda: fi.StudyProgress(cases=8, finished=4, found=0, failed=0, rate=2.0),
     "Recorder": lambda: fi.Recorder(("tip", 0.1)),
     "Response": response,
     "RestitutionScan": lambda: columns(
@@ -293,6 +304,13 @@ VERBS = {
         "system": fi.without_impactors(small()), "amplitude": 1e-4, "frequencies": [5.0, 6.0],
         "method": fi.Newmark(1e-3, allow_coarse_step=True), "duration": 2.0, "window": 1.0, "threads": 1,
     }),
+    "parameter_study": (fi.parameter_study, lambda: {**parameter_study(), "threads": 1, "client": None}),
+    "parameter_study of a sample": (fi.parameter_study, lambda: {
+        **parameter_study(), "axes": {"impactor.ball.gap": {"uniform": [1e-3, 2e-3]}}, "sample": {"points": 2},
+    }),
+    "run_case": (fi.run_case, lambda: {
+        "study": NOUNS["ParameterStudy"](), "number": 1, "start": 1, "record": fi.Recorder(("tip",)),
+    }),
     "mode_convergence": (fi.mode_convergence, lambda: {
         "system": small(), "excitation": fi.Sine(0.0, 24.0), "method": fi.Newmark(2e-4), "duration": 1.0,
         "counts": [1, 2],
@@ -330,6 +348,9 @@ VERBS = {
     "System.point_row": (lambda at: system().point_row(at), lambda: {"at": 0.1}),
     "point_row without a beam": (lambda at: oscillators().point_row(at), lambda: {"at": "first"}),
     "State.at_rest": (fi.State.at_rest, lambda: {"frame": "space"}),
+    "State.of_mode": (fi.State.of_mode, lambda: {"system": small(), "mode": 1, "amplitude": 1e-3, "at": "tip"}),
+    "State.under_force": (fi.State.under_force, lambda: {"system": small(), "force": 0.01, "at": "tip"}),
+    "State.with_speed": (fi.State.with_speed, lambda: {"system": small(), "speed": 0.1}),
     **{
         f"{noun}.{name}": (getattr(base, name), lambda: {"time": 0.1})
         for noun, base in MOTIONS.items()

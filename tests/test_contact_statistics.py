@@ -158,8 +158,8 @@ def run_in_windows(case, windows, rows=0):
     u, v, y, y_rate = case.initial.relative_to_base(system, case.excitation)
     balls = len(system.balls)
     inputs = Inputs(
-        numbers=case_numbers([drive] * count, [system.contacts] * count),
-        is_sine=drive.is_sine, window=np.array(windows),
+        numbers=case_numbers([drive] * count, [system.contacts] * count), is_sine=drive.is_sine,
+        window=np.array(windows),
         position=np.tile(np.concatenate([u, y[:balls]]), (count, 1)),
         velocity=np.tile(np.concatenate([v, y_rate[:balls]]), (count, 1)),
     )  # fmt: skip

@@ -16,11 +16,12 @@ from femimpact.study.demo import PUBLISHED, ScanPlan
 
 pytestmark = pytest.mark.impacts
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+ROOT = Path(__file__).parent.parent
+EXAMPLES = ROOT / "examples"
 
 
-def load(name):
-    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+def load(name, folder=EXAMPLES):
+    spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # dataclasses look their module up there
     spec.loader.exec_module(module)
@@ -33,11 +34,11 @@ def test_every_example_is_tested_here():
 
 
 def test_the_ball_damps_the_resonance():
-    module = load("damped_resonance")
-    result = module.main(points=41, cycles=150, duration=3.0)
+    curves = load("damped_resonance").main(points=41, cycles=150)
+    empty, ball = curves["without ball"], curves["with ball"]
     # from 4 to 6 Hz in 0.05 Hz steps 5.30 Hz is a grid point: the empty beam is at its resonance there
-    assert result.empty.peak_frequency == pytest.approx(5.30, abs=1e-9)
-    assert result.empty.peak_amplitude > 2.0 * result.ball.peak_amplitude
+    assert empty.peak_frequency == pytest.approx(5.30, abs=1e-9)
+    assert empty.peak_amplitude > 2.0 * ball.peak_amplitude
 
 
 def test_restitution_near_0_8_comes_closest_to_the_paper_from_rest_on_the_base():
@@ -50,12 +51,11 @@ def test_restitution_near_0_8_comes_closest_to_the_paper_from_rest_on_the_base()
 
 
 def test_printed_equations_create_energy_and_a_contact_law_does_not():
-    rows = load("switching_spring").main(stiffnesses=(1e3,), duration=20.0)
-    paper, _, contact = rows
-    assert paper.dt == pytest.approx(1 / 106)
+    runs = load("switching_spring").main(stiffness=1e3, duration=20.0)
     # more energy from nowhere than the base put in, and a tip farther than the beam is long
-    assert paper.created > 1.0
-    assert contact.residual < 0.02
+    assert runs["paper"].energy.residual_history[-1] > 1.0
+    assert abs(runs["paper"]["tip"]).max() > 0.23
+    assert runs["Kelvin-Voigt"].energy.residual < 0.02
 
 
 def test_frequencies_converge_with_order_four():
@@ -65,7 +65,7 @@ def test_frequencies_converge_with_order_four():
 
 
 def test_the_measured_mass_ratio_meets_the_papers_resonance_with_rigid_impacts():
-    module = load("rigid_reference_studies")
+    module = load("rigid_reference_studies", ROOT / "docs")
     scans = module.main(restitutions=(0.15, 0.3, 0.5), points=51, cycles=300)
     found = {(scan.study, scan.start): scan.scan for scan in scans}
     for start in ("base", "space"):
@@ -81,7 +81,7 @@ def test_the_measured_mass_ratio_meets_the_papers_resonance_with_rigid_impacts()
 
 
 def test_the_grid_of_frequencies_decides_which_restitution_meets_the_paper():
-    module = load("rigid_reference_studies")
+    module = load("rigid_reference_studies", ROOT / "docs")
     scans = module.on_grids("experiment", restitutions=(0.3, 0.41, 0.5))
     # a motion that repeats, alike from both starts: no chaos decides the peaks
     for points, best, peak, frequency in ((21, 0.41, 5.0, 4.9), (101, 0.3, 5.0, 4.95)):
@@ -93,7 +93,7 @@ def test_the_grid_of_frequencies_decides_which_restitution_meets_the_paper():
 
 
 def test_with_the_theorys_mass_ratio_start_and_dwell_decide():
-    module = load("rigid_reference_studies")
+    module = load("rigid_reference_studies", ROOT / "docs")
     count = {e: module.large_motions(e, 4.92, 600, starts=40) for e in (0.7, 0.775, 0.8)}
     # none below the band and nearly all above it; within, some do and some do not: half of 40, four deviations of 3.2
     assert count[0.7] == 0
@@ -102,12 +102,19 @@ def test_with_the_theorys_mass_ratio_start_and_dwell_decide():
 
 
 def test_a_stiff_compliant_wall_has_the_statistics_of_the_rigid_one():
-    module = load("rigid_reference_studies")
+    module = load("rigid_reference_studies", ROOT / "docs")
     rigid, stiff = module.compare("experiment", 0.3, contact_times=(0.5e-3,), points=13, cycles=400)
     # means of chaotic sweeps: a few percent of scatter between runs of this length
     assert stiff.curve.rms.mean() == pytest.approx(rigid.curve.rms.mean(), rel=0.05)
     assert stiff.curve.impacts_per_cycle.mean() == pytest.approx(rigid.curve.impacts_per_cycle.mean(), rel=0.1)
     assert stiff.curve.mean_approach_speed.mean() == pytest.approx(rigid.curve.mean_approach_speed.mean(), rel=0.05)
+
+
+def test_the_gap_that_is_best_for_every_restitution_is_no_extreme_one():
+    worst = load("gap_and_tolerance").main([1e-3, 4e-3, 10e-3], [0.4, 0.8], [4.8, 5.0, 5.2, 5.4], cycles=150)
+    peak = worst["peak"].max("impactor.ball.contact.restitution").to_numpy()
+    # the scatter of the starts is some tenths of a millimetre; the extreme gaps are off by millimetres
+    assert peak[1] < 0.75 * min(peak[0], peak[2])
 
 
 def code_lines(path):
@@ -119,12 +126,19 @@ def code_lines(path):
     return [line for i, line in enumerate(text.splitlines(), 1) if line.strip() and i not in left_out]
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["clearance_restitution_map", "best_ball_mass", "two_laws", "base_from_csv", "two_balls", "bifurcation"],
-)
-def test_a_short_example_is_short(name):
-    assert len(code_lines(EXAMPLES / f"{name}.py")) <= 25
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.stem)
+def test_an_example_has_a_title_mathematics_few_lines_and_a_picture(path):
+    text = path.read_text(encoding="utf-8")
+    title, line, *rest = ast.get_docstring(ast.parse(text)).splitlines()
+    assert line == "=" * len(title)
+    assert any(words in "\n".join(rest) for words in (".. math::", ":math:"))
+    assert len(code_lines(path)) <= 40
+    assert "save_figure(" in text
+    assert f'"{path.stem}.png"' in text
+
+
+def test_a_parameter_study_takes_fifteen_lines():
+    assert len(code_lines(EXAMPLES / "gap_and_tolerance.py")) <= 15
 
 
 def test_only_clearance_over_base_amplitude_matters_for_rigid_impacts():
@@ -240,3 +254,98 @@ def test_chirps_up_and_down_at_walls_differ():
     # up, the walls are still met where the chirp down has not reached them yet
     beyond = [f[tip > 8e-3].max() for f, tip in ((up, tip_up), (down, tip_down))]
     assert beyond[0] > beyond[1] + 0.1
+
+
+def test_a_taper_raises_the_first_frequency_of_a_blade():
+    modes = load("tapered_blade").main()[2]
+    even = fi.Beam.uniform(length=0.23, width=0.025, thickness=1.6e-3, young_modulus=70e9, density=2700)
+    alone = fi.solve_modes(fi.assemble(fi.Structure(even), elements=24), count=1).natural_frequency[0]
+    # less mass far from the root, where it moves most; less stiffness where the bending moment is small
+    assert modes.natural_frequency[0] > alone
+    # order 4 of the element's length: each halving leaves a sixteenth of the error
+    three = [load("tapered_blade").main(elements=count)[2].natural_frequency for count in (23, 46, 92)]
+    np.testing.assert_allclose((three[0] - three[1]) / (three[1] - three[2]), 16.0, rtol=0.2)
+
+
+def test_stress_at_the_root_is_that_of_the_first_mode_without_impacts():
+    runs = load("root_stress").main()
+    alone = runs["without ball"]
+    assert abs(runs["with ball"]["root.surface_stress"]).max() < 0.5 * abs(alone["root.surface_stress"]).max()
+    # at its resonance the beam moves in its first mode: stress and tip are in one ratio, but for 1 % of the others
+    ratio = alone["root.surface_stress"] / alone["tip"]
+    large = abs(alone["tip"]) > 0.5 * abs(alone["tip"]).max()
+    np.testing.assert_allclose(ratio[large], ratio[large].mean(), rtol=0.02)
+
+
+def test_a_preloaded_beam_stays_on_its_stop_until_the_base_pulls_it_off():
+    still, thrown = load("preloaded_stop").main(accelerations=(1e-3, 10.0))
+    assert len(still.impacts) == 0
+    # the force at rest: with a motion of the base of 1e-4 of gravity it changes by as little, some ten times at most
+    np.testing.assert_allclose(still["contact_force"], still["contact_force"][0], rtol=5e-3)
+    assert len(thrown.impacts) > 10
+
+
+def test_a_spring_between_two_places_raises_frequencies_from_those_without_it():
+    module = load("spring_between_places")
+    found = module.main(stiffnesses=(1e-9, 10.0, 1e3, 1e5))
+    alone = module.fi.Beam.uniform(length=0.23, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700)
+    modes = fi.solve_modes(fi.assemble(fi.Structure(alone), elements=20), count=3)
+    np.testing.assert_allclose(found[0], modes.natural_frequency, rtol=1e-9)
+    # Rayleigh: a stiffness that is added lowers no frequency, and none passes the next one of the beam without it
+    assert (np.diff(found, axis=0) >= -1e-9 * found[1:]).all()
+    assert (found[-1, :2] <= modes.natural_frequency[1:] * (1 + 1e-9)).all()
+
+
+def test_only_the_exact_loss_factor_has_the_restitution_asked_for():
+    asked = np.array([0.2, 0.5, 1.0])
+    found = load("restitution_of_laws").main(asked)
+    # collisions are integrated to 1e-10
+    np.testing.assert_allclose(found["exact (Gonthier et al.)"], asked, rtol=1e-6)
+    for achieved in found.values():
+        assert achieved[-1] == pytest.approx(1.0, rel=1e-6)
+    assert found["Lankarani and Nikravesh"][1] > 0.7
+    assert found["Flores et al."][1] < 0.5
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_the_fit_reads_the_damping_from_points_too_few_for_the_half_power_width():
+    half, fit = load("damping_from_a_curve").main(points=(21, 401))
+    # the curve is that of one mode: rounding is all that is left
+    np.testing.assert_allclose([one.ratio for one in fit], 0.0029, rtol=1e-6)
+    assert half[0].ratio > 0.005
+    assert half[1].ratio == pytest.approx(0.0029, rel=0.05)
+
+
+def test_from_rest_in_space_the_ball_is_not_met_where_the_beam_moves_less_than_the_gap():
+    module = load("two_starts")
+    curves = module.main(points=3, cycles=100)
+    base, space = (curves[words] for words in module.STARTS.values())
+    # 4.6 Hz, far below the resonance
+    assert space.impacts_per_cycle[0] == 0.0
+    assert base.impacts_per_cycle[0] > 0.1
+
+
+def test_the_energy_of_the_example_is_all_accounted_for():
+    run = load("energy_ledger").main(duration=10.0)
+    # a closed form: rounding
+    assert run.energy.residual < 1e-10
+    assert run.energy.contact_loss[-1] > 0.5 * run.energy.work[-1]
+
+
+def test_a_finer_step_has_a_smaller_error_and_the_energy_consistent_contact_one_smaller_still():
+    errors = load("step_size").main(steps=(10, 80))
+    assert errors["end"][1] < 0.5 * errors["end"][0]
+    # order 2 within a contact: a sixty-fourth; a tenth leaves room for the instants of touch
+    assert errors["energy-consistent"][1] < 0.1 * errors["energy-consistent"][0]
+    assert errors["energy-consistent"][1] < 0.1 * errors["end"][1]
+
+
+def test_a_ball_sticks_and_leaves_when_the_base_falls_faster_than_the_ball():
+    run = load("sticking_ball").main()
+    start, end = run.sticking["start"], run.sticking["end"]
+    assert start.size > 3
+    # while it sticks the force pushes: it ends where the base falls with g, but for the deflection of the stiff beam.
+    # Captures of a thousandth of that time end in the ringing of the beam
+    long = np.isfinite(end) & (end - start > 5e-3)
+    assert long.sum() > 5
+    np.testing.assert_allclose(run.base.acceleration(end[long]), -9.81, rtol=0.02)

@@ -595,3 +595,17 @@ def test_a_streamed_run_has_no_history_to_draw(small):
             draw(run)
     # nor is a figure opened
     assert not plt.get_fignums()
+
+
+def test_a_long_run_is_drawn_as_the_envelope_of_its_curves(small):
+    record = fi.Recorder(channels=("tip", "ball"), interval=2e-4)
+    long = fi.integrate(small, fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 6.0, record)
+    assert long.time.size > 20_000
+    whole, close = fi.figures.motion(long)[0]
+    for collection, name in zip(whole.collections, ("ball", "tip"), strict=True):
+        edges = collection.get_paths()[0].vertices[:, 1]
+        # every part's extremes are among them, so those of the run are
+        assert edges.max() == pytest.approx(1e3 * long[name].max(), rel=1e-12)
+        assert edges.min() == pytest.approx(1e3 * long[name].min(), rel=1e-12)
+    # the close-up shows curves
+    assert len(close.lines) >= 2

@@ -410,7 +410,7 @@ def test_progress_of_several_runs_to_one(small):
         ({"record": []}, "record = 'list': must be a Recorder"),
         ({"initial": 0}, "initial = 'int': must be a State"),
         ({"method": "newmark"}, "method = 'str': must be a Newmark"),
-        ({"progress": True}, "progress = 'bool': must be callable"),
+        ({"progress": "yes"}, "progress = 'str': must be True, or callable"),
     ],
 )
 def test_an_argument_of_the_wrong_kind_is_one_clear_line(small, given, words):

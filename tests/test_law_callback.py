@@ -152,7 +152,7 @@ def test_one_collision_alone_ends_too():
     "wrong",
     [3, "force", None, linear.__code__, Linear, OTHER(abs), LowLevelCallable(OTHER(abs)), ctypes.CDLL(None).cos,
      PROTOTYPE(0), 140_000_000_000],
-    ids=str,
+    ids=lambda value: str(value).partition(" at 0x")[0],
 )  # fmt: skip
 def test_what_is_no_function_of_the_signature_is_refused(wrong):
     with pytest.raises(fi.InputError, match="must be a function of depth, rate, approach_speed"):

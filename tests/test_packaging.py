@@ -43,6 +43,25 @@ def test_the_version_is_the_same_everywhere():
     assert stated[1] == PROJECT["version"] == femimpact.__version__
 
 
+def test_what_a_page_is_made_of_is_in_the_wheel_and_in_the_source_distribution(tmp_path):
+    from hatchling.builders.sdist import SdistBuilder
+    from hatchling.builders.wheel import WheelBuilder
+
+    wanted = {
+        path.relative_to(ROOT).as_posix()
+        for folder in ("svg", "export/report")
+        for path in (ROOT / "femimpact" / folder).iterdir()
+        if path.suffix in (".css", ".js", ".py")
+    }
+    assert {"femimpact/svg/chart.css", "femimpact/export/report/player.js"} <= wanted
+    for builder in (SdistBuilder, WheelBuilder):
+        made = builder(str(ROOT))
+        # what a builder would take, without running its hooks
+        with made.config.set_build_data({"artifacts": [], "force_include": {}, "build_hooks": ()}):
+            taken = {Path(file.relative_path).as_posix() for file in made.recurse_included_files()}
+        assert wanted <= taken, builder.__name__
+
+
 def test_every_python_that_is_named_is_allowed():
     lowest = tuple(map(int, PROJECT["requires-python"].removeprefix(">=").split(".")))
     named = [re.fullmatch(r"Programming Language :: Python :: (3)\.(\d+)", line) for line in PROJECT["classifiers"]]

@@ -98,6 +98,7 @@ NAMES = """
     read_mesh
     recommended_step
     reduce
+    report
     run_study
     scan_restitution
     solve_modes
@@ -108,13 +109,13 @@ NAMES = """
 """
 """Public names, and behind a colon what each class has."""
 
-COMMANDS = "demo init check modes simulate sweep run converge figures movie finish contact validate"
+COMMANDS = "demo init check modes simulate sweep run converge figures movie report finish contact validate"
 FILE_NAMES = """
     summary.json study.toml modes.csv modes.nc sweep.csv sweep.nc history.nc impacts.csv impacts.nc snapshots.nc
     last_cycles.nc modes.pvd deflection.pvd deflection.mp4 deflection.gif modes.png response.png contact_force.png
     phase_portrait.png impact_histograms.png impulse_phase.png contact.csv riding.csv mesh_convergence.csv
     mesh_convergence.png step_convergence.csv step_convergence.png comparison.csv restitution.csv restitution.png
-    response_of_starts.png
+    response_of_starts.png report.html convergence.json
 """
 IMPACT_COLUMNS = """
     time phase impactor side approach_speed rebound_speed impulse peak_force duration energy_loss contact_law

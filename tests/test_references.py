@@ -11,10 +11,18 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 SOURCES = sorted([*(ROOT / "femimpact").rglob("*.py"), *(ROOT / "femimpact").rglob("*.hpp")])
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+WRITTEN = {"_build", "api", "gallery"}
+"""Folders of the site that a build writes."""
+PAGES = [
+    ROOT / "README.md",
+    *sorted(path for path in (ROOT / "docs").rglob("*.md") if not WRITTEN & set(path.relative_to(ROOT).parts)),
+]
 
 CITED = re.compile(r"(?P<before>[A-Za-z][^;:|]{2,100}?)(?:, |\()(?P<year>(?:18|19|20)\d\d)\b(?![-.,]\d)")
 """A year after a comma or in brackets, and the words before it; a date or a measured number is none."""
+
+ROLE = re.compile(r"\{cite:[pt]\}`([^`]+)`")
+"""Keys that a page of the site cites."""
 
 
 def _entries() -> dict[str, dict[str, str]]:
@@ -69,8 +77,14 @@ def _works(before: str, year: str) -> set[str]:
     }
 
 
+def _keys(path: Path) -> set[str]:
+    """Keys of the entries that a page names."""
+    return {key for keys in ROLE.findall(path.read_text(encoding="utf-8")) for key in keys.split(",")}
+
+
 def test_every_citation_has_an_entry():
-    missing = [
+    missing = [f"{page.relative_to(ROOT)}: {key}" for page in PAGES for key in _keys(page) - set(ENTRIES)]
+    missing += [
         f"{path.relative_to(ROOT)}: ...{before[-60:]}, {year}"
         for path in (*SOURCES, *PAGES)
         for before, year in _citations(path)
@@ -81,6 +95,7 @@ def test_every_citation_has_an_entry():
 
 def test_every_entry_is_cited():
     cited = {key for path in (*SOURCES, *PAGES) for citation in _citations(path) for key in _works(*citation)}
+    cited |= {key for page in PAGES for key in _keys(page)}
     assert set(ENTRIES) - cited == set()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +20,7 @@ from femimpact.errors import CoreError, FemimpactError, InputError, require
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from femimpact.parametric.progress import StudyProgress
     from femimpact.study.results import StudyResults
     from femimpact.study.run import Report
     from femimpact.study.study import Study
@@ -36,6 +37,8 @@ app = App(
     help_format="plaintext",
     suppress_keyboard_interrupt=False,
 )
+
+app.register_install_completion_command(help="Install shell completion of femimpact for bash, zsh or fish.")
 
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="Directory of the results.")]
 Force = Annotated[bool, Parameter(negative="", help="Replace results of the same names.")]
@@ -122,7 +125,10 @@ def version() -> None:
 
 @app.command
 def demo(*, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
-    """Run the paper's case from end to end, with the published figures beside ours."""
+    """Run the paper's case from end to end, with the published figures beside ours.
+
+    Example: femimpact demo -o my-demo
+    """
     from femimpact.study.demo import free_directory, run_demo
 
     directory = output or free_directory("femimpact-demo")
@@ -157,7 +163,10 @@ def demo(*, output: Output = None, force: Force = False, quiet: Quiet = False) -
 
 @app.command
 def init(file: Path, *, force: Force = False) -> None:
-    """Write a commented study file."""
+    """Write a commented study file.
+
+    Example: femimpact init study.toml
+    """
     from femimpact.export.files import atomic_write
     from femimpact.study.demo import paper_study_text
 
@@ -168,18 +177,54 @@ def init(file: Path, *, force: Force = False) -> None:
 
 
 @app.command
+def schema(
+    *,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="File of the schema.")] = None,
+    force: Force = False,
+) -> None:
+    """Print the JSON schema of the study file, with which an editor completes and checks one.
+
+    Example: femimpact schema -o study.schema.json
+    """
+    import json
+
+    from femimpact.export.files import atomic_write
+    from femimpact.study.schema import study_schema
+
+    text = json.dumps(study_schema(), indent=2)
+    if output is None:
+        print(text)
+        return
+    _require_new_file(output, force)
+    atomic_write(output, text + "\n")
+    print(f"wrote {output}; in the first line of a study: #:schema ./{output.name}")
+
+
+@app.command
 def check(study: Path) -> None:
-    """Validate a study and print what would run: dofs, step, contact time, steps, memory, time."""
+    """Validate a study and print what would run: dofs, step, contact time, steps, memory, time.
+
+    Example: femimpact check study.toml
+    """
     from femimpact.study.plan import plan_lines
     from femimpact.study.study_file import load_study
 
-    for line in plan_lines(load_study(study)):
+    plan = load_study(study)
+    for line in plan_lines(plan):
         print(line)
+    if plan.plan is not None:
+        from femimpact.parametric.study_command import plan_lines as study_lines
+
+        for line in study_lines(plan):
+            print(line)
 
 
 @app.command
 def modes(study: Path, *, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
-    """Natural frequencies, damping and effective masses, without the ball and with it glued on."""
+    """Natural frequencies, damping and effective masses, without the ball and with it glued on.
+
+    Example: femimpact modes study.toml
+    """
     _run(study, output, force, quiet, ("modes",), "modes")
 
 
@@ -187,19 +232,28 @@ def modes(study: Path, *, output: Output = None, force: Force = False, quiet: Qu
 def simulate(
     study: Path, *, frequency: float | None = None, output: Output = None, force: Force = False, quiet: Quiet = False
 ) -> None:
-    """One history: the study's base motion, or another frequency (Hz)."""
+    """One history: the study's base motion, or another frequency (Hz).
+
+    Example: femimpact simulate study.toml --frequency 5.2 -o at-5.2
+    """
     _run(study, output, force, quiet, ("simulate",), "simulate", frequency)
 
 
 @app.command
 def sweep(study: Path, *, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
-    """Response curves over the study's frequencies, without and with the ball."""
+    """Response curves over the study's frequencies, without and with the ball.
+
+    Example: femimpact sweep study.toml -o curves
+    """
     _run(study, output, force, quiet, ("sweep",), "sweep")
 
 
 @app.command
 def run(study: Path, *, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
-    """All parts of the study: modes, history and sweep."""
+    """All parts of the study: modes, history and sweep.
+
+    Example: femimpact run study.toml -o results
+    """
     _run(study, output, force, quiet, ("modes", "simulate", "sweep"), "results")
 
 
@@ -207,7 +261,10 @@ def run(study: Path, *, output: Output = None, force: Force = False, quiet: Quie
 def converge(
     study: Path, *, accuracy: float = 1e-3, output: Output = None, force: Force = False, quiet: Quiet = False
 ) -> None:
-    """Errors over the mesh, the step and the modes, and what a relative accuracy takes."""
+    """Errors over the mesh, the step and the modes, and what a relative accuracy takes.
+
+    Example: femimpact converge study.toml --accuracy 1e-4
+    """
     from femimpact.study.convergence import write_convergence
     from femimpact.study.convergence_text import convergence_lines
     from femimpact.study.study_file import load_study
@@ -219,24 +276,76 @@ def converge(
         return
     for line in convergence_lines(found):
         print(line)
+    _print_report(console(), found.directory)
     print(f"results in {found.directory}")
+
+
+@app.command(name="study")
+def parameter_study(
+    study: Path, *, scheduler: str | None = None, output: Output = None, quiet: Quiet = False
+) -> None:  # fmt: skip
+    """The parameter study of [study]: all cases of its axes; the same call goes on where an earlier one ended.
+
+    Parameters
+    ----------
+    scheduler
+        Address or scheduler file of a Dask cluster on which the cases run.
+    """
+    from femimpact.parametric.study_command import summary_lines, write_parameter_study
+    from femimpact.study.study_file import load_study
+
+    plan, directory = load_study(study), output or _directory(study, "study")
+    with _study_progress(quiet) as report:
+        found = write_parameter_study(plan, directory, report, scheduler)
+    if quiet:
+        return
+    for line in summary_lines(found, directory):
+        print(line)
+
+
+@app.command
+def report(
+    directory: Path,
+    *,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="File of the report.")] = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write the report of results: one HTML file that opens in any browser."""
+    from femimpact.study.result_report import write_report
+
+    if output is not None:
+        require(force or not output.exists(), "output", str(output), "", "exists already: choose another, or --force")
+        require(output.resolve().parent.is_dir(), "output", str(output), "", "must be in an existing directory")
+    path = write_report(directory, output)
+    if not quiet:
+        print(f"wrote {path}")
 
 
 @app.command
 def figures(directory: Path, *, quiet: Quiet = False) -> None:
-    """Draw the figures of results again, from their files."""
+    """Draw the figures of results again, from their files.
+
+    Example: femimpact figures study-results
+    """
     _draw_again(directory, "figures", quiet)
 
 
 @app.command
 def movie(directory: Path, *, quiet: Quiet = False) -> None:
-    """Draw the movie of results again, from their files."""
+    """Draw the movie of results again, from their files.
+
+    Example: femimpact movie study-results
+    """
     _draw_again(directory, "movie", quiet)
 
 
 @app.command
 def finish(directory: Path, *, force: Force = False) -> None:
-    """Keep what an ended run had finished, or finish the move of its files."""
+    """Keep what an ended run had finished, or finish the move of its files.
+
+    Example: femimpact finish study-results
+    """
     from femimpact.study.result_directory import finish_results
 
     parts = finish_results(directory, force)
@@ -248,7 +357,10 @@ def contact(
     study: Path, *, speed_min: float = 0.01, speed_max: float = 1.0, output: Output = None, force: Force = False,
     quiet: Quiet = False,
 ) -> None:  # fmt: skip
-    """One collision of every impactor over the approach speed (m/s): restitution, force and steps."""
+    """One collision of every impactor over the approach speed (m/s): restitution, force and steps.
+
+    Example: femimpact contact study.toml --speed-max 0.5
+    """
     from femimpact.study.contact_table import UNITS, write_contact_table
     from femimpact.study.study_file import load_study
 
@@ -274,13 +386,15 @@ def validate(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Exact and published cases beside the computed ones; exit status 1 if one misses its bound."""
+    """Exact and published cases beside the computed ones; exit status 1 if one misses its bound.
+
+    Example: femimpact validate -o validation.csv
+    """
     from femimpact.export.tables import write_csv
     from femimpact.validation.reference_cases import HEADER, case_columns, run_validation, table_row
 
     if output is not None:
-        require(force or not output.exists(), "output", str(output), "", "exists already: choose another, or --force")
-        require(output.resolve().parent.is_dir(), "output", str(output), "", "must be in an existing directory")
+        _require_new_file(output, force)
     with _progress(quiet) as report:
         cases = run_validation(report)
     if output is not None:
@@ -295,6 +409,11 @@ def validate(
 
 
 # ---- what they share ------------------------------------------------------------------------------
+
+
+def _require_new_file(output: Path, force: bool) -> None:
+    require(force or not output.exists(), "output", str(output), "", "exists already: choose another, or --force")
+    require(output.resolve().parent.is_dir(), "output", str(output), "", "must be in an existing directory")
 
 
 def _directory(study: Path, kind: str) -> Path:
@@ -361,7 +480,8 @@ def _print_results(study: Study, results: StudyResults) -> None:
         marks.append(mark)
         where.print(
             f"history {_base_words(study, history.get('frequency'))}: "
-            f"peak {_number(history['peak'], 1e3)}{mark} mm, rms {_number(history['rms'], 1e3)}{mark} mm, {history['steadiness']}; {history['impacts']} impacts, "
+            f"peak {_number(history['peak'], 1e3)}{mark} mm, rms {_number(history['rms'], 1e3)}{mark} mm, "
+            f"{history['steadiness']}; {history['impacts']} impacts, "
             f"{history['regime']['label']}"
         )
         for name, channel in history["channels"].items():
@@ -419,7 +539,30 @@ def _print_closing(where: Console, results: StudyResults) -> None:
         where.print(f"note: {text}")
     for text in results.summary.get("warnings", []):
         where.print(f"warning: {text}", style="yellow")
+    _print_report(where, results.directory)
     where.print(f"results in {results.directory}")
+
+
+def _print_report(where: Console, directory: Path) -> None:
+    from femimpact.study.result_files import REPORT
+
+    if (directory / REPORT).is_file():
+        where.print(f"to look at: {directory / REPORT}")
+
+
+@contextmanager
+def _study_progress(quiet: bool) -> Iterator[Callable[[StudyProgress], None] | None]:
+    """A reporter of a parameter study: one bar with cases, rate, failures and the time that remains."""
+    if quiet:
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("study", total=1.0)
+        yield lambda now: bar.update(task, completed=now.share, description=str(now))
 
 
 @contextmanager
@@ -428,11 +571,9 @@ def _progress(quiet: bool) -> Iterator[Report]:
     if quiet:
         yield lambda _what, _share: None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from femimpact.progress import bars as new_bars
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    bars = Progress(*columns, console=Console(stderr=True))
+    bars = new_bars()
     tasks: dict[str, Any] = {}
 
     def report(what: str, share: float) -> None:

@@ -28,6 +28,7 @@ from femimpact.convergence.table import MEANINGFUL, ConvergenceStudy, Convergenc
 from femimpact.convergence.trial import Measured, Trial, measured_of, number_tried
 from femimpact.errors import FemimpactError, checked, optional, quantity, require, require_type
 from femimpact.excitation import Sine
+from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.structure.structure import Structure
 
 __all__ = ["convergence_study"]
@@ -41,6 +42,7 @@ FLOOR = 1e-11
 """Relative error up to which no order is read, where rounding was not seen."""
 
 
+@draws_progress
 def convergence_study(
     structure: Structure,
     over: Axis | Sequence[Axis],
@@ -49,7 +51,7 @@ def convergence_study(
     *,
     modes: int | None = None,
     accuracy: float = 1e-3,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | bool | None = None,
 ) -> ConvergenceStudy:
     """How far results are from those of an endlessly fine mesh, a vanishing step and all modes.
 
@@ -67,8 +69,8 @@ ContactStatistics, one's own, or a sequence of them
         Normal modes kept for runs with contacts over meshes and steps; all dofs by default.
     accuracy : float, 1
         Relative error that the recommended numbers are for.
-    progress : callable, optional
-        Called with the share done, 0 to 1.
+    progress : callable or bool, optional
+        Called with the share done, 0 to 1; True draws a bar.
 
     Returns
     -------
@@ -88,12 +90,12 @@ ContactStatistics, one's own, or a sequence of them
         require(base.amplitude > 0.0, "base.amplitude", base.amplitude, "m", "must be > 0 m")
     kept = checked("modes", modes, optional(quantity("1", at_least=1, integer=True)))
     accuracy = checked("accuracy", accuracy, quantity("1", above=0.0, below=1.0))
-    require(progress is None or callable(progress), "progress", progress, "", "must be callable, or None")
+    report = check_progress(progress)
     names = [axis.name for axis in axes]
     require(len(set(names)) == len(names), "over", names, "", "must be one of each kind")
     plan, tables = Plan(structure, base, kept), {}
     for i, axis in enumerate(axes):
-        tables[axis.name] = _table(axis, plan, watched, accuracy, _share(progress, i, len(axes)))
+        tables[axis.name] = _table(axis, plan, watched, accuracy, _share(report, i, len(axes)))
     return ConvergenceStudy(tables)
 
 

@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.convergence.orders import agrees
-from femimpact.convergence.text import table_lines
+from femimpact.convergence.text import COUNTED, table_lines
 from femimpact.errors import check_fields, choice, column, quantity, require, require_name, require_type, text
+from femimpact.svg.axis import axis_of
+from femimpact.svg.chart import COLOURS, Chart, Line, notebook_markup
 from femimpact.table import frame_of
 
 if TYPE_CHECKING:
@@ -103,7 +105,20 @@ class ConvergenceTable:
         return "\n".join(table_lines(self))
 
     def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(repr(self))}</pre>"
+        return f"<pre>{html.escape(repr(self))}</pre>" + notebook_markup(self._picture)
+
+    @property
+    def _picture(self) -> Chart | None:
+        """Errors of the first quantities over the number."""
+        lines: list[Line] = []
+        for i, name in enumerate(self.name.tolist()):
+            known = np.isfinite(self.error[:, i]) & (self.error[:, i] > 0.0)
+            if np.any(known) and len(lines) < COLOURS:
+                x, y = self.number[known], self.error[known, i]
+                lines.append(Line(name, x, y, 1 + len(lines), marked=np.ones(x.size, dtype=bool)))
+        across = axis_of(COUNTED[self.axis], *(line.x for line in lines), logarithmic=True)
+        up = axis_of("relative error", *(line.y for line in lines), logarithmic=True)
+        return Chart("", across, up, tuple(lines)) if lines else None
 
     @property
     def is_statistic(self) -> NDArray[np.bool_]:
@@ -239,7 +254,7 @@ class ConvergenceStudy:
         return "\n\n".join(map(repr, self.tables.values()))
 
     def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(repr(self))}</pre>"
+        return "".join(table._repr_html_() for table in self.tables.values())
 
     def __getitem__(self, axis: str) -> ConvergenceTable:
         require_name(axis, self.tables, "axis")

@@ -12,7 +12,7 @@ import numpy as np
 if TYPE_CHECKING:
     from femimpact.convergence.table import ConvergenceTable
 
-__all__ = ["cell", "note_lines", "row_line", "table_lines"]
+__all__ = ["COUNTED", "cell", "note_lines", "row_line", "table_lines"]
 
 WIDTH = 80
 """Characters of a line."""

@@ -153,26 +153,55 @@ FEMIMPACT_COMPARISON(>)
     }
     return to;
 }
-#undef FEMIMPACT_EACH_PART
+
+// What is left of a value without a number times another one, rounded once.
+[[gnu::always_inline]] inline double without(double number, double value, double from) {
+    return __builtin_fma(-number, value, from);
+}
+[[gnu::always_inline]] inline Pack without(double number, Pack value, Pack from) {
+    FEMIMPACT_EACH_PART {
+#if defined(__AVX512F__)
+        from.part[i] = _mm512_fnmadd_pd(_mm512_set1_pd(number), value.part[i], from.part[i]);
+#elif defined(__FMA__)
+        from.part[i] = _mm256_fnmadd_pd(_mm256_set1_pd(number), value.part[i], from.part[i]);
+#else
+        for (int k = 0; k < LANES; k++)
+            from.part[i][k] = __builtin_fma(-number, value.part[i][k], from.part[i][k]);
+#endif
+    }
+    return from;
+}
 
 // The same number in every case.
 template <class Value> [[gnu::always_inline]] inline Value filled(double number) {
     return Value{} + number;
 }
 
+// A register's worth of doubles that lie anywhere. Unlike bytes that are copied, they are known to be doubles: what is
+// written to them changes no address or length.
+typedef double Anywhere __attribute__((vector_size(8 * LANES), aligned(8)));
+
 // A row over the cases from case c on: of one case alone, or of a pack of them.
-template <class Value> [[gnu::always_inline]] inline Value load(GivenArray row, Index c) {
+template <class Value> [[gnu::always_inline]] inline Value load(GivenArray row, Index c);
+template <> [[gnu::always_inline]] inline double load<double>(GivenArray row, Index c) {
+    return row(c);
+}
+template <> [[gnu::always_inline]] inline Pack load<Pack>(GivenArray row, Index c) {
     check_index(c, row.size());
-    check_index(c + Index(sizeof(Value) / 8) - 1, row.size());
-    Value value;
-    __builtin_memcpy(&value, row.data + c, sizeof value);
+    check_index(c + WIDTH - 1, row.size());
+    Pack value;
+    FEMIMPACT_EACH_PART value.part[i] = *reinterpret_cast<const Anywhere *>(row.data + c + i * LANES);
     return value;
 }
-template <class Value> [[gnu::always_inline]] inline void store(Value value, Array row, Index c) {
-    check_index(c, row.size());
-    check_index(c + Index(sizeof(Value) / 8) - 1, row.size());
-    __builtin_memcpy(row.data + c, &value, sizeof value);
+[[gnu::always_inline]] inline void store(double value, Array row, Index c) {
+    row(c) = value;
 }
+[[gnu::always_inline]] inline void store(Pack value, Array row, Index c) {
+    check_index(c, row.size());
+    check_index(c + WIDTH - 1, row.size());
+    FEMIMPACT_EACH_PART *reinterpret_cast<Anywhere *>(row.data + c + i * LANES) = value.part[i];
+}
+#undef FEMIMPACT_EACH_PART
 
 // Calls a function of a zero, whose type says for how many cases, and the first of them: for one case alone, or for
 // every pack.

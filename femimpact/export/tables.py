@@ -20,7 +20,7 @@ from femimpact.regular_file import open_regular
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["plain", "read_csv", "write_csv", "write_json", "write_netcdf"]
+__all__ = ["plain", "read_csv", "read_units", "write_csv", "write_json", "write_netcdf"]
 
 NO_DECIMALS = ("nan", "inf", "-inf")
 """Numbers that `write_csv` writes too."""
@@ -90,6 +90,14 @@ def read_csv(path: str | Path) -> dict[str, Any]:
             raise ValueError(f"line {other[0]}, {name}: {other[1]!r} is no number")
         columns[name] = np.array([row[i] for _, row in rows], dtype=float if other is None else str)
     return columns
+
+
+def read_units(path: str | Path) -> dict[str, str]:
+    """Units of the columns of a table that `write_csv` wrote, by their names; of those that have one."""
+    with open_regular(file_path(path)) as raw, io.TextIOWrapper(raw, encoding="utf-8", newline="") as file:
+        header = next(csv.reader(file), [])
+    parts = [title.partition(" [") for title in header]
+    return {name: unit.removesuffix("]") for name, _, unit in parts if unit}
 
 
 def _is_number(cell: str) -> bool:

@@ -49,6 +49,9 @@ class DampingEstimate:
         two = isinstance(self.interval, tuple) and len(self.interval) == 2 and not self.interval[0] > self.interval[1]
         require(two, "interval", self.interval, "1", "must be two numbers, the lower one first")
 
+    def __repr__(self) -> str:
+        return f"DampingEstimate: {self}"
+
     def __str__(self) -> str:
         low, high = self.interval
         interval = f"{low:.4g} to {high:.4g}" if math.isfinite(low + high) else "no interval"

@@ -13,7 +13,8 @@ from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
 from femimpact.integrators.memory import check_memory, memory_needed
 from femimpact.integrators.methods import Method, require_method
-from femimpact.integrators.threads import Progress, check_progress, run_each, workers_of
+from femimpact.integrators.threads import run_each, workers_of
+from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.channels import Motion, resolve_channels
 from femimpact.response.remarks import deflection_warnings
 from femimpact.response.response import Recorder, Response
@@ -31,7 +32,7 @@ def integrate(
     duration: float,
     record: Recorder | None = None,
     initial: State | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     *,
     threads: int | None = None,
 ) -> Response: ...
@@ -45,12 +46,13 @@ def integrate(
     duration: float,
     record: Recorder | None = None,
     initial: State | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     *,
     threads: int | None = None,
 ) -> tuple[Response, ...]: ...
 
 
+@draws_progress
 def integrate(
     system: System,
     excitation: Excitation | Sequence[Excitation],
@@ -58,7 +60,7 @@ def integrate(
     duration: float,
     record: Recorder | None = None,
     initial: State | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     *,
     threads: int | None = None,
 ) -> Response | tuple[Response, ...]:
@@ -81,8 +83,8 @@ def integrate(
         step. Its memory limit holds for one run.
     initial : State, optional
         At rest in the frame of the base at t = 0 by default. The `final_state` of a response goes on from its end.
-    progress : callable, optional
-        Called with the share done, 0 to 1.
+    progress : callable or bool, optional
+        Called with the share done, 0 to 1; True draws a bar.
     threads : int, optional
         The runs of a sequence are spread over so many, by default as many as there are cores;
         the results do not depend on it, to the last bit.
@@ -108,7 +110,7 @@ def integrate(
     for key, value, kind in given:
         require_type(value, kind, key)
     require_method(method)
-    check_progress(progress)
+    share_done = check_progress(progress)
     workers = workers_of(threads)
     several = isinstance(excitation, Sequence) and not isinstance(excitation, (str, bytes))
     drives: tuple[Any, ...] = tuple(cast(Sequence[Any], excitation)) if several else (excitation,)
@@ -130,7 +132,7 @@ def integrate(
             return response
         return replace(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))
 
-    responses = run_each(run, drives, workers, progress)
+    responses = run_each(run, drives, workers, share_done)
     return responses if several else responses[0]
 
 

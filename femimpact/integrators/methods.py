@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import kind_of, require
 from femimpact.excitation import Excitation
-from femimpact.integrators.answers import AchievedRestitution, MethodCost, SineDwellResults, SineDwells
+from femimpact.integrators.answers import AchievedRestitution, MethodCost, SineCases, SineDwellResults, SineDwells
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.stepping.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
 from femimpact.integrators.threads import Progress
@@ -19,7 +19,7 @@ from femimpact.system.contact_pair import ContactPair
 from femimpact.system.state import State
 from femimpact.system.system import System
 
-__all__ = ["METHODS", "Method", "require_method"]
+__all__ = ["METHODS", "CaseMethod", "Method", "require_method"]
 
 
 class Method(Protocol):
@@ -83,6 +83,16 @@ class Method(Protocol):
         workers: int, progress: Progress | None = None,
     ) -> SineDwellResults:  # fmt: skip
         """Many dwells, read at a place by its row (dofs,), on so many threads; see `frequency_sweep`."""
+
+
+class CaseMethod(Method, Protocol):
+    """A method that also takes cases with gaps, contact laws and starts of their own in one call."""
+
+    def run_cases(
+        self, system: System, cases: SineCases, observed: NDArray[np.float64], instants: int, workers: int,
+        progress: Progress | None = None,
+    ) -> SineDwellResults:  # fmt: skip
+        """Many dwells of one system; see `many_cases.run_cases`."""
 
 
 METHODS: Mapping[str, type[Method]] = {

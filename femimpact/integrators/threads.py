@@ -8,14 +8,13 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-from femimpact.errors import in_range, kind_of, quantity, require
+from femimpact.errors import in_range, quantity, require
+from femimpact.progress import Progress
 
-__all__ = ["Progress", "check_progress", "cores", "run_each", "workers_of"]
+__all__ = ["Progress", "cores", "run_each", "workers_of"]
 
 Case = TypeVar("Case")
 Result = TypeVar("Result")
-Progress = Callable[[float], None]
-"""Called with the share done, 0 to 1."""
 
 
 class _Stopped(Exception):  # noqa: N818 - no error: the caller no longer waits for this run
@@ -25,12 +24,6 @@ class _Stopped(Exception):  # noqa: N818 - no error: the caller no longer waits 
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def check_progress(progress: object) -> None:
-    """Refuse what cannot be called with the share done."""
-    usable = progress is None or (callable(progress) and not isinstance(progress, type))
-    require(usable, "progress", kind_of(progress), "", "must be callable, with the share done")
 
 
 def workers_of(threads: int | None) -> int:

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, column, quantity, require_type, text
+from femimpact.svg.axis import axis_of
+from femimpact.svg.chart import Chart, Line
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
@@ -22,6 +24,9 @@ __all__ = [
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
+
+MOST_DRAWN = 6
+"""Balls and stops whose impacts a notebook shows."""
 
 IMPACT_UNITS = {
     "time": "s",
@@ -117,6 +122,18 @@ class Impacts:
         shown = [name for name in shown if not len(self) or not np.all(self[name] != self[name])]
         title = f"Impacts: {len(self)}{lost}" + (f" (contact law of {laws})" if laws else "")
         return head_of_columns(title, {name: self[name] for name in shown}, IMPACT_UNITS)
+
+    @property
+    def _picture(self) -> Chart | None:
+        """The impulse of every impact over time."""
+        names = list(dict.fromkeys(self.impactor.tolist()))
+        of_each = [(name, self.impactor == name) for name in names]
+        lines = tuple(
+            Line(name, self.time[mine], 1e3 * self.impulse[mine], 1 + i, "dots")
+            for i, (name, mine) in enumerate(of_each)
+        )
+        up = axis_of("impulse (mN s)", self.impulse * 1e3, zero=True)
+        return Chart("", axis_of("time (s)", self.time), up, lines[:MOST_DRAWN]) if lines else None
 
     @property
     def contact_law(self) -> NDArray[np.str_]:

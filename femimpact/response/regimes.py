@@ -96,6 +96,9 @@ class Regime:
     def __post_init__(self) -> None:
         check_fields(self)
 
+    def __repr__(self) -> str:
+        return f"Regime: {self.label} ({self.kind})" if self.kind not in self.label else f"Regime: {self.label}"
+
 
 @dataclass(frozen=True, eq=False)
 class _Window:

@@ -38,6 +38,8 @@ from femimpact.response.regimes import Regime, classify, without_cycle
 from femimpact.response.sections import StroboscopicSection, stroboscopic
 from femimpact.response.signals import SteadyMotion
 from femimpact.structure.structure import Position
+from femimpact.svg.axis import axis_of
+from femimpact.svg.chart import Chart, Line
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.table import Head, frame_of, head_of_values, short_repr
@@ -49,6 +51,9 @@ if TYPE_CHECKING:
 __all__ = ["Recorder", "Response", "Snapshots"]
 
 Array = NDArray[np.float64]
+
+MOST_DRAWN = 3
+"""Channels that a notebook shows."""
 
 
 @dataclass(frozen=True)
@@ -281,6 +286,16 @@ class Response:
         for name, texts in (("warnings", self.warnings), ("notes", self.notes)):
             values[name] = f"{len(texts)}{f': {texts[0]}' if texts else ''}"
         return head_of_values(f"Response: {kept}", values)
+
+    @property
+    def _picture(self) -> Chart | None:
+        """The first displacements over time."""
+        shown = [name for name, unit in self.units.items() if unit == "m" and name in self.channels][:MOST_DRAWN]
+        if not shown or self.time.size < 2:
+            return None
+        lines = tuple(Line(name, self.time, 1e3 * self.channels[name], 1 + i) for i, name in enumerate(shown))
+        up = axis_of("displacement relative to the base (mm)", *(line.y for line in lines))
+        return Chart("", axis_of("time (s)", self.time, tight=True), up, lines)
 
     def __getitem__(self, name: Position) -> Array:
         key = channel_key(name)

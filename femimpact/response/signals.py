@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, checked, column, quantity, real_array, require, require_type
+from femimpact.table import Head, column_units, head_of_columns, short_repr
 
 __all__ = ["CycleStatistics", "SteadyMotion", "no_steady_motion", "steady_motion"]
 
@@ -54,6 +55,7 @@ class CycleStatistics:
         check_fields(self)
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class SteadyMotion:
     """Amplitudes over a window of whole base cycles, and whether the motion was steady there.
@@ -85,6 +87,14 @@ class SteadyMotion:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+    @property
+    def _head(self) -> Head:
+        """Amplitudes by case, the first and the last."""
+        columns = {item.name: getattr(self, item.name) for item in fields(self)}
+        return head_of_columns(
+            f"SteadyMotion: {self.peak.size} case{'s' * (self.peak.size != 1)}", columns, column_units(self)
+        )
 
 
 def steady_motion(

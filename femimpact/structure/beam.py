@@ -24,11 +24,19 @@ class Segment:
     Parameters
     ----------
     length : float, m
+        Along the beam.
     young_modulus : float, Pa
+        Of the material.
     density : float, kg/m^3
-    width, thickness : float, m
+        Of the material.
+    width : float, m
+        Of the rectangle, across the motion; with the thickness.
+    thickness : float, m
+        Of the rectangle, in the direction of motion.
     area : float, m^2
+        Of another section, with the second moment.
     second_moment : float, m^4
+        Of another section, about the axis of bending.
     name : str
         Name of the mesh region that the segment fills.
     end_width, end_thickness : float, m
@@ -156,6 +164,11 @@ class Beam:
         require(len(self.segments) > 0, "segments", "none", "", "must hold at least one segment")
         names = [segment.name for segment in self.segments]
         require(len(set(names)) == len(names), "segments", names, "", "must have distinct names")
+
+    def __repr__(self) -> str:
+        parts = "1 segment" if len(self.segments) == 1 else f"{len(self.segments)} segments"
+        names = ", ".join(segment.name for segment in self.segments)
+        return f"Beam: {self.length:g} m, {self.mass:.4g} kg, {parts}: {names}"
 
     @classmethod
     def uniform(cls, *, length: float, width: float, thickness: float, young_modulus: float, density: float) -> Beam:

@@ -19,9 +19,11 @@ class Spring:
     Parameters
     ----------
     name : str
+        By which it is named; each once.
     at : str or float
         Place on the beam; see `Position`.
     stiffness : float, N/m
+        Force over elongation.
     to : str or float, optional
         The other end's place on the beam; None is the base.
 
@@ -51,9 +53,11 @@ class Dashpot:
     Parameters
     ----------
     name : str
+        By which it is named; each once.
     at : str or float
         Place on the beam; see `Position`.
     damping : float, N s/m
+        Force over speed.
     to : str or float, optional
         The other end's place on the beam; None is the base.
 

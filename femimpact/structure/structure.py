@@ -24,6 +24,7 @@ from femimpact.errors import (
 from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.springs import Dashpot, Spring
+from femimpact.table import Head, head_of_values, short_repr
 
 __all__ = [
     "Beam",
@@ -82,9 +83,11 @@ class PointMass:
     Parameters
     ----------
     name : str
+        By which it is named in results; a place for everything else.
     at : str or float
         Place on the beam; see `Position`.
     mass : float, kg
+        Of the body.
     rotary_inertia : float, kg m^2
         About the body's own centre.
     offset : float, m
@@ -114,6 +117,7 @@ class Support:
     Parameters
     ----------
     kind : {"clamped", "pinned", "guided"}
+        Neither deflection nor slope, no deflection, no slope.
     at : str or float
         Place on the beam; see `Position`.
 
@@ -139,13 +143,16 @@ class Impactor:
     Parameters
     ----------
     name : str
+        By which it is named in results.
     at : str or float
         Place on the beam; see `Position`.
     mass : float, kg
+        Of the ball.
     gap : float or pair of float, m
         Free travel from the centre to each wall (the paper's d1 on the + side, d2 on the - side);
         the total clearance is their sum.
     contact : a contact law
+        Of both walls.
     free_stiffness : float, N/m
         Centring spring between ball and beam, acting everywhere.
     acceleration : float, m/s^2
@@ -187,6 +194,7 @@ class Stop:
     Parameters
     ----------
     name : str
+        By which it is named in results.
     at : str or float
         Place on the beam; see `Position`.
     gap : float or pair of float, m
@@ -194,6 +202,7 @@ class Stop:
         preloads: the undeformed beam would be that far inside the obstacle, and a run starts from the static
         state (`State`) unless its initial state gives displacements.
     contact : a contact law
+        Of both sides.
     fixed_to : {"base", "space"}
         Whether the obstacle moves with the base or is fixed in space.
 
@@ -225,6 +234,7 @@ class Stop:
         return self.gap if isinstance(self.gap, tuple) else (self.gap, self.gap)
 
 
+@short_repr
 @dataclass(frozen=True)
 class Structure:
     """Beam, supports, bodies, balls and stops, and the structure's damping.
@@ -296,6 +306,22 @@ class Structure:
         if beyond:
             raise InputError(beyond)
         self._check_supports()
+
+    @property
+    def _head(self) -> Head:
+        """What stands where on the beam."""
+        lists = ("supports", "masses", "impactors", "stops", "springs", "dashpots")
+        given = {key: [getattr(one, "name", getattr(one, "kind", "")) for one in getattr(self, key)] for key in lists}
+        places = {key: [one.at for one in getattr(self, key)] for key in lists}
+        shown = {
+            key: ", ".join(f"{name} at {place}" for name, place in zip(names, places[key], strict=True))
+            for key, names in given.items()
+            if names
+        }
+        shown["damping"] = "none" if self.damping is None else repr(self.damping)
+        if self.gravity:
+            shown["gravity"] = f"{self.gravity:g} m/s^2"
+        return head_of_values(f"Structure: beam of {self.beam.length:g} m, {self.beam.mass:.4g} kg", shown)
 
     @property
     def attachments(self) -> tuple[tuple[str, PointMass | Impactor | Support | Stop], ...]:

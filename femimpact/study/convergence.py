@@ -11,6 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from femimpact import core
 from femimpact.convergence import (
     ContactStatistics,
     ConvergenceStudy,
@@ -37,10 +38,13 @@ from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
 from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.structure import Position
+from femimpact.study.picture_data import structure_parts
 from femimpact.study.result_directory import prepare_directory
 from femimpact.study.result_files import OTHER_FILES
+from femimpact.study.result_report import add_report
 from femimpact.study.run import Report
 from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
+from femimpact.study.summary import library_versions
 from femimpact.system.system import System
 
 __all__ = ["WrittenConvergence", "write_convergence"]
@@ -145,7 +149,12 @@ def write_convergence(
             report("steps", 1.0)
             _write_steps(folder, step)
             staging.finish_part("steps")
-    return WrittenConvergence(found, statistics, frequencies, step, (*notes, *why), directory)
+        written = WrittenConvergence(found, statistics, frequencies, step, (*notes, *why), directory)
+        tables.write_json(folder / OTHER_FILES["convergence_notes"], _about(study, full, written, accuracy))
+        staging.finish_part("notes")
+    if study.output.report:
+        add_report(directory, report)
+    return written
 
 
 # ---- what is studied ------------------------------------------------------------------------------
@@ -238,6 +247,22 @@ def _statistics(
         f"{modes} modes or fewer"
     )
     return found["mesh"], (words,)
+
+
+def _about(study: Study, system: System, found: WrittenConvergence, accuracy: float) -> dict[str, Any]:
+    """What a report of the tables says besides: the structure, what was studied, notes and versions."""
+    studied = found.tables.tables.values()
+    notes = [note for table in studied for note in table.notes]
+    more = [*found.notes, *found.mesh.notes, *(found.step.notes if found.step else ())]
+    return {
+        "study": study.path.name,
+        "problem": next((table.problem for table in studied), ""),
+        "accuracy": accuracy,
+        "notes": list(dict.fromkeys([*notes, *more])),
+        "versions": library_versions(),
+        "core": core.build_info(),
+        "structure": structure_parts(study.structure, system),
+    }
 
 
 # ---- files ----------------------------------------------------------------------------------------

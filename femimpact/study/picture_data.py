@@ -41,6 +41,8 @@ __all__ = [
     "read_film",
     "read_last_cycles",
     "read_mode_shapes",
+    "read_parts",
+    "structure_parts",
     "write_last_cycles",
     "write_mode_shapes",
     "write_snapshots",
@@ -153,8 +155,7 @@ def write_mode_shapes(path: Path, system: System, modes: Modes, structure: Struc
     text = "deflection and slope at each node in turn, mass-normalised"
     data["shape"] = (("dof", "mode"), shapes, {"units": "kg^-0.5, kg^-0.5/m", "long_name": text})
     data["node"] = ("node", np.array(system.nodes), {"units": "m", "long_name": "distance from the root"})
-    about = _parts(structure) | {"points": dict(system.points), "contacts": _contacts(system)}
-    data[ABOUT] = ((), json.dumps(tables.plain(about)))
+    data[ABOUT] = ((), json.dumps(structure_parts(structure, system)))
     tables.write_netcdf(path, xarray.Dataset(data, attrs={"total_mass_kg": system.total_mass}))
 
 
@@ -184,6 +185,19 @@ def _parts(structure: Structure) -> dict[str, Any]:
         name: [dataclasses.asdict(part) for part in several]
         for name, several in (parts | {"segments": structure.beam.segments}).items()
     }
+
+
+def structure_parts(structure: Structure, system: System) -> dict[str, Any]:
+    """A structure with the places and contacts of its system, in what JSON has."""
+    plain: dict[str, Any] = tables.plain(
+        _parts(structure) | {"points": dict(system.points), "contacts": _contacts(system)}
+    )
+    return plain
+
+
+def read_parts(about: Mapping[str, Any]) -> tuple[Structure, Mapping[str, float], tuple[DrawnContact, ...]]:
+    """What `structure_parts` made: the structure without its contacts, the places, and the contacts."""
+    return _structure(about), about["points"], _drawn_contacts(about)
 
 
 def _structure(about: Mapping[str, Any]) -> Structure:

@@ -33,6 +33,7 @@ from femimpact.study.directory_lock import LOCK, RUNNING, Lock, is_ours
 from femimpact.study.result_files import (
     NAMES,
     PLACES,
+    REPORT,
     SUMMARY,
     earlier_files,
     is_folder,
@@ -40,7 +41,10 @@ from femimpact.study.result_files import (
     result_files,
 )
 
-__all__ = ["ResultsWarning", "Staging", "finish_results", "prepare_directory", "unfinished_state", "update_results"]
+__all__ = [
+    "ResultsWarning", "Staging", "finish_results", "finished_parts", "prepare_directory", "unfinished_state",
+    "update_results",
+]  # fmt: skip
 
 FILES = "files"
 FINISHED = "finished"
@@ -113,11 +117,12 @@ def prepare_directory(directory: str | Path, force: bool = False) -> Iterator[St
     target = Path(directory)
     with _named(target, "output"):
         _check_places(target, PLACES)
+    reported = _holds_parts(target)
     with _taken(target, force) as running:
         with _named(target, None):
             _clear_leftovers(target, running, os.listdir(running))
         # a move that was finished just now has filled it
-        _check_target(target, force)
+        _check_target(target, force, reported)
         staging = Staging(target, running / FILES)
         with _named(target, "output"):
             staging.folder.mkdir()
@@ -191,7 +196,8 @@ def finish_results(directory: str | Path, force: bool = False) -> tuple[str, ...
         require(left is not None, "directory", str(target), "", "holds no unfinished results")
         if left is _Left.PARTS:
             allowed = f"holds earlier results, which {', '.join(parts)} of a later run would replace: --force"
-            require(force or not earlier_files(target), "directory", str(target), "", allowed)
+            earlier = [name for name in earlier_files(target) if name != REPORT]
+            require(force or not earlier, "directory", str(target), "", allowed)
             _gather(running / FINISHED)
             _commit(target, running)
         _move_noted(target, running)
@@ -250,7 +256,7 @@ def _part_names(running: Path) -> tuple[str, ...]:
 @contextmanager
 def _taken(target: Path, occupied: bool) -> Iterator[Path]:
     """The folder of a run in a directory that no other process writes into; what of the two stays empty goes."""
-    _check_target(target, occupied)
+    _check_target(target, occupied, _holds_parts(target))
     made = [folder for folder in (target, *target.parents) if not folder.exists()]
     try:
         with _named(target, "output"):
@@ -269,19 +275,32 @@ def _taken(target: Path, occupied: bool) -> Iterator[Path]:
                 folder.rmdir()
 
 
-def _check_target(target: Path, occupied: bool) -> None:
-    """Refuse what cannot be the directory of a run, or holds something where it must not."""
+def _check_target(target: Path, occupied: bool, reported: bool) -> None:
+    """Refuse what cannot be the directory of a run, or holds something where it must not.
+
+    Where it holds, or held, parts of an ended run, a report is `reported`: one of these, which may be there.
+    """
     with _named(target, "output"):
         allowed = "must be a directory: this is a file"
         require(not target.exists() or target.is_dir(), "output", str(target), "", allowed)
         if occupied or not target.is_dir():
             return
-        held = any(item.name != RUNNING for item in target.iterdir())
+        held = any(item.name != RUNNING and not (reported and item.name == REPORT) for item in target.iterdir())
     left = _left(target / RUNNING)
     if left is _Left.STRANGE or (held and left is _Left.MOVE):
         state = "another run is writing into it" if Lock.is_held(target / RUNNING) else _in_words(left, target)
         raise InputError([Fault("output", str(target), "", state)])
     require(not held, "output", str(target), "", "exists already: choose another directory with -o, or --force")
+
+
+def _holds_parts(target: Path) -> bool:
+    """Whether a directory holds parts of an ended run: a report beside them is of these."""
+    return _left(target / RUNNING) is _Left.PARTS
+
+
+def finished_parts(target: Path) -> Path | None:
+    """The folder with the files of an ended run's finished parts; None where there is none."""
+    return target / RUNNING / FINISHED if _holds_parts(target) else None
 
 
 def _check_places(target: Path, names: Iterable[str]) -> None:

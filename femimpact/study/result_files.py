@@ -16,6 +16,7 @@ __all__ = [
     "NAMES",
     "OTHER_FILES",
     "PLACES",
+    "REPORT",
     "SUMMARY",
     "earlier_files",
     "is_file",
@@ -77,10 +78,14 @@ OTHER_FILES = {
     "quantities_over_modes_figure": "quantities_over_modes.png",
     "statistics_over_mesh": "statistics_over_mesh.csv",
     "convergence_summary": "convergence_summary.csv",
+    "parameter_study": "study.nc",
+    "parameter_table": "study.csv",
+    "convergence_notes": "convergence.json",
+    "report": "report.html",
 }
 """What is left besides: one file of deflections where the study has `vtkhdf`, what a history leaves in which something
-stuck (and its name in results of earlier versions), the record of the base, and what a table of contacts, a movie
-without an encoder, the demo and a convergence study leave."""
+stuck (and its name in results of earlier versions), the record of the base, what a table of contacts, a movie
+without an encoder, the demo, a convergence study and a parameter study leave, and the report of any of them."""
 
 NAMES = sorted((*FILES.values(), *OTHER_FILES.values()), key=lambda name: (name == SUMMARY, name))
 """All of them, the summary last."""
@@ -92,6 +97,9 @@ FRAME = re.compile(r"[0-9]{4,}\.vtu")
 
 PLACES = (*NAMES, *(f"{scene}/0000.vtu" for scene in SCENES))
 """Every name, with one frame of each scene."""
+
+REPORT = OTHER_FILES["report"]
+"""It is made from the other files, and can be made again at any time."""
 
 INPUTS = frozenset({FILES["study"], OTHER_FILES["base_record"]})
 """What a run is made from: it goes only where another run brings its own, for it may be the user's."""

@@ -29,6 +29,7 @@ __all__ = [
     "checksum",
     "load",
     "read_dataset",
+    "read_json",
     "read_sticking",
     "read_summary",
     "read_table",
@@ -183,6 +184,26 @@ def read_summary(folder: Path) -> dict[str, Any]:
     if CHECKSUMS in summary and summary.get(OWN_CHECKSUM) != _of_summary(summary):
         _warn_changed(path)
     return summary
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """A file of plain data; nothing where there is none.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or holds no table.
+    """
+    if not path.exists():
+        return {}
+    try:
+        with open_regular(path) as file:
+            data = json.loads(file.read().decode("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise _damaged(path, _in_words(error)) from None
+    if not isinstance(data, dict):
+        raise _damaged(path, "no table")
+    return data
 
 
 def read_dataset(folder: Path, name: str, summary: Mapping[str, Any]) -> xarray.Dataset | None:

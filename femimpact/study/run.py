@@ -27,6 +27,7 @@ from femimpact.study.prepared import PARTS, PreparedStudy, last_cycles_start, pr
 from femimpact.study.recorded_motion import RecordedMotion
 from femimpact.study.result_directory import Staging, prepare_directory
 from femimpact.study.result_files import FILES, OTHER_FILES
+from femimpact.study.result_report import add_report
 from femimpact.study.results import STICKING_FILE, StudyResults, load, write_summary
 from femimpact.study.study import Study, assemble_on
 from femimpact.study.study_text import study_text, with_record
@@ -223,6 +224,8 @@ def run_study(
             found = replace(found, sweeps=run_sweep(prepared, report))
             keep_sweeps(staging, prepared, found)
         keep_pictures(staging, prepared, found, report)
+    if study.output.report:
+        add_report(directory, report)
     return load(directory)
 
 

@@ -23,7 +23,7 @@ SIGNALS: Mapping[str, tuple[type[Signal], Mapping[str, str]]] = {
 }
 """Each kind of [base]: its noun, and the keys of a study file whose fields have another name."""
 
-OWN = ("history", "start")
+OWN = ("history", "initial")
 """Keys of [base] that are not the noun's."""
 
 
@@ -39,8 +39,8 @@ class SignalMotion:
         here, a shock's `pulse`.
     history : float or None, s
         Of the simulated history; None is the duration of the motion. A shock needs one.
-    start : {"base", "space", "static"}
-        As of `BaseMotion`.
+    initial : {"base", "space", "static"}
+        As the start of `BaseMotion`; a chirp has a start of its own, in Hz.
 
     Raises
     ------
@@ -54,7 +54,7 @@ class SignalMotion:
     kind: str = field(metadata=choice(*SIGNALS))
     values: tuple[tuple[str, Any], ...]
     history: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
-    start: str = field(default="base", metadata=choice("base", "space", "static"))
+    initial: str = field(default="base", metadata=choice("base", "space", "static"))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -77,6 +77,11 @@ class SignalMotion:
             raise InputError([replace(fault, key=back.get(fault.key, fault.key)) for fault in error.faults]) from None
 
     @property
+    def start(self) -> str:
+        """Where everything is at rest at t = 0."""
+        return self.initial
+
+    @property
     def frequency(self) -> float:
         """The highest one, Hz: there is no cycle."""
         return float(self.excitation.frequency)
@@ -94,7 +99,7 @@ class SignalMotion:
     @property
     def table(self) -> dict[str, Any]:
         """What a study file has in [base] of it."""
-        own = {"history": self.history, "start": None if self.start == "base" else self.start}
+        own = {"history": self.history, "initial": None if self.initial == "base" else self.initial}
         given = {name: value for name, value in own.items() if value is not None}
         return {"kind": self.kind, **dict(self.values), **given}
 

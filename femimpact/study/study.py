@@ -26,6 +26,7 @@ from femimpact.fem.mesh import Mesh
 from femimpact.fem.mesh_files import read_mesh
 from femimpact.integrators.methods import METHODS, Method
 from femimpact.structure.structure import Structure
+from femimpact.study.parameter_plan import ParameterPlan
 from femimpact.study.recorded_motion import RecordedMotion
 from femimpact.study.signal_motion import Signal, SignalMotion
 from femimpact.system.reduction import reduce
@@ -54,6 +55,13 @@ __all__ = [
 class MeshChoice:
     """`[mesh]`: a number of elements, or a mesh file beside the study.
 
+    Parameters
+    ----------
+    elements : int
+        How many; each is at most as long as the others, between the places that have to be nodes.
+    file : str
+        Path of a Gmsh 4.1 file, from the folder of the study file.
+
     Raises
     ------
     InputError
@@ -73,6 +81,11 @@ class MeshChoice:
 class Reduction:
     """`[reduction]`: how many normal modes are kept.
 
+    Parameters
+    ----------
+    modes : int
+        The lowest so many. Without the table the run is in the dofs of the mesh.
+
     Raises
     ------
     InputError
@@ -88,6 +101,11 @@ class Reduction:
 @dataclass(frozen=True)
 class Gravity:
     """`[gravity]`: a constant acceleration along the deflection, of beam, bodies and balls (`Structure.gravity`).
+
+    Parameters
+    ----------
+    acceleration : float, m/s^2
+        Positive towards +w; -9.81 pulls down.
 
     Raises
     ------
@@ -105,7 +123,18 @@ class Gravity:
 class BaseMotion:
     """`[base]`: amplitude of the sine; frequency, phase and duration of the simulated history; start.
 
-    The start is at rest relative to the base, at rest in the inertial frame, or the static state (`State.static`).
+    Parameters
+    ----------
+    amplitude : float, m
+        Of the base's displacement, of the history and of the sweep.
+    frequency : float, Hz
+        Of the simulated history.
+    duration : float, s
+        Of the simulated history.
+    phase : float, rad
+        Of the sine at t = 0.
+    start : {"base", "space", "static"}
+        At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
 
     Raises
     ------
@@ -145,6 +174,17 @@ class BaseMotion:
 class SweepPlan:
     """`[sweep]`: an even grid, and how many points refine it around each resonance.
 
+    Parameters
+    ----------
+    start, stop : float, Hz
+        First and last frequency of the even grid.
+    points : int
+        Of the even grid.
+    cycles : int
+        Of the base at each frequency; the last third is measured.
+    refine : int
+        Points added around each resonance.
+
     Raises
     ------
     InputError
@@ -166,15 +206,31 @@ class SweepPlan:
 class Output:
     """`[output]`: what is written.
 
-    `interval`: time (s) between the instants at which an event-driven history is read (absent: under a sine
-    `samples_per_cycle` of the method, under a record what its samples and the highest mode need); `every`: one of so
-    many samples is kept in the history, which are steps of a method that has them (absent: one of 10, or of fewer
-    where a base cycle would have less than 20, and all of an event-driven run); `channels` are kept in
-    it besides those of the tip, the middle, the balls and the contacts, by their names (see
-    `response.channels.QUANTITIES`), as "root.reaction_force"; `frames` whole deflections are kept over the last
-    `frame_cycles` base cycles for ParaView and the movie; `exaggeration` scales the motion there (absent: chosen by the
-    movie, 1 for ParaView); with `vtkhdf` the deflections are in one temporal VTKHDF file too; a run that would keep
-    more than `memory_limit` is refused.
+    Parameters
+    ----------
+    every : int
+        One of so many samples is kept in the history, which are steps of a method that has them. Absent: one of 10, or
+        of fewer where a base cycle would have less than 20, and all of an event-driven run.
+    interval : float, s
+        Time between the instants at which an event-driven history is read. Absent: under a sine `samples_per_cycle` of
+        the method, under a record what its samples and the highest mode need.
+    channels : sequence of str
+        Kept in the history besides those of the tip, the middle, the balls and the contacts, by their names (see
+        `response.channels.QUANTITIES`), as "root.reaction_force".
+    frames : int
+        Whole deflections that are kept for ParaView and the movie.
+    frame_cycles : float
+        Last base cycles over which they are spread.
+    exaggeration : float
+        Scales motion and gaps there. Absent: chosen by the movie, 1 for ParaView.
+    memory_limit : float, bytes
+        A run that would keep more is refused.
+    figures, paraview, movie : bool
+        Whether they are made.
+    vtkhdf : bool
+        Whether the deflections are in one temporal VTKHDF file too.
+    report : bool
+        Whether `report.html` is written.
 
     Raises
     ------
@@ -193,6 +249,7 @@ class Output:
     paraview: bool = field(default=True, metadata=truth())
     vtkhdf: bool = field(default=False, metadata=truth())
     movie: bool = field(default=True, metadata=truth())
+    report: bool = field(default=True, metadata=truth())
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -217,6 +274,8 @@ class Study:
     path : Path
     text : str
         The file as read; what is kept with the results is `study_text.study_text`.
+    plan : ParameterPlan or None
+        The axes and measures of a parameter study.
 
     Raises
     ------
@@ -235,12 +294,15 @@ class Study:
     output: Output = field(metadata=instance(Output))
     path: Path = field(metadata=instance(Path))
     text: str = field(metadata=text())
+    plan: ParameterPlan | None = field(default=None, metadata=optional(instance(ParameterPlan)))
 
     def __post_init__(self) -> None:
         check_fields(self)
         require_name(self.method.get("name", "newmark"), METHODS, "method.name")
         if self.sweep is not None:
             sine_of(self, "sweep")
+        if self.plan is not None:
+            sine_of(self, "study")
 
     @property
     def excitation(self) -> Sine | RecordedBase | Signal:

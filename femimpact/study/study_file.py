@@ -22,11 +22,12 @@ from femimpact.regular_file import read_regular
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.springs import Dashpot, Spring
 from femimpact.structure.structure import Beam, Impactor, PointMass, Segment, Stop, Structure, Support
+from femimpact.study.parameter_plan import DISTRIBUTIONS, ParameterPlan, SamplePlan, axis_from
 from femimpact.study.recorded_motion import RecordedMotion, record_beside
 from femimpact.study.signal_motion import OWN, SIGNALS, SignalMotion
 from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
 
-__all__ = ["load_study", "read_study"]
+__all__ = ["LAWS", "TABLES", "chosen_later", "load_study", "read_study"]
 
 LAWS: Mapping[str, tuple[Any, Mapping[str, Any]]] = {
     "kelvin-voigt": (KelvinVoigt, {}),
@@ -168,6 +169,7 @@ def _from_tables(data: Mapping[str, Any], path: Path, text: str) -> Study:
         output=made.get("output") or Output(),
         path=path,
         text=text,
+        plan=made.get("study"),
     )
 
 
@@ -344,16 +346,46 @@ def _method(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
         faults.append(Fault(f"{prefix}.name", name, "", allowed))
         return None
     noun = METHODS[name]
-    found = _model_faults(_model_of(noun, optional=_chosen(noun)), noun, prefix, settings)
+    found = _model_faults(_model_of(noun, optional=chosen_later(noun)), noun, prefix, settings)
     # what may be left out is chosen later: any will do to check the rest together
-    stand_in = dict.fromkeys(_chosen(noun), 1.0)
+    stand_in = dict.fromkeys(chosen_later(noun), 1.0)
     if not found:
         _collected(prefix, lambda: noun(**{**stand_in, **settings}), found)
     faults += found
     return {"name": name, **settings}
 
 
-def _chosen(noun: Any) -> tuple[str, ...]:
+def _plan(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    """Axes and sample are tables within the table."""
+    before, inner = len(faults), {"axes": values.get("axes", {}), "sample": values.get("sample")}
+    for name, table in inner.items():
+        if table is not None and not isinstance(table, dict):
+            faults.append(Fault(f"{prefix}.{name}", table, "", f"must be a table, [{prefix}.{name}]"))
+    if isinstance(inner["axes"], dict) and not inner["axes"]:
+        faults.append(Fault(f"{prefix}.axes", None, "", f"table [{prefix}.axes] is missing"))
+    if len(faults) > before:
+        return None
+    axes = {
+        path: _collected("", partial(axis_from, f"{prefix}.axes.{path}", given), faults)
+        for path, given in _flat(inner["axes"]).items()
+    }
+    sample = _noun(SamplePlan, f"{prefix}.sample", inner["sample"], faults) if inner["sample"] is not None else None
+    rest = {key: value for key, value in values.items() if key not in inner}
+    plan = _noun(ParameterPlan, prefix, rest, faults, axes=axes, **({"sample": sample} if inner["sample"] else {}))
+    return plan if len(faults) == before else None
+
+
+def _flat(axes: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Axes by their whole paths: without quotes TOML takes the dots of a path for tables in one another."""
+    flat: dict[str, Any] = {}
+    for name, given in axes.items():
+        inner = isinstance(given, dict) and any(isinstance(value, (dict, list)) for value in given.values())
+        inner = inner and not set(given) <= set(DISTRIBUTIONS)
+        flat |= _flat(given, f"{prefix}{name}.") if inner else {f"{prefix}{name}": given}
+    return flat
+
+
+def chosen_later(noun: Any) -> tuple[str, ...]:
     """Fields of a method that a study may leave to `Method.for_system`: those without a default."""
     return tuple(item.name for item in dataclasses.fields(noun) if item.default is dataclasses.MISSING)
 
@@ -374,4 +406,5 @@ TABLES: Mapping[str, _Table] = {
     "method": _Table(_method),
     "sweep": _Table(partial(_noun, SweepPlan)),
     "output": _Table(partial(_noun, Output)),
+    "study": _Table(_plan),
 }

@@ -10,6 +10,7 @@ from typing import Any
 
 from femimpact.contact import ContactLaw
 from femimpact.errors import InputError
+from femimpact.study.parameter_plan import AxisValues, Distribution, ParameterPlan
 from femimpact.study.signal_motion import SignalMotion
 from femimpact.study.study import Study
 from femimpact.study.study_file import LAWS, read_study
@@ -84,6 +85,16 @@ def _lines(study: Study) -> Iterator[str]:
     if study.sweep is not None:
         yield from _table("[sweep]", _given(study.sweep))
     yield from _table("[output]", _given(study.output))
+    if study.plan is not None:
+        yield from _plan(study.plan)
+
+
+def _plan(plan: ParameterPlan) -> Iterator[str]:
+    own = _given(plan)
+    yield from _table("[study]", {name: own[name] for name in own if name not in ("axes", "sample")})
+    yield from _table("[study.axes]", {json.dumps(path): axis for path, axis in plan.axes.items()})
+    if plan.sample is not None:
+        yield from _table("[study.sample]", {"points": plan.sample.points, **_given(plan.sample)})
 
 
 def _given(noun: Any) -> dict[str, Any]:
@@ -120,6 +131,10 @@ def _value(value: Any) -> str:
     if isinstance(value, str):
         # a basic string of TOML is one of JSON, but for the character "delete"
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
+    if isinstance(value, AxisValues):
+        return _value(value.values)
+    if isinstance(value, Distribution):
+        return f"{{ {value.name} = {_value(value.numbers)} }}"
     if isinstance(value, (tuple, list)):
         return f"[{', '.join(map(_value, value))}]"
     return repr(value)

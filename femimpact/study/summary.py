@@ -31,7 +31,7 @@ from femimpact.sweep import FrequencyResponse, on_grid
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import Modes
 
-__all__ = ["Spread", "SweepPair", "contacts_of", "spread_of", "summary_of"]
+__all__ = ["Spread", "SweepPair", "contacts_of", "library_versions", "spread_of", "summary_of"]
 
 RESTITUTION_MISSED = 0.1
 """Difference between a law's restitution and the median seen in a run that is warned of."""
@@ -183,7 +183,7 @@ def summary_of(
     warnings = list(prepared.warnings)
     summary: dict[str, Any] = {
         "study": str(study.path.name),
-        "versions": _versions(),
+        "versions": library_versions(),
         "core": core.build_info(),
         "method": str(study.method.get("name", "newmark")),
         "step": getattr(method, "dt", math.nan),
@@ -308,6 +308,7 @@ def _restitution_warnings(contacts: dict[str, Any]) -> list[str]:
     ]
 
 
-def _versions() -> dict[str, str]:
+def library_versions() -> dict[str, str]:
+    """Versions of Python, femimpact and the libraries that results hang on."""
     names = ("femimpact", "numpy", "scipy", "scikit-fem", "numba", "xarray", "pyvista", "meshio")
     return {"python": platform.python_version(), **{name: importlib.metadata.version(name) for name in names}}

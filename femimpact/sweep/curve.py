@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.errors import check_fields, choice, column, optional, place, quantity, real_array, require, text
 from femimpact.identification import DampingEstimate, fit_one_pole, half_power
 from femimpact.structure.structure import Position
+from femimpact.svg.axis import axis_of
+from femimpact.svg.chart import Chart, Line
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
@@ -194,6 +196,17 @@ class FrequencyResponse:
         if np.any(self.is_sample):
             units["steadiness"] = "* one start"
         return head_of_columns(title, columns, units, dict.fromkeys(SWEEP_UNITS, self.is_sample))
+
+    @property
+    def _picture(self) -> Chart | None:
+        """The peak over the frequency."""
+        if not np.any(np.isfinite(self.peak)):
+            return None
+        order = np.argsort(self.frequency, kind="stable")
+        line = Line("peak", self.frequency[order], 1e3 * self.peak[order], marked=self.is_sample[order])
+        note = f"Dots: {ONE_START}." if np.any(self.is_sample) else ""
+        frequency = axis_of("frequency of the base (Hz)", line.x, tight=True)
+        return Chart("", frequency, axis_of("peak (mm)", line.y, zero=True), (line,), note=note)
 
     @property
     def is_sample(self) -> NDArray[np.bool_]:

@@ -13,7 +13,8 @@ from femimpact.errors import DivergenceError, require
 from femimpact.excitation import Sine
 from femimpact.integrators.answers import SineCases
 from femimpact.integrators.methods import Method
-from femimpact.integrators.threads import Progress, run_each
+from femimpact.integrators.threads import run_each
+from femimpact.progress import Progress
 from femimpact.response.channels import Channel, channel_of
 from femimpact.response.energy import BALANCED
 from femimpact.response.impacts import ImpactStatistics

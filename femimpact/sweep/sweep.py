@@ -17,7 +17,8 @@ from femimpact.identification import peak_resolution, resolution_warnings
 from femimpact.integrators.answers import SineCases, SineDwells
 from femimpact.integrators.many_cases import run_cases
 from femimpact.integrators.methods import Method, require_method
-from femimpact.integrators.threads import Progress, check_progress, workers_of
+from femimpact.integrators.threads import workers_of
+from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.channels import Channel, channel_of
 from femimpact.response.remarks import deflection_warnings
 from femimpact.structure.damping import realised_damping_ratio
@@ -55,7 +56,7 @@ def frequency_sweep(
     at: Position = "tip",
     ledger: bool = True,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
 ) -> dict[str, FrequencyResponse]: ...
 
 
@@ -76,10 +77,11 @@ def frequency_sweep(
     at: Position = "tip",
     ledger: bool = True,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
 ) -> FrequencyResponse: ...
 
 
+@draws_progress
 def frequency_sweep(
     system: System,
     amplitude: float | None = None,
@@ -96,7 +98,7 @@ def frequency_sweep(
     at: Position = "tip",
     ledger: bool = True,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
 ) -> FrequencyResponse | dict[str, FrequencyResponse]:
     """Stepped-sine sweep: each frequency a run of its own from the initial state, or from the last one's end.
 
@@ -130,8 +132,8 @@ def frequency_sweep(
         Keep the energy residual of every case; costs about half as much again, event-driven up to as much again.
     threads : int, optional
         The number of cores by default; the results do not depend on it, to the last bit. A chain takes one.
-    progress : callable, optional
-        Called with the share done, 0 to 1.
+    progress : callable or bool, optional
+        Called with the share done, 0 to 1; True draws a bar.
 
     Returns
     -------
@@ -153,7 +155,7 @@ def frequency_sweep(
     require_type(state, State, "initial")
     require_method(method)
     method = cast(Method, method)
-    check_progress(progress)
+    report = check_progress(progress)
     state = replace(state, time=0.0)
     one = (amplitude is None) != (acceleration is None)
     given = None if amplitude is None else "both"
@@ -193,7 +195,7 @@ def frequency_sweep(
         run = ["up", "down"] if both else [str(direction)]
         forward = list(range(f.size))
         chain = [number for way in run for number in (forward if way == "up" else forward[::-1])]
-        runs = dwell_chain(system, cases, chain, method, measured, ledger, progress)
+        runs = dwell_chain(system, cases, chain, method, measured, ledger, report)
         parts = {way: runs[i * f.size : (i + 1) * f.size] for i, way in enumerate(run)}
         curves = {
             way: _curve(
@@ -205,14 +207,14 @@ def frequency_sweep(
         return curves if both else curves[run[0]]
     row = _row(system, measured)
     if row is None:
-        runs = dwells_apart(system, cases, method, measured, ledger, workers, progress)
+        runs = dwells_apart(system, cases, method, measured, ledger, workers, report)
         return _curve(system, method, dwells, columns_of_runs(runs, f, ledger), about)
     # methods with steps end a run whose observed value leaves all bounds of a displacement
     scale = 1.0 if measured.unit == "m" else 2.0 ** math.ceil(math.log2(max(float(np.max(np.abs(row))), 1e-300)))
     if acceleration is None:
-        found = method.run_dwells(system, dwells, state, row / scale, ledger, workers, progress)
+        found = method.run_dwells(system, dwells, state, row / scale, ledger, workers, report)
     else:
-        found = run_cases(system, cases, method, row / scale, int(ledger), workers, progress)
+        found = run_cases(system, cases, method, row / scale, int(ledger), workers, report)
     columns, warnings = columns_of_dwells(found, f, ledger)
     columns |= {name: scale * columns[name] for name in OF_THE_CHANNEL}
     return _curve(system, method, dwells, (columns, warnings), about)

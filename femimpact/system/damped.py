@@ -15,7 +15,7 @@ from femimpact.system.modes import Modes, solve_modes
 from femimpact.system.reactions import damped_reactions
 from femimpact.system.system import System
 
-__all__ = ["damped_with_modes", "with_damping"]
+__all__ = ["damped_with_modes", "rayleigh_of", "with_damping"]
 
 
 def with_damping(system: System, damping: Rayleigh | ModalDamping | None) -> System:
@@ -55,7 +55,7 @@ def damped_with_modes(system: System, damping: Rayleigh | ModalDamping | None) -
     modes = solve_modes(system, count)
     if isinstance(damping, ModalDamping):
         return _by_modes(system, modes, np.array(damping.each)), modes
-    alpha, beta = (0.0, 0.0) if damping is None else _rayleigh(damping, 2.0 * math.pi * modes.natural_frequency)
+    alpha, beta = (0.0, 0.0) if damping is None else rayleigh_of(damping, 2.0 * math.pi * modes.natural_frequency)
     damped = replace(
         system,
         C=sparse.csr_array(system.C.shape) if damping is None else sparse.csr_array(alpha * system.M + beta * system.K),
@@ -66,7 +66,8 @@ def damped_with_modes(system: System, damping: Rayleigh | ModalDamping | None) -
     return damped, modes
 
 
-def _rayleigh(damping: Rayleigh, omega: NDArray[np.float64]) -> tuple[float, float]:
+def rayleigh_of(damping: Rayleigh, omega: NDArray[np.float64]) -> tuple[float, float]:
+    """Coefficients alpha (1/s) and beta (s) of a damping on a structure with the angular frequencies omega (rad/s)."""
     ratio = damping.ratio if isinstance(damping.ratio, tuple) else (damping.ratio, damping.ratio)
     if damping.modes:
         first, second = damping.modes

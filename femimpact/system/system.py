@@ -34,6 +34,8 @@ from femimpact.errors import (
     suggestion,
 )
 from femimpact.structure.structure import Impactor, Position, Stop
+from femimpact.svg.axis import axis_of
+from femimpact.svg.chart import Chart, Line
 from femimpact.system.consistency import (
     TOGETHER,
     SystemOrigin,
@@ -53,6 +55,9 @@ from femimpact.table import Head, head_of_values, short_repr
 __all__ = ["System", "SystemOrigin", "without_impactors"]
 
 Array = NDArray[np.float64]
+
+MOST_DRAWN = 6
+"""Contacts that a notebook shows."""
 
 ALIKE = 1e-6
 """Relative difference of omega^2 below which two modes count as one first mode."""
@@ -272,6 +277,22 @@ class System:
             body = "stop" if pair.is_stop else f"{pair.mass:.5g} kg"
             values[pair.name] = f"{body}, gaps {pair.gaps[0]:.5g} and {pair.gaps[1]:.5g} m, {pair.law.name}"
         return head_of_values(f"System: {self.dofs} dofs, contacts: {len(self.contacts)}", values)
+
+    @property
+    def _picture(self) -> Chart | None:
+        """The beam's nodes, and the walls of its contacts across it."""
+        if self.nodes.size < 2:
+            return None
+        nodes = 1e3 * np.asarray(self.nodes)
+        lines = [Line("beam and its nodes", nodes, 0.0 * nodes, 0, marked=np.ones(nodes.size, dtype=bool))]
+        for i, pair in enumerate(self.contacts[:MOST_DRAWN]):
+            walls = 1e3 * np.array([-pair.gaps[1], pair.gaps[0]])
+            known = walls[np.isfinite(walls)]
+            name = f"{pair.name}, {'gaps of the stop' if pair.is_stop else 'free travel'}"
+            style = "dots" if pair.is_stop or known.size < 2 else "line"
+            lines.append(Line(name, np.full(known.size, 1e3 * pair.position), known, 1 + i, style))
+        across = axis_of("distance from the root (mm)", *(line.x for line in lines))
+        return Chart("", across, axis_of("across the beam (mm)", *(line.y for line in lines)), tuple(lines))
 
     @property
     def balls(self) -> tuple[ContactPair, ...]:

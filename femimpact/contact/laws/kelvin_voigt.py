@@ -33,7 +33,9 @@ class KelvinVoigt:
     Parameters
     ----------
     stiffness : float, N/m
+        Of the spring.
     damping : float, N s/m
+        Of the dashpot.
     restitution : float, 1
         Rebound over approach speed of the ball against the effective mass of the pair.
     contact_time : float, s

@@ -66,6 +66,7 @@ class PowerLaw:
         The one that the author's loss factor is made for.
     loss : {"none", "hunt-crossley", "lankarani-nikravesh", "flores", "exact"}
     exponent : float, 1
+        n of the force: 3/2 for a sphere.
     reference_speed : float, m/s
         At which the contact time of step recommendations is taken; it goes with v^-1/5 for n = 3/2.
 

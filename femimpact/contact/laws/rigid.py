@@ -23,6 +23,7 @@ class Rigid:
     Parameters
     ----------
     restitution : float, 1
+        Speed after an impact over that before it.
 
     Raises
     ------

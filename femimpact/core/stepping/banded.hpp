@@ -30,8 +30,8 @@ template <class Value>
             store(rate, v.row(j), c);
             r3 = fma(op.drive_load(j), acting, r3);
             if (averaged) {
-                u = fma(-s.alpha_f, increment, u);
-                rate = fma(-s.alpha_f, gain, rate);
+                u = without(s.alpha_f, increment, u);
+                rate = without(s.alpha_f, gain, rate);
                 r0 = fma(narrow(t + 11), old, r0);
                 r1 = fma(narrow(t + 22), old, r1);
                 r2 = fma(narrow(t + 33), old, r2);
@@ -90,27 +90,27 @@ template <class Value>
         rate = gain + rate;
         store(u, m.q.row(i), c);
         store(rate, m.v.row(i), c);
-        store(fma(-s.alpha_f, increment, u), u_felt.row(i), c);
-        store(fma(-s.alpha_f, gain, rate), v_felt.row(i), c);
+        store(without(s.alpha_f, increment, u), u_felt.row(i), c);
+        store(without(s.alpha_f, gain, rate), v_felt.row(i), c);
     }
     for (Index i = 0; i < n; i++) {
         Value value = op.drive_load(i) * acting;
         const Index begin = larger(Index(0), i - bands + 1);
         for (Index j = begin; j < smaller(n, i + bands); j++) {
             const Index k = i > j ? i - j : j - i, first = smaller(i, j);
-            value = fma(-op.stiffness_band(k, first), load<Value>(u_felt.row(j), c), value);
-            value = fma(-op.damping_band(k, first), load<Value>(v_felt.row(j), c), value);
+            value = without(op.stiffness_band(k, first), load<Value>(u_felt.row(j), c), value);
+            value = without(op.damping_band(k, first), load<Value>(v_felt.row(j), c), value);
             if (s.alpha_m != 0.0 && k < op.mass_band.shape[0])
-                value = fma(-s.alpha_m * op.mass_band(k, first), load<Value>(m.a.row(j), c), value);
+                value = without(s.alpha_m * op.mass_band(k, first), load<Value>(m.a.row(j), c), value);
         }
         for (Index j = begin; j < i; j++)
-            value = fma(-lower(i - j, j), load<Value>(rhs.row(j), c), value);
+            value = without(lower(i - j, j), load<Value>(rhs.row(j), c), value);
         store(lower(0, i) * value, rhs.row(i), c);
     }
     for (Index i = n - 1; i >= 0; i--) {
         Value value = load<Value>(rhs.row(i), c);
         for (Index j = i + 1; j < smaller(n, i + bands); j++)
-            value = fma(-lower(j - i, i), load<Value>(m.a.row(j), c), value);
+            value = without(lower(j - i, i), load<Value>(m.a.row(j), c), value);
         value = lower(0, i) * value;
         store(value, m.a.row(i), c);
         store(fma(s.correct_u, value, load<Value>(m.q.row(i), c)), m.q.row(i), c);

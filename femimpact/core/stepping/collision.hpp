@@ -51,11 +51,12 @@ inline Collision collide(const Law &law, double mass, double speed, double start
     m.to_modes = {still, {1, 0}};
     cases.record.tally = {tally, {4}};
     cases.pair_scratch = {scratch, {6, 1}};
+    const FreeBall free = free_ball(s);
     double peak = 0.0;
     for (; tally[0] < MOST_STEPS && law.refused[0] == 0.0 && magnitude(ball[RATE]) < INFINITE; tally[0]++) {
         if (s.rigid)
             look_ahead<double>(0, 0, 0.5 * s.dt, cases.pairs, m);
-        const unsigned reached = step_ball(0, 0, 0.0, 0.0, s, cases.pairs, m);
+        const unsigned reached = step_ball(0, 0, 0.0, 0.0, free, s, cases.pairs, m);
         keep_rate(0, 0, 0.0, m);
         if (reached) {
             contact_step(0, double(tally[0] + 1) * s.dt, op, s, cases);

@@ -35,15 +35,21 @@ template <class Value>
 [[gnu::always_inline]] inline Place<Value> step_modes(const ModalStep &modes, GivenArray row, const Scheme &s,
                                                       const Motion &m, Index c, Value acting) {
     Place<Value> place = {Value{}, Value{}};
-    for (Index i = 0; i < m.q.shape[0]; i++) {
-        Value u = load<Value>(m.q.row(i), c), rate = load<Value>(m.v.row(i), c), old = load<Value>(m.a.row(i), c);
-        Value given = fma(-modes.inertia(i), old, modes.load(i) * acting);
-        Value acceleration = fma(-modes.stiffness(i), u, fma(-modes.damping(i), rate, given));
-        Value u_new = fma(s.correct_u, acceleration, fma(s.predict_u, old, fma(s.dt, rate, u)));
-        Value v_new = fma(s.correct_v, acceleration, fma(s.predict_v, old, rate));
-        store(acceleration, m.a.row(i), c);
-        store(u_new, m.q.row(i), c);
-        store(v_new, m.v.row(i), c);
+    // copies: what is written to the state below is none of them
+    const double dt = s.dt, predict_u = s.predict_u, predict_v = s.predict_v;
+    const double correct_u = s.correct_u, correct_v = s.correct_v;
+    const ModalStep of = modes;
+    const Matrix q = m.q, v = m.v, a = m.a;
+#pragma GCC unroll 4
+    for (Index i = 0; i < q.shape[0]; i++) {
+        const Value u = load<Value>(q.row(i), c), rate = load<Value>(v.row(i), c), old = load<Value>(a.row(i), c);
+        const Value given = without(of.inertia(i), old, of.load(i) * acting);
+        const Value acceleration = without(of.stiffness(i), u, without(of.damping(i), rate, given));
+        const Value u_new = fma(correct_u, acceleration, fma(predict_u, old, fma(dt, rate, u)));
+        const Value v_new = fma(correct_v, acceleration, fma(predict_v, old, rate));
+        store(acceleration, a.row(i), c);
+        store(u_new, q.row(i), c);
+        store(v_new, v.row(i), c);
         place = {fma(row(i), u_new, place.w), fma(row(i), v_new, place.rate)};
     }
     return place;
@@ -131,18 +137,26 @@ template <class Value>
                       (load<Value>(m.touch.row(BUSY, j), c) > Value{}));
 }
 
+// Shares of the load and of the last acceleration in a free ball's next one.
+struct FreeBall {
+    double scale, inertia;
+};
+
+inline FreeBall free_ball(const Scheme &s) {
+    return {1.0 / (1.0 - s.alpha_m), s.alpha_m / (1.0 - s.alpha_m)};
+}
+
 // One step of a ball without contact, of one case or of a pack of them; w is the place of its pair. A stop has no share
 // in the drive and stays where it is, or goes on at its rate. Returns the cases in which its contact must be looked at.
 template <class Value>
-[[gnu::always_inline]] inline unsigned step_ball(Index j, Index c, Value acting, Value w, const Scheme &s,
-                                                 const Pairs &pairs, const Motion &m) {
-    double scale = 1.0 / (1.0 - s.alpha_m), inertia = s.alpha_m / (1.0 - s.alpha_m),
-           share = pairs.constants(SHARE, j, 0);
+[[gnu::always_inline]] inline unsigned step_ball(Index j, Index c, Value acting, Value w, FreeBall free,
+                                                 const Scheme &s, const Pairs &pairs, const Motion &m) {
+    const double share = pairs.constants(SHARE, j, 0);
     Array y_row = m.ball.row(Y, j), rate_row = m.ball.row(Y_RATE, j), old_row = m.ball.row(Y_ACCELERATION, j);
     Array x_row = m.ball.row(X, j);
     Value y = load<Value>(y_row, c), rate = load<Value>(rate_row, c), old = load<Value>(old_row, c);
-    Value given = fma(-share, acting, load<Value>(pairs.constants.row(ACCELERATION, j), c));
-    Value now = fma(-inertia, old, scale * given);
+    Value given = without(share, acting, load<Value>(pairs.constants.row(ACCELERATION, j), c));
+    Value now = without(free.inertia, old, free.scale * given);
     y = fma(s.correct_u, now, fma(s.predict_u, old, fma(s.dt, rate, y)));
     store(y, y_row, c);
     store(fma(s.correct_v, now, fma(s.predict_v, old, rate)), rate_row, c);

@@ -16,7 +16,7 @@ inline bool any_refused(const Pairs &pairs) {
 
 // One step of one case or of a pack of them, contact included. Returns how many took it in fine steps.
 template <bool BANDED, bool LOOKS_AHEAD, class Value>
-[[gnu::always_inline]] inline Index step_cases(Index c, const Stepped &given, const Fine *fine) {
+[[gnu::always_inline]] inline Index step_cases(Index c, FreeBall free, const Stepped &given, const Fine *fine) {
     const Operator &op = given.structure;
     const Scheme &s = given.scheme;
     const Pairs &pairs = given.cases.pairs;
@@ -29,7 +29,7 @@ template <bool BANDED, bool LOOKS_AHEAD, class Value>
     unsigned reached = 0, near = 0;
     for (Index j = 0; j < pairs.row.size(); j++) {
         const Index r = pairs.row(j);
-        reached |= step_ball(j, c, acting, load<Value>(m.w.row(r), c), s, pairs, m);
+        reached |= step_ball(j, c, acting, load<Value>(m.w.row(r), c), free, s, pairs, m);
         if (LOOKS_AHEAD)
             keep_rate(j, c, load<Value>(m.w_rate.row(r), c), m);
         if (LOOKS_AHEAD && fine->parts > 1)
@@ -59,6 +59,7 @@ template <bool BANDED, bool LOOKS_AHEAD> inline void advance_all(Index steps, co
     const Record &record = given.cases.record;
     const bool keeping = record.channels.shape[0] + record.snapshots.shape[0] > 0, sampled = m.table.shape[0] > 0;
     const Index parts = LOOKS_AHEAD ? fine->parts : 1, count = m.q.shape[1];
+    const FreeBall free = free_ball(s);
     Index next_wrap = least(cycles.next_wrap);
     for (Index k = 0; k < steps; k++) {
         const Index step = record.tally(STEP) + 1;
@@ -72,7 +73,7 @@ template <bool BANDED, bool LOOKS_AHEAD> inline void advance_all(Index steps, co
             move_obstacles(parts * step, s, pairs, m);
         Index refined = 0;
         over_cases(count, [&](auto zero, Index c) {
-            refined += step_cases<BANDED, LOOKS_AHEAD, decltype(zero)>(c, given, fine);
+            refined += step_cases<BANDED, LOOKS_AHEAD, decltype(zero)>(c, free, given, fine);
         });
         if (any_refused(pairs))
             return;

@@ -73,6 +73,7 @@ template <bool BANDED>
     const Pairs &pairs = cases.pairs;
     const Motion &m = cases.motion;
     const Index step = cases.record.tally(0), parts = fine.parts;
+    const FreeBall free = free_ball(s);
     restore(c, m);
     double after = drive_within(c, step, 0, parts, m);
     for (Index part = 0; part < parts; part++) {
@@ -84,7 +85,7 @@ template <bool BANDED>
         free_step<BANDED>(op, s, m, c, acting);
         unsigned reached = 0;
         for (Index j = 0; j < pairs.row.size(); j++) {
-            reached |= step_ball(j, c, acting, m.w(pairs.row(j), c), s, pairs, m);
+            reached |= step_ball(j, c, acting, m.w(pairs.row(j), c), free, s, pairs, m);
             keep_rate(j, c, m.w_rate(pairs.row(j), c), m);
         }
         if (reached)

@@ -23,12 +23,14 @@ from femimpact.export.figures.motion import motion
 from femimpact.export.figures.orders import convergence, convergence_panels
 from femimpact.export.figures.portraits import bifurcation, phase_portrait
 from femimpact.export.figures.shapes import mode_shapes
+from femimpact.export.figures.studies import study_lines, study_map, study_maps, study_scatter
 
 __all__ = [
     "COLOURS", "STYLE", "OffScreen", "amplitude_spectrum", "beam_mesh", "bifurcation", "collision_history",
     "contact_force", "contact_laws", "convergence", "convergence_panels", "cycle_averaged_force", "energies",
     "impact_histograms", "impulse_phase", "mesh_convergence", "mode_convergence", "mode_shapes", "motion",
-    "phase_portrait", "response_curve", "restitution_scan", "save_figure", "spectrum", "step_convergence", "value_map",
+    "phase_portrait", "response_curve", "restitution_scan", "save_figure", "spectrum", "step_convergence",
+    "study_lines", "study_map", "study_maps", "study_scatter", "value_map",
 ]  # fmt: skip
 
 

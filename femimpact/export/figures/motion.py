@@ -31,12 +31,18 @@ __all__ = ["motion"]
 
 BEAM, FREE, WALL = "#555b63", "#e6eaee", "#9aa5b1"
 
+LONG, PARTS = 20_000, 200
+"""Samples beyond which a whole run is drawn as an envelope, and in how many parts of equal time."""
+
 
 @takes(response=instance(Response), cycles=CYCLES)
 def motion(
     response: Response, cycles: float = 4.0, figure: FigureBase | OffScreen | None = None
 ) -> NDArray[np.object_]:
     """Beam and balls over time: a row for every ball and stop, the whole run beside its last cycles.
+
+    A whole run of more than 20,000 samples is drawn as the envelope of each curve, from its smallest to its largest
+    value in each of 200 parts.
 
     The shaded band is where the ball may move: the beam where the ball is, with the gap to either wall. Of a stop it is
     where the beam may move. Dots in the close-up are impacts.
@@ -71,7 +77,9 @@ def motion(
             pair_of_axes, (response.time >= -1.0, response.time >= start), (False, True), strict=True
         ):
             row.draw(axis, inside, close)
-        pair_of_axes[0].set_title(row.title, loc="left")
+        if response.time.size <= LONG:
+            # an envelope has its legend there
+            pair_of_axes[0].set_title(row.title, loc="left")
         pair_of_axes[0].set_ylabel(f"relative to the base ({row.unit})")
         legend_above(pair_of_axes[1])
         if i == len(rows) - 1:
@@ -97,6 +105,9 @@ class _Row:
     def draw(self, axis: Any, inside: NDArray[np.bool_], close: bool) -> None:
         time, factor = self.response.time[inside], self.factor
         width = 1.6 if close else 0.8
+        if not close and time.size > LONG:
+            self._envelopes(axis)
+            return
         if self.pair is not None:
             self._walls(axis, inside)
         axis.plot(time, factor * self.beam[inside], color=BEAM, linewidth=width, zorder=3.0, label=self.place)
@@ -105,6 +116,19 @@ class _Row:
         if close and self.pair is not None:
             self._impacts(axis, float(time[0]))
         axis.set_xlim(time[0], max(time[-1], time[0] + 1e-9))
+
+    def _envelopes(self, axis: Any) -> None:
+        """The ball's envelope behind that of the beam."""
+        time = self.response.time
+        starts = np.linspace(0, time.size, PARTS + 1).astype(int)[:-1]
+        curves = [(self.beam, BEAM, self.place)] if self.ball is None else [
+            (self.ball, BLUE, self.pair.name), (self.beam, BEAM, self.place)
+        ]  # fmt: skip
+        for values, color, name in curves:
+            low, high = (self.factor * edge.reduceat(values, starts) for edge in (np.minimum, np.maximum))
+            axis.fill_between(time[starts], low, high, color=color, linewidth=0.6, label=f"envelope of {name}")
+        axis.set_xlim(time[0], time[-1])
+        legend_above(axis)
 
     def _walls(self, axis: Any, inside: NDArray[np.bool_]) -> None:
         """Walls of a box move with the beam, stops stand still relative to the base or in space."""

@@ -108,8 +108,14 @@ def _parameters(system: System, cases: SineCases) -> dict[str, Array]:
     """Numbers of each case's laws, (n, pairs)."""
     kinds = tuple(pair.parameters.kind for pair in system.contacts)
     sets: list[list[ContactParameters]] = []
+    known = set[type]()
     for laws in cases.laws:
-        own = [resolve(law, pair.effective_mass) for law, pair in zip(laws, system.contacts, strict=True)]
+        # a law of a kind that was found sound: of many laws the members need not be looked for each time
+        own = [
+            law.parameters(pair.effective_mass) if type(law) in known else resolve(law, pair.effective_mass)
+            for law, pair in zip(laws, system.contacts, strict=True)
+        ]
+        known.update(map(type, laws))
         same = tuple(numbers.kind for numbers in own) == kinds
         require(same, "laws", ", ".join(law.name for law in laws), "", "must be laws of the kinds of the system's")
         sets.append(own)

@@ -1,4 +1,4 @@
-r"""Which restitution gives the published resonance when impacts are rigid, and how unique is it?
+r"""Which restitution gives the published resonance when impacts are rigid, and how unique is it.
 
 The paper's figures do not fit one another: its theory's shift from 5.30 to 4.98 Hz, with the ball glued on,
 means a mass ratio of 0.133; the shift that it measured, from 5.05 to 4.95 Hz, means 0.041. Both are studied, from

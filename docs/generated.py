@@ -1,0 +1,271 @@
+"""Pages of the site that are written from the code: names, keys of the study file, commands, channels, versions."""
+
+from __future__ import annotations
+
+import builtins
+import io
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import femimpact as fi
+
+HERE = Path(__file__).parent
+
+SUBJECTS = {
+    "structure": "Structures: beams, bodies, balls, stops, supports, damping",
+    "contact": "Contact laws and single collisions",
+    "excitation": "Excitations",
+    "fem": "Meshes and assembly",
+    "system": "Systems, modes, reduction, states",
+    "integrators": "Methods and runs",
+    "sweep": "Sweeps",
+    "response": "Recorders, responses, impacts, energies",
+    "identification": "Damping from response curves",
+    "calibration": "Scans of the restitution",
+    "convergence": "Convergence studies",
+    "study": "Study files and their results",
+    "export": "Pictures and files",
+    "errors": "Errors and warnings",
+    "versions": "Versions",
+}
+"""Headings of the groups of public names, by the folder of `femimpact` that holds them."""
+
+SUBMODULES = {
+    "femimpact.figures": ("femimpact.export.figures", "Figures of results"),
+    "femimpact.export.vtk": ("femimpact.export.vtk", "Files for ParaView"),
+    "femimpact.export.history": ("femimpact.export.history", "Histories written while a run goes on"),
+    "femimpact.export.movie": ("femimpact.export.movie", "Movies"),
+    "femimpact.export.tables": ("femimpact.export.tables", "Tables as files"),
+}
+"""Modules of public functions: how a script calls them, where they are, and their headings."""
+
+
+def write(folder: Path) -> None:
+    """Write every generated part into a folder; what has not changed keeps its time."""
+    folder.mkdir(exist_ok=True)
+    pages = {
+        "index.rst": api_page(),
+        "keys.inc.md": "\n".join(key_page()),
+        "commands.inc.md": "\n".join(command_page()),
+        "channels.inc.md": "\n".join(channel_page()),
+    }
+    for name, text in pages.items():
+        path = folder / name
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+
+
+# ---- public names ---------------------------------------------------------------------------------
+
+
+def groups() -> dict[str, list[str]]:
+    """Public names of `femimpact` by the folder that holds them; one that has no heading here is an error."""
+    found: dict[str, list[str]] = {}
+    for name in fi.__all__:
+        if name == "__version__" or name in fi._SUBMODULES:
+            continue
+        found.setdefault(fi._MODULE_OF[name].split(".")[0], []).append(name)
+    return {**{key: found.pop(key) for key in SUBJECTS if key in found}, **found}
+
+
+API_HEAD = """Python names
+============
+
+Everything in the first parts of this page is called as ``import femimpact as fi``, then ``fi.NAME``; the last parts are
+modules. Values are in SI units, and ``frequency`` is in Hz. Each name has a page with its arguments, shapes, units and
+errors, and with the examples that use it.
+"""
+
+
+def api_page() -> str:
+    """Tables of all public names with the first sentence of each, every name with a page of its own."""
+    lines = [API_HEAD]
+    for key, names in groups().items():
+        lines += autosummary(SUBJECTS.get(key, key.capitalize()), "femimpact", names)
+    for module, (place, heading) in SUBMODULES.items():
+        lines += autosummary(f"{heading}: ``{module}``", place, _functions(place))
+    return "\n".join(lines)
+
+
+def _functions(place: str) -> list[str]:
+    """Functions and classes that a module offers."""
+    import importlib
+
+    module = importlib.import_module(place)
+    return [name for name in module.__all__ if callable(getattr(module, name))]
+
+
+def autosummary(heading: str, module: str, names: Iterable[str]) -> list[str]:
+    """A heading and the table of the names below it."""
+    rows = [f"   {name}" for name in names]
+    head = [
+        heading,
+        "-" * len(heading),
+        "",
+        f".. currentmodule:: {module}",
+        "",
+        ".. autosummary::",
+        "   :toctree: .",
+        "   :nosignatures:",
+        "",
+    ]
+    return ["", *head, *rows, ""]
+
+
+def plain_docstring(_app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:
+    """Docstrings are plain text: |w| is a size there, u* and q_ are names, and equations stand in the text."""
+    for number, line in enumerate(lines):
+        words = re.sub(r"(?<!\\)\|", r"\\|", line)
+        words = re.sub(r"(?<=\w)\*\*(?=[\w(-])", r"\\*\\*", words)
+        words = re.sub(r"\*(?=args|given|\()", r"\\*", words)
+        lines[number] = re.sub(r"(?<=[A-Za-z0-9])_(?=[\s,.;:)]|$)", r"\\_", words)
+
+
+# ---- the study file -------------------------------------------------------------------------------
+
+
+def key_page() -> Iterator[str]:
+    """A table of keys for every table of the study file, from the JSON schema."""
+    from femimpact.study.schema import study_schema
+
+    schema = study_schema()
+    required = set(schema["required"])
+    for name, table in schema["properties"].items():
+        many = table.get("type") == "array"
+        inner = table["items"] if many else table
+        yield from ["", f"## `{'[[' if many else '['}{name}{']]' if many else ']'}`", ""]
+        yield ("Required. " if name in required else "") + inner.get("description", "") + "\n"
+        for heading, part in _alternatives(inner):
+            if heading:
+                yield f"\n**{heading}**\n"
+            yield from _key_table(part)
+        for key, about in inner.get("properties", {}).items():
+            if "oneOf" in about and key == "contact":
+                for heading, part in _alternatives(about):
+                    yield f"\n**`contact`: {heading}**\n"
+                    yield from _key_table(part)
+
+
+def _alternatives(part: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    """The forms of a table, each with its heading."""
+    if "oneOf" not in part:
+        return [("", part)]
+    return [(one.get("title", ""), one) for one in part["oneOf"]]
+
+
+def _key_table(part: dict[str, Any]) -> Iterator[str]:
+    needed = set(part.get("required", ()))
+    yield "| key | type | unit | default | range | meaning |"
+    yield "| --- | --- | --- | --- | --- | --- |"
+    for key, about in part["properties"].items():
+        default = "required" if key in needed else _shown(about.get("default"))
+        cells = (f"`{key}`", _type(about), about.get("x-unit", ""), default, _bounds(about.get("x-range", "")))
+        yield f"| {' | '.join(cells)} | {about.get('description', '')} |"
+
+
+def _bounds(words: str) -> str:
+    """A range without the words that stand in the columns of type and unit."""
+    if words in ("True or False", "a text", "texts") or words.startswith("'"):
+        return ""
+    if not words.startswith(("a finite", "a whole")):
+        return words
+    return ", ".join(re.findall(r"[<>]=? -?\d[\d.e+-]*", words))
+
+
+def _shown(value: Any) -> str:
+    return "" if value is None else f"`{str(value).lower() if isinstance(value, bool) else value}`"
+
+
+def _type(about: dict[str, Any]) -> str:
+    words = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false"}
+    if "const" in about:
+        return f'`"{about["const"]}"`'
+    if "enum" in about:
+        return " or ".join(f'`"{name}"`' for name in about["enum"])
+    if "anyOf" in about or "oneOf" in about:
+        parts = about.get("anyOf", about.get("oneOf"))
+        return " or ".join(dict.fromkeys(_type(part) for part in parts))
+    if about.get("type") == "array":
+        return f"list of {_type(about['items'])}" if "items" in about else "list"
+    return words.get(about.get("type", ""), "table")
+
+
+# ---- commands, channels ---------------------------------------------------------------------------
+
+
+def command_page() -> Iterator[str]:
+    """What every command prints as its help."""
+    from rich.console import Console
+
+    from femimpact.cli import app
+
+    for name in app:
+        if name.startswith("-"):
+            continue
+        text = io.StringIO()
+        app.help_print([name], console=Console(width=100, file=text, color_system=None))
+        yield from ["", f"## femimpact {name}", "", "```text", text.getvalue().strip("\n"), "```"]
+
+
+def channel_page() -> Iterator[str]:
+    """Every quantity that may stand behind the dot of a channel's name, with its unit."""
+    from femimpact.response.channels import QUANTITIES
+
+    yield "| behind the dot | of | unit | example |"
+    yield "| --- | --- | --- | --- |"
+    for name, entry in QUANTITIES.items():
+        of = entry.of[0]
+        place = {"place": "tip", "ball": "ball", "stop": "stop"}[of]
+        if name.startswith("reaction"):
+            place = "root"
+        made = entry.make(place)
+        yield f"| `{name}` | {', '.join(f'a {kind}' for kind in entry.of)} | {made.unit} | `{place}.{name}` |"
+    yield "| `shaker_force`, without a place | the base | N | `shaker_force` |"
+
+
+def fill_lists(app: Any, name: str, content: list[str]) -> None:
+    """Name in the how-to list every page of this folder that no list names, so that a new page is found."""
+    if name != "howto":
+        return
+    listed = set(re.findall(r"^([a-z_]+)$", content[0], flags=re.MULTILINE))
+    others = {"index", "howto", "start", "paper_and_validation", "contributing", "changelog", "references", "README"}
+    named = {stem for page in (*HERE.glob("*.md"), HERE / "reference" / "index.md") for stem in _listed(page)}
+    rest = sorted({page.stem for page in HERE.glob("*.md")} - listed - others - named)
+    content[0] = content[0].replace("MORE_PAGES", "\n".join(rest))
+
+
+def _listed(page: Path) -> set[str]:
+    """Pages that the toctrees of a page name."""
+    blocks = re.findall(r"```\{toctree\}(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    return {
+        word for block in blocks for word in re.findall(r"^(?:.*<)?(?:\.\./)?([a-z_/]+)>?$", block, flags=re.MULTILINE)
+    }
+
+
+# ---- the gallery ----------------------------------------------------------------------------------
+
+
+def script_path(_gallery: Any, script: str) -> None:
+    """Give the next example its `__file__`, which the gallery leaves out: some have a file beside them."""
+    vars(builtins)["__file__"] = str(HERE.parent / "examples" / Path(script).name)
+
+
+class BySubject:
+    """Order of the examples: those of `ORDER` first, then others by their names."""
+
+    ORDER = (
+        "damped_resonance", "energy_ledger", "root_stress", "best_ball_mass", "clearance_restitution_map", "two_balls",
+        "two_starts", "calibrate_restitution", "restitution_of_laws", "two_laws", "own_contact_law", "switching_spring",
+        "sticking_ball", "bifurcation", "up_and_down_sweep", "preloaded_stop", "tapered_blade", "spring_between_places",
+        "base_from_csv", "mesh_convergence", "step_size", "damping_from_a_curve",
+    )  # fmt: skip
+
+    def __init__(self, _folder: str) -> None:
+        pass
+
+    def __call__(self, file: str) -> tuple[int, str]:
+        """What examples are sorted by."""
+        stem = Path(file).stem
+        return (self.ORDER.index(stem) if stem in self.ORDER else len(self.ORDER)), stem

@@ -1,0 +1,386 @@
+"""Figures of a parameter study: lines with bands over one axis, a map over two, maps over more, dots of a sample."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.errors import require, require_name, require_type, takes, text
+from femimpact.export.figures.drawing import (
+    BLUE,
+    DARK,
+    OffScreen,
+    legend_above,
+    panel,
+    panels,
+    prefixed,
+)
+from femimpact.sweep import ONE_START
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
+
+__all__ = ["study_lines", "study_map", "study_maps", "study_scatter"]
+
+Array = NDArray[np.float64]
+
+MOST_NUMBERS = 120
+"""Cells of a map up to which each has its number."""
+
+MOST_TICKS = 12
+
+MOST_PANELS = 36
+"""Maps of a figure."""
+
+UNSURE = "interval of the median wider than the step to a neighbour"
+"""What hatching says."""
+
+
+@takes(measure=text(), title=text())
+def study_lines(
+    dataset: xarray.Dataset, measure: str, *, title: str = "", ax: Axes | OffScreen | None = None
+) -> Axes:  # fmt: skip
+    """A measure over one axis: a line of its medians, bands from the smallest start to the largest and of the median.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Of `parameter_study`, over one axis.
+    measure : str
+    title : str
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If the dataset is none of a study, has another number of axes, or no such measure.
+    """
+    values = _values(dataset, measure, 1)
+    (name,) = dataset[measure].dims
+    x, label, words = _axis_values(dataset, str(name))
+    factor, unit = _scale(dataset, measure, values)
+    axis = panel(ax, 8.0, 5.0)
+    entries: list[Any] = []
+    for low, high, alpha, told in (
+        ("_low", "_high", 0.18, "smallest to largest of the starts"),
+        ("_median_low", "_median_high", 0.4, "90 % interval of the median"),
+    ):
+        if f"{measure}{low}" in dataset:
+            below, above = (factor * dataset[f"{measure}{end}"].to_numpy() for end in (low, high))
+            entries.append(axis.fill_between(x, below, above, color=BLUE, alpha=alpha, linewidth=0.0, label=told))
+    starts = int(dataset.attrs.get("starts", 1))
+    entries.insert(0, axis.plot(x, factor * values, "o-", color=BLUE, markersize=4.0,
+                                label="value" if starts == 1 else f"median of {starts} starts")[0])  # fmt: skip
+    one = _samples(dataset)
+    if one.any():
+        entries.append(axis.plot(x[one], factor * values[one], "*", color=DARK, markersize=9.0, label=ONE_START)[0])
+    if words is not None:
+        axis.set_xticks(x, words)
+    axis.set(xlabel=label, ylabel=_label(dataset[measure].attrs.get("long_name", measure), unit, starts))
+    axis.set_title(title, loc="left")
+    legend_above(axis, entries)
+    return axis
+
+
+@takes(measure=text(), title=text())
+def study_map(
+    dataset: xarray.Dataset, measure: str, *, title: str = "", ax: Axes | OffScreen | None = None
+) -> Axes:  # fmt: skip
+    """A measure over two axes as coloured cells, the first axis of the study to the right.
+
+    A cell is hatched where the 90 % interval of its median is wider than the largest difference of its median to that
+    of a neighbour: between such cells the map says nothing. Of fewer than 5 starts there is no interval; a star is
+    then at a motion that is not periodic, whose value is one sample.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Of `parameter_study`, over two axes.
+    measure : str
+    title : str
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If the dataset is none of a study, has another number of axes, or no value of the measure.
+    """
+    values = _values(dataset, measure, 2)
+    require(bool(np.any(np.isfinite(values))), "dataset", measure, "", "must have a finite value of the measure")
+    axis = panel(ax, 8.0, 5.8)
+    factor, unit = _scale(dataset, measure, values)
+    image = _cells(axis, dataset, measure, factor, (float(np.nanmin(values)), float(np.nanmax(values))))
+    starts = int(dataset.attrs.get("starts", 1))
+    words = dataset[measure].attrs.get("long_name", measure)
+    bar: Any = axis.figure.colorbar(image, ax=axis)
+    bar.set_label(_label(words, unit, starts))
+    axis.set_title(title, loc="left")
+    _map_legend(axis, dataset, measure)
+    return axis
+
+
+@takes(measure=text())
+def study_maps(
+    dataset: xarray.Dataset, measure: str, *, figure: FigureBase | OffScreen | None = None
+) -> NDArray[np.object_]:  # fmt: skip
+    """A measure over three axes or four: a map over the first two in each panel, the others along rows and columns.
+
+    Of an axis beyond the fourth the middle value is shown, and of more values than fit some.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Of `parameter_study`, over three axes or more.
+    measure : str
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray of Axes
+
+    Raises
+    ------
+    InputError
+        If the dataset is none of a study, has fewer axes, or no value of the measure.
+    """
+    values = _values(dataset, measure, None)
+    names = [str(name) for name in dataset[measure].dims]
+    require(len(names) >= 3, "dataset", f"{len(names)} axes", "", "must have three axes or more")
+    require(bool(np.any(np.isfinite(values))), "dataset", measure, "", "must have a finite value of the measure")
+    middle = {name: dataset.sizes[name] // 2 for name in names[4:]}
+    shown = dataset.isel(middle)
+    across, down = names[2], names[3] if len(names) > 3 else None
+    most = int(np.sqrt(MOST_PANELS)) if down else MOST_PANELS // 6
+    columns = _some(dataset.sizes[across], most)
+    rows = _some(dataset.sizes[down], most) if down else [0]
+    factor, unit = _scale(dataset, measure, values)
+    bounds = float(np.nanmin(values)), float(np.nanmax(values))
+    width, height = 2.2 + 2.6 * len(columns), 1.4 + 2.5 * len(rows)
+    axes = panels(figure, width, height, len(rows), len(columns), sharex=True, sharey=True)
+    image = None
+    for i, row in enumerate(rows):
+        for j, column in enumerate(columns):
+            own = shown.isel({across: column} | ({down: row} if down else {}))
+            image = _cells(axes[i, j], own, measure, factor, bounds, numbers=False)
+            told = [_told(dataset, across, column)] + ([_told(dataset, down, row)] if down else [])
+            axes[i, j].set_title("\n".join(told), loc="left", fontsize=9.0)
+            if i < len(rows) - 1:
+                axes[i, j].set_xlabel("")
+            if j:
+                axes[i, j].set_ylabel("")
+    bar = axes[0, 0].figure.colorbar(image, ax=axes)
+    bar.set_label(_label(dataset[measure].attrs.get("long_name", measure), unit, int(dataset.attrs.get("starts", 1))))
+    told = [f"at {', '.join(_told(dataset, name, index) for name, index in middle.items())}"] if middle else []
+    told += [f"hatched: {UNSURE}"] if _unsure(dataset, measure).any() else []
+    told += [f"*: {ONE_START}"] if _samples(dataset).any() else []
+    if told:
+        axes[0, 0].figure.suptitle("\n".join(told), fontsize=10.0)
+    return axes
+
+
+@takes(measure=text())
+def study_scatter(
+    dataset: xarray.Dataset, measure: str, *, figure: FigureBase | OffScreen | None = None
+) -> NDArray[np.object_]:  # fmt: skip
+    """A measure of a list or a sample of cases over each of its axes: dots, and lines from smallest to largest.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Of `parameter_study` with a sample, or with a list of cases.
+    measure : str
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray of Axes
+
+    Raises
+    ------
+    InputError
+        If the dataset is none of a list or a sample, or has no such measure.
+    """
+    values = _values(dataset, measure, 1)
+    listed = dataset[measure].dims == ("case",)
+    require(listed, "dataset", ", ".join(map(str, dataset[measure].dims)), "", "must be of a list or a sample of cases")
+    names = [str(name) for name in dataset.coords if name != "case"]
+    factor, unit = _scale(dataset, measure, values)
+    axes = panels(figure, 1.5 + 3.4 * len(names), 4.2, 1, len(names), sharey=True)
+    starts = int(dataset.attrs.get("starts", 1))
+    for axis, name in zip(axes[0], names, strict=True):
+        x, label, words = _axis_values(dataset, name)
+        if f"{measure}_low" in dataset:
+            ends = [factor * dataset[f"{measure}{end}"].to_numpy() for end in ("_low", "_high")]
+            axis.vlines(x, *ends, color=BLUE, alpha=0.25, linewidth=1.0)
+        axis.plot(x, factor * values, ".", color=BLUE, markersize=5.0)
+        if words is not None:
+            axis.set_xticks(x, words)
+        axis.set_xlabel(label)
+    axes[0, 0].set_ylabel(_label(dataset[measure].attrs.get("long_name", measure), unit, starts))
+    return axes
+
+
+# ---- what they share -------------------------------------------------------------------------------
+
+
+def _values(dataset: xarray.Dataset, measure: str, axes: int | None) -> Array:
+    """Values of a measure, over as many axes.
+
+    Raises
+    ------
+    InputError
+        If the dataset is none of a study, has another number of axes, or no such measure.
+    """
+    import xarray
+
+    require_type(dataset, xarray.Dataset, "dataset")
+    require("finished" in dataset, "dataset", "no variable 'finished'", "", "must be of a parameter study")
+    beside = ("periodic_starts", "failed_starts", "failure", "finished")
+    known = [str(name) for name in dataset.data_vars if name not in beside and dataset[name].dtype.kind == "f"]
+    require_name(measure, known, "measure")
+    count = len(dataset[measure].dims)
+    require(axes in (None, count), "dataset", f"{count} axes", "", f"must have {axes} axes for this figure")
+    return np.asarray(dataset[measure].to_numpy(), dtype=float)
+
+
+def _scale(dataset: xarray.Dataset, measure: str, values: Array) -> tuple[float, str]:
+    """Factor and unit in which a measure is shown."""
+    unit = str(dataset[measure].attrs.get("units", ""))
+    largest = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
+    return (1.0, "") if unit in ("", "1") else prefixed(largest, unit)
+
+
+def _label(words: str, unit: str, starts: int) -> str:
+    label = words if starts > 1 or not words else words.removesuffix(", median over the starts")
+    lines = label.replace(", median over the starts", f",\nmedian of {starts} starts")
+    if len(lines.split("\n")[0]) > 48:
+        half = lines.find(" ", 36)
+        lines = f"{lines[:half]}\n{lines[half + 1 :]}" if half > 0 else lines
+    return f"{lines} ({unit})" if unit else lines
+
+
+def _axis_values(dataset: xarray.Dataset, name: str) -> tuple[Array, str, list[str] | None]:
+    """Numbers along an axis as they are shown, its label, and the words of its ticks where its values are none."""
+    coordinate = dataset[name]
+    values, words = coordinate.to_numpy(), str(coordinate.attrs.get("long_name", name))
+    if values.dtype.kind not in "iuf":
+        return np.arange(values.size, dtype=float), words, [str(value) for value in values]
+    if f"{name}.plus" in dataset.coords:
+        pairs = zip(dataset[f"{name}.plus"].to_numpy(), dataset[f"{name}.minus"].to_numpy(), strict=True)
+        ticks = [f"{1e3 * plus:.3g}, {1e3 * minus:.3g}" for plus, minus in pairs]
+        return (
+            np.arange(values.size, dtype=float),
+            f"{words.removesuffix(', number of the pair of values')} (mm)",
+            ticks,
+        )
+    unit = str(coordinate.attrs.get("units", ""))
+    if unit in ("", "1"):
+        return values.astype(float), words, None
+    factor, shown = prefixed(float(np.max(np.abs(values))), unit)
+    return factor * values, f"{words} ({shown})", None
+
+
+def _told(dataset: xarray.Dataset, name: str, index: int) -> str:
+    """A value of an axis in words."""
+    x, label, words = _axis_values(dataset, name)
+    if words is not None:
+        return f"{label}: {words[index]}"
+    head, _, unit = label.rpartition(" (")
+    return f"{head or label}: {x[index]:.3g}{' ' + unit.rstrip(')') if head else ''}"
+
+
+def _some(count: int, most: int) -> list[int]:
+    """Numbers of at most so many values, the first and the last among them."""
+    return sorted({round(float(place)) for place in np.linspace(0, count - 1, min(count, most))})
+
+
+def _cells(
+    axis: Axes, dataset: xarray.Dataset, measure: str, factor: float, bounds: tuple[float, float], numbers: bool = True
+) -> Any:
+    """Coloured cells over the two axes of a dataset."""
+    from matplotlib.patches import Rectangle
+
+    first, second = (str(name) for name in dataset[measure].dims)
+    shown = factor * dataset[measure].to_numpy().T
+    low, high = factor * bounds[0], factor * bounds[1]
+    image = axis.imshow(shown, cmap="cividis", origin="lower", aspect="auto", vmin=low, vmax=high)
+    axis.grid(False)
+    for name, set_ticks, set_label in (
+        (first, axis.set_xticks, axis.set_xlabel), (second, axis.set_yticks, axis.set_ylabel),
+    ):  # fmt: skip
+        x, label, words = _axis_values(dataset, name)
+        chosen = list(range(0, x.size, -(-x.size // MOST_TICKS)))
+        set_ticks(chosen, [words[i] if words is not None else f"{x[i]:.3g}" for i in chosen])
+        set_label(label)
+    samples, unsure = _samples(dataset).T, _unsure(dataset, measure).T
+    for i, j in np.argwhere(unsure).tolist():
+        dark = shown[i, j] >= 0.5 * (low + high)
+        axis.add_patch(Rectangle((j - 0.5, i - 0.5), 1.0, 1.0, fill=False, hatch="///", linewidth=0.0,
+                                 edgecolor="black" if dark else "white"))  # fmt: skip
+    every = shown.size <= MOST_NUMBERS and numbers
+    for (i, j), value in np.ndenumerate(shown):
+        if not np.isfinite(value) or not (every or samples[i, j]):
+            continue
+        colour = "white" if value < 0.5 * (low + high) else "black"
+        behind = (
+            {"facecolor": image.to_rgba(np.array([value]))[0], "edgecolor": "none", "pad": 1.0}
+            if unsure[i, j]
+            else None
+        )
+        shown_number = f"{value:.2g}" if every else ""
+        axis.annotate(f"{shown_number}{'*' if samples[i, j] else ''}", (j, i), ha="center", va="center", color=colour,
+                      fontsize=9.0, bbox=behind)  # fmt: skip
+    return image
+
+
+def _map_legend(axis: Axes, dataset: xarray.Dataset, measure: str) -> None:
+    """What stars and hatching mean, where there are any."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    entries: list[Any] = []
+    if _samples(dataset).any():
+        entries.append(Line2D([], [], color=DARK, marker="$*$", markersize=7.0, linestyle="none", label=ONE_START))
+    if _unsure(dataset, measure).any():
+        entries.append(Patch(facecolor="white", edgecolor=DARK, hatch="///", label=UNSURE))
+    legend_above(axis, entries)
+
+
+def _samples(dataset: xarray.Dataset) -> NDArray[np.bool_]:
+    """Where a value is a sample of a motion that does not repeat, and no interval says how far others lie."""
+    if "median_interval" in dataset.attrs:
+        return np.zeros(dataset["finished"].shape, dtype=bool)
+    repeated = dataset["periodic_starts"].to_numpy() + dataset["failed_starts"].to_numpy()
+    return np.asarray((repeated < int(dataset.attrs.get("starts", 1))) & (dataset["finished"].to_numpy() > 0))
+
+
+def _unsure(dataset: xarray.Dataset, measure: str) -> NDArray[np.bool_]:
+    """Where the interval of the median is wider than the largest difference to the median of a neighbour."""
+    median = dataset[measure].to_numpy()
+    if f"{measure}_median_low" not in dataset:
+        return np.zeros(median.shape, dtype=bool)
+    width = dataset[f"{measure}_median_high"].to_numpy() - dataset[f"{measure}_median_low"].to_numpy()
+    largest = np.zeros(median.shape)
+    for dim in range(median.ndim):
+        step = np.nan_to_num(np.abs(np.diff(median, axis=dim)))
+        before, after = ([slice(None)] * median.ndim for _ in range(2))
+        before[dim], after[dim] = slice(0, -1), slice(1, None)
+        for side in (tuple(before), tuple(after)):
+            largest[side] = np.maximum(largest[side], step)
+    return np.asarray(width > largest)

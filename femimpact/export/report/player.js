@@ -1,0 +1,396 @@
+// The player: the beam swings, balls meet their walls, and impacts flash.
+"use strict";
+document.querySelectorAll(".player").forEach(function (root) {
+  const data = JSON.parse(root.querySelector("script").textContent);
+  const FLASH = 260; // milliseconds of the screen for which an impact is shown
+  const frames = data.time.length;
+  const stations = data.stations.length;
+  const balls = data.contacts.filter((contact) => !contact.stop).length;
+  const still = window.matchMedia("(prefers-reduced-motion: reduce)");
+
+  function unpacked(text, unit) {
+    const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+    const view = new DataView(bytes.buffer);
+    const found = new Float64Array(bytes.length / 2);
+    for (let i = 0; i < found.length; i += 1) found[i] = unit * view.getInt16(2 * i, true);
+    return found;
+  }
+
+  const deflection = unpacked(data.deflection, data.unit);
+  const slope = unpacked(data.slope, data.slopeUnit);
+  const flight = unpacked(data.balls, data.unit);
+  const space = unpacked(data.space, data.unit);
+  const first = data.time[0];
+  const last = data.time[frames - 1];
+
+  const state = { time: first, playing: false, speed: data.speed, scale: data.larger, before: null, flashes: [] };
+  const canvases = Array.from(root.querySelectorAll("canvas"));
+  const slider = root.querySelector("input[type=range]");
+  const output = root.querySelector("output");
+  const play = root.querySelector("[data-do=play]");
+  const plot = root.querySelector(".fi-chart .fi-plot");
+  const now = document.createElement("div");
+  now.className = "now";
+  plot.append(now);
+
+  // ---- the state at a time -------------------------------------------------------------------------
+
+  function frameAt(time) {
+    let low = 0;
+    let high = frames - 1;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (data.time[middle] <= time) low = middle; else high = middle;
+    }
+    return time >= data.time[high] ? high : low;
+  }
+
+  function mixed(values, width, column, at) {
+    const one = values[at.frame * width + column];
+    return at.share === 0 ? one : one + at.share * (values[(at.frame + 1) * width + column] - one);
+  }
+
+  function place(time) {
+    const frame = frameAt(time);
+    const next = Math.min(frame + 1, frames - 1);
+    const span = data.time[next] - data.time[frame];
+    return { frame, share: span > 0 ? (time - data.time[frame]) / span : 0 };
+  }
+
+  function beamAt(x, at) {
+    let k = 0;
+    while (k < stations - 2 && data.stations[k + 1] < x) k += 1;
+    const h = data.stations[k + 1] - data.stations[k];
+    const s = Math.min(Math.max((x - data.stations[k]) / h, 0), 1);
+    const w = [0, 1].map((i) => mixed(deflection, stations, k + i, at));
+    const d = [0, 1].map((i) => mixed(slope, stations, k + i, at));
+    return {
+      w: (1 - 3 * s * s + 2 * s ** 3) * w[0] + (s - 2 * s * s + s ** 3) * h * d[0] + (3 * s * s - 2 * s ** 3) * w[1] + (s ** 3 - s * s) * h * d[1],
+      slope: ((6 * s * s - 6 * s) / h) * w[0] + (1 - 4 * s + 3 * s * s) * d[0] + ((6 * s - 6 * s * s) / h) * w[1] + (3 * s * s - 2 * s) * d[1],
+    };
+  }
+
+  function flash(contact, side) {
+    const hit = state.flashes.find((one) => one.contact === contact && one.side === side);
+    return hit ? (still.matches ? 1 : Math.max(0, 1 - hit.age / FLASH)) : 0;
+  }
+
+  // ---- drawing -------------------------------------------------------------------------------------
+
+  function colours() {
+    const style = getComputedStyle(document.documentElement);
+    const named = {};
+    for (const name of ["card", "beam", "box", "floor", "ball", "hit", "solid", "fi-grid", "fi-quiet"]) {
+      named[name] = style.getPropertyValue("--" + name).trim();
+    }
+    return named;
+  }
+
+  const reach = (function () {
+    let largest = 0;
+    for (const w of deflection) largest = Math.max(largest, Math.abs(w));
+    return largest;
+  })();
+
+  const MARGIN = 0.08;
+
+  // half of the height that is shown, in metres
+  const high = (function () {
+    let found = 1.15 * data.larger * reach + 0.05 * data.length;
+    for (const contact of data.contacts) {
+      if (!contact.stop) found = Math.max(found, data.larger * (reach + Math.max(...contact.gaps)) + 2.4 * contact.radius);
+      else for (const gap of contact.gaps) if (gap !== null) found = Math.max(found, Math.min(data.larger * gap + 0.04 * data.length, 0.25 * data.length));
+    }
+    for (const body of data.bodies) found = Math.max(found, data.larger * reach + 0.6 * body.side);
+    return 1.05 * found;
+  })();
+
+  function shape() {
+    return (2 * high) / (data.length * (1 + 2 * MARGIN));
+  }
+
+  function sizes(canvas) {
+    const width = canvas.clientWidth;
+    const height = canvas.dataset.view === "beam" ? Math.round(Math.min(Math.max(width * shape(), 150), 400)) : Math.round(Math.min(width, 210));
+    const ratio = window.devicePixelRatio || 1;
+    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+      canvas.width = Math.round(width * ratio);
+      canvas.height = Math.round(height * ratio);
+      canvas.style.height = height + "px";
+    }
+    return { width, height, ratio };
+  }
+
+  function drawBeamView(canvas, at, paint) {
+    const { width, height, ratio } = sizes(canvas);
+    const pen = canvas.getContext("2d");
+    const scale = Math.min(width / (data.length + 2 * MARGIN * data.length), height / (2 * high));
+    const left = 0.5 * (width - scale * data.length);
+    const X = (x) => left + scale * x;
+    const Y = (y) => 0.5 * height - scale * y;
+    const s = state.scale;
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.clearRect(0, 0, width, height);
+    pen.lineWidth = 1;
+    pen.strokeStyle = paint["fi-grid"];
+    pen.beginPath();
+    pen.moveTo(X(0), Y(0));
+    pen.lineTo(X(data.length), Y(0));
+    pen.stroke();
+
+    for (const support of data.supports) {
+      pen.fillStyle = paint.solid;
+      const size = 0.03 * data.length;
+      const end = support.x <= 1e-9 * data.length ? -1 : support.x >= (1 - 1e-9) * data.length ? 1 : 0;
+      if (support.kind === "clamped") {
+        pen.fillRect(X(support.x + 0.3 * (end - 1) * size), Y(1.6 * size), 0.6 * scale * size, 3.2 * scale * size);
+      } else if (support.kind === "pinned") {
+        pen.beginPath();
+        pen.moveTo(X(support.x), Y(0));
+        pen.lineTo(X(support.x - 0.6 * size), Y(-size));
+        pen.lineTo(X(support.x + 0.6 * size), Y(-size));
+        pen.fill();
+      } else {
+        const w = s * beamAt(support.x, at).w;
+        pen.fillRect(X(support.x - 0.6 * size), Y(w + 0.6 * size), 1.2 * scale * size, 0.3 * scale * size);
+        pen.fillRect(X(support.x - 0.6 * size), Y(w - 0.3 * size), 1.2 * scale * size, 0.3 * scale * size);
+      }
+    }
+
+    for (const body of data.bodies) {
+      const there = beamAt(body.x, at);
+      pen.save();
+      pen.translate(X(body.x), Y(s * there.w));
+      pen.rotate(-Math.atan(s * there.slope));
+      pen.globalAlpha = 0.5;
+      pen.fillStyle = paint.box;
+      pen.fillRect(scale * (body.offset - 0.5 * body.side), -0.5 * scale * body.side, scale * body.side, scale * body.side);
+      pen.restore();
+    }
+
+    data.contacts.forEach((contact, j) => {
+      if (contact.stop) drawStop(pen, contact, j, at, { X, Y, scale, s }, paint);
+      else {
+        const there = beamAt(contact.x, at);
+        pen.save();
+        pen.translate(X(contact.x), Y(s * there.w));
+        pen.rotate(-Math.atan(s * there.slope));
+        drawBox(pen, contact, j, scale, s, paint);
+        pen.restore();
+      }
+    });
+
+    // the curve between two stations is the cubic of the finite element
+    pen.strokeStyle = paint.beam;
+    pen.lineCap = "butt";
+    for (let k = 0; k + 1 < stations; k += 1) {
+      const [a, b] = [data.stations[k], data.stations[k + 1]];
+      const [wa, wb] = [0, 1].map((i) => s * mixed(deflection, stations, k + i, at));
+      const [da, db] = [0, 1].map((i) => s * mixed(slope, stations, k + i, at));
+      const third = (b - a) / 3;
+      pen.lineWidth = Math.max(scale * data.thickness[k], 2.2);
+      pen.beginPath();
+      pen.moveTo(X(a) - 0.3, Y(wa));
+      pen.bezierCurveTo(X(a + third), Y(wa + third * da), X(b - third), Y(wb - third * db), X(b) + 0.3, Y(wb));
+      pen.stroke();
+    }
+
+    pen.fillStyle = paint["fi-quiet"];
+    pen.font = "12px system-ui, sans-serif";
+    pen.fillText(s === 1 ? "true scale" : "motion and gaps \u00d7 " + s, 10, height - 10);
+    let ball = 0;
+    data.contacts.forEach((contact, j) => {
+      if (contact.stop) return;
+      const there = beamAt(contact.x, at);
+      pen.save();
+      pen.translate(X(contact.x), Y(s * there.w));
+      pen.rotate(-Math.atan(s * there.slope));
+      drawBall(pen, contact, j, s * (mixed(flight, balls, ball, at) - there.w), scale, paint);
+      pen.restore();
+      ball += 1;
+    });
+  }
+
+  function drawStop(pen, contact, j, at, { X, Y, scale, s }, paint) {
+    const thick = 0.02 * data.length;
+    let k = 0;
+    while (k < stations - 2 && data.stations[k + 1] < contact.x) k += 1;
+    const half = Math.max(0.5 * data.thickness[k], 1.1 / scale);
+    const shift = contact.space ? s * mixed(space, 1, 0, at) : 0;
+    [1, -1].forEach((side, i) => {
+      const gap = contact.gaps[i];
+      if (gap === null) return;
+      const face = s * gap + half;
+      const top = side > 0 ? face + thick : -face;
+      pen.fillStyle = blend(paint.solid, paint.hit, flash(j, side));
+      pen.fillRect(X(contact.x - 0.5 * thick), Y(shift + top), scale * thick, scale * thick);
+    });
+  }
+
+  function drawBox(pen, contact, j, scale, s, paint) {
+    const r = contact.radius;
+    const [plus, minus] = [s * contact.gaps[0] + r, -s * contact.gaps[1] - r];
+    const wall = Math.max(0.3 * r * scale, 2);
+    const half = 1.25 * r * scale;
+    pen.fillStyle = paint.floor;
+    pen.fillRect(-half, -scale * plus, 2 * half, scale * (plus - minus));
+    pen.fillStyle = blend(paint.box, paint.hit, flash(j, 1));
+    pen.fillRect(-half, -scale * plus - wall, 2 * half, wall);
+    pen.fillStyle = blend(paint.box, paint.hit, flash(j, -1));
+    pen.fillRect(-half, -scale * minus, 2 * half, wall);
+  }
+
+  function drawBall(pen, contact, j, offset, scale, paint) {
+    const lit = Math.max(flash(j, 1), flash(j, -1));
+    if (lit > 0 && !still.matches) {
+      pen.globalAlpha = 0.35 * lit;
+      pen.fillStyle = paint.hit;
+      pen.beginPath();
+      pen.arc(0, -scale * offset, scale * contact.radius * (1.3 + 0.6 * (1 - lit)), 0, 2 * Math.PI);
+      pen.fill();
+      pen.globalAlpha = 1;
+    }
+    pen.fillStyle = blend(paint.ball, paint.hit, lit);
+    pen.beginPath();
+    pen.arc(0, -scale * offset, Math.max(scale * contact.radius, 2), 0, 2 * Math.PI);
+    pen.fill();
+  }
+
+  function blend(one, other, share) {
+    if (share <= 0) return one;
+    if (share >= 1) return other;
+    const parts = (colour) => [1, 3, 5].map((i) => parseInt(colour.slice(i, i + 2), 16));
+    const [a, b] = [parts(one), parts(other)];
+    return "rgb(" + a.map((value, i) => Math.round(value + share * (b[i] - value))).join(",") + ")";
+  }
+
+  function drawClose(canvas, number, at, paint) {
+    const { width, height, ratio } = sizes(canvas);
+    const pen = canvas.getContext("2d");
+    let j = -1;
+    for (let seen = -1; seen < number; ) {
+      j += 1;
+      if (!data.contacts[j].stop) seen += 1;
+    }
+    const contact = data.contacts[j];
+    const s = state.scale;
+    const high = s * Math.max(...contact.gaps) + 1.55 * contact.radius;
+    const scale = Math.min(height / (2 * high), width / (3.4 * contact.radius));
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.clearRect(0, 0, width, height);
+    pen.translate(0.5 * width, 0.5 * height);
+    drawBox(pen, contact, j, scale, s, paint);
+    drawBall(pen, contact, j, s * (mixed(flight, balls, number, at) - beamAt(contact.x, at).w), scale, paint);
+  }
+
+  function draw() {
+    const at = place(state.time);
+    const paint = colours();
+    for (const canvas of canvases) {
+      if (!canvas.clientWidth) continue;
+      if (canvas.dataset.view === "beam") drawBeamView(canvas, at, paint);
+      else drawClose(canvas, Number(canvas.dataset.view), at, paint);
+    }
+    const share = last > first ? (state.time - first) / (last - first) : 0;
+    now.style.left = 100 * share + "%";
+    const words = "t = " + state.time.toFixed(4) + " s";
+    output.textContent = words;
+    slider.value = String(at.frame);
+    slider.setAttribute("aria-valuetext", words);
+  }
+
+  // ---- time ----------------------------------------------------------------------------------------
+
+  function meet(from, to) {
+    for (const [frame, contact, side] of data.impacts) {
+      const time = data.time[frame];
+      const met = from <= to ? time > from && time <= to : time > from || time <= to;
+      if (!met) continue;
+      state.flashes = state.flashes.filter((one) => one.contact !== contact || one.side !== side);
+      state.flashes.push({ contact, side, age: 0 });
+    }
+  }
+
+  function show(time) {
+    state.time = Math.min(Math.max(time, first), last);
+    const frame = frameAt(state.time);
+    state.flashes = data.impacts.filter((one) => one[0] === frame).map(([, contact, side]) => ({ contact, side, age: 0 }));
+    draw();
+  }
+
+  function tick(stamp) {
+    if (!state.playing) return;
+    const passed = state.before === null ? 0 : Math.min(stamp - state.before, 200);
+    state.before = stamp;
+    for (const one of state.flashes) one.age += passed;
+    state.flashes = state.flashes.filter((one) => one.age < FLASH);
+    let time = state.time + (passed / 1000) * state.speed;
+    if (time > last) time = first + ((time - first) % Math.max(last - first, 1e-12));
+    meet(state.time, time);
+    state.time = time;
+    draw();
+    window.requestAnimationFrame(tick);
+  }
+
+  function setPlaying(playing) {
+    if (playing === state.playing) return;
+    state.playing = playing;
+    state.before = null;
+    play.textContent = playing ? "Pause" : "Play";
+    if (playing) window.requestAnimationFrame(tick);
+  }
+
+  function step(frame) {
+    setPlaying(false);
+    show(data.time[Math.min(Math.max(frame, 0), frames - 1)]);
+  }
+
+  function impact(direction) {
+    const at = frameAt(state.time);
+    const others = data.impacts.map((one) => one[0]).filter((frame) => (direction > 0 ? frame > at : frame < at));
+    if (others.length) step(direction > 0 ? Math.min(...others) : Math.max(...others));
+  }
+
+  // ---- what the reader does ------------------------------------------------------------------------
+
+  let chosen = false;
+  const doing = {
+    play: () => { chosen = true; setPlaying(!state.playing); },
+    before: () => { chosen = true; impact(-1); },
+    after: () => { chosen = true; impact(1); },
+  };
+  root.querySelectorAll("button[data-do]").forEach((button) => button.addEventListener("click", doing[button.dataset.do]));
+  slider.addEventListener("input", () => { chosen = true; step(Number(slider.value)); });
+  root.querySelector("[data-do=speed]").addEventListener("change", (event) => { state.speed = Number(event.target.value); });
+  root.querySelector("[data-do=scale]").addEventListener("change", (event) => { state.scale = Number(event.target.value); draw(); });
+  plot.addEventListener("click", (event) => {
+    const area = plot.getBoundingClientRect();
+    chosen = true;
+    setPlaying(false);
+    show(first + ((event.clientX - area.left) / area.width) * (last - first));
+  });
+  root.addEventListener("keydown", (event) => {
+    const kind = event.target.tagName;
+    if (kind === "SELECT" || event.ctrlKey || event.altKey || event.metaKey) return;
+    const at = frameAt(state.time);
+    const keys = {
+      ArrowLeft: () => step(at - 1), ArrowRight: () => step(at + 1), ArrowDown: () => step(at - 1), ArrowUp: () => step(at + 1),
+      Home: () => step(0), End: () => step(frames - 1), PageUp: () => impact(-1), PageDown: () => impact(1), " ": doing.play,
+    };
+    if (!(event.key in keys) || (kind === "BUTTON" && event.key === " ")) return;
+    chosen = true;
+    event.preventDefault();
+    keys[event.key]();
+  });
+
+  if ("IntersectionObserver" in window) {
+    // it begins when it is seen, unless the reader wants no motion or has chosen something
+    new IntersectionObserver((seen) => {
+      const visible = seen.some((entry) => entry.isIntersecting);
+      if (!chosen && !still.matches) setPlaying(visible);
+    }, { threshold: 0.4 }).observe(root.querySelector(".stage"));
+  }
+  window.addEventListener("resize", draw);
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  show(first);
+});

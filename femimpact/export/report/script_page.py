@@ -1,0 +1,219 @@
+"""The report of what a script has found: responses, curves, convergence, maps and tables under headings of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femimpact.convergence import ConvergenceStudy, ConvergenceTable
+from femimpact.errors import Fault, InputError, instance, optional, require, require_type, takes, text
+from femimpact.export.files import file_path
+from femimpact.export.report.blocks import Conclusion, Section, table_element, table_of
+from femimpact.export.report.convergence import axis_section, summary_table
+from femimpact.export.report.impacts import impacts_section
+from femimpact.export.report.maps import maps_section
+from femimpact.export.report.motion import energy_section, history_section
+from femimpact.export.report.page import Page, write_page
+from femimpact.export.report.player import player_element
+from femimpact.export.report.response_curves import curve_table, curves_section
+from femimpact.export.report.structure_drawing import structure_element
+from femimpact.export.report.structure_parts import place_finder, placed_contacts
+from femimpact.response.impacts import impact_columns
+from femimpact.response.response import Response
+from femimpact.structure.structure import Structure
+from femimpact.svg.axis import number_text
+from femimpact.svg.elements import Element, element
+from femimpact.sweep import FrequencyResponse
+from femimpact.table import column_units
+
+__all__ = ["report"]
+
+ALLOWED = (
+    "must be a Response, a FrequencyResponse or a mapping of names to them, a ConvergenceTable, a ConvergenceStudy, an "
+    "xarray.Dataset, a pandas.DataFrame, a record with to_pandas, or a mapping of names to columns of one length"
+)
+
+
+@takes(structure=optional(instance(Structure)), title=text(), notes=text(several=True))
+def report(
+    path: str | Path,
+    parts: Mapping[str, Any],
+    structure: Structure | None = None,
+    title: str = "Results",
+    notes: tuple[str, ...] = (),
+) -> Path:
+    """Write what a script has found as one HTML file that opens in any browser, without a connection.
+
+    Parameters
+    ----------
+    path : str or Path
+    parts : mapping of str to result
+        Each under its heading: a `Response`, a `FrequencyResponse` or a mapping of names to several, a
+        `ConvergenceTable`, a `ConvergenceStudy`, an `xarray.Dataset` (quantities over two axes become maps), a
+        `pandas.DataFrame`, any record with `to_pandas`, or a mapping of names to columns.
+    structure : Structure, optional
+        Is drawn, and gives the player of a response with snapshots its beam.
+    title : str
+    notes : tuple of str
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        If a part is none of these, or no file can be there.
+    """
+    file = file_path(path)
+    require_type(parts, Mapping, "parts")
+    for heading in parts:
+        require_type(heading, str, "parts")
+    made = [
+        section for i, (heading, part) in enumerate(parts.items()) for section in _sections(i, heading, part, structure)
+    ]
+    responses = {heading: part for heading, part in parts.items() if isinstance(part, Response)}
+    curves = {heading: curve for heading, part in parts.items() for _, curve in _curves(heading, part).items()}
+    page = Page(
+        title=title,
+        drawing=_drawing(structure, responses),
+        conclusions=(*_of_curves(parts), *_of_responses(responses)),
+        warnings=_said("warnings", {**responses, **curves}),
+        notes=(*notes, *_said("notes", {**responses, **curves})),
+        sections=tuple(made),
+    )
+    return write_page(file, page)
+
+
+def _curves(heading: str, part: Any) -> dict[str, FrequencyResponse]:
+    """Response curves of a part by their names; none of another part."""
+    if isinstance(part, FrequencyResponse):
+        return {heading: part}
+    if isinstance(part, Mapping) and part and all(isinstance(one, FrequencyResponse) for one in part.values()):
+        return {str(name): one for name, one in part.items()}
+    return {}
+
+
+def _said(kind: str, found: Mapping[str, Any]) -> tuple[str, ...]:
+    texts = [f"{heading}: {said}" for heading, part in found.items() for said in getattr(part, kind)]
+    return tuple(dict.fromkeys(texts))
+
+
+def _drawing(structure: Structure | None, responses: Mapping[str, Response]) -> Element | None:
+    if structure is None:
+        return None
+    points = next((dict(one.system.points) for one in responses.values()), {})
+    try:
+        finder = place_finder(structure, points)
+        return structure_element(structure, finder, placed_contacts(structure, finder))
+    except KeyError as error:
+        allowed = f"has a part at {error}, a point of a mesh: give a Response on that mesh among the parts"
+        raise InputError([Fault("structure", None, "", allowed)]) from None
+
+
+def _of_curves(parts: Mapping[str, Any]) -> list[Conclusion]:
+    found = []
+    for heading, part in parts.items():
+        for name, curve in _curves(heading, part).items():
+            if np.any(np.isfinite(curve.peak)):
+                value, place = number_text(1e3 * curve.peak_amplitude, zeros=True), number_text(curve.peak_frequency)
+                sample = curve.peak_is_sample
+                found.append(Conclusion(f"Largest peak, {name}", value, "mm", one_sample=sample, note=f"at {place} Hz"))
+    return found
+
+
+def _of_responses(responses: Mapping[str, Response]) -> list[Conclusion]:
+    found = []
+    for heading, one in responses.items():
+        count = len(one.impacts) + one.impacts.dropped
+        if count:
+            found.append(Conclusion(f"Motion, {heading}", one.regime.label, note=f"{count} impacts"))
+        if one.steady.peak.size and np.isfinite(one.steady.peak[0]):
+            sample = str(one.steady.steadiness[0]) != "periodic"
+            value = number_text(1e3 * float(one.steady.peak[0]), zeros=True)
+            found.append(Conclusion(f"Peak, {heading}", value, "mm", one_sample=sample, note="over the last third"))
+        if one.energy is not None:
+            residual = number_text(100 * float(one.energy.residual), 2)
+            found.append(Conclusion(f"Energy unaccounted for, {heading}", residual, "%", note="of the energy put in"))
+    return found
+
+
+# ---- parts ----------------------------------------------------------------------------------------
+
+
+def _sections(number: int, heading: str, part: Any, structure: Structure | None) -> list[Section]:
+    """The sections of one part, by the first kind that it is of."""
+    key = f"part-{number + 1}"
+    if isinstance(part, Response):
+        return _response(key, heading, part, structure)
+    curves = _curves(heading, part)
+    if curves:
+        section = curves_section(curves, key, heading)
+        return [Section(key, heading, (*section.content, table_element(curve_table(curves))))]
+    for kind, make in KINDS.items():
+        if isinstance(part, kind):
+            return [_renamed(one, f"{key}-{i}" if i else key, heading) for i, one in enumerate(make(part))]
+    return [Section(key, heading, (_table(heading, part),))]
+
+
+def _renamed(section: Section, key: str, heading: str) -> Section:
+    words = heading if section.heading == heading else f"{heading}: {section.heading}"
+    return Section(key, words, section.content)
+
+
+def _response(key: str, heading: str, response: Response, structure: Structure | None) -> list[Section]:
+    sections = []
+    if structure is not None:
+        finder = place_finder(structure, dict(response.system.points))
+        player = player_element(response, structure, finder, None)
+        sections += [Section(f"{key}-player", f"{heading}: the motion", (player,))] if player is not None else []
+    if response.time.size:
+        history = response.to_xarray()
+        energy = energy_section(history)
+        sections.append(history_section(history, key=key, heading=heading))
+        sections += [Section(f"{key}-energy", f"{heading}: energy", energy.content)] if energy is not None else []
+    impacts = impacts_section(*impact_columns(response.impacts))
+    sections += [Section(f"{key}-impacts", f"{heading}: impacts", impacts.content)] if impacts is not None else []
+    return sections or [Section(key, heading, (element("p", "The history went to a sink, and there are no impacts."),))]
+
+
+def _convergence(table: ConvergenceTable) -> list[Section]:
+    section = axis_section(table.axis, *table.columns(), statistics=bool(np.any(table.is_statistic)))
+    columns, _ = table.summary()
+    summary = table_element(summary_table(columns))
+    return [Section(section.key, section.heading, (*section.content, summary))] if section is not None else []
+
+
+def _study(study: ConvergenceStudy) -> list[Section]:
+    return [section for table in study.tables.values() for section in _convergence(table)]
+
+
+KINDS: Mapping[type, Callable[[Any], list[Section]]] = {ConvergenceTable: _convergence, ConvergenceStudy: _study}
+"""What makes the sections of a kind of part."""
+
+
+def _table(heading: str, part: Any) -> Element:
+    """A table of a frame, a record or columns; maps of a dataset."""
+    if hasattr(part, "data_vars") and hasattr(part, "dims"):
+        section = maps_section(part)
+        require(section is not None, f"parts.{heading}", "a dataset", "", "must hold numbers over one axis or more")
+        return element("div", *(section.content if section is not None else ()))
+    units: Mapping[str, str] = {}
+    if callable(getattr(part, "to_pandas", None)) and not isinstance(part, type):
+        units = column_units(part) if hasattr(part, "__dataclass_fields__") else {}
+        part = part.to_pandas()
+    columns: dict[str, Any] = {}
+    if hasattr(part, "columns") and hasattr(part, "reset_index"):
+        units = {**units, **part.attrs.get("units", {})}
+        named = part.index.name is not None
+        frame = part.reset_index() if named else part
+        columns = {str(name): frame[name].to_numpy() for name in frame.columns}
+    elif isinstance(part, Mapping) and part:
+        columns = {str(name): np.asarray(values) for name, values in part.items()}
+    fits = bool(columns) and all(one.ndim == 1 and one.dtype.kind in "biufUSO" for one in columns.values())
+    fits = fits and len({one.size for one in columns.values()}) == 1
+    require(fits, f"parts.{heading}", type(part).__name__, "", ALLOWED)
+    return table_element(table_of(heading, columns, units))

@@ -1,0 +1,308 @@
+"""The structure drawn to scale in the plane of its motion: beam, supports, bodies, balls with their gaps, stops."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from femimpact.export.report.structure_parts import (
+    Finder,
+    body_side,
+    gap_words,
+    millimetres,
+    part_words,
+    structure_words,
+)
+from femimpact.export.scene_pieces import ball_radius
+from femimpact.structure.structure import Structure
+from femimpact.svg.elements import Element, element
+
+__all__ = ["structure_element"]
+
+WIDTH = 1000.0
+"""Units of a drawing."""
+
+FOOT = 0.1
+"""Of the beam's length: how far below the beam springs and dashpots are fixed."""
+
+STATIONS = 33
+"""Of the outline of a segment whose section changes."""
+
+
+def structure_element(structure: Structure, position: Finder, contacts: Sequence[Any]) -> Element:
+    """The whole structure at one scale, each ball in its box larger, and the parts in words.
+
+    Parameters
+    ----------
+    structure : Structure
+    position : callable
+        As of `place_finder`.
+    contacts : sequence
+        With the fields of `PlacedContact`.
+    """
+    balls = [one for one in contacts if not one.is_stop]
+    letters = _letters(structure, contacts)
+    whole = element("figure.drawing", _whole(structure, position, contacts, letters))
+    details = [
+        element(
+            "figure.drawing",
+            _detail(structure, one),
+            element("figcaption", f"{letters[one.name]}  {one.name} in its box, {gap_words(one)}"),
+        )
+        for one in balls[:4]
+    ]
+    return element(
+        "div",
+        whole,
+        element(
+            "p.below",
+            "Lengths, thicknesses, gaps and balls are to one scale. Balls and bodies are drawn as steel of their mass.",
+        ),
+        element(
+            "ul.parts",
+            *(
+                element("li", element("b", head), f" {words}")
+                for head, words in part_words(structure, contacts, letters)
+            ),
+        ),
+        element("div.details", *details) if details else None,
+    )
+
+
+def _letters(structure: Structure, contacts: Sequence[Any]) -> dict[str, str]:
+    names = [*(body.name for body in structure.masses), *(one.name for one in contacts)]
+    return {
+        name: chr(ord("A") + i % 26) + (str(i // 26) if i >= 26 else "") for i, name in enumerate(dict.fromkeys(names))
+    }
+
+
+@dataclass(frozen=True)
+class _Canvas:
+    """Where metres are in a drawing."""
+
+    left: float
+    top: float
+    scale: float
+
+    def x(self, metres: float) -> float:
+        return round((metres - self.left) * self.scale, 2)
+
+    def y(self, metres: float) -> float:
+        return round((self.top - metres) * self.scale, 2)
+
+    def box(self, kind: str, x0: float, y0: float, x1: float, y1: float, **more: Any) -> Element:
+        return element(
+            f"rect.{kind}", x=self.x(min(x0, x1)), y=self.y(max(y0, y1)), width=round(abs(x1 - x0) * self.scale, 2),
+            height=round(abs(y1 - y0) * self.scale, 2), **more,
+        )  # fmt: skip
+
+
+def _whole(structure: Structure, position: Finder, contacts: Sequence[Any], letters: dict[str, str]) -> Element:
+    length = structure.beam.length
+    reach = _reach(structure, contacts)
+    left, right = -0.07 * length, 1.07 * length
+    for body in structure.masses:
+        centre, half = position(body.at) + body.offset, 0.5 * body_side(body.mass)
+        left, right = min(left, centre - 1.3 * half), max(right, centre + 1.3 * half)
+    for one in contacts:
+        if not one.is_stop:
+            radius = ball_radius(one.mass)
+            left, right = min(left, one.position - 1.8 * radius), max(right, one.position + 1.8 * radius)
+    scale = WIDTH / (right - left)
+    high = min(max(reach, 0.05 * length), 0.6 * length)
+    canvas = _Canvas(left, high + 34.0 / scale, scale)
+    below = 0.12 * length if structure.springs or structure.dashpots else 0.0
+    height = canvas.y(-max(high, below)) + 62.0
+    drawn = [
+        *_supports(canvas, structure, position),
+        *_bodies(canvas, structure, position),
+        *(shape for one in contacts for shape in _contact(canvas, structure, one)),
+        *_beam(canvas, structure),
+        *(_ball(canvas, one) for one in contacts if not one.is_stop),
+        *_connections(canvas, structure, position),
+        *_names(canvas, structure, position, contacts, letters, high),
+        *_scale_bar(canvas, length, height),
+    ]
+    words = f"{structure_words(structure, contacts)}, drawn to scale"
+    return element("svg", *drawn, viewBox=f"0 0 {WIDTH:g} {height:.2f}", role="img", aria_label=words)
+
+
+def _reach(structure: Structure, contacts: Sequence[Any]) -> float:
+    """Largest distance (m) from the axis of anything drawn."""
+    found = [0.5 * max(segment.rectangle[1] for segment in structure.beam.segments)]
+    found += [0.5 * body_side(body.mass) for body in structure.masses]
+    for one in contacts:
+        sizes = [gap for gap in one.gaps if math.isfinite(gap)]
+        found.append(
+            max(sizes, default=0.0) + (0.03 * structure.beam.length if one.is_stop else 2.4 * ball_radius(one.mass))
+        )
+    return max(found)
+
+
+def _beam(canvas: _Canvas, structure: Structure) -> list[Element]:
+    shapes, joints = [], structure.beam.joints
+    for segment, start in zip(structure.beam.segments, joints[:-1], strict=True):
+        stations = np.linspace(0.0, segment.length, STATIONS if segment.is_tapered else 2)
+        half = [0.5 * segment.rectangle_at(float(s))[1] for s in stations]
+        # a thickness of a third of a pixel would not be seen
+        least = 1.1 / canvas.scale
+        upper = [(start + float(s), max(h, least)) for s, h in zip(stations, half, strict=True)]
+        outline = [*upper, *((x, -y) for x, y in reversed(upper))]
+        shapes.append(element("polygon.beam", points=" ".join(f"{canvas.x(x)},{canvas.y(y)}" for x, y in outline)))
+    return shapes
+
+
+def _supports(canvas: _Canvas, structure: Structure, position: Finder) -> list[Element]:
+    length, shapes = structure.beam.length, []
+    for support in structure.supports:
+        x, size = position(support.at), 0.03 * length
+        end = -1.0 if x <= 1e-9 * length else 1.0 if x >= (1.0 - 1e-9) * length else 0.0
+        if support.kind == "clamped":
+            centre = x + 0.5 * end * 0.6 * size
+            shapes.append(canvas.box("solid", centre - 0.3 * size, -1.3 * size, centre + 0.3 * size, 1.3 * size))
+        elif support.kind == "pinned":
+            corners = [(x, 0.0), (x - 0.6 * size, -size), (x + 0.6 * size, -size)]
+            shapes.append(element("polygon.solid", points=" ".join(f"{canvas.x(a)},{canvas.y(b)}" for a, b in corners)))
+        else:
+            for side in (-1.0, 1.0):
+                shapes.append(
+                    canvas.box("solid", x - 0.6 * size, side * 0.25 * size, x + 0.6 * size, side * 0.5 * size)
+                )
+    return shapes
+
+
+def _bodies(canvas: _Canvas, structure: Structure, position: Finder) -> list[Element]:
+    shapes = []
+    for body in structure.masses:
+        if body.mass > 0.0:
+            centre, half = position(body.at) + body.offset, 0.5 * body_side(body.mass)
+            shapes.append(canvas.box("body", centre - half, -half, centre + half, half, opacity="0.55"))
+    return shapes
+
+
+def _contact(canvas: _Canvas, structure: Structure, one: Any) -> list[Element]:
+    """The box of a ball, or the blocks of a stop."""
+    x, length = one.position, structure.beam.length
+    if one.is_stop:
+        half, thick = 0.5 * structure.beam.rectangle_at(x)[1], 0.02 * length
+        return [
+            canvas.box("solid", x - 0.5 * thick, side * (gap + half), x + 0.5 * thick, side * (gap + half + thick))
+            for side, gap in ((1.0, one.gaps[0]), (-1.0, one.gaps[1]))
+            if math.isfinite(gap)
+        ]
+    radius = ball_radius(one.mass)
+    wall, plus, minus = 0.3 * radius, one.gaps[0] + radius, -one.gaps[1] - radius
+    left, right = x - 1.25 * radius, x + 1.25 * radius
+    return [
+        canvas.box("free", left, minus, right, plus),
+        canvas.box("wall", left, plus, right, plus + wall),
+        canvas.box("wall", left, minus - wall, right, minus),
+    ]
+
+
+def _ball(canvas: _Canvas, one: Any) -> Element:
+    radius = ball_radius(one.mass)
+    return element("circle.ball", cx=canvas.x(one.position), cy=canvas.y(0.0), r=round(radius * canvas.scale, 2))
+
+
+def _connections(canvas: _Canvas, structure: Structure, position: Finder) -> list[Element]:
+    length, shapes = structure.beam.length, []
+    for key, _, places in structure.connections:
+        at, *to = (position(place) for place in places.values())
+        if to:
+            corners = [(at, 0.0), (at, -0.06 * length), (to[0], -0.06 * length), (to[0], 0.0)]
+            shapes.append(element("path.thread", d=_thread(canvas, corners)))
+            continue
+        drawn = _spring(at, length) if key.startswith("spring") else _dashpot(at, length)
+        shapes.append(element("path.thread", d="".join(_thread(canvas, corners) for corners in drawn)))
+        low = -FOOT * length
+        shapes.append(canvas.box("solid", at - 0.012 * length, low, at + 0.012 * length, low - 0.004 * length))
+    return shapes
+
+
+def _thread(canvas: _Canvas, corners: Sequence[tuple[float, float]]) -> str:
+    return "M" + "L".join(f"{canvas.x(x)} {canvas.y(y)}" for x, y in corners)
+
+
+def _spring(at: float, length: float) -> list[list[tuple[float, float]]]:
+    """A zigzag from the beam to the base."""
+    levels = np.linspace(-0.02, -FOOT, 9)[1:-1].tolist()
+    zigzag = [(at + (-1) ** i * 0.008 * length, y * length) for i, y in enumerate(levels)]
+    return [[(at, 0.0), (at, -0.02 * length), *zigzag, (at, -FOOT * length)]]
+
+
+def _dashpot(at: float, length: float) -> list[list[tuple[float, float]]]:
+    """A piston in its pot."""
+    left, right, top, piston, bottom = (
+        at - 0.01 * length,
+        at + 0.01 * length,
+        -0.04 * length,
+        -0.05 * length,
+        -0.07 * length,
+    )
+    return [
+        [(at, 0.0), (at, piston)],
+        [(left, piston), (right, piston)],
+        [(left, top), (left, bottom), (right, bottom), (right, top)],
+        [(at, bottom), (at, -FOOT * length)],
+    ]
+
+
+def _names(
+    canvas: _Canvas,
+    structure: Structure,
+    position: Finder,
+    contacts: Sequence[Any],
+    letters: dict[str, str],
+    high: float,
+) -> list[Element]:
+    """Letters above what they name, those of one place beside one another."""
+    places = [(position(body.at) + body.offset, letters[body.name]) for body in structure.masses]
+    places += [(one.position, letters[one.name]) for one in contacts]
+    together: dict[float, list[str]] = {}
+    for x, letter in places:
+        near = next((at for at in together if abs(at - x) < 0.04 * structure.beam.length), x)
+        together.setdefault(near, []).append(letter)
+    return [
+        element("text", ", ".join(found), x=canvas.x(x), y=18, text_anchor="middle")
+        for x, found in sorted(together.items())
+    ]
+
+
+def _scale_bar(canvas: _Canvas, length: float, height: float) -> list[Element]:
+    """The length of the beam, below it."""
+    y, left, right = round(height - 26.0, 2), canvas.x(0.0), canvas.x(length)
+    path = f"M{left} {y}H{right}M{left} {y - 6}V{y + 6}M{right} {y - 6}V{y + 6}"
+    middle = round(0.5 * (left + right), 2)
+    return [
+        element("path.measure", d=path),
+        element("text.quiet", millimetres(length), x=middle, y=y + 20, text_anchor="middle"),
+    ]
+
+
+def _detail(structure: Structure, one: Any) -> Element:
+    """A ball in its box, with the gaps between its surface and the walls."""
+    radius = ball_radius(one.mass)
+    high = max(one.gaps) + 1.5 * radius
+    scale = 120.0 / high
+    canvas = _Canvas(one.position - 160.0 / scale, high + 6.0 / scale, scale)
+    x = canvas.x(one.position)
+    marks = []
+    for side, gap in ((1.0, one.gaps[0]), (-1.0, one.gaps[1])):
+        near, far = canvas.y(side * radius), canvas.y(side * (radius + gap))
+        if gap > 0.0:
+            marks.append(element("path.measure", d=f"M{x} {near}V{far}M{x - 6} {near}h12M{x - 6} {far}h12"))
+            marks.append(element("text", millimetres(gap), x=x + 12, y=round(0.5 * (near + far) + 4.5, 2)))
+    half = max(0.5 * structure.beam.rectangle_at(min(one.position, structure.beam.length))[1], 0.6 / scale)
+    shapes = [
+        *_contact(canvas, structure, one),
+        canvas.box("beam", one.position - 160.0 / scale, -half, one.position, half),
+        _ball(canvas, one),
+        *marks,
+    ]
+    words = f"{one.name} in its box, {gap_words(one)}"
+    return element("svg", *shapes, viewBox=f"0 0 320 {2 * 126.0:g}", role="img", aria_label=words)

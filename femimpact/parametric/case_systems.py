@@ -1,0 +1,180 @@
+"""From the values of a case to its system and method: what cases share is made once."""
+
+from __future__ import annotations
+
+import math
+import threading
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sparse
+
+from femimpact.errors import InputError, require
+from femimpact.fem.assembly import assemble
+from femimpact.fem.mesh import Mesh
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.methods import Method
+from femimpact.integrators.stepping.newmark import Newmark
+from femimpact.parametric.paths import Place, Stage, study_with
+from femimpact.structure.damping import ModalDamping, Rayleigh
+from femimpact.structure.structure import Structure
+from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of
+from femimpact.system.damped import rayleigh_of, with_damping
+from femimpact.system.reduction import reduce
+from femimpact.system.system import System
+
+__all__ = ["CaseSystems", "default_method"]
+
+KEPT = 16
+"""Systems that are kept for later cases."""
+
+Values = Mapping[Place, Any]
+
+
+def default_method(system: System) -> Method:
+    """Event-driven where that takes the system, else Newmark's with the recommended step."""
+    method = EventDriven()
+    try:
+        method.check(system)
+    except InputError:
+        return Newmark.for_system(system)
+    return method
+
+
+@dataclass(eq=False)
+class CaseSystems:
+    """Makes the systems of cases from what a study is given.
+
+    Parameters
+    ----------
+    given : Study, System or callable
+        Of a callable its arguments are values of the case.
+    method : Method or None
+        For all cases; None takes that of the study, or the one that suits the system.
+    elements, modes : int
+        Of the structures that a function returns.
+    """
+
+    given: Study | System | Callable[..., Any]
+    method: Method | None
+    elements: int
+    modes: int
+    mesh: Mesh | None = None
+    made: dict[tuple[Any, ...], System] = field(default_factory=dict)
+    lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.given, Study):
+            self.mesh = read_mesh_of(self.given)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # what was made is made again where it is sent to, and a lock cannot be sent
+        return {name: getattr(self, name) for name in ("given", "method", "elements", "modes", "mesh")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self.made, self.lock = {}, threading.Lock()
+
+    def of(self, values: Values) -> System:
+        """The system of a case, for its values before `Stage.METHOD`.
+
+        Raises
+        ------
+        InputError
+            If there is no such system.
+        """
+        key = tuple((place.path, values[place]) for place in values if place.stage < Stage.METHOD)
+        with self.lock:
+            found = self.made.pop(key, None)
+            if found is not None:
+                # the one that was asked for last is dropped last
+                self.made[key] = found
+                return found
+        system = self._made(values)
+        with self.lock:
+            while len(self.made) >= KEPT:
+                self.made.pop(next(iter(self.made)))
+            return self.made.setdefault(key, system)
+
+    def _made(self, values: Values) -> System:
+        of_modes = {place: value for place, value in values.items() if place.stage == Stage.MODES}
+        of_damping = {place: value for place, value in values.items() if place.stage == Stage.DAMPING}
+        of_balls = {place: value for place, value in values.items() if place.stage == Stage.BALL}
+        if of_balls:
+            rest = {place: value for place, value in values.items() if place.stage < Stage.BALL}
+            return _with_balls(self.of(rest), of_balls)
+        if of_damping and isinstance(self.given, Study):
+            damping = study_with(self.given, of_damping).structure.damping
+            if _is_damping_of_modes(self.given, damping):
+                return _damped(self.of(of_modes), damping)
+        with warnings.catch_warnings():
+            # of numbers that are unusual the nominal study has warned
+            warnings.simplefilter("ignore")
+            return self._built({**of_modes, **of_damping})
+
+    def _built(self, values: Values) -> System:
+        if isinstance(self.given, System):
+            return self.given
+        if isinstance(self.given, Study):
+            return build_systems(study_with(self.given, values), self.mesh)[1]
+        found = self.given(**{place.field: value for place, value in values.items()})
+        if isinstance(found, System):
+            return found
+        kind = type(found).__name__
+        require(isinstance(found, Structure), "study", kind, "", "must return a Structure or a System")
+        return reduce(assemble(found, elements=self.elements), self.modes)
+
+    def method_of(self, system: System, values: Values) -> Method:
+        """The method for a system with the contacts of a case.
+
+        Raises
+        ------
+        InputError
+            If it does not take the system.
+        """
+        if self.method is not None:
+            self.method.check(system)
+            return self.method
+        if not isinstance(self.given, Study):
+            return default_method(system)
+        study = study_with(self.given, {place: v for place, v in values.items() if place.stage == Stage.METHOD})
+        method = method_for(study, system)
+        check_method(study, system, method)
+        return method
+
+
+def _damped(system: System, damping: Rayleigh | ModalDamping | None) -> System:
+    """The system with another damping; one on its modes has their frequencies in its matrices."""
+    if not (system.is_diagonal and isinstance(damping, Rayleigh)):
+        return with_damping(system, damping)
+    square = system.K.diagonal() / system.M.diagonal()
+    alpha, beta = rayleigh_of(damping, np.sort(np.sqrt(square)))
+    C = sparse.diags_array(alpha * system.M.diagonal() + beta * system.K.diagonal(), format="csr")
+    changed = replace(system, C=C, rayleigh=(alpha, beta))
+    changed.__dict__["is_diagonal"] = True
+    return changed
+
+
+def _with_balls(system: System, values: Values) -> System:
+    """The system with other masses, centring springs and accelerations of its balls."""
+    contacts = list(system.contacts)
+    for place, value in values.items():
+        j = next(i for i, pair in enumerate(contacts) if pair.name == place.part)
+        contacts[j] = replace(contacts[j], **{place.field: value})
+    changed = replace(system, contacts=tuple(contacts))
+    # of the same matrices
+    changed.__dict__["is_diagonal"] = system.is_diagonal
+    return changed
+
+
+def _is_damping_of_modes(study: Study, damping: Rayleigh | ModalDamping | None) -> bool:
+    """Whether the damping of the reduced system is that of these ratios alone."""
+    kept = study.reduction.modes if study.reduction else math.inf
+    if study.structure.dashpots or damping is None:
+        return False
+    if isinstance(damping, ModalDamping):
+        return len(damping.each) <= kept
+    return damping.modes is None or max(damping.modes) <= kept

@@ -1,0 +1,116 @@
+"""The workers of a cluster: the client of `distributed`, what its workers run, and whether that is the same code."""
+
+from __future__ import annotations
+
+import platform
+import warnings
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+
+from femimpact import core
+from femimpact.errors import Fault, InputError, InputWarning, kind_of, require
+from femimpact.parametric.definition import ParameterStudy
+from femimpact.parametric.identity import sources_key
+
+__all__ = ["check_client", "check_workers", "cluster_executor", "connected"]
+
+NEEDED = ("get_executor", "submit", "run", "nthreads")
+"""Members of a client that are used."""
+
+TIMEOUT = "10s"
+"""For which a scheduler is waited for."""
+
+
+def check_client(client: object) -> None:
+    """Refuse what is no client of a cluster."""
+    fits = client is None or (not isinstance(client, type) and all(hasattr(client, name) for name in NEEDED))
+    require(fits, "client", kind_of(client), "", "must be a distributed.Client")
+
+
+@contextmanager
+def connected(scheduler: str) -> Iterator[Any]:
+    """A client of the scheduler at an address, or of the one that a scheduler file names.
+
+    Raises
+    ------
+    InputError
+        If there is none, or `distributed` is not installed.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        allowed = "needs the library distributed: pip install 'femimpact[cluster]'"
+        raise InputError([Fault("scheduler", scheduler, "", allowed)]) from None
+    make: Any = Client
+    given = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {"address": scheduler}
+    try:
+        client = make(**given, timeout=TIMEOUT)
+    except (OSError, ValueError, TypeError) as error:
+        words = " ".join(str(error).split()) or type(error).__name__
+        allowed = f"must be the address of a running scheduler, or its scheduler file: {words}"
+        raise InputError([Fault("scheduler", scheduler, "", allowed)]) from None
+    with client:
+        yield client
+
+
+def worker_facts() -> dict[str, str]:
+    """What decides the numbers of a worker: sources and versions, and its processor."""
+    info = core.build_info()
+    return {
+        "sources": sources_key(),
+        "core": str(info["sources"]),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "processor": f"{info['target']} {platform.machine()} {_model()}",
+    }
+
+
+def _model() -> str:
+    """The name of the processor, where the system says it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor()
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")
+
+
+def check_workers(client: Any) -> None:
+    """Refuse workers of another version, and warn of processors of several kinds.
+
+    Raises
+    ------
+    InputError
+        If there is no worker, or one that has other sources or other versions of numpy and scipy.
+    """
+    found: dict[str, dict[str, str]] = client.run(worker_facts)
+    require(bool(found), "client", "no worker", "", "must have one worker or more")
+    own = worker_facts()
+    for address, facts in found.items():
+        for name in ("sources", "core", "numpy", "scipy"):
+            allowed = f"has {name} {facts[name][:12]}, and this process {own[name][:12]}: install the same femimpact"
+            require(facts[name] == own[name], f"worker {address}", None, "", allowed)
+    processors = sorted({facts["processor"] for facts in found.values()})
+    if len(processors) > 1:
+        text = f"workers on several kinds of processors ({'; '.join(processors)}): the last bits may depend on which"
+        warnings.warn(text, InputWarning, stacklevel=4)
+
+
+@contextmanager
+def cluster_executor(client: Any, study: ParameterStudy) -> Iterator[tuple[Executor, Any, int]]:
+    """An executor on the workers, the study as its tasks take it, and the number of threads of all workers."""
+    check_workers(client)
+    # a task, whose result is made anew where the worker that had it is lost
+    there = client.submit(_received, study, pure=False)
+    with client.get_executor(pure=False, retries=3) as pool:
+        yield pool, there, sum(client.nthreads().values())
+
+
+def _received(study: ParameterStudy) -> ParameterStudy:
+    """The study, on a worker."""
+    return study

@@ -1,0 +1,328 @@
+"""What a parameter study is: its axes, its measures and its starts, checked before the first case."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from femimpact.errors import (
+    Fault,
+    InputError,
+    check_fields,
+    kind_of,
+    optional,
+    quantity,
+    require,
+    require_type,
+)
+from femimpact.excitation import Sine
+from femimpact.integrators.methods import Method, require_method
+from femimpact.parametric.case_systems import CaseSystems
+from femimpact.parametric.case_table import CaseTable, full_grid, listed_cases, sampled_cases
+from femimpact.parametric.measures import Measure, measures_of
+from femimpact.parametric.paths import (
+    Place,
+    Stage,
+    paths_of_function,
+    paths_of_study,
+    paths_of_system,
+    study_with,
+    unknown_path,
+)
+from femimpact.structure.structure import Position
+from femimpact.study.parameter_plan import MOST_STARTS, AxisValues, Distribution, SamplePlan, axis_from
+from femimpact.study.study import BaseMotion, Study, sine_of
+from femimpact.system.system import System
+
+__all__ = ["ParameterStudy"]
+
+CHECKED = 500
+"""Values of an axis up to which each is checked; of more the smallest and the largest."""
+
+CYCLES = 300
+"""Of the base in a case, where neither the call nor the study says."""
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterStudy:
+    """Cases over named axes, what is measured of them, and from how many starts.
+
+    Parameters
+    ----------
+    study : Study, System or callable
+        A function of values that returns a `Structure` or a `System`; its arguments are axes.
+    axes : mapping of str to values, or sequence of mappings
+        By study path. Values are a list, {"from": .., "to": .., "points": ..}, or for a sample a distribution:
+        {"normal": [mean, deviation]}, {"from": .., "to": ..} or one of scipy.stats. A sequence of mappings is a list
+        of cases.
+    measures : sequence of str or callable
+        Names of `parametric.measures.MEASURES`, of a channel, or functions of a `Response` that return a number.
+    starts : int
+        Of each case.
+    seed : int
+        Of the starts.
+    sample : SamplePlan or mapping, optional
+        With points, method and seed.
+    cycles : int, optional
+        Of the base; the last third is measured. That of [study] or [sweep], or 300.
+    excitation : Sine, optional
+        Of a system or a function: what no axis gives.
+    method : Method, optional
+        Of a system or a function; by default event-driven, or Newmark's where that does not take the system.
+    at : str or float, optional
+        The observed place; the tip by default.
+    elements, modes : int
+        Of the structures that a function returns.
+    version : str, optional
+        Of functions of the user's own, in place of their code.
+
+    Raises
+    ------
+    InputError
+        If an argument is of the wrong kind, a path or a measure is unknown, or a value is out of range.
+    """
+
+    study: Study | System | Callable[..., Any]
+    axes: Any
+    measures: Any
+    starts: int = field(default=1, metadata=quantity("1", at_least=1, at_most=MOST_STARTS, integer=True))
+    seed: int = field(default=0, metadata=quantity("1", at_least=0, integer=True))
+    sample: Any = None
+    cycles: int | None = field(
+        default=None, metadata=optional(quantity("1", at_least=3, at_most=10_000_000, integer=True))
+    )
+    excitation: Sine | None = None
+    method: Method | None = None
+    at: Position | None = None
+    elements: int = field(default=40, metadata=quantity("1", at_least=1, at_most=100_000, integer=True))
+    modes: int = field(default=4, metadata=quantity("1", at_least=1, integer=True))
+    version: str | None = None
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        known = isinstance(self.study, (Study, System)) or (callable(self.study) and not isinstance(self.study, type))
+        require(known, "study", kind_of(self.study), "", "must be a Study, a System or a function of values")
+        if self.method is not None:
+            require_method(self.method)
+        if self.excitation is not None:
+            require_type(self.excitation, Sine, "excitation")
+        require(self.version is None or isinstance(self.version, str), "version", self.version, "", "must be a text")
+        named = not isinstance(self.measures, (str, bytes)) and isinstance(self.measures, Sequence)
+        require(named, "measures", kind_of(self.measures), "", "must be a list of names or functions")
+        if isinstance(self.study, Study):
+            for key in ("excitation", "method"):
+                allowed = "belongs to a System or a function: a Study has its own"
+                require(getattr(self, key) is None, key, kind_of(getattr(self, key)), "", allowed)
+            sine_of(self.study, "study")
+        self._check_axes()
+        self._check_nominal()
+
+    # ---- what follows from it ----------------------------------------------------------------------
+
+    @cached_property
+    def _rows(self) -> tuple[dict[str, Any], ...] | None:
+        """Cases that are given one by one."""
+        if isinstance(self.axes, Mapping):
+            return None
+        rows = self.axes
+        sound = isinstance(rows, Sequence) and not isinstance(rows, (str, bytes)) and len(rows) > 0
+        sound = sound and all(isinstance(row, Mapping) and row and row.keys() == rows[0].keys() for row in rows)
+        allowed = "must be values by their paths, or a list of cases that all give the same ones"
+        require(bool(sound), "axes", kind_of(self.axes), "", allowed)
+        require(self.sample is None, "sample", kind_of(self.sample), "", "is for axes, not for a list of cases")
+        read = {path: [axis_from(path, [row[path]]) for row in rows] for path in rows[0]}
+        return tuple(
+            {path: found[i].values[0] for path, found in read.items() if isinstance(found[i], AxisValues)}  # type: ignore[union-attr]
+            for i in range(len(rows))
+        )
+
+    @cached_property
+    def _axes(self) -> dict[str, AxisValues | Distribution]:
+        if self._rows is not None:
+            return {path: AxisValues(tuple(dict.fromkeys(row[path] for row in self._rows))) for path in self._rows[0]}
+        require(len(self.axes) > 0, "axes", "none", "", "must be one or more")
+        for path in self.axes:
+            require(isinstance(path, str), "axes", path, "", "must be values by their study paths, which are texts")
+        return {path: axis_from(f"axes.{path}", given) for path, given in self.axes.items()}
+
+    @cached_property
+    def plan_of_sample(self) -> SamplePlan | None:
+        """How the cases are sampled; None for a grid or a list."""
+        if self.sample is None or isinstance(self.sample, SamplePlan):
+            return self.sample
+        names = set(SamplePlan.__dataclass_fields__)
+        sound = isinstance(self.sample, Mapping) and set(self.sample) <= names and "points" in self.sample
+        require(sound, "sample", self.sample, "", "must give points, and may give method and seed")
+        try:
+            return SamplePlan(**self.sample)
+        except InputError as error:
+            raise InputError([fault.under("sample") for fault in error.faults]) from None
+
+    @cached_property
+    def known(self) -> dict[str, Place]:
+        """Every value that an axis may have."""
+        if isinstance(self.study, Study):
+            return paths_of_study(self.study)
+        if isinstance(self.study, System):
+            return paths_of_system(self.study)
+        return paths_of_function(self._arguments, self.nominal)
+
+    @cached_property
+    def _arguments(self) -> tuple[str, ...]:
+        if isinstance(self.study, (Study, System)):
+            return ()
+        return tuple(inspect.signature(self.study).parameters)
+
+    @cached_property
+    def places(self) -> tuple[Place, ...]:
+        """The values that the axes give."""
+        return tuple(self.known[path] for path in self._axes)
+
+    @cached_property
+    def table(self) -> CaseTable:
+        """All cases."""
+        if self._rows is not None:
+            return listed_cases(self.places, self._rows)
+        if self.plan_of_sample is not None:
+            return sampled_cases(self.places, self._axes, self.plan_of_sample)
+        return full_grid(self.places, self._axes)
+
+    @cached_property
+    def systems(self) -> CaseSystems:
+        """What makes the systems of cases."""
+        return CaseSystems(self.study, self.method, self.elements, self.modes)
+
+    @cached_property
+    def nominal(self) -> System:
+        """The system of the study as it is; of a function that of the first case."""
+        if not self._arguments:
+            return self.systems.of({})
+        first = {}
+        for name in self._arguments:
+            axis = self._axes.get(name)
+            if axis is not None:
+                value = axis.values[0] if isinstance(axis, AxisValues) else float(axis.quantile(np.array([0.5]))[0])
+                first[Place(name, "", Stage.MODES, "function", "", name)] = value
+        return self.systems.of(first)
+
+    @cached_property
+    def chosen(self) -> tuple[Measure, ...]:
+        """The measures."""
+        return measures_of(self.measures, self.nominal)
+
+    @cached_property
+    def dwell(self) -> int:
+        """Cycles of the base in each case."""
+        if self.cycles is not None:
+            return self.cycles
+        if isinstance(self.study, Study):
+            if self.study.plan is not None and self.study.plan.cycles is not None:
+                return self.study.plan.cycles
+            if self.study.sweep is not None:
+                return self.study.sweep.cycles
+        return CYCLES
+
+    @property
+    def base(self) -> dict[str, Any]:
+        """Frequency, amplitude, phase and start of the base where no axis gives them; None is not known."""
+        if isinstance(self.study, Study):
+            base = sine_of(self.study, "study")
+            return {name: getattr(base, name) for name in ("frequency", "amplitude", "phase", "start")}
+        sine = self.excitation
+        given = {} if sine is None else {name: getattr(sine, name) for name in ("frequency", "amplitude", "phase")}
+        return {"frequency": None, "amplitude": None, "phase": 0.0, "start": "base"} | given
+
+    @property
+    def observed(self) -> Position:
+        """The observed place."""
+        return self.nominal.default_place if self.at is None else self.at
+
+    @property
+    def runs(self) -> int:
+        """Cases times starts."""
+        return self.table.size * self.starts
+
+    # ---- checks ------------------------------------------------------------------------------------
+
+    def _check_axes(self) -> None:
+        axes = self._axes
+        if self._arguments:
+            self._check_arguments()
+        faults = [
+            unknown_path(path, self.known, isinstance(self.study, System)) for path in axes if path not in self.known
+        ]
+        for place in (self.known[path] for path in axes if path in self.known):
+            if place.owner == "start" and self.starts > 1:
+                allowed = f"must not be an axis with starts = {self.starts}: either gives the balls their places"
+                faults.append(Fault(place.path, None, "", allowed))
+            values = axes[place.path]
+            if isinstance(values, AxisValues):
+                faults += self._faults_of(place, values.values)
+        if faults:
+            raise InputError(faults)
+        if self.plan_of_sample is not None:
+            for place, levels in zip(self.places, self.table.levels, strict=True):
+                faults += self._faults_of(place, levels)
+        if faults:
+            raise InputError(faults)
+        for name, value in self.base.items():
+            allowed = "must be given: by an axis, or by excitation = Sine(...)"
+            require(value is not None or f"base.{name}" in axes, f"base.{name}", None, "", allowed)
+
+    def _check_arguments(self) -> None:
+        parameters = inspect.signature(self.study).parameters.values()  # type: ignore[arg-type]
+        for one in parameters:
+            allowed = "is an argument of the function, and must be an axis"
+            given = one.default is not one.empty or one.name in self._axes
+            require(given or one.kind in (one.VAR_POSITIONAL, one.VAR_KEYWORD), one.name, None, "", allowed)
+
+    def _faults_of(self, place: Place, values: Sequence[Any]) -> list[Fault]:
+        """What is wrong with values of an axis, each alone: they may still not fit those of other axes."""
+        if len(values) > CHECKED and all(isinstance(value, (int, float)) for value in values):
+            values = (min(values), max(values))
+        for value in values:
+            try:
+                self._check_value(place, value)
+            except InputError as error:
+                return [Fault(place.path, value, place.unit, error.faults[0].allowed)]
+        return []
+
+    def _check_value(self, place: Place, value: Any) -> None:
+        if place.owner == "function":
+            return
+        if place.owner == "start":
+            number = isinstance(value, (int, float))
+            require(number, place.path, value, place.unit, f"must be a finite number, in {place.unit}")
+        elif place.owner == "base":
+            BaseMotion(**{"frequency": 1.0, "amplitude": 1.0, place.field: value})
+        elif place.owner == "method" and isinstance(self.study, Study):
+            self.systems.method_of(self.nominal, {place: value})
+        elif isinstance(self.study, Study):
+            study_with(self.study, {place: value})
+        else:
+            _check_pair(self.nominal, place, value)
+
+    def _check_nominal(self) -> None:
+        """Refuse what would stop every case: a place, a measure or a method that the system does not take."""
+        self.nominal.point_row(self.observed)
+        _ = self.chosen
+        if not any(place.stage == Stage.METHOD for place in self.places):
+            self.systems.method_of(self.nominal, {})
+
+
+def _check_pair(system: System, place: Place, value: Any) -> None:
+    """Refuse a value that the pair of a system does not take."""
+    from dataclasses import replace
+
+    pair = next(pair for pair in system.contacts if pair.name == place.part)
+    if place.field == "gap":
+        replace(pair, gaps=value if isinstance(value, tuple) else (value, value))
+    elif place.field.startswith("contact."):
+        replace(pair, law=replace(pair.law, **{place.field.removeprefix("contact."): value}))  # type: ignore[type-var]
+    else:
+        replace(pair, **{place.field: value})

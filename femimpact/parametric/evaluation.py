@@ -1,0 +1,446 @@
+"""Cases of a block: their systems, their dwells in as few compiled calls as there are systems, and their measures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.contact import ContactLaw
+from femimpact.errors import FemimpactError, checked, quantity, require_type
+from femimpact.excitation import Sine
+from femimpact.integrators.answers import SineCases, SineDwellResults
+from femimpact.integrators.many_cases import run_cases, start_of, with_contacts_of
+from femimpact.integrators.methods import Method
+from femimpact.parametric.definition import ParameterStudy
+from femimpact.parametric.measures import INSTANTS, Measure, Source, columns_of, of_response
+from femimpact.parametric.paths import Place, Stage
+from femimpact.parametric.starts import scaled_starts, unit_draws
+from femimpact.response.channels import resolve_channels
+from femimpact.response.response import Recorder, Response
+from femimpact.system.state import State
+from femimpact.system.system import System, without_impactors
+
+__all__ = ["BlockValues", "evaluated", "run_case"]
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class BlockValues:
+    """What was found of some cases.
+
+    Parameters
+    ----------
+    cases : ndarray (n,) of int
+        Their numbers in the study.
+    values : ndarray (n, starts, measures)
+        Not a number where a start failed, or where the measure is a word.
+    periodic : ndarray (n, starts) of bool
+        Whether the motion repeats, or has no impacts: another start then has the same values.
+    failures : tuple of str (n starts,)
+        Why a start has no values; empty where it has.
+    words : mapping of str to tuple of str (n starts,)
+        By measure.
+    """
+
+    cases: Numbers
+    values: Array
+    periodic: NDArray[np.bool_]
+    failures: tuple[str, ...]
+    words: dict[str, tuple[str, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Cases with one system, one method and one kind of start; `runs` are theirs, start by start of each case.
+
+    `members` are the numbers of the cases in their block, `values` those of the first of them.
+    """
+
+    values: dict[Place, Any]
+    system: System
+    method: Method
+    members: Numbers
+    runs: SineCases
+
+
+class _Answers:
+    """The values of a block as they are found."""
+
+    def __init__(self, study: ParameterStudy, cases: Numbers) -> None:
+        self.study, self.cases = study, cases
+        shape = cases.size, study.starts
+        self.values = np.full((*shape, len(study.chosen)), np.nan)
+        self.periodic = np.zeros(shape, dtype=bool)
+        self.failures: list[str] = [""] * (cases.size * study.starts)
+        self.words = {item.name: [""] * (cases.size * study.starts) for item in study.chosen if item.is_text}
+
+    def fail(self, runs: Numbers, reason: str) -> None:
+        """Note why some runs, by their numbers in the block, have no values."""
+        self.values.reshape(-1, len(self.study.chosen))[runs] = np.nan
+        for run in runs.tolist():
+            self.failures[run] = self.failures[run] or " ".join(reason.split())
+
+    def whole(self) -> BlockValues:
+        """All of them."""
+        words = {name: tuple(column) for name, column in self.words.items()}
+        return BlockValues(self.cases, self.values, self.periodic, tuple(self.failures), words)
+
+
+def evaluated(study: ParameterStudy, cases: Numbers) -> BlockValues:
+    """What the study measures of some of its cases.
+
+    A case has the same bits whatever cases stand beside it. A case that cannot be run has a reason in place of
+    values; an error that is none of femimpact's own is not caught.
+
+    Parameters
+    ----------
+    study : ParameterStudy
+    cases : ndarray (n,) of int
+        Their numbers.
+
+    Returns
+    -------
+    BlockValues
+    """
+    answers = _Answers(study, cases)
+    for group in _groups(study, cases, answers):
+        _run_group(group, answers)
+    return answers.whole()
+
+
+def run_case(study: ParameterStudy, number: int, start: int = 0, record: Recorder | None = None) -> Response:
+    """A run of one start of one case of a parameter study, with its history.
+
+    Parameters
+    ----------
+    study : ParameterStudy
+    number : int
+        Of the case from 0, in the order of the dataset: of a grid the last axis is the fastest.
+    start : int
+        Of its starts, from 0.
+    record : Recorder, optional
+        What is kept.
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    InputError
+        If there is no such case or start, or the case cannot be run.
+    """
+    require_type(study, ParameterStudy, "study")
+    for key, value, most in (("number", number, study.table.size), ("start", start, study.starts)):
+        checked(key, value, quantity("1", at_least=0, at_most=most - 1, integer=True))
+    if record is not None:
+        require_type(record, Recorder, "record")
+    answers = _Answers(study, np.array([number], dtype=np.int64))
+    groups = list(_groups(study, answers.cases, answers))
+    if not groups:
+        _raise_of_case(study, int(number))
+    return _response(groups[0], int(start), Recorder() if record is None else record)
+
+
+def _raise_of_case(study: ParameterStudy, case: int) -> None:
+    """Raise what a case fails with."""
+    values = _values_of(study, case)
+    system = study.systems.of(values)
+    _laws_of(study, system, case)
+    study.systems.method_of(system, values)
+
+
+# ---- from cases to runs ----------------------------------------------------------------------------
+
+
+def _values_of(study: ParameterStudy, case: int) -> dict[Place, Any]:
+    table = study.table
+    return {place: table.value(axis, case) for axis, place in enumerate(table.places)}
+
+
+def _groups(study: ParameterStudy, cases: Numbers, answers: _Answers) -> Iterator[_Group]:
+    """Cases that share a system, with their runs; those that have none are noted as failures."""
+    table, starts = study.table, study.starts
+    axes = table.axes_before(Stage.CASE)
+    frames = [axis for axis, place in enumerate(table.places) if place.path == "base.start"]
+    codes = [table.codes[axis][cases] for axis in (*axes, *frames)]
+    for members in _equal_rows(codes, cases.size):
+        values = _values_of(study, int(cases[members[0]]))
+        try:
+            system = study.systems.of(values)
+        except FemimpactError as error:
+            answers.fail(_runs_of(members, starts), str(error))
+            continue
+        laws, law_of = _laws(study, system, cases, members, answers)
+        sound = law_of >= 0
+        for method, own in _methods(study, system, laws, law_of, values, members, answers):
+            chosen = own & sound
+            if np.any(chosen):
+                runs = _runs(study, system, cases[members[chosen]], laws, law_of[chosen], values)
+                yield _Group(values, system, method, members[chosen], runs)
+
+
+def _runs_of(members: Numbers, starts: int) -> Numbers:
+    """Numbers in the block of the runs of some cases."""
+    return (members[:, None] * starts + np.arange(starts)).reshape(-1)
+
+
+def _equal_rows(codes: Sequence[Numbers], count: int) -> list[Numbers]:
+    """Members of each group that has the same codes, in the order of the first of each."""
+    if not codes:
+        return [np.arange(count)]
+    _, first, of_row = np.unique(np.column_stack(codes), axis=0, return_index=True, return_inverse=True)
+    return [np.flatnonzero(of_row.reshape(-1) == group) for group in np.argsort(first)]
+
+
+def _laws(
+    study: ParameterStudy, system: System, cases: Numbers, members: Numbers, answers: _Answers
+) -> tuple[tuple[tuple[ContactLaw, ...], ...], Numbers]:
+    """Sets of laws, and which of them each member has; -1 where there is no such law."""
+    table = study.table
+    axes = [axis for axis, place in enumerate(table.places) if place.field.startswith("contact.")]
+    nominal = tuple(pair.law for pair in system.contacts)
+    law_of = np.zeros(members.size, dtype=np.int64)
+    if not axes:
+        return (nominal,), law_of
+    sets = list[tuple[ContactLaw, ...]]()
+    for own in _equal_rows([table.codes[axis][cases[members]] for axis in axes], members.size):
+        try:
+            sets.append(_laws_of(study, system, int(cases[members[own[0]]])))
+            law_of[own] = len(sets) - 1
+        except FemimpactError as error:
+            answers.fail(_runs_of(members[own], study.starts), str(error))
+            law_of[own] = -1
+    return tuple(sets), law_of
+
+
+def _laws_of(study: ParameterStudy, system: System, case: int) -> tuple[ContactLaw, ...]:
+    """The laws of a case; numbers that belong together are changed together."""
+    table = study.table
+    changes: dict[str, dict[str, Any]] = {}
+    for axis, place in enumerate(table.places):
+        if place.field.startswith("contact."):
+            changes.setdefault(place.part, {})[place.field.removeprefix("contact.")] = table.value(axis, case)
+    laws: list[Any] = [pair.law for pair in system.contacts]
+    return tuple(
+        replace(law, **changes[pair.name]) if pair.name in changes else law
+        for pair, law in zip(system.contacts, laws, strict=True)
+    )
+
+
+def _methods(
+    study: ParameterStudy, system: System, laws: tuple[tuple[ContactLaw, ...], ...], law_of: Numbers,
+    values: dict[Place, Any], members: Numbers, answers: _Answers,
+) -> list[tuple[Method, NDArray[np.bool_]]]:  # fmt: skip
+    """Methods, and which members run by each: a recommended step depends on the contacts."""
+    found = list[tuple[Method, NDArray[np.bool_]]]()
+    for number, own_laws in enumerate(laws):
+        own = law_of == number
+        contacts = tuple(
+            pair if pair.law is law else replace(pair, law=law)
+            for pair, law in zip(system.contacts, own_laws, strict=True)
+        )
+        alike = all(one is other for one, other in zip(contacts, system.contacts, strict=True))
+        try:
+            method = study.systems.method_of(system if alike else replace(system, contacts=contacts), values)
+        except FemimpactError as error:
+            answers.fail(_runs_of(members[own], study.starts), str(error))
+            continue
+        same = next((i for i, (other, _) in enumerate(found) if other == method), None)
+        if same is None:
+            found.append((method, own))
+        else:
+            found[same] = method, found[same][1] | own
+        if hasattr(method, "run_cases"):
+            # one that takes all contacts as they are: the others need not be asked for
+            return [(method, law_of >= 0)]
+    return found
+
+
+def _column(study: ParameterStudy, path: str, cases: Numbers, default: Any) -> Array:
+    """Values of an axis in some cases, or what stands in its place."""
+    table = study.table
+    for axis, place in enumerate(table.places):
+        if place.path == path:
+            codes = table.codes[axis][cases]
+            levels = table.levels[axis]
+            if len(levels) > codes.size:
+                return np.array([levels[code] for code in codes.tolist()], dtype=float)
+            return np.asarray(np.array(levels, dtype=float)[codes])
+    return np.full(cases.size, float(default))
+
+
+def _gaps(study: ParameterStudy, system: System, cases: Numbers) -> Array:
+    """Gaps (n, pairs, 2) in m."""
+    gaps = np.tile(np.array([pair.gaps for pair in system.contacts], dtype=float).reshape(-1, 2), (cases.size, 1, 1))
+    table = study.table
+    for axis, place in enumerate(table.places):
+        if place.field == "gap":
+            j = next(i for i, pair in enumerate(system.contacts) if pair.name == place.part)
+            for row, code in enumerate(table.codes[axis][cases].tolist()):
+                gaps[row, j] = table.levels[axis][code]
+    return gaps
+
+
+def _runs(
+    study: ParameterStudy, system: System, cases: Numbers, laws: tuple[tuple[ContactLaw, ...], ...],
+    law_of: Numbers, values: dict[Place, Any],
+) -> SineCases:  # fmt: skip
+    """The runs of some cases with one system, start by start of each case."""
+    base, starts, balls = study.base, study.starts, len(system.balls)
+    frequency, amplitude, phase = (
+        _column(study, f"base.{name}", cases, base[name]) for name in ("frequency", "amplitude", "phase")
+    )
+    frame = next((value for place, value in values.items() if place.path == "base.start"), base["start"])
+    initial = State.static() if frame == "static" else State.at_rest(frame)
+    gaps = _gaps(study, system, cases)
+    if starts > 1:
+        draws = unit_draws(starts, balls, study.seed)
+        placed, moving = scaled_starts(draws, gaps[:, :balls], amplitude * (2.0 * np.pi * frequency))
+    else:
+        placed, moving = (
+            np.stack(
+                [_column(study, f"start.{pair.name}.{name}", cases, 0.0) for pair in system.balls]
+                or [np.zeros(cases.size)], axis=1,
+            )[:, None, :balls]
+            for name in ("position", "speed")
+        )  # fmt: skip
+    return SineCases(
+        frequency=np.repeat(frequency, starts),
+        amplitude=np.repeat(amplitude, starts),
+        phase=np.repeat(phase, starts),
+        gaps=np.repeat(gaps, starts, axis=0),
+        laws=laws,
+        law_of=np.repeat(law_of, starts),
+        initial=initial,
+        ball_displacement=placed.reshape(cases.size * starts, balls),
+        ball_velocity=moving.reshape(cases.size * starts, balls),
+        cycles=np.full(cases.size * starts, study.dwell),
+        measured=np.full(cases.size * starts, study.dwell // 3),
+    )
+
+
+def _of(runs: SineCases, members: Numbers) -> SineCases:
+    """Some of the runs."""
+    own = {
+        item.name: getattr(runs, item.name)[members]
+        for item in fields(SineCases)
+        if item.name not in ("laws", "initial")
+    }
+    return replace(runs, **own)
+
+
+# ---- from runs to measures -------------------------------------------------------------------------
+
+
+def _run_group(group: _Group, answers: _Answers) -> None:
+    study, names = answers.study, [item.name for item in answers.study.chosen]
+    block_runs = _runs_of(group.members, study.starts)
+    instants = INSTANTS if "damping" in names else 1
+    every = np.arange(block_runs.size)
+    for part, found in _found(group.system, group.runs, group.method, study, instants, every, answers, block_runs):
+        own, rows = block_runs[part], _of(group.runs, part)
+        columns = columns_of(found, rows.frequency, rows.measured)
+        fine = np.array([not failure for failure in found.failures])
+        impacts = columns["impacts_per_cycle"] > 0.0
+        answers.periodic.reshape(-1)[own] = fine & ((found.motion.steadiness == "periodic") | ~impacts)
+        for run, failure in zip(own.tolist(), found.failures, strict=True):
+            if failure:
+                answers.fail(np.array([run]), failure)
+        flat = answers.values.reshape(-1, len(names))
+        for m, name in enumerate(names):
+            if name in columns:
+                flat[own[fine], m] = columns[name][fine]
+        if "peak_ratio" in names:
+            bare = _peaks_without_balls(group, rows, study)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                flat[own[fine], names.index("peak_ratio")] = (columns["peak"] / bare)[fine]
+        _read_runs(group, part[fine], own[fine], columns, answers)
+
+
+def _found(
+    system: System, runs: SineCases, method: Method, study: ParameterStudy, instants: int, part: Numbers,
+    answers: _Answers, block_runs: Numbers,
+) -> Iterator[tuple[Numbers, SineDwellResults]]:  # fmt: skip
+    """Dwells of some runs; where one cannot be run at all, those of the two halves, so that the others are."""
+    try:
+        found = run_cases(system, _of(runs, part), method, system.point_row(study.observed), instants)
+    except FemimpactError as error:
+        if part.size == 1:
+            answers.fail(block_runs[part], str(error))
+            return
+        for half in np.array_split(part, 2):
+            yield from _found(system, runs, method, study, instants, half, answers, block_runs)
+        return
+    yield part, found
+
+
+def _peaks_without_balls(group: _Group, rows: SineCases, study: ParameterStudy) -> Array:
+    """Peak (m) of each run's case with its cavities empty: the same for all starts of a case."""
+    bare = without_impactors(group.system)
+    stops = len(group.system.balls)
+    keys = np.column_stack([rows.frequency, rows.amplitude, rows.phase])
+    if bare.contacts:
+        keys = np.column_stack([keys, rows.law_of, rows.gaps[:, stops:].reshape(len(keys), -1)])
+    _, first, of_row = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    own = _of(rows, first)
+    cases = replace(
+        own,
+        gaps=own.gaps[:, stops:],
+        laws=tuple(laws[stops:] for laws in own.laws),
+        ball_displacement=np.zeros((first.size, 0)),
+        ball_velocity=np.zeros((first.size, 0)),
+    )
+    method = study.systems.method_of(bare, group.values)
+    found = run_cases(bare, cases, method, bare.point_row(study.observed), 0)
+    return np.asarray(found.motion.peak[of_row.reshape(-1)])
+
+
+def _read_runs(group: _Group, part: Numbers, own: Numbers, columns: Any, answers: _Answers) -> None:
+    """Measures that are read from a run of its own of each case."""
+    study = answers.study
+    asked = [
+        (m, item) for m, item in enumerate(study.chosen)
+        if item.source is Source.RUN or (item.source is Source.LEDGER and item.name not in columns)
+    ]  # fmt: skip
+    if not asked:
+        return
+    flat = answers.values.reshape(-1, len(study.chosen))
+    for run, member in zip(own.tolist(), part.tolist(), strict=True):
+        frequency = float(group.runs.frequency[member])
+        begin = (study.dwell - study.dwell // 3) / frequency
+        try:
+            response = _response(group, member, _record([item for _, item in asked], begin, group.system))
+            for m, item in asked:
+                value = of_response(item, response, begin, study.dwell // 3)
+                if isinstance(value, str):
+                    answers.words[item.name][run] = value
+                else:
+                    flat[run, m] = value
+        except FemimpactError as error:
+            answers.fail(np.array([run]), str(error))
+
+
+def _record(asked: Sequence[Measure], begin: float, system: System) -> Recorder:
+    """What a run keeps for its measures; a function of the user's own may read anything of the whole run."""
+    channels = [item.channel for item in asked if item.channel]
+    if any(item.function is not None for item in asked):
+        usual = [channel.name for channel in resolve_channels(system, None)]
+        return Recorder(channels=tuple(dict.fromkeys([*usual, *channels])))
+    ledger = any(item.source is Source.LEDGER for item in asked)
+    return Recorder(channels=tuple(dict.fromkeys(channels)), start=begin, ledger=ledger)
+
+
+def _response(group: _Group, run: int, record: Recorder) -> Response:
+    """A run with its history."""
+    runs = group.runs
+    system, start = with_contacts_of(group.system, runs, run), start_of(runs, run)
+    base = Sine(float(runs.amplitude[run]), float(runs.frequency[run]), float(runs.phase[run]))
+    duration = float(runs.cycles[run]) / base.frequency
+    return group.method.run(system, base, duration, record, start)

@@ -1,0 +1,187 @@
+"""What a study is in plain data, and the key under which its blocks are kept: equal ones have equal results."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import types
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+import scipy.sparse as sparse
+
+from femimpact.core.binary import build_words
+from femimpact.errors import InputError, require
+from femimpact.parametric.definition import ParameterStudy
+from femimpact.study.study import Study
+from femimpact.system.system import System
+
+__all__ = ["code_key", "first_difference", "plain_study", "sources_key", "study_key"]
+
+NUMERICAL = ("contact", "excitation", "fem", "integrators", "response", "structure", "system", "parametric")
+"""Folders whose sources decide the numbers."""
+
+BESIDE = ("study/study.py", "study/parameter_plan.py")
+
+WITHOUT = ("text", "path", "plan", "output", "sweep")
+"""Fields of a study that its cases do not hang on."""
+
+
+@cache
+def sources_key() -> str:
+    """Hash of the sources of the numerical folders."""
+    root = Path(__file__).parent.parent
+    digest = hashlib.sha256()
+    sources = sorted(path for folder in NUMERICAL for path in (root / folder).rglob("*.py"))
+    for path in (*sources, *(root / name for name in BESIDE)):
+        digest.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+@cache
+def code_key() -> str:
+    """Hash of the sources of the numerical folders, of the core, and of the versions of numpy and scipy."""
+    words = f"{sources_key()} {build_words()} numpy {np.__version__} scipy {scipy.__version__}"
+    return hashlib.sha256(words.encode()).hexdigest()
+
+
+def plain_study(study: ParameterStudy) -> dict[str, Any]:
+    """The study in what JSON has; two that are equal give the same results with the same code.
+
+    Raises
+    ------
+    InputError
+        If a function has no code that could be compared, and there is no version.
+    """
+    given: Any = study.study
+    axes = {
+        place.path: [_plain(value, study.version) for value in levels]
+        for place, levels in zip(study.table.places, study.table.levels, strict=True)
+    }
+    return {
+        "study": _plain(given, study.version),
+        "mesh": None if study.systems.mesh is None else _plain(study.systems.mesh, None),
+        "axes": axes,
+        "cases": "grid" if study.table.is_grid else [_digest(codes) for codes in study.table.codes],
+        "measures": [
+            item.name if item.function is None else _plain(item.function, study.version) for item in study.chosen
+        ],
+        "starts": study.starts,
+        "seed": study.seed if study.starts > 1 else None,
+        "cycles": study.dwell,
+        "base": study.base,
+        "at": study.observed,
+        "method": _plain(study.method, None),
+        **({} if isinstance(given, (Study, System)) else {"elements": study.elements, "modes": study.modes}),
+    }
+
+
+def study_key(plain: Mapping[str, Any]) -> str:
+    """Hash of a study in plain data and of the code."""
+    text = json.dumps([plain, code_key()], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def first_difference(one: Any, other: Any, path: str = "") -> str:
+    """Where two plain data differ first, in words; nothing where they do not."""
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        for name in dict.fromkeys((*one, *other)):
+            inner = f"{path}.{name}" if path else str(name)
+            if name not in one or name not in other:
+                return f"{inner} is in one of them only"
+            found = first_difference(one[name], other[name], inner)
+            if found:
+                return found
+        return ""
+    if isinstance(one, list) and isinstance(other, list):
+        for i, (mine, its) in enumerate(zip(one, other, strict=False)):
+            found = first_difference(mine, its, f"{path}[{i}]")
+            if found:
+                return found
+        return "" if len(one) == len(other) else f"{path} has {len(one)} entries there, {len(other)} here"
+    return "" if one == other else f"{path} is {_short(one)} there, {_short(other)} here"
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _plain(value: Any, version: str | None) -> Any:
+    """A value in what JSON has: nouns by their fields, arrays by their content, functions by their code."""
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    if isinstance(value, float):
+        return value if np.isfinite(value) else repr(value)
+    if isinstance(value, (np.integer, np.floating, np.bool_)):
+        return _plain(value.item(), version)
+    if isinstance(value, np.ndarray):
+        return {"shape": list(value.shape), "content": _digest(value)}
+    if sparse.issparse(value):
+        matrix: Any = value
+        rows = matrix.tocoo()
+        return {"shape": list(rows.shape), "content": _digest(*rows.coords, rows.data)}
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item, version) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item, version) for item in value]
+    if isinstance(value, bytes):
+        return hashlib.sha256(value).hexdigest()
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        left_out = WITHOUT if isinstance(value, Study) else ("computed_together",)
+        found = {
+            item.name: _plain(getattr(value, item.name), version)
+            for item in dataclasses.fields(value)
+            if item.name not in left_out
+        }
+        return {"noun": type(value).__name__, **found}
+    if callable(value):
+        return _function(value, version)
+    allowed = f"holds a {type(value).__name__}, which cannot be compared with that of another call: give version='...'"
+    require(version is not None, "study", type(value).__name__, "", allowed)
+    return {"noun": type(value).__name__, "version": version}
+
+
+def _function(value: Any, version: str | None) -> Any:
+    """A function by its code, constants, defaults and what it has taken from where it was made."""
+    name = str(getattr(value, "__qualname__", type(value).__name__))
+    if version is not None:
+        return {"function": name, "version": version}
+    if hasattr(value, "func") and hasattr(value, "keywords"):
+        # of functools.partial
+        return {"partial": _function(value.func, None), "given": _plain([*value.args, value.keywords], None)}
+    if hasattr(value, "__func__"):
+        return {"method": _function(value.__func__, None), "of": _plain(vars(value.__self__), None)}
+    code = getattr(value, "__code__", None)
+    if code is None:
+        own = getattr(type(value).__call__, "__code__", None)
+        allowed = "has no code that could be compared with that of another call: give version='...'"
+        require(own is not None, "study", name, "", allowed)
+        return {"object": _code(own), "of": _plain(vars(value), None)}
+    cells = [cell.cell_contents for cell in value.__closure__ or ()]
+    try:
+        taken = _plain([list(value.__defaults__ or ()), dict(value.__kwdefaults__ or {}), cells], None)
+    except (InputError, RecursionError):
+        allowed = "uses values that cannot be compared with those of another call: give version='...'"
+        require(False, "study", name, "", allowed)
+    return {"function": name, "code": _code(code), "taken": taken}
+
+
+def _code(code: Any) -> str:
+    """Hash of compiled code, its names and constants; not of where it stands."""
+    constants = [_code(item) if isinstance(item, types.CodeType) else repr(item) for item in code.co_consts]
+    names = [*code.co_names, *code.co_varnames, *code.co_freevars]
+    return hashlib.sha256(repr((code.co_code, constants, names)).encode()).hexdigest()
+
+
+def _digest(*arrays: Any) -> str:
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(f"{np.asarray(array).dtype.str} {np.shape(array)}".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,198 @@
+"""Values of all cases as they are found, and the labelled dataset of a study."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Mapping
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from femimpact.parametric.definition import ParameterStudy
+from femimpact.parametric.evaluation import BlockValues
+from femimpact.parametric.statistics_over_starts import LEAST_FOR_INTERVAL, over_starts
+from femimpact.study.study import Study
+from femimpact.study.study_text import study_text
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["Columns", "dataset_of", "labels_of"]
+
+WORDS = {
+    "": "{}, median over the starts",
+    "_low": "{}, smallest of the starts",
+    "_high": "{}, largest of the starts",
+    "_median_low": "{}, lower end of the 90 % interval of the median",
+    "_median_high": "{}, upper end of the 90 % interval of the median",
+    "_quantile_5": "{}, quantile of 5 % of the starts",
+    "_quantile_95": "{}, quantile of 95 % of the starts",
+    "_groups": "{}, groups in which the values of the starts lie",
+}
+"""Long names of the statistics of a measure."""
+
+
+def labels_of(study: ParameterStudy) -> dict[str, Any]:
+    """What the dataset of a study is labelled by, in what JSON has."""
+    table = study.table
+    given = study.study
+    return {
+        "axes": [
+            {"path": place.path, "unit": place.unit, "words": _words(place.owner, place.part, place.field),
+             "levels": list(levels), "codes": None if table.is_grid else codes.tolist()}
+            for place, levels, codes in zip(table.places, table.levels, table.codes, strict=True)
+        ],
+        "shape": list(table.shape),
+        "is_grid": table.is_grid,
+        "measures": [
+            {"name": item.name, "unit": item.unit, "words": item.long_name, "is_text": item.is_text}
+            for item in study.chosen
+        ],
+        "starts": study.starts,
+        "attributes": {
+            "title": "femimpact parameter study",
+            "femimpact": version("femimpact"),
+            "numpy": np.__version__,
+            "scipy": scipy.__version__,
+            "python": ".".join(map(str, sys.version_info[:3])),
+            "starts": study.starts,
+            "seed": study.seed,
+            "cycles": study.dwell,
+            "measured_cycles": study.dwell // 3,
+            "place": str(study.observed),
+            "study": study_text(given) if isinstance(given, Study) else type(given).__name__,
+        },
+    }  # fmt: skip
+
+
+def _words(owner: str, part: str, name: str) -> str:
+    """A long name of an axis."""
+    shown = name.replace("contact.", "").replace("_", " ")
+    if owner == "function":
+        return shown
+    return f"{shown} of {owner} {part}".strip()
+
+
+class Columns:
+    """Statistics of all cases, filled block by block.
+
+    Parameters
+    ----------
+    labels : mapping
+        Of `labels_of`.
+    """
+
+    def __init__(self, labels: Mapping[str, Any]) -> None:
+        self.labels = labels
+        self.cases = int(np.prod(labels["shape"]))
+        self.starts, self.measures = int(labels["starts"]), labels["measures"]
+        self.numbers: dict[str, NDArray[np.float64]] = {}
+        self.words: dict[str, NDArray[np.object_]] = {
+            item["name"]: np.full(self.cases, "", dtype=object) for item in self.measures if item["is_text"]
+        }
+        self.failure = np.full(self.cases, "", dtype=object)
+        self.failed = np.zeros(self.cases, dtype=np.int32)
+        self.periodic = np.zeros(self.cases, dtype=np.int32)
+        self.done = np.zeros(self.cases, dtype=bool)
+
+    @property
+    def finished(self) -> int:
+        """Cases of which there are values."""
+        return int(np.count_nonzero(self.done))
+
+    def add(self, block: BlockValues) -> None:
+        """Enter the cases of a block."""
+        cases, starts = block.cases, self.starts
+        self.done[cases] = True
+        self.periodic[cases] = block.periodic.sum(axis=1)
+        reasons = np.array(block.failures, dtype=object).reshape(-1, starts)
+        failed = reasons != ""
+        self.failed[cases] = failed.sum(axis=1)
+        for row in np.flatnonzero(failed.any(axis=1)).tolist():
+            self.failure[cases[row]] = next(reason for reason in reasons[row] if reason)
+        for m, item in enumerate(self.measures):
+            if item["is_text"]:
+                self._add_words(item["name"], cases, block.words[item["name"]])
+                continue
+            for end, column in over_starts(block.values[:, :, m]).items():
+                self._column(f"{item['name']}{end}")[cases] = column
+
+    def _add_words(self, name: str, cases: NDArray[np.int64], words: tuple[str, ...]) -> None:
+        """The most frequent word of the starts, of several the first by its letters; and how many there are."""
+        for row, case in enumerate(cases.tolist()):
+            own = Counter(word for word in words[row * self.starts : (row + 1) * self.starts] if word)
+            self.words[name][case] = min(own, key=lambda word: (-own[word], word)) if own else ""
+            if self.starts > 1:
+                self._column(f"{name}_groups")[case] = len(own)
+
+    def _column(self, name: str) -> NDArray[np.float64]:
+        return self.numbers.setdefault(name, np.full(self.cases, np.nan))
+
+
+def dataset_of(columns: Columns) -> xarray.Dataset:
+    """The labelled dataset: axes as coordinates, measures with their statistics over the starts as variables.
+
+    Parameters
+    ----------
+    columns : Columns
+        Cases without values are not-a-numbers.
+
+    Returns
+    -------
+    xarray.Dataset
+    """
+    import xarray
+
+    labels = columns.labels
+    shape = tuple(labels["shape"])
+    dims = tuple(axis["path"] for axis in labels["axes"]) if labels["is_grid"] else ("case",)
+    coordinates: dict[str, Any] = {} if labels["is_grid"] else {"case": ("case", np.arange(shape[0]))}
+    for axis in labels["axes"]:
+        coordinates |= _coordinates(axis, (axis["path"],) if labels["is_grid"] else ("case",))
+    data: dict[str, Any] = {}
+
+    def enter(name: str, values: NDArray[Any], unit: str, words: str) -> None:
+        described = {"long_name": words} | ({"units": unit} if unit else {})
+        data[name] = (dims, values.reshape(shape), described)
+
+    for item in columns.measures:
+        name, unit, words = item["name"], item["unit"], item["words"]
+        if item["is_text"]:
+            enter(name, columns.words[name], unit, f"{words}, of most starts" if columns.starts > 1 else words)
+        for end, form in WORDS.items():
+            if f"{name}{end}" in columns.numbers:
+                own = words if columns.starts == 1 else form.format(words)
+                enter(f"{name}{end}", columns.numbers[f"{name}{end}"], "1" if end == "_groups" else unit, own)
+    if not columns.done.any():
+        for item in (item for item in columns.measures if not item["is_text"]):
+            enter(item["name"], np.full(columns.cases, np.nan), item["unit"], item["words"])
+    enter("periodic_starts", columns.periodic, "1", "starts from which the motion repeats, or has no impacts")
+    enter("failed_starts", columns.failed, "1", "starts that have no values")
+    enter("failure", columns.failure, "", "why the first of them has none")
+    enter("finished", columns.done.astype(np.int8), "1", "whether the case has been run")
+    attributes = dict(labels["attributes"])
+    if columns.starts >= LEAST_FOR_INTERVAL:
+        attributes["median_interval"] = "90 %, by order statistics"
+    return xarray.Dataset(data, coords=coordinates, attrs=attributes)
+
+
+def _coordinates(axis: Mapping[str, Any], dims: tuple[str, ...]) -> dict[str, Any]:
+    """The coordinate of an axis; where a value is a pair of gaps its number, with the gaps beside it."""
+    path, levels, codes = axis["path"], axis["levels"], axis["codes"]
+    values = levels if codes is None else [levels[code] for code in codes]
+    described = {"long_name": axis["words"]} | ({"units": axis["unit"]} if axis["unit"] else {})
+    if any(isinstance(value, (list, tuple)) for value in values):
+        pairs = [tuple(value) if isinstance(value, (list, tuple)) else (value, value) for value in values]
+        number = {"long_name": f"{axis['words']}, number of the pair of values"}
+        found: dict[str, Any] = {path: (dims, np.arange(len(values)), number)}
+        for i, side in enumerate(("plus", "minus")):
+            words = described | {"long_name": f"{axis['words']}, to the {side} side"}
+            found[f"{path}.{side}"] = (dims, np.array([pair[i] for pair in pairs]), words)
+        return found
+    if all(isinstance(value, str) for value in values):
+        return {path: (dims, np.array(values, dtype=object), described)}
+    return {path: (dims, np.array(values), described)}

@@ -1,0 +1,166 @@
+"""What a study can measure of a case: names, units, and of what each is read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.errors import Fault, InputError, suggestion
+from femimpact.integrators.answers import SineDwellResults
+from femimpact.response.channels import resolve_channels
+from femimpact.response.impacts import statistics_of_cases
+from femimpact.response.response import Response
+from femimpact.system.system import System
+
+__all__ = ["MEASURES", "Measure", "Source", "columns_of", "measures_of", "of_response"]
+
+Array = NDArray[np.float64]
+
+
+class Source(Enum):
+    """Of what a measure is read."""
+
+    DWELL = "the statistics of the compiled call"
+    LEDGER = "the energy ledger of the compiled call, where the method sums it up; else a run of the case"
+    BARE = "a dwell of the case and of the same without balls"
+    RUN = "a run of the case with its history"
+
+
+@dataclass(frozen=True, eq=False)
+class Measure:
+    """One number, or one word, of a case.
+
+    Parameters
+    ----------
+    name : str
+    unit : str
+    long_name : str
+    source : Source
+    is_text : bool
+    function : callable, optional
+        The user's own, of a `Response`.
+    channel : str
+        Whose largest value it is; empty for any other.
+    """
+
+    name: str
+    unit: str
+    long_name: str
+    source: Source
+    is_text: bool = False
+    function: Callable[[Response], Any] | None = None
+    channel: str = ""
+
+
+MEASURES = {
+    item.name: item
+    for item in (
+        Measure("peak", "m", "largest displacement of the observed place relative to the base", Source.DWELL),
+        Measure("rms", "m", "root mean square of the displacement of the observed place", Source.DWELL),
+        Measure("first_harmonic", "m", "amplitude at the frequency of the base", Source.DWELL),
+        Measure("peak_ratio", "1", "peak over that of the same case without balls", Source.BARE),
+        Measure("impacts_per_cycle", "1", "impacts in a cycle of the base", Source.DWELL),
+        Measure("mean_approach_speed", "m/s", "mean approach speed of the impacts", Source.DWELL),
+        Measure("largest_approach_speed", "m/s", "largest approach speed of an impact", Source.DWELL),
+        Measure("mean_impulse", "N s", "mean impulse of the impacts", Source.DWELL),
+        Measure("peak_force", "N", "largest contact force under the contact law", Source.DWELL),
+        Measure("cycle_mean_force", "N", "cycle-averaged contact force", Source.DWELL),
+        Measure("loss_per_cycle", "J", "energy lost by structure and contacts in a cycle of the base", Source.LEDGER),
+        Measure("damping", "1", "loss per cycle over 4 pi times the largest energy stored", Source.LEDGER),
+        Measure("energy_residual", "1", "energy unaccounted for, over the energy put in", Source.DWELL),
+        Measure("regime", "", "kind of motion", Source.RUN, is_text=True),
+    )
+}
+"""Measures by their names."""
+
+INSTANTS = 16
+"""Of a cycle at which the energy stored is read for the damping."""
+
+
+def measures_of(given: Sequence[Any], system: System) -> tuple[Measure, ...]:
+    """The measures asked for: by their names, by a channel whose largest value is meant, or functions of a response.
+
+    Raises
+    ------
+    InputError
+        If a measure is unknown, or asked for twice.
+    """
+    found = tuple(_measure(item, system) for item in given)
+    names = [item.name for item in found]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise InputError([Fault("measures", name, "", "is asked for twice")])
+    if not found:
+        raise InputError([Fault("measures", "none", "", f"must be one or more of {', '.join(MEASURES)}")])
+    return found
+
+
+def _measure(item: Any, system: System) -> Measure:
+    if callable(item) and not isinstance(item, type):
+        name = str(getattr(item, "__name__", type(item).__name__)).strip("<>")
+        unit = str(getattr(item, "unit", ""))
+        return Measure(name, unit, name.replace("_", " "), Source.RUN, function=item)
+    if not isinstance(item, str):
+        raise InputError([Fault("measures", item, "", "must be names, or functions of a response")])
+    if item in MEASURES:
+        return MEASURES[item]
+    try:
+        (channel,) = resolve_channels(system, (item,))
+        channel.reading(system)
+    except InputError as error:
+        allowed = suggestion(item, MEASURES)
+        if "." in item:
+            allowed += f"; nor is it a channel whose largest value could be taken: {error.faults[0].allowed}"
+        raise InputError([Fault("measures", item, "", allowed)]) from None
+    words = f"largest size of the channel {channel.name} over the last third"
+    return Measure(item, channel.unit, words, Source.RUN, channel=channel.name)
+
+
+def columns_of(found: SineDwellResults, frequency: Array, measured: NDArray[np.int64]) -> dict[str, Array]:
+    """Measures of many dwells, (n,) each, as far as the compiled call has summed them up."""
+    columns = {name: getattr(found.motion, name) for name in ("peak", "rms", "first_harmonic")}
+    columns |= statistics_of_cases(found.totals, found.duration, frequency)
+    columns["energy_residual"] = found.residual
+    if found.loss.size == frequency.size:
+        columns["loss_per_cycle"] = found.loss / measured
+        columns["damping"] = _damping(columns["loss_per_cycle"], found.stored)
+    return columns
+
+
+def _damping(loss: Any, stored: Any) -> Any:
+    """Loss per cycle over 4 pi times the energy stored; 0 where nothing moves."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(stored > 0.0, loss / (4.0 * math.pi * stored), 0.0)
+
+
+def of_response(measure: Measure, response: Response, begin: float, cycles: int) -> float | str:
+    """A measure that is read from a run of a case.
+
+    Parameters
+    ----------
+    measure : Measure
+    response : Response
+    begin : float, s
+        From when on is measured.
+    cycles : int
+        Of the base that are measured.
+    """
+    if measure.function is not None:
+        return float(measure.function(response))
+    if measure.name == "regime":
+        return response.regime.label
+    last = response.time >= begin * (1.0 - 1e-12)
+    if measure.channel:
+        return float(np.max(np.abs(response[measure.channel][last]), initial=0.0))
+    energy = response.energy
+    if energy is None:
+        return math.nan
+    lost = (energy.structure_loss + energy.contact_loss)[last]
+    loss = float(lost[-1] - lost[0]) / cycles
+    return loss if measure.name == "loss_per_cycle" else float(_damping(loss, float(np.max(energy.stored[last]))))

@@ -1,0 +1,35 @@
+"""Where the balls of a case start: the same unit draws for every case, scaled to its gaps and its base."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["scaled_starts", "unit_draws"]
+
+Array = NDArray[np.float64]
+
+
+def unit_draws(starts: int, balls: int, seed: int) -> Array:
+    """Numbers (starts, balls, 2) from 0 to 1, for the place and the speed of each ball; those of fewer starts first."""
+    return np.random.default_rng(seed).random((starts, balls, 2))
+
+
+def scaled_starts(draws: Array, gaps: Array, speed: Array) -> tuple[Array, Array]:
+    """Places of balls uniform in their gaps, speeds uniform within +- a speed, relative to the state of the structure.
+
+    Parameters
+    ----------
+    draws : ndarray (starts, balls, 2)
+    gaps : ndarray (cases, balls, 2), m
+        To the + and to the - side.
+    speed : ndarray (cases,), m/s
+        Amplitude times angular frequency of the base.
+
+    Returns
+    -------
+    displacement, velocity : ndarray (cases, starts, balls), m and m/s
+    """
+    plus, minus = gaps[:, None, :, 0], gaps[:, None, :, 1]
+    displacement = -minus + (plus + minus) * draws[None, :, :, 0]
+    return displacement, speed[:, None, None] * (2.0 * draws[None, :, :, 1] - 1.0)

@@ -1,0 +1,220 @@
+"""What `femimpact study` does: the parameter study of a study file, its table and its figures."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femimpact.errors import Fault, InputError, require
+from femimpact.export import figures, tables
+from femimpact.export.files import atomic_write
+from femimpact.parametric.cluster import connected
+from femimpact.parametric.definition import ParameterStudy
+from femimpact.parametric.progress import StudyProgress
+from femimpact.parametric.verb import run_parameter_study, to_stderr
+from femimpact.study.result_files import FILES, OTHER_FILES
+from femimpact.study.study import Study
+from femimpact.study.study_text import study_text
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["definition_of", "plan_lines", "summary_lines", "write_parameter_study"]
+
+SECONDS_OF_MODES = 0.03
+"""Making the system of a case whose modes are its own, s."""
+
+BYTES_OF_RUN = 8.0
+"""On disk, of a measure of a run; and as much for the rest of its row."""
+
+COLUMN_BYTES = 8.0
+
+AT_ONCE = 256
+"""Runs of a block that are in memory."""
+
+RUN_FACTOR = 2.5
+"""Time of a run with its history over that of the same in a compiled call with others."""
+
+
+def definition_of(study: Study) -> ParameterStudy:
+    """The parameter study of a study file.
+
+    Raises
+    ------
+    InputError
+        If the file has none, or a path or a measure in it is unknown.
+    """
+    require(study.plan is not None, "study", None, "", "table [study] is missing from the study")
+    plan: Any = study.plan
+    try:
+        return ParameterStudy(
+            study, plan.axes, plan.measures, starts=plan.starts, seed=plan.seed, sample=plan.sample, cycles=plan.cycles
+        )
+    except InputError as error:
+        raise InputError([_in_file(study, fault) for fault in error.faults]) from None
+
+
+def _in_file(study: Study, fault: Fault) -> Fault:
+    """A fault with the key that it has in the study file."""
+    plan: Any = study.plan
+    if fault.key in plan.axes:
+        return fault.under("study.axes")
+    return fault.under("study") if fault.key in ("measures", "axes", "sample") else fault
+
+
+def write_parameter_study(
+    study: Study, directory: Path, progress: Callable[[StudyProgress], None] | None = None, scheduler: str | None = None
+) -> xarray.Dataset:  # fmt: skip
+    """Run the parameter study of a study file and leave `study.nc`, `study.csv`, `study.toml` and figures.
+
+    Parameters
+    ----------
+    study : Study
+    directory : Path
+        Goes on from what an earlier call has left there.
+    progress : callable, optional
+        None is silence.
+    scheduler : str, optional
+        Address or scheduler file of a cluster on which the cases run.
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    InputError
+        As of `parameter_study`.
+    """
+    definition = definition_of(study)
+    with nullcontext() if scheduler is None else connected(scheduler) as client:
+        dataset = run_parameter_study(
+            definition, directory=directory, client=client, progress=progress, say=to_stderr if progress else None
+        )
+    atomic_write(directory / FILES["study"], study_text(study))
+    columns, units = table_of(dataset)
+    tables.write_csv(directory / OTHER_FILES["parameter_table"], columns, units)
+    if study.output.figures:
+        _draw(dataset, directory)
+    return dataset
+
+
+def table_of(dataset: xarray.Dataset) -> tuple[dict[str, Any], dict[str, str]]:
+    """A row for every case: values of the axes, then of the measures; and units.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Of `parameter_study`.
+    """
+    shape = dataset["finished"].shape
+    columns: dict[str, Any] = {}
+    units: dict[str, str] = {}
+    for group in (dataset.coords, dataset.data_vars):
+        for name, values in group.items():
+            whole = values.broadcast_like(dataset["finished"]).transpose(*dataset["finished"].dims)
+            columns[str(name)] = np.asarray(whole.to_numpy()).reshape(int(np.prod(shape)))
+            unit = str(values.attrs.get("units", ""))
+            if unit and unit != "1":
+                units[str(name)] = unit
+    return columns, units
+
+
+def _draw(dataset: xarray.Dataset, directory: Path) -> None:
+    """A figure of every measure that is a number and has a value."""
+    beside = ("periodic_starts", "failed_starts", "finished")
+    endings = ("_low", "_high", "_groups", "_median_low", "_median_high", "_quantile_5", "_quantile_95")
+    names = [str(name) for name in dataset.data_vars if dataset[name].dtype.kind == "f" and name not in beside]
+    for name in names:
+        if any(name.endswith(end) and name.removesuffix(end) in names for end in endings):
+            continue
+        if not np.isfinite(dataset[name].to_numpy()).any():
+            continue
+        figures.save_figure(_drawn(dataset, name), directory / f"{_file_name(name)}.png")
+
+
+def _file_name(measure: str) -> str:
+    """Name of the figure of a measure: that of a channel may hold what no file name should."""
+    return "study_" + "".join(letter if letter.isalnum() or letter in "_-" else "_" for letter in measure)
+
+
+def _drawn(dataset: xarray.Dataset, name: str) -> Any:
+    """The figure that suits the axes of a study."""
+    off_screen, axes = figures.OffScreen(), dataset[name].dims
+    if axes == ("case",):
+        return figures.study_scatter(dataset, name, figure=off_screen)
+    if len(axes) == 1:
+        return figures.study_lines(dataset, name, ax=off_screen)
+    if len(axes) == 2:
+        return figures.study_map(dataset, name, ax=off_screen)
+    return figures.study_maps(dataset, name, figure=off_screen)
+
+
+def plan_lines(study: Study) -> list[str]:
+    """What the parameter study of a study file would take: cases, time, memory and disk.
+
+    Raises
+    ------
+    InputError
+        As of `definition_of`.
+    """
+    from femimpact.integrators.threads import cores
+    from femimpact.parametric.measures import Source
+    from femimpact.parametric.paths import Stage
+
+    given = definition_of(study)
+    method = given.systems.method_of(given.nominal, {})
+    cost = method.cost(given.nominal, float(given.base["frequency"]))
+    seconds = cost.sweep_seconds * given.dwell * given.runs
+    if any(item.source is Source.RUN for item in given.chosen):
+        seconds += RUN_FACTOR * cost.history_seconds * given.dwell * given.runs
+    own_modes = [axis for axis, place in enumerate(given.table.places) if place.stage is Stage.MODES]
+    systems = len(set(zip(*(given.table.codes[axis].tolist() for axis in own_modes), strict=True))) if own_modes else 0
+    seconds += SECONDS_OF_MODES * systems
+    shape = " x ".join(map(str, given.table.shape)) if given.table.is_grid else f"{given.table.size} of a sample"
+    names, statistics = len(given.chosen), 8 if given.starts > 1 else 1
+    memory = COLUMN_BYTES * given.table.size * (names * statistics + 8) + cost.sweep_memory * AT_ONCE * given.dwell
+    disk = BYTES_OF_RUN * given.runs * (names + 1) + COLUMN_BYTES * given.table.size * names * statistics * 3
+    return [
+        f"study: {given.table.size} cases ({shape}), {given.starts} start{'s' if given.starts > 1 else ''} each, "
+        f"{given.dwell} cycles, of which {given.dwell // 3} are measured",
+        f"study takes about {seconds:.2g} s on one core, {seconds / cores():.2g} s on {cores()}, "
+        f"{max(memory, 1e6) / 1e6:.3g} MB of memory and {max(disk, 1e5) / 1e6:.2g} MB on disk",
+    ]
+
+
+def summary_lines(dataset: xarray.Dataset, directory: Path) -> list[str]:
+    """What a study found, in a few lines."""
+    lines = list[str]()
+    for name in itertools.islice((str(name) for name in dataset.data_vars), 40):
+        values = dataset[name]
+        if values.dtype.kind != "f" or (f"{name}_low" not in dataset and int(dataset.attrs["starts"]) > 1):
+            continue
+        found = values.to_numpy()
+        if not np.isfinite(found).any():
+            lines.append(f"{name}: no case has a value")
+            continue
+        unit = str(values.attrs.get("units", ""))
+        low, high = float(np.nanmin(found)), float(np.nanmax(found))
+        where = np.unravel_index(int(np.nanargmin(found)), found.shape)
+        at = ", ".join(
+            f"{axis} = {_value(dataset, str(axis), index)}" for axis, index in zip(values.dims, where, strict=True)
+        )
+        lines.append(f"{name}: {low:.4g} to {high:.4g}{f' {unit}' if unit not in ('', '1') else ''}; smallest at {at}")
+    failed = dataset["failed_starts"].to_numpy()
+    if failed.any():
+        first = next(str(reason) for reason in dataset["failure"].to_numpy().ravel() if reason)
+        lines.append(f"{int(np.count_nonzero(failed))} of {failed.size} cases failed, the first: {first}")
+    return [*lines, f"results in {directory}"]
+
+
+def _value(dataset: xarray.Dataset, axis: str, index: Any) -> str:
+    if axis == "case":
+        return str(index)
+    value = dataset[axis].to_numpy()[index]
+    return f"{value:.4g}" if isinstance(value, (int, float, np.number)) else str(value)

@@ -1,0 +1,180 @@
+"""Run a parameter study: blocks of cases, those on disk first, to a labelled dataset."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femimpact.errors import kind_of, require, require_path
+from femimpact.excitation import Sine
+from femimpact.export.tables import write_netcdf
+from femimpact.integrators.methods import Method
+from femimpact.integrators.threads import workers_of
+from femimpact.parametric.block_files import BlockFolder
+from femimpact.parametric.cluster import check_client
+from femimpact.parametric.definition import ParameterStudy
+from femimpact.parametric.evaluation import BlockValues
+from femimpact.parametric.identity import plain_study, study_key
+from femimpact.parametric.labelled import Columns, dataset_of, labels_of
+from femimpact.parametric.progress import StudyProgress
+from femimpact.parametric.workers import block_cases, run_blocks
+from femimpact.structure.structure import Position
+from femimpact.study.directory_lock import Lock
+from femimpact.study.parameter_plan import SamplePlan
+from femimpact.study.result_files import OTHER_FILES
+from femimpact.study.study import Study
+from femimpact.system.system import System
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["parameter_study", "run_parameter_study"]
+
+
+def parameter_study(
+    study: Study | System | Callable[..., Any],
+    axes: Mapping[str, Any] | Sequence[Mapping[str, Any]],
+    measures: Sequence[str | Callable[..., Any]],
+    *,
+    starts: int = 1,
+    seed: int = 0,
+    sample: SamplePlan | Mapping[str, Any] | None = None,
+    cycles: int | None = None,
+    excitation: Sine | None = None,
+    method: Method | None = None,
+    at: Position | None = None,
+    elements: int = 40,
+    modes: int = 4,
+    version: str | None = None,
+    directory: str | Path | None = None,
+    client: Any = None,
+    threads: int | None = None,
+    progress: Callable[[StudyProgress], None] | None = None,
+) -> xarray.Dataset:
+    """Measures of many cases over named axes, each from one start or several.
+
+    A case is run at the frequency of its base for whole cycles, of which the last third is measured.
+
+    Parameters
+    ----------
+    study, axes, measures, starts, seed, sample, cycles, excitation, method, at, elements, modes, version
+        What is studied; see `ParameterStudy`.
+    directory : str or Path, optional
+        Where finished blocks are kept, and `study.nc` is written. The same call goes on from the blocks that are
+        there, and gives the dataset of a call that was never interrupted, to the last bit.
+    client : distributed.Client, optional
+        On whose workers the cases run; this process alone writes. The results are the same, to the last bit, on
+        processors of the same kind.
+    threads : int, optional
+        Without a client: the number of cores by default; the results do not depend on it, to the last bit.
+    progress : callable, optional
+        Called with a `StudyProgress` after each block.
+
+    Returns
+    -------
+    xarray.Dataset
+        The axes as coordinates, of a list or a sample along "case". For each measure its value, of several starts the
+        median, `_low` and `_high`, from 5 starts on `_median_low` and `_median_high`, and `_groups`. `failure` says
+        why a case has no values.
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong, before the first case; or the directory holds another study, or is in use.
+    """
+    definition = ParameterStudy(
+        study, axes, measures, starts=starts, seed=seed, sample=sample, cycles=cycles, excitation=excitation,
+        method=method, at=at, elements=elements, modes=modes, version=version,
+    )  # fmt: skip
+    return run_parameter_study(
+        definition, directory=directory, client=client, threads=threads, progress=progress, say=to_stderr
+    )
+
+
+def to_stderr(line: str) -> None:
+    """Print a line where progress belongs."""
+    print(line, file=sys.stderr, flush=True)
+
+
+def run_parameter_study(
+    study: ParameterStudy,
+    *,
+    directory: str | Path | None = None,
+    client: Any = None,
+    threads: int | None = None,
+    progress: Callable[[StudyProgress], None] | None = None,
+    say: Callable[[str], None] | None = None,
+) -> xarray.Dataset:
+    """Run what `parameter_study` makes of its arguments; see there."""
+    usable = progress is None or (callable(progress) and not isinstance(progress, type))
+    require(usable, "progress", kind_of(progress), "", "must be callable with a StudyProgress")
+    check_client(client)
+    workers = workers_of(threads)
+    labels = labels_of(study)
+    columns, blocks = Columns(labels), block_cases(study)
+    if directory is None:
+        _run(study, columns, blocks, None, workers, client, progress, say)
+        return dataset_of(columns)
+    require_path(directory, "directory", "a directory")
+    target = Path(directory)
+    require(not target.exists() or target.is_dir(), "directory", str(directory), "", "must be a directory")
+    plain = plain_study(study)
+    with locked(target):
+        folder = BlockFolder(target, {"study": plain, "table": labels}, study_key(plain))
+        folder.remove_unfinished()
+        _run(study, columns, blocks, folder, workers, client, progress, say)
+        dataset = dataset_of(columns)
+        write_netcdf(target / OTHER_FILES["parameter_study"], dataset)
+    return dataset
+
+
+@contextmanager
+def locked(target: Path) -> Iterator[None]:
+    """Sole use of a directory of results, which is made where there is none."""
+    lock = Lock(target)
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def _run(
+    study: ParameterStudy, columns: Columns, blocks: list[Any], folder: BlockFolder | None, threads: int,
+    client: Any, progress: Callable[[StudyProgress], None] | None, say: Callable[[str], None] | None,
+) -> None:  # fmt: skip
+    """Fill the columns from the blocks on disk, then from those that are run now."""
+    shape = study.starts, len(study.chosen)
+    left, begun = [], time.monotonic()
+    for cases in blocks:
+        known = None if folder is None else folder.finished(cases, shape)
+        if known is None:
+            left.append(cases)
+        else:
+            columns.add(known)
+    found = columns.finished
+    if found and say is not None:
+        say(f"found {found} of {columns.cases} finished")
+
+    def report() -> None:
+        if progress is not None:
+            finished, lasted = columns.finished, time.monotonic() - begun
+            failed = int(np.count_nonzero(columns.failed))
+            progress(StudyProgress(columns.cases, finished, found, failed, (finished - found) / max(lasted, 1e-9)))
+
+    report()
+    for block in run_blocks(study, left, threads, client):
+        keep(block, columns, folder)
+        report()
+
+
+def keep(block: BlockValues, columns: Columns, folder: BlockFolder | None) -> None:
+    """Put a finished block on disk, then into the columns."""
+    if folder is not None:
+        folder.write(block)
+    columns.add(block)

@@ -1,0 +1,69 @@
+"""How far a long computation has come: told to a function, or drawn as a bar."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from typing import Any, ParamSpec, TypeVar
+
+from femimpact.errors import kind_of, require
+
+__all__ = ["Progress", "bars", "check_progress", "draws_progress"]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+Progress = Callable[[float], None]
+"""Called with the share done, 0 to 1."""
+
+
+def check_progress(progress: Progress | bool | None) -> Progress | None:
+    """What is called with the share done, if anything; what cannot be called is refused."""
+    usable = progress is None or (callable(progress) and not isinstance(progress, type))
+    require(usable, "progress", kind_of(progress), "", "must be True, or callable with the share done")
+    return progress if callable(progress) else None
+
+
+def draws_progress(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorator of a function with `progress`: True draws a bar on stderr, or in the notebook, while it works."""
+    signature = inspect.signature(function)
+
+    @functools.wraps(function)
+    def call(*given: P.args, **named: P.kwargs) -> R:
+        try:
+            bound = signature.bind(*given, **named)
+        except TypeError:
+            # Python's own words for it name the function
+            return function(*given, **named)
+        progress = bound.arguments.get("progress")
+        if isinstance(progress, bool):
+            bound.arguments["progress"] = None
+        if progress is not True:
+            return function(*bound.args, **bound.kwargs)
+        with _bar(function.__name__.replace("_", " ")) as report:
+            bound.arguments["progress"] = report
+            return function(*bound.args, **bound.kwargs)
+
+    return call
+
+
+@contextmanager
+def _bar(what: str) -> Iterator[Progress]:
+    """What draws the share done as a bar."""
+    drawn = bars()
+    task = drawn.add_task(what, total=1.0)
+    with drawn:
+        yield lambda share: drawn.update(task, completed=share)
+
+
+def bars() -> Any:
+    """Bars with the time that has passed and that remains, `rich.progress.Progress`, on stderr or in a notebook."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    # a notebook without widgets shows one line of text, which rich would fill with warnings instead
+    in_notebook = None if find_spec("ipywidgets") else False
+    return Progress(*columns, console=Console(stderr=True, force_jupyter=in_notebook))

@@ -1,0 +1,218 @@
+"""The tables [study], [study.axes] and [study.sample] of a study file, and what the values of an axis may be."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from femimpact.errors import Fault, InputError, check_fields, checked, choice, instance, optional, quantity, text
+
+__all__ = ["DISTRIBUTIONS", "AxisValues", "Distribution", "ParameterPlan", "SamplePlan", "axis_from"]
+
+MOST_POINTS = 10_000_000
+"""Of an axis or of a sample; more is taken for a mistake."""
+
+MOST_STARTS = 100_000
+
+DISTRIBUTIONS: Mapping[str, tuple[str, str]] = {
+    "uniform": ("lowest", "highest"),
+    "normal": ("mean", "standard deviation"),
+    "lognormal": ("median", "standard deviation of the logarithm"),
+}
+"""Distributions of an axis, with what their two numbers are."""
+
+GRID = {"from", "to", "points"}
+
+AXIS = (
+    "must be a list of values, { from = .., to = .., points = .. }, or in a sample { from = .., to = .. } or one of "
+    + ", ".join(f"{{ {name} = [{first}, {second}] }}" for name, (first, second) in DISTRIBUTIONS.items())
+)
+
+
+@dataclass(frozen=True)
+class AxisValues:
+    """Values of an axis: numbers, pairs of numbers (gaps) or names."""
+
+    values: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A distribution from which a sample takes the values of an axis.
+
+    Parameters
+    ----------
+    name : str
+        One of `DISTRIBUTIONS`, or the name of a frozen distribution of scipy's.
+    numbers : tuple of float
+        What `DISTRIBUTIONS` says, or the distribution's arguments.
+    frozen : object, optional
+        That of scipy's, with its `ppf`.
+    """
+
+    name: str
+    numbers: tuple[float, ...]
+    frozen: Any = field(default=None, compare=False, repr=False)
+
+    def quantile(self, share: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Values below which these shares of the distribution lie."""
+        from scipy import stats
+
+        if self.frozen is not None:
+            return np.asarray(self.frozen.ppf(share), dtype=float)
+        first, second = self.numbers
+        if self.name == "uniform":
+            return np.asarray(first + (second - first) * share)
+        normal = np.asarray(stats.norm.ppf(share))
+        return np.asarray(first + second * normal if self.name == "normal" else first * np.exp(second * normal))
+
+
+@dataclass(frozen=True)
+class SamplePlan:
+    """`[study.sample]`: so many points from the axes' distributions, by a method of scipy.stats.qmc or at random.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or the points of a Sobol sequence are not a power of two.
+    """
+
+    points: int = field(metadata=quantity("1", at_least=1, at_most=MOST_POINTS, integer=True))
+    method: str = field(default="sobol", metadata=choice("sobol", "halton", "latin-hypercube", "random"))
+    seed: int = field(default=0, metadata=quantity("1", at_least=0, integer=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if self.method == "sobol" and self.points & (self.points - 1):
+            below = 1 << (self.points.bit_length() - 1)
+            allowed = f"must be a power of two for a Sobol sequence, as {below} or {2 * below}"
+            raise InputError([Fault("points", self.points, "", allowed)])
+
+
+@dataclass(frozen=True)
+class ParameterPlan:
+    """`[study]`: what is measured over which axes, and from how many starts.
+
+    Parameters
+    ----------
+    measures : tuple of str
+    axes : mapping of str to AxisValues or Distribution
+        By the study path of the value.
+    starts : int
+    seed : int
+        Of the starts.
+    cycles : int or None
+        Of the base in each case, the last third of which is measured; None takes those of the sweep.
+    sample : SamplePlan or None
+        None is the full grid of the axes.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range or of the wrong kind.
+    """
+
+    measures: tuple[str, ...] = field(metadata=text(several=True))
+    axes: Mapping[str, AxisValues | Distribution] = field(metadata=instance(Mapping))
+    starts: int = field(default=1, metadata=quantity("1", at_least=1, at_most=MOST_STARTS, integer=True))
+    seed: int = field(default=0, metadata=quantity("1", at_least=0, integer=True))
+    cycles: int | None = field(
+        default=None, metadata=optional(quantity("1", at_least=3, at_most=10_000_000, integer=True))
+    )
+    sample: SamplePlan | None = field(default=None, metadata=optional(instance(SamplePlan)))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+def axis_from(key: str, given: Any) -> AxisValues | Distribution:
+    """The values or the distribution that an axis is given as.
+
+    Parameters
+    ----------
+    key : str
+        Of faults.
+    given : sequence, mapping, frozen distribution of scipy's, AxisValues or Distribution
+
+    Returns
+    -------
+    AxisValues or Distribution
+
+    Raises
+    ------
+    InputError
+        If it is none of them, empty, repeated or not finite.
+    """
+    if isinstance(given, (AxisValues, Distribution)):
+        return given
+    if isinstance(given, Mapping):
+        return _axis_of_table(key, given)
+    if hasattr(given, "ppf") and hasattr(given, "dist"):
+        numbers_of = (*given.args, *(value for _, value in sorted(given.kwds.items())))
+        return Distribution(str(given.dist.name), tuple(float(value) for value in numbers_of), given)
+    if isinstance(given, (str, bytes)) or not isinstance(given, Iterable):
+        raise InputError([Fault(key, given, "", AXIS)])
+    values = tuple(_value(key, value) for value in given)
+    if not values:
+        raise InputError([Fault(key, "no value", "", "must have one value or more")])
+    known = set[Any]()
+    for value in values:
+        if value in known:
+            raise InputError([Fault(key, value, "", "is given twice: the values of an axis must be distinct")])
+        known.add(value)
+    return AxisValues(values)
+
+
+def _axis_of_table(key: str, given: Mapping[str, Any]) -> AxisValues | Distribution:
+    names = set(given)
+    if names == GRID or names == {*GRID, "spacing"}:
+        first, last = (_number(f"{key}.{name}", given[name]) for name in ("from", "to"))
+        points = checked(f"{key}.points", given["points"], quantity("1", at_least=2, at_most=MOST_POINTS, integer=True))
+        spacing = checked(f"{key}.spacing", given.get("spacing", "even"), choice("even", "logarithmic"))
+        if first == last:
+            raise InputError([Fault(f"{key}.to", last, "", "must not be the value of from")])
+        if spacing == "even":
+            return AxisValues(tuple(np.linspace(first, last, points).tolist()))
+        if min(first, last) <= 0.0:
+            raise InputError([Fault(f"{key}.from", first, "", "must be > 0, as to, for a logarithmic spacing")])
+        return AxisValues(tuple(np.geomspace(first, last, points).tolist()))
+    if names == {"from", "to"}:
+        return _distribution(key, "uniform", [given["from"], given["to"]])
+    if len(names) == 1 and next(iter(names)) in DISTRIBUTIONS:
+        name = next(iter(names))
+        return _distribution(f"{key}.{name}", name, given[name])
+    raise InputError([Fault(key, dict(given), "", AXIS)])
+
+
+def _distribution(key: str, name: str, given: Any) -> Distribution:
+    words = DISTRIBUTIONS[name]
+    if not isinstance(given, (list, tuple)) or len(given) != 2:
+        raise InputError([Fault(key, given, "", f"must be [{words[0]}, {words[1]}]")])
+    first, second = (_number(key, value) for value in given)
+    sound = second > first if name == "uniform" else second > 0.0 and (name == "normal" or first > 0.0)
+    if not sound:
+        order = "the first below the second" if name == "uniform" else "the last > 0, and a median > 0"
+        raise InputError([Fault(key, list(given), "", f"must be [{words[0]}, {words[1]}], {order}")])
+    return Distribution(name, (first, second))
+
+
+def _number(key: str, value: Any) -> float:
+    return float(checked(key, value, quantity("1")))
+
+
+def _value(key: str, value: Any) -> Any:
+    """One value of an axis: a number, a pair of numbers or a name."""
+    if isinstance(value, str):
+        return str(value)
+    if isinstance(value, (list, tuple)) or getattr(value, "shape", None) == (2,):
+        pair = tuple(_number(key, entry) for entry in value)
+        if len(pair) == 2:
+            return pair
+    elif isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(value):
+        return int(value) if isinstance(value, numbers.Integral) else float(value)
+    raise InputError([Fault(key, value, "", "must be finite numbers, pairs of them (gaps), or names")])

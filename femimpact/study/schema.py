@@ -1,0 +1,222 @@
+"""A JSON schema of the study file, from the metadata of the fields that `load_study` checks.
+
+An editor completes and checks keys, types and ranges with it. `NOT_IN_SCHEMA` names the rules that it does not hold.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from femimpact.contact import PowerLaw
+from femimpact.integrators.methods import METHODS
+from femimpact.structure.damping import ModalDamping, Rayleigh
+from femimpact.structure.structure import Segment
+from femimpact.study.recorded_motion import RecordedMotion
+from femimpact.study.signal_motion import OWN, SIGNALS, SignalMotion
+from femimpact.study.study import BaseMotion
+from femimpact.study.study_file import LAWS, TABLES, chosen_later
+
+__all__ = ["NOT_IN_SCHEMA", "study_schema"]
+
+NOT_IN_SCHEMA = (
+    "what is not a number (nan), for which a schema has no word",
+    "pairs of keys that belong together, as width and thickness, or restitution and contact_time",
+    "comparisons of two keys, as stop above start in [sweep]",
+    "how many numbers a list has: two for a gap and for the ratio, modes or frequencies of [damping]",
+    "names: each once, none of those that mean a place, none with a dot; places and channels must exist",
+    "files: a mesh file or a record must be there and be sound",
+    "the structure as a whole: held, within the beam, with gaps and contact laws that fit",
+)
+"""Rules of `load_study` that the schema does not hold."""
+
+CONTENT = {"content"}
+"""Fields of a noun that no key of a study file gives."""
+
+
+def study_schema() -> dict[str, Any]:
+    """JSON schema (draft 2020-12) of a study file as parsed from TOML.
+
+    Every key has its type and range, a `description`, and as `x-unit` and `x-range` its unit and range in words.
+
+    Returns
+    -------
+    dict
+        Of what `json.dump` writes.
+    """
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "femimpact study",
+        "description": "A structure on a moving base, and what is computed of it. SI units.",
+        "type": "object",
+        "properties": {name: _table(name) for name in TABLES},
+        "required": [name for name, table in TABLES.items() if table.required],
+        "additionalProperties": False,
+    }
+
+
+def _table(name: str) -> dict[str, Any]:
+    """Schema of one table, or of a list of them."""
+    table = TABLES[name]
+    made = _FORMS[name]() if name in _FORMS else _of_maker(table.make)
+    return {"type": "array", "items": made} if table.many else made
+
+
+def _of_maker(make: Any) -> dict[str, Any]:
+    """Schema of a table that becomes one noun, with its contact where it has one."""
+    if not isinstance(make, partial):
+        raise TypeError(f"no schema is known for a table made by {make}")
+    noun = make.args[0]
+    has_contact = any(item.name == "contact" for item in dataclasses.fields(noun))
+    return _noun(noun, contact=_contact()) if has_contact and noun not in METHODS.values() else _noun(noun)
+
+
+def _noun(noun: Any, without: frozenset[str] = frozenset(), title: str = "", **given: Any) -> dict[str, Any]:
+    """Schema of a table with the keys of a noun's fields."""
+    about, properties, required = _meanings(noun), {}, []
+    for item in dataclasses.fields(noun):
+        if item.name in without | CONTENT:
+            continue
+        properties[item.name] = given.get(item.name) or _key(item, about.get(item.name, ""))
+        if item.default is dataclasses.MISSING:
+            required.append(item.name)
+    first = (inspect.getdoc(noun) or "").split("\n\n")[0].replace("\n", " ")
+    schema = {"type": "object", "description": first, "properties": properties, "additionalProperties": False}
+    return schema | ({"title": title} if title else {}) | ({"required": required} if required else {})
+
+
+def _key(item: Any, meaning: str) -> dict[str, Any]:
+    """Schema of one key from the metadata of its field."""
+    metadata: Mapping[str, Any] = item.metadata
+    known = metadata.get("schema") or _COLUMNS
+    key = {**known, "description": meaning}
+    if "unit" in metadata:
+        key |= {"x-unit": metadata["unit"], "x-range": metadata["allowed"].removeprefix("must be ")}
+    if item.default is not dataclasses.MISSING and item.default is not None:
+        key["default"] = list(item.default) if isinstance(item.default, tuple) else item.default
+    return key
+
+
+_NUMBERS = {"type": "array", "items": {"type": "number", "exclusiveMinimum": 0}, "minItems": 1}
+
+LISTS: Mapping[str, dict[str, Any]] = {
+    "frequencies": {**_NUMBERS, "description": "one after the other", "x-unit": "Hz", "x-range": "finite numbers > 0"},
+    "psd": {
+        "type": "array",
+        "items": {**_NUMBERS, "minItems": 2, "maxItems": 2},
+        "minItems": 2,
+        "description": "one-sided density of the acceleration, straight in a plot of its logarithms",
+        "x-unit": "Hz, (m/s^2)^2/Hz",
+        "x-range": "rows of a frequency, rising, and a level > 0",
+    },
+}
+"""Of the keys that are lists of numbers."""
+
+_COLUMNS = {
+    "type": "array",
+    "items": {"anyOf": [{"type": "string"}, {"type": "integer", "minimum": 0}]},
+    "x-range": "numbers from 0 or names of two columns: time, acceleration",
+}
+"""Of the columns of a record, the one key that is neither a number nor a text."""
+
+
+def _meanings(noun: Any) -> dict[str, str]:
+    """What the Parameters section of a noun's docstring says of each field."""
+    text = inspect.getdoc(noun) or ""
+    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w+\n-+$|\Z)", text, re.MULTILINE | re.DOTALL)
+    found: dict[str, str] = {}
+    for names, words in re.findall(
+        r"^(\S[^\n]*)\n((?:(?:    [^\n]*)?\n)*)", (section[1] if section else "") + "\n", re.M
+    ):
+        for name in names.partition(" :")[0].split(", "):
+            found[name] = " ".join(words.split())
+    return found
+
+
+def _contact() -> dict[str, Any]:
+    """Schema of a contact: a law by its name, with the fields that the name leaves open."""
+    laws = []
+    for name, (noun, fixed) in LAWS.items():
+        schema = _noun(noun, frozenset(fixed), name)
+        schema["properties"] = {"law": {"const": name}, **schema["properties"]}
+        schema["required"] = ["law", *schema.get("required", [])]
+        if noun is PowerLaw:
+            schema["properties"]["stiffness"] |= {"x-unit": "N/m^exponent"}
+        laws.append(schema)
+    return {"description": "the contact law of the walls", "oneOf": laws}
+
+
+def _beam() -> dict[str, Any]:
+    one = _noun(Segment, title="a beam of one segment")
+    part = _noun(Segment, title="one of several segments")
+    about = "from the root to the tip, [[beam.segment]]"
+    segments = {"type": "array", "items": part, "minItems": 1, "description": about}
+    several = {
+        "title": "a beam of several segments", "type": "object", "properties": {"segment": segments},
+        "required": ["segment"], "additionalProperties": False,
+    }  # fmt: skip
+    return {"description": "The beam: one segment with the keys below, or a list of them.", "oneOf": [one, several]}
+
+
+def _damping() -> dict[str, Any]:
+    forms = [_noun(Rayleigh, title="proportional"), _noun(ModalDamping, title="mode by mode")]
+    return {"description": "Damping of the structure alone; without the table it has none.", "oneOf": forms}
+
+
+def _base() -> dict[str, Any]:
+    forms = [_noun(BaseMotion, title="a sine"), _noun(RecordedMotion, title="a record")]
+    for form, kind in zip(forms, ("sine", "record"), strict=True):
+        form["properties"] = {"kind": {"const": kind, "description": "the kind of motion"}, **form["properties"]}
+    forms += [_signal(kind) for kind in SIGNALS]
+    about = (
+        "Motion of the base: a sine, a record of its acceleration, a chirp, a stepped sine, a random motion or a shock."
+    )
+    return {"description": about, "oneOf": forms}
+
+
+def _signal(kind: str) -> dict[str, Any]:
+    """Schema of a motion with the arguments of its noun."""
+    noun, other = SIGNALS[kind]
+    schema = _noun(noun, frozenset({"level", "by", *other.values()}), kind, **LISTS)
+    keys, fields = schema["properties"], {item.name: item for item in dataclasses.fields(noun)}
+    about, own = _meanings(noun), {item.name: item for item in dataclasses.fields(SignalMotion)}
+    for key, name in other.items():
+        keys[key] = _key(fields[name], about.get(name, ""))
+    arguments = inspect.signature(noun).parameters
+    for name, unit in (("amplitude", "m"), ("acceleration", "m/s^2"), ("octaves_per_minute", "1/min")):
+        if name in arguments:
+            meaning = about.get(name, "") or f"amplitude of the base's {name}"
+            words = {"description": meaning, "x-unit": unit, "x-range": "a finite number >= 0"}
+            keys[name] = {"type": "number", "minimum": 0, **words}
+    meanings = _meanings(SignalMotion)
+    keys |= {name: _key(own[name], meanings[name]) for name in OWN}
+    schema["properties"] = {"kind": {"const": kind, "description": "the kind of motion"}, **keys}
+    needed = [_key_of(other, name) for name, item in arguments.items() if item.default is inspect.Parameter.empty]
+    schema["required"] = ["kind", *needed, *(["history", "acceleration", "duration"] if kind == "shock" else [])]
+    return schema
+
+
+def _key_of(other: Mapping[str, str], name: str) -> str:
+    """The key of a study file for a field."""
+    return next((key for key, field in other.items() if field == name), name)
+
+
+def _method() -> dict[str, Any]:
+    forms = []
+    for name, noun in METHODS.items():
+        schema = _noun(noun, title=name)
+        later = chosen_later(noun)
+        schema["properties"] = {"name": {"const": name}, **schema["properties"]}
+        schema["required"] = [key for key in schema.pop("required", []) if key not in later]
+        # a table without a name is the first of them
+        schema["required"] += [] if name == "newmark" else ["name"]
+        forms.append(schema)
+    return {"description": "How time runs; without dt the recommended step is taken.", "oneOf": forms}
+
+
+_FORMS = {"beam": _beam, "damping": _damping, "base": _base, "method": _method}
+"""Tables that have several forms."""

@@ -1,0 +1,514 @@
+"""Parameter studies: cases are those of single runs, statistics those of order, and what was ended goes on."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from builders import REFERENCE, with_ball
+
+import femimpact as fi
+from femimpact.parametric.block_files import BLOCKS
+from femimpact.parametric.evaluation import evaluated
+from femimpact.parametric.statistics_over_starts import median_ranks, over_starts
+from femimpact.parametric.study_command import definition_of, table_of
+from femimpact.parametric.workers import block_cases
+from femimpact.study.demo import paper_study, paper_study_text
+from femimpact.study.study_file import read_study
+from femimpact.study.study_text import study_text
+
+pytestmark = pytest.mark.impacts
+
+GAP, RESTITUTION = "impactor.ball.gap", "impactor.ball.contact.restitution"
+
+
+def study(**changes):
+    """The paper's case with rigid impacts on three modes, event-driven."""
+    paper = paper_study()
+    structure = with_ball(paper.structure, contact=fi.Rigid(0.6))
+    given = {"structure": structure, "method": {"name": "event-driven"}, "reduction": replace(paper.reduction, modes=3)}
+    return replace(paper, mesh=replace(paper.mesh, elements=10), **{**given, **changes})
+
+
+def small(**more):
+    """A grid of four cases."""
+    given = {"axes": {GAP: [2e-3, 4e-3], RESTITUTION: [0.5, 0.7]}, "measures": ["peak", "rms"], "cycles": 12}
+    return fi.parameter_study(study(), **{**given, **more})
+
+
+# ---- values ------------------------------------------------------------------------------------------
+
+
+def test_a_case_is_the_sweep_of_its_own_structure():
+    found = small(measures=["peak", "rms", "first_harmonic", "impacts_per_cycle", "cycle_mean_force", "mean_impulse"])
+    given = study()
+    for gap in (2e-3, 4e-3):
+        for e in (0.5, 0.7):
+            own = with_ball(given.structure, gap=gap, contact=fi.Rigid(e))
+            system = fi.reduce(fi.assemble(own, elements=10), 3)
+            curve = fi.frequency_sweep(system, given.base.amplitude, [given.base.frequency], fi.EventDriven(), 12)
+            case = found.sel({GAP: gap, RESTITUTION: e})
+            for name in ("peak", "rms", "first_harmonic", "impacts_per_cycle", "cycle_mean_force", "mean_impulse"):
+                # the same system but for its gap and its law, which no mode hangs on: the same bits
+                assert float(case[name]) == curve[name][0], name
+
+
+@pytest.mark.parametrize(
+    ("path", "values"),
+    [
+        ("beam.thickness", [0.9e-3, 1.1e-3]),
+        ("mass.box.mass", [0.02, 0.03]),
+        ("damping.ratio", [0.002, 0.01]),
+        ("impactor.ball.mass", [2e-3, 5e-3]),
+        ("base.amplitude", [1e-4, 3e-4]),
+        ("base.frequency", [4.6, 5.2]),
+        ("mesh.elements", [6, 12]),
+        ("reduction.modes", [2, 4]),
+    ],
+)
+def test_every_kind_of_axis_is_the_run_of_a_changed_study(path, values):
+    # free flight and a few impacts: what rounding does to modes is not yet amplified
+    found = fi.parameter_study(study(), {path: values}, ["peak"], cycles=3)
+    for value in values:
+        owner, *_, name = path.split(".")
+        given = study()
+        if owner == "beam":
+            beam = fi.Beam((replace(given.structure.beam.segments[0], **{name: value}),))
+            given = replace(given, structure=replace(given.structure, beam=beam))
+        elif owner == "mass":
+            given = replace(
+                given, structure=replace(given.structure, masses=(replace(given.structure.masses[0], mass=value),))
+            )
+        elif owner == "damping":
+            damping = replace(given.structure.damping, ratio=value)
+            given = replace(given, structure=replace(given.structure, damping=damping))
+        elif owner == "impactor":
+            given = replace(given, structure=with_ball(given.structure, mass=value))
+        else:
+            given = replace(given, **{owner: replace(getattr(given, owner), **{name: value})})
+        system = fi.reduce(fi.assemble(given.structure, elements=given.mesh.elements), given.reduction.modes)
+        base = given.base
+        curve = fi.frequency_sweep(system, base.amplitude, [base.frequency], fi.EventDriven(), 3)
+        assert float(found["peak"].sel({path: value})) == pytest.approx(curve.peak[0], rel=1e-9)
+
+
+def test_a_case_can_be_run_alone():
+    given = fi.ParameterStudy(study(), {GAP: [2e-3, 4e-3], "base.phase": [0.0, 1.0]}, ["peak"], starts=2, cycles=12)
+    values = evaluated(given, np.arange(4)).values
+    for case in range(4):
+        for start in range(2):
+            run = fi.run_case(given, case, start)
+            # the peak of a run is that of its last third, to the last bits of another way to the same instants
+            assert run.steady.peak[0] == pytest.approx(values[case, start, 0], rel=1e-9)
+
+
+def test_measures_of_energy_are_those_of_the_ledger_of_a_run():
+    given = fi.ParameterStudy(study(), {GAP: [2e-3]}, ["loss_per_cycle", "damping", "peak_ratio"], cycles=12)
+    loss, damping, ratio = evaluated(given, np.arange(1)).values[0, 0]
+    run = fi.run_case(given, 0)
+    energy = run.energy
+    last = energy.time >= 8.0 / 4.9 - 1e-9
+    lost = (energy.structure_loss + energy.contact_loss)[last]
+    assert loss == pytest.approx((lost[-1] - lost[0]) / 4.0, rel=1e-9)
+    # 16 instants of a cycle against the run's 64: below the largest by 1 - cos(pi/16) of the part that oscillates
+    stored = energy.stored[last].max()
+    assert 1.0 - 1e-9 <= damping * 4.0 * np.pi * stored / loss <= 1.03
+    bare = fi.without_impactors(run.system)
+    curve = fi.frequency_sweep(bare, 0.2037e-3, [4.9], fi.EventDriven(), 12)
+    assert ratio == pytest.approx(run.steady.peak[0] / curve.peak[0], rel=1e-9)
+
+
+def test_damping_of_a_structure_without_impacts_is_its_damping_ratio():
+    given = study(structure=replace(study().structure, impactors=()), base=replace(study().base, frequency=5.3))
+    given = replace(given, structure=replace(given.structure, damping=fi.Rayleigh(0.05, modes=(1, 2))))
+    found = fi.parameter_study(given, {"base.amplitude": [1e-4]}, ["damping"], cycles=120)
+    # loss per cycle over 4 pi E is zeta at resonance; the base is within 1e-3 of it, the other modes take as little
+    assert float(found["damping"][0]) == pytest.approx(0.05, rel=5e-3)
+
+
+def test_words_channels_and_functions_of_the_users_own_are_read_from_runs():
+    def largest_speed(response):
+        return np.abs(response["tip.velocity"]).max() if "tip.velocity" in response.channels else response.time[-1]
+
+    found = small(axes={GAP: [2e-3]}, measures=["regime", "root.surface_stress", largest_speed])
+    run = fi.run_case(fi.ParameterStudy(study(), {GAP: [2e-3]}, ["regime"], cycles=12), 0)
+    assert str(found["regime"][0].item()) == run.regime.label
+    assert found["root.surface_stress"].attrs["units"] == "Pa"
+    assert float(found["root.surface_stress"][0]) > 0.0
+    assert float(found["largest_speed"][0]) == run.time[-1]
+
+
+def test_a_method_with_steps_runs_the_same_cases():
+    given = study(
+        structure=with_ball(REFERENCE, contact=fi.KelvinVoigt(restitution=0.6, contact_time=4e-3)),
+        method={"name": "newmark"},
+    )
+    axes = {GAP: [2e-3, 4e-3], "base.frequency": [4.8, 5.0], "base.phase": [0.0, 0.7]}
+    found = fi.parameter_study(given, axes, ["peak", "loss_per_cycle"], cycles=6)
+    for gap, frequency, phase in [(2e-3, 5.0, 0.0), (4e-3, 4.8, 0.7)]:
+        system = fi.reduce(fi.assemble(with_ball(given.structure, gap=gap), elements=10), 3)
+        method = fi.Newmark.for_system(system)
+        run = fi.integrate(system, fi.Sine(given.base.amplitude, frequency, phase), method, 6 / frequency)
+        case = found.sel({GAP: gap, "base.frequency": frequency, "base.phase": phase})
+        # the steps of a run and of a dwell end at the same one, beside the measured window's beginning
+        assert float(case["peak"]) == pytest.approx(run.steady.peak[0], rel=1e-9)
+        assert float(case["loss_per_cycle"]) > 0.0
+
+
+# ---- starts ------------------------------------------------------------------------------------------
+
+
+def test_fewer_starts_are_the_first_of_more_and_lie_in_the_gap():
+    few, many = (
+        fi.ParameterStudy(study(), {GAP: [1e-3, (2e-3, 4e-3)]}, ["peak"], starts=n, seed=3, cycles=3) for n in (3, 7)
+    )
+    a, b = (evaluated(given, np.arange(2)).values for given in (few, many))
+    np.testing.assert_array_equal(a, b[:, :3])
+    for start in range(7):
+        first = fi.run_case(many, 1, start, fi.Recorder(("ball", "ball.velocity")))
+        assert -4e-3 <= first["ball"][0] <= 2e-3
+        assert abs(first["ball.velocity"][0]) <= 0.2037e-3 * 2 * np.pi * 4.9
+
+
+@pytest.mark.parametrize("n", [5, 6, 8, 13, 40])
+def test_the_interval_of_the_median_holds_it_with_90_percent_and_no_narrower_one_does(n):
+    def covered(k):
+        """Share of all 2^n ways that n values lie on the sides of a median in which it is within the interval."""
+        return sum(np.prod([(n - i) / (i + 1) for i in range(j)]) for j in range(k + 1, n - k)) / 2.0**n
+
+    low, high = median_ranks(n)
+    assert low + high == n - 1
+    assert covered(low) >= 0.9
+    assert covered(low + 1) < 0.9
+
+
+def test_statistics_over_starts_do_not_depend_on_their_order_and_leave_out_what_failed():
+    values = np.array([[3.0, 1.0, 2.0, np.nan, 5.0, 4.0], [np.nan] * 6])
+    found = over_starts(values)
+    assert (found[""][0], found["_low"][0], found["_high"][0]) == (3.0, 1.0, 5.0)
+    assert (found["_median_low"][0], found["_median_high"][0]) == (1.0, 5.0)
+    assert all(np.isnan(column[1]) for column in found.values())
+    for name, column in over_starts(values[:, ::-1]).items():
+        np.testing.assert_array_equal(column, found[name])
+
+
+def test_two_groups_are_apart_by_a_tenth_of_the_median_with_two_starts_on_each_side():
+    near, far, lone = [1.0, 1.01, 1.05, 1.06], [1.0, 1.01, 1.2, 1.21], [1.0, 1.01, 1.02, 1.5]
+    np.testing.assert_array_equal(over_starts(np.array([near, far, lone]))["_groups"], [1.0, 2.0, 1.0])
+    assert not any(over_starts(np.array([pair]))["_groups"][0] > 1 for pair in combinations([1.0, 2.0, 3.0], 3))
+
+
+# ---- bits ----------------------------------------------------------------------------------------------
+
+
+def test_a_case_has_the_same_bits_in_any_block_and_on_any_number_of_threads():
+    axes = {GAP: [2e-3, 3e-3, 4e-3], "impactor.ball.mass": [3e-3, 4e-3], RESTITUTION: [0.5, 0.7]}
+    given = fi.ParameterStudy(study(), axes, ["peak", "energy_residual"], starts=3, cycles=24)
+    whole = evaluated(given, np.arange(12))
+    for cases in (np.array([7]), np.array([11, 2, 5])):
+        np.testing.assert_array_equal(evaluated(given, cases).values, whole.values[cases])
+    one, two = (
+        fi.parameter_study(study(), axes, ["peak", "energy_residual"], starts=3, cycles=24, threads=n) for n in (1, 2)
+    )
+    assert one.identical(two)
+    assert sum(len(cases) for cases in block_cases(given)) == 12
+
+
+# ---- on disk --------------------------------------------------------------------------------------------
+
+
+def digest(path):
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+
+
+def test_what_was_ended_goes_on_with_the_same_bits(tmp_path, capsys):
+    axes = {GAP: list(np.linspace(2e-3, 6e-3, 24))}
+    whole = small(axes=axes, starts=2, directory=tmp_path / "whole")
+
+    class Ended(Exception):  # noqa: N818 - it ends a study, and is no error
+        pass
+
+    def end_after(count):
+        def progress(now):
+            if now.finished >= count:
+                raise Ended
+
+        return progress
+
+    for count in (8, 16):
+        with pytest.raises(Ended):
+            small(axes=axes, starts=2, directory=tmp_path / "ended", progress=end_after(count))
+        partial = fi.load_parameter_study(tmp_path / "ended")
+        done = partial["finished"].to_numpy() > 0
+        assert count <= done.sum() < 24
+        np.testing.assert_array_equal(partial["peak"].to_numpy()[done], whole["peak"].to_numpy()[done])
+    capsys.readouterr()
+    again = small(axes=axes, starts=2, directory=tmp_path / "ended")
+    assert capsys.readouterr().err == f"found {done.sum()} of 24 finished\n"
+    assert again.identical(whole)
+    assert digest(tmp_path / "ended/study.nc") == digest(tmp_path / "whole/study.nc")
+    with xarray.open_dataset(tmp_path / "ended/study.nc") as opened:
+        assert opened.identical(whole)
+
+
+def test_a_process_that_is_killed_loses_its_blocks_in_flight_alone(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import os, signal, sys\n"
+        f"sys.path[:0] = [{str(Path(__file__).parent)!r}]\n"
+        "import test_parameter_study as t\n"
+        "def progress(now):\n"
+        "    if now.finished >= 12: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "axes = {t.GAP: [1e-3 + 1e-4 * i for i in range(24)]}\n"
+        "t.small(axes=axes, starts=2, directory=sys.argv[1], progress=progress)\n"
+    )
+    axes = {GAP: [1e-3 + 1e-4 * i for i in range(24)]}
+    found = {**os.environ, "PYTHONPATH": str(Path(fi.__file__).parent.parent)}
+    ended = subprocess.run([sys.executable, script, tmp_path / "ended"], env=found, check=False)
+    assert ended.returncode == -9
+    assert fi.load_parameter_study(tmp_path / "ended")["finished"].sum() >= 12
+    assert small(axes=axes, starts=2, directory=tmp_path / "ended").identical(small(axes=axes, starts=2))
+
+
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "of another block"])
+def test_a_damaged_block_is_run_again(tmp_path, damage):
+    axes = {GAP: list(np.linspace(2e-3, 6e-3, 24))}
+    whole = small(axes=axes, starts=2, directory=tmp_path)
+    blocks = sorted((tmp_path / BLOCKS).glob("*.block"))
+    content = bytearray(blocks[0].read_bytes())
+    content[len(content) // 2] ^= 1
+    damaged = {"cut": content[:-7], "flipped": content, "empty": b"", "of another block": blocks[1].read_bytes()}
+    blocks[0].write_bytes(damaged[damage])
+    assert small(axes=axes, starts=2, directory=tmp_path).identical(whole)
+
+
+def test_the_directory_of_another_study_is_refused_naming_the_first_difference(tmp_path):
+    small(directory=tmp_path)
+    with pytest.raises(fi.InputError, match=r"another study: starts is 1 there, 2 here"):
+        small(directory=tmp_path, starts=2)
+    with pytest.raises(fi.InputError, match=r"another study: axes.impactor.ball.gap\[1\] is 0.004 there, 0.005 here"):
+        small(directory=tmp_path, axes={GAP: [2e-3, 5e-3], RESTITUTION: [0.5, 0.7]})
+    other = study(structure=with_ball(study().structure, mass=3e-3))
+    with pytest.raises(fi.InputError, match=r"another study: study.structure.impactors\[0\].mass is 0.00343 there"):
+        fi.parameter_study(other, {GAP: [2e-3, 4e-3], RESTITUTION: [0.5, 0.7]}, ["peak", "rms"], cycles=12,
+                           directory=tmp_path)  # fmt: skip
+
+
+def test_a_second_process_is_refused_while_the_first_is_alive(tmp_path):
+    def second(now):
+        with pytest.raises(fi.InputError, match="another run is writing into it"):
+            small(directory=tmp_path)
+
+    small(directory=tmp_path, progress=second)
+    small(directory=tmp_path)
+
+
+def test_a_function_of_the_users_own_is_known_by_its_code(tmp_path):
+    def measure_of(factor):
+        def measure(response):
+            return factor * response.time[-1]
+
+        return measure
+
+    axes = {GAP: [2e-3]}
+    small(axes=axes, measures=[measure_of(1.0)], directory=tmp_path)
+    small(axes=axes, measures=[measure_of(1.0)], directory=tmp_path)
+    with pytest.raises(fi.InputError, match="another study: measures"):
+        small(axes=axes, measures=[measure_of(2.0)], directory=tmp_path)
+
+
+def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_what_was_finished(tmp_path, monkeypatch):
+    import femimpact.parametric.block_files as block_files
+
+    axes, written, really = {GAP: list(np.linspace(2e-3, 6e-3, 24))}, [], block_files.atomic_write
+
+    def full_after_two(path, content):
+        written.append(path)
+        if len(written) > 3:
+            raise OSError(28, "No space left on device", str(path))
+        really(path, content)
+
+    monkeypatch.setattr(block_files, "atomic_write", full_after_two)
+    with pytest.raises(OSError, match="No space left on device"):
+        small(axes=axes, starts=2, directory=tmp_path)
+    monkeypatch.undo()
+    # the first file says what the study is
+    assert 0 < fi.load_parameter_study(tmp_path)["finished"].sum() < 24
+    assert small(axes=axes, starts=2, directory=tmp_path).identical(small(axes=axes, starts=2))
+
+
+# ---- what is refused, and what fails ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"axes": {"impactor.ball.gapp": [1e-3]}}, "impactor.ball.gapp: unknown; did you mean 'impactor.ball.gap'"),
+        ({"axes": {GAP: []}}, "axes.impactor.ball.gap = 'no value'"),
+        ({"axes": {}}, "axes = 'none'"),
+        ({"axes": {GAP: [1e-3, 2e-3, 1e-3]}}, r"axes.impactor.ball.gap = 0.001: is given twice"),
+        ({"axes": {GAP: [1e-3, np.nan]}}, "axes.impactor.ball.gap = nan: must be finite"),
+        ({"axes": {GAP: [1e-3, -1e-3]}}, "impactor.ball.gap = -0.001 m: must be a finite number >= 0 m"),
+        ({"axes": {RESTITUTION: [0.5, 1.5]}}, "restitution = 1.5: must be"),
+        ({"axes": {"base.start": ["base", "moon"]}}, "base.start = 'moon': must be 'base' or 'space'"),
+        ({"axes": {"beam.thickness": [0.0]}}, "beam.thickness = 0.0 m: must be a finite number > 0"),
+        ({"axes": {"start.ball.position": [0.0]}, "starts": 2}, "start.ball.position: must not be an axis with starts"),
+        ({"measures": ["peek"]}, "measures = 'peek': unknown; did you mean 'peak'"),
+        ({"measures": ["peak", "peak"]}, "measures = 'peak': is asked for twice"),
+        ({"measures": []}, "measures = 'none'"),
+        ({"axes": {GAP: {"from": 1e-3, "to": 2e-3}}}, "is a distribution, and there is no sample"),
+        ({"sample": {"points": 4}}, "must be a distribution in a sample"),
+        ({"axes": {GAP: {"from": 1e-3, "to": 2e-3}}, "sample": {"points": 6}}, "must be a power of two"),
+        ({"cycles": 2}, "cycles = 2: must be a whole number >= 3"),
+    ],
+)
+def test_faults_are_named_before_the_first_case(changes, words):
+    with pytest.raises(fi.InputError, match=words):
+        small(**changes)
+
+
+def test_of_a_system_only_contacts_excitation_and_start_can_be_axes():
+    system = fi.reduce(fi.assemble(study().structure, elements=10), 3)
+    base = fi.Sine(0.2037e-3, 4.9)
+    found = fi.parameter_study(system, {GAP: [2e-3, 4e-3]}, ["peak"], excitation=base, cycles=12)
+    whole = small(axes={GAP: [2e-3, 4e-3]}, measures=["peak"])
+    np.testing.assert_array_equal(found["peak"], whole["peak"])
+    with pytest.raises(fi.InputError, match=r"beam.thickness: does not follow from the contacts"):
+        fi.parameter_study(system, {"beam.thickness": [1e-3]}, ["peak"], excitation=base)
+    with pytest.raises(fi.InputError, match=r"base.frequency: must be given"):
+        fi.parameter_study(system, {GAP: [1e-3]}, ["peak"])
+
+
+def test_a_function_that_returns_a_structure_is_a_study_over_its_arguments():
+    def structure(box, thickness=1e-3):
+        given = study().structure
+        beam = fi.Beam((replace(given.beam.segments[0], thickness=thickness),))
+        return replace(given, beam=beam, masses=(replace(given.masses[0], mass=box),))
+
+    axes = {"box": [0.02, 0.03], GAP: [2e-3, 4e-3]}
+    base = fi.Sine(0.2037e-3, 4.9)
+    found = fi.parameter_study(structure, axes, ["peak"], excitation=base, elements=10, modes=3, cycles=3)
+    same = fi.parameter_study(study(), {"mass.box.mass": [0.02, 0.03], GAP: [2e-3, 4e-3]}, ["peak"], cycles=3)
+    np.testing.assert_array_equal(found["peak"], same["peak"])
+    with pytest.raises(fi.InputError, match="box: is an argument of the function, and must be an axis"):
+        fi.parameter_study(structure, {GAP: [2e-3]}, ["peak"], excitation=base)
+
+
+def test_a_case_that_fails_is_a_row_with_its_reason_and_leaves_the_others_as_they_are():
+    # a place of the ball beyond the smaller gap, and a beam of nearly no mass: each alone is sound
+    axes = {GAP: [1e-3, 4e-3], "start.ball.position": [0.0, 2e-3]}
+    found = fi.parameter_study(study(), axes, ["peak"], cycles=12)
+    assert np.isnan(found["peak"].sel({GAP: 1e-3, "start.ball.position": 2e-3}))
+    assert "must start between its walls" in str(found["failure"].sel({GAP: 1e-3, "start.ball.position": 2e-3}).item())
+    assert int(found["failed_starts"].sum()) == 1
+    alone = fi.parameter_study(study(), {GAP: [4e-3], "start.ball.position": [2e-3]}, ["peak"], cycles=12)
+    assert float(found["peak"][1, 1]) == float(alone["peak"][0, 0])
+
+
+def test_an_error_in_a_function_of_the_users_own_is_not_caught():
+    def broken(response):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        small(axes={GAP: [2e-3]}, measures=[broken])
+
+
+# ---- forms of cases -----------------------------------------------------------------------------------------
+
+
+def test_a_sample_has_the_moments_of_its_distributions():
+    axes = {GAP: {"normal": [4e-3, 1e-4]}, RESTITUTION: {"from": 0.4, "to": 0.8}}
+    given = fi.ParameterStudy(study(), axes, ["peak"], sample={"points": 1024, "seed": 2}, cycles=3)
+    gap, restitution = (
+        np.array(levels)[codes] for levels, codes in zip(given.table.levels, given.table.codes, strict=True)
+    )
+    # the error of a Sobol sequence is of the order of log(n)/n; 1/sqrt(n) = 0.03 would be that of chance
+    assert gap.mean() == pytest.approx(4e-3, abs=0.01 * 1e-4)
+    assert gap.std() == pytest.approx(1e-4, rel=0.01)
+    assert restitution.mean() == pytest.approx(0.6, abs=1e-3)
+    assert (restitution.min() >= 0.4) & (restitution.max() <= 0.8)
+
+
+def test_a_list_of_cases_has_the_values_of_the_grid():
+    grid = small()
+    rows = [{GAP: gap, RESTITUTION: e} for gap, e in [(4e-3, 0.5), (2e-3, 0.7)]]
+    listed = small(axes=rows)
+    np.testing.assert_array_equal(listed["peak"], [grid["peak"][1, 0], grid["peak"][0, 1]])
+    np.testing.assert_array_equal(listed[GAP], [4e-3, 2e-3])
+
+
+def test_a_pair_of_gaps_is_one_value_with_both_as_coordinates():
+    found = small(axes={GAP: [2e-3, (1e-3, 3e-3)]})
+    np.testing.assert_array_equal(found[f"{GAP}.plus"], [2e-3, 1e-3])
+    np.testing.assert_array_equal(found[f"{GAP}.minus"], [2e-3, 3e-3])
+
+
+def test_a_study_file_goes_round_and_its_table_has_a_row_for_every_case():
+    text = paper_study_text().replace('name = "newmark"', 'name = "event-driven"') + (
+        '[study]\nmeasures = ["peak"]\nstarts = 5\ncycles = 6\n[study.axes]\n'
+        '"impactor.ball.gap" = [0.002, [0.003, 0.004]]\nimpactor.ball.mass = { from = 0.003, to = 0.004, points = 3 }\n'
+    )
+    given = read_study(text, Path("study.toml"))
+    again = read_study(study_text(replace(given, text="")), Path("study.toml"))
+    assert again.plan == given.plan
+    definition = definition_of(given)
+    assert definition.table.shape == (2, 3)
+    dataset = fi.parameter_study(given, given.plan.axes, given.plan.measures, starts=5, cycles=6)
+    columns, units = table_of(dataset)
+    assert {len(column) for column in columns.values()} == {6}
+    assert units["impactor.ball.mass"] == "kg"
+    np.testing.assert_array_equal(columns["peak_low"] <= columns["peak"], True)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ('"impactor.ball.gap" = []', "study.axes.impactor.ball.gap = 'no value'"),
+        ('"impactor.ball.gap" = [1e-3, 1e-3]', "study.axes.impactor.ball.gap = 0.001: is given twice"),
+        ('"impactor.ball.gap" = { mean = 3 }', "study.axes.impactor.ball.gap = .*: must be a list of values"),
+        ('"impactor.bal.gap" = [1e-3]', "study.axes.impactor.bal.gap: unknown; did you mean 'impactor.ball.gap'"),
+    ],
+)
+def test_faults_of_a_study_file_have_the_path_they_have_there(line, words):
+    text = f'{paper_study_text()}[study]\nmeasures = ["peak"]\n[study.axes]\n{line}\n'
+    with pytest.raises(fi.InputError, match=words):
+        definition_of(read_study(text, Path("study.toml")))
+
+
+# ---- pictures --------------------------------------------------------------------------------------------------
+
+
+def test_a_map_hatches_what_the_starts_cannot_tell_apart():
+    from femimpact.export.figures.studies import _unsure
+
+    median = xarray.DataArray([[1.0, 1.01, 2.0]], dims=("a", "b"))
+    given = xarray.Dataset({"m": median, "m_median_low": median - 0.02, "m_median_high": median + 0.02})
+    # the steps to the neighbours are 0.01, then 0.99: an interval of 0.04 is wider than the first alone
+    np.testing.assert_array_equal(_unsure(given, "m"), [[True, False, False]])
+
+
+@pytest.mark.parametrize("axes", [1, 2, 3])
+def test_a_figure_has_the_values_in_the_units_of_its_labels(axes):
+    given = {GAP: [2e-3, 4e-3], RESTITUTION: [0.5, 0.7], "base.frequency": [4.8, 5.0]}
+    found = fi.parameter_study(study(), dict(list(given.items())[:axes]), ["peak"], starts=5, cycles=6)
+    sheet = fi.figures.OffScreen()
+    if axes == 1:
+        drawn = fi.figures.study_lines(found, "peak", ax=sheet)
+        np.testing.assert_allclose(drawn.lines[0].get_xydata(), np.column_stack([[2.0, 4.0], 1e3 * found["peak"]]))
+    else:
+        drawn = (
+            fi.figures.study_map(found, "peak", ax=sheet)
+            if axes == 2
+            else fi.figures.study_maps(found, "peak", figure=sheet)[0, 0]
+        )
+        first = found["peak"] if axes == 2 else found["peak"][:, :, 0]
+        np.testing.assert_allclose(drawn.images[0].get_array(), 1e3 * first.to_numpy().T)
+    assert "(mm)" in drawn.get_xlabel() or axes == 3

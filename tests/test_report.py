@@ -1,0 +1,453 @@
+"""The report of results: one file that loads nothing, says what is missing, and is the same twice."""
+
+from __future__ import annotations
+
+import base64
+import json
+import shutil
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from builders import NO_PICTURES, REFERENCE, reduced, short_study
+from test_svg import HOSTILE, Parsed
+
+import femimpact as fi
+from femimpact.cli import app
+from femimpact.export.report.player import FULL, frames_of
+from femimpact.study.directory_lock import RUNNING
+from femimpact.study.result_directory import ResultsWarning
+from femimpact.study.result_report import write_report
+from femimpact.study.run import run_study
+
+pytestmark = pytest.mark.impacts
+
+KEPT = NO_PICTURES | {"frames": 40, "frame_cycles": 2.0}
+
+MOST_BYTES = 3_000_000
+MOST_OF_A_PLAYER = 1_000_000
+
+LOADING = {
+    ("img", "src"), ("script", "src"), ("link", "href"), ("iframe", "src"), ("object", "data"), ("embed", "src"),
+    ("image", "href"), ("use", "href"), ("video", "src"), ("audio", "src"), ("source", "src"), ("input", "src"),
+    ("form", "action"), ("base", "href"), ("body", "background"),
+}  # fmt: skip
+"""Attributes by which a page fetches something."""
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    out = tmp_path_factory.mktemp("reported") / "out"
+    run_study(short_study(1.5, **KEPT), out)
+    return out
+
+
+@pytest.fixture
+def results(sound, tmp_path):
+    return shutil.copytree(sound, tmp_path / "out")
+
+
+@pytest.fixture(scope="module")
+def run():
+    """A run whose ball bounces between walls, with snapshots."""
+    law = fi.KelvinVoigt(restitution=0.8, contact_time=2e-3)
+    structure = replace(REFERENCE, impactors=(replace(REFERENCE.impactors[0], contact=law),))
+    record = fi.Recorder(snapshots=2, snapshots_start=4.0)
+    return fi.integrate(reduced(structure, 5, 10), fi.Sine(0.2e-3, 5.0), fi.EventDriven(), 5.0, record)
+
+
+def text_of(directory: Path) -> str:
+    return (directory / "report.html").read_text(encoding="utf-8")
+
+
+def section(text: str, key: str) -> str:
+    """The markup of one section of a page."""
+    start = text.index(f'<section id="{key}"') if f'<section id="{key}"' in text else text.index(f'id="{key}" aria')
+    return text[start : text.index("</section>", start)]
+
+
+# ---- the file -------------------------------------------------------------------------------------
+
+
+def test_a_run_leaves_one_page_that_loads_nothing(sound):
+    text = text_of(sound)
+    assert len(text.encode()) < MOST_BYTES
+    page = Parsed(text)
+    assert not LOADING & {(tag, name) for tag, name, _ in page.attributes}
+    assert "link" not in page.tags
+    assert "@import" not in text
+    assert "url(" not in text
+    for word in ("http://", "https://", "//cdn"):
+        assert word not in text
+    # no handler stands in an attribute, and links lead into the page or to a file beside it
+    assert not [name for _, name, _ in page.attributes if name.startswith("on")]
+    links = [value for tag, name, value in page.attributes if (tag, name) == ("a", "href")]
+    assert all(link.startswith("#") or (sound / link).exists() for link in links)
+
+
+def test_links_within_the_page_lead_somewhere_and_identifiers_are_used_once(sound):
+    page = Parsed(text_of(sound))
+    identifiers = [value for _, name, value in page.attributes if name == "id"]
+    assert len(set(identifiers)) == len(identifiers)
+    links = [value for tag, name, value in page.attributes if (tag, name) == ("a", "href") and value.startswith("#")]
+    assert {link[1:] for link in links} <= set(identifiers)
+    named = [value for _, name, value in page.attributes if name == "aria-labelledby"]
+    assert set(named) <= set(identifiers)
+
+
+def test_two_reports_of_the_same_results_are_the_same_bytes_wherever_they_are(results, tmp_path):
+    first = (results / "report.html").read_bytes()
+    assert write_report(results).read_bytes() == first
+    moved = shutil.copytree(results, tmp_path / "elsewhere")
+    assert write_report(moved).read_bytes() == first
+    assert write_report(results, tmp_path / "page.html").read_bytes() == first
+
+
+def test_a_report_leaves_results_as_they_were(results):
+    before = {path.name: path.read_bytes() for path in results.iterdir() if path.name != "report.html"}
+    write_report(results)
+    after = {path.name: path.read_bytes() for path in results.iterdir() if path.name != "report.html"}
+    assert after == before
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fi.load(results)
+
+
+def test_numbers_of_the_summary_are_conclusions_and_those_of_one_start_are_marked(results):
+    summary = json.loads((results / "summary.json").read_text())
+    text = Parsed(section(text_of(results), "conclusions")).text
+    assert f"{1e3 * summary['sweep']['empty']['peak_amplitude']:.4g}" in text
+    assert f"{summary['natural_frequency']['empty'][0]:.3f}" in text
+    marked = summary["history"]["steadiness"] != "periodic" or summary["sweep"]["ball"]["peak_is_one_start"]
+    assert ("one sample" in text) == marked
+    for warning in summary["warnings"]:
+        assert warning in text
+
+
+def test_every_table_cell_holds_the_number_of_its_file(results):
+    modes = fi.load(results).modes
+    page = Parsed(section(text_of(results), "modes"))
+    values = [float(value) for tag, name, value in page.attributes if (tag, name) == ("td", "data-value") and value]
+    for column in ("natural_frequency", "damping_ratio", "effective_mass"):
+        assert set(np.asarray(modes[column]).tolist()) <= set(values)
+
+
+def test_without_report_none_is_written(tmp_path):
+    run_study(short_study(0.5, **NO_PICTURES, report=False), tmp_path / "out", parts=("modes",))
+    assert not (tmp_path / "out" / "report.html").exists()
+
+
+def test_a_report_that_fails_is_a_warning_and_the_results_stand(tmp_path, monkeypatch):
+    def fails(*_):
+        raise RuntimeError("no page")
+
+    monkeypatch.setattr("femimpact.study.result_report.page_of", fails)
+    with pytest.warns(ResultsWarning, match=r"report not written: no page; 'femimpact report .*out' writes it"):
+        found = run_study(short_study(0.5, **NO_PICTURES), tmp_path / "out", parts=("modes",))
+    assert found.modes is not None
+    assert not (tmp_path / "out" / "report.html").exists()
+
+
+def test_the_command_writes_the_page_or_says_why_not(results, tmp_path, capsys):
+    (results / "report.html").unlink()
+    app(["report", str(results)], result_action="return_value")
+    assert (results / "report.html").exists()
+    assert "report.html" in capsys.readouterr().out
+    (tmp_path / "empty").mkdir()
+    for nothing in ("empty", "absent"):
+        with pytest.raises(fi.InputError, match="directory = "):
+            write_report(tmp_path / nothing)
+    assert list((tmp_path / "empty").iterdir()) == []
+
+
+# ---- what is missing ------------------------------------------------------------------------------
+
+
+DAMAGE = {"gone": None, "empty": b"", "another file": b"[1, 2]", "zeros": b"\x89HDF\r\n\x1a\n" + bytes(500)}
+
+READ = ("summary.json", "study.toml", "modes.csv", "modes.nc", "sweep.nc", "history.nc", "impacts.csv", "snapshots.nc")
+
+
+@pytest.mark.parametrize(
+    ("name", "damage"), [(name, list(DAMAGE)[i % len(DAMAGE)]) for i, name in enumerate((*READ, *READ[1:]))]
+)
+def test_a_damaged_file_is_named_and_stops_nothing(results, name, damage):
+    if DAMAGE[damage] is None:
+        (results / name).unlink()
+    else:
+        (results / name).write_bytes(DAMAGE[damage])
+    write_report(results)
+    text = text_of(results)
+    assert "What was found" in text
+    # without a summary nothing tells of a file that is gone
+    assert name in Parsed(section(text, "conclusions")).text or name == "summary.json"
+
+
+def test_values_of_any_kind_in_a_summary_stop_nothing(sound, tmp_path):
+    summary = json.loads((sound / "summary.json").read_text())
+    values = (None, 3, "text", [], [None], {}, {"a": None}, {"ball": 3, "empty": [1]}, True, 1e999)
+    for key in summary:
+        for value in values:
+            (tmp_path / "summary.json").write_text(json.dumps({key: value}))
+            write_report(tmp_path)
+            assert "What was found" in text_of(tmp_path)
+
+
+def test_results_of_a_version_without_these_files_make_a_report(results):
+    for name in ("modes.nc", "snapshots.nc", "impacts.nc"):
+        (results / name).unlink()
+    summary = json.loads((results / "summary.json").read_text())
+    old = {key: value for key, value in summary.items() if key in ("study", "natural_frequency", "sweep", "warnings")}
+    (results / "summary.json").write_text(json.dumps(old))
+    write_report(results)
+    text = text_of(results)
+    assert "versions" in text
+    assert "not known" in text
+
+
+def test_parts_of_a_run_that_was_ended_make_a_report_and_can_still_be_finished(tmp_path, monkeypatch):
+    def ended(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("femimpact.study.run.run_sweep", ended)
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        run_study(short_study(1.0, **KEPT), out)
+    assert [path.name for path in out.iterdir()] == [RUNNING]
+    write_report(out)
+    text = text_of(out)
+    assert "it holds a run that ended after modes, history" in text
+    assert "the run was ended before its part" in text
+    assert str(tmp_path) not in text
+    monkeypatch.undo()
+    app(["finish", str(out)], result_action="return_value")
+    assert not (out / RUNNING).exists()
+    write_report(out)
+    assert "it holds a run" not in text_of(out)
+    assert "the run was ended before its part" in text_of(out)
+
+
+def test_a_run_goes_where_only_the_report_of_an_ended_one_is(tmp_path, monkeypatch):
+    def ended(*_):
+        raise KeyboardInterrupt
+
+    out = tmp_path / "out"
+    with monkeypatch.context() as patch:
+        patch.setattr("femimpact.study.run.run_sweep", ended)
+        with pytest.raises(KeyboardInterrupt):
+            run_study(short_study(1.0, **NO_PICTURES), out)
+    write_report(out)
+    with pytest.warns(ResultsWarning, match="removed what a run that did not end well had left"):
+        run_study(short_study(1.0, **NO_PICTURES), out, parts=("modes",))
+    assert "it holds a run" not in text_of(out)
+
+
+# ---- texts ----------------------------------------------------------------------------------------
+
+
+def attributes_of(page: Parsed) -> list[tuple[str, str]]:
+    """Elements with their attributes; the class of a cell hangs on how long its text is."""
+    return [(tag, name) for tag, name, _ in page.attributes if name != "class"]
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_every_text_of_a_report_stays_text(sound, tmp_path, text):
+    summary = json.loads((sound / "summary.json").read_text())
+    for named, expected in (("plain", "word"), ("hostile", text)):
+        changed = summary | {"warnings": [expected], "notes": [expected], "remarks": [expected], "study": expected}
+        changed["versions"] = {expected: expected}
+        changed["history"] = summary["history"] | {"regime": {"label": expected, "criterion": expected}}
+        (tmp_path / "summary.json").write_text(json.dumps(changed))
+        (tmp_path / "comparison.csv").write_text(f"quantity,unit\n{json.dumps(expected).replace(',', ';')},1\n")
+        write_report(tmp_path, tmp_path / f"{named}.html")
+    plain, hostile = (Parsed((tmp_path / f"{n}.html").read_text(encoding="utf-8")) for n in ("plain", "hostile"))
+    assert hostile.tags == plain.tags
+    assert attributes_of(hostile) == attributes_of(plain)
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_every_text_of_a_script_stays_text(run, tmp_path, text):
+    def page(word: str) -> Parsed:
+        columns = {word: [1.0, 2.0], "words": [word, word]}
+        fi.report(tmp_path / "p.html", {word: columns, "run": run}, REFERENCE, title=word, notes=(word,))
+        return Parsed((tmp_path / "p.html").read_text(encoding="utf-8"))
+
+    hostile, plain = page(text), page("word")
+    assert hostile.tags == plain.tags
+    assert attributes_of(hostile) == attributes_of(plain)
+
+
+# ---- the player -----------------------------------------------------------------------------------
+
+
+def player_data(page: Path) -> dict:
+    text = page.read_text(encoding="utf-8")
+    start = text.index('<script type="application/json">') + len('<script type="application/json">')
+    found = text[start : text.index("</script>", start)]
+    assert len(found) < MOST_OF_A_PLAYER
+    return json.loads(found)
+
+
+def unpacked(text: str, width: int) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(text), dtype="<i2").reshape(-1, width).astype(float)
+
+
+def test_the_player_has_every_snapshot_to_its_last_bit_but_rounding(run, tmp_path):
+    fi.report(tmp_path / "page.html", {"run": run}, REFERENCE)
+    data = player_data(tmp_path / "page.html")
+    snapshots = run.snapshots
+    rows = np.searchsorted(data["time"], snapshots.time - 1e-8)
+    assert np.abs(np.array(data["time"])[rows] - snapshots.time).max() < 1e-8
+    # the stations are the nodes, whose values the snapshots hold
+    assert np.allclose(data["stations"], run.system.nodes, atol=1e-8)
+    deflection = data["unit"] * unpacked(data["deflection"], len(data["stations"]))[rows]
+    slope = data["slopeUnit"] * unpacked(data["slope"], len(data["stations"]))[rows]
+    assert np.abs(deflection - snapshots.displacement[:, 0::2]).max() <= 0.51 * data["unit"]
+    assert np.abs(slope - snapshots.displacement[:, 1::2]).max() <= 0.51 * data["slopeUnit"]
+    # on its wall at an impact the ball is further out than at any snapshot
+    assert data["unit"] * FULL <= np.abs(deflection).max() + REFERENCE.impactors[0].gap
+    balls = data["unit"] * unpacked(data["balls"], 1)[rows]
+    assert np.abs(balls - snapshots.ball_displacement).max() <= 0.51 * data["unit"]
+
+
+def test_every_impact_within_the_snapshots_has_a_frame_with_the_ball_on_its_wall(run):
+    frames = frames_of(run)
+    within = (run.impacts.time >= run.snapshots.time[0]) & (run.impacts.time <= run.snapshots.time[-1])
+    assert within.sum() > 3
+    at = np.array([frames.time[frame] for frame, _, _ in frames.impacts])
+    assert np.array_equal(at, run.impacts.time[within])
+    gap = REFERENCE.impactors[0].gap
+    for frame, contact, side in frames.impacts:
+        between = frames.balls[frame, contact] - frames.deflection[frame, -1]
+        assert between == pytest.approx(side * gap, abs=1e-12)
+
+
+def test_between_snapshots_the_beam_moves_as_it_did():
+    # a free swing of one mode has a closed form: u = cos(w t)
+    system = fi.without_impactors(reduced(REFERENCE, 1, 6))
+    system = fi.with_damping(system, fi.ModalDamping((0.0,)))
+    start = fi.State(displacement=np.array([1e-4]))
+    fine = fi.integrate(system, fi.Sine(1e-12, 5.0), fi.EventDriven(), 0.4, fi.Recorder(snapshots=1), start)
+    coarse = fi.integrate(system, fi.Sine(1e-12, 5.0), fi.EventDriven(), 0.4, fi.Recorder(snapshots=4), start)
+    from femimpact.export.report.player import _between
+
+    times = fine.snapshots.time
+    read = _between(coarse.snapshots, times)[:, -2]
+    step = coarse.snapshots.time[1] - coarse.snapshots.time[0]
+    omega = 2 * np.pi * system.first_frequency
+    # the remainder of the cubic through two values and two slopes: h^4 max|u''''| / 384
+    amplitude = np.abs(fine.snapshots.displacement[:, -2]).max()
+    assert np.abs(read - fine.snapshots.displacement[:, -2]).max() <= 1.02 * amplitude * (omega * step) ** 4 / 384
+
+
+def test_a_player_of_a_long_record_on_a_fine_mesh_stays_small(tmp_path):
+    structure = replace(REFERENCE, impactors=(replace(REFERENCE.impactors[0], contact=fi.Rigid(0.9)),))
+    record = fi.Recorder(snapshots=1)
+    run = fi.integrate(reduced(structure, 4, 300), fi.Sine(0.5e-3, 5.0), fi.EventDriven(), 30.0, record)
+    assert run.snapshots.time.size > 5000
+    fi.report(tmp_path / "page.html", {"run": run}, structure)
+    data = player_data(tmp_path / "page.html")
+    assert 600 <= len(data["time"]) <= 1200
+    assert (tmp_path / "page.html").stat().st_size < MOST_BYTES
+
+
+# ---- scripts --------------------------------------------------------------------------------------
+
+
+def test_a_script_writes_responses_curves_tables_and_maps(run, tmp_path):
+    import xarray
+
+    system = reduced(REFERENCE, 4, 10)
+    curve = fi.frequency_sweep(system, 0.2e-3, [4.8, 5.0, 5.2], fi.EventDriven(), cycles=30)
+    bare = replace(REFERENCE, impactors=())
+    study = fi.convergence_study(bare, fi.OverMeshes.uniform(bare, [2, 4, 8]), fi.Frequencies(2))
+    maps = xarray.Dataset(
+        {"peak": (("gap", "e"), np.arange(12.0).reshape(3, 4), {"units": "m"})}, {"gap": [1.0, 2.0, 4.0]}
+    )
+    parts = {
+        "Run": run, "Curve": curve, "Curves": {"a": curve, "b": curve}, "Convergence": study, "Maps": maps,
+        "Impacts": run.impacts, "Frame": run.to_pandas().iloc[:5], "Columns": {"x": [1, 2], "word": ["a", "b"]},
+    }  # fmt: skip
+    assert fi.report(tmp_path / "page.html", parts, REFERENCE, title="All") == tmp_path / "page.html"
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    for heading in parts:
+        assert f">{heading}" in text
+    page = Parsed(text)
+    identifiers = [value for _, name, value in page.attributes if name == "id"]
+    assert len(set(identifiers)) == len(identifiers)
+    assert text.count("fill:#") >= 12 - 2
+
+
+def test_a_map_has_a_cell_of_the_right_colour_at_every_place():
+    import xarray
+
+    from femimpact.export.report.maps import LEVELS, maps_section
+    from femimpact.svg.chart import GRID
+
+    values = np.array([[0.0, 1.0, 2.0], [3.0, np.nan, 15.0]])
+    # places in any order, and none evenly spaced
+    data = xarray.Dataset({"z": (("y", "x"), values)}, {"y": [5.0, 1.0], "x": [1.0, 4.0, 2.0]})
+    section = maps_section(data)
+    paths = [one for content in section.content for one in content.iter("path") if "fill:#" in one.get("style", "")]
+    colours = {one.get("style"): one.get("d") for one in paths}
+    # 0, 1, 2, 3 and 15 of 16 levels; the cell without a value has none
+    assert len(colours) == 5
+    assert sum(path.count("M") for path in colours.values()) == 5
+    assert LEVELS == 16
+    lowest, highest = colours[paths[0].get("style")], colours[paths[-1].get("style")]
+    # x = 1 and y = 5: left and above; x = 2 and y = 1: middle and below. Cells end halfway between places
+    assert lowest.startswith("M0 0H")
+    assert highest.endswith("Z")
+    start, bottom = highest[1:].split("H")[0].split(" "), highest.split("V")[1].split("H")[0]
+    assert float(start[0]) == pytest.approx(GRID * (1.5 - 0.5) / (5.0 - 0.5), abs=1)
+    assert int(bottom) == GRID
+
+
+def test_a_notebook_shows_small_charts_in_which_texts_stay_texts(run):
+    system = reduced(REFERENCE, 4, 10)
+    curve = fi.frequency_sweep(system, 0.2e-3, np.linspace(4.8, 5.2, 400), fi.EventDriven(), cycles=24)
+    bare = replace(REFERENCE, impactors=())
+    study = fi.convergence_study(bare, fi.OverMeshes.uniform(bare, [2, 4, 8]), fi.Frequencies(2))
+    records = (run, curve, run.impacts, study["mesh"], study, system, replace(curve, start="given"))
+    for record in records:
+        shown = record._repr_html_()
+        assert len(shown) < 50_000, type(record).__name__
+        assert "<svg" in shown, type(record).__name__
+    # a channel of one's own may have any name
+    name = "<script>alert(1)</script>"
+    named = replace(run, channels={name: run["tip"]}, units={name: "m"})
+    assert "script" not in Parsed(named._repr_html_()).tags
+    nothing = replace(run, time=np.zeros(0), channels={}, units={}, energy=None, snapshots=None, streamed_to=5.0)
+    assert "<svg" not in nothing._repr_html_()
+
+
+@pytest.mark.parametrize(
+    ("values", "texts"),
+    [
+        ([5.3, 70.13385, 462.2723], ["5.300", "70.134", "462.272"]),
+        ([1e-9, 0.5], ["1.000e\u22129", "5.000e\u22121"]),
+        ([1.2782e-3, 462.27, None], ["0.0012782", "462.27", "\u2013"]),
+        ([1, -20], ["1", "\u221220"]),
+        ([2.0, 4.0, np.nan], ["2", "4", "\u2013"]),
+        ([0.0, 0.0], ["0", "0"]),
+        ([np.inf, 1.0], ["\u221e", "1"]),
+    ],
+)
+def test_numbers_of_a_column_stand_below_one_another(values, texts):
+    from femimpact.export.report.blocks import Table, table_element
+
+    cells = table_element(Table("t", ("x",), tuple((value,) for value in values))).iter("td")
+    shown, data = zip(*((cell.text, cell.get("data-value")) for cell in cells), strict=True)
+    assert list(shown) == texts
+    # all digits are in what is copied
+    known = [value for value in values if value is not None and not np.isnan(value)]
+    assert [float(text) for text in data if text] == known
+
+
+@pytest.mark.parametrize("part", [3, None, "text", {}, {"a": [1, 2], "b": [1]}, [1, 2], {"a": np.ones((2, 2))}])
+def test_a_part_that_is_no_result_is_named(tmp_path, part):
+    with pytest.raises(fi.InputError, match=r"parts\.Odd"):
+        fi.report(tmp_path / "page.html", {"Odd": part})
+    assert not (tmp_path / "page.html").exists()

@@ -1,0 +1,157 @@
+"""The JSON schema of the study file judges as `load_study` does, apart from the rules that it names."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import json
+import re
+import subprocess
+import sys
+import tomllib
+
+import pytest
+
+import femimpact as fi
+from femimpact.study.demo import paper_study_text
+from femimpact.study.schema import NOT_IN_SCHEMA, study_schema
+from femimpact.study.study_file import TABLES, load_study
+
+jsonschema = pytest.importorskip("jsonschema")
+
+SOUND = tomllib.loads(paper_study_text())
+RULES = (
+    ("nan", r" = nan"),
+    ("pairs of keys", r": give (exactly one pair|width and thickness|either elements|either two modes)"),
+    ("comparisons", r": must be > start"),
+    ("how many numbers", r": must be (two different values|one number or two)"),
+    ("names", r": must be (one of root, tip, mid|letters, digits)"),
+    ("files", r": must be (readable|an existing)"),
+    ("structure", r": must be within the beam"),
+)
+"""Words of `load_study` for each rule that the schema does not hold."""
+VALUES = (-1.0, 0.0, 1e40, float("inf"), float("nan"), 0.3, 7, "text", "", True, [], [0.1, 0.2], {}, 10**400)
+"""Sixteen mutants of every key, of which the test takes every fifth: each change meets other keys."""
+
+
+def toml(value):
+    """A value of TOML, tables in line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(key)} = {toml(part)}" for key, part in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(toml, value)) + "]"
+    # of numbers both have the same words
+    return repr(value) if isinstance(value, float) else json.dumps(value)
+
+
+def leaves(data, path=()):
+    """Paths of all keys."""
+    parts = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    for key, value in parts:
+        if isinstance(key, str):
+            yield (*path, key)
+        yield from leaves(value, (*path, key))
+
+
+def changed(path, change):
+    data = copy.deepcopy(SOUND)
+    place = data
+    for key in path[:-1]:
+        place = place[key]
+    change(place, path[-1])
+    return data
+
+
+def mutants():
+    """The study of the paper with one key of another value, left out, or unknown."""
+    paths = list(leaves(SOUND))
+    for path in paths:
+        yield changed(path, lambda place, key: place.pop(key))
+        yield changed(path, lambda place, key: place.update({key + "x": place.pop(key)}))
+        for value in VALUES:
+            yield changed(path, lambda place, key, value=value: place.update({key: value}))
+
+
+@pytest.fixture(scope="module")
+def validator():
+    schema = study_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
+def judged(tmp_path, data):
+    """What `load_study` has against a study; nothing of a sound one."""
+    path = tmp_path / "study.toml"
+    path.write_text("\n".join(f"{key} = {toml(value)}" for key, value in data.items()), encoding="utf-8")
+    try:
+        load_study(path)
+    except fi.InputError as error:
+        return str(error)
+    return ""
+
+
+def test_mutants_are_judged_alike_apart_from_the_named_rules(tmp_path, validator):
+    unlike, count = [], 0
+    for data in itertools.islice(mutants(), 0, None, 5):
+        count += 1
+        told, refused = judged(tmp_path, data), not validator.is_valid(data)
+        # what the schema refuses is refused; what it lets through is sound, or breaks a named rule
+        if refused and not told:
+            unlike.append(("the schema alone refuses", data, [e.message for e in validator.iter_errors(data)][:2]))
+        elif not refused:
+            # every line of it is of a named rule
+            unnamed = [line for line in told.splitlines() if not any(re.search(words, line) for _, words in RULES)]
+            unlike += [("load_study alone refuses", line, "") for line in unnamed]
+    assert count > 150
+    assert unlike == []
+
+
+def test_every_rule_that_is_left_out_is_named():
+    assert [name for name, _ in RULES] == [next(name for name, _ in RULES if name in rule) for rule in NOT_IN_SCHEMA]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"damping": {"ratios": [0.01, 0.02]}},
+        {"base": {"record": "shaker.csv", "scale": 9.8, "columns": [0, "z"], "duration": 2.0}, "sweep": None},
+        {"method": {"name": "event-driven", "samples_per_cycle": 32}},
+        {
+            "stop": [
+                {"name": "s", "at": 0.1, "gap": [float("inf"), -1e-4], "contact": {"law": "rigid", "restitution": 1}}
+            ]
+        },
+        {"beam": {"segment": [dict(SOUND["beam"], name="a"), dict(SOUND["beam"], name="b", end_width=0.01)]}},
+        {"gravity": {"acceleration": -9.81}, "spring": [{"name": "k", "at": "tip", "stiffness": 3, "to": 0.1}]},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_other_sound_studies_are_sound_to_the_schema(validator, change):
+    data = {key: value for key, value in {**SOUND, **change}.items() if value is not None}
+    assert [error.message for error in validator.iter_errors(data)] == []
+
+
+def test_every_key_has_a_meaning_and_every_number_a_unit():
+    def keys(part):
+        for name, about in part.get("properties", {}).items():
+            yield name, about
+            yield from keys(about)
+        for inner in (*part.get("oneOf", ()), *([part["items"]] if "items" in part else ())):
+            yield from keys(inner)
+
+    found = [item for name in TABLES for item in keys(study_schema()["properties"][name])]
+    assert len(found) > 100
+    numbers = [name for name, about in found if about.get("type") in ("number", "integer") and "x-unit" not in about]
+    assert numbers == []
+
+
+def test_the_command_writes_a_schema_once(tmp_path):
+    command = [sys.executable, "-m", "femimpact", "schema"]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert json.loads(printed) == study_schema()
+    path = tmp_path / "s.json"
+    assert subprocess.run([*command, "-o", str(path)], capture_output=True).returncode == 0
+    assert json.loads(path.read_text(encoding="utf-8")) == study_schema()
+    again = subprocess.run([*command, "-o", str(path)], capture_output=True, text=True)
+    assert again.returncode == 2
+    assert "exists already" in again.stderr

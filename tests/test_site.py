@@ -1,0 +1,51 @@
+"""What the documentation site takes from the code is complete."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+
+import pytest
+
+import femimpact as fi
+from femimpact.study.study_file import TABLES
+
+DOCS = Path(__file__).parent.parent / "docs"
+SITE = runpy.run_path(str(DOCS / "generated.py"))
+
+
+def test_every_public_name_has_a_page():
+    listed = [name for names in SITE["groups"]().values() for name in names]
+    assert sorted(listed) == sorted(set(fi.__all__) - {"__version__", "figures"})
+    page = SITE["api_page"]().splitlines()
+    # a function of figures may have the name of one of these
+    assert [name for name in listed if f"   {name}" not in page] == []
+
+
+def test_every_key_of_a_study_file_is_shown_with_its_unit_and_range():
+    text = "\n".join(SITE["key_page"]())
+    for name in TABLES:
+        assert f"[{name}]" in text
+    assert "| `gap` | number or list of number | m | required |" in text
+    assert "| `points` | whole number | 1 | required | >= 4, <= 100000 |" in text
+
+
+def test_every_command_is_shown_with_an_example():
+    pages = "\n".join(SITE["command_page"]()).split("## femimpact ")[1:]
+    assert len(pages) > 12
+    assert [page.split()[0] for page in pages if f"Example: femimpact {page.split()[0]}" not in page] == []
+
+
+def test_every_quantity_of_a_channel_is_shown_with_its_unit():
+    rows = [line.split(" | ") for line in SITE["channel_page"]() if line.startswith("| `")]
+    units = {row[0].strip("| `"): row[2] for row in rows}
+    assert units["velocity"] == "m/s"
+    assert units["surface_stress_left"] == "Pa"
+    assert units["reaction_moment"] == "N m"
+    assert all(units.values())
+
+
+@pytest.mark.parametrize("page", sorted(DOCS.glob("*.md")), ids=lambda page: page.stem)
+def test_every_page_begins_with_one_title(page):
+    lines = page.read_text(encoding="utf-8").splitlines()
+    assert lines[0].startswith("# ")
