@@ -55,9 +55,16 @@ if TYPE_CHECKING:
     from femimpact.errors import FemimpactError as FemimpactError
     from femimpact.errors import InputError as InputError
     from femimpact.errors import InputWarning as InputWarning
+    from femimpact.excitation import Chirp as Chirp
+    from femimpact.excitation import HammerBlow as HammerBlow
+    from femimpact.excitation import PiecewisePolynomial as PiecewisePolynomial
     from femimpact.excitation import PointForce as PointForce
+    from femimpact.excitation import RandomBase as RandomBase
     from femimpact.excitation import RecordedBase as RecordedBase
+    from femimpact.excitation import Shock as Shock
     from femimpact.excitation import Sine as Sine
+    from femimpact.excitation import SteppedSine as SteppedSine
+    from femimpact.excitation import Sum as Sum
     from femimpact.export import figures as figures
     from femimpact.export.report.script_page import report as report
     from femimpact.export.vtk.notebook import to_pyvista as to_pyvista
@@ -82,6 +89,9 @@ if TYPE_CHECKING:
     from femimpact.integrators.stepping.newmark import MoreauJean as MoreauJean
     from femimpact.integrators.stepping.newmark import Newmark as Newmark
     from femimpact.integrators.stepping.step_size import recommended_step as recommended_step
+    from femimpact.laser import Laser as Laser
+    from femimpact.laser import LaserReading as LaserReading
+    from femimpact.laser import extrapolate as extrapolate
     from femimpact.parametric import ParameterStudy as ParameterStudy
     from femimpact.parametric import StudyProgress as StudyProgress
     from femimpact.parametric import load_parameter_study as load_parameter_study
@@ -133,6 +143,7 @@ _MODULES = {
     "fem.assembly": ("assemble",),
     "fem.discretisation": ("Discretisation", "discretise"),
     "calibration": ("RestitutionScan", "scan_restitution"),
+    "laser": ("Laser", "LaserReading", "extrapolate"),
     "contact": (
         "ALUMINIUM",
         "STEEL",
@@ -179,7 +190,18 @@ _MODULES = {
     "structure.damping": ("ModalDamping", "Rayleigh"),
     "response.energy": ("EnergyLedger",),
     "errors": ("DivergenceError", "FemimpactError", "InputError", "InputWarning"),
-    "excitation": ("PointForce", "RecordedBase", "Sine"),
+    "excitation": (
+        "Chirp",
+        "HammerBlow",
+        "PiecewisePolynomial",
+        "PointForce",
+        "RandomBase",
+        "RecordedBase",
+        "Shock",
+        "Sine",
+        "SteppedSine",
+        "Sum",
+    ),
     "export.report.script_page": ("report",),
     "export.vtk.notebook": ("to_pyvista",),
     "response.history": ("HistoryPiece",),

@@ -220,7 +220,16 @@ def scan_restitution(
         in_closed_form = all(pair.parameters.kind in (RIGID, KELVIN_VOIGT) for pair in system.contacts)
         method = EventDriven() if in_closed_form else Newmark(dt=recommended_step(system))
         curves.append(
-            frequency_sweep(system, empty.amplitude, frequencies, method, cycles, initial=initial, ledger=False)
+            frequency_sweep(
+                system,
+                empty.amplitude,
+                frequencies,
+                method,
+                cycles,
+                acceleration=empty.acceleration,
+                initial=initial,
+                ledger=False,
+            )
         )
         if report is not None:
             report((i + 1) / values.size)

@@ -34,6 +34,16 @@ STRUCTURE = fi.Structure(
     stops=(fi.Stop("wall", "mid", (math.inf, 5e-3), LAW),),
     damping=fi.Rayleigh(0.01, modes=(1, 2)),
 )
+MOTIONS = {
+    "Chirp": fi.Chirp(4.0, 8.0, 1.0, amplitude=1e-3),
+    "HammerBlow": fi.HammerBlow("tip", 0.1, 1e-3),
+    "RandomBase": fi.RandomBase([(4.0, 0.1), (8.0, 0.1)], 2.0),
+    "Shock": fi.Shock("half-sine", acceleration=10.0, duration=0.01),
+    "SteppedSine": fi.SteppedSine([4.0, 5.0], 2, amplitude=1e-3),
+    "Sum": fi.Sine(1e-3, 5.0) + fi.Sine(1e-3, 6.0),
+}
+"""Excitations of which displacement, velocity and acceleration take times."""
+PIECES = fi.PiecewisePolynomial([0.0, 1.0], [[1.0, 2.0]])
 BASE = fi.Sine(2e-3, 6.0)
 STATE = fi.State(displacement=[0.0, 1e-4], ball_velocity=[0.1])
 CURVE = np.linspace(5.0, 7.0, 41), one_pole_amplitude(np.linspace(5.0, 7.0, 41), 1e-3, 6.0, 0.01)
@@ -150,6 +160,8 @@ NOUNS = {
     "Modes": lambda: fi.solve_modes(system(), 2),
     "MoreauJean": lambda: fi.MoreauJean(1e-4),
     "Newmark": lambda: fi.Newmark(1e-4),
+    **{name: (lambda base=base: base) for name, base in MOTIONS.items()},
+    "PiecewisePolynomial": lambda: PIECES,
     "PointForce": lambda: fi.PointForce("tip", BASE),
     "PointMass": lambda: STRUCTURE.masses[0],
     "PowerLaw": lambda: fi.Flores(1e7, 0.7),
@@ -336,6 +348,28 @@ VERBS = {
     "System.point_row": (lambda at: system().point_row(at), lambda: {"at": 0.1}),
     "point_row without a beam": (lambda at: oscillators().point_row(at), lambda: {"at": "first"}),
     "State.at_rest": (fi.State.at_rest, lambda: {"frame": "space"}),
+    "State.of_mode": (fi.State.of_mode, lambda: {"system": small(), "mode": 1, "amplitude": 1e-3, "at": "tip"}),
+    "State.under_force": (fi.State.under_force, lambda: {"system": small(), "force": 0.01, "at": "tip"}),
+    "State.with_speed": (fi.State.with_speed, lambda: {"system": small(), "speed": 0.1}),
+    **{
+        f"{noun}.{name}": (getattr(base, name), lambda: {"time": 0.1})
+        for noun, base in MOTIONS.items()
+        for name in ("displacement", "velocity", "acceleration")
+    },
+    "Chirp.frequency_at": (MOTIONS["Chirp"].frequency_at, lambda: {"time": 0.1}),
+    "Chirp.phase_at": (MOTIONS["Chirp"].phase_at, lambda: {"time": 0.1}),
+    "HammerBlow.force": (MOTIONS["HammerBlow"].force, lambda: {"time": 0.1}),
+    "RecordedBase.from_velocity": (fi.RecordedBase.from_velocity, lambda: {
+        "samples": [0.0, 1.0, 0.5, 0.0, 0.2], "interval": 0.1, "high_pass": 1.0
+    }),
+    "RecordedBase.from_displacement": (fi.RecordedBase.from_displacement, lambda: {
+        "samples": [0.0, 1.0, 0.5, 0.0, 0.2], "interval": 0.1, "high_pass": 1.0
+    }),
+    "Sum.until": (MOTIONS["Sum"].until, lambda: {"end": 2.0}),
+    **{
+        f"PiecewisePolynomial.{name}": (getattr(PIECES, name), lambda: {"time": 0.1})
+        for name in ("displacement", "velocity", "value")
+    },
     "Sine.displacement": (BASE.displacement, lambda: {"time": [0.0, 0.1]}),
     "Sine.velocity": (BASE.velocity, lambda: {"time": 0.1}),
     "Sine.acceleration": (BASE.acceleration, lambda: {"time": 0.1}),

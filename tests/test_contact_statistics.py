@@ -152,7 +152,9 @@ def run_in_windows(case, windows, rows=0):
     system, drive, count = case.system, drive_of(case.system, case.excitation), len(windows)
     rigid = np.array([isinstance(pair.law, fi.Rigid) for pair in system.contacts])
     observed = outputs_of(system, system.point_row(system.default_place))
-    store = FormStore(equations_of(system, drive), rigid, observed, broken=drive.line is not None)
+    store = FormStore(
+        equations_of(system, drive), rigid, observed, rate=None if drive.pieces is None else drive.pieces.rate
+    )
     u, v, y, y_rate = case.initial.relative_to_base(system, case.excitation)
     balls = len(system.balls)
     inputs = Inputs(

@@ -403,18 +403,65 @@ def test_what_is_only_read_may_share_memory(call):
     core.run_cases(task._replace(members=task.members[:0]), job, ledger._replace(load=ledger.given))
 
 
+def of_a_record(monkeypatch):
+    """The second call of a run under a recorded motion."""
+    return of_events(monkeypatch, 2, fi.RecordedBase(np.linspace(-1.0, 1.0, 9), 0.1))
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "value"),
+    [
+        ("knots", 1, np.nan), ("knots", 1, np.inf), ("knots", 1, 0.0), ("knots", 1, 99.0), ("pieces", (3, 2), np.nan),
+        ("piece", 0, -1), ("piece", 0, 9), ("piece", 0, FAR), ("drive", (0, 4), np.inf),
+    ],
+)  # fmt: skip
+def test_polynomials_that_lead_nowhere_are_refused(monkeypatch, name, place, value):
+    task, job, ledger = of_a_record(monkeypatch)
+    spoilt = getattr(job.cases, name).copy()
+    assert spoilt.size > 0
+    spoilt[place] = value
+    with pytest.raises(ValueError, match=rf"^cases\.{name}: "):
+        core.run_cases(task, job._replace(cases=job.cases._replace(**{name: spoilt})), ledger)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("degree", 6), ("degree", -2), ("degree", FAR), ("longest", 0.0), ("longest", np.nan)]
+)
+def test_degrees_and_times_of_polynomials_have_bounds(monkeypatch, name, value):
+    task, job, ledger = of_a_record(monkeypatch)
+    with pytest.raises(ValueError, match=rf"^cases\.{name}: "):
+        core.run_cases(task, job._replace(cases=job.cases._replace(**{name: value})), ledger)
+
+
+def test_a_piece_that_has_ended_and_a_time_lost_in_rounding_are_refused(monkeypatch):
+    task, job, ledger = of_a_record(monkeypatch)
+    ended = job.cases._replace(knots=np.arange(9.0) - 5.0)
+    with pytest.raises(ValueError, match=r"^cases\.piece: .* ended"):
+        core.run_cases(task, job._replace(cases=ended), ledger)
+    lost = job.cases._replace(degree=3, longest=1e-300)
+    with pytest.raises(ValueError, match=r"^cases\.longest: .* rounding"):
+        core.run_cases(task._replace(end=task.end + 5), job._replace(cases=lost), ledger)
+
+
+def test_driven_entries_are_entries(monkeypatch):
+    task, job, ledger = of_a_record(monkeypatch)
+    for wrong in (-1, FAR):
+        driven = np.full_like(job.forms.driven, wrong)
+        with pytest.raises(ValueError, match=r"^forms\.driven: "):
+            core.run_cases(task, job._replace(forms=job.forms._replace(driven=driven)), ledger)
+
+
 # ---- what must end ---------------------------------------------------------------------------------
 
 
 def test_a_long_record_goes_on_where_rounding_finds_the_same_sample_again(monkeypatch):
-    base = fi.RecordedBase(np.linspace(-1.0, 1.0, 9), 0.1)
-    task, job, _ = of_events(monkeypatch, 2, base)
+    task, job, _ = of_a_record(monkeypatch)
     # so many samples after the start that the quotient of a sample's time and the interval is less than its number
     interval, number = 0.0077, 2**24 + np.arange(500_000)
     number = int(number[np.floor(number * interval / interval + 1e-9) < number][0])
     start = number * interval
     job.cases.clock[0, 0] = job.grid.start[0] = start
-    cases = job.cases._replace(knots=np.zeros(number + 9), knot_interval=interval)
+    cases = job.cases._replace(knots=(number + np.arange(9)) * interval)
     none_shown, end = job.snapshots._replace(shown=np.zeros(0, dtype=np.int64)), task.begin + 2
     core.run_cases(task._replace(end=end), job._replace(cases=cases, snapshots=none_shown), None)
     assert task.stopped[0] == loop_data.DONE

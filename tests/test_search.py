@@ -36,7 +36,7 @@ def first_beyond(scalars, motion, horizon, points):
 def free_motion(system, drive):
     """Scalars of a system whose ball flies, and a motion of that size."""
     whole, rigid = equations_of(system, drive), np.ones(1, dtype=bool)
-    store = FormStore(whole, rigid, outputs_of(system, system.point_row("tip")), broken=False)
+    store = FormStore(whole, rigid, outputs_of(system, system.point_row("tip")), rate=None)
     rest = np.zeros((1, system.dofs + 1))
     window = np.array([[0.0, np.inf]])
     inputs = Inputs(case_numbers([drive], [system.contacts]), drive.is_sine, rest, rest, window)
@@ -58,13 +58,14 @@ def scalars_of(block, forms, drive, space):
     entries, rigid_bodies, bounds = int(forms.entries[0]), int(forms.rigid_bodies[0]), space.bounds
     values = {
         "exponent": forms.exponent[0, :entries], "coupling": forms.coupling[0, :entries, :entries].copy(),
-        "blocks": forms.blocks[0], "size": forms.size[0, :entries], "omega": drive.omega, "broken": False,
+        "blocks": forms.blocks[0], "size": forms.size[0, :entries], "omega": drive.omega, "degree": -1,
         "rigid_body_given": bounds.given[:rigid_bodies], "rigid_body_drive": bounds.nothing[:rigid_bodies],
         "lasting": bounds.lasting, "upper": bounds.upper, "lower": bounds.lower,
         "weight": forms.weight[0, :, :entries].copy(), "weight_size": forms.weight_size[0, :, :entries].copy(),
         "rigid_body_weight": forms.rigid_body_weight[0, :, :rigid_bodies].copy(),
         "rigid_body_rate_weight": forms.rigid_body_rate_weight[0, :, :rigid_bodies].copy(),
         "sine": block.cases.sine[0, 0], "constant": bounds.constant, "follow": forms.follow[0],
+        "driven": 0, "load": forms.load[0, :, :entries].copy(),
         "term": np.zeros(entries, dtype=complex), "growth": np.zeros(entries, dtype=complex),
     }  # fmt: skip
     prefix = "search_call.scalars."
@@ -95,7 +96,9 @@ def test_no_crossing_is_missed_in_thousands_of_random_motions(modes, cases):
         scalars, space, shape = free_motion(system, drive)
         entries = scalars.exponent.size
         motion = motion_alone(space.trial, entries, scalars.rigid_body_given.size)
-        search = space.search._replace(size=np.zeros(entries), power=np.zeros((3, entries), dtype=complex))
+        search = space.search._replace(
+            size=np.zeros(entries), drift=np.zeros((2, entries)), power=np.zeros((3, entries), dtype=complex)
+        )
         scale = gap * 10.0 ** rng.uniform(-3, 1)
         motion.entry[:] = 0.0
         motion.entry[:modes] = scale * (rng.normal(size=modes) + 1j * rng.normal(size=modes))

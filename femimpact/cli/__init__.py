@@ -481,13 +481,15 @@ def _print_results(study: Study, results: StudyResults) -> None:
         where.print(f"amplitude ratio without / with ball: {summary['amplitude_ratio']:.4g}{max(marks)}")
     if "history" in summary:
         history = summary["history"]
-        # under a record no motion is periodic, whatever the start
-        steady = history["steadiness"] == "periodic" or getattr(study.base, "record", None) is not None
+        # under a record or without a cycle no motion is periodic, whatever the start
+        driven = any(getattr(study.base, name, None) is not None for name in ("record", "kind"))
+        steady = history["steadiness"] == "periodic" or driven
         mark = "" if steady or history["peak"] is None else "*"
         marks.append(mark)
         where.print(
-            f"history {_base_words(study, history['frequency'])}: peak {_number(history['peak'], 1e3)}{mark} mm, rms "
-            f"{_number(history['rms'], 1e3)}{mark} mm, {history['steadiness']}; {history['impacts']} impacts, "
+            f"history {_base_words(study, history.get('frequency'))}: "
+            f"peak {_number(history['peak'], 1e3)}{mark} mm, rms {_number(history['rms'], 1e3)}{mark} mm, "
+            f"{history['steadiness']}; {history['impacts']} impacts, "
             f"{history['regime']['label']}"
         )
         for name, channel in history["channels"].items():
@@ -508,9 +510,11 @@ def _print_results(study: Study, results: StudyResults) -> None:
     _print_closing(where, results)
 
 
-def _base_words(study: Study, frequency: float) -> str:
+def _base_words(study: Study, frequency: float | None) -> str:
     """What drove a history, in words that follow its name."""
-    record = getattr(study.base, "record", None)
+    record, kind = getattr(study.base, "record", None), getattr(study.base, "kind", None)
+    if kind is not None:
+        return f"of the {kind} motion, its last third"
     return f"at {frequency:.5g} Hz" if record is None else f"of the record {record!r}, its last third"
 
 

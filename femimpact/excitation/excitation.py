@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import kind_of, real_array, require
 
-__all__ = ["MEMBERS", "BrokenLine", "Excitation", "Harmonic", "require_excitation", "times"]
+__all__ = ["MEMBERS", "BrokenLine", "Excitation", "Harmonic", "has_cycle", "require_excitation", "times"]
 
 Array = NDArray[np.float64]
 
@@ -28,10 +28,11 @@ AT_SAMPLE = 1e-9
 class Excitation(Protocol):
     """A motion of the base, or a force at a place; a class of one's own with these members serves every step method.
 
-    Two members more are optional:
+    Three members more are optional:
 
-    - `closed_form`, a `Harmonic` or a `BrokenLine` of the base's acceleration (m/s^2) or of the force (N): the
-      event-driven method needs it.
+    - `closed_form`, a `Harmonic`, a `BrokenLine` or a `PiecewisePolynomial` of the base's acceleration (m/s^2) or of
+      the force (N): the event-driven method needs it.
+    - `has_cycle`, False where there is none: statistics are over time, and `frequency` is only the highest one of it.
     - `at`, a place, with `force(time)` in N: the history acts there as a force. The base then stands still, so that its
       motions are zero.
     """
@@ -116,10 +117,18 @@ MEMBERS = ("frequency", "phase", "amplitude", "displacement", "velocity", "accel
 """What every excitation has."""
 
 
+def has_cycle(excitation: object) -> bool:
+    """Whether an excitation repeats after a cycle: one that does not say so does."""
+    return bool(getattr(excitation, "has_cycle", True))
+
+
 def require_excitation(value: object, key: str = "excitation") -> None:
     """Raise `InputError` unless a value has the members of an excitation."""
     missing = [name for name in MEMBERS if not hasattr(value, name)]
-    allowed = "must be a Sine, a PointForce or a RecordedBase, or an object with all of " + ", ".join(MEMBERS)
+    allowed = (
+        "must be a Sine, a PointForce, a RecordedBase or another excitation, or an object with all of "
+        + ", ".join(MEMBERS)
+    )
     require(not missing and not isinstance(value, type), key, kind_of(value), "", allowed)
 
 

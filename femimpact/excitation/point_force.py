@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import check_fields, place, require_type
-from femimpact.excitation.excitation import Harmonic, times
-from femimpact.excitation.sine import Sine
+from femimpact.errors import check_fields, kind_of, place, require
+from femimpact.excitation.excitation import MEMBERS, Harmonic, has_cycle, times
+from femimpact.excitation.piecewise_polynomial import pieces_of
 
 __all__ = ["PointForce"]
 
@@ -18,35 +19,47 @@ __all__ = ["PointForce"]
 class PointForce:
     """Force on the structure at one place, the base at rest: F(t) = history(t), read as newtons.
 
+    What a history was given by is the force: the amplitude of a sine, amplitude or acceleration of a chirp, the
+    acceleration of a record or a shock, the root of a density in N^2/Hz.
+
     Parameters
     ----------
     at : str or float
         Named place, or metres from the root.
-    history : Sine
-        Its amplitude is a force, N.
+    history : Sine, Chirp, SteppedSine, RandomBase, Shock, RecordedBase or Sum
+        Its level is a force, N.
 
     Raises
     ------
     InputError
-        If the place is none, or the history no Sine.
+        If the place is none, or the history has no closed form.
     """
 
     at: str | float = field(metadata=place())
-    history: Sine
+    history: Any
 
     def __post_init__(self) -> None:
         check_fields(self)
-        require_type(self.history, Sine, "history")
+        allowed = "must be a Sine, Chirp, SteppedSine, RandomBase, Shock, RecordedBase or a sum of motions of the base"
+        good = all(hasattr(self.history, name) for name in (*MEMBERS, "closed_form")) and not hasattr(
+            self.history, "at"
+        )
+        require(good and not isinstance(self.history, type), "history", kind_of(self.history), "", allowed)
 
     @property
     def frequency(self) -> float:
         """Of the force, Hz."""
-        return self.history.frequency
+        return float(self.history.frequency)
+
+    @property
+    def has_cycle(self) -> bool:
+        """Whether the history has one."""
+        return has_cycle(self.history)
 
     @property
     def phase(self) -> float:
         """Of the force at t = 0, rad."""
-        return self.history.phase
+        return float(self.history.phase)
 
     @property
     def amplitude(self) -> float:
@@ -55,7 +68,10 @@ class PointForce:
 
     def force(self, time: ArrayLike) -> NDArray[np.float64]:
         """Force (N) at times in s."""
-        return self.history.displacement(time)
+        form = self.closed_form
+        if isinstance(form, Harmonic):
+            return np.asarray(form.amplitude * np.sin(form.omega * times(time) + form.phase))
+        return pieces_of(form).value(time)
 
     def displacement(self, time: ArrayLike) -> NDArray[np.float64]:
         """Base displacement: zero, m."""
@@ -65,6 +81,7 @@ class PointForce:
     acceleration = displacement
 
     @property
-    def closed_form(self) -> Harmonic:
+    def closed_form(self) -> Any:
         """Force, N."""
-        return Harmonic(self.history.amplitude, self.history.omega, self.history.phase)
+        form = getattr(self.history, "force_form", None)
+        return self.history.closed_form if form is None else form

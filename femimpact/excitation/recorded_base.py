@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import check_fields, quantity, real_array, require
+from femimpact.errors import check_fields, checked, quantity, real_array, require
 from femimpact.excitation.excitation import BrokenLine, times
+from femimpact.excitation.sums import added
 
 __all__ = ["RecordedBase"]
 
@@ -123,6 +124,61 @@ class RecordedBase:
         base = cls(samples, interval)
         return base if detrend == "none" else base.returning()
 
+    @classmethod
+    def from_velocity(cls, samples: ArrayLike, interval: float, high_pass: float | None = None) -> RecordedBase:
+        """The motion whose velocity is recorded.
+
+        Its acceleration is the slope of the cubic spline through the samples. An offset of the sensor moves the base
+        steadily; without `high_pass` it stays in.
+
+        Parameters
+        ----------
+        samples : array_like (n,), m/s
+            n >= 4, the first at t = 0.
+        interval : float, s
+        high_pass : float, Hz, optional
+            What is slower is taken out, by a Butterworth filter of order 4 forwards and backwards, which leaves no
+            delay: half of the amplitude is left at this frequency.
+
+        Returns
+        -------
+        RecordedBase
+
+        Raises
+        ------
+        InputError
+            If samples are fewer than four or not finite, or the interval or the frequency is out of range.
+        """
+        spline = _spline(samples, interval, high_pass, "m/s")
+        return cls(spline(spline.x, 1), interval, initial_velocity=float(spline(0.0)))
+
+    @classmethod
+    def from_displacement(cls, samples: ArrayLike, interval: float, high_pass: float | None = None) -> RecordedBase:
+        """The motion whose displacement is recorded, from its place at the first sample.
+
+        The cubic spline through the samples has straight lines as its acceleration: the motion meets every sample, and
+        nothing drifts. Noise of the samples is multiplied by some 1/interval^2.
+
+        Parameters
+        ----------
+        samples : array_like (n,), m
+            n >= 4, the first at t = 0.
+        interval : float, s
+        high_pass : float, Hz, optional
+            As of `from_velocity`.
+
+        Returns
+        -------
+        RecordedBase
+
+        Raises
+        ------
+        InputError
+            As of `from_velocity`.
+        """
+        spline = _spline(samples, interval, high_pass, "m")
+        return cls(spline(spline.x, 2), interval, initial_velocity=float(spline(0.0, 1)))
+
     def returning(self) -> RecordedBase:
         """The same with the velocity at t = 0 that brings the base back to its place at the last sample.
 
@@ -213,3 +269,24 @@ class RecordedBase:
     def closed_form(self) -> BrokenLine:
         """Acceleration of the base, m/s^2."""
         return BrokenLine(self.samples, self.interval, self.initial_velocity)
+
+    __add__ = added
+
+
+def _spline(samples: ArrayLike, interval: float, high_pass: float | None, unit: str) -> Any:
+    """Cubic spline through samples, without what is slower than a frequency (Hz)."""
+    from scipy.interpolate import CubicSpline
+
+    interval = checked("interval", interval, quantity("s", above=0.0))
+    allowed = "must be 4 or more finite numbers"
+    values = real_array("samples", samples, unit, allowed)
+    several = values.ndim == 1 and values.size >= 4
+    require(several, "samples", f"array of shape {values.shape}", unit, allowed)
+    if high_pass is not None:
+        from scipy.signal import butter, sosfiltfilt
+
+        highest = 0.5 / interval
+        high_pass = checked("high_pass", high_pass, quantity("Hz", above=0.0, below=highest))
+        sections = butter(4, high_pass, "highpass", fs=1.0 / interval, output="sos")
+        values = sosfiltfilt(sections, values, padlen=min(values.size - 1, int(3.0 / (high_pass * interval)) + 1))
+    return CubicSpline(interval * np.arange(values.size), values)

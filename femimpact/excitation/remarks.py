@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.excitation.excitation import BrokenLine, Excitation
+from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 
 __all__ = ["drive_warnings", "frequency_warnings", "is_pulse", "motion_notes", "motion_warnings"]
 
@@ -110,6 +111,8 @@ def _removed_of_pulse(line: BrokenLine) -> tuple[str, ...]:
 def motion_notes(excitation: Excitation, length: float, end: float) -> tuple[str, ...]:
     """Notes where a run ends (s) after the record that drives it, and where a pulse leaves the base moving away."""
     line = getattr(excitation, "closed_form", None)
+    if isinstance(line, PiecewisePolynomial) and getattr(excitation, "at", None) is None:
+        return _after_last_knot(line, end)
     if not isinstance(line, BrokenLine):
         return ()
     last, notes = (len(line.samples) - 1) * line.interval, []
@@ -128,6 +131,20 @@ def motion_notes(excitation: Excitation, length: float, end: float) -> tuple[str
             "m/s, without acceleration"
         )
     return tuple(notes)
+
+
+def _after_last_knot(pieces: PiecewisePolynomial, end: float) -> tuple[str, ...]:
+    """A note where a run ends (s) after the motion of the base."""
+    last, speed = pieces.duration, float(pieces.starts[-1, 1])
+    # a run ends at a whole step or sample
+    if end <= last + 0.01 * abs(last):
+        return ()
+    rests = abs(speed) <= ROUNDING * float(np.abs(pieces.starts[:, 1]).max())
+    moving = "rests" if rests else f"moves on at {speed:.3g} m/s"
+    return (
+        f"the run ends at {end:.6g} s, the excitation at {last:.6g} s: from there on the base {moving}, without "
+        "acceleration",
+    )
 
 
 def _total(samples: Array) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import check_fields, quantity
 from femimpact.excitation.excitation import Harmonic, times
+from femimpact.excitation.sums import added
 
 __all__ = ["Sine"]
 
@@ -60,3 +61,10 @@ class Sine:
     def closed_form(self) -> Harmonic:
         """Acceleration of the base, m/s^2."""
         return Harmonic(-self.amplitude * self.omega**2, self.omega, self.phase)
+
+    @property
+    def force_form(self) -> Harmonic:
+        """The amplitude times the sine, as a force in newtons."""
+        return Harmonic(self.amplitude, self.omega, self.phase)
+
+    __add__ = added

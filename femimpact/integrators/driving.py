@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import real_array, require
-from femimpact.excitation import BrokenLine, Excitation, Harmonic, require_excitation
+from femimpact.excitation import BrokenLine, Excitation, Harmonic, PiecewisePolynomial, require_excitation
+from femimpact.excitation.piecewise_polynomial import pieces_of
 from femimpact.structure.structure import Position
 from femimpact.system.system import System
 
@@ -33,7 +35,7 @@ class Drive:
         Of what counts as a cycle.
     history : callable
         s (m/s^2 or N) at times in s.
-    closed_form : Harmonic, BrokenLine or None
+    closed_form : Harmonic, BrokenLine, PiecewisePolynomial or None
         Of s(t), where it has one.
     at : str, float or None
         Place of a force; None where the base moves.
@@ -43,7 +45,7 @@ class Drive:
     share: float
     omega: float
     history: Callable[[Array], ArrayLike]
-    closed_form: Harmonic | BrokenLine | None
+    closed_form: Harmonic | BrokenLine | PiecewisePolynomial | None
     at: Position | None = None
 
     @property
@@ -55,6 +57,17 @@ class Drive:
     def line(self) -> BrokenLine | None:
         """s(t) as a broken line, where it is one."""
         return self.closed_form if isinstance(self.closed_form, BrokenLine) else None
+
+    @property
+    def in_pieces(self) -> bool:
+        """Whether s(t) is made of polynomials between knots, straight lines among them."""
+        return isinstance(self.closed_form, BrokenLine | PiecewisePolynomial)
+
+    @cached_property
+    def pieces(self) -> PiecewisePolynomial | None:
+        """s(t) as polynomials between knots, where it is made of them or is a broken line."""
+        form = self.closed_form
+        return pieces_of(form) if isinstance(form, BrokenLine | PiecewisePolynomial) else None
 
     @property
     def is_sine(self) -> bool:
@@ -80,6 +93,8 @@ class Drive:
         if self.line is not None:
             knots = self.line.interval * np.arange(self.line.samples.size)
             return np.asarray(np.interp(time, knots, self.line.samples, right=0.0))
+        if self.pieces is not None:
+            return self.pieces.value(time)
         allowed = f"must give {np.size(time)} finite numbers for as many times"
         values = real_array("excitation", self.history(time), "m/s^2 or N", allowed)
         require(values.shape == np.shape(time), "excitation", f"array of shape {values.shape}", "m/s^2 or N", allowed)

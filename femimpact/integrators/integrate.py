@@ -8,7 +8,8 @@ from dataclasses import replace
 from typing import Any, cast, overload
 
 from femimpact.errors import require, require_type
-from femimpact.excitation import Excitation, require_excitation
+from femimpact.excitation import Excitation, Sum, require_excitation
+from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
 from femimpact.integrators.memory import check_memory, memory_needed
 from femimpact.integrators.methods import Method, require_method
@@ -120,7 +121,9 @@ def integrate(
     require(alone, "record.sink", None, "", "must serve one run: pieces of several could not be distinguished")
 
     def run(drive: Excitation, report: Progress | None) -> Response:
-        response = method.run(system, drive, duration, recorder, start, report)
+        if isinstance(drive, Sum):
+            drive = drive.until(start.time + duration)
+        response = _without_cycles(method.run(system, drive, duration, recorder, start, report))
         warnings = motion_warnings(drive, system.length)
         warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)
         warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
@@ -131,6 +134,14 @@ def integrate(
 
     responses = run_each(run, drives, workers, share_done)
     return responses if several else responses[0]
+
+
+def _without_cycles(response: Response) -> Response:
+    """The same with no impacts per cycle where the excitation has no cycle."""
+    if has_cycle(response.base):
+        return response
+    none = {name: replace(item, impacts_per_cycle=math.nan) for name, item in response.statistics_of.items()}
+    return replace(response, statistics=replace(response.statistics, impacts_per_cycle=math.nan), statistics_of=none)
 
 
 def _stops_not_met(response: Response) -> list[str]:

@@ -285,6 +285,7 @@ class ImpactStatistics:
     count : int
         Impacts that ended in the window.
     impacts_per_cycle : float, 1
+        Not a number where the excitation has no cycle.
     mean_approach_speed, largest_approach_speed : float, m/s
     mean_impulse : float, N s
     peak_force : float, N

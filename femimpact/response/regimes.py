@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from femimpact.errors import check_fields, checked, choice, kind_of, quantity, require, require_type, text
 from femimpact.response.impacts import Impacts, StickingPhases
 
-__all__ = ["Regime", "RegimeCriteria", "classify", "impacts_per_cycle", "significant"]
+__all__ = ["Regime", "RegimeCriteria", "classify", "impacts_per_cycle", "significant", "without_cycle"]
 
 Array = NDArray[np.float64]
 
@@ -69,8 +69,8 @@ class Regime:
     ----------
     kind : str
         "no impacts", "periodic", "sticking", "chatter", "chaotic" where no period was found up to the
-        longest one that was tested (a longer period, a transient and noise get this name too), or "undecided"
-        where the window is too short or its table incomplete.
+        longest one that was tested (a longer period, a transient and noise get this name too), "not periodic" where
+        the excitation has no cycle, or "undecided" where the window is too short or its table incomplete.
     impacts, cycles : int
         Significant impacts in that many base cycles, after which they repeat; 0 where nothing repeats.
         Sticking and chattering motions may repeat too.
@@ -85,7 +85,9 @@ class Regime:
         If the kind is none of these, or `impacts` or `cycles` is no whole number from 0.
     """
 
-    kind: str = field(metadata=choice("no impacts", "periodic", "sticking", "chatter", "chaotic", "undecided"))
+    kind: str = field(
+        metadata=choice("no impacts", "periodic", "sticking", "chatter", "chaotic", "not periodic", "undecided")
+    )
     impacts: int = field(metadata=quantity("1", at_least=0, integer=True))
     cycles: int = field(metadata=quantity("1", at_least=0, integer=True))
     label: str = field(metadata=text())
@@ -198,6 +200,14 @@ def classify(
         words = f"{_period_words(rules)}; the smallest period up to {_testable(window, rules)} cycles"
         return Regime("periodic", count, period, repeated, words)
     return _without_period(impacts, window, rules)
+
+
+def without_cycle(impacts: Impacts) -> Regime:
+    """What a motion is called under an excitation that has no cycle."""
+    if len(impacts) == 0:
+        return Regime("no impacts", 0, 0, "no impacts", "no impact in the run")
+    words = "the excitation has no cycle after which anything could repeat"
+    return Regime("not periodic", 0, 0, "not periodic: the excitation has no cycle", words)
 
 
 def _without_period(impacts: Impacts, window: _Window, rules: RegimeCriteria) -> Regime:

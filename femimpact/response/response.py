@@ -28,13 +28,13 @@ from femimpact.errors import (
     truth,
 )
 from femimpact.excitation import Excitation
-from femimpact.excitation.excitation import MEMBERS
+from femimpact.excitation.excitation import MEMBERS, has_cycle
 from femimpact.response.channels import Channel, Motion, channel_key, channel_of, resolve_channels
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.history import HistoryPiece, Snapshots, check_histories, history_dataset
 from femimpact.response.impacts import Impacts, ImpactStatistics, StickingPhases
 from femimpact.response.largest import Largest, LargestValues
-from femimpact.response.regimes import Regime, classify
+from femimpact.response.regimes import Regime, classify, without_cycle
 from femimpact.response.sections import StroboscopicSection, stroboscopic
 from femimpact.response.signals import SteadyMotion
 from femimpact.structure.structure import Position
@@ -319,6 +319,8 @@ class Response:
     @cached_property
     def regime(self) -> Regime:
         """Kind of motion over the last third of the run; `regimes.classify` says by which criterion."""
+        if not has_cycle(self.base):
+            return without_cycle(self.impacts)
         return classify(self.impacts, self.sticking, self.base.frequency, *self.window)
 
     def absolute(self, name: Position) -> Array:

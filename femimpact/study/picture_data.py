@@ -24,6 +24,7 @@ from femimpact.structure.springs import Dashpot, Spring
 from femimpact.structure.structure import Beam, PointMass, Segment, Structure, Support
 from femimpact.study.result_files import FILES, OTHER_FILES
 from femimpact.study.results import read_dataset, read_sticking, read_table
+from femimpact.study.signal_motion import Signal, numbers_of_signal, signal_of_numbers
 from femimpact.sweep import SWEEP_UNITS, FrequencyResponse
 from femimpact.system.hermite import hermite_rows
 from femimpact.system.modes import Modes
@@ -298,10 +299,12 @@ def _about(structure: Structure, response: Response) -> dict[str, Any]:
     }
 
 
-def _base_numbers(base: Excitation) -> dict[str, float]:
-    """What makes a sine or a record again, but for the samples."""
+def _base_numbers(base: Excitation) -> dict[str, Any]:
+    """What makes a sine, a record or another motion again, but for the samples of a record."""
     if isinstance(base, RecordedBase):
         return {"interval": base.interval, "initial_velocity": base.initial_velocity}
+    if isinstance(base, Signal):
+        return numbers_of_signal(base)
     return {"amplitude": base.amplitude, "frequency": base.frequency, "phase": getattr(base, "phase", 0.0)}
 
 
@@ -313,10 +316,12 @@ def _base_arrays(response: Response) -> dict[str, Any]:
     return {BASE_SAMPLES: ("base_sample", np.array(base.samples), {"units": "m/s^2"})}
 
 
-def _base(data: xarray.Dataset, about: Mapping[str, Any]) -> Sine | RecordedBase:
+def _base(data: xarray.Dataset, about: Mapping[str, Any]) -> Sine | RecordedBase | Signal:
     """What `_base_numbers` and `_base_arrays` wrote."""
     if BASE_SAMPLES in data:
         return RecordedBase(data[BASE_SAMPLES].to_numpy(), **about["base"])
+    if "signal" in about["base"]:
+        return signal_of_numbers(about["base"])
     return Sine(**about["base"])
 
 

@@ -16,6 +16,7 @@ from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder
 from femimpact.study.cost import check_mesh, check_sweep
 from femimpact.study.recorded_motion import RecordedMotion
+from femimpact.study.signal_motion import SignalMotion
 from femimpact.study.study import BaseMotion, Study, build_systems, check_method, method_for, read_mesh_of
 from femimpact.study.sweep_grid import resonances_in
 from femimpact.system.modes import solve_modes
@@ -107,7 +108,7 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     return prepared
 
 
-def with_base(prepared: PreparedStudy, base: BaseMotion | RecordedMotion) -> PreparedStudy:
+def with_base(prepared: PreparedStudy, base: BaseMotion | RecordedMotion | SignalMotion) -> PreparedStudy:
     """The same study with another motion of its base: the systems and methods stay, the record is made anew."""
     study = replace(prepared.study, base=base)
     return replace(prepared, study=study, record=history_record(study, prepared.small, prepared.method))

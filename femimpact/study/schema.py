@@ -20,6 +20,7 @@ from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Segment
 from femimpact.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, ParameterPlan, SamplePlan
 from femimpact.study.recorded_motion import RecordedMotion
+from femimpact.study.signal_motion import OWN, SIGNALS, SignalMotion
 from femimpact.study.study import BaseMotion
 from femimpact.study.study_file import LAWS, TABLES, chosen_later
 
@@ -109,6 +110,21 @@ def _key(item: Any, meaning: str) -> dict[str, Any]:
     return key
 
 
+_NUMBERS = {"type": "array", "items": {"type": "number", "exclusiveMinimum": 0}, "minItems": 1}
+
+LISTS: Mapping[str, dict[str, Any]] = {
+    "frequencies": {**_NUMBERS, "description": "one after the other", "x-unit": "Hz", "x-range": "finite numbers > 0"},
+    "psd": {
+        "type": "array",
+        "items": {**_NUMBERS, "minItems": 2, "maxItems": 2},
+        "minItems": 2,
+        "description": "one-sided density of the acceleration, straight in a plot of its logarithms",
+        "x-unit": "Hz, (m/s^2)^2/Hz",
+        "x-range": "rows of a frequency, rising, and a level > 0",
+    },
+}
+"""Of the keys that are lists of numbers."""
+
 _COLUMNS = {
     "type": "array",
     "items": {"anyOf": [{"type": "string"}, {"type": "integer", "minimum": 0}]},
@@ -162,7 +178,40 @@ def _damping() -> dict[str, Any]:
 
 def _base() -> dict[str, Any]:
     forms = [_noun(BaseMotion, title="a sine"), _noun(RecordedMotion, title="a record")]
-    return {"description": "Motion of the base: a sine, or a record of its acceleration.", "oneOf": forms}
+    for form, kind in zip(forms, ("sine", "record"), strict=True):
+        form["properties"] = {"kind": {"const": kind, "description": "the kind of motion"}, **form["properties"]}
+    forms += [_signal(kind) for kind in SIGNALS]
+    about = (
+        "Motion of the base: a sine, a record of its acceleration, a chirp, a stepped sine, a random motion or a shock."
+    )
+    return {"description": about, "oneOf": forms}
+
+
+def _signal(kind: str) -> dict[str, Any]:
+    """Schema of a motion with the arguments of its noun."""
+    noun, other = SIGNALS[kind]
+    schema = _noun(noun, frozenset({"level", "by", *other.values()}), kind, **LISTS)
+    keys, fields = schema["properties"], {item.name: item for item in dataclasses.fields(noun)}
+    about, own = _meanings(noun), {item.name: item for item in dataclasses.fields(SignalMotion)}
+    for key, name in other.items():
+        keys[key] = _key(fields[name], about.get(name, ""))
+    arguments = inspect.signature(noun).parameters
+    for name, unit in (("amplitude", "m"), ("acceleration", "m/s^2"), ("octaves_per_minute", "1/min")):
+        if name in arguments:
+            meaning = about.get(name, "") or f"amplitude of the base's {name}"
+            words = {"description": meaning, "x-unit": unit, "x-range": "a finite number >= 0"}
+            keys[name] = {"type": "number", "minimum": 0, **words}
+    meanings = _meanings(SignalMotion)
+    keys |= {name: _key(own[name], meanings[name]) for name in OWN}
+    schema["properties"] = {"kind": {"const": kind, "description": "the kind of motion"}, **keys}
+    needed = [_key_of(other, name) for name, item in arguments.items() if item.default is inspect.Parameter.empty]
+    schema["required"] = ["kind", *needed, *(["history", "acceleration", "duration"] if kind == "shock" else [])]
+    return schema
+
+
+def _key_of(other: Mapping[str, str], name: str) -> str:
+    """The key of a study file for a field."""
+    return next((key for key, field in other.items() if field == name), name)
 
 
 def _method() -> dict[str, Any]:

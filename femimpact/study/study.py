@@ -28,6 +28,7 @@ from femimpact.integrators.methods import METHODS, Method
 from femimpact.structure.structure import Structure
 from femimpact.study.parameter_plan import ParameterPlan
 from femimpact.study.recorded_motion import RecordedMotion
+from femimpact.study.signal_motion import Signal, SignalMotion
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
 from femimpact.system.system import System
@@ -263,7 +264,7 @@ class Study:
     ----------
     structure : Structure
     mesh : MeshChoice
-    base : BaseMotion or RecordedMotion
+    base : BaseMotion, RecordedMotion or SignalMotion
     reduction : Reduction or None
         None integrates in physical dofs.
     method : mapping of str to value
@@ -284,7 +285,9 @@ class Study:
 
     structure: Structure = field(metadata=instance(Structure))
     mesh: MeshChoice = field(metadata=instance(MeshChoice))
-    base: BaseMotion | RecordedMotion = field(metadata=instance(BaseMotion, RecordedMotion))
+    base: BaseMotion | RecordedMotion | SignalMotion = field(
+        metadata=instance(BaseMotion, RecordedMotion, SignalMotion)
+    )
     reduction: Reduction | None = field(metadata=optional(instance(Reduction)))
     method: Mapping[str, Any] = field(metadata=instance(Mapping))
     sweep: SweepPlan | None = field(metadata=optional(instance(SweepPlan)))
@@ -302,7 +305,7 @@ class Study:
             sine_of(self, "study")
 
     @property
-    def excitation(self) -> Sine | RecordedBase:
+    def excitation(self) -> Sine | RecordedBase | Signal:
         """Base motion of the simulated history."""
         return self.base.excitation
 
@@ -323,11 +326,13 @@ def sine_of(study: Study, key: str, value: object = None, unit: str = "") -> Bas
     Raises
     ------
     InputError
-        Of a record, naming what needs a sine.
+        Of a record or another motion, naming what needs a sine.
     """
     if isinstance(study.base, BaseMotion):
         return study.base
-    allowed = f"needs a sine of the base, and [base] of this study has a record, {study.base.record!r}"
+    base = study.base
+    other = f"is of kind {base.kind!r}" if isinstance(base, SignalMotion) else f"has a record, {base.record!r}"
+    allowed = f"needs a sine of the base, and [base] of this study {other}"
     raise InputError([Fault(key, value, unit, allowed)])
 
 

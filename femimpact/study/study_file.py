@@ -24,6 +24,7 @@ from femimpact.structure.springs import Dashpot, Spring
 from femimpact.structure.structure import Beam, Impactor, PointMass, Segment, Stop, Structure, Support
 from femimpact.study.parameter_plan import DISTRIBUTIONS, ParameterPlan, SamplePlan, axis_from
 from femimpact.study.recorded_motion import RecordedMotion, record_beside
+from femimpact.study.signal_motion import OWN, SIGNALS, SignalMotion
 from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
 
 __all__ = ["LAWS", "TABLES", "chosen_later", "load_study", "read_study"]
@@ -290,7 +291,22 @@ def _damping(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any
 
 
 def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault], folder: Path = Path()) -> Any:
-    """A sine, or a record whose path is given from a folder."""
+    """A sine, a record whose path is given from a folder, or another kind of motion with the fields of its noun."""
+    kind = values.get("kind", "record" if "record" in values else "sine")
+    kinds = ("sine", "record", *SIGNALS)
+    if not isinstance(kind, str) or kind not in kinds:
+        allowed = f"must be one of {', '.join(repr(name) for name in kinds)}"
+        faults.append(Fault(f"{prefix}.kind", kind, "", allowed))
+        return None
+    values = {name: value for name, value in values.items() if name != "kind"}
+    if kind in SIGNALS:
+        return _signal(prefix, kind, values, faults)
+    if kind == "sine" and "record" in values:
+        faults.append(Fault(f"{prefix}.record", None, "", 'belongs to kind = "record", and [base] is of kind "sine"'))
+        return None
+    if kind == "record" and "record" not in values:
+        faults.append(Fault(f"{prefix}.record", None, "", "is missing: the path of a file, record = 'shaker.csv'"))
+        return None
     if "record" not in values:
         if OF_RECORD & set(values):
             given = ", ".join(sorted(OF_RECORD & set(values)))
@@ -308,6 +324,18 @@ def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault], folder: P
     rest = {name: value for name, value in values.items() if name not in OF_SINE}
     noun = _noun(RecordedMotion, prefix, rest, faults, content=content)
     return noun if len(faults) == before else None
+
+
+def _signal(prefix: str, kind: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    """A motion by the name of its kind."""
+    own = {name: values[name] for name in OWN if name in values}
+    given = tuple((name, _plain(value)) for name, value in values.items() if name not in OWN)
+    return _collected(prefix, lambda: SignalMotion(kind, given, **own), faults)
+
+
+def _plain(value: Any) -> Any:
+    """Lists as tuples, which do not change."""
+    return tuple(map(_plain, value)) if isinstance(value, list) else value
 
 
 def _method(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:

@@ -11,6 +11,7 @@ from typing import Any
 from femimpact.contact import ContactLaw
 from femimpact.errors import InputError
 from femimpact.study.parameter_plan import AxisValues, Distribution, ParameterPlan
+from femimpact.study.signal_motion import SignalMotion
 from femimpact.study.study import Study
 from femimpact.study.study_file import LAWS, read_study
 
@@ -78,7 +79,7 @@ def _lines(study: Study) -> Iterator[str]:
         yield from _table("[gravity]", {"acceleration": structure.gravity})
     for name, table in (("reduction", study.reduction), ("base", study.base)):
         if table is not None:
-            yield from _table(f"[{name}]", _given(table))
+            yield from _table(f"[{name}]", table.table if isinstance(table, SignalMotion) else _given(table))
     if study.method:
         yield from _table("[method]", study.method)
     if study.sweep is not None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact import core
+from femimpact.excitation.excitation import has_cycle
 from femimpact.identification import (
     UNRESOLVED,
     DampingEstimate,
@@ -216,7 +217,7 @@ def summary_of(
     if response is not None:
         warnings += [f"history: {text}" for text in response.warnings]
         summary["history"] = {
-            "frequency": response.base.frequency,
+            **({"frequency": response.base.frequency} if has_cycle(response.base) else {}),
             "peak": response.steady.peak[0],
             "rms": response.steady.rms[0],
             "steadiness": str(response.steady.steadiness[0]),

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-__all__ = ["IMPACT_NAMES", "ONE_START", "SWEEP_UNITS", "FrequencyResponse", "on_grid"]
+__all__ = ["IMPACT_NAMES", "OF_THE_CHANNEL", "ONE_START", "SWEEP_UNITS", "FrequencyResponse", "on_grid"]
 
 Array = NDArray[np.float64]
 
@@ -41,6 +41,9 @@ SWEEP_UNITS = {
     "energy_residual": "1",
 }
 """Numeric columns of a sweep and their units."""
+
+OF_THE_CHANNEL = ("peak", "rms", "first_harmonic")
+"""Those of them that have the unit of what a sweep observes, m unless it is another channel."""
 
 ONE_START = "one start's value: the motion is not periodic"
 """What the mark of a value of `FrequencyResponse.is_sample` means, a star or a dot: another start has another value."""
@@ -89,8 +92,8 @@ class FrequencyResponse:
     Parameters
     ----------
     frequency : ndarray (n,), Hz
-    peak, rms, first_harmonic : ndarray (n,), m
-        Of the observed place relative to the base; not a number where a case failed.
+    peak, rms, first_harmonic : ndarray (n,), `unit`
+        Of the observed place relative to the base, or of the channel; not a number where a case failed.
     phase : ndarray (n,), rad
         Of the first harmonic relative to the base's displacement.
     steadiness : ndarray (n,) of str
@@ -105,24 +108,31 @@ class FrequencyResponse:
     energy_residual : ndarray (n,), 1
         Largest at the ends of base cycles, event-driven through compliant contacts or without any of the measured ones;
         not a number without a ledger.
-    amplitude : float, m
-        Of the base.
+    amplitude : float or None, m
+        Of the base, the same at all frequencies; None of a sweep at constant acceleration.
     cycles : int or None
         Whole dwell at each frequency; None where it is a duration.
     at : str or float
-        The observed place.
+        The observed place, or the name of the channel.
     start : str
         Frame in which everything was at rest, "static", or "given".
     law : str
     warnings, notes : tuple of str
     duration, window : float or None, s
         Whole dwell at each frequency and the measured end of it; None where it is a number of cycles.
+    unit : str
+        Of peak, rms and first harmonic.
+    acceleration : float or None, m/s^2
+        Amplitude of the base's acceleration, the same at all frequencies; None of a sweep at constant displacement.
+    direction : "up", "down" or None
+        The way in which each frequency began with the end of the one before it; None where each is a run of its own.
 
     Raises
     ------
     InputError
         If the columns do not have one value for each frequency, a frequency is not finite, not exactly one of
-        `cycles` and `duration` is given, or the window is longer than the duration.
+        `cycles` and `duration` or of `amplitude` and `acceleration` is given, or the window is longer than the
+        duration.
     """
 
     frequency: Array = field(metadata=column("Hz", "frequencies", finite=True))
@@ -138,7 +148,7 @@ class FrequencyResponse:
     peak_force: Array = field(metadata=column("N", "frequencies"))
     cycle_mean_force: Array = field(metadata=column("N", "frequencies"))
     energy_residual: Array = field(metadata=column("1", "frequencies"))
-    amplitude: float = field(metadata=quantity("m", at_least=0.0))
+    amplitude: float | None = field(metadata=optional(quantity("m", at_least=0.0)))
     cycles: int | None = field(metadata=optional(quantity("1", at_least=1, integer=True)))
     at: Position = field(metadata=place())
     start: str = field(metadata=choice("base", "space", "static", "given"))
@@ -147,11 +157,16 @@ class FrequencyResponse:
     notes: tuple[str, ...] = field(default=(), metadata=text(several=True))
     duration: float | None = field(default=None, metadata=quantity("s", above=0.0))
     window: float | None = field(default=None, metadata=quantity("s", above=0.0))
+    unit: str = field(default="m", metadata=text())
+    acceleration: float | None = field(default=None, metadata=optional(quantity("m/s^2", at_least=0.0)))
+    direction: str | None = field(default=None, metadata=optional(choice("up", "down")))
 
     def __post_init__(self) -> None:
         check_fields(self)
         one = (self.cycles is None) != (self.duration is None)
         require(one, "cycles", self.cycles, "", "must be given, or a duration (s) instead")
+        one = (self.amplitude is None) != (self.acceleration is None)
+        require(one, "amplitude", self.amplitude, "m", "must be given, or an acceleration (m/s^2) instead")
         fits = self.window is None or (self.duration is not None and self.window <= self.duration)
         require(fits, "window", self.window, "s", "must be at most the duration, which it goes with")
 
@@ -159,14 +174,25 @@ class FrequencyResponse:
         return named_column(self, name)
 
     @property
+    def base_amplitude(self) -> Array:
+        """Amplitude (n,) of the base's displacement at each frequency, m."""
+        if self.acceleration is None:
+            return np.full(self.frequency.size, self.amplitude)
+        return np.asarray(self.acceleration / (2.0 * np.pi * self.frequency) ** 2)
+
+    def _units_of(self, units: dict[str, str]) -> dict[str, str]:
+        return units | dict.fromkeys(OF_THE_CHANNEL, self.unit)
+
+    @property
     def _head(self) -> Head:
         size = self.frequency.size
         span = f" at {self.frequency.min():.5g} to {self.frequency.max():.5g} Hz" if size else ""
         found = bool(np.any(np.isfinite(self.peak)))
         star = "*" if found and self.peak_is_sample else ""
-        highest = f", peak {self.peak_amplitude:.5g}{star} m at {self.peak_frequency:.5g} Hz" if found else ""
+        highest = f", peak {self.peak_amplitude:.5g}{star} {self.unit} at {self.peak_frequency:.5g} Hz" if found else ""
         title = f"FrequencyResponse: {size}{span}{highest}, {len(self.warnings)} warnings"
         columns, units = flat_columns(self)
+        units = self._units_of(units)
         if np.any(self.is_sample):
             units["steadiness"] = "* one start"
         return head_of_columns(title, columns, units, dict.fromkeys(SWEEP_UNITS, self.is_sample))
@@ -208,7 +234,7 @@ class FrequencyResponse:
 
     @property
     def peak_amplitude(self) -> float:
-        """Largest peak of the curve, m."""
+        """Largest peak of the curve, in its `unit`."""
         return float(np.nanmax(self.peak))
 
     @property
@@ -217,13 +243,24 @@ class FrequencyResponse:
         return float(self.frequency[np.nanargmax(self.peak)])
 
     @property
+    def _level(self) -> dict[str, Any]:
+        given = {
+            "base_amplitude_m": self.amplitude,
+            "base_acceleration_m_s2": self.acceleration,
+            "direction": self.direction,
+        }
+        return {name: value for name, value in given.items() if value is not None}
+
+    @property
     def _dwell(self) -> dict[str, float]:
         given = {"cycles": self.cycles, "duration_s": self.duration, "window_s": self.window}
         return {name: value for name, value in given.items() if value is not None}
 
     def to_pandas(self) -> pandas.DataFrame:
-        """The curve over frequency; units in `attrs["units"]`."""
-        return frame_of(*flat_columns(self), index="frequency")
+        """The curve over frequency, with the base's amplitude; units in `attrs["units"]`."""
+        columns, units = flat_columns(self)
+        columns, units = columns | {"base_amplitude": self.base_amplitude}, self._units_of(units)
+        return frame_of(columns, units | {"base_amplitude": "m"}, index="frequency")
 
     def to_xarray(self) -> xarray.Dataset:
         """The curve as a labelled dataset over frequency."""
@@ -231,12 +268,13 @@ class FrequencyResponse:
 
         data: dict[str, Any] = {
             name: ("frequency", np.array(getattr(self, name)), {"units": unit, "long_name": name.replace("_", " ")})
-            for name, unit in SWEEP_UNITS.items()
+            for name, unit in self._units_of(SWEEP_UNITS).items()
         }
+        data["base_amplitude"] = ("frequency", self.base_amplitude, {"units": "m", "long_name": "base amplitude"})
         data["steadiness"] = ("frequency", np.array(self.steadiness, dtype=str))
         frequency = ("frequency", np.array(self.frequency), {"units": "Hz", "long_name": "base frequency"})
         attributes = {
-            "base_amplitude_m": self.amplitude,
+            **self._level,
             **self._dwell,
             "at": str(self.at),
             "start": self.start,

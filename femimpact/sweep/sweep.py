@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any, Literal, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import DivergenceError, checked, quantity, require_type, truth
+from femimpact.errors import checked, quantity, require, require_type, truth
 from femimpact.excitation import Sine
 from femimpact.excitation.remarks import frequency_warnings, motion_warnings
 from femimpact.identification import peak_resolution, resolution_warnings
-from femimpact.integrators.answers import SineDwellResults, SineDwells
+from femimpact.integrators.answers import SineCases, SineDwells
+from femimpact.integrators.many_cases import run_cases
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.threads import workers_of
 from femimpact.progress import Progress, check_progress, draws_progress
-from femimpact.response.energy import residual_warnings
-from femimpact.response.impacts import statistics_of_cases
+from femimpact.response.channels import Channel, channel_of
 from femimpact.response.remarks import deflection_warnings
 from femimpact.structure.damping import realised_damping_ratio
 from femimpact.structure.structure import Position
-from femimpact.sweep.curve import IMPACT_NAMES, SWEEP_UNITS, FrequencyResponse
+from femimpact.sweep.columns import columns_of_dwells, columns_of_runs
+from femimpact.sweep.curve import OF_THE_CHANNEL, FrequencyResponse
+from femimpact.sweep.dwell_runs import dwell_chain, dwells_apart
 from femimpact.sweep.dwells import dwells_of
 from femimpact.system.modes import first_elastic_frequency, first_resonance
 from femimpact.system.state import State
@@ -36,14 +39,17 @@ TRANSIENT_LEFT = 0.03
 """Share of the first mode's transient that may be left where measuring begins without a warning."""
 
 
-@draws_progress
+@overload
 def frequency_sweep(
     system: System,
-    amplitude: float,
-    frequencies: ArrayLike,
-    method: Method,
+    amplitude: float | None = None,
+    frequencies: ArrayLike = (),
+    method: Method | None = None,
     cycles: int | None = None,
     *,
+    direction: Literal["both"],
+    acceleration: float | None = None,
+    channel: Position | Channel | None = None,
     duration: float | None = None,
     window: float | None = None,
     initial: State | None = None,
@@ -51,15 +57,59 @@ def frequency_sweep(
     ledger: bool = True,
     threads: int | None = None,
     progress: Progress | bool | None = None,
-) -> FrequencyResponse:
-    """Stepped-sine sweep: each frequency a run of its own from the initial state.
+) -> dict[str, FrequencyResponse]: ...
+
+
+@overload
+def frequency_sweep(
+    system: System,
+    amplitude: float | None = None,
+    frequencies: ArrayLike = (),
+    method: Method | None = None,
+    cycles: int | None = None,
+    *,
+    direction: Literal["up", "down"] | None = None,
+    acceleration: float | None = None,
+    channel: Position | Channel | None = None,
+    duration: float | None = None,
+    window: float | None = None,
+    initial: State | None = None,
+    at: Position = "tip",
+    ledger: bool = True,
+    threads: int | None = None,
+    progress: Progress | bool | None = None,
+) -> FrequencyResponse: ...
+
+
+@draws_progress
+def frequency_sweep(
+    system: System,
+    amplitude: float | None = None,
+    frequencies: ArrayLike = (),
+    method: Method | None = None,
+    cycles: int | None = None,
+    *,
+    direction: Literal["up", "down", "both"] | None = None,
+    acceleration: float | None = None,
+    channel: Position | Channel | None = None,
+    duration: float | None = None,
+    window: float | None = None,
+    initial: State | None = None,
+    at: Position = "tip",
+    ledger: bool = True,
+    threads: int | None = None,
+    progress: Progress | bool | None = None,
+) -> FrequencyResponse | dict[str, FrequencyResponse]:
+    """Stepped-sine sweep: each frequency a run of its own from the initial state, or from the last one's end.
 
     Parameters
     ----------
     system : System
         Reduced systems are fastest.
     amplitude : float, m
-        Of the base displacement, the same at all frequencies.
+        Of the base displacement, the same at all frequencies. Or
+    acceleration : float, m/s^2
+        the amplitude of the base's acceleration, the same at all frequencies.
     frequencies : array_like (n,), Hz
     method : Newmark, HHT, WBZ, GeneralizedAlpha, MoreauJean or EventDriven
     cycles : int
@@ -68,27 +118,35 @@ def frequency_sweep(
         the whole dwell in time, of which
     window : float, s
         is measured at its end: the whole base cycles in it. The last third by default.
+    direction : {"up", "down", "both"}, optional
+        Each frequency begins with the end of the one before it, in rising or falling order; both ways are one chain,
+        first up. The base is at zero where the frequency changes, and the motion relative to it goes on. By default
+        each begins with the initial state.
+    channel : str, float or Channel, optional
+        What is measured in place of a displacement, as of `Recorder.channels`: "root.surface_stress".
     initial : State, optional
         At rest in the frame of the base by default. Every run begins at t = 0 s, whatever the state's time.
     at : str or float
-        The observed place.
+        The observed place, whose displacement is measured.
     ledger : bool
         Keep the energy residual of every case; costs about half as much again, event-driven up to as much again.
     threads : int, optional
-        The number of cores by default; the results do not depend on it, to the last bit.
+        The number of cores by default; the results do not depend on it, to the last bit. A chain takes one.
     progress : callable or bool, optional
         Called with the share done, 0 to 1; True draws a bar.
 
     Returns
     -------
-    FrequencyResponse
-        A frequency that diverged is a row of not-a-numbers, "failed", with a warning. Without contacts there is a
-        warning too where the frequencies are too far apart for the peak of the first mode.
+    FrequencyResponse, or a dict of two by the names "up" and "down" where the direction is "both"
+        A frequency that diverged is a row of not-a-numbers, "failed", with a warning; the next one of a chain begins
+        where that one began. Without contacts there is a warning too where the frequencies are too far apart for the
+        peak of the first mode. Of a direction the frequencies of a curve rise, whichever way they were run.
 
     Raises
     ------
     InputError
-        If an argument is out of range or the step does not resolve the contact.
+        If an argument is out of range, not exactly one of amplitude and acceleration is given, or the step does not
+        resolve the contact.
     DivergenceError
         If every frequency diverged.
     """
@@ -96,59 +154,127 @@ def frequency_sweep(
     require_type(system, System, "system")
     require_type(state, State, "initial")
     require_method(method)
+    method = cast(Method, method)
     report = check_progress(progress)
     state = replace(state, time=0.0)
-    amplitude = checked("amplitude", amplitude, quantity("m", at_least=0.0))
+    one = (amplitude is None) != (acceleration is None)
+    given = None if amplitude is None else "both"
+    require(one, "amplitude", given, "", "must be given alone: one of amplitude (m) and acceleration (m/s^2)")
+    if amplitude is None:
+        acceleration = checked("acceleration", acceleration, quantity("m/s^2", at_least=0.0))
+    else:
+        amplitude = checked("amplitude", amplitude, quantity("m", at_least=0.0))
     ledger = checked("ledger", ledger, truth())
-    dwells = dwells_of(amplitude, frequencies, cycles, duration, window)
-    workers, observed = workers_of(threads), system.point_row(at)
-    found = method.run_dwells(system, dwells, state, observed, ledger, workers, report)
-    columns, warnings = _columns(found, dwells.frequency, ledger)
-    warnings += _steadiness_warnings(dwells.frequency, columns["steadiness"]) + _dwell_warnings(system, dwells)
-    warnings += _grid_warnings(system, dwells.frequency)
-    warnings += motion_warnings(Sine(amplitude, float(dwells.frequency[0])), system.length)
-    warnings += frequency_warnings(dwells.frequency, system.highest_kept, system.first_left_out)
-    warnings += deflection_warnings(columns["peak"], system.length)
-    return FrequencyResponse(
-        frequency=_read_only(dwells.frequency),
-        **{name: _read_only(column) for name, column in columns.items()},
+    ways = ("up", "down", "both")
+    require(direction is None or direction in ways, "direction", direction, "", f"must be one of {', '.join(ways)}")
+    alone = channel is None or at == "tip"
+    require(alone, "at", at, "", "goes without a channel, which names its own place")
+    dwells = dwells_of(0.0 if amplitude is None else amplitude, frequencies, cycles, duration, window)
+    if direction is not None:
+        order = np.argsort(dwells.frequency, kind="stable")
+        own = {name: getattr(dwells, name)[order] for name in ("frequency", "cycles", "measured")}
+        dwells = replace(dwells, **own)
+    if channel is None:
+        system.point_row(at)
+    measured = channel_of(system, at if channel is None else channel)
+    about: dict[str, Any] = {
+        "amplitude": amplitude,
+        "acceleration": acceleration,
+        "cycles": None if cycles is None else int(cycles),
+        "duration": duration,
+        "window": window,
+        "at": at if channel is None else measured.name,
+        "unit": measured.unit,
+        "start": _start(state, system),
+    }
+    cases = _cases(system, dwells, state, acceleration)
+    workers = workers_of(threads)
+    f = dwells.frequency
+    if direction is not None:
+        both = direction == "both"
+        run = ["up", "down"] if both else [str(direction)]
+        forward = list(range(f.size))
+        chain = [number for way in run for number in (forward if way == "up" else forward[::-1])]
+        runs = dwell_chain(system, cases, chain, method, measured, ledger, report)
+        parts = {way: runs[i * f.size : (i + 1) * f.size] for i, way in enumerate(run)}
+        curves = {
+            way: _curve(
+                system, method, dwells, columns_of_runs(own if way == "up" else own[::-1], f, ledger),
+                {**about, "direction": way},
+            )
+            for way, own in parts.items()
+        }  # fmt: skip
+        return curves if both else curves[run[0]]
+    row = _row(system, measured)
+    if row is None:
+        runs = dwells_apart(system, cases, method, measured, ledger, workers, report)
+        return _curve(system, method, dwells, columns_of_runs(runs, f, ledger), about)
+    # methods with steps end a run whose observed value leaves all bounds of a displacement
+    scale = 1.0 if measured.unit == "m" else 2.0 ** math.ceil(math.log2(max(float(np.max(np.abs(row))), 1e-300)))
+    if acceleration is None:
+        found = method.run_dwells(system, dwells, state, row / scale, ledger, workers, report)
+    else:
+        found = run_cases(system, cases, method, row / scale, int(ledger), workers, report)
+    columns, warnings = columns_of_dwells(found, f, ledger)
+    columns |= {name: scale * columns[name] for name in OF_THE_CHANNEL}
+    return _curve(system, method, dwells, (columns, warnings), about)
+
+
+def _cases(system: System, dwells: SineDwells, state: State, acceleration: float | None) -> SineCases:
+    """The dwells with an amplitude for each frequency."""
+    count, balls = dwells.frequency.size, len(system.balls)
+    amplitude = np.full(count, dwells.amplitude)
+    if acceleration is not None:
+        amplitude = acceleration / (2.0 * np.pi * dwells.frequency) ** 2
+    own = {name: getattr(state, name) for name in ("ball_displacement", "ball_velocity")}
+    # of another size than there are balls: refused with the first start
+    moved = {
+        name: np.tile(np.zeros(balls) if values is None or values.shape != (balls,) else values, (count, 1))
+        for name, values in own.items()
+    }
+    return SineCases(
+        frequency=dwells.frequency,
         amplitude=amplitude,
-        cycles=None if cycles is None else int(cycles),
-        at=at,
-        start=_start(state, system),
-        law=", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none",
-        warnings=tuple(warnings),
-        notes=method.notes(system),
-        duration=duration,
-        window=window,
+        phase=np.zeros(count),
+        gaps=np.tile(np.array([pair.gaps for pair in system.contacts]).reshape(-1, 2), (count, 1, 1)),
+        laws=(tuple(pair.law for pair in system.contacts),),
+        law_of=np.zeros(count, dtype=np.int64),
+        initial=state,
+        cycles=dwells.cycles,
+        measured=dwells.measured,
+        **moved,
     )
 
 
-def _columns(found: SineDwellResults, f: Array, ledger: bool) -> tuple[dict[str, NDArray[Any]], list[str]]:
-    """Columns of all cases that have come to their end, and warnings of those that have not.
+def _row(system: System, channel: Channel) -> Array | None:
+    """Row (dofs,) of a channel that reads displacements of the structure alone, or None."""
+    reading = channel.reading(system)
+    others = [getattr(reading, item.name) for item in fields(reading) if item.name != "displacement"]
+    return None if any(np.any(values) for values in others) else np.asarray(reading.displacement)
 
-    Raises
-    ------
-    DivergenceError
-        If none has.
-    """
-    columns: dict[str, NDArray[Any]] = {name: np.full(f.size, np.nan) for name in SWEEP_UNITS}
-    columns["steadiness"] = np.full(f.size, "failed", dtype="<U11")
-    statistics = statistics_of_cases(found.totals, found.duration, f)
-    fine = np.array([not failure for failure in found.failures])
-    for name in ("peak", "rms", "first_harmonic", "phase", "steadiness"):
-        columns[name][fine] = getattr(found.motion, name)[fine]
-    for name in IMPACT_NAMES:
-        columns[name][fine] = statistics[name][fine]
-    columns["energy_residual"][fine] = found.residual[fine]
-    failures = [failure for failure in found.failures if failure]
-    if not fine.any():
-        raise DivergenceError(failures[0])
-    warnings = [*found.warnings, *failures]
-    if ledger:
-        # those that failed have said so
-        warnings += residual_warnings(f, np.where(fine, found.residual, 0.0), found.bound)
-    return columns, warnings
+
+def _curve(
+    system: System, method: Method, dwells: SineDwells, found: tuple[dict[str, NDArray[Any]], list[str]],
+    about: Mapping[str, Any],
+) -> FrequencyResponse:  # fmt: skip
+    """The curve of columns, with what there is to say of it."""
+    columns, warnings = found
+    f = dwells.frequency
+    values: dict[str, Any] = {name: _read_only(column) for name, column in columns.items()}
+    warnings = warnings + _steadiness_warnings(f, columns["steadiness"]) + _dwell_warnings(system, dwells)
+    warnings += _grid_warnings(system, f)
+    curve = FrequencyResponse(
+        frequency=_read_only(f),
+        **values,
+        law=", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none",
+        **about,
+    )
+    largest = int(np.argmax(curve.base_amplitude))
+    warnings += motion_warnings(Sine(float(curve.base_amplitude[largest]), float(f[largest])), system.length)
+    warnings += frequency_warnings(f, system.highest_kept, system.first_left_out)
+    if curve.unit == "m":
+        warnings += deflection_warnings(columns["peak"], system.length)
+    return replace(curve, warnings=tuple(warnings), notes=method.notes(system))
 
 
 def _start(state: State, system: System) -> str:

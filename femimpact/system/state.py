@@ -15,6 +15,7 @@ from femimpact.errors import (
     having,
     instance,
     optional,
+    place,
     quantity,
     real_array,
     require,
@@ -23,7 +24,10 @@ from femimpact.errors import (
 )
 from femimpact.excitation import Excitation
 from femimpact.excitation.excitation import MEMBERS
+from femimpact.structure.structure import Position
 from femimpact.system.continuation import Continuation
+from femimpact.system.modes import mode_count, solve_modes, solve_stiffness
+from femimpact.system.rigid_motions import rigid_motions
 from femimpact.system.static import StaticContacts, static_contacts
 from femimpact.system.system import System
 
@@ -33,6 +37,9 @@ Array = NDArray[np.float64]
 
 ROUNDED = 1e-12
 """Distance (m) by which rounding may put a start beyond a wall."""
+
+STILL = 1e-9
+"""Share of the largest motion of a mode below which a place is at rest in it, but for rounding."""
 
 SYSTEM, BASE = instance(System), having("an excitation", MEMBERS)
 
@@ -104,6 +111,88 @@ class State:
     def at_rest(cls, frame: str = "base") -> State:
         """Beam and balls at rest in the frame of the base, or in space."""
         return cls(frame=frame)
+
+    @classmethod
+    @takes(
+        system=SYSTEM, mode=quantity("1", at_least=1, integer=True), amplitude=quantity("m"), at=place()
+    )  # fmt: skip
+    def of_mode(cls, system: System, mode: int, amplitude: float, at: Position | None = None) -> State:
+        """The structure at rest in the shape of one of its modes: w(x) = amplitude phi_k(x)/phi_k(at).
+
+        Parameters
+        ----------
+        system : System
+        mode : int
+            From 1 on.
+        amplitude : float, m
+            Deflection of the place.
+        at : str or float, optional
+            The tip by default, or the first place of a system without one.
+
+        Returns
+        -------
+        State
+            Balls are in the middle.
+
+        Raises
+        ------
+        InputError
+            If the system has no such mode, or the place is at rest in it.
+        """
+        name = system.default_place if at is None else at
+        mode = mode_count(system, mode, "mode")
+        row, shape = system.point_row(name), solve_modes(system, mode).vectors[:, mode - 1]
+        moved = float(row @ shape)
+        still = abs(moved) <= STILL * float(np.linalg.norm(row) * np.linalg.norm(shape))
+        require(not still, "at", name, "", f"must be a place that moves in mode {mode}")
+        return cls(displacement=amplitude / moved * shape)
+
+    @classmethod
+    @takes(system=SYSTEM, force=quantity("N"), at=place())
+    def under_force(cls, system: System, force: float, at: Position | None = None) -> State:
+        """The structure at rest as a force bends it, K u = b F + constant forces; the force lets go at the start.
+
+        Parameters
+        ----------
+        system : System
+            Its contacts do not act: a run refuses a start beyond their gaps.
+        force : float, N
+            Along the deflection.
+        at : str or float, optional
+            The tip by default, or the first place of a system without one.
+
+        Returns
+        -------
+        State
+            Balls are in the middle.
+
+        Raises
+        ------
+        InputError
+            If the structure can move as a rigid body, or the place is none.
+        """
+        name = system.default_place if at is None else at
+        held = rigid_motions(system).shape[1] == 0
+        require(held, "system", "one with rigid motions", "", "must be held: a force moves what is free without end")
+        load = force * system.point_row(name) + np.asarray(system.constant_load)
+        return cls(displacement=solve_stiffness(system, load[:, None])[:, 0])
+
+    @classmethod
+    @takes(system=SYSTEM, speed=quantity("m/s"))
+    def with_speed(cls, system: System, speed: float) -> State:
+        """Structure and balls undeformed, all with one speed relative to the base: as if the base had been stopped.
+
+        Parameters
+        ----------
+        system : System
+            Of a reduced one the modes kept have their part of that motion.
+        speed : float, m/s
+
+        Returns
+        -------
+        State
+        """
+        return cls(velocity=speed * system.rigid_translation, ball_velocity=np.full(len(system.balls), speed))
 
     @property
     def is_at_rest(self) -> bool:

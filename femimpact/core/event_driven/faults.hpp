@@ -14,6 +14,9 @@ constexpr Index MOST_COUNTED = Index(1) << 52;
 // Most pairs: each is a bit of a form's key.
 constexpr Index MOST_PAIRS = 62;
 
+// Of a piece of s(t).
+constexpr Index HIGHEST_DEGREE = DRIVE - 3;
+
 // Time between two samples as a share of the times themselves, below which rounding may exchange them.
 constexpr double LEAST_INTERVAL = 1e-14;
 
@@ -40,6 +43,14 @@ inline bool are_finite(GivenComplexArray exponent, GivenArray size) {
     double total = 0.0;
     for (Index k = 0; k < exponent.size(); k++)
         total += 0.0 * exponent(k).real + 0.0 * exponent(k).imag + 0.0 * size(k);
+    return total == 0.0;
+}
+
+inline bool are_finite(GivenMatrix values) {
+    double total = 0.0;
+    for (Index i = 0; i < values.shape[0]; i++)
+        for (Index j = 0; j < values.shape[1]; j++)
+            total += 0.0 * values(i, j);
     return total == 0.0;
 }
 
@@ -71,6 +82,8 @@ inline const char *fault_of(const Forms &forms, Index most_numbers) {
             return "forms.number: must be less than cases.known has columns";
         if (!is_within(forms.entries(f), 0, forms.exponent.shape[1]))
             return "forms.entries: must be at most as many as there is room for";
+        if (!is_within(forms.driven(f), 0, forms.entries(f)))
+            return "forms.driven: must be at most as many as there are entries";
         if (!is_within(forms.rigid_bodies(f), 0, forms.rigid_body_drive.shape[1]))
             return "forms.rigid_bodies: must be at most as many as there is room for";
         if (!blocks_fit(forms.blocks.row(f), forms.entries(f)))
@@ -84,6 +97,31 @@ inline const char *fault_of(const Forms &forms, Index most_numbers) {
 }
 
 // ---- cases ------------------------------------------------------------------------------------------
+
+// Of the polynomials that s(t) is made of, and of where a case is among them.
+inline const char *fault_of_pieces(const Cases &cases) {
+    const Index knots = cases.knots.size();
+    if (!is_within(cases.degree, -1, HIGHEST_DEGREE))
+        return "cases.degree: must be -1 to 5";
+    if (!(cases.longest > 0.0))
+        return "cases.longest: must be > 0";
+    for (Index i = 0; i < knots; i++)
+        if (!is_finite(cases.knots(i)) || !(i == 0 || cases.knots(i) > cases.knots(i - 1)))
+            return "cases.knots: must be finite and rise";
+    if (!are_finite(cases.pieces))
+        return "cases.pieces: must be finite";
+    for (Index c = 0; c < cases.omega.size(); c++) {
+        const Index piece = cases.piece(c);
+        for (Index i = 0; i < DRIVE; i++)
+            if (!is_finite(cases.drive(c, i)))
+                return "cases.drive: must be finite";
+        if (!is_within(piece, 0, larger(0, knots - 1)))
+            return "cases.piece: must be numbers of pieces";
+        if (piece + 1 < knots && !(cases.clock(c, 0) <= cases.knots(piece + 1)))
+            return "cases.piece: must not have ended before the present time";
+    }
+    return nullptr;
+}
 
 inline const char *fault_of(const Cases &cases, const Forms &forms) {
     const double pairs = double(cases.state.shape[1]);
@@ -105,9 +143,7 @@ inline const char *fault_of(const Cases &cases, const Forms &forms) {
         if (!is_countable(cases.events(c, 0)) || !is_countable(cases.events(c, 1)))
             return "cases.events: must be at most 2^52";
     }
-    if (cases.knots.size() > 0 && !(cases.knot_interval > 0.0 && is_finite(cases.knot_interval)))
-        return "cases.knot_interval: must be finite and > 0";
-    return nullptr;
+    return fault_of_pieces(cases);
 }
 
 // Of the times and cycles that a call reads.
@@ -141,6 +177,9 @@ inline const char *fault_of(const Task &task, const Cases &cases, const Grid &gr
         const double interval = grid.interval(c), until = grid.start(c) + double(task.end(c)) * interval;
         if (!(interval > LEAST_INTERVAL * larger(magnitude(grid.start(c)), magnitude(until))))
             return "grid.interval: must be more than what rounding makes of the times";
+        const double latest = larger(magnitude(cases.clock(c, 0)), magnitude(until));
+        if (cases.degree > 1 && !(cases.longest > LEAST_INTERVAL * latest))
+            return "cases.longest: must be more than what rounding makes of the times";
         // half an interval: what an event leaves may be rounded
         if (!(cases.clock(c, 0) <= until + 0.5 * interval))
             return "cases.clock: must not be later than the last sample";

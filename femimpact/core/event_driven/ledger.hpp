@@ -102,13 +102,14 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
             strength(k) = {0.0, 0.0};
         for (Index m = shapes.first(i); m < shapes.first(i + 1); m++) {
             Index k = shapes.members(m);
-            strength(k) = shapes.shape_rate(i, k) * mark.entry(k);
+            if (k >= scalars.driven)
+                strength(k) = shapes.shape_rate(i, k) * mark.entry(k);
         }
         Complex harmonic = shapes.harmonic(i);
         for (Index p = 0; p < shapes.rigid_bodies; p++)
             harmonic -= shapes.rigid_body_shape(i, p) * form.rigid_body_sine(p);
         strength(entries) = Complex{0.0, scalars.omega} * harmonic * phase;
-        if (scalars.broken)
+        if (scalars.degree == 0 || scalars.degree == 1)
             strength(entries + 1) = {shapes.follow(2, i) * mark.drive(3), 0.0};
     }
 }
@@ -129,7 +130,7 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
         for (Index k = 0; k < terms; k++) {
             if (strength(k) == 0.0)
                 continue;
-            if (scalars.broken) {
+            if (scalars.degree >= 0) {
                 Complex e = exponent_of(k, scalars);
                 Complex both = drive(2) * integral_of(e, s.growth(k), duration);
                 driven += (strength(k) * (both + drive(3) * first_moment(e, s.growth(k), duration))).real;
@@ -145,6 +146,153 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
     b.work(c.number) += work;
 }
 
+// Powers of the time that a polynomial of the drive has.
+constexpr Index POWERS = 6;
+
+// Terms of the series of `set_moments` for small and for larger exponents.
+constexpr Index FEW_TERMS = 10, SOME_TERMS = 15, MANY_TERMS = 22;
+
+// 6!/(n + 6)!
+struct SeriesOfMoments {
+    double values[MANY_TERMS + 1];
+    constexpr SeriesOfMoments() : values{} {
+        values[0] = 1.0;
+        for (Index n = 1; n <= MANY_TERMS; n++)
+            values[n] = values[n - 1] / double(n + POWERS);
+    }
+    constexpr double operator[](Index n) const { return values[n]; }
+};
+constexpr SeriesOfMoments SERIES;
+
+// Sets `out` to the integrals of s^j/j! e^{mu s} over the duration, j = 0 to 5, growth being e^{mu duration}.
+//
+// By parts from the lowest power up where mu is large; else from the series of the highest one down, which is stable
+// there, of the same integral from its end on.
+[[gnu::noinline]] inline void set_moments(Complex exponent, Complex growth, double duration, ComplexArray out) {
+    Complex z = exponent * (-duration);
+    double size = z.real * z.real + z.imag * z.imag;
+    if (size > 9.0) {
+        double power = 1.0;
+        Complex inverse = Complex{1.0, 0.0} / exponent;
+        out(0) = (growth - 1.0) * inverse;
+        for (Index j = 1; j < POWERS; j++) {
+            power *= duration / double(j);
+            out(j) = (power * growth - out(j - 1)) * inverse;
+        }
+        return;
+    }
+    // 6! times the sum of z^n/(n + 6)!
+    Complex total = {0.0, 0.0};
+    for (Index n = size < 0.25 ? FEW_TERMS : size < 2.0 ? SOME_TERMS : MANY_TERMS; n >= 0; n--)
+        total = SERIES[n] + z * total;
+    total *= INVERSE_FACTORIAL[POWERS];
+    for (Index j = POWERS - 1; j >= 0; j--) {
+        out(j) = total;
+        total = INVERSE_FACTORIAL[j] + z * total;
+    }
+    double power = duration;
+    for (Index j = 0; j < POWERS; j++) {
+        out(j) = power * growth * out(j);
+        power *= duration;
+    }
+}
+
+// Sets the values at the Gauss points of a polynomial by its derivatives at the beginning.
+[[gnu::always_inline]] inline void set_values(const double *derivatives, double duration, double *values) {
+    for (Index node = 0; node < GAUSS_POINTS; node++) {
+        double time = 0.5 * duration * (1.0 + NODES[node]), total = 0.0;
+        for (Index j = POWERS - 1; j >= 0; j--)
+            total = derivatives[j] * INVERSE_FACTORIAL[j] + total * time;
+        values[node] = total;
+    }
+}
+
+[[gnu::always_inline]] inline double integral_of_product(const double *one, const double *other, double duration) {
+    double total = 0.0;
+    for (Index node = 0; node < GAUSS_POINTS; node++)
+        total += WEIGHTS[node] * one[node] * other[node];
+    return 0.5 * duration * total;
+}
+
+// Whether driven and other entries move the same coordinate.
+[[gnu::always_inline]] inline bool are_mixed(const Shapes &shapes, Index driven, Index coordinates) {
+    for (Index i = 0; driven > 0 && i < coordinates; i++) {
+        Index first = shapes.first(i), last = shapes.first(i + 1);
+        if (first < last && shapes.members(first) < driven && shapes.members(last - 1) >= driven)
+            return true;
+    }
+    return false;
+}
+
+// Sets the rates of what driven entries move, as the Taylor series of each coordinate; `term` is scratch space.
+[[gnu::noinline]] inline void set_driven_rates(Index terms, const Form &form, const Space &space, const Ledger &b) {
+    const Scalars &scalars = form.scalars;
+    const Shapes &shapes = form.shapes;
+    ComplexArray term = scalars.term;
+    for (Index k = 0; k < scalars.driven; k++)
+        term(k) = space.mark.entry(k);
+    double factor = 1.0;
+    for (Index n = 0; n < terms; n++) {
+        for (Index i = 0; i < b.mass.size(); i++) {
+            double total = 0.0;
+            for (Index m = shapes.first(i); m < shapes.first(i + 1) && shapes.members(m) < scalars.driven; m++)
+                total += (shapes.shape_rate(i, shapes.members(m)) * term(shapes.members(m))).real;
+            space.products.rates(i, n) = total * factor;
+        }
+        for (Index k = 0; k < scalars.driven; k++)
+            term(k) = next_term(scalars, k, term, space.mark.drive, n);
+        factor *= INVERSE[n + 1];
+    }
+}
+
+// Adds the work on what the entries move, and the loss of every mode, under a polynomial.
+[[gnu::noinline]] inline void sum_polynomials(Index terms, double duration, const Form &form, const Case &c,
+                                              const Space &space, const Ledger &b) {
+    const Scalars &scalars = form.scalars;
+    const Products &s = space.products;
+    Array drive = space.mark.drive;
+    for (Index k = scalars.driven; k < terms; k++)
+        set_moments(scalars.exponent(k), s.growth(k), duration, s.moments.row(k));
+    Index series = 0;
+    if (scalars.driven > 0) {
+        series = terms_of_driven(scalars, duration);
+        set_driven_rates(series, form, space, b);
+    }
+    double acting[GAUSS_POINTS], steady[GAUSS_POINTS], work = 0.0;
+    set_values(&drive(2), duration, acting);
+    for (Index i = 0; i < b.mass.size(); i++) {
+        ComplexArray strength = s.strength.row(i);
+        double rates[POWERS];
+        for (Index j = 0; j < POWERS; j++)
+            rates[j] = derivative(form.shapes.follow_rate, i, drive, j);
+        set_values(rates, duration, steady);
+        for (Index node = 0; series > 0 && node < GAUSS_POINTS; node++) {
+            double time = 0.5 * duration * (1.0 + NODES[node]), total = 0.0;
+            for (Index n = series - 1; n >= 0; n--)
+                total = s.rates(i, n) + time * total;
+            steady[node] += total;
+        }
+        double driven = integral_of_product(acting, steady, duration), twice = 0.0;
+        for (Index k = scalars.driven; k < terms; k++) {
+            if (strength(k) == 0.0)
+                continue;
+            Complex by_drive = {0.0, 0.0}, by_rate = {0.0, 0.0};
+            for (Index j = 0; j < POWERS; j++) {
+                by_drive += drive(2 + j) * s.moments(k, j);
+                by_rate += rates[j] * s.moments(k, j);
+            }
+            driven += (strength(k) * by_drive).real;
+            twice += (strength(k) * by_rate).real;
+        }
+        work += b.load(i) * driven + b.given(i) * (s.after(0, i) - s.before(0, i));
+        if (b.damping(i) > 0.0) {
+            double own = integral_of_product(steady, steady, duration) + 2.0 * twice;
+            b.loss_of_mode(c.number, i) += b.damping(i) * (own + square_of(strength, s.plus, s.minus, terms));
+        }
+    }
+    b.work(c.number) += work;
+}
+
 // What its drive does on a rigid-body coordinate of unit mass: all that its kinetic energy gains.
 //
 // The work of constant forces is in that of the coordinates already.
@@ -153,7 +301,7 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
     const Scalars &scalars = form.scalars;
     double before = mark.rigid_body_rate(p), after = motion.rigid_body_rate(p);
     double increment = motion.rigid_body(p) - mark.rigid_body(p);
-    if (!scalars.broken) {
+    if (scalars.degree < 0) {
         Complex turned = form.rigid_body_sine(p);
         Complex was = turned * unit_phase(scalars.omega, mark.clock);
         Complex now = turned * unit_phase(scalars.omega, motion.clock);
@@ -217,7 +365,7 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
             move(scalars, spare, time - spare.clock(0));
             read_coordinates(form.shapes, spare, after);
             Complex phase = unit_phase(scalars.omega, spare.clock);
-            double acting = scalars.broken ? spare.drive(2) : c.amplitude * phase.imag;
+            double acting = scalars.degree >= 0 ? spare.drive(2) : c.amplitude * phase.imag;
             double base_rate = base_motion(c, spare).rate;
             for (Index i = 0; i < b.mass.size(); i++) {
                 double v = after(1, i);
@@ -300,15 +448,20 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
         read_coordinates(form.shapes, mark, s.before);
         if (touching)
             b.contact_loss(c.number) += add_separating(pairs, c, space);
-        if (has_blocks(scalars) || moving || (scalars.broken && active)) {
+        if (has_blocks(scalars) || moving || (scalars.degree >= 0 && active) ||
+            are_mixed(form.shapes, scalars.driven, b.mass.size())) {
             sum_over_points(duration, form, pairs, c, space, b);
             read_coordinates(form.shapes, motion, s.after);
         } else {
-            Index terms = scalars.exponent.size() + (scalars.broken ? 2 : 1);
+            bool polynomial = scalars.degree > 1;
+            Index terms = scalars.exponent.size() + (polynomial ? 0 : scalars.degree >= 0 ? 2 : 1);
             integrate_terms(scalars, form.together, duration, terms, s);
             set_strengths(terms, form, b.mass.size(), space);
             if (b.everywhere) {
-                sum_products(terms, duration, form, c, space, b);
+                if (polynomial)
+                    sum_polynomials(terms, duration, form, c, space, b);
+                else
+                    sum_products(terms, duration, form, c, space, b);
                 for (Index p = 0; p < form.shapes.rigid_bodies; p++)
                     b.work(c.number) += work_on_rigid_body(p, form, mark, motion);
             }

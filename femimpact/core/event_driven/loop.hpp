@@ -70,6 +70,8 @@ constexpr Index EVENTS_AT_ONCE = 200;
             }
             for (Index k = 0; k < active; k++)
                 motion.entry(k) *= growth(k);
+            if (scalars.driven > 0)
+                drive_entries(scalars, motion, time - motion.clock(0));
             move_rigid_bodies(scalars, motion, time - motion.clock(0));
             phase *= wave;
         } else {
@@ -77,7 +79,7 @@ constexpr Index EVENTS_AT_ONCE = 200;
             motion.clock(0) = time;
             phase = unit_phase(scalars.omega, motion.clock);
             for (Index k = 0; k < scalars.exponent.size(); k++)
-                if (motion.entry(k) != 0.0)
+                if (motion.entry(k) != 0.0 || k < scalars.driven)
                     active = k + 1;
         }
         motion.clock(0) = time;
@@ -118,20 +120,15 @@ inline Index to_next_event(Index begin, double until, const Form &form, const Ca
     const Space &space = job.space;
     const Scalars &scalars = form.scalars;
     const Motion &motion = space.motion, &trial = space.trial;
-    double knot = INFINITE;
-    Index index = 0;
-    if (scalars.broken) {
-        double passed = __builtin_floor(motion.clock(0) / cases.knot_interval + 1e-9);
-        index = Index(larger(-1.0, smaller(double(cases.knots.size()), passed))) + 1;
-        // rounding may find the knot again that the motion is at
-        if (double(index) * cases.knot_interval <= motion.clock(0))
-            index++;
-        if (index < cases.knots.size())
-            knot = double(index) * cases.knot_interval;
-    }
+    Index next = cases.piece(c.number) + 1;
+    double knot = scalars.degree >= 0 && next < cases.knots.size() ? cases.knots(next) : INFINITE;
+    // within a long piece as far as series of driven entries serve
+    double end = smaller(until, knot);
+    if (are_pushed(scalars, motion.drive))
+        end = smaller(end, motion.clock(0) + cases.longest);
     copy_motion(motion, space.mark);
     copy_motion(motion, trial);
-    Index status = next_event(scalars, trial, smaller(until, knot), space.search);
+    Index status = next_event(scalars, trial, end, space.search);
     double reached = trial.clock(0);
     if (reached > motion.clock(0)) {
         cases.events(c.number, 1) = 0;
@@ -153,8 +150,10 @@ inline Index to_next_event(Index begin, double until, const Form &form, const Ca
     copy_motion(trial, motion);
     if (b && (b->everywhere || any_compliant(c, job.pairs)))
         add_to_ledger(form, job.pairs, c, space, *b);
-    if (status == END && reached >= knot)
-        turn_knot(index, cases.form(c.number, 1), cases, job.forms, motion);
+    if (status == END && reached >= knot) {
+        turn_knot(next, cases.form(c.number, 1), cases, job.forms, motion);
+        cases.piece(c.number) = next;
+    }
     return status;
 }
 

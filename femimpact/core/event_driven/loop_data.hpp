@@ -36,7 +36,7 @@ struct Scalars {
     View<const Index, 2> blocks; // (B, 2) first entry and number of entries of each; none where that is 0
     GivenArray size;             // (K,) |lambda|, or the norm of the block
     double omega;                // of the sine
-    bool broken;                 // whether s(t) is a broken line
+    Index degree;                // of the pieces of s(t), each a polynomial; -1 for a sine
     GivenArray rigid_body_given; // (P,) constant acceleration
     GivenArray rigid_body_drive; // (P,) acceleration per unit of s(t); zero for a sine: that is in `sine`
     GivenArray lasting; // (2R,) side of a contact whose force is watched for its end, times STICKS if it sticks, else 0
@@ -48,7 +48,9 @@ struct Scalars {
     GivenMatrix rigid_body_rate_weight; // (2R + O, P)
     GivenComplexArray sine;             // (2R + O,)
     GivenArray constant;                // (2R + O,)
-    GivenMatrix follow;                 // (4, 2R + O) steady motion under a broken line, per unit of ub, ub', s and s'
+    GivenMatrix follow;                 // (8, 2R + O) steady motion under a polynomial, per unit of what `drive` holds
+    Index driven;                       // entries, the slowest ones, that move under a polynomial; see `drive_entries`
+    GivenComplexMatrix load;            // (3, K) what s, ub' and ub add to the rate of each entry
     ComplexArray term;                  // (K,) scratch
     ComplexArray growth;                // (K,) scratch
 
@@ -58,7 +60,7 @@ struct Scalars {
         visit("blocks", blocks, "B 2");
         visit("size", size, "K");
         visit("omega", omega);
-        visit("broken", broken);
+        visit("degree", degree);
         visit("rigid_body_given", rigid_body_given, "P");
         visit("rigid_body_drive", rigid_body_drive, "P");
         visit("lasting", lasting, "2R");
@@ -70,26 +72,28 @@ struct Scalars {
         visit("rigid_body_rate_weight", rigid_body_rate_weight, "2R+O P");
         visit("sine", sine, "2R+O");
         visit("constant", constant, "2R+O");
-        visit("follow", follow, "4 2R+O");
+        visit("follow", follow, "8 2R+O");
+        visit("driven", driven);
+        visit("load", load, "3 K");
         visit("term", term, "K");
         visit("growth", growth, "K");
     }
 };
 
-// Where the motion is: homogeneous part, rigid-body coordinates, time, a drive by samples.
+// Where the motion is: homogeneous part, rigid-body coordinates, time, a drive by pieces.
 struct Motion {
     ComplexArray entry;    // (K,)
     Array rigid_body;      // (P,)
     Array rigid_body_rate; // (P,)
     Array clock;           // (2,): time, phase of the sine at t = 0
-    Array drive;           // (4,): ub, ub', s, s' of a broken line; zero for a sine
+    Array drive;           // (8,): ub, ub', s and the derivatives of s to the fifth; zero for a sine
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("entry", entry, "K");
         visit("rigid_body", rigid_body, "P");
         visit("rigid_body_rate", rigid_body_rate, "P");
         visit("clock", clock, "2");
-        visit("drive", drive, "4");
+        visit("drive", drive, "8");
     }
 };
 
@@ -100,7 +104,8 @@ struct Search {
     Array rate;          // (2R,)
     Array found;         // (5,) scratch
     Array size;          // (K,) |H|; see `measure`
-    ComplexMatrix power; // (3, K): H', and scratch
+    Matrix drift;        // (2, K) of driven entries: |H''|, and how far H'' changes; see `measure`
+    ComplexMatrix power; // (3, K): H', H'' of driven entries, and scratch
     Array event;         // (2,): scalar, side
     Array negligible;    // (1,) m/s, see `negligible_approach`
 
@@ -110,6 +115,7 @@ struct Search {
         visit("rate", rate, "2R");
         visit("found", found, "5");
         visit("size", size, "K");
+        visit("drift", drift, "2 K");
         visit("power", power, "3 K");
         visit("event", event, "2");
         visit("negligible", negligible, "1");
@@ -139,6 +145,7 @@ struct Forms {
     GivenIndices number;                     // (F,) among those of the same contact parameters
     GivenIndices entries;                    // (F,)
     GivenIndices rigid_bodies;               // (F,)
+    GivenIndices driven;                     // (F,) see Scalars
     GivenComplexMatrix exponent;             // (F, K)
     View<const Complex, 3> coupling;         // (F, K, K); see Scalars
     View<const Index, 3> blocks;             // (F, B, 2)
@@ -151,13 +158,14 @@ struct Forms {
     View<const double, 3> rigid_body_rate_weight; // (F, 2R + O, P)
     View<const double, 3> constant;               // (F, 2R + O, 1 + R)
     View<const double, 3> through;                // (F, 3, 2R + O) directly of s, ub' and ub
-    View<const double, 3> follow;                 // (F, 4, 2R + O) see Scalars
+    View<const double, 3> follow;                 // (F, 8, 2R + O) see Scalars
     View<const Complex, 3> shape;                 // (F, d, K)
     View<const Complex, 3> shape_rate;            // (F, d, K)
     View<const double, 3> rigid_body_shape;       // (F, d, P)
     View<const double, 3> static_part;            // (F, d, 1 + R)
     GivenMatrix position_through;                 // (F, d) directly of ub
-    View<const double, 3> position_follow;        // (F, 4, d)
+    View<const double, 3> position_follow;        // (F, 8, d)
+    View<const double, 3> velocity_follow;        // (F, 8, d)
     View<const Complex, 3> load;                  // (F, 3, K): what s, ub' and ub add to the rate of each entry
     View<const Complex, 3> to_entry_u;            // (F, K, d)
     View<const Complex, 3> to_entry_v;            // (F, K, d)
@@ -176,6 +184,7 @@ struct Forms {
         visit("number", number, "F");
         visit("entries", entries, "F");
         visit("rigid_bodies", rigid_bodies, "F");
+        visit("driven", driven, "F");
         visit("exponent", exponent, "F K");
         visit("coupling", coupling, "F K K");
         visit("blocks", blocks, "F B 2");
@@ -188,13 +197,14 @@ struct Forms {
         visit("rigid_body_rate_weight", rigid_body_rate_weight, "F 2R+O P");
         visit("constant", constant, "F 2R+O R+1");
         visit("through", through, "F 3 2R+O");
-        visit("follow", follow, "F 4 2R+O");
+        visit("follow", follow, "F 8 2R+O");
         visit("shape", shape, "F d K");
         visit("shape_rate", shape_rate, "F d K");
         visit("rigid_body_shape", rigid_body_shape, "F d P");
         visit("static", static_part, "F d R+1");
         visit("position_through", position_through, "F d");
-        visit("position_follow", position_follow, "F 4 d");
+        visit("position_follow", position_follow, "F 8 d");
+        visit("velocity_follow", velocity_follow, "F 8 d");
         visit("load", load, "F 3 K");
         visit("to_entry_u", to_entry_u, "F K d");
         visit("to_entry_v", to_entry_v, "F K d");
@@ -216,7 +226,9 @@ struct Shapes {
     GivenMatrix rigid_body_shape;  // (d, P)
     GivenArray static_part;        // (d,)
     GivenComplexArray harmonic;    // (d,)
-    GivenMatrix follow;            // (4, d)
+    GivenMatrix follow;            // (8, d)
+    GivenMatrix follow_rate;       // (8, d)
+    Index degree;                  // see Scalars
     GivenIndices first;            // (d + 1,)
     GivenIndices members;          // (d K,)
     Index rigid_bodies;
@@ -257,8 +269,10 @@ struct Pairs {
 struct Cases {
     GivenArray omega;             // (C,)
     GivenArray amplitude;         // (C,)
-    GivenArray knots;             // (L,) s(t) of a broken line; none for a sine
-    double knot_interval;         // s
+    GivenArray knots;             // (L,) s, where the pieces of s(t) begin, rising; none for a sine
+    GivenMatrix pieces;           // (L, 8) what `Motion.drive` is at the beginning of each piece
+    Index degree;                 // of the pieces; see Scalars
+    double longest;               // s, for which the series of `drive_entries` serves
     GivenMatrix gap_plus;         // (C, R)
     GivenMatrix gap_minus;        // (C, R)
     GivenMatrix stiffness;        // (C, R)
@@ -269,7 +283,8 @@ struct Cases {
     ComplexMatrix entry;          // (C, K)
     View<double, 3> rigid_body;   // (C, 2, P) and their rates
     Matrix clock;                 // (C, 2) see Motion
-    Matrix drive;                 // (C, 4) see Motion
+    Matrix drive;                 // (C, 8) see Motion
+    View<Index, 1> piece;         // (C,) number of the present piece
     View<double, 3> coordinates;  // (C, 2, d) displacements and velocities where a form is to be entered
     View<Index, 1> entering;      // (C,) ENTERED, or what is to be done first
     Matrix leaving;               // (C, 2R) see Search
@@ -290,7 +305,9 @@ struct Cases {
         visit("omega", omega, "C");
         visit("amplitude", amplitude, "C");
         visit("knots", knots, "L");
-        visit("knot_interval", knot_interval);
+        visit("pieces", pieces, "L 8");
+        visit("degree", degree);
+        visit("longest", longest);
         visit("gap_plus", gap_plus, "C R");
         visit("gap_minus", gap_minus, "C R");
         visit("stiffness", stiffness, "C R");
@@ -301,7 +318,8 @@ struct Cases {
         visit("entry", entry, "C K");
         visit("rigid_body", rigid_body, "C 2 P");
         visit("clock", clock, "C 2");
-        visit("drive", drive, "C 4");
+        visit("drive", drive, "C 8");
+        visit("piece", piece, "C");
         visit("coordinates", coordinates, "C 2 d");
         visit("entering", entering, "C");
         visit("leaving", leaving, "C 2R");
@@ -323,7 +341,7 @@ struct Cases {
 // One case: its drive, its contacts, and their states.
 struct Case {
     Index number;
-    double omega;           // of the sine; 0 for a broken line
+    double omega;           // of the sine; 0 for pieces
     double amplitude;       // of s(t): m/s^2 or N
     GivenArray gap_plus;    // (R,) m, to the + wall
     GivenArray gap_minus;   // (R,) m, to the - wall
@@ -434,6 +452,8 @@ struct Products {
     ComplexArray growth;    // (T,)
     ComplexMatrix plus;     // (T, T)
     ComplexMatrix minus;    // (T, T)
+    ComplexMatrix moments;  // (K, 6) see `set_moments`
+    Matrix rates;           // (d, 24) Taylor series of what driven entries move
 
     template <class Visitor> void fields(Visitor &visit) {
         visit("before", before, "2 d");
@@ -442,6 +462,8 @@ struct Products {
         visit("growth", growth, "K+2");
         visit("plus", plus, "K+2 K+2");
         visit("minus", minus, "K+2 K+2");
+        visit("moments", moments, "K 6");
+        visit("rates", rates, "d 9+9+6");
     }
 };
 

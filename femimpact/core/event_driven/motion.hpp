@@ -55,7 +55,32 @@ struct Push {
     return {scalars.rigid_body_given(i) + drive * motion.drive(2), drive * motion.drive(3)};
 }
 
-// Advances the rigid-body coordinates, and the drive where it is a broken line.
+// Numbers in `Motion.drive`: ub, ub', s, and the derivatives of s to the fifth.
+constexpr Index DRIVE = 8;
+
+// 1/n!.
+constexpr double INVERSE_FACTORIAL[] = {1.0,       1.0,        1.0 / 2.0,   1.0 / 6.0,    1.0 / 24.0,
+                                        1.0 / 120, 1.0 / 720., 1.0 / 5040., 1.0 / 40320., 1.0 / 362880.};
+
+// Taylor's series of the derivative `first` of a drive, from its n-th term on with n = `from`.
+[[gnu::always_inline]] inline double series(GivenArray d, Index first, Index from, double time) {
+    double total = 0.0;
+    for (Index n = DRIVE - 1 - first; n >= from; n--)
+        total = d(first + n) * INVERSE_FACTORIAL[n] + total * time;
+    for (Index n = 0; n < from; n++)
+        total *= time;
+    return total;
+}
+
+// The same of the sizes of the derivatives, from the first term on: a bound for all times up to this one.
+[[gnu::always_inline]] inline double size_of_series(GivenArray d, Index first, double time) {
+    double total = 0.0;
+    for (Index n = DRIVE - 1 - first; n >= 0; n--)
+        total = magnitude(d(first + n)) * INVERSE_FACTORIAL[n] + total * time;
+    return total;
+}
+
+// Advances the rigid-body coordinates, and the drive where it is in pieces.
 [[gnu::always_inline]] inline void move_rigid_bodies(const Scalars &scalars, const Motion &motion, double duration) {
     Array d = motion.drive, y = motion.rigid_body, v = motion.rigid_body_rate;
     for (Index i = 0; i < scalars.rigid_body_given.size(); i++) {
@@ -63,20 +88,67 @@ struct Push {
         y(i) += duration * (v(i) + duration * (0.5 * push + duration * growth / 6.0));
         v(i) += duration * (push + 0.5 * duration * growth);
     }
-    if (scalars.broken) {
+    if (scalars.degree > 1) {
+        // what the terms from s'' on add to both integrals of s
+        double moved = series(d, 0, 4, duration), faster = series(d, 1, 3, duration);
+        for (Index i = 0; i < scalars.rigid_body_given.size(); i++) {
+            y(i) += scalars.rigid_body_drive(i) * moved;
+            v(i) += scalars.rigid_body_drive(i) * faster;
+        }
+        for (Index i = 0; i < DRIVE - 1; i++)
+            d(i) += series(d, i, 1, duration);
+    } else if (scalars.degree >= 0) {
         d(0) += duration * (d(1) + duration * (0.5 * d(2) + duration * d(3) / 6.0));
         d(1) += duration * (d(2) + 0.5 * duration * d(3));
         d(2) += duration * d(3);
     }
 }
 
-// What a broken line adds to a scalar: the value and its three derivatives, the last of which is constant.
+// The derivative of some order of what a polynomial adds to a scalar.
+[[gnu::always_inline]] inline double derivative(GivenMatrix follow, Index r, GivenArray d, Index order) {
+    double total = 0.0;
+    for (Index i = 0; i + order < DRIVE; i++)
+        total += follow(i, r) * d(i + order);
+    return total;
+}
+
+// What a polynomial adds to a scalar: the value and its first three derivatives.
 struct Taylor {
     double value, rate, bend, twist;
 };
-[[gnu::always_inline]] inline Taylor taylor(GivenMatrix follow, Index r, GivenArray d) {
+[[gnu::always_inline]] inline Taylor taylor(const Scalars &scalars, Index r, GivenArray d) {
+    GivenMatrix follow = scalars.follow;
+    if (scalars.degree > 1)
+        return {derivative(follow, r, d, 0), derivative(follow, r, d, 1), derivative(follow, r, d, 2),
+                derivative(follow, r, d, 3)};
     double a = follow(0, r), b = follow(1, r), c = follow(2, r), e = follow(3, r);
     return {a * d(0) + b * d(1) + c * d(2) + e * d(3), a * d(1) + b * d(2) + c * d(3), a * d(2) + b * d(3), a * d(3)};
+}
+
+// How far a derivative of scalar r may change within a time by those from one order on, which a polynomial adds.
+//
+// Bounds |x^(of)(t) - its Taylor series of the orders before `from`|, with the entries of the motion left out.
+[[gnu::noinline]] inline double later_change(const Scalars &scalars, Index r, GivenArray d, Index of, Index from,
+                                             double time) {
+    double total = 0.0;
+    for (Index order = DRIVE - 1; order >= from; order--) {
+        double own = derivative(scalars.follow, r, d, order);
+        for (Index i = 0; i < scalars.rigid_body_given.size(); i++) {
+            // x = p y + q y' with y'' = s times a factor
+            double p = scalars.rigid_body_weight(r, i), q = scalars.rigid_body_rate_weight(r, i);
+            double higher = order + 1 < DRIVE ? q * d(order + 1) : 0.0;
+            own += scalars.rigid_body_drive(i) * (p * d(order) + higher);
+        }
+        total = magnitude(own) * INVERSE_FACTORIAL[order - of] + total * time;
+    }
+    for (Index n = of; n < from; n++)
+        total *= time;
+    return total;
+}
+
+// Change of the second derivative within a time beyond that by the third one.
+[[gnu::always_inline]] inline double later_bend(const Scalars &scalars, Index r, GivenArray d, double time) {
+    return later_change(scalars, r, d, 2, 4, time);
 }
 
 // Sets `out` to Lambda times a vector of entries.
@@ -91,10 +163,75 @@ struct Taylor {
     }
 }
 
-// Sets |H| of every entry, the norm within a block, and H'.
-[[gnu::noinline]] inline void measure(const Scalars &scalars, const Motion &motion, const Search &search) {
+// The derivative of some order of what drives an entry.
+[[gnu::always_inline]] inline Complex push_on_entry(const Scalars &scalars, Index k, GivenArray d, Index order) {
+    Complex total = scalars.load(2, k) * d(order);
+    if (order + 1 < DRIVE)
+        total += scalars.load(1, k) * d(order + 1);
+    if (order + 2 < DRIVE)
+        total += scalars.load(0, k) * d(order + 2);
+    return total;
+}
+
+// Sets `out` to Lambda times some derivative of the entries, and what a polynomial adds to that of driven ones.
+[[gnu::always_inline]] inline void differentiate(const Scalars &scalars, GivenComplexArray entry, GivenArray d,
+                                                 Index order, ComplexArray out) {
+    multiply(scalars, entry, out);
+    for (Index k = 0; k < scalars.driven; k++)
+        out(k) += push_on_entry(scalars, k, d, order);
+}
+
+// Bound on a derivative of what drives an entry, from bounds on that of ub and on the next two.
+[[gnu::always_inline]] inline double largest_push(const Scalars &scalars, Index k, double of_base, double of_speed,
+                                                  double of_drive) {
+    auto size = [](Complex a) { return magnitude(a.real) + magnitude(a.imag); };
+    return size(scalars.load(0, k)) * of_drive + size(scalars.load(1, k)) * of_speed +
+           size(scalars.load(2, k)) * of_base;
+}
+
+// Adds the values of driven entries within a block, whose motions mix.
+[[gnu::always_inline]] inline void sum_within_blocks(const Scalars &scalars, Array values) {
+    for (Index b = 0; b < scalars.blocks.shape[0]; b++) {
+        Index first = scalars.blocks(b, 0), last = first + scalars.blocks(b, 1);
+        if (last > scalars.driven)
+            continue;
+        double total = 0.0;
+        for (Index k = first; k < last; k++)
+            total += values(k);
+        for (Index k = first; k < last; k++)
+            values(k) = total;
+    }
+}
+
+// Sets what bounds driven entries over a time: |H|, from what it is now, and |H''| with its change.
+[[gnu::noinline]] inline void measure_driven(const Scalars &scalars, const Motion &motion, double ahead,
+                                             const Search &search) {
+    Array size = search.size, bend = search.drift.row(0), change = search.drift.row(1), d = motion.drive;
+    ComplexArray twice = search.power.row(1);
+    differentiate(scalars, search.power.row(0), d, 1, twice);
+    double bound[5];
+    for (Index order = 0; order < 5; order++)
+        bound[order] = size_of_series(d, order, ahead);
+    for (Index k = 0; k < scalars.driven; k++) {
+        bend(k) = magnitude(twice(k).real) + magnitude(twice(k).imag);
+        // here what its push alone may do: no motion of a block grows by itself
+        change(k) = largest_push(scalars, k, bound[2], bound[3], bound[4]);
+        size(k) += ahead * largest_push(scalars, k, bound[0], bound[1], bound[2]);
+    }
+    if (scalars.blocks.shape[0] > 0) {
+        sum_within_blocks(scalars, size);
+        sum_within_blocks(scalars, bend);
+        sum_within_blocks(scalars, change);
+    }
+    for (Index k = 0; k < scalars.driven; k++)
+        change(k) = ahead * (scalars.size(k) * (bend(k) + ahead * change(k)) + change(k));
+}
+
+// Sets |H| of every entry, the norm within a block, and H'; of driven entries what bounds them for a time.
+[[gnu::noinline]] inline void measure(const Scalars &scalars, const Motion &motion, double ahead,
+                                      const Search &search) {
     Array size = search.size;
-    multiply(scalars, motion.entry, search.power.row(0));
+    differentiate(scalars, motion.entry, motion.drive, 0, search.power.row(0));
     for (Index k = 0; k < scalars.exponent.size(); k++) {
         Complex h = motion.entry(k);
         size(k) = __builtin_sqrt(h.real * h.real + h.imag * h.imag);
@@ -107,6 +244,8 @@ struct Taylor {
         for (Index k = first; k < last; k++)
             size(k) = __builtin_sqrt(square);
     }
+    if (scalars.driven > 0)
+        measure_driven(scalars, motion, ahead, search);
 }
 
 // e^z by the C library.
@@ -143,6 +282,69 @@ struct Taylor {
     }
 }
 
+// Terms of Taylor's series of driven entries, by |lambda| times the time: below 0.1, below 0.6, below 2.
+constexpr Index TERMS_OF_SLOW = 10, TERMS_OF_SLOWER = 15, MOST_TERMS = 24;
+
+constexpr double INVERSE[MOST_TERMS + 1] = {
+    0.0,      1.0,      1.0 / 2,  1.0 / 3,  1.0 / 4,  1.0 / 5,  1.0 / 6,  1.0 / 7,  1.0 / 8,
+    1.0 / 9,  1.0 / 10, 1.0 / 11, 1.0 / 12, 1.0 / 13, 1.0 / 14, 1.0 / 15, 1.0 / 16, 1.0 / 17,
+    1.0 / 18, 1.0 / 19, 1.0 / 20, 1.0 / 21, 1.0 / 22, 1.0 / 23, 1.0 / 24,
+};
+
+[[gnu::always_inline]] inline Index terms_of_driven(const Scalars &scalars, double duration) {
+    double largest = 0.0;
+    for (Index k = 0; k < scalars.driven; k++)
+        largest = larger(largest, scalars.size(k) * duration);
+    return largest < 0.1 ? TERMS_OF_SLOW : largest < 0.6 ? TERMS_OF_SLOWER : MOST_TERMS;
+}
+
+// The next derivative of driven entry k under a polynomial, `order` being that of `term`.
+[[gnu::always_inline]] inline Complex next_term(const Scalars &scalars, Index k, GivenComplexArray term, GivenArray d,
+                                                Index order) {
+    Complex next = scalars.exponent(k) * term(k);
+    if (order < DRIVE)
+        next += push_on_entry(scalars, k, d, order);
+    for (Index b = 0; b < scalars.blocks.shape[0]; b++) {
+        Index last = scalars.blocks(b, 0) + scalars.blocks(b, 1);
+        if (k >= scalars.blocks(b, 0) && k < last)
+            for (Index m = k + 1; m < last; m++)
+                next += scalars.coupling(k, m) * term(m);
+    }
+    return next;
+}
+
+// Whether anything drives the driven entries now.
+[[gnu::always_inline]] inline bool are_pushed(const Scalars &scalars, GivenArray d) {
+    bool found = false;
+    for (Index i = 2; i < DRIVE; i++)
+        found = found || d(i) != 0.0;
+    for (Index k = 0; k < scalars.driven; k++)
+        found = found || scalars.load(1, k) != 0.0 || scalars.load(2, k) != 0.0;
+    return found && scalars.driven > 0;
+}
+
+// Adds what a polynomial does to driven entries in a time, which the rest of `move` leaves out.
+//
+// H' = Lambda H + F has the Taylor series of c_0 = 0, c_{n+1} = Lambda c_n + F^(n). An entry that is slow beside the
+// polynomial has its whole response; of a fast one the response that is a polynomial itself is apart (`follow`), and
+// its entry is the rest. Taken apart too, the response of a slow one would be a small difference of large numbers.
+[[gnu::noinline]] inline void drive_entries(const Scalars &scalars, const Motion &motion, double duration) {
+    if (!are_pushed(scalars, motion.drive))
+        return;
+    ComplexArray term = scalars.term, entry = motion.entry;
+    Index driven = scalars.driven, terms = terms_of_driven(scalars, duration);
+    for (Index k = 0; k < driven; k++)
+        term(k) = {0.0, 0.0};
+    double factor = 1.0;
+    for (Index n = 0; n < terms; n++) {
+        factor *= duration * INVERSE[n + 1];
+        for (Index k = 0; k < driven; k++) {
+            term(k) = next_term(scalars, k, term, motion.drive, n);
+            entry(k) += term(k) * factor;
+        }
+    }
+}
+
 // Advances the homogeneous part, the rigid-body coordinates and the clock.
 [[gnu::noinline]] inline void move(const Scalars &scalars, const Motion &motion, double duration) {
     ComplexArray growth = scalars.growth;
@@ -156,6 +358,8 @@ struct Taylor {
     }
     for (Index k = 0; k < scalars.exponent.size(); k++)
         motion.entry(k) *= growth(k);
+    if (scalars.driven > 0)
+        drive_entries(scalars, motion, duration);
     move_rigid_bodies(scalars, motion, duration);
     motion.clock(0) += duration;
 }
@@ -173,7 +377,7 @@ struct Taylor {
         target.rigid_body(i) = source.rigid_body(i);
         target.rigid_body_rate(i) = source.rigid_body_rate(i);
     }
-    for (Index i = 0; i < 4; i++)
+    for (Index i = 0; i < DRIVE; i++)
         target.drive(i) = source.drive(i);
     target.clock(0) = source.clock(0);
     target.clock(1) = source.clock(1);
@@ -187,7 +391,7 @@ struct Taylor {
                                            const Motion &motion) {
     double fastest = scalars.omega;
     for (Index k = 0; k < scalars.exponent.size(); k++) {
-        if (-scalars.exponent(k).real * elapsed > DECAY_EXPONENT)
+        if (k >= scalars.driven && -scalars.exponent(k).real * elapsed > DECAY_EXPONENT)
             motion.entry(k) = {0.0, 0.0};
         else if (motion.entry(k) != 0.0)
             fastest = larger(fastest, scalars.size(k));
@@ -214,7 +418,7 @@ struct Taylor {
                                            Complex phase, double remaining, const Search &search) {
     Array size = search.size, found = search.found, d = motion.drive;
     ComplexArray rate_of = search.power.row(0);
-    bool broken = scalars.broken;
+    bool pieces = scalars.degree >= 0;
     Complex turned = scalars.sine(r) * phase, wave = scalars.sine(r);
     double size_of_sine = __builtin_sqrt(wave.real * wave.real + wave.imag * wave.imag);
     double value = scalars.constant(r) + turned.real;
@@ -223,8 +427,8 @@ struct Taylor {
     double scale_rate = scalars.omega * size_of_sine;
     double bend = scalars.omega * scale_rate;
     double pull = 0.0, twist = 0.0;
-    if (broken) {
-        Taylor followed = taylor(scalars.follow, r, d);
+    if (pieces) {
+        Taylor followed = taylor(scalars, r, d);
         value += followed.value;
         rate += followed.rate;
         pull = followed.bend;
@@ -242,10 +446,12 @@ struct Taylor {
         scale += magnitude(p * y) + magnitude(q * v);
         scale_rate += magnitude(p * v) + magnitude(q * push);
         pull += p * push + q * growth;
-        twist += magnitude(p * growth);
+        twist += magnitude(p * growth + q * scalars.rigid_body_drive(i) * d(4));
     }
-    if (broken)
+    if (pieces)
         twist *= remaining;
+    if (scalars.degree > 1)
+        twist += later_bend(scalars, r, d, remaining);
     double fast = 0.0;
     for (Index k = 0; k < active; k++)
         fast += scalars.weight_size(r, k) * size(k);
@@ -267,7 +473,11 @@ struct Taylor {
             fast = k + 1 < active ? fast - own : 0.0;
             double speed = own * scalars.size(k);
             scale_rate += speed;
-            bend += speed * scalars.size(k);
+            if (k < scalars.driven) {
+                pull += (weight * search.power(1, k)).real;
+                bend += scalars.weight_size(r, k) * search.drift(1, k);
+            } else
+                bend += speed * scalars.size(k);
         }
     }
     found(0) = value;
@@ -289,9 +499,9 @@ struct Taylor {
 
 // Sets found[0:5] to the second and third derivative of scalar r, and bounds on the second to fourth.
 //
-// `search` is as `measure` leaves it.
+// The last two hold for the time that remains. `search` is as `measure` leaves it.
 [[gnu::noinline]] inline void derivatives(Index r, const Scalars &scalars, const Motion &motion, Complex phase,
-                                          const Search &search) {
+                                          double remaining, const Search &search) {
     Array size = search.size, found = search.found;
     ComplexArray once = search.power.row(0), twice = search.power.row(1), thrice = search.power.row(2);
     Complex turned = scalars.sine(r) * phase;
@@ -305,21 +515,39 @@ struct Taylor {
         size2 += magnitude(pull);
         size3 += magnitude(twist);
     };
-    if (scalars.broken) {
-        Taylor followed = taylor(scalars.follow, r, motion.drive);
+    if (scalars.degree >= 0) {
+        Taylor followed = taylor(scalars, r, motion.drive);
         add(followed.bend, followed.twist);
     }
     for (Index i = 0; i < scalars.rigid_body_given.size(); i++) {
         double p = scalars.rigid_body_weight(r, i), q = scalars.rigid_body_rate_weight(r, i);
         auto [push, growth] = rigid_body_push(i, scalars, motion);
-        add(p * push + q * growth, p * growth);
+        add(p * push + q * growth, p * growth + q * scalars.rigid_body_drive(i) * motion.drive(4));
     }
-    multiply(scalars, once, twice);
-    multiply(scalars, twice, thrice);
+    if (scalars.degree > 1) {
+        size3 += later_change(scalars, r, motion.drive, 3, 4, remaining);
+        size4 += later_change(scalars, r, motion.drive, 4, 4, remaining);
+    }
+    differentiate(scalars, once, motion.drive, 1, twice);
+    differentiate(scalars, twice, motion.drive, 2, thrice);
+    double ahead[4] = {};
+    for (Index order = 0; scalars.driven > 0 && order < 4; order++)
+        ahead[order] = size_of_series(motion.drive, 2 + order, remaining);
     for (Index k = 0; k < scalars.size.size(); k++) {
         second += (scalars.weight(r, k) * twice(k)).real;
         third += (scalars.weight(r, k) * thrice(k)).real;
-        double rate = scalars.size(k), own = scalars.weight_size(r, k) * size(k) * (rate * rate);
+        double rate = scalars.size(k), weight = scalars.weight_size(r, k);
+        if (k < scalars.driven) {
+            // from |H''|, its change, and that of what drives it
+            double bent = search.drift(0, k) + search.drift(1, k);
+            double pushed = weight * largest_push(scalars, k, ahead[0], ahead[1], ahead[2]);
+            double twisted = weight * rate * bent + pushed;
+            size2 += weight * search.drift(0, k);
+            size3 += twisted;
+            size4 += rate * twisted + weight * largest_push(scalars, k, ahead[1], ahead[2], ahead[3]);
+            continue;
+        }
+        double own = weight * size(k) * (rate * rate);
         size2 += own;
         size3 += own * rate;
         size4 += own * (rate * rate);
@@ -335,8 +563,8 @@ struct Taylor {
 [[gnu::always_inline]] inline double value_now(Index r, Index active, Complex phase, const Scalars &scalars,
                                                const Motion &motion) {
     double value = scalars.constant(r) + (scalars.sine(r) * phase).real;
-    if (scalars.broken)
-        value += taylor(scalars.follow, r, motion.drive).value;
+    if (scalars.degree >= 0)
+        value += taylor(scalars, r, motion.drive).value;
     for (Index k = 0; k < active; k++) {
         Complex w = scalars.weight(r, k), h = motion.entry(k);
         value += w.real * h.real - w.imag * h.imag;
@@ -358,13 +586,13 @@ struct Rates {
     Complex phase = unit_phase(omega, motion.clock), turned = scalars.sine(r) * phase;
     double value = value_now(r, scalars.exponent.size(), phase, scalars, motion);
     double rate = -omega * turned.imag, bend = -(omega * omega) * turned.real;
-    if (scalars.broken) {
-        Taylor followed = taylor(scalars.follow, r, motion.drive);
+    if (scalars.degree >= 0) {
+        Taylor followed = taylor(scalars, r, motion.drive);
         rate += followed.rate;
         bend += followed.bend;
     }
-    multiply(scalars, motion.entry, power.row(1));
-    multiply(scalars, power.row(1), power.row(2));
+    differentiate(scalars, motion.entry, motion.drive, 0, power.row(1));
+    differentiate(scalars, power.row(1), motion.drive, 1, power.row(2));
     for (Index k = 0; k < scalars.exponent.size(); k++) {
         rate += (scalars.weight(r, k) * power(1, k)).real;
         bend += (scalars.weight(r, k) * power(2, k)).real;

@@ -106,18 +106,23 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     Complex wave = scalars.sine(r);
     double total =
         scalars.omega * scalars.omega * __builtin_sqrt(wave.real * wave.real + wave.imag * wave.imag) * share;
-    if (scalars.broken) {
-        Taylor own = taylor(scalars.follow, r, motion.drive);
+    if (scalars.degree >= 0) {
+        Taylor own = taylor(scalars, r, motion.drive);
         total += (magnitude(own.bend) + magnitude(own.twist) * duration) * share;
     }
+    if (scalars.degree > 1)
+        total += later_bend(scalars, r, motion.drive, duration) * share;
     for (Index p = 0; p < scalars.rigid_body_given.size(); p++) {
         double weight = scalars.rigid_body_weight(r, p), rate_weight = scalars.rigid_body_rate_weight(r, p);
         auto [push, growth] = rigid_body_push(p, scalars, motion);
-        total += (magnitude(weight * push + rate_weight * growth) + magnitude(weight * growth) * duration) * share;
+        double bent = weight * growth + rate_weight * scalars.rigid_body_drive(p) * motion.drive(4);
+        total += (magnitude(weight * push + rate_weight * growth) + magnitude(bent) * duration) * share;
     }
     for (Index k = 0; k < scalars.size.size(); k++) {
-        double own = smaller(scalars.size(k) * scalars.size(k) * share, 2.0);
-        total += scalars.weight_size(r, k) * search.size(k) * own;
+        double own = smaller(scalars.size(k) * scalars.size(k) * share, 2.0) * search.size(k);
+        if (k < scalars.driven)
+            own = (search.drift(0, k) + search.drift(1, k)) * share;
+        total += scalars.weight_size(r, k) * own;
     }
     return total;
 }
@@ -185,8 +190,8 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     double safe = 0.0, remaining = until - start;
     while (safe < remaining) {
         Complex phase = unit_phase(scalars.omega, motion.clock);
-        measure(scalars, motion, search);
         remaining = until - motion.clock(0);
+        measure(scalars, motion, larger(remaining, 0.0), search);
         double slack = PEAK_TOLERANCE * larger(magnitude(row(0)), magnitude(row(1))) +
                        negligible_motion(r, scalars, motion, search);
         scalars.upper(r) = wanted < 0.0 ? INFINITE : row(0) + slack;
@@ -197,7 +202,7 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
         include(value, motion.clock(0), row);
         // far below the extremes so far long times are safe, and curvature need not be computed
         if (safe < remaining && (0.25 * magnitude(rate) * safe < row(0) - row(1) || safe < SHORT * least)) {
-            derivatives(r, scalars, motion, phase, search);
+            derivatives(r, scalars, motion, phase, remaining, search);
             // of what is no number least advances alone would be left
             if (!is_finite(slack + value + rate + search.found(0) + search.found(3) + search.found(4)))
                 break;
@@ -233,7 +238,7 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     }
     double time = motion.clock(0), least = LEAST_ADVANCE * interval;
     Index r = scalars.lasting.size();
-    measure(scalars, motion, space.search);
+    measure(scalars, motion, until - time, space.search);
     double before = value_now(r, scalars.size.size(), unit_phase(scalars.omega, motion.clock), scalars, motion);
     include(before, time, row);
     include(last, until, row);

@@ -89,7 +89,7 @@ constexpr double PI = 3.141592653589793;
             return 0.0;
     }
     // it creeps along its wall, where the bound by a parabola is far too low
-    derivatives(r, scalars, motion, phase, search);
+    derivatives(r, scalars, motion, phase, remaining, search);
     double bend = side * found(0), twist = side * found(1);
     if (search.at_wall(r) != 0.0 && toward >= -rate_rounding) {
         toward = 0.0;
@@ -118,7 +118,8 @@ constexpr double PI = 3.141592653589793;
                                           const Search &search) {
     for (Index advance = 0; advance < MOST_ADVANCES; advance++) {
         Complex phase = unit_phase(scalars.omega, motion.clock);
-        measure(scalars, motion, search);
+        double remaining = until - motion.clock(0);
+        measure(scalars, motion, larger(remaining, 0.0), search);
         double largest = 0.0;
         for (Index k = 0; k < scalars.size.size(); k++)
             largest = larger(largest, search.size(k));
@@ -131,7 +132,7 @@ constexpr double PI = 3.141592653589793;
             } else if (search.size(k) > 0.0)
                 active = k + 1;
         }
-        double remaining = until - motion.clock(0), safe = remaining;
+        double safe = remaining;
         for (Index r = 0; r < scalars.lasting.size(); r++) {
             if (scalars.upper(r) == INFINITE && scalars.lower(r) == -INFINITE)
                 continue;

@@ -103,9 +103,9 @@ struct BaseMotion {
 [[gnu::always_inline]] inline Form form_of(Index f, const Case &c, const Cases &cases, const Forms &forms,
                                            const Bounds &bounds) {
     Index n = forms.number(f), last = forms.entries(f), rigid_bodies = forms.rigid_bodies(f);
-    bool broken = c.omega == 0.0;
+    Index degree = c.omega == 0.0 ? cases.degree : -1;
     // what a sine does to a rigid-body coordinate is in the steady motion
-    GivenArray drive = broken ? forms.rigid_body_drive.row(f) : bounds.nothing;
+    GivenArray drive = degree >= 0 ? forms.rigid_body_drive.row(f) : bounds.nothing;
     return {
         .scalars =
             {
@@ -114,7 +114,7 @@ struct BaseMotion {
                 .blocks = forms.blocks.row(f),
                 .size = forms.size.row(f).first(last),
                 .omega = c.omega,
-                .broken = broken,
+                .degree = degree,
                 .rigid_body_given = bounds.given.first(rigid_bodies),
                 .rigid_body_drive = drive.first(rigid_bodies),
                 .lasting = bounds.lasting,
@@ -127,6 +127,8 @@ struct BaseMotion {
                 .sine = cases.sine.row(c.number, n),
                 .constant = bounds.constant,
                 .follow = forms.follow.row(f),
+                .driven = degree > 1 ? forms.driven(f) : 0,
+                .load = forms.load.row(f),
                 .term = bounds.steady.row(0),
                 .growth = bounds.steady.row(1),
             },
@@ -139,6 +141,8 @@ struct BaseMotion {
                 .static_part = bounds.static_part,
                 .harmonic = cases.harmonic.row(c.number, n),
                 .follow = forms.position_follow.row(f),
+                .follow_rate = forms.velocity_follow.row(f),
+                .degree = degree,
                 .first = forms.first.row(f),
                 .members = forms.members.row(f),
                 .rigid_bodies = rigid_bodies,
@@ -201,11 +205,13 @@ struct BaseMotion {
     }
 }
 
-// Steady displacement and velocity of coordinate i under a broken line.
+// Steady displacement and velocity of coordinate i under a polynomial.
 struct Followed {
     double position, rate;
 };
 [[gnu::always_inline]] inline Followed followed(const Shapes &shapes, Index i, GivenArray d) {
+    if (shapes.degree > 1)
+        return {derivative(shapes.follow, i, d, 0), derivative(shapes.follow_rate, i, d, 0)};
     double a = shapes.follow(0, i), b = shapes.follow(1, i), c = shapes.follow(2, i), e = shapes.follow(3, i);
     return {a * d(0) + b * d(1) + c * d(2) + e * d(3), a * d(1) + b * d(2) + c * d(3)};
 }
@@ -277,23 +283,26 @@ struct Followed {
     return x;
 }
 
-// Begins a new straight piece of s(t) at a knot: what the steady motion changes by is taken up by the entries.
-[[gnu::noinline]] inline void turn_knot(Index index, Index f, const Cases &cases, const Forms &forms,
+// Begins a piece of s(t) at its knot: what the steady motion changes by is taken up by the entries.
+[[gnu::noinline]] inline void turn_knot(Index piece, Index f, const Cases &cases, const Forms &forms,
                                         const Motion &motion) {
-    GivenArray knots = cases.knots;
-    GivenMatrix follow = forms.position_follow.row(f);
+    GivenArray next = cases.pieces.row(piece);
+    GivenMatrix follow = forms.position_follow.row(f), rate = forms.velocity_follow.row(f);
     Array d = motion.drive;
-    double value = 0.0, slope = 0.0;
-    if (index < knots.size() - 1) {
-        value = knots(index);
-        slope = (knots(index + 1) - knots(index)) / cases.knot_interval;
-    }
-    double jump = value - d(2), jump_rate = slope - d(3);
-    d(2) = value;
-    d(3) = slope;
+    // the base's own motion goes on: a piece carries it to the last digit
+    Index last = larger(cases.degree, 1) + 3;
+    double jump[DRIVE] = {};
+    for (Index j = 2; j < last; j++)
+        jump[j] = next(j) - d(j);
+    for (Index j = 0; j < DRIVE; j++)
+        d(j) = next(j);
     for (Index i = 0; i < follow.shape[1]; i++) {
-        double x = follow(2, i) * jump + follow(3, i) * jump_rate;
-        double v = follow(1, i) * jump + follow(2, i) * jump_rate;
+        double x = follow(2, i) * jump[2] + follow(3, i) * jump[3];
+        double v = rate(2, i) * jump[2] + rate(3, i) * jump[3];
+        for (Index j = 4; j < last; j++) {
+            x += follow(j, i) * jump[j];
+            v += rate(j, i) * jump[j];
+        }
         for (Index k = 0; k < forms.entries(f); k++)
             motion.entry(k) -= forms.to_entry_u(f, k, i) * x + forms.to_entry_v(f, k, i) * v;
     }

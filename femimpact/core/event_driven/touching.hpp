@@ -42,12 +42,21 @@ namespace FEMIMPACT_TARGET {
     double side = side_of(c.state(j)), duration = end - begin;
     set_spare_motion(begin, scalars, space);
     const Motion &motion = space.spare;
-    if (has_blocks(scalars))
+    if (has_blocks(scalars) || scalars.driven > 0)
         return side * integral_over_points(r, duration, scalars, motion);
     double total = scalars.constant(r) * duration;
-    if (scalars.broken) {
-        auto [value, rate, bend, twist] = taylor(scalars.follow, r, motion.drive);
+    if (scalars.degree >= 0) {
+        auto [value, rate, bend, twist] = taylor(scalars, r, motion.drive);
         total += duration * (value + duration * (rate / 2.0 + duration * (bend / 6.0 + duration * twist / 24.0)));
+        // the same from the fourth derivative on
+        double later = 0.0;
+        for (Index order = scalars.degree > 1 ? DRIVE - 1 : 0; order >= 4; order--) {
+            double factor = INVERSE_FACTORIAL[order] / double(order + 1);
+            later = derivative(scalars.follow, r, motion.drive, order) * factor + later * duration;
+        }
+        for (Index n = 0; n < 5; n++)
+            later *= duration;
+        total += later;
     } else {
         auto [cosine, sine] = cosine_and_sine(scalars.omega * duration);
         Complex own = integral_of({0.0, scalars.omega}, {cosine, sine}, duration);

@@ -45,8 +45,9 @@ constexpr double ROUNDING_SHARE = 1e-12;
                                              const Pairs &pairs, const Case &c, const Space &space) {
     const Search &search = space.search;
     double e = c.restitution(j);
-    measure(scalars, space.motion, search);
-    derivatives(j, scalars, space.motion, unit_phase(scalars.omega, space.motion.clock), search);
+    // of the moment: the bounces rise no higher than the closure
+    measure(scalars, space.motion, 0.0, search);
+    derivatives(j, scalars, space.motion, unit_phase(scalars.omega, space.motion.clock), 0.0, search);
     double press = side * search.found(0), steepest = search.found(3);
     if (press <= 1e-12 * search.found(2) || rebound * rebound > 2.0 * press * pairs.closure)
         return -1.0;
@@ -260,7 +261,7 @@ constexpr double ROUNDING_SHARE = 1e-12;
                                             const Case &c, const Space &space) {
     const Search &search = space.search;
     Complex phase = unit_phase(scalars.omega, space.motion.clock);
-    measure(scalars, space.motion, search);
+    measure(scalars, space.motion, 0.0, search);
     for (Index r = 0; r < c.state.size(); r++) {
         search.at_wall(r) = 0.0;
         if (!pairs.rigid(r))

@@ -104,29 +104,49 @@ def response_curve(
         prefix = f"{label}: " if label else ""
         _peaks(axis, curve, colour, f"{prefix}peak", join_all)
         if _has_rms(named, curve):
-            axis.plot(curve.frequency, 1e3 * curve.rms, color=colour, linestyle=":", label=f"{prefix}rms")
+            axis.plot(curve.frequency, _scale(curve)[0] * curve.rms, color=colour, linestyle=":", label=f"{prefix}rms")
             one = curve.is_sample
             dots: Any = {"color": colour, "markersize": 6.0, "alpha": 0.7, "markeredgewidth": 0.0, "linestyle": "none"}
-            axis.plot(curve.frequency[one], 1e3 * curve.rms[one], ".", **dots)
+            axis.plot(curve.frequency[one], _scale(curve)[0] * curve.rms[one], ".", **dots)
         if coarse is not None:
             seen = on_grid(curve.frequency, coarse)
-            axis.plot(curve.frequency[seen], 1e3 * curve.peak[seen], "o", color=colour, **RINGS)
+            axis.plot(curve.frequency[seen], _scale(curve)[0] * curve.peak[seen], "o", color=colour, **RINGS)
     marks = [_mark(axis, marker, *mark) for marker, mark in zip("*PX", peaks, strict=False)]
     first = next(iter(named.values()))
     if not _scatter(first, join_all)[np.nanargmax(first.peak)]:
-        peak = (first.peak_frequency, 1e3 * first.peak_amplitude)
+        scale, unit = _scale(first)
+        peak = (first.peak_frequency, scale * first.peak_amplitude)
         # on the side of the peak that is farther from the end of the axis
         low, high = first.frequency[0], first.frequency[-1]
         side: Any = {"xytext": (8, -2)} if peak[0] <= 0.25 * low + 0.75 * high else {"xytext": (-8, -2), "ha": "right"}
-        axis.annotate(f"{peak[1]:.3g} mm at {peak[0]:.4g} Hz", peak, textcoords="offset points", color=COLOURS[0],
+        axis.annotate(f"{peak[1]:.3g} {unit} at {peak[0]:.4g} Hz", peak, textcoords="offset points", color=COLOURS[0],
                       **side)  # fmt: skip
-    axis.set_title(title or f"base amplitude {1e3 * first.amplitude:.4g} mm", loc="left")
+    axis.set_title(title or _level(first), loc="left")
     axis.set_xlabel("base frequency (Hz)")
-    place = first.at if isinstance(first.at, str) else f"{1e3 * first.at:.4g} mm from the root,"
-    axis.set_ylabel(f"{place} displacement relative to the base (mm)")
+    axis.set_ylabel(_observed(first))
     plain_log_ticks(axis.yaxis)
     _legend(axis, named, coarse, join_all, filled, marks)
     return axis
+
+
+def _scale(curve: FrequencyResponse) -> tuple[float, str]:
+    """What the values of a curve are multiplied by where they are drawn, and the unit that they then have."""
+    return {"m": (1e3, "mm"), "Pa": (1e-6, "MPa")}.get(curve.unit, (1.0, curve.unit))
+
+
+def _level(curve: FrequencyResponse) -> str:
+    if curve.amplitude is None:
+        return f"base acceleration {curve.acceleration:.4g} m/s$^2$"
+    return f"base amplitude {1e3 * curve.amplitude:.4g} mm"
+
+
+def _observed(curve: FrequencyResponse) -> str:
+    """Name and unit of what a curve is of."""
+    place, unit = curve.at, _scale(curve)[1]
+    if isinstance(place, str) and (curve.unit != "m" or "." in place):
+        return f"{place.replace('.', ' ').replace('_', ' ')} ({unit})"
+    place = place if isinstance(place, str) else f"{1e3 * place:.4g} mm from the root,"
+    return f"{place} displacement relative to the base ({unit})"
 
 
 def _legend(
@@ -163,7 +183,7 @@ def _has_rms(named: Mapping[str, FrequencyResponse], curve: FrequencyResponse) -
 
 def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_all: bool) -> None:
     """Peaks of one curve: lines through motions that repeat or are linear, dots where the motion is not periodic."""
-    frequency, peak = curve.frequency, 1e3 * curve.peak
+    frequency, peak = curve.frequency, _scale(curve)[0] * curve.peak
     scatter = _scatter(curve, join_all)
     joined = np.where(scatter, np.nan, peak)
     if not scatter.all():

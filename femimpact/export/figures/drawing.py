@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from femimpact.decimal_number import decimal_number
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type, suggestion
 from femimpact.excitation import Excitation
+from femimpact.excitation.excitation import has_cycle
 from femimpact.export.files import atomic_path, file_path
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
@@ -86,6 +87,8 @@ def last_cycles(response: Response, cycles: float) -> tuple[float, str]:
 
 def base_words(base: Excitation) -> str:
     """Words for the motion of the base."""
+    if not has_cycle(base):
+        return f"base: {type(base).__name__}"
     return "base: a record" if math.isnan(base.phase) else f"base at {base.frequency:.4g} Hz"
 
 

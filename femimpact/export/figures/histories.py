@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import Fault, InputError, column, instance, optional, quantity, require, takes, truth
+from femimpact.excitation.excitation import has_cycle
 from femimpact.export.figures.drawing import (
     BLUE,
     COLOURS,
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
 __all__ = ["amplitude_spectrum", "contact_force", "cycle_averaged_force", "energies", "spectrum"]
 
 Array = NDArray[np.float64]
+
+LEAST_WINDOWS = 16
+"""Half windows of a spectral density."""
 
 
 # ---- energies -------------------------------------------------------------------------------------
@@ -133,7 +137,10 @@ def spectrum(
     highest: float | None = None,
     ax: Axes | OffScreen | None = None,
 ) -> Axes:
-    """Amplitude spectrum of a channel over the whole base cycles of the last third of a run.
+    """Amplitude spectrum of a channel over the whole base cycles of the last third of a run; else a spectral density.
+
+    Where the excitation has no cycle the one-sided spectral density over the whole run is drawn, by the averages of
+    Hann windows that overlap by half (Welch), and no frequency of the base.
 
     Parameters
     ----------
@@ -156,6 +163,8 @@ def spectrum(
     """
     require_history(response)
     name = channel_name(response, channel)
+    if not has_cycle(response.base):
+        return _density(response, name, highest, ax)
     values, base = response[name], response.base.frequency
     start, end = max(response.window[0], float(response.time[0])), float(response.time[-1])
     cycles = int((end - start) * base + 1e-9)
@@ -175,6 +184,27 @@ def spectrum(
     axis.set_xlabel("frequency (Hz)")
     axis.set_ylabel(f"amplitude of {name.replace('_', ' ')} ({unit})")
     axis.set_title(f"last {cycles} cycles, lines {base / cycles:.3g} Hz apart, Hann window", loc="left")
+    legend_above(axis)
+    return axis
+
+
+def _density(response: Response, name: str, highest: float | None, ax: Axes | OffScreen | None) -> Axes:
+    """One-sided spectral density of a channel over a whole run."""
+    from scipy.signal import welch
+
+    time, values = response.time, response[name]
+    require(time.size >= LEAST_WINDOWS, "response.time", time.size, "", f"must hold {LEAST_WINDOWS} or more samples")
+    frequency, density = welch(values, (time.size - 1) / (time[-1] - time[0]), nperseg=2 * time.size // LEAST_WINDOWS)
+    top = min(1.5 * response.base.frequency, float(frequency[-1])) if highest is None else highest
+    shown = (frequency > 0.0) & (frequency <= top)
+    axis = panel(ax, 8.0, 4.4)
+    rms = float(np.sqrt(np.mean(values**2)))
+    label = f"{name}, rms {rms:.4g} {response.units[name]}"
+    axis.semilogy(frequency[shown], density[shown], color=BLUE, linewidth=1.2, label=label)
+    axis.set_xlim(0.0, top)
+    axis.set_xlabel("frequency (Hz)")
+    axis.set_ylabel(f"density of {name.replace('_', ' ')} (({response.units[name]})²/Hz)")
+    axis.set_title(f"lines {frequency[1]:.3g} Hz apart, Hann windows", loc="left")
     legend_above(axis)
     return axis
 

@@ -41,12 +41,13 @@ def curves_section(
     key, heading : str
     """
     first = next(iter(curves.values()))
+    relative = ", relative to the base" if first.unit == "m" else ""
     peak = chart_of(
         curves,
         "peak",
-        f"Peak of {first.at if isinstance(first.at, str) else f'{first.at:g} m'}, relative to the base",
+        f"Peak of {first.at if isinstance(first.at, str) else f'{first.at:g} m'}{relative}",
         "peak",
-        "m",
+        first.unit,
     )
     phase = chart_of(curves, "phase", "Phase of the first harmonic", "phase", "rad")
     others = [chart_of(curves, *other) for other in OTHERS if _has(curves, other[0])]
@@ -70,9 +71,14 @@ def _dwell(curve: FrequencyResponse) -> Element:
     start = starts.get(curve.start, "from a given state")
     return element(
         "p",
-        f"Each frequency is held for {length}, from a start {start}; the end of it is measured. "
-        f"The base moves by {1e3 * curve.amplitude:.4g} mm.",
+        f"Each frequency is held for {length}, from a start {start}; the end of it is measured. " + _level(curve),
     )
+
+
+def _level(curve: FrequencyResponse) -> str:
+    if curve.amplitude is None:
+        return f"The base accelerates by {curve.acceleration:.4g} m/s^2."
+    return f"The base moves by {1e3 * curve.amplitude:.4g} mm."
 
 
 def _has(curves: Mapping[str, FrequencyResponse], name: str) -> bool:
@@ -116,7 +122,8 @@ def curve_table(curves: Mapping[str, FrequencyResponse]) -> Table:
     for label, curve in curves.items():
         if np.any(np.isfinite(curve.peak)):
             mark = "one sample" if curve.peak_is_sample else "periodic"
-            rows.append((label, curve.peak_frequency, 1e3 * curve.peak_amplitude, mark, len(curve.warnings)))
-    return Table(
-        "Peaks of the curves", ("curve", "frequency (Hz)", "peak (mm)", "motion there", "warnings"), tuple(rows)
-    )
+            scale = 1e3 if curve.unit == "m" else 1.0
+            rows.append((label, curve.peak_frequency, scale * curve.peak_amplitude, mark, len(curve.warnings)))
+    units = dict.fromkeys("mm" if curve.unit == "m" else curve.unit for curve in curves.values())
+    peak = f"peak ({', '.join(units)})"
+    return Table("Peaks of the curves", ("curve", "frequency (Hz)", peak, "motion there", "warnings"), tuple(rows))

@@ -71,7 +71,9 @@ def block_alone(
     """
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
     whole = equations_of(system, drive)
-    store = FormStore(whole, rigid, outputs, broken=drive.line is not None, derived=system.derived)
+    store = FormStore(
+        whole, rigid, outputs, rate=None if drive.pieces is None else drive.pieces.rate, derived=system.derived
+    )
     u, v, y, y_rate = initial.relative_to_base(system, excitation)
     balls, held = len(system.balls), held_by(initial, system, excitation)
     inputs = Inputs(

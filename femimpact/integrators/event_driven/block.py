@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.errors import require
-from femimpact.excitation import BrokenLine
+from femimpact.excitation import PiecewisePolynomial
+from femimpact.excitation.piecewise_polynomial import HIGHEST_DEGREE, ORDERS, motion_at, piece_at
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven.continued import Held, resumed
 from femimpact.integrators.event_driven.equations import Equations
@@ -51,6 +52,12 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+SERIES_TERMS = 24
+"""Of a driven entry, at most."""
+
+LONGEST_SERIES = 0.5
+"""Longest time in which a driven entry is advanced at once, times the rate of the polynomials."""
+
 LINE = 64
 """Bytes of a cache line."""
 
@@ -68,8 +75,8 @@ class CaseNumbers:
         Of what counts as a cycle.
     amplitude, phase : ndarray (C,)
         Of s(t) (m/s^2 or N) and rad, where it is a sine; an amplitude of 0 where it is none.
-    line : BrokenLine or None
-        s(t) of all cases, where it is a broken line.
+    pieces : PiecewisePolynomial or None
+        s(t) of all cases, where it is made of polynomials.
     gaps : ndarray (C, R, 2), m
         To the + and to the - side.
     stiffness, damping, restitution : ndarray (C, R)
@@ -79,7 +86,7 @@ class CaseNumbers:
     omega: Array
     amplitude: Array
     phase: Array
-    line: BrokenLine | None
+    pieces: PiecewisePolynomial | None
     gaps: Array
     stiffness: Array
     damping: Array
@@ -87,8 +94,10 @@ class CaseNumbers:
 
     def of(self, members: NDArray[np.intp]) -> CaseNumbers:
         """The same of some cases."""
-        own = {item.name: getattr(self, item.name)[members] for item in dataclasses.fields(self) if item.name != "line"}
-        return CaseNumbers(line=self.line, **own)
+        own = {
+            item.name: getattr(self, item.name)[members] for item in dataclasses.fields(self) if item.name != "pieces"
+        }
+        return CaseNumbers(pieces=self.pieces, **own)
 
 
 def case_numbers(drives: Sequence[Drive], contacts: Sequence[Sequence[ContactPair]]) -> CaseNumbers:
@@ -114,7 +123,7 @@ def case_numbers(drives: Sequence[Drive], contacts: Sequence[Sequence[ContactPai
         omega=np.array([drive.omega for drive in drives]),
         amplitude=np.array([drive.sine.amplitude for drive in drives]),
         phase=np.array([drive.sine.phase for drive in drives]),
-        line=drives[0].line,
+        pieces=drives[0].pieces,
         gaps=np.array([[pair.gaps for pair in own] for own in contacts], dtype=float).reshape(count, pairs, 2),
         stiffness=of_pairs("stiffness"),
         damping=of_pairs("damping"),
@@ -231,17 +240,20 @@ def new_block(
 
 def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
     numbers, pairs, d = inputs.numbers, store.rigid.size, store.whole.M.shape[0]
-    count, line = numbers.omega.size, numbers.line
+    count, pieces = numbers.omega.size, numbers.pieces
     rows = 2 * pairs + store.outputs.force.shape[0]
-    knots = np.zeros(0) if line is None else np.array(line.samples, dtype=float)
-    drive = np.zeros((count, 4))
-    if line is not None:
-        drive[:] = line.motion_at(inputs.start)
+    drive, piece = np.zeros((count, ORDERS)), 0
+    knots, table = (np.zeros(0), np.zeros((0, ORDERS))) if pieces is None else _pieces_from(pieces, inputs.start)
+    if pieces is not None:
+        drive[:] = motion_at(pieces, inputs.start)
+        piece = piece_at(pieces, inputs.start)
     cases = Cases(
         omega=numbers.omega.copy() if inputs.is_sine else np.zeros(count),
         amplitude=numbers.amplitude.copy(),
         knots=knots,
-        knot_interval=1.0 if line is None else line.interval,
+        pieces=table,
+        degree=-1 if pieces is None else pieces.degree,
+        longest=LONGEST_SERIES / rate if (rate := store.rate) else math.inf,
         gap_plus=numbers.gaps[:, :, 0].copy(),
         gap_minus=numbers.gaps[:, :, 1].copy(),
         stiffness=np.where(store.rigid, 0.0, numbers.stiffness),
@@ -253,6 +265,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
         rigid_body=np.zeros((count, 2, 1)),
         clock=np.stack([np.full(count, inputs.start), numbers.phase], axis=1),
         drive=drive,
+        piece=np.full(count, piece, dtype=np.int64),
         coordinates=np.ascontiguousarray(np.stack([inputs.position, inputs.velocity], axis=1)),
         entering=np.full(count, STARTING, dtype=np.int64),
         leaving=np.zeros((count, 2 * pairs)),
@@ -275,6 +288,13 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
     # the arrays of all forms are then as large as a motion in this one
     _add_form(0, cases, store)
     return cases
+
+
+def _pieces_from(pieces: PiecewisePolynomial, start: float) -> tuple[Array, Array]:
+    """Knots and what each piece begins with, from a time (s) on: before the first knot s is zero."""
+    if start >= pieces.knots[0]:
+        return pieces.knots, pieces.table
+    return np.concatenate([[start], pieces.knots]), np.vstack([motion_at(pieces, start), pieces.table])
 
 
 def no_cycles(cases: int, cycles: int) -> Array:
@@ -387,6 +407,7 @@ def working_space(block: Block, forms: Forms) -> Space:
         rate=np.zeros(2 * pairs),
         found=np.zeros(5),
         size=np.zeros(entries),
+        drift=np.zeros((2, entries)),
         power=np.zeros((3, entries), dtype=complex),
         event=np.zeros(2),
         negligible=np.zeros(1),
@@ -410,6 +431,8 @@ def working_space(block: Block, forms: Forms) -> Space:
         growth=np.zeros(terms, dtype=complex),
         plus=square,
         minus=square,
+        moments=np.zeros((entries, HIGHEST_DEGREE + 1), dtype=complex),
+        rates=np.zeros((d, SERIES_TERMS)),
     )
     rest: list[NDArray[np.float64 | np.complex128]] = [
         np.zeros(entries, dtype=complex),
@@ -422,7 +445,7 @@ def working_space(block: Block, forms: Forms) -> Space:
         rigid_body=np.zeros(rigid_bodies),
         rigid_body_rate=np.zeros(rigid_bodies),
         clock=np.zeros(2),
-        drive=np.zeros(4),
+        drive=np.zeros(ORDERS),
     )
     *whole, own = _together(*[motion] * 6, search, bounds, products, rest)
     return Space._make((*whole, *own))

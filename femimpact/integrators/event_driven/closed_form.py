@@ -10,7 +10,7 @@ x_j = -P_j p, and ub more for a stop fixed in space. Its solution is
     p(t) = Re(E e^{Lambda t} H) + (rigid-body coordinates) + (steady motion) + p0 + sum_j w_j p_j:
 
 decaying exponentials of the homogeneous equations (see `complex_modes`), motions that nothing pulls back (free
-balls) on parabolas, and the steady response to s(t), a sine or a straight line. An event changes H and the rates of
+balls) on parabolas, and the steady response to s(t), a sine or a polynomial. An event changes H and the rates of
 the rigid-body coordinates, or the set of pairs in contact. On which side these are enters by the walls only.
 """
 
@@ -22,16 +22,22 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from femimpact.excitation.piecewise_polynomial import ORDERS
 from femimpact.integrators.event_driven.complex_modes import ComplexModes, complex_modes
 from femimpact.integrators.event_driven.equations import Equations, require_met, undamped_modes, wall_offsets
 
-__all__ = ["OF_DISPLACEMENT", "OF_VELOCITY", "ClosedForm", "Rows", "closed_form", "gap_rows"]
+__all__ = [
+    "OF_DISPLACEMENT", "OF_VELOCITY", "ClosedForm", "Rows", "closed_form", "driven_entries", "followed", "gap_rows",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 OF_DISPLACEMENT, OF_VELOCITY = (2, 0), (1, 1)
 """Where ub and ub' stand in `Rows.through` and in `Rows.follow`."""
+
+SLOW = 1.0
+"""|lambda| over the rate of the polynomials up to which an entry has its whole response to them."""
 
 ROUNDED = 1e-12
 """Share of the terms of a sum below which it is rounding."""
@@ -54,8 +60,8 @@ class Rows:
         Of constant loads, and per metre of each wall.
     through : ndarray (3, R)
         Directly of s, ub' and ub, beside the response of the entries to them.
-    follow : ndarray (4, R)
-        Steady, per unit of ub, ub', s and s', under a straight s(t).
+    follow : ndarray (8, R)
+        Steady, per unit of ub, ub', s and the derivatives of s to the fifth, under a polynomial s(t).
     """
 
     weight: Complex
@@ -94,7 +100,7 @@ class ClosedForm:
         Impulses on the structure at the pairs that stick (rows; zero for others) by a unit one at each other pair.
     unheld : pair of bool
         Whether a constant load, and whether s(t), drives a motion that is braked but not pulled back: neither it nor
-        a straight s(t) has a steady response.
+        a polynomial s(t) has a steady response.
     """
 
     modes: ComplexModes
@@ -132,7 +138,7 @@ class _SteadyResponse:
     """Response of the coordinates to the loads, from where each pair is just at its wall: small at stiff contacts."""
 
     constant: Array  # (d, 1 + pairs) of constant loads, and per metre of each wall
-    follow: Array  # (4, d) steady, per unit of ub, ub', s and s'
+    follow: Array  # (8, d) steady, per unit of ub, ub', s and the derivatives of s to the fifth
 
 
 def _loads(
@@ -197,12 +203,14 @@ def closed_form(
     unheld = tuple(_drives(values[:, square == 0.0], values) for values in (modal.T, modal_drive))
     compliance = np.divide(1.0, square, out=np.zeros_like(square), where=square > 0.0)
     settled = elastic @ (compliance[:, None] * modal)
-    # q = a0 ub + a1 ub' + a2 s + a3 s' with ub'' = s and s'' = 0
+    # q = a0 ub + a1 ub' + a2 s + a3 s' + ... with ub'' = s, and no derivative of s beyond the fifth
     a0 = compliance * modal_drive[2]
     a1 = compliance * (modal_drive[1] - own_damping @ a0)
     a2 = compliance * (modal_drive[0] - own_damping @ a1 - a0)
-    a3 = -compliance * (own_damping @ a2 + a1)
-    from_walls = np.array([a0, a1, a2, a3]) @ elastic.T
+    a = [a0, a1, a2]
+    while len(a) < ORDERS:
+        a.append(-compliance * (own_damping @ a[-1] + a[-2]))
+    from_walls = np.array(a) @ elastic.T
     follow = from_walls.copy()
     follow[0] += loads.moved
     momentum = elastic.T @ whole.M
@@ -288,7 +296,7 @@ def _rate(rows: Rows, modes: ComplexModes) -> Rows:
         rigid_body_rate=rows.rigid_body,
         constant=0.0 * rows.constant,
         through=np.array([zero, rows.through[2], zero]),
-        follow=np.array([zero, *rows.follow[:3]]),
+        follow=np.array([zero, *rows.follow[:-1]]),
     )
 
 
@@ -321,6 +329,43 @@ def gap_rows(whole: Equations, rows: Rows, base: tuple[int, int]) -> Rows:
     through[base[0]] -= whole.in_space
     follow[base[1]] -= whole.in_space
     return Rows(P @ rows.weight, P @ rows.rigid_body, P @ rows.rigid_body_rate, P @ rows.constant, through, follow)
+
+
+def driven_entries(modes: ComplexModes, rate: float | None) -> int:
+    """Number of the entries, the slowest ones, that are advanced with their whole response to polynomials.
+
+    The response of a fast entry is a polynomial itself, beside the exponential: a sum of derivatives of s over powers
+    of lambda, which for a slow one are large and cancel the exponential.
+
+    Parameters
+    ----------
+    modes : ComplexModes
+    rate : float or None, 1/s
+        Of the polynomials; none of a sine or of straight lines is driven.
+    """
+    if not rate:
+        return 0
+    count = int(np.argmax(np.append(modes.size > SLOW * rate, True)))
+    for first, length in modes.blocks:
+        if first < count < first + length:
+            count = int(first)
+    return count
+
+
+def followed(rows: Rows, modes: ComplexModes, load: Complex, driven: int) -> Array:
+    """Steady response (8, R) of scalars under a polynomial, as in `Rows.follow`, without that of driven entries."""
+    fast = slice(driven, None)
+    rate = modes.rate[fast, fast]
+    response = np.zeros((ORDERS, load.shape[1]), dtype=complex)
+    before = np.zeros(load.shape[1] - driven, dtype=complex)
+    for order in range(ORDERS):
+        # G' = Lambda G + load (s, ub', ub) with G a sum over ub and its derivatives
+        own = load[2 - order, fast] if order < 3 else 0.0
+        before = scipy.linalg.solve_triangular(rate, before - own) if before.size else before
+        response[order, fast] = before
+    follow = (response @ rows.weight.T).real
+    follow[:3] += rows.through[::-1]
+    return np.asarray(follow)
 
 
 def _compliant_forces(
@@ -372,7 +417,7 @@ def _with_sticking(
         a[0] @ K.T - drive[2],
         a[1] @ K.T + a[0] @ C.T - drive[1],
         a[2] @ K.T + a[1] @ C.T + a[0] @ M.T - drive[0] + driven,
-        a[3] @ K.T + a[2] @ C.T + a[1] @ M.T,
+        *(a[i] @ K.T + a[i - 1] @ C.T + a[i - 2] @ M.T for i in range(3, ORDERS)),
     ])  # fmt: skip
     through = np.array([begun[0] @ M.T - drive[0] + driven, begun[1] @ M.T - drive[1], begun[2] @ M.T - drive[2]])
     force.weight[sticking] = project @ left

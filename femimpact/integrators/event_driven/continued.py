@@ -128,7 +128,7 @@ def final_state(
     n, f, time = system.dofs, cases.form[0, 1], float(sampling.time(0))
     motion = {
         "entry": cases.entry[0, : forms.entries[f]], "rigid_body": cases.rigid_body[0, :, : forms.rigid_bodies[f]],
-        "clock": cases.clock[0], "drive": cases.drive[0],
+        "clock": cases.clock[0], "drive": cases.drive[0], "piece": cases.piece[0],
     }  # fmt: skip
     contacts = (cases.state, cases.touch, cases.to_modes, cases.leaving)
     copies = {name: _copy(values) for name, values in motion.items()}

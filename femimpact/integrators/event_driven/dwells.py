@@ -119,7 +119,7 @@ def run_dwells(
     """
     whole, count = equations_of(system, cases.drive), cases.cycles.size
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
-    store = FormStore(whole, rigid, outputs_of(system, observed), broken=False, derived=system.derived)
+    store = FormStore(whole, rigid, outputs_of(system, observed), rate=None, derived=system.derived)
 
     def run(members: NDArray[np.intp], share: Progress | None) -> DwellStatistics:
         found = _run_block(system, store, cases, members, method, instants)

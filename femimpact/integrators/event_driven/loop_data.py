@@ -52,6 +52,7 @@ class Forms(NamedTuple):
     number: Indices  # (F,) among those of the same contact parameters
     entries: Indices  # (F,)
     rigid_bodies: Indices  # (F,)
+    driven: Indices  # (F,) entries, the slowest ones, that have their whole response to a polynomial
     exponent: Complex  # (F, K)
     coupling: Complex  # (F, K, K); see Scalars
     blocks: Indices  # (F, B, 2)
@@ -64,13 +65,14 @@ class Forms(NamedTuple):
     rigid_body_rate_weight: Array  # (F, 2R + O, P)
     constant: Array  # (F, 2R + O, 1 + R)
     through: Array  # (F, 3, 2R + O) directly of s, ub' and ub
-    follow: Array  # (F, 4, 2R + O) see Scalars
+    follow: Array  # (F, 8, 2R + O) see Scalars
     shape: Complex  # (F, d, K)
     shape_rate: Complex  # (F, d, K)
     rigid_body_shape: Array  # (F, d, P)
     static: Array  # (F, d, 1 + R)
     position_through: Array  # (F, d) directly of ub
-    position_follow: Array  # (F, 4, d)
+    position_follow: Array  # (F, 8, d)
+    velocity_follow: Array  # (F, 8, d)
     load: Complex  # (F, 3, K): what s, ub' and ub add to the rate of each entry
     to_entry_u: Complex  # (F, K, d)
     to_entry_v: Complex  # (F, K, d)
@@ -101,8 +103,10 @@ class Cases(NamedTuple):
 
     omega: Array  # (C,)
     amplitude: Array  # (C,)
-    knots: Array  # (n,) s(t) of a broken line; none for a sine
-    knot_interval: float  # s
+    knots: Array  # (L,) s, where the pieces of s(t) begin, rising; none for a sine
+    pieces: Array  # (L, 8) what `Motion.drive` is at the beginning of each piece
+    degree: int  # of the pieces, each a polynomial; -1 for a sine
+    longest: float  # s, for which the series of driven entries serves
     gap_plus: Array  # (C, R)
     gap_minus: Array  # (C, R)
     stiffness: Array  # (C, R)
@@ -113,7 +117,8 @@ class Cases(NamedTuple):
     entry: Complex  # (C, K)
     rigid_body: Array  # (C, 2, P) and their rates
     clock: Array  # (C, 2) see Motion
-    drive: Array  # (C, 4) see Motion
+    drive: Array  # (C, 8) see Motion
+    piece: Indices  # (C,) number of the present piece
     coordinates: Array  # (C, 2, d) displacements and velocities where a form is to be entered
     entering: Indices  # (C,) ENTERED, or what is to be done first
     leaving: Array  # (C, 2R) see Search
@@ -195,13 +200,13 @@ class Task(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Where the motion is: homogeneous part, rigid-body coordinates, time, a drive by samples."""
+    """Where the motion is: homogeneous part, rigid-body coordinates, time, a drive by pieces."""
 
     entry: Complex  # (K,)
     rigid_body: Array  # (P,)
     rigid_body_rate: Array  # (P,)
     clock: Array  # (2,): time, phase of the sine at t = 0
-    drive: Array  # (4,): ub, ub', s, s' of a broken line; zero for a sine
+    drive: Array  # (8,): ub, ub', s and the derivatives of s to the fifth; zero for a sine
 
 
 class Search(NamedTuple):
@@ -212,6 +217,7 @@ class Search(NamedTuple):
     rate: Array  # (R,)
     found: Array  # (5,) scratch
     size: Array  # (K,) |H|; see `measure`
+    drift: Array  # (2, K) of driven entries: |H''|, and how far H'' changes
     power: Complex  # (3, K): H', and scratch
     event: Array  # (2,): scalar, side
     negligible: Array  # (1,) m/s, see `negligible_approach`
@@ -226,6 +232,8 @@ class Products(NamedTuple):
     growth: Complex  # (T,)
     plus: Complex  # (T, T)
     minus: Complex  # (T, T)
+    moments: Complex  # (K, 6) integrals of powers of the time times e^{mu s}
+    rates: Array  # (d, 24) Taylor series of what driven entries move
 
 
 class Bounds(NamedTuple):

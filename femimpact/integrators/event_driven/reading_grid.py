@@ -79,17 +79,21 @@ def reading_grid(
         If the interval of the recorder leaves fewer than 8 readings in a cycle of a sine.
     """
     drive, chosen = drive_of(system, excitation), tuple[str, ...]()
-    if drive.line is None and recorder.interval is None:
+    if not drive.in_pieces and recorder.interval is None:
         samples = method.samples_per_cycle
         return ReadingGrid((2.0 * math.pi / drive.omega) / samples, float(samples), follows_cycles=True)
     longest = 1.0 / (LEAST_SAMPLES * excitation.frequency)
     if recorder.interval is not None:
         interval = recorder.interval
         allowed = f"must be <= {longest:.4g} s, {LEAST_SAMPLES} readings in a cycle; Recorder.every keeps fewer of them"
-        resolved = drive.line is not None or interval <= longest * (1.0 + WHOLE)
+        resolved = drive.in_pieces or interval <= longest * (1.0 + WHOLE)
         require(resolved, "record.interval", interval, "s", allowed)
     elif drive.line is not None:
-        interval, chosen = _suited(system, drive.line.interval, duration)
+        interval, chosen = _suited(system, drive.line.interval, "the interval of the samples that drive it", duration)
+    elif drive.pieces is not None:
+        knots = drive.pieces.knots
+        mean = float(knots[-1] - knots[0]) / (knots.size - 1)
+        interval, chosen = _suited(system, mean, "the mean length of the polynomials that drive it", duration)
     per_cycle = 1.0 / (excitation.frequency * interval)
     if abs(per_cycle - round(per_cycle)) <= WHOLE * per_cycle:
         per_cycle = float(round(per_cycle))
@@ -97,11 +101,11 @@ def reading_grid(
     return ReadingGrid(interval, max(per_cycle, float(LEAST_SAMPLES)), chosen=chosen)
 
 
-def _suited(system: System, between: float, duration: float) -> tuple[float, tuple[str, ...]]:
-    """Interval (s) that suits a drive by samples with a time between them (s), and a note that says so."""
+def _suited(system: System, between: float, reason: str, duration: float) -> tuple[float, tuple[str, ...]]:
+    """Interval (s) that suits a drive with a time between its samples or knots (s), and a note that says so."""
     highest = math.sqrt(float(np.max(system.K.diagonal() / system.M.diagonal()))) / (2.0 * math.pi)
     period = 1.0 / highest if highest > 0.0 else math.inf
-    finest, reason = between, "the interval of the samples that drive it"
+    finest = between
     if period / SAMPLES_OF_A_PERIOD < between:
         finest = period / SAMPLES_OF_A_PERIOD
         reason = f"1/{SAMPLES_OF_A_PERIOD} of the period of the highest kept mode, {highest:.4g} Hz"

@@ -93,7 +93,7 @@ def _cases(system: System, cases: SineCases) -> DwellCases:
             omega=omega,
             amplitude=-cases.amplitude * omega**2,
             phase=cases.phase,
-            line=None,
+            pieces=None,
             gaps=cases.gaps,
             **_parameters(system, cases),
         ),

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import require
+from femimpact.excitation.piecewise_polynomial import ORDERS
 from femimpact.integrators.channel_rows import ChannelRows
 from femimpact.integrators.driving import Drive
 from femimpact.integrators.event_driven.closed_form import (
@@ -17,6 +18,8 @@ from femimpact.integrators.event_driven.closed_form import (
     ClosedForm,
     Rows,
     closed_form,
+    driven_entries,
+    followed,
     gap_rows,
 )
 from femimpact.integrators.event_driven.equations import Equations
@@ -83,8 +86,8 @@ class FormStore:
     whole : Equations
     rigid : ndarray (pairs,) of bool
     outputs : Outputs
-    broken : bool
-        Whether s(t) is a broken line.
+    rate : float or None, 1/s
+        How fast the polynomials change that s(t) is made of; None for a sine, 0 for straight lines.
     derived : dict, optional
         Where closed forms of the system were kept by earlier calls; see `System.derived`.
     """
@@ -94,13 +97,13 @@ class FormStore:
         whole: Equations,
         rigid: NDArray[np.bool_],
         outputs: Outputs,
-        broken: bool,
+        rate: float | None,
         derived: dict[Any, Any] | None = None,
     ) -> None:
         self.whole = whole
         self.rigid = rigid
         self.outputs = outputs
-        self.broken = broken
+        self.rate = rate
         self.derived: dict[Any, Any] = {} if derived is None else derived
         self.lock = threading.Lock()
         self.known: dict[tuple[bytes, int], int] = {}
@@ -131,7 +134,9 @@ class FormStore:
                 active = np.array([bool(key >> j & 1) for j in range(self.rigid.size)], dtype=bool)
                 made = self._closed_form(active, stiffness, damping)
                 allowed = "must have stiffness in every braked motion for this excitation or constant force"
-                require(not made.unheld[0] and not (self.broken and made.unheld[1]), "system", None, "", allowed)
+                require(
+                    not made.unheld[0] and not (self.rate is not None and made.unheld[1]), "system", None, "", allowed
+                )
                 self._add(made, active, key, parameters)
             return self.first[parameters]
 
@@ -163,17 +168,18 @@ class FormStore:
             "rigid_body_rate_weight": (f, rows, rigid_bodies),
             "constant": (f, rows, 1 + pairs),
             "through": (f, 3, rows),
-            "follow": (f, 4, rows),
+            "follow": (f, ORDERS, rows),
             "rigid_body_shape": (f, d, rigid_bodies),
             "static": (f, d, 1 + pairs),
             "position_through": (f, d),
-            "position_follow": (f, 4, d),
+            "position_follow": (f, ORDERS, d),
+            "velocity_follow": (f, ORDERS, d),
             "to_rigid_body": (f, rigid_bodies, d),
             "impulse_rigid_body": (f, rigid_bodies, pairs),
             "reaction": (f, pairs, pairs),
         }
         whole: dict[str, tuple[int, ...]] = {
-            "key": (f,), "following": (f,), "number": (f,), "entries": (f,), "rigid_bodies": (f,),
+            "key": (f,), "following": (f,), "number": (f,), "entries": (f,), "rigid_bodies": (f,), "driven": (f,),
             "blocks": (f, blocks, 2), "first": (f, d + 1), "members": (f, d * entries),
         }  # fmt: skip
         complexes: dict[str, tuple[int, ...]] = {
@@ -213,6 +219,11 @@ class FormStore:
         rows = _stacked(
             gap_rows(self.whole, made.position, OF_DISPLACEMENT), made.contact_force, self._output_rows(made, active)
         )
+        driven = driven_entries(modes, self.rate)
+        follow, position, velocity = (
+            own.follow if driven == 0 else followed(own, modes, made.load, driven)
+            for own in (rows, made.position, made.velocity)
+        )
         previous, number = self.last.get(parameters, (-1, -1))
         values: dict[str, Any] = {
             "key": key, "following": -1, "number": number + 1, "entries": modes.exponent.size,
@@ -220,10 +231,11 @@ class FormStore:
             "blocks": modes.blocks, "size": modes.size, "rigid_body_given": made.rigid_body_given,
             "rigid_body_drive": made.rigid_body_drive, "weight": rows.weight, "weight_size": np.abs(rows.weight),
             "rigid_body_weight": rows.rigid_body, "rigid_body_rate_weight": rows.rigid_body_rate,
-            "constant": rows.constant, "through": rows.through, "follow": rows.follow, "shape": made.position.weight,
+            "constant": rows.constant, "through": rows.through, "follow": follow, "driven": driven,
+            "shape": made.position.weight,
             "shape_rate": made.velocity.weight, "rigid_body_shape": made.rigid_body_shape,
             "static": made.position.constant, "position_through": made.position.through[2],
-            "position_follow": made.position.follow, "load": made.load, "to_entry_u": made.to_entry_u,
+            "position_follow": position, "velocity_follow": velocity, "load": made.load, "to_entry_u": made.to_entry_u,
             "to_entry_v": made.to_entry_v, "to_rigid_body": made.to_rigid_body, "impulse_entry": made.impulse_entry,
             "impulse_rigid_body": made.impulse_rigid_body, "reaction": made.reaction, "together": together,
             "first": np.concatenate([[0], np.cumsum(used.sum(axis=1))]), "members": np.nonzero(used)[1],

@@ -1,0 +1,152 @@
+"""A stationary random motion of the base from its spectral density."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.errors import check_fields, quantity, real_array, require
+from femimpact.excitation.piecewise_polynomial import (
+    NODES,
+    PiecewisePolynomial,
+    base_acceleration,
+    base_displacement,
+    base_velocity,
+    coefficients_through,
+    largest_displacement,
+)
+from femimpact.excitation.sums import added
+
+__all__ = ["RandomBase"]
+
+Array = NDArray[np.float64]
+
+PIECES = 24
+"""Polynomials of degree 5 in a cycle of the highest line."""
+
+MOST_LINES = 5_000_000
+
+
+@dataclass(frozen=True)
+class RandomBase:
+    """Random motion of the base as a sum of sines: ub'' = sum_k sqrt(2 S(f_k) df) cos(2 pi f_k t + phase_k).
+
+    The lines stand at all multiples f_k of df = 1/duration between the first and the last frequency of the density S;
+    the phases are drawn evenly from 0 to 2 pi by numpy's generator of the seed. The sum is stationary from t = 0 on
+    (its mean square over the duration is that of the density), close to normally distributed, and has the period
+    `duration`; after it the base moves on uniformly. The history is made of polynomials of degree 5, 24 in a cycle of
+    the highest line: displacement, velocity and acceleration are exact derivatives of one another, and the
+    acceleration is within 1e-9 of its largest value. Libraries such as pyExSi give samples, from which no closed form
+    follows.
+
+    Parameters
+    ----------
+    psd : array_like (n, 2), Hz and (m/s^2)^2/Hz
+        One-sided, straight in a plot of its logarithms; n >= 2.
+    duration : float, s
+    seed : int
+
+    Raises
+    ------
+    InputError
+        If frequencies do not rise from above zero, a level is not above zero, or no line or too many lie between them.
+    """
+
+    psd: Any
+    duration: float = field(metadata=quantity("s", above=0.0))
+    seed: int = field(default=0, metadata=quantity("1", at_least=0, integer=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        allowed = "must be 2 or more pairs of a frequency (Hz) and a density ((m/s^2)^2/Hz), all > 0"
+        psd = real_array("psd", self.psd, "", allowed)
+        good = psd.ndim == 2 and psd.shape[0] >= 2 and psd.shape[1] == 2 and bool(np.all(psd > 0.0))
+        require(good, "psd", _shown(psd), "", allowed)
+        falling = np.flatnonzero(np.diff(psd[:, 0]) <= 0.0)
+        if falling.size:
+            which = f"{psd[falling[0], 0]:.6g} and then {psd[falling[0] + 1, 0]:.6g}"
+            require(False, "psd", which, "Hz", "must have frequencies that rise")
+        object.__setattr__(self, "psd", tuple(map(tuple, psd.tolist())))
+        first, last = self._numbers
+        lines = last - first + 1
+        allowed = f"must hold 1 to {MOST_LINES:,} lines 1/duration apart between {psd[0, 0]:g} and {psd[-1, 0]:g} Hz"
+        require(1 <= lines <= MOST_LINES, "duration", self.duration, "s", allowed)
+
+    @property
+    def _numbers(self) -> tuple[int, int]:
+        """First and last multiple of 1/duration."""
+        low, high = self.psd[0][0] * self.duration, self.psd[-1][0] * self.duration
+        return math.ceil(low * (1.0 - 1e-12)), math.floor(high * (1.0 + 1e-12))
+
+    @cached_property
+    def lines(self) -> tuple[Array, Array, Array]:
+        """Frequency (Hz), amplitude (m/s^2) and phase (rad) of every line."""
+        first, last = self._numbers
+        frequency = np.arange(first, last + 1) / self.duration
+        points = np.log(np.array(self.psd))
+        density = np.exp(np.interp(np.log(frequency), points[:, 0], points[:, 1]))
+        phase = np.random.default_rng(self.seed).uniform(0.0, 2.0 * np.pi, frequency.size)
+        return frequency, np.sqrt(2.0 * density / self.duration), phase
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the acceleration over the duration, m/s^2."""
+        return float(np.sqrt(0.5 * np.sum(self.lines[1] ** 2)))
+
+    @property
+    def frequency(self) -> float:
+        """The highest line, Hz: a random motion has no cycle."""
+        return float(self.lines[0][-1])
+
+    @property
+    def has_cycle(self) -> bool:
+        """False: statistics are over time, and no motion under it is called periodic."""
+        return False
+
+    @property
+    def phase(self) -> float:
+        """Not a number."""
+        return math.nan
+
+    @property
+    def amplitude(self) -> float:
+        """Largest displacement, m."""
+        return largest_displacement(self.closed_form)
+
+    @cached_property
+    def closed_form(self) -> PiecewisePolynomial:
+        """Acceleration of the base, m/s^2."""
+        from scipy.fft import next_fast_len
+
+        frequency, size, phase = self.lines
+        first, last = self._numbers
+        count = next_fast_len(max(PIECES * last, PIECES), real=True)
+        h, wave = self.duration / count, size * np.exp(1j * phase)
+        spectrum = np.zeros(count // 2 + 1, dtype=complex)
+
+        def on_grid(lines: Array, offset: float) -> Array:
+            """The sum at all knots and an offset (s) later."""
+            spectrum[first : last + 1] = 0.5 * count * lines * np.exp(2j * np.pi * frequency * offset)
+            return np.fft.irfft(spectrum, count)
+
+        values = np.stack([on_grid(wave, 0.5 * h * (1.0 + node)) for node in NODES], axis=1)
+        rate = 2j * np.pi * frequency
+        starts = np.column_stack([on_grid(wave / rate**2, 0.0), on_grid(wave / rate, 0.0)])
+        knots = np.linspace(0.0, self.duration, count + 1)
+        coefficients = coefficients_through(values, np.full(count, h))
+        return PiecewisePolynomial(knots, coefficients, starts=np.vstack([starts, starts[0]]))
+
+    displacement = base_displacement
+    velocity = base_velocity
+    acceleration = base_acceleration
+    __add__ = added
+
+
+def _shown(psd: Array) -> str:
+    low = psd[psd <= 0.0]
+    return f"{low[0]:g} among its values" if low.size and psd.ndim == 2 else f"array of shape {psd.shape}"

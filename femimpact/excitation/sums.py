@@ -1,0 +1,144 @@
+"""Sums of motions of the base."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femimpact.errors import check_fields, items, optional, quantity, require
+from femimpact.excitation.excitation import MEMBERS, BrokenLine, Harmonic, require_excitation
+from femimpact.excitation.piecewise_polynomial import PHASE_OF_PIECE, PiecewisePolynomial, fitted, pieces_of
+
+__all__ = ["Sum", "added"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sum:
+    """Motions of the base at the same time: displacement, velocity and acceleration are sums of those of the parts.
+
+    `a + b` is one. A sum of sines of one frequency is a sine; other sums have no cycle. For the event-driven method,
+    sines are then made of polynomials of degree 5, 23 in a cycle of the fastest one, up to the end of the run.
+
+    Parameters
+    ----------
+    parts : sequence of excitations
+        Motions of the base, each a `Sine` or another one with a closed form.
+    end : float, s, optional
+        Up to when the sines have a closed form; `integrate` sets it to the end of the run.
+
+    Raises
+    ------
+    InputError
+        If there is no part, or a part is no motion of the base.
+    """
+
+    parts: Any = field(metadata=items(object))
+    end: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        require(len(self.parts) > 0, "parts", None, "", "must be one or more motions of the base")
+        for part in self.parts:
+            require_excitation(part, "parts")
+            force = getattr(part, "at", None) is None
+            require(force, "parts", type(part).__name__, "", "must be motions of the base: a force acts elsewhere")
+
+    def until(self, end: float) -> Sum:
+        """The same with a closed form up to a time (s)."""
+        return replace(self, end=end)
+
+    @property
+    def _harmonic(self) -> Harmonic | None:
+        """The sum as one sine of the acceleration, where all parts are sines of one frequency."""
+        given = [getattr(part, "closed_form", None) for part in self.parts]
+        forms = [form for form in given if isinstance(form, Harmonic)]
+        if len(forms) < len(given) or len({form.omega for form in forms}) > 1:
+            return None
+        whole = sum(form.amplitude * np.exp(1j * form.phase) for form in forms)
+        return Harmonic(float(abs(whole)), forms[0].omega, float(np.angle(whole)))
+
+    @property
+    def frequency(self) -> float:
+        """The highest one of the parts, Hz; that of a cycle where they share one."""
+        return float(max(part.frequency for part in self.parts))
+
+    @property
+    def has_cycle(self) -> bool:
+        """Whether all parts are sines of one frequency."""
+        return self._harmonic is not None
+
+    @property
+    def phase(self) -> float:
+        """Of the displacement at t = 0 where all are sines of one frequency, rad; else not a number."""
+        wave = self._harmonic
+        return math.nan if wave is None else (wave.phase + 2.0 * np.pi) % (2.0 * np.pi) - np.pi
+
+    @property
+    def amplitude(self) -> float:
+        """Largest displacement, m, if those of all parts met."""
+        return float(sum(part.amplitude for part in self.parts))
+
+    def displacement(self, time: ArrayLike) -> Array:
+        """Base displacement ub (m) at times in s."""
+        return np.asarray(sum(part.displacement(time) for part in self.parts))
+
+    def velocity(self, time: ArrayLike) -> Array:
+        """Base velocity (m/s) at times in s."""
+        return np.asarray(sum(part.velocity(time) for part in self.parts))
+
+    def acceleration(self, time: ArrayLike) -> Array:
+        """Base acceleration (m/s^2) at times in s."""
+        return np.asarray(sum(part.acceleration(time) for part in self.parts))
+
+    @cached_property
+    def closed_form(self) -> Harmonic | PiecewisePolynomial | None:
+        """Acceleration of the base, m/s^2; None where a part has none, or sines have no end."""
+        wave = self._harmonic
+        if wave is not None:
+            return wave
+        forms = [getattr(part, "closed_form", None) for part in self.parts]
+        if any(form is None for form in forms):
+            return None
+        sines = [form for form in forms if isinstance(form, Harmonic)]
+        pieces = [pieces_of(form) for form in forms if isinstance(form, BrokenLine | PiecewisePolynomial)]
+        if sines and self.end is None:
+            return None
+        grids = [form.knots for form in pieces]
+        if sines and self.end is not None:
+            omega = max(form.omega for form in sines)
+            grids.append(np.linspace(0.0, self.end, max(math.ceil(self.end * omega / PHASE_OF_PIECE), 1) + 1))
+        knots = _distinct(np.concatenate(grids))
+
+        def history(time: Array) -> Array:
+            total = sum((form.value(time) for form in pieces), np.zeros(time.shape))
+            for form in sines:
+                total = total + form.amplitude * np.sin(form.omega * time + form.phase)
+            return total
+
+        return fitted(history, knots, np.column_stack([self.displacement(knots), self.velocity(knots)]))
+
+    def __add__(self, other: Any) -> Any:
+        return added(self, other)
+
+
+def added(first: Any, second: Any) -> Any:
+    """Both motions of the base at the same time."""
+    if any(not hasattr(second, name) for name in MEMBERS):
+        return NotImplemented
+    parts = [part.parts if isinstance(part, Sum) else (part,) for part in (first, second)]
+    return Sum(tuple(itertools.chain.from_iterable(parts)))
+
+
+def _distinct(knots: Array) -> Array:
+    """Rising times of which none are nearer to one another than rounding."""
+    rising = np.unique(knots)
+    apart = np.diff(rising) > 1e-12 * max(abs(float(rising[-1])), 1e-300)
+    return np.asarray(rising[np.concatenate([[True], apart])])

@@ -1,0 +1,130 @@
+"""The base motion of a study that is a chirp, a stepped sine, a random motion or a shock."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+from femimpact.errors import Fault, InputError, check_fields, choice, optional, quantity, suggestion
+from femimpact.excitation import Chirp, RandomBase, Shock, SteppedSine
+
+__all__ = ["SIGNALS", "Signal", "SignalMotion", "numbers_of_signal", "signal_of_numbers"]
+
+Signal = Chirp | SteppedSine | RandomBase | Shock
+
+SIGNALS: Mapping[str, tuple[type[Signal], Mapping[str, str]]] = {
+    "chirp": (Chirp, {"rate": "kind"}),
+    "stepped-sine": (SteppedSine, {}),
+    "random": (RandomBase, {}),
+    "shock": (Shock, {"pulse": "kind"}),
+}
+"""Each kind of [base]: its noun, and the keys of a study file whose fields have another name."""
+
+OWN = ("history", "initial")
+"""Keys of [base] that are not the noun's."""
+
+
+@dataclass(frozen=True)
+class SignalMotion:
+    """`[base]`: the kind of a motion with the fields of its noun, duration of the history, and start.
+
+    Parameters
+    ----------
+    kind : {"chirp", "stepped-sine", "random", "shock"}
+    values : tuple of (str, value)
+        Fields of `Chirp`, `SteppedSine`, `RandomBase` or `Shock`, lists as tuples. A chirp's kind is called `rate`
+        here, a shock's `pulse`.
+    history : float or None, s
+        Of the simulated history; None is the duration of the motion. A shock needs one.
+    initial : {"base", "space", "static"}
+        As the start of `BaseMotion`; a chirp has a start of its own, in Hz.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, a field is missing, or there is none of that name.
+    """
+
+    FREQUENCY_KEY: ClassVar[str] = "base.kind"
+    """What a study file has where the highest frequency comes from."""
+
+    kind: str = field(metadata=choice(*SIGNALS))
+    values: tuple[tuple[str, Any], ...]
+    history: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
+    initial: str = field(default="base", metadata=choice("base", "space", "static"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        _check_keys(self.kind, dict(self.values))
+        # made here, so that its faults are those of this noun
+        _ = self.excitation
+        if self.kind == "shock" and self.history is None:
+            allowed = "is missing; must be a finite number > 0 s: how long the history is that begins with the shock"
+            raise InputError([Fault("history", None, "", allowed)])
+
+    @cached_property
+    def excitation(self) -> Signal:
+        """The motion that drives the history."""
+        noun, other = SIGNALS[self.kind]
+        given = {other.get(name, name): value for name, value in self.values}
+        back = {name: key for key, name in other.items()}
+        try:
+            return noun(**given)
+        except InputError as error:
+            raise InputError([replace(fault, key=back.get(fault.key, fault.key)) for fault in error.faults]) from None
+
+    @property
+    def start(self) -> str:
+        """Where everything is at rest at t = 0."""
+        return self.initial
+
+    @property
+    def frequency(self) -> float:
+        """The highest one, Hz: there is no cycle."""
+        return float(self.excitation.frequency)
+
+    @property
+    def history_duration(self) -> float:
+        """Time (s) that the history takes."""
+        return float(self.excitation.duration if self.history is None else self.history)
+
+    @property
+    def words(self) -> str:
+        """How long the history is, and what drives it."""
+        return f"{self.history_duration:g} s of a {self.kind} motion of the base, up to {self.frequency:.4g} Hz"
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """What a study file has in [base] of it."""
+        own = {"history": self.history, "initial": None if self.initial == "base" else self.initial}
+        given = {name: value for name, value in own.items() if value is not None}
+        return {"kind": self.kind, **dict(self.values), **given}
+
+
+def _check_keys(kind: str, values: Mapping[str, Any]) -> None:
+    noun, other = SIGNALS[kind]
+    back = {name: key for key, name in other.items()}
+    known = {
+        back.get(name, name): item.default
+        for name, item in inspect.signature(noun).parameters.items()
+        if name not in ("level", "by")
+    }
+    faults = [Fault(name, None, "", suggestion(name, [*known, *OWN])) for name in values if name not in known]
+    missing = [name for name, default in known.items() if default is inspect.Parameter.empty and name not in values]
+    faults += [Fault(name, None, "", f"is missing in [base] of kind {kind!r}") for name in missing]
+    if faults:
+        raise InputError(faults)
+
+
+def numbers_of_signal(signal: Signal) -> dict[str, Any]:
+    """What makes a motion again: its kind, and its fields by name."""
+    kind = next(kind for kind, (noun, _) in SIGNALS.items() if isinstance(signal, noun))
+    return {"signal": kind, "fields": {item.name: getattr(signal, item.name) for item in fields(signal)}}
+
+
+def signal_of_numbers(numbers: Mapping[str, Any]) -> Signal:
+    """The motion that `numbers_of_signal` has described."""
+    return SIGNALS[numbers["signal"]][0](**numbers["fields"])

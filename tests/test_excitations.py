@@ -1,0 +1,317 @@
+"""Chirps, stepped sines, random motions, shocks, blows and sums: what they are, and that every method takes them."""
+
+import itertools
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+import scipy.integrate
+import scipy.special
+from builders import REFERENCE, reduced, with_ball
+from reference_events import Oscillator
+from test_piecewise_polynomial import BALL, GAP, MASS, OMEGA, RESTITUTION, ZETA, in_a_box, same_impacts
+
+import femimpact as fi
+
+G = 9.80665
+CHIRP = fi.Chirp(4.0, 8.0, 4.0, amplitude=1e-3)
+BY_ACCELERATION = fi.Chirp(8.0, 4.0, 4.0, acceleration=2.0, kind="logarithmic")
+STEPPED = fi.SteppedSine((4.0, 5.0, 6.0), 6, acceleration=2.0, direction="both")
+RANDOM = fi.RandomBase([(2.0, 0.05), (20.0, 0.01), (40.0, 0.01)], 6.0, seed=2)
+SHOCK = fi.Shock("half-sine", acceleration=10.0 * G, duration=0.011)
+SINES = fi.Sine(1e-3, 5.0) + fi.Sine(2e-4, 11.3, 0.4) + fi.Sine(1e-4, 17.9, 2.0)
+MOTIONS = {
+    "chirp": CHIRP, "chirp by acceleration": BY_ACCELERATION, "stepped": STEPPED, "random": RANDOM, "shock": SHOCK,
+    "compensated": fi.Shock("trapezoid", acceleration=20.0, duration=0.02, compensated=True), "sines": SINES.until(4.0),
+    "chirp and sine": (CHIRP + fi.Sine(1e-4, 30.0)).until(4.0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_displacement_velocity_and_acceleration_are_derivatives_of_one_another(name):
+    base = MOTIONS[name]
+    # pulses within their smooth parts
+    low, high = {"shock": (0.0, 0.007), "compensated": (0.003, 0.014)}.get(name, (0.01, 3.9))
+    ends = np.linspace(low, high, 40)
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    length = 0.003
+    inner = ends[:, None] + 0.5 * length * (1.0 + nodes)
+    for lower, upper in ((base.displacement, base.velocity), (base.velocity, base.acceleration)):
+        change = lower(ends + length) - lower(ends)
+        # a difference of two near values is known to their rounding; Gauss points see no jump of a last digit
+        size = np.abs(lower(ends)).max()
+        np.testing.assert_allclose(0.5 * length * (upper(inner) @ weights), change, atol=1e-10 * size)
+
+
+def test_chirps_have_their_phase_and_do_not_drift():
+    t = np.linspace(0.0, 4.0, 20_001)[:-1]
+    phase = 2.0 * np.pi * (4.0 * t + 0.5 * t**2)
+    assert np.abs(CHIRP.displacement(t) - 1e-3 * np.sin(phase)).max() < 1e-14
+    rate = 2.0 * np.pi * (4.0 + t)
+    exact = 1e-3 * (2.0 * np.pi * np.cos(phase) - rate**2 * np.sin(phase))
+    assert np.abs(CHIRP.acceleration(t) - exact).max() < 1e-9 * np.abs(exact).max()
+    for kind, (start, stop) in itertools.product(("linear", "logarithmic"), ((5.0, 50.0), (50.0, 5.0), (5.0, 5.0))):
+        base = fi.Chirp(start, stop, 4.0, acceleration=2.0, kind=kind)
+        assert np.abs(base.acceleration(t) - 2.0 * np.sin(base.phase_at(t))).max() < 1e-9 * 2.0
+        # about zero, with the amplitude of a sine of this frequency to second order in the change of a cycle
+        size = base.displacement(t) * (2.0 * np.pi * base.frequency_at(t)) ** 2 / 2.0
+        assert np.abs(size).max() == pytest.approx(1.0, abs=1e-4)
+
+
+def test_a_linear_chirp_by_acceleration_has_fresnel_s_integral_as_its_velocity():
+    # phase = (b + k t)^2/(2 k) - b^2/(2 k): sine and cosine integrals of Fresnel
+    base, (b, k) = fi.Chirp(5.0, 50.0, 4.0, acceleration=2.0), (10.0 * np.pi, 90.0 * np.pi / 4.0)
+    t = np.linspace(0.0, 4.0, 101)
+    S, C = scipy.special.fresnel((b + k * t) / math.sqrt(np.pi * k))
+    shift, scale = b * b / (2.0 * k), 2.0 * math.sqrt(np.pi / k)
+    exact = scale * (S * np.cos(shift) - C * np.sin(shift))
+    change = base.velocity(t) - base.velocity(0.0)
+    np.testing.assert_allclose(change, exact - exact[0], atol=1e-11)
+
+
+def test_octaves_per_minute_are_a_duration():
+    base = fi.Chirp(5.0, 40.0, amplitude=1e-3, kind="logarithmic", octaves_per_minute=2.0)
+    assert base.duration == pytest.approx(90.0)
+    assert base.frequency_at(30.0) == pytest.approx(10.0)
+
+
+def test_stepped_sines_change_where_the_base_stands_still():
+    ends = np.cumsum(6.0 / STEPPED.steps)
+    np.testing.assert_allclose(STEPPED.steps, [4.0, 5.0, 6.0, 5.0, 4.0])
+    assert STEPPED.duration == pytest.approx(ends[-1])
+    before, after = ends[:-1] - 1e-9, ends[:-1] + 1e-9
+    for motion, size in ((STEPPED.displacement, 1e-9), (STEPPED.velocity, 1e-8), (STEPPED.acceleration, 1e-8)):
+        np.testing.assert_allclose(motion(before), motion(after), atol=size)
+    np.testing.assert_allclose(STEPPED.velocity(ends), 0.0, atol=1e-9)
+    t = np.linspace(0.0, ends[0], 1001)[:-1]
+    np.testing.assert_allclose(STEPPED.acceleration(t), -2.0 * np.cos(8.0 * np.pi * t), atol=2e-9)
+
+
+def test_a_random_motion_is_its_sum_of_lines():
+    f, size, phase = RANDOM.lines
+    t = np.random.default_rng(0).uniform(0.0, 6.0, 50)
+    angle = 2.0 * np.pi * np.outer(t, f) + phase
+    largest = np.abs(RANDOM.closed_form.value(np.linspace(0.0, 6.0, 20_001))).max()
+    np.testing.assert_allclose(RANDOM.acceleration(t), np.cos(angle) @ size, atol=1e-9 * largest)
+    np.testing.assert_allclose(RANDOM.displacement(t), -np.cos(angle) @ (size / (2 * np.pi * f) ** 2), atol=1e-13)
+    # the mean square of the lines is the density's integral, by straight lines of its logarithms
+    points = np.log(np.array(RANDOM.psd))
+    exact = scipy.integrate.quad(lambda x: np.exp(np.interp(np.log(x), *points.T)), 2.0, 40.0, points=[20.0])[0]
+    assert RANDOM.rms**2 == pytest.approx(exact, rel=0.02)
+
+
+def test_another_seed_is_another_motion_of_the_same_density():
+    other = fi.RandomBase(RANDOM.psd, RANDOM.duration, seed=3)
+    np.testing.assert_array_equal(other.lines[1], RANDOM.lines[1])
+    assert np.all(other.lines[2] != RANDOM.lines[2])
+    assert fi.RandomBase(RANDOM.psd, RANDOM.duration, seed=2) == RANDOM
+
+
+def test_the_mean_square_of_a_random_run_is_the_exact_integral():
+    # 5 Hz at 2 % damping: of x'' + 2 zeta w x' + w^2 x = -ub'' each line is answered by |H|^2; 10 s are dropped
+    omega, zeta, density, end = 10.0 * np.pi, 0.02, 0.04, 60.0
+    system = fi.System.from_matrices([[1.0]], [[2.0 * zeta * omega]], [[omega**2]], points={"mass": [1.0]})
+    system, record = fi.reduce(system, modes=1), fi.Recorder(interval=0.02, channels=("mass",), ledger=False)
+
+    def squared(f):
+        w = 2.0 * np.pi * f
+        return density / ((omega**2 - w**2) ** 2 + (2.0 * zeta * omega * w) ** 2)
+
+    exact = scipy.integrate.quad(squared, 2.0, 12.0, points=[5.0], limit=200)[0]
+    found = []
+    for seed in range(50):
+        base = fi.RandomBase([(2.0, density), (12.0, density)], end, seed=seed)
+        run = fi.integrate(system, base, fi.EventDriven(), end, record)
+        found.append(np.mean(run["mass"][run.time >= 10.0] ** 2))
+    error = np.std(found, ddof=1) / math.sqrt(len(found))
+    # four of its own standard errors, and no more than a tenth: it could fail
+    assert abs(np.mean(found) - exact) < 4.0 * error < 0.2 * exact
+
+
+def test_a_half_sine_has_the_closed_form_of_the_shock_spectrum():
+    # undamped: x = -(a/(w^2 - W^2)) (sin W t - (W/w) sin w t) while the pulse lasts
+    omega, pulse = 2.0 * np.pi * 30.0, np.pi / SHOCK.duration
+    system = fi.System.from_matrices([[1.0]], [[0.0]], [[omega**2]], points={"mass": [1.0]})
+    record = fi.Recorder(interval=1e-4, channels=("mass",))
+    run = fi.integrate(fi.reduce(system, modes=1), SHOCK, fi.EventDriven(), 0.05, record)
+    t = run.time[run.time <= SHOCK.duration]
+    exact = -(10.0 * G / (omega**2 - pulse**2)) * (np.sin(pulse * t) - pulse / omega * np.sin(omega * t))
+    assert np.abs(run["mass"][: t.size] - exact).max() < 1e-10 * np.abs(run["mass"]).max()
+
+
+@pytest.mark.parametrize("kind", ["half-sine", "terminal-sawtooth", "trapezoid"])
+def test_a_compensated_shock_leaves_the_base_at_rest_in_its_place(kind):
+    base = fi.Shock(kind, acceleration=100.0, duration=0.01, compensated=True)
+    end = base.closed_form.duration + 0.1
+    assert abs(base.displacement(end)) < 1e-12
+    assert abs(base.velocity(end)) < 1e-12
+    # the pulse itself is the same
+    t = np.linspace(0.0, 0.01, 100)[:-1]
+    np.testing.assert_array_equal(base.acceleration(t), fi.Shock(kind, 100.0, 0.01).acceleration(t))
+
+
+def test_sums_of_one_frequency_are_a_sine_and_others_have_no_cycle():
+    one = fi.Sine(1e-3, 5.0) + fi.Sine(2e-3, 5.0, 1.0)
+    t = np.linspace(0.0, 1.0, 101)
+    wave = one.closed_form
+    same = fi.Sine(wave.amplitude / wave.omega**2, 5.0, one.phase)
+    np.testing.assert_allclose(one.displacement(t), same.displacement(t), atol=1e-17)
+    assert one.frequency == 5.0
+    assert math.isnan(SINES.phase)
+    assert len((SINES + one).parts) == 5
+
+
+@pytest.mark.impacts
+@pytest.mark.parametrize("name", ["five sines", "chirp"])
+def test_the_first_ten_impacts_are_those_of_30_digits(name):
+    if name == "chirp":
+        base = fi.Chirp(3.0, 8.0, 4.0, amplitude=1e-3)
+
+        def s(t):
+            start, slope = mp.mpf(3), mp.mpf(5) / 4
+            phase, rate = 2 * mp.pi * (start * t + slope * t * t / 2), 2 * mp.pi * (start + slope * t)
+            return (2 * mp.pi * slope * mp.cos(phase) - rate * rate * mp.sin(phase)) / 1000
+    else:
+        parts = [fi.Sine(1e-3 / (n + 1), f, 0.3 * n) for n, f in enumerate((4.1, 5.3, 7.7, 9.2, 13.1))]
+        base = fi.Sum(parts)
+
+        def s(t):
+            total = mp.mpf(0)
+            for part in parts:
+                omega = 2 * mp.pi * mp.mpf(part.frequency)
+                total -= mp.mpf(part.amplitude) * omega**2 * mp.sin(omega * t + mp.mpf(part.phase))
+            return total
+
+    exact = Oscillator(OMEGA, ZETA, MASS, BALL, GAP, RESTITUTION, s).impacts(np.arange(1, 101) * 0.02, 10)
+    run = fi.integrate(in_a_box(), base, fi.EventDriven(), 2.0, fi.Recorder(interval=1e-3))
+    same_impacts(run, exact, 1e-10)
+
+
+@pytest.mark.impacts
+@pytest.mark.parametrize("name", MOTIONS)
+def test_the_balance_closes_under_every_motion(name):
+    system = reduced(with_ball(REFERENCE, contact=fi.Rigid(restitution=0.7), gap=1e-4), 4)
+    run = fi.integrate(system, MOTIONS[name], fi.EventDriven(), 3.0, fi.Recorder(interval=2e-3))
+    assert len(run.impacts) > 3
+    assert run.energy.residual < 1e-10
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_steps_converge_to_the_event_driven_motion(name):
+    alone, base = fi.without_impactors(in_a_box()), MOTIONS[name]
+    # what begins at once is met at first order only; the shock ends at a step
+    order = 1 if name in ("compensated", "stepped", "random") else 2
+    errors = []
+    for dt in (4.4e-4, 2.2e-4) if name == "shock" else (4e-4, 2e-4):
+        record = fi.Recorder(interval=dt, channels=("mass",))
+        exact = fi.integrate(alone, base, fi.EventDriven(), 0.8, record)["mass"]
+        steps = fi.integrate(alone, base, fi.Newmark(dt), 0.8, fi.Recorder(channels=("mass",)))["mass"]
+        errors.append(np.abs(exact - steps).max() / np.abs(exact).max())
+    assert errors[1] < 1e-2
+    assert errors[0] / errors[1] > 1.8**order
+
+
+@pytest.mark.parametrize(
+    "history", [fi.Sine(3.0, 5.0), CHIRP, STEPPED, RANDOM, SHOCK, fi.RecordedBase([0.0, 2.0, 1.0], 0.3)]
+)
+def test_every_history_is_a_force(history):
+    force = fi.PointForce("mass", history)
+    alone, record = fi.without_impactors(in_a_box()), fi.Recorder(interval=1e-3, channels=("mass",))
+    exact = fi.integrate(alone, force, fi.EventDriven(), 0.5, record)["mass"]
+    steps = fi.integrate(alone, force, fi.Newmark(1e-4), 0.5, fi.Recorder(every=10, channels=("mass",)))["mass"]
+    assert np.abs(exact).max() > 0.0
+    assert np.abs(steps - exact).max() < 3e-3 * np.abs(exact).max()
+
+
+def test_a_blow_gives_its_impulse():
+    # a blow far shorter than the period starts the mass with impulse/mass
+    blow = fi.HammerBlow("mass", impulse=0.2, duration=1e-5)
+    run = fi.integrate(fi.without_impactors(in_a_box()), blow, fi.EventDriven(), 0.02, fi.Recorder(interval=1e-3))
+    speed = run.final_state.velocity[0]
+    decay, turning, t = ZETA * OMEGA, OMEGA * math.sqrt(1.0 - ZETA**2), 0.02 - 5e-6
+    exact = 0.2 * np.exp(-decay * t) * (np.cos(turning * t) - decay / turning * np.sin(turning * t))
+    assert speed == pytest.approx(exact, rel=1e-6)
+
+
+def test_records_of_displacement_and_velocity_are_met():
+    t = 1e-3 * np.arange(8001)
+    place, speed = np.sin(20.0 * t) - 0.2 * np.cos(33.0 * t), 20.0 * np.cos(20.0 * t) + 6.6 * np.sin(33.0 * t)
+    base = fi.RecordedBase.from_displacement(place, 1e-3)
+    np.testing.assert_allclose(base.displacement(t), place - place[0], atol=1e-11)
+    by_speed = fi.RecordedBase.from_velocity(speed, 1e-3)
+    np.testing.assert_allclose(by_speed.velocity(t), speed, atol=2e-3 * np.abs(speed).max())
+    # an offset and a slow drift are taken out, what is well above stays
+    drifting = fi.RecordedBase.from_velocity(speed + 0.5 + 0.3 * t, 1e-3, high_pass=0.7)
+    inner = (t > 3.0) & (t < 5.0)
+    assert np.abs(drifting.velocity(t) - speed)[inner].max() < 0.1 * np.abs(speed).max()
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: fi.Chirp(1.0, 2.0, 1.0), r"amplitude: must be given alone"),
+        (lambda: fi.Chirp(1.0, 2.0, 1.0, amplitude=1.0, acceleration=1.0), r"amplitude = 'both'.*must be given alone"),
+        (lambda: fi.Chirp(0.0, 2.0, 1.0, amplitude=1.0, kind="logarithmic"), r"start = 0.* Hz: must be .*> 0 Hz"),
+        (lambda: fi.Chirp(-1.0, 2.0, 1.0, amplitude=1.0), r"start = -1.* Hz"),
+        (lambda: fi.Chirp(1.0, 2.0, 0.0, amplitude=1.0), r"duration = 0.* s"),
+        (lambda: fi.Chirp(1.0, 2.0, amplitude=1.0), r"duration.*octaves_per_minute be given"),
+        (lambda: fi.Chirp(1.0, 2.0, amplitude=1.0, octaves_per_minute=1.0), r"kind.*logarithmic"),
+        (lambda: fi.SteppedSine([], 3, amplitude=1.0), r"frequencies.*one or more"),
+        (lambda: fi.SteppedSine([1.0, -2.0], 3, amplitude=1.0), r"frequencies.*> 0"),
+        (lambda: fi.RandomBase([(5.0, 1.0)], 10.0), r"psd.*2 or more pairs"),
+        (lambda: fi.RandomBase([(5.0, 1.0), (4.0, 1.0)], 10.0), r"psd = '5 and then 4' Hz: must have .* that rise"),
+        (lambda: fi.RandomBase([(5.0, 1.0), (9.0, 0.0)], 10.0), r"psd = '0 among its values'.*all > 0"),
+        (lambda: fi.RandomBase([(5.0, 1.0), (5.1, 1.0)], 1e-3), r"duration.*must hold 1 to"),
+        (lambda: fi.Shock("triangle", acceleration=1.0, duration=1.0), r"kind = 'triangle'"),
+        (lambda: fi.Shock("half-sine", acceleration=1.0), r"duration = 0"),
+        (lambda: fi.Sum(()), r"parts.*must be one or more"),
+        (lambda: fi.Sum((fi.PointForce("tip", CHIRP),)), r"parts = 'PointForce'.*a force acts elsewhere"),
+        (lambda: fi.HammerBlow("tip", math.nan, 1e-3), r"impulse"),
+        (lambda: fi.RecordedBase.from_velocity([1.0, 2.0, 1.0, 0.0], 0.1, high_pass=6.0), r"high_pass = 6.*< 5 Hz"),
+    ],
+)  # fmt: skip
+def test_what_is_no_excitation_is_refused_in_one_line(make, words):
+    with pytest.raises(fi.InputError, match=words) as refusal:
+        make()
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.impacts
+def test_without_a_cycle_nothing_is_periodic_and_nothing_is_drawn_at_a_base_frequency():
+    system = reduced(with_ball(REFERENCE, contact=fi.Rigid(restitution=0.7), gap=1e-4), 4)
+    run = fi.integrate(system, RANDOM, fi.EventDriven(), 3.0, fi.Recorder(interval=2e-3))
+    assert run.regime.kind == "not periodic"
+    assert math.isnan(run.statistics.impacts_per_cycle)
+    assert run.statistics.count > 0
+    axis = fi.figures.spectrum(run, "tip", ax=fi.figures.OffScreen() if hasattr(fi.figures, "OffScreen") else None)
+    assert "m)²/Hz" in axis.get_ylabel()
+    assert [line.get_label() for line in axis.get_lines()] == [axis.get_lines()[0].get_label()]
+    # Parseval: the density's integral is the mean square of the windows
+    (line,) = axis.get_lines()
+    f, density = line.get_xdata(), line.get_ydata()
+    assert np.trapezoid(density, f) == pytest.approx(np.mean(run["tip"] ** 2), rel=0.3)
+    sine = fi.integrate(system, fi.Sine(1e-3, 5.0) + fi.Sine(1e-3, 5.0, 1.0), fi.EventDriven(), 3.0)
+    assert sine.regime.kind != "not periodic"
+
+
+def test_a_run_longer_than_its_excitation_says_so():
+    alone = fi.without_impactors(in_a_box())
+    run = fi.integrate(alone, SHOCK, fi.EventDriven(), 0.1, fi.Recorder(interval=1e-3))
+    assert any("the run ends at 0.1 s, the excitation at 0.011 s" in note for note in run.notes)
+
+
+@pytest.mark.impacts
+@pytest.mark.parametrize("law", [fi.KelvinVoigt(1e4, 5.0), fi.Rigid(restitution=0.6)])
+def test_a_stop_in_space_sees_where_a_chirp_has_the_base(law):
+    stop = fi.Stop(name="stop", at="mass", gap=5e-4, contact=law, fixed_to="space")
+    system = fi.System.from_matrices([[1.0]], [[2.0]], [[900.0]], points={"mass": [1.0]}, stops=[stop])
+    system, record = fi.reduce(system, modes=1), fi.Recorder(interval=1e-3, channels=("mass",))
+    run = fi.integrate(system, CHIRP, fi.EventDriven(), 0.3, record)
+    assert len(run.impacts) > 1
+    assert run.energy.residual < 1e-12
+    if isinstance(law, fi.KelvinVoigt):
+        steps = fi.Recorder(channels=("mass",), every=50)
+        other = fi.integrate(system, CHIRP, fi.Newmark(2e-5, refine=4), 0.3, steps)
+        # second order: 20 us in a period of 63 ms
+        assert np.abs(run["mass"] - other["mass"]).max() < 1e-4 * np.abs(run["mass"]).max()

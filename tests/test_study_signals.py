@@ -1,0 +1,136 @@
+"""Chirps, stepped sines, random motions and shocks in study files."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from builders import UNDRAWN_STUDY
+
+import femimpact as fi
+from femimpact.study.picture_data import _base
+from femimpact.study.run import run_study
+from femimpact.study.signal_motion import numbers_of_signal, signal_of_numbers
+from femimpact.study.study_file import read_study
+from femimpact.study.study_text import study_text
+
+KINDS = {
+    "chirp": (
+        'start = 4.0\nstop = 6.0\nduration = 2.0\nacceleration = 0.3\nrate = "logarithmic"\ninitial = "space"',
+        fi.Chirp(4.0, 6.0, 2.0, acceleration=0.3, kind="logarithmic"), 2.0,
+    ),
+    "stepped-sine": (
+        'frequencies = [4.5, 5.0]\ncycles = 4\namplitude = 0.2e-3\ndirection = "both"\nhistory = 1.5',
+        fi.SteppedSine([4.5, 5.0], 4, 0.2e-3, direction="both"), 1.5,
+    ),
+    "random": (
+        "psd = [[3.0, 0.05], [20.0, 0.1]]\nduration = 2.0\nseed = 3",
+        fi.RandomBase([[3.0, 0.05], [20.0, 0.1]], 2.0, seed=3), 2.0,
+    ),
+    "shock": (
+        'pulse = "half-sine"\nacceleration = 98.0\nduration = 0.011\nhistory = 1.0',
+        fi.Shock("half-sine", 98.0, 0.011), 1.0,
+    ),
+}  # fmt: skip
+
+
+def text_with(base):
+    """The small study with another [base], without a sweep."""
+    first, method = UNDRAWN_STUDY.index("[base]"), UNDRAWN_STUDY.index("[method]")
+    sweep, output = UNDRAWN_STUDY.index("[sweep]"), UNDRAWN_STUDY.index("[output]")
+    return f"{UNDRAWN_STUDY[:first]}[base]\n{base}\n\n{UNDRAWN_STUDY[method:sweep]}{UNDRAWN_STUDY[output:]}"
+
+
+def of_kind(kind):
+    return text_with(f'kind = "{kind}"\n{KINDS[kind][0]}')
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_motion_of_a_study_is_that_of_its_noun(tmp_path, kind):
+    study = read_study(of_kind(kind), tmp_path / "study.toml")
+    _, noun, history = KINDS[kind]
+    time = np.linspace(0.0, history, 101)
+    np.testing.assert_array_equal(study.excitation.acceleration(time), noun.acceleration(time))
+    assert study.base.history_duration == history
+    assert study.initial.frame == ("space" if kind == "chirp" else "base")
+    # written anew, it is the same study
+    other = read_study(study_text(study).replace("seed = 3", "seed =  3"), tmp_path / "study.toml")
+    assert other.base == study.base
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_changed_study_is_written_anew_with_its_motion(tmp_path, kind):
+    study = read_study(of_kind(kind), tmp_path / "study.toml")
+    changed = replace(study, base=replace(study.base, history=0.7))
+    assert read_study(study_text(changed), tmp_path / "study.toml").base == changed.base
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_motion_is_made_again_from_what_results_keep(kind):
+    noun = KINDS[kind][1]
+    again = signal_of_numbers(json.loads(json.dumps(numbers_of_signal(noun))))
+    time = np.linspace(0.0, 1.0, 51)
+    np.testing.assert_array_equal(again.displacement(time), noun.displacement(time))
+    assert type(_base({}, {"base": numbers_of_signal(noun)})) is type(noun)
+
+
+def test_a_run_without_a_cycle_says_so_in_its_summary(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(of_kind("random"))
+    run_study(fi.load_study(path), tmp_path / "results")
+    summary = json.loads((tmp_path / "results" / "summary.json").read_text())
+    history = summary["history"]
+    assert "frequency" not in history
+    assert history["impacts_per_cycle"] is None
+    assert history["regime"]["label"] in ("not periodic: the excitation has no cycle", "no impacts")
+    assert fi.load(tmp_path / "results").summary["history"]["impacts"] == history["impacts"]
+
+
+def test_the_kinds_of_sines_and_records_may_be_named(tmp_path):
+    sine = "amplitude = 0.2e-3\nfrequency = 5.0"
+    named, plain = (read_study(text_with(text), tmp_path / "s.toml") for text in (f'kind = "sine"\n{sine}', sine))
+    assert named.base == plain.base
+
+
+@pytest.mark.parametrize(
+    ("base", "words"),
+    [
+        ('kind = "noise"', "base.kind = 'noise': must be one of 'sine', 'record', 'chirp'"),
+        ("kind = 5", "base.kind = 5: must be one of"),
+        ('kind = "record"', "base.record: is missing"),
+        ('kind = "sine"\nrecord = "a.csv"', "base.record: belongs to kind"),
+        ('kind = "chirp"\nstart = 4.0\nduration = 2.0\namplitude = 1e-3', "base.stop: is missing"),
+        ('kind = "chirp"\nstart = 0.0\nstop = 9.0\nduration = 2.0\namplitude = 1e-3', "base.start = 0.0 Hz"),
+        ('kind = "chirp"\nstart = 4.0\nstop = 9.0\nduration = 2.0', "base.amplitude: must be given alone"),
+        (
+            'kind = "chirp"\nstart = 4.0\nstop = 9.0\nduration = 2.0\namplitude = 1.0\nrate = "cubic"',
+            "base.rate = 'cubic'",
+        ),
+        (
+            'kind = "random"\npsd = [[3.0, 0.05], [2.0, 0.05]]\nduration = 2.0',
+            "base.psd",
+        ),
+        ('kind = "random"\npsd = "flat"\nduration = 2.0', "base.psd"),
+        ('kind = "random"\npsd = [[3.0, 0.05], [20.0, 0.0]]\nduration = 2.0', "base.psd"),
+        ('kind = "shock"\npulse = "half-sine"\nacceleration = 98.0\nduration = 0.011', "base.history: is missing"),
+        ('kind = "shock"\npulse = "bang"\nacceleration = 98.0\nduration = 0.011\nhistory = 1.0', "base.pulse = 'bang'"),
+        ('kind = "stepped-sine"\nfrequencies = []\ncycles = 4\namplitude = 1e-3', "base.frequencies"),
+        (
+            'kind = "stepped-sine"\nfrequencies = [1]\ncycles = 4\namplitude = 1e-3\nfrequency = 3',
+            "base.frequency: ",
+        ),
+        ('kind = "chirp"\nstart = "low"\nstop = 9.0\nduration = 2.0\namplitude = 1e-3', "base.start = 'low'"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_one_line_with_its_key(tmp_path, base, words):
+    with pytest.raises(fi.InputError, match=words) as refusal:
+        read_study(text_with(base), tmp_path / "study.toml")
+    assert "\n" not in str(refusal.value)
+
+
+def test_what_needs_a_sine_names_the_kind(tmp_path):
+    text = of_kind("random").replace(
+        "[output]", "[sweep]\nstart = 4.0\nstop = 6.0\npoints = 5\ncycles = 30\n\n[output]"
+    )
+    with pytest.raises(fi.InputError, match=r"needs a sine of the base, and .* is of kind 'random'"):
+        read_study(text, tmp_path / "study.toml")
