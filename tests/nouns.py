@@ -45,6 +45,7 @@ MOTIONS = {
 """Excitations of which displacement, velocity and acceleration take times."""
 PIECES = fi.PiecewisePolynomial([0.0, 1.0], [[1.0, 2.0]])
 BASE = fi.Sine(2e-3, 6.0)
+LASER = fi.Laser("tip", range=5e-4, noise=1e-6, sample_rate=900.0, offset=1e-5)
 STATE = fi.State(displacement=[0.0, 1e-4], ball_velocity=[0.1])
 CURVE = np.linspace(5.0, 7.0, 41), one_pole_amplitude(np.linspace(5.0, 7.0, 41), 1e-3, 6.0, 0.01)
 
@@ -180,6 +181,8 @@ NOUNS = {
     "Sine": lambda: BASE,
     "Spring": lambda: fi.Spring("spring", "mid", 100.0, to="tip"),
     "State": lambda: STATE,
+    "Laser": lambda: LASER,
+    "LaserReading": lambda: LASER.measure(response()),
     "StroboscopicSection": lambda: response().stroboscopic(),
     "Stop": lambda: STRUCTURE.stops[0],
     "Structure": lambda: STRUCTURE,
@@ -348,6 +351,10 @@ VERBS = {
     "System.point_row": (lambda at: system().point_row(at), lambda: {"at": 0.1}),
     "point_row without a beam": (lambda at: oscillators().point_row(at), lambda: {"at": "first"}),
     "State.at_rest": (fi.State.at_rest, lambda: {"frame": "space"}),
+    "Laser.measure": (lambda **given: LASER.measure(**given), lambda: {"response": response(), "seed": 3}),
+    "extrapolate": (fi.extrapolate, lambda: {
+        "system": small(), "measured": LASER.measure(response()), "to": "mid", "mode": 1
+    }),
     "State.of_mode": (fi.State.of_mode, lambda: {"system": small(), "mode": 1, "amplitude": 1e-3, "at": "tip"}),
     "State.under_force": (fi.State.under_force, lambda: {"system": small(), "force": 0.01, "at": "tip"}),
     "State.with_speed": (fi.State.with_speed, lambda: {"system": small(), "speed": 0.1}),
