@@ -7,8 +7,10 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.excitation import BrokenLine, Excitation
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
+from femimpact.excitation.random_base import RandomBase
 
 __all__ = ["drive_warnings", "frequency_warnings", "is_pulse", "motion_notes", "motion_warnings"]
 
@@ -201,6 +203,7 @@ def drive_warnings(excitation: Excitation, highest: float, left_out: float) -> t
 
     A sine, and what else has no closed form by samples, is compared by its frequency, a record by the share of the
     energy of its acceleration, or force, above the limit: 1 % is warned of. Its line of least squares is no part of it.
+    Of a chirp that is the share of its time, of a random motion that of its mean square.
 
     Parameters
     ----------
@@ -217,9 +220,14 @@ def drive_warnings(excitation: Excitation, highest: float, left_out: float) -> t
     tuple of str
     """
     line = getattr(excitation, "closed_form", None)
+    limit = _limit(highest, left_out)
+    if isinstance(excitation, (Chirp, RandomBase)):
+        share, of = _band_above(excitation, limit)
+        if share <= ENERGY_ABOVE:
+            return ()
+        return (f"{100.0 * share:.3g} % of the {of} is above {limit:.4g} Hz, where {_kept(highest, left_out)}",)
     if not isinstance(line, BrokenLine):
         return frequency_warnings([excitation.frequency], highest, left_out)
-    limit = _limit(highest, left_out)
     share = _energy_above(line, limit) if math.isfinite(limit) else 0.0
     if share <= ENERGY_ABOVE:
         return ()
@@ -235,6 +243,15 @@ def frequency_warnings(frequencies: ArrayLike, highest: float, left_out: float) 
         return ()
     which = f", at {np.count_nonzero(above)} of {f.size} frequencies" if f.size > 1 else ""
     return (f"the drive is at {'up to ' if which else ''}{f.max():.4g} Hz{which}, where {_kept(highest, left_out)}",)
+
+
+def _band_above(excitation: Chirp | RandomBase, limit: float) -> tuple[float, str]:
+    """Share of a chirp's time, or of the mean square of a random motion, above a frequency (Hz), and words for it."""
+    if isinstance(excitation, Chirp):
+        frequency = excitation.frequency_at(excitation.duration * np.linspace(0.0, 1.0, 10_001))
+        return float(np.mean(frequency > limit)), "time of the chirp"
+    frequency, level = excitation.lines[:2]
+    return float(np.sum(level[frequency > limit] ** 2) / np.sum(level**2)), "mean square of the random motion"
 
 
 def _limit(highest: float, left_out: float) -> float:

@@ -203,7 +203,10 @@ def _density(response: Response, name: str, highest: float | None, ax: Axes | Of
     axis.semilogy(frequency[shown], density[shown], color=BLUE, linewidth=1.2, label=label)
     axis.set_xlim(0.0, top)
     axis.set_xlabel("frequency (Hz)")
-    axis.set_ylabel(f"density of {name.replace('_', ' ')} (({response.units[name]})²/Hz)")
+    unit = response.units[name].replace("^2", "²")
+    # brackets only where the square would be read as that of a part of the unit
+    squared = f"{unit}²" if unit.isalpha() else f"({unit})²"
+    axis.set_ylabel(f"spectral density of {name.replace('_', ' ')}, {squared}/Hz")
     axis.set_title(f"lines {frequency[1]:.3g} Hz apart, Hann windows", loc="left")
     legend_above(axis)
     return axis
