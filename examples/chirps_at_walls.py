@@ -1,6 +1,9 @@
-r"""Does a beam between walls answer a chirp up as it answers one down?
+r"""A chirp up and a chirp down
+===========================
 
-    ub = A sin(phase), f = phase'/(2 pi) from 5.0 to 6.6 Hz or back in 120 s;   walls 8 mm from the tip
+Does a beam between walls answer a chirp up as it answers one down?
+
+.. math:: u_b = A \sin\varphi, \quad f = \dot\varphi/(2\pi) \text{ from 5.0 to 6.6 Hz or back in 120 s}
 
 The walls stiffen the beam once it reaches them. Up, the motion with impacts goes on to a higher frequency than that at
 which it begins on the way down: hysteresis. Beside the chirps stands the stepped sweep, up and then down.

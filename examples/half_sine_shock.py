@@ -1,6 +1,9 @@
-r"""What stress does a shock of 10 g and 11 ms leave at the root of the beam?
+r"""A half-sine shock
+=================
 
-    ub'' = 10 g sin(pi t/11 ms) for 11 ms, then 0,   M u'' + C u' + K u = -M r ub''
+What stress does a shock of 10 g and 11 ms leave at the root of the beam?
+
+.. math:: \ddot u_b = 10 g \sin(\pi t/T), \quad 0 \le t \le T = 11 \text{ ms}
 
 The peak is exact: it is found between the samples too.
 """

@@ -1,6 +1,9 @@
-r"""What does a laser at mid-beam say of the tip? The published sweep without and with ball, read as it was measured.
+r"""A laser at mid-beam
+===================
 
-    w(tip) = w(mid) phi_1(tip)/phi_1(mid),   w(mid) cut off at the ends of the laser's range
+What does a laser at mid-beam say of the tip? The published sweep without and with ball, read as it was measured.
+
+.. math:: w_\mathrm{tip} = w_\mathrm{mid} \, \phi_1(\mathrm{tip})/\phi_1(\mathrm{mid})
 
 The laser stands at mid-beam, for its range does not hold the tip, and the first mode carries its reading there. Without
 the ball only that mode moves; with it impacts excite the others, which the factor multiplies too.

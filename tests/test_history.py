@@ -397,8 +397,8 @@ def test_progress_of_several_runs_to_one(small):
     ("given", "words"),
     [
         ({"excitation": []}, "excitation: must be one or more"),
-        ({"excitation": "sine"}, "excitation = 'str': must be a Sine, a PointForce or a RecordedBase"),
-        ({"excitation": [BASE, 5.0]}, "excitation = 'float': must be a Sine, a PointForce or a RecordedBase"),
+        ({"excitation": "sine"}, "excitation = 'str': must be a Sine, a PointForce, a RecordedBase or another"),
+        ({"excitation": [BASE, 5.0]}, "excitation = 'float': must be a Sine, a PointForce, a RecordedBase or another"),
         ({"excitation": [BASE, BASE], "record": fi.Recorder(sink=print)}, "record.sink: must serve one run"),
         ({"threads": 0}, "threads = 0: must be a whole number >= 1"),
         ({"threads": "2"}, "threads = '2': must be a whole number >= 1"),

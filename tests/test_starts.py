@@ -6,6 +6,8 @@ from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
 
+pytestmark = pytest.mark.impacts
+
 EXACT = fi.EventDriven()
 STILL = fi.Sine(0.0, 5.0)
 

@@ -182,7 +182,7 @@ class Chirp:
         """Velocity and displacement by acceleration at one end, from the asymptotic series of the integrals.
 
         (e^{i phase} G)' = e^{i phase} where i omega G + G' = 1: G = sum of c_n omega^-p, by parts again and again
-        (Bender and Orszag, Advanced Mathematical Methods for Scientists and Engineers, 1978, section 6.3).
+        (Bender and Orszag, 1978, on integration by parts).
         """
         omega = 2.0 * math.pi * float(self.frequency_at(np.array(time)))
         slope = float(self._slope(np.array(time)))
