@@ -14,6 +14,8 @@ from femimpact.study.signal_motion import numbers_of_signal, signal_of_numbers
 from femimpact.study.study_file import read_study
 from femimpact.study.study_text import study_text
 
+pytestmark = pytest.mark.impacts
+
 KINDS = {
     "chirp": (
         'start = 4.0\nstop = 6.0\nduration = 2.0\nacceleration = 0.3\nrate = "logarithmic"\ninitial = "space"',
