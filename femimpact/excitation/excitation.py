@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -19,6 +20,9 @@ __all__ = ["MEMBERS", "BrokenLine", "Excitation", "Harmonic", "has_cycle", "requ
 
 Array = NDArray[np.float64]
 
+
+ROUNDING = 1e-12
+"""Share of the largest sample that is rounding beside a straight record."""
 
 AT_SAMPLE = 1e-9
 """Share of the time between samples by which rounding may put an instant before a sample."""
@@ -91,6 +95,20 @@ class BrokenLine:
     samples: Array
     interval: float
     initial_velocity: float = 0.0
+
+    @cached_property
+    def spectrum(self) -> tuple[Array, Array]:
+        """Frequencies (Hz) and |lines| of the samples without their line of least squares; zeros of a straight record.
+
+        An offset or a drift is no oscillation.
+        """
+        a = np.asarray(self.samples, dtype=float)
+        along = np.linspace(-1.0, 1.0, a.size)
+        rest = a - a.mean() - along * (along @ a) / (along @ along)
+        frequency = np.fft.rfftfreq(a.size, self.interval)
+        if np.abs(rest).max() <= ROUNDING * np.abs(a).max():
+            return frequency, np.zeros_like(frequency)
+        return frequency, np.abs(np.fft.rfft(rest))
 
     def motion_at(self, time: float) -> Array:
         """ub, ub', s and s' at a time (s), as (4,): exact integrals of the line, and its slope from there on."""
