@@ -227,7 +227,11 @@ def fitted(
 def coefficients_through(values: Array, lengths: Array) -> Array:
     """Coefficients (n, 6) of the polynomials with given values at the Gauss points of pieces of these lengths (s)."""
     inverse = np.linalg.inv(np.vander(0.5 * (1.0 + NODES), increasing=True))
-    return np.asarray((values @ inverse.T) / lengths[:, None] ** np.arange(HIGHEST_DEGREE + 1))
+    found, power = values @ inverse.T, np.ones_like(lengths)
+    for n in range(1, HIGHEST_DEGREE + 1):
+        power = power * lengths
+        found[:, n] /= power
+    return np.asarray(found)
 
 
 def pieces_of(line: BrokenLine | PiecewisePolynomial) -> PiecewisePolynomial:
