@@ -43,9 +43,9 @@ class RandomBase:
     the phases are drawn evenly from 0 to 2 pi by numpy's generator of the seed. The sum is stationary from t = 0 on
     (its mean square over the duration is that of the density), close to normally distributed, and has the period
     `duration`; after it the base moves on uniformly. The history is made of polynomials of degree 5, up to 23 in a
-    cycle of the highest line, 18 of a flat density: displacement, velocity and acceleration are exact derivatives of one
-    another, and the acceleration is within 1e-9 of its largest value. Libraries such as pyExSi give samples, from which no closed form
-    follows.
+    cycle of the highest line, 18 of a flat density: displacement, velocity and acceleration are exact derivatives of
+    one another, and the acceleration is within 1e-9 of its largest value. Libraries such as pyExSi give samples, from
+    which no closed form follows.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class RandomBase:
 
         frequency, size, phase = self.lines
         first, last = self._numbers
-        # a piece of length h misses a line by its amplitude times (omega h)^6/(720 924): of a band that is a mean square
+        # a piece of length h misses a line by (omega h)^6/(720 924) of it; of all lines that is a mean square
         share = math.sqrt(np.sum((size * (frequency / frequency[-1]) ** 6) ** 2) / np.sum(size**2))
         count = next_fast_len(math.ceil(max(PIECES * share ** (1 / 6), LEAST_PIECES) * last), real=True)
         h, wave = self.duration / count, size * np.exp(1j * phase)
