@@ -2,7 +2,7 @@
 
 The paper's beam on 8 modes with a rigid ball, the energy balance on, 60,001 readings. The density is flat from 5 to
 100 Hz at 0.001 g^2/Hz. The amplitude of the sine (5 Hz) is the first of a scan whose impacts are within 10 % of the
-random run's. Both runs take turns, each on an excitation of its own, which has no closed form before; what is printed are
+random run's. Both runs take turns, each on an excitation of its own, which has no closed form before. Printed are
 medians.
 """
 
