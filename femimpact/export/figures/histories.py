@@ -178,8 +178,9 @@ def spectrum(
     shown = frequency <= top
     axis = panel(ax, 8.0, 4.4)
     largest = float(amplitude[shown].max())
+    driven = "base" if getattr(response.base, "at", None) is None else "force"
     factor, unit = prefixed(largest, response.units[name])
-    axis.axvline(base, color=GREY, linestyle="--", linewidth=1.2, label=f"base, {base:.4g} Hz")
+    axis.axvline(base, color=GREY, linestyle="--", linewidth=1.2, label=f"{driven}, {base:.4g} Hz")
     axis.semilogy(frequency[shown], factor * amplitude[shown], color=BLUE, linewidth=1.2, label=name)
     axis.set_ylim(bottom=max(factor * largest * 1e-6, float((factor * amplitude[shown]).min()) or 1e-300))
     axis.set_xlim(0.0, top)
