@@ -203,7 +203,8 @@ def _density(response: Response, name: str, highest: float | None, ax: Axes | Of
     axis = panel(ax, 8.0, 4.4)
     rms = float(np.sqrt(np.mean(values**2)))
     label = f"{name}, rms {rms:.4g} {response.units[name]}"
-    axis.semilogy(frequency[shown], density[shown], color=BLUE, linewidth=1.2, label=label)
+    colour = COLOURS[len(axis.get_lines()) % len(COLOURS)]
+    axis.semilogy(frequency[shown], density[shown], color=colour, linewidth=1.2, label=label)
     axis.set_xlim(0.0, top)
     axis.set_xlabel("frequency (Hz)")
     unit = response.units[name].replace("^2", "²")
