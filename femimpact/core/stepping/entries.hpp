@@ -48,9 +48,9 @@ inline const char *fault_of(const Record &record, Index modes, Index modes_of_im
     for (Index k = 0; k < 4; k++)
         if (record.tally(k) < 0 || double(record.tally(k)) > MOST || magnitude(double(record.stride(k))) > MOST)
             return "cases.record.tally, stride: must be 0 to 1e15";
-    if (ledger && record.channels.shape[0] > 0 &&
-        (record.energy.shape[0] < record.channels.shape[0] || record.energy.shape[1] < ENERGY_COLUMNS + modes))
-        return "cases.record.energy: must have a row for each sample, and a column for each energy and mode";
+    if (ledger && record.channels.shape[1] > 0 &&
+        (record.energy.shape[1] < record.channels.shape[1] || record.energy.shape[0] < ENERGY_COLUMNS + modes))
+        return "cases.record.energy: must have a row for each energy and mode, and a column for each sample";
     if (record.impacts.shape[0] > 0 && record.impacts.shape[1] < IMPACT_COLUMNS + modes_of_impacts)
         return "cases.record.impacts: must have a column for each number of an impact and each mode";
     return nullptr;
