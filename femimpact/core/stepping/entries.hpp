@@ -149,30 +149,28 @@ inline PyObject *advance_entry(const femimpact_kernels &kernels, PyObject *const
     return Py_None;
 }
 
-// keep_present(block): the sample and the snapshot that are due at the present step
-inline PyObject *keep_present_entry(const femimpact_kernels &kernels, PyObject *const *arguments, Py_ssize_t count) {
+// A function of a kernel that is handed a block alone.
+inline PyObject *block_entry(void (*kernel)(const void *), const char *name, PyObject *const *arguments,
+                             Py_ssize_t count) {
     Handed handed;
-    if (!take_count(count, 1, "keep_present") || !handed.read(0, arguments[0], Py_None))
+    if (!take_count(count, 1, name) || !handed.read(0, arguments[0], Py_None))
         return nullptr;
     {
         const WithoutLock others_run;
-        kernels.keep_present(&handed.stepped);
+        kernel(&handed.stepped);
     }
     Py_IncRef(Py_None);
     return Py_None;
 }
 
+// keep_present(block): the sample and the snapshot that are due at the present step
+inline PyObject *keep_present_entry(const femimpact_kernels &kernels, PyObject *const *arguments, Py_ssize_t count) {
+    return block_entry(kernels.keep_present, "keep_present", arguments, count);
+}
+
 // write_energies(block)
 inline PyObject *write_energies_entry(const femimpact_kernels &kernels, PyObject *const *arguments, Py_ssize_t count) {
-    Handed handed;
-    if (!take_count(count, 1, "write_energies") || !handed.read(0, arguments[0], Py_None))
-        return nullptr;
-    {
-        const WithoutLock others_run;
-        kernels.write_energies(&handed.stepped);
-    }
-    Py_IncRef(Py_None);
-    return Py_None;
+    return block_entry(kernels.write_energies, "write_energies", arguments, count);
 }
 
 // collide(law, mass, speed, start, scheme): rebound over approach speed, peak force (N), what a custom law refused
