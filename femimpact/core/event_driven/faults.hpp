@@ -139,8 +139,6 @@ inline const char *fault_of(const Cases &cases, const Forms &forms) {
 // Of the polynomials that a case meets until a time: a long record has many more.
 inline const char *fault_of_pieces(Index c, double until, const Cases &cases) {
     const Index knots = cases.knots.size(), piece = cases.piece(c);
-    if (piece + 1 < knots && !(cases.clock(c, 0) <= cases.knots(piece + 1)))
-        return "cases.piece: must not have ended before the present time";
     for (Index i = piece; i < knots; i++) {
         if (!is_finite(cases.knots(i)) || !(i == piece || cases.knots(i) > cases.knots(i - 1)))
             return "cases.knots: must be finite and rise";
@@ -149,6 +147,8 @@ inline const char *fault_of_pieces(Index c, double until, const Cases &cases) {
         if (cases.knots(i) > until)
             break;
     }
+    if (piece + 1 < knots && !(cases.clock(c, 0) <= cases.knots(piece + 1)))
+        return "cases.piece: must not have ended before the present time";
     return nullptr;
 }
 
