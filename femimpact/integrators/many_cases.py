@@ -27,8 +27,8 @@ def run_cases(
 ) -> SineDwellResults:  # fmt: skip
     """Results of all cases in their order.
 
-    A method may have a member `run_cases` that takes them as they are. For another one, cases that differ in their
-    frequency alone run together.
+    A method may have a member `run_cases` that takes them as they are, and `takes_several_systems` where each may have
+    a system of its own. For another one, cases that differ in their frequency alone run together.
 
     Parameters
     ----------

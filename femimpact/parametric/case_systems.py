@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sparse
 
 from femimpact.errors import InputError, require
 from femimpact.fem.assembly import assemble
@@ -18,13 +17,13 @@ from femimpact.fem.mesh import Mesh
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.newmark import Newmark
-from femimpact.parametric.paths import Place, Stage, study_with
+from femimpact.parametric.paths import Place, Stage, damping_with, study_with
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Structure
 from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of
 from femimpact.system.damped import rayleigh_of, with_damping
 from femimpact.system.reduction import reduce
-from femimpact.system.system import System
+from femimpact.system.system import System, with_checked_pairs, with_modal_damping
 
 __all__ = ["CaseSystems", "default_method"]
 
@@ -107,7 +106,7 @@ class CaseSystems:
             rest = {place: value for place, value in values.items() if place.stage < Stage.BALL}
             return _with_balls(self.of(rest), of_balls)
         if of_damping and isinstance(self.given, Study):
-            damping = study_with(self.given, of_damping).structure.damping
+            damping = damping_with(self.given, of_damping)
             if _is_damping_of_modes(self.given, damping):
                 return _damped(self.of(of_modes), damping)
         with warnings.catch_warnings():
@@ -152,10 +151,7 @@ def _damped(system: System, damping: Rayleigh | ModalDamping | None) -> System:
         return with_damping(system, damping)
     square = system.K.diagonal() / system.M.diagonal()
     alpha, beta = rayleigh_of(damping, np.sort(np.sqrt(square)))
-    C = sparse.diags_array(alpha * system.M.diagonal() + beta * system.K.diagonal(), format="csr")
-    changed = replace(system, C=C, rayleigh=(alpha, beta))
-    changed.__dict__["is_diagonal"] = True
-    return changed
+    return with_modal_damping(system, alpha, beta)
 
 
 def _with_balls(system: System, values: Values) -> System:
@@ -164,10 +160,7 @@ def _with_balls(system: System, values: Values) -> System:
     for place, value in values.items():
         j = next(i for i, pair in enumerate(contacts) if pair.name == place.part)
         contacts[j] = replace(contacts[j], **{place.field: value})
-    changed = replace(system, contacts=tuple(contacts))
-    # of the same matrices
-    changed.__dict__["is_diagonal"] = system.is_diagonal
-    return changed
+    return with_checked_pairs(system, tuple(contacts))
 
 
 def _is_damping_of_modes(study: Study, damping: Rayleigh | ModalDamping | None) -> bool:

@@ -1,9 +1,9 @@
-"""Cases of a block: their systems, their dwells in as few compiled calls as there are systems, and their measures."""
+"""Cases of a block: their systems, their dwells in as few compiled calls as there can be, and their measures."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -57,9 +57,10 @@ class BlockValues:
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """Cases with one system, one method and one kind of start; `runs` are theirs, start by start of each case.
+    """Cases of one system or of systems that are alike, with one method and one kind of start.
 
-    `members` are the numbers of the cases in their block, `values` those of the first of them.
+    `runs` are theirs, start by start of each case, `members` the numbers of the cases in their block, `values` and
+    `system` those of the first of them.
     """
 
     values: dict[Place, Any]
@@ -67,6 +68,16 @@ class _Group:
     method: Method
     members: Numbers
     runs: SineCases
+
+
+@dataclass(frozen=True, eq=False)
+class _Alike:
+    """Systems that are alike but for numbers: `members` are the cases of the block, `system_of` which one each has."""
+
+    values: dict[Place, Any]
+    systems: tuple[System, ...]
+    members: Numbers
+    system_of: Numbers
 
 
 class _Answers:
@@ -165,25 +176,86 @@ def _values_of(study: ParameterStudy, case: int) -> dict[Place, Any]:
 
 
 def _groups(study: ParameterStudy, cases: Numbers, answers: _Answers) -> Iterator[_Group]:
-    """Cases that share a system, with their runs; those that have none are noted as failures."""
-    table, starts = study.table, study.starts
-    axes = table.axes_before(Stage.CASE)
-    frames = [axis for axis, place in enumerate(table.places) if place.path == "base.start"]
-    codes = [table.codes[axis][cases] for axis in (*axes, *frames)]
-    for members in _equal_rows(codes, cases.size):
-        values = _values_of(study, int(cases[members[0]]))
-        try:
-            system = study.systems.of(values)
-        except FemimpactError as error:
-            answers.fail(_runs_of(members, starts), str(error))
-            continue
+    """Cases that run together; those that have no system are noted as failures."""
+    for alike in _alike(study, cases, answers):
+        system, values, members = alike.systems[0], alike.values, alike.members
         laws, law_of = _laws(study, system, cases, members, answers)
         sound = law_of >= 0
         for method, own in _methods(study, system, laws, law_of, values, members, answers):
             chosen = own & sound
             if np.any(chosen):
                 runs = _runs(study, system, cases[members[chosen]], laws, law_of[chosen], values)
+                if len(alike.systems) > 1:
+                    runs = _with_systems(study, alike.systems, alike.system_of[chosen], runs)
                 yield _Group(values, system, method, members[chosen], runs)
+
+
+def _alike(study: ParameterStudy, cases: Numbers, answers: _Answers) -> list[_Alike]:
+    """Systems with their cases; those that differ in numbers alone together where the method takes them so."""
+    table = study.table
+    axes = table.axes_before(Stage.CASE)
+    frames = [axis for axis, place in enumerate(table.places) if place.path == "base.start"]
+    codes = [table.codes[axis][cases] for axis in (*axes, *frames)]
+    found: dict[Any, list[tuple[dict[Place, Any], System, Numbers]]] = {}
+    for number, members in enumerate(_equal_rows(codes, cases.size)):
+        values = _values_of(study, int(cases[members[0]]))
+        try:
+            system = study.systems.of(values)
+        except FemimpactError as error:
+            answers.fail(_runs_of(members, study.starts), str(error))
+            continue
+        key = _kind_of(system, values)
+        known = found.get(key)
+        if known is None and not _taken_together(study, system, values):
+            key = number
+        found.setdefault(key, []).append((values, system, members))
+    return [
+        _Alike(
+            parts[0][0],
+            tuple(system for _, system, _ in parts),
+            np.concatenate([members for *_, members in parts]),
+            np.repeat(np.arange(len(parts)), [members.size for *_, members in parts]),
+        )
+        for parts in found.values()
+    ]
+
+
+def _kind_of(system: System, values: dict[Place, Any]) -> tuple[Any, ...]:
+    """What is equal of systems that are alike, and of the methods and the frames of their cases."""
+    own = tuple((place.path, value) for place, value in values.items() if place.stage == Stage.METHOD)
+    frame = tuple(value for place, value in values.items() if place.path == "base.start")
+    pairs = tuple((pair.name, pair.is_stop, pair.gaps, pair.fixed_to, _law_key(pair.law)) for pair in system.contacts)
+    return own, frame, system.dofs, system.is_diagonal, pairs
+
+
+def _law_key(law: ContactLaw) -> Any:
+    """Equal laws have equal ones; one that cannot be compared is like itself alone."""
+    try:
+        hash(law)
+    except TypeError:
+        return id(law)
+    return law
+
+
+def _taken_together(study: ParameterStudy, system: System, values: dict[Place, Any]) -> bool:
+    """Whether the method takes cases with systems of their own; one that takes none is an error of its cases."""
+    try:
+        return bool(getattr(study.systems.method_of(system, values), "takes_several_systems", False))
+    except FemimpactError:
+        return False
+
+
+def _with_systems(
+    study: ParameterStudy, systems: tuple[System, ...], system_of: Numbers, runs: SineCases
+) -> SineCases:  # fmt: skip
+    """The runs, each with the system of its case."""
+    rows: dict[int, Array] = {}
+    for system in systems:
+        # of one expansion all places have the same rows
+        if id(system.expansion) not in rows:
+            rows[id(system.expansion)] = system.point_row(study.observed)
+    both = tuple((system, rows[id(system.expansion)]) for system in systems)
+    return replace(runs, systems=both, system_of=np.repeat(system_of, study.starts))
 
 
 def _runs_of(members: Numbers, starts: int) -> Numbers:
@@ -326,16 +398,6 @@ def _runs(
     )
 
 
-def _of(runs: SineCases, members: Numbers) -> SineCases:
-    """Some of the runs."""
-    own = {
-        item.name: getattr(runs, item.name)[members]
-        for item in fields(SineCases)
-        if item.name not in ("laws", "initial")
-    }
-    return replace(runs, **own)
-
-
 # ---- from runs to measures -------------------------------------------------------------------------
 
 
@@ -345,7 +407,7 @@ def _run_group(group: _Group, answers: _Answers) -> None:
     instants = INSTANTS if "damping" in names else 1
     every = np.arange(block_runs.size)
     for part, found in _found(group.system, group.runs, group.method, study, instants, every, answers, block_runs):
-        own, rows = block_runs[part], _of(group.runs, part)
+        own, rows = block_runs[part], group.runs.of(part)
         columns = columns_of(found, rows.frequency, rows.measured)
         fine = np.array([not failure for failure in found.failures])
         impacts = columns["impacts_per_cycle"] > 0.0
@@ -370,7 +432,7 @@ def _found(
 ) -> Iterator[tuple[Numbers, SineDwellResults]]:  # fmt: skip
     """Dwells of some runs; where one cannot be run at all, those of the two halves, so that the others are."""
     try:
-        found = run_cases(system, _of(runs, part), method, system.point_row(study.observed), instants)
+        found = run_cases(system, runs.of(part), method, system.point_row(study.observed), instants)
     except FemimpactError as error:
         if part.size == 1:
             answers.fail(block_runs[part], str(error))
@@ -385,21 +447,42 @@ def _peaks_without_balls(group: _Group, rows: SineCases, study: ParameterStudy) 
     """Peak (m) of each run's case with its cavities empty: the same for all starts of a case."""
     bare = without_impactors(group.system)
     stops = len(group.system.balls)
-    keys = np.column_stack([rows.frequency, rows.amplitude, rows.phase])
+    systems, system_of = _systems_without_balls(rows)
+    keys = np.column_stack([rows.frequency, rows.amplitude, rows.phase, system_of])
     if bare.contacts:
         keys = np.column_stack([keys, rows.law_of, rows.gaps[:, stops:].reshape(len(keys), -1)])
     _, first, of_row = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    own = _of(rows, first)
+    own = rows.of(first)
     cases = replace(
         own,
         gaps=own.gaps[:, stops:],
         laws=tuple(laws[stops:] for laws in own.laws),
         ball_displacement=np.zeros((first.size, 0)),
         ball_velocity=np.zeros((first.size, 0)),
+        systems=systems,
+        system_of=system_of[first] if systems else None,
     )
     method = study.systems.method_of(bare, group.values)
     found = run_cases(bare, cases, method, bare.point_row(study.observed), 0)
     return np.asarray(found.motion.peak[of_row.reshape(-1)])
+
+
+def _systems_without_balls(rows: SineCases) -> tuple[tuple[tuple[System, Array], ...], Numbers]:
+    """The systems of runs without their balls, those with the same matrices once, and which of them each run has."""
+    if rows.system_of is None:
+        return (), np.zeros(rows.frequency.size, dtype=np.int64)
+    number, found = {}, list[tuple[System, Array]]()
+    for own in np.unique(rows.system_of).tolist():
+        system, row = rows.systems[own]
+        same = next((i for i, (other, _) in enumerate(found) if _same_structure(system, other)), None)
+        if same is None:
+            found.append((without_impactors(system), row))
+        number[own] = len(found) - 1 if same is None else same
+    return tuple(found), np.array([number[own] for own in rows.system_of.tolist()])
+
+
+def _same_structure(one: System, other: System) -> bool:
+    return all(getattr(one, name) is getattr(other, name) for name in ("M", "C", "K", "expansion"))
 
 
 def _read_runs(group: _Group, part: Numbers, own: Numbers, columns: Any, answers: _Answers) -> None:
@@ -440,7 +523,7 @@ def _record(asked: Sequence[Measure], begin: float, system: System) -> Recorder:
 def _response(group: _Group, run: int, record: Recorder) -> Response:
     """A run with its history."""
     runs = group.runs
-    system, start = with_contacts_of(group.system, runs, run), start_of(runs, run)
+    system, start = with_contacts_of(runs.system(run, group.system), runs, run), start_of(runs, run)
     base = Sine(float(runs.amplitude[run]), float(runs.frequency[run]), float(runs.phase[run]))
     duration = float(runs.cycles[run]) / base.frequency
     return group.method.run(system, base, duration, record, start)

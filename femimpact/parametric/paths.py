@@ -14,7 +14,7 @@ from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Reduction, St
 from femimpact.system.system import System
 
 __all__ = [
-    "Place", "Stage", "paths_of_function", "paths_of_study", "paths_of_system", "study_with", "unknown_path",
+    "Place", "Stage", "damping_with", "paths_of_function", "paths_of_study", "paths_of_system", "study_with", "unknown_path",
 ]  # fmt: skip
 
 
@@ -161,9 +161,24 @@ def study_with(study: Study, values: Mapping[Place, Any]) -> Study:
         try:
             _change(found, study, place, value)
         except InputError as error:
-            faults = [replace(fault, key=f"{_prefix(place)}{fault.key}") for fault in error.faults]
-            raise InputError(faults) from None
+            raise _under(place, error) from None
     return replace(study, **found)
+
+
+def damping_with(study: Study, values: Mapping[Place, Any]) -> Any:
+    """The damping of a study with some of its values changed; see `study_with`."""
+    damping: Any = study.structure.damping
+    for place, value in values.items():
+        try:
+            damping = replace(damping, **{place.field: value})
+        except InputError as error:
+            raise _under(place, error) from None
+    return damping
+
+
+def _under(place: Place, error: InputError) -> InputError:
+    """The error of a noun with the path of the noun before its keys."""
+    return InputError([replace(fault, key=f"{_prefix(place)}{fault.key}") for fault in error.faults])
 
 
 def _prefix(place: Place) -> str:
