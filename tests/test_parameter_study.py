@@ -19,6 +19,7 @@ import femimpact as fi
 from femimpact.export.study_columns import unsure_cells
 from femimpact.parametric.block_files import BLOCKS
 from femimpact.parametric.evaluation import evaluated
+from femimpact.parametric.paths import study_with
 from femimpact.parametric.statistics_over_starts import median_ranks, over_starts
 from femimpact.parametric.study_command import definition_of, table_of
 from femimpact.parametric.workers import block_cases
@@ -99,6 +100,48 @@ def test_every_kind_of_axis_is_the_run_of_a_changed_study(path, values):
         base = given.base
         curve = fi.frequency_sweep(system, base.amplitude, [base.frequency], fi.EventDriven(), 3)
         assert float(found["peak"].sel({path: value})) == pytest.approx(curve.peak[0], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [("beam.thickness", 1.2e-3), ("mass.box.mass", 0.03), ("beam.young_modulus", 60e9), ("gravity.acceleration", 9.81)],
+)
+def test_modes_of_a_changed_structure_are_those_of_its_own_assembly(path, value):
+    # enough elements that the modes are not found by the dense solver
+    given = replace(study(), mesh=replace(study().mesh, elements=40))
+    made = fi.ParameterStudy(given, {path: [value]}, ["peak"], cycles=3)
+    (place,) = made.places
+    found = made.systems.of({place: value})
+    expected = fi.reduce(fi.assemble(study_with(given, {place: value}).structure, elements=40), 3)
+    for name in ("K", "C", "M"):
+        np.testing.assert_allclose(getattr(found, name).diagonal(), getattr(expected, name).diagonal(), rtol=1e-10)
+    largest = np.abs(expected.expansion).max(axis=0)
+    np.testing.assert_allclose(found.expansion / largest, expected.expansion / largest, rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(found.base_load, expected.base_load, rtol=1e-10)
+    np.testing.assert_allclose(found.constant_load, expected.constant_load, rtol=1e-10)
+    assert found.first_left_out == pytest.approx(expected.first_left_out, rel=1e-10)
+    for one, other in zip(found.contacts, expected.contacts, strict=True):
+        np.testing.assert_allclose(one.direction, other.direction, rtol=1e-10)
+        assert one.effective_mass == pytest.approx(other.effective_mass, rel=1e-10)
+        assert one.flexibility == pytest.approx(other.flexibility, rel=1e-10)
+    for name, reaction in expected.reactions.items():
+        size = np.abs(reaction.on_velocity).max()
+        np.testing.assert_allclose(found.reactions[name].on_velocity, reaction.on_velocity, atol=1e-10 * size)
+
+
+@pytest.mark.parametrize("path", ["impactor.ball.mass", "damping.ratio", "beam.thickness", "mass.box.mass"])
+def test_cases_with_systems_of_their_own_have_the_bits_that_they_have_alone(path):
+    values = {
+        "impactor.ball.mass": [2e-3, 3e-3, 5e-3], "damping.ratio": [2e-3, 5e-3, 0.02],
+        "beam.thickness": [0.9e-3, 1e-3, 1.1e-3], "mass.box.mass": [0.02, 0.025, 0.03],
+    }[path]  # fmt: skip
+    measures = ["peak", "loss_per_cycle", "damping", "peak_ratio", "energy_residual", "root.reaction_force"]
+    given = fi.ParameterStudy(study(), {path: values, GAP: [2e-3, 5e-3]}, measures, starts=2, cycles=12)
+    together = evaluated(given, np.arange(6))
+    assert not any(together.failures)
+    for case in range(6):
+        # of one system, by the way of one system
+        np.testing.assert_array_equal(evaluated(given, np.array([case])).values, together.values[[case]])
 
 
 def test_a_case_can_be_run_alone():

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from femimpact.errors import InputError, require
-from femimpact.fem.assembly import assemble
+from femimpact.fem.assembly import assemble, assembled_with_modes
 from femimpact.fem.mesh import Mesh
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method
@@ -22,7 +22,7 @@ from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Structure
 from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of
 from femimpact.system.damped import rayleigh_of, with_damping
-from femimpact.system.reduction import reduce
+from femimpact.system.reduction import reduce, reduced_on
 from femimpact.system.system import System, with_checked_pairs, with_modal_damping
 
 __all__ = ["CaseSystems", "default_method"]
@@ -118,7 +118,7 @@ class CaseSystems:
         if isinstance(self.given, System):
             return self.given
         if isinstance(self.given, Study):
-            return build_systems(study_with(self.given, values), self.mesh)[1]
+            return _built_of_study(study_with(self.given, values), self.mesh, bool(values))
         found = self.given(**{place.field: value for place, value in values.items()})
         if isinstance(found, System):
             return found
@@ -143,6 +143,16 @@ class CaseSystems:
         method = method_for(study, system)
         check_method(study, system, method)
         return method
+
+
+def _built_of_study(study: Study, mesh: Mesh | None, is_changed: bool) -> System:
+    """The system of a study; of one that is changed its modes are solved once, for its damping and its reduction."""
+    if study.reduction is None or not is_changed:
+        return build_systems(study, mesh)[1]
+    kept, elements = study.reduction.modes, None if mesh else study.mesh.elements
+    full, modes = assembled_with_modes(study.structure, elements, mesh, kept + 1)
+    require(kept <= full.dofs, "reduction.modes", kept, "", f"must be <= {full.dofs}, the dofs of this mesh")
+    return reduced_on(full, modes, kept) if modes.natural_frequency[0] > 0.0 else reduce(full, kept)
 
 
 def _damped(system: System, damping: Rayleigh | ModalDamping | None) -> System:

@@ -52,7 +52,10 @@ from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reac
 from femimpact.system.sections import Section, SectionFields
 from femimpact.table import Head, head_of_values, short_repr
 
-__all__ = ["System", "SystemOrigin", "with_checked_pairs", "with_modal_damping", "without_impactors"]
+__all__ = [
+    "System", "SystemOrigin", "with_checked_fields", "with_checked_pairs", "with_modal_damping",
+    "without_impactors",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -567,6 +570,14 @@ def without_impactors(system: System) -> System:
     return replace(system, contacts=tuple(pair for pair in system.contacts if pair.is_stop))
 
 
+def with_checked_fields(system: System, **changes: Any) -> System:
+    """The same system with other fields that follow from one another: the checks of a whole system are left out.
+
+    They take longer than a short run does. A caller has them made once, of the system that comes last or of the first.
+    """
+    return _copy(system, **changes)
+
+
 def with_checked_pairs(system: System, contacts: tuple[ContactPair, ...]) -> System:
     """The same system with other numbers of its pairs, which were checked when they were made: no more is checked."""
     return _copy(system, contacts=contacts)
@@ -588,6 +599,7 @@ def _copy(system: System, **changes: Any) -> System:
     if origin is not None:
         kept = tuple(getattr(copied, name) for name in TOGETHER)
         copied.__dict__["computed_together"] = origin._replace(fields=kept)
-    # diagonal matrices stay so
-    copied.__dict__["is_diagonal"] = system.is_diagonal
+    if "is_diagonal" in system.__dict__:
+        # diagonal matrices stay so
+        copied.__dict__["is_diagonal"] = system.is_diagonal
     return copied
