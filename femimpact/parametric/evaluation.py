@@ -163,7 +163,7 @@ def _raise_of_case(study: ParameterStudy, case: int) -> None:
     """Raise what a case fails with."""
     values = _values_of(study, case)
     system = study.systems.of(values)
-    _laws_of(study, system, case)
+    _laws_of(study, system, case, _axes_of_laws(study))
     study.systems.method_of(system, values)
 
 
@@ -267,24 +267,25 @@ def _equal_rows(codes: Sequence[Numbers], count: int) -> list[Numbers]:
     """Members of each group that has the same codes, in the order of the first of each."""
     if not codes:
         return [np.arange(count)]
-    _, first, of_row = np.unique(np.column_stack(codes), axis=0, return_index=True, return_inverse=True)
-    return [np.flatnonzero(of_row.reshape(-1) == group) for group in np.argsort(first)]
+    found: dict[tuple[int, ...], list[int]] = {}
+    for row, own in enumerate(zip(*(column.tolist() for column in codes), strict=True)):
+        found.setdefault(own, []).append(row)
+    return [np.array(rows) for rows in found.values()]
 
 
 def _laws(
     study: ParameterStudy, system: System, cases: Numbers, members: Numbers, answers: _Answers
 ) -> tuple[tuple[tuple[ContactLaw, ...], ...], Numbers]:
     """Sets of laws, and which of them each member has; -1 where there is no such law."""
-    table = study.table
-    axes = [axis for axis, place in enumerate(table.places) if place.field.startswith("contact.")]
+    table, axes = study.table, _axes_of_laws(study)
     nominal = tuple(pair.law for pair in system.contacts)
     law_of = np.zeros(members.size, dtype=np.int64)
     if not axes:
         return (nominal,), law_of
     sets = list[tuple[ContactLaw, ...]]()
-    for own in _equal_rows([table.codes[axis][cases[members]] for axis in axes], members.size):
+    for own in _equal_rows([table.codes[axis][cases[members]] for axis, *_ in axes], members.size):
         try:
-            sets.append(_laws_of(study, system, int(cases[members[own[0]]])))
+            sets.append(_laws_of(study, system, int(cases[members[own[0]]]), axes))
             law_of[own] = len(sets) - 1
         except FemimpactError as error:
             answers.fail(_runs_of(members[own], study.starts), str(error))
@@ -292,13 +293,23 @@ def _laws(
     return tuple(sets), law_of
 
 
-def _laws_of(study: ParameterStudy, system: System, case: int) -> tuple[ContactLaw, ...]:
+def _axes_of_laws(study: ParameterStudy) -> list[tuple[int, str, str]]:
+    """Axes of numbers of laws, with the pair and the field of each."""
+    prefix = "contact."
+    return [
+        (axis, place.part, place.field.removeprefix(prefix))
+        for axis, place in enumerate(study.table.places)
+        if place.field.startswith(prefix)
+    ]
+
+
+def _laws_of(
+    study: ParameterStudy, system: System, case: int, axes: Sequence[tuple[int, str, str]]
+) -> tuple[ContactLaw, ...]:  # fmt: skip
     """The laws of a case; numbers that belong together are changed together."""
-    table = study.table
     changes: dict[str, dict[str, Any]] = {}
-    for axis, place in enumerate(table.places):
-        if place.field.startswith("contact."):
-            changes.setdefault(place.part, {})[place.field.removeprefix("contact.")] = table.value(axis, case)
+    for axis, part, name in axes:
+        changes.setdefault(part, {})[name] = study.table.value(axis, case)
     laws: list[Any] = [pair.law for pair in system.contacts]
     return tuple(
         replace(law, **changes[pair.name]) if pair.name in changes else law

@@ -317,7 +317,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
         return cases
     cases = resumed(inputs.held, cases)
     # the arrays of all forms are then as large as a motion in this one
-    _add_form(0, cases, store)
+    _add_forms(np.zeros(1, dtype=np.intp), cases, store, np.zeros(1, dtype=np.int64))
     return cases
 
 
@@ -404,8 +404,7 @@ def run_block(
             )
             require(False, "frequency", frequency, "Hz", allowed)
         members = members[block.stopped[members] == FORM_WANTED]
-        for c in members:
-            _add_form(c, block.cases, store, int(block.system_of[c]))
+        _add_forms(members, block.cases, store, block.system_of)
 
 
 def _by_system(
@@ -420,10 +419,16 @@ def _by_system(
         yield *block.systems[number], members[own == number]
 
 
-def _add_form(c: int, cases: Cases, store: FormStore, system: int = 0) -> None:
-    """Make the closed form of a case's contact states for its contact parameters, unless it is there."""
-    key = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[c]) == CONTACT).tolist())
-    cases.form[c, 0] = store.form(key, cases.stiffness[c], cases.damping[c], system)
+def _add_forms(members: NDArray[np.intp], cases: Cases, store: FormStore, system_of: NDArray[np.int64]) -> None:
+    """Make the closed forms of the cases' contact states for their contact parameters, unless they are there."""
+    own = np.hstack([cases.stiffness[members], cases.damping[members], np.abs(cases.state[members]) == CONTACT])
+    first: dict[bytes, int] = {}
+    for c, row in zip(members.tolist(), own, strict=True):
+        wanted = row.tobytes() + int(system_of[c]).to_bytes(8, "little")
+        if wanted not in first:
+            key = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[c]) == CONTACT).tolist())
+            first[wanted] = store.form(key, cases.stiffness[c], cases.damping[c], int(system_of[c]))
+        cases.form[c, 0] = first[wanted]
 
 
 def _fitted(cases: Cases, forms: Forms) -> Cases:
