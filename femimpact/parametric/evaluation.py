@@ -22,7 +22,7 @@ from femimpact.parametric.starts import scaled_starts, unit_draws
 from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder, Response
 from femimpact.system.state import State
-from femimpact.system.system import System, without_impactors
+from femimpact.system.system import System, with_checked_pairs, without_impactors
 
 __all__ = ["BlockValues", "evaluated", "run_case"]
 
@@ -197,7 +197,8 @@ def _alike(study: ParameterStudy, cases: Numbers, answers: _Answers) -> list[_Al
     frames = [axis for axis, place in enumerate(table.places) if place.path == "base.start"]
     codes = [table.codes[axis][cases] for axis in (*axes, *frames)]
     found: dict[Any, list[tuple[dict[Place, Any], System, Numbers]]] = {}
-    for number, members in enumerate(_equal_rows(codes, cases.size)):
+    rows = _equal_rows(codes, cases.size)
+    for number, members in enumerate(rows):
         values = _values_of(study, int(cases[members[0]]))
         try:
             system = study.systems.of(values)
@@ -205,8 +206,7 @@ def _alike(study: ParameterStudy, cases: Numbers, answers: _Answers) -> list[_Al
             answers.fail(_runs_of(members, study.starts), str(error))
             continue
         key = _kind_of(system, values)
-        known = found.get(key)
-        if known is None and not _taken_together(study, system, values):
+        if len(rows) == 1 or (key not in found and not _taken_together(study, system, values)):
             key = number
         found.setdefault(key, []).append((values, system, members))
     return [
@@ -331,7 +331,8 @@ def _methods(
         )
         alike = all(one is other for one, other in zip(contacts, system.contacts, strict=True))
         try:
-            method = study.systems.method_of(system if alike else replace(system, contacts=contacts), values)
+            own_system = system if alike else with_checked_pairs(system, contacts)
+            method = study.systems.method_of(own_system, values)
         except FemimpactError as error:
             answers.fail(_runs_of(members[own], study.starts), str(error))
             continue
