@@ -210,6 +210,20 @@ def test_a_method_with_steps_runs_the_same_cases():
 # ---- starts ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("frame", ["base", "space", "static"])
+def test_cases_of_a_method_with_steps_have_side_by_side_the_bits_that_they_have_alone(frame):
+    # gaps, laws, amplitudes and starts of their own in one call; the static state is one for each gap
+    axes = {GAP: [1e-3, 4e-3], RESTITUTION: [0.5, 0.7], "base.amplitude": [2e-4, 3e-4], "base.start": [frame]}
+    start = {"start.ball.speed": [0.01, 0.02]} if frame != "static" else {}
+    measures = ["peak", "rms", "impacts_per_cycle", "peak_force", "energy_residual", "peak_ratio"]
+    given = fi.ParameterStudy(paper_study(), {**axes, **start}, measures, cycles=6)
+    together = evaluated(given, np.arange(given.table.size))
+    assert not any(together.failures)
+    assert together.values[:, 0, 2].max() > 0.0
+    for case in range(0, given.table.size, 3):
+        np.testing.assert_array_equal(evaluated(given, np.array([case])).values, together.values[[case]])
+
+
 def test_fewer_starts_are_the_first_of_more_and_lie_in_the_gap():
     few, many = (
         fi.ParameterStudy(study(), {GAP: [1e-3, (2e-3, 4e-3)]}, ["peak"], starts=n, seed=3, cycles=3) for n in (3, 7)

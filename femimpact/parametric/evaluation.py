@@ -13,7 +13,8 @@ from femimpact.contact import ContactLaw
 from femimpact.errors import FemimpactError, checked, quantity, require_type
 from femimpact.excitation import Sine
 from femimpact.integrators.answers import SineCases, SineDwellResults
-from femimpact.integrators.many_cases import run_cases, start_of, with_contacts_of
+from femimpact.integrators.cases import start_of, with_contacts_of
+from femimpact.integrators.many_cases import run_cases
 from femimpact.integrators.methods import Method
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.measures import INSTANTS, Measure, Source, columns_of, of_response
@@ -341,7 +342,7 @@ def _methods(
             found.append((method, own))
         else:
             found[same] = method, found[same][1] | own
-        if hasattr(method, "run_cases"):
+        if getattr(method, "takes_several_systems", False):
             # one that takes all contacts as they are: the others need not be asked for
             return [(method, law_of >= 0)]
     return found

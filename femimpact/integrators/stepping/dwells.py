@@ -1,9 +1,10 @@
-"""Many dwells by a method with steps: blocks of cases side by side."""
+"""Many dwells by a method with steps: blocks of cases side by side, each with numbers and a start of its own."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from numpy.typing import NDArray
 from femimpact.contact.formulas import RIGID
 from femimpact.errors import require
 from femimpact.excitation import Sine
-from femimpact.integrators.answers import SineDwellResults, SineDwells
+from femimpact.integrators.answers import SineCases, SineDwellResults, SineDwells
+from femimpact.integrators.cases import start_of, with_contacts_of
 from femimpact.integrators.stepping.block import Block, Inputs, prepare, run_block
 from femimpact.integrators.stepping.run import divergence_message
 from femimpact.integrators.stepping.scheme import SteppingMethod
@@ -23,7 +25,7 @@ from femimpact.response.signals import SteadyMotion, steady_motion
 from femimpact.system.state import State
 from femimpact.system.system import System
 
-__all__ = ["stepped_dwells"]
+__all__ = ["stepped_cases", "stepped_dwells"]
 
 Array = NDArray[np.float64]
 
@@ -45,13 +47,59 @@ def stepped_dwells(
     workers: int, progress: Progress | None,
 ) -> SineDwellResults:  # fmt: skip
     """Dwells by a method with steps, side by side in blocks; see `Method.run_dwells`."""
+    sines = [Sine(dwells.amplitude, float(f), dwells.phase) for f in dwells.frequency]
+    lengths = _Lengths(dwells.frequency, dwells.cycles, dwells.measured)
+    warnings = check_step(system, method)
+    return _stepped(
+        system, lengths, sines, lambda members: (initial, ()), method, observed, ledger, workers, progress, warnings
+    )
+
+
+def stepped_cases(
+    system: System, cases: SineCases, method: SteppingMethod, observed: Array, instants: int, workers: int,
+    progress: Progress | None,
+) -> SineDwellResults:  # fmt: skip
+    """Cases with gaps, laws and starts of their own by a method with steps; see `many_cases.run_cases`.
+
+    Their laws are of the kinds of the system's, with compiled branches, and their starts are not static. The ledger is
+    read at the ends of cycles.
+    """
+    numbers = zip(cases.amplitude.tolist(), cases.frequency.tolist(), cases.phase.tolist(), strict=True)
+    sines = [Sine(*own) for own in numbers]
+    lengths = _Lengths(cases.frequency, cases.cycles, cases.measured)
+    first = [int(np.argmax(cases.law_of == number)) for number in np.unique(cases.law_of)]
+    warnings = [text for case in first for text in check_step(with_contacts_of(system, cases, case), method)]
+
+    def own(members: NDArray[np.intp]) -> tuple[State, Sequence[tuple[System, State]]]:
+        each = [(with_contacts_of(system, cases, case), start_of(cases, case)) for case in members.tolist()]
+        return cases.initial, each
+
+    return _stepped(
+        system, lengths, sines, own, method, observed, instants > 0, workers, progress, tuple(dict.fromkeys(warnings))
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Lengths:
+    """Frequencies (Hz) of dwells, their whole cycles and the measured ones, arrays (n,)."""
+
+    frequency: Array
+    cycles: NDArray[np.int64]
+    measured: NDArray[np.int64]
+
+
+def _stepped(
+    system: System, dwells: _Lengths, sines: Sequence[Sine],
+    starts_of: Callable[[NDArray[np.intp]], tuple[State, Sequence[tuple[System, State]]]], method: SteppingMethod,
+    observed: Array, ledger: bool, workers: int, progress: Progress | None, warnings: tuple[str, ...],
+) -> SineDwellResults:  # fmt: skip
+    """Dwells side by side in blocks; `starts_of` gives the initial state of some, and what each has of its own."""
     f = dwells.frequency
     check_sampling(f, method, "frequencies")
-    warnings = check_step(system, method)
     steps = float(np.max(dwells.cycles / f)) / method.dt
     require(steps <= MOST_STEPS, "frequencies", float(f.min()), "Hz", f"must take at most {MOST_STEPS:g} steps")
     ends = np.ceil(dwells.cycles / (f * method.dt)).astype(int)
-    starts = np.ceil((dwells.cycles - dwells.measured) / (f * method.dt)).astype(int)
+    begins = np.ceil((dwells.cycles - dwells.measured) / (f * method.dt)).astype(int)
     motion: dict[str, NDArray[Any]] = {name: np.full(f.size, np.nan) for name in MOTION}
     motion["steadiness"] = np.full(f.size, "transient", dtype="<U11")
     totals = np.full((6, len(system.contacts), f.size), np.nan)
@@ -59,8 +107,9 @@ def stepped_dwells(
 
     def run(members: NDArray[np.intp], share: Progress | None) -> None:
         # laid out when its turn comes: of many blocks only those at work are in memory
-        sines = [Sine(dwells.amplitude, float(f[i]), dwells.phase) for i in members]
-        inputs = Inputs(sines, ends[members].tolist(), starts[members].tolist(), initial)
+        initial, each = starts_of(members)
+        own = [sines[i] for i in members.tolist()]
+        inputs = Inputs(own, ends[members].tolist(), begins[members].tolist(), initial, each=each)
         block = prepare(system, inputs, method, observed=observed, ledger=ledger)
         run_block(block, share)
         diverged[members] = block.diverged[: members.size]
