@@ -473,6 +473,16 @@ def test_a_case_that_fails_is_a_row_with_its_reason_and_leaves_the_others_as_the
     assert float(found["peak"][1, 1]) == float(alone["peak"][0, 0])
 
 
+def test_progress_is_drawn_or_told_and_the_result_is_the_same(capsys):
+    told = []
+    expected = small(progress=told.append)
+    assert [float(told[0]), float(told[-1])] == [0.0, 1.0]
+    xarray.testing.assert_identical(small(progress=True), expected)
+    assert "parameter study" in capsys.readouterr().err
+    with pytest.raises(fi.InputError, match="progress = 'str': must be True, or callable with a StudyProgress"):
+        small(progress="yes")
+
+
 def test_an_error_in_a_function_of_the_users_own_is_not_caught():
     def broken(response):
         raise ZeroDivisionError

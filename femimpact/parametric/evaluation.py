@@ -206,7 +206,7 @@ def _alike(study: ParameterStudy, cases: Numbers, answers: _Answers) -> list[_Al
         except FemimpactError as error:
             answers.fail(_runs_of(members, study.starts), str(error))
             continue
-        key = _kind_of(system, values)
+        key: Any = _kind_of(system, values)
         if len(rows) == 1 or (key not in found and not _taken_together(study, system, values)):
             key = number
         found.setdefault(key, []).append((values, system, members))

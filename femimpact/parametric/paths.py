@@ -14,7 +14,8 @@ from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Reduction, St
 from femimpact.system.system import System
 
 __all__ = [
-    "Place", "Stage", "damping_with", "paths_of_function", "paths_of_study", "paths_of_system", "study_with", "unknown_path",
+    "Place", "Stage", "damping_with", "paths_of_function", "paths_of_study", "paths_of_system", "study_with",
+    "unknown_path",
 ]  # fmt: skip
 
 

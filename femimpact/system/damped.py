@@ -94,9 +94,7 @@ def _by_modes(system: System, modes: Modes, ratio: NDArray[np.float64]) -> Syste
     reactions = {
         name: replace(
             item,
-            on_velocity=_row(
-                beta * item.on_displacement + ((item.on_acceleration @ vectors) * size) @ momentum.T
-            ),
+            on_velocity=_row(beta * item.on_displacement + ((item.on_acceleration @ vectors) * size) @ momentum.T),
         )
         for name, item in system.reactions.items()
     }

@@ -354,7 +354,7 @@ def _new_ledger(system: System, whole: Equations, count: int, everywhere: bool) 
     )
 
 
-def _of_equations(system: System, whole: Equations) -> dict[str, Array]:
+def _of_equations(system: System, whole: Equations) -> dict[str, Any]:
     """What the ledger needs of the equations; without the springs of balls, which it has for itself."""
     n, d = system.dofs, whole.M.shape[0]
     damping, stiffness = np.zeros(d), np.zeros(d)

@@ -213,9 +213,9 @@ def _begin_free(block: Block) -> None:
     own = np.hstack([block.system_of[:, None], cases.stiffness, cases.damping])
     parameters, of_case = np.unique(own, axis=0, return_inverse=True)
     pairs = block.pairs.rigid.size
-    first = np.array([
-        block.store.form(0, row[1 : 1 + pairs].copy(), row[1 + pairs :].copy(), int(row[0])) for row in parameters
-    ])
+    first = np.array(
+        [block.store.form(0, row[1 : 1 + pairs].copy(), row[1 + pairs :].copy(), int(row[0])) for row in parameters]
+    )
     cases.form[:, 0] = first[of_case.reshape(-1)]
 
 

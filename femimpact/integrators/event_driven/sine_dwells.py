@@ -152,7 +152,7 @@ def _starts(system: System, cases: SineCases) -> tuple[Array, Array]:
 
 
 def _alike_at_start(cases: SineCases, system_of: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.intp], System]]:
-    """Cases whose starts follow from one system: of one that is not static from what its balls' masses do not change."""
+    """Cases whose starts follow from one system; those that are not static do not hang on masses of balls."""
     found: dict[Any, list[int]] = {}
     for number, (own, _) in enumerate(cases.systems):
         same = id(own.rigid_translation), *(id(pair.direction) for pair in own.contacts)

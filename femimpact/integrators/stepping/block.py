@@ -114,7 +114,7 @@ def prepare(
         excitations=[*inputs.excitations, *[inputs.excitations[-1]] * idle],
         steps=[*inputs.steps, *[inputs.steps[-1]] * idle],
         window_start=[*inputs.window_start, *[inputs.window_start[-1]] * idle],
-        each=[*inputs.each, *inputs.each[-1:] * idle],
+        each=[*inputs.each, *(list(inputs.each[-1:]) * idle)],
     )
     drives = [drive_of(system, excitation) for excitation in padded.excitations]
     scheme = scheme_of(method)
