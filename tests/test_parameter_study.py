@@ -24,6 +24,7 @@ from femimpact.parametric.statistics_over_starts import median_ranks, over_start
 from femimpact.parametric.study_command import definition_of, table_of
 from femimpact.parametric.workers import block_cases
 from femimpact.study.demo import paper_study, paper_study_text
+from femimpact.study.signal_motion import SignalMotion
 from femimpact.study.study_file import read_study
 from femimpact.study.study_text import study_text
 
@@ -222,6 +223,68 @@ def test_cases_of_a_method_with_steps_have_side_by_side_the_bits_that_they_have_
     assert together.values[:, 0, 2].max() > 0.0
     for case in range(0, given.table.size, 3):
         np.testing.assert_array_equal(evaluated(given, np.array([case])).values, together.values[[case]])
+
+
+def chirped(**changes):
+    """The study of `study` on a short chirp of the base."""
+    values = (("start", 4.7), ("stop", 5.3), ("duration", 2.0), ("acceleration", 0.3))
+    return replace(study(**changes), base=SignalMotion("chirp", values, history=2.5), sweep=None)
+
+
+def test_a_case_without_cycles_is_a_run_of_its_whole_history():
+    def hits(response):
+        return len(response.impacts)
+
+    measures = ["peak", "rms", "impacts_per_second", "largest_approach_speed", "loss_per_second", "peak_ratio", hits]
+    axes = {GAP: [1e-3, 4e-3], "base.acceleration": [0.2, 0.3], RESTITUTION: [0.5]}
+    given = fi.ParameterStudy(chirped(), axes, measures)
+    found = fi.parameter_study(chirped(), axes, measures)
+    for case in (0, 3):
+        gap, acceleration = (1e-3, 4e-3)[case // 2], (0.2, 0.3)[case % 2]
+        own = with_ball(study().structure, gap=gap, contact=fi.Rigid(0.5))
+        system = fi.reduce(fi.assemble(own, elements=10), 3)
+        base = fi.Chirp(4.7, 5.3, duration=2.0, acceleration=acceleration)
+        run = fi.integrate(system, base, fi.EventDriven(), 2.5)
+        bare = fi.integrate(fi.without_impactors(system), base, fi.EventDriven(), 2.5)
+        row = {name: float(found[name].values.reshape(-1)[case]) for name in found.data_vars if name != "failure"}
+        assert row["peak"] == abs(run.largest("tip").value) == abs(fi.run_case(given, case).largest("tip").value)
+        assert row["rms"] == pytest.approx(np.sqrt(np.mean(run["tip"] ** 2)), rel=1e-12)
+        assert row["peak_ratio"] == pytest.approx(row["peak"] / abs(bare.largest("tip").value), rel=1e-12)
+        assert row["hits"] == len(run.impacts) > 0
+        # the run ends with the last whole sample
+        assert row["impacts_per_second"] == pytest.approx(len(run.impacts) / run.time[-1], rel=1e-12)
+        assert row["largest_approach_speed"] == run.impacts.approach_speed.max()
+        lost = run.energy.structure_loss[-1] + run.energy.contact_loss[-1]
+        assert row["loss_per_second"] == pytest.approx(lost / run.time[-1], rel=1e-9)
+
+
+def test_starts_of_cases_without_cycles_lie_in_the_gap_and_the_first_state_has_the_name_of_the_study_file():
+    given = fi.ParameterStudy(chirped(), {GAP: [2e-3], "base.initial": ["base", "space"]}, ["peak"], starts=4)
+    values = evaluated(given, np.arange(2)).values
+    assert np.unique(values).size == 8
+    # of a chirp `start` is its first frequency, as in its study file
+    units = {path: place.unit for path, place in given.known.items() if place.owner == "base"}
+    assert units["base.start"] == "Hz"
+    assert units["base.acceleration"] == "m/s^2"
+    assert fi.ParameterStudy(study(), {"base.start": ["base", "space"]}, ["peak"]).known["base.start"].unit == ""
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"measures": ["first_harmonic"]}, "measures = 'first_harmonic': needs cycles of the base, which a motion of"),
+        ({"cycles": 12}, "cycles = 12: must be left out: a motion of kind 'chirp' has no cycle"),
+        ({"axes": {"base.frequency": [5.0]}}, "base.frequency: unknown"),
+        ({"axes": {"base.initial": ["moving"]}}, "base.initial = 'moving': must be 'base' or 'space' or 'static'"),
+        ({"axes": {"base.acceleration": [-1.0]}}, "base.acceleration = -1.0 m/s^2: must be a finite number >= 0"),
+    ],
+)
+def test_what_needs_cycles_is_refused_in_one_line_where_the_base_has_none(given, words):
+    given = {"axes": {GAP: [2e-3]}, "measures": ["peak"], **given}
+    with pytest.raises(fi.InputError) as caught:
+        fi.parameter_study(chirped(), **given)
+    assert str(caught.value).startswith(words)
+    assert "\n" not in str(caught.value)
 
 
 def test_fewer_starts_are_the_first_of_more_and_lie_in_the_gap():

@@ -17,6 +17,7 @@ from femimpact.integrators.cases import start_of, with_contacts_of
 from femimpact.integrators.many_cases import run_cases
 from femimpact.integrators.methods import Method
 from femimpact.parametric.definition import ParameterStudy
+from femimpact.parametric.history_cases import history_of_case, value_of_history, values_of_case
 from femimpact.parametric.measures import INSTANTS, Measure, Source, columns_of, of_response
 from femimpact.parametric.paths import Place, Stage
 from femimpact.parametric.starts import scaled_starts, unit_draws
@@ -121,6 +122,9 @@ def evaluated(study: ParameterStudy, cases: Numbers) -> BlockValues:
     BlockValues
     """
     answers = _Answers(study, cases)
+    if not study.has_cycle:
+        _run_histories(study, cases, answers)
+        return answers.whole()
     for group in _groups(study, cases, answers):
         _run_group(group, answers)
     return answers.whole()
@@ -153,6 +157,8 @@ def run_case(study: ParameterStudy, number: int, start: int = 0, record: Recorde
         checked(key, value, quantity("1", at_least=0, at_most=most - 1, integer=True))
     if record is not None:
         require_type(record, Recorder, "record")
+    if not study.has_cycle:
+        return history_of_case(study, int(number), int(start), Recorder() if record is None else record)
     answers = _Answers(study, np.array([number], dtype=np.int64))
     groups = list(_groups(study, answers.cases, answers))
     if not groups:
@@ -162,18 +168,13 @@ def run_case(study: ParameterStudy, number: int, start: int = 0, record: Recorde
 
 def _raise_of_case(study: ParameterStudy, case: int) -> None:
     """Raise what a case fails with."""
-    values = _values_of(study, case)
+    values = values_of_case(study, case)
     system = study.systems.of(values)
     _laws_of(study, system, case, _axes_of_laws(study))
     study.systems.method_of(system, values)
 
 
 # ---- from cases to runs ----------------------------------------------------------------------------
-
-
-def _values_of(study: ParameterStudy, case: int) -> dict[Place, Any]:
-    table = study.table
-    return {place: table.value(axis, case) for axis, place in enumerate(table.places)}
 
 
 def _groups(study: ParameterStudy, cases: Numbers, answers: _Answers) -> Iterator[_Group]:
@@ -200,7 +201,7 @@ def _alike(study: ParameterStudy, cases: Numbers, answers: _Answers) -> list[_Al
     found: dict[Any, list[tuple[dict[Place, Any], System, Numbers]]] = {}
     rows = _equal_rows(codes, cases.size)
     for number, members in enumerate(rows):
-        values = _values_of(study, int(cases[members[0]]))
+        values = values_of_case(study, int(cases[members[0]]))
         try:
             system = study.systems.of(values)
         except FemimpactError as error:
@@ -521,6 +522,36 @@ def _read_runs(group: _Group, part: Numbers, own: Numbers, columns: Any, answers
                     flat[run, m] = value
         except FemimpactError as error:
             answers.fail(np.array([run]), str(error))
+
+
+def _run_histories(study: ParameterStudy, cases: Numbers, answers: _Answers) -> None:
+    """Measures of cases whose base has no cycle: of a run of each start over its whole history."""
+    ratio = any(item.name == "peak_ratio" for item in study.chosen)
+    channels = [str(study.observed), *(item.channel for item in study.chosen if item.channel)]
+    usual = [channel.name for channel in resolve_channels(study.nominal, None)]
+    whole = any(item.function is not None for item in study.chosen)
+    record = Recorder(channels=tuple(dict.fromkeys([*(usual if whole else []), *channels])))
+    of_place = Recorder(channels=channels[:1], ledger=False)
+    for i, case in enumerate(cases.tolist()):
+        for start in range(study.starts):
+            run = i * study.starts + start
+            try:
+                response = history_of_case(study, case, start, record)
+                bare = history_of_case(study, case, start, of_place, without_balls=True) if ratio else None
+                for m, item in enumerate(study.chosen):
+                    answers.values[i, start, m] = (
+                        _ratio_of_peaks(response, bare, channels[0])
+                        if item.name == "peak_ratio"
+                        else value_of_history(item, response, channels[0])
+                    )
+                answers.periodic[i, start] = len(response.impacts) == 0
+            except FemimpactError as error:
+                answers.fail(np.array([run]), str(error))
+
+
+def _ratio_of_peaks(response: Response, bare: Response | None, observed: str) -> float:
+    largest = abs(bare.largest(observed).value) if bare is not None else 0.0
+    return abs(response.largest(observed).value) / largest if largest > 0.0 else np.nan
 
 
 def _record(asked: Sequence[Measure], begin: float, system: System) -> Recorder:
