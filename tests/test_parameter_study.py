@@ -6,6 +6,8 @@ import hashlib
 import os
 import subprocess
 import sys
+import warnings
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -644,3 +646,62 @@ def test_a_figure_has_the_values_in_the_units_of_its_labels(axes):
         first = found["peak"] if axes == 2 else found["peak"][:, :, 0]
         np.testing.assert_allclose(drawn.images[0].get_array(), 1e3 * first.to_numpy().T)
     assert "(mm)" in drawn.get_xlabel() or axes == 3
+
+
+# ---- workers of a cluster --------------------------------------------------------------------------
+
+
+class Cluster:
+    """A client of workers that are threads of this process, and say of themselves what they are told to say."""
+
+    def __init__(self, *said):
+        self.said = said
+
+    def run(self, function):
+        """Facts of every worker by its address."""
+        return {f"tcp://10.0.0.{i}:40000": {**function(), **changes} for i, changes in enumerate(self.said)}
+
+    def submit(self, function, *given, pure):
+        """The result at once."""
+        assert not pure
+        return function(*given)
+
+    def get_executor(self, **options):
+        """Threads in place of workers."""
+        return ThreadPoolExecutor(len(self.said))
+
+    def nthreads(self):
+        """One of each worker."""
+        return {i: 1 for i, _ in enumerate(self.said)}
+
+
+def test_workers_of_the_same_version_give_the_bits_of_this_process():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = small(client=Cluster({}, {}), starts=2)
+    xarray.testing.assert_identical(found, small(starts=2))
+
+
+@pytest.mark.parametrize("name", ["sources", "core", "numpy", "scipy"])
+def test_a_worker_of_another_version_is_refused_before_the_first_case(name, tmp_path):
+    with pytest.raises(fi.InputError) as caught:
+        small(client=Cluster({}, {name: "0.0.1"}), directory=tmp_path / "out")
+    assert str(caught.value).startswith(f"worker tcp://10.0.0.1:40000: has {name} 0.0.1, and this process ")
+    assert not list((tmp_path / "out" / BLOCKS).glob("*.block"))
+
+
+def test_workers_without_femimpact_or_none_at_all_are_refused():
+    class Bare(Cluster):
+        def run(self, function):
+            raise ModuleNotFoundError("No module named 'femimpact'")
+
+    with pytest.raises(fi.InputError, match=r"must have workers with the same femimpact .*No module named"):
+        small(client=Bare({}))
+    with pytest.raises(fi.InputError, match="must have one worker or more"):
+        small(client=Cluster())
+
+
+def test_processors_of_several_kinds_are_warned_of_and_the_study_runs():
+    with pytest.warns(fi.InputWarning, match=r"several kinds of processors \(.*old one.*\): the last bits may depend"):
+        found = small(client=Cluster({}, {"processor": "v2 x86_64 an old one"}))
+    assert found["finished"].all()
