@@ -242,9 +242,9 @@ def closed_form(
         unheld=unheld,
     )
     response = _SteadyResponse(settled, from_walls)
-    if not sticking.size and np.all(rigid):
-        return form
-    force = _compliant_forces(whole, form, loads, response, active, np.where(rigid, 0.0, stiffness), damping)
+    force = no_force
+    if not np.all(rigid):
+        force = _compliant_forces(whole, form, loads, response, active, np.where(rigid, 0.0, stiffness), damping)
     if sticking.size:
         force = _with_sticking(whole, form, loads, response, sticking, force)
     return replace(form, contact_force=force)
@@ -253,7 +253,7 @@ def closed_form(
 def _reactions(whole: Equations, sticking: NDArray[np.intp]) -> Array:
     """Impulses (pairs, pairs) by which sticking pairs stay at rest on their walls, of a unit one at each other pair."""
     reaction = np.zeros((whole.stop.size, whole.stop.size))
-    if sticking.size:
+    if 0 < sticking.size < whole.stop.size:
         others = np.delete(np.arange(whole.stop.size), sticking)
         mobility = whole.force[:, sticking].T @ np.linalg.solve(whole.M, whole.force)
         reaction[np.ix_(sticking, others)] = -np.linalg.solve(mobility[:, sticking], mobility[:, others])

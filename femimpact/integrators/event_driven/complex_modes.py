@@ -208,7 +208,7 @@ def _components(damping: Real) -> tuple[NDArray[np.intp], list[NDArray[np.intp]]
 
 def _linked(near: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
     """Groups of a symmetric relation."""
-    if not np.any(np.triu(near, 1)):
+    if np.count_nonzero(near) == np.count_nonzero(near.diagonal()):
         return [np.array([i]) for i in range(near.shape[0])]
     # whom each is linked to over ever longer chains; a graph library takes ten times as long for so few
     reached, chain = near | np.eye(near.shape[0], dtype=bool), 1
@@ -220,6 +220,8 @@ def _linked(near: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
 
 def _uncoupled(members: NDArray[np.intp], omega_squared: Real, damping: Real) -> list[_Part]:
     """Coordinates that move alone: lambda = -c/2 +- sqrt(c^2/4 - omega^2)."""
+    if not members.size:
+        return []
     c, square = damping[members], omega_squared[members]
     discriminant = 0.25 * c * c - square
     root = np.sqrt(np.abs(discriminant))
