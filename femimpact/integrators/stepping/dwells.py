@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -47,12 +47,15 @@ def stepped_dwells(
     workers: int, progress: Progress | None,
 ) -> SineDwellResults:  # fmt: skip
     """Dwells by a method with steps, side by side in blocks; see `Method.run_dwells`."""
-    sines = [Sine(dwells.amplitude, float(f), dwells.phase) for f in dwells.frequency]
     lengths = _Lengths(dwells.frequency, dwells.cycles, dwells.measured)
+    check_sampling(dwells.frequency, method, "frequencies")
     warnings = check_step(system, method)
-    return _stepped(
-        system, lengths, sines, lambda members: (initial, ()), method, observed, ledger, workers, progress, warnings
-    )
+
+    def inputs_of(members: NDArray[np.intp], ends: list[int], begins: list[int]) -> Inputs:
+        sines = [Sine(dwells.amplitude, float(dwells.frequency[i]), dwells.phase) for i in members]
+        return Inputs(sines, ends, begins, initial)
+
+    return _stepped(system, lengths, inputs_of, method, observed, ledger, workers, progress, warnings)
 
 
 def stepped_cases(
@@ -64,19 +67,19 @@ def stepped_cases(
     Their laws are of the kinds of the system's, with compiled branches, and their starts are not static. The ledger is
     read at the ends of cycles.
     """
-    numbers = zip(cases.amplitude.tolist(), cases.frequency.tolist(), cases.phase.tolist(), strict=True)
-    sines = [Sine(*own) for own in numbers]
     lengths = _Lengths(cases.frequency, cases.cycles, cases.measured)
+    check_sampling(cases.frequency, method, "frequencies")
     first = [int(np.argmax(cases.law_of == number)) for number in np.unique(cases.law_of)]
     warnings = [text for case in first for text in check_step(with_contacts_of(system, cases, case), method)]
 
-    def own(members: NDArray[np.intp]) -> tuple[State, Sequence[tuple[System, State]]]:
+    def inputs_of(members: NDArray[np.intp], ends: list[int], begins: list[int]) -> Inputs:
+        numbers = (values[members].tolist() for values in (cases.amplitude, cases.frequency, cases.phase))
+        sines = [Sine(*own) for own in zip(*numbers, strict=True)]
         each = [(with_contacts_of(system, cases, case), start_of(cases, case)) for case in members.tolist()]
-        return cases.initial, each
+        return Inputs(sines, ends, begins, cases.initial, each=each)
 
-    return _stepped(
-        system, lengths, sines, own, method, observed, instants > 0, workers, progress, tuple(dict.fromkeys(warnings))
-    )
+    told = tuple(dict.fromkeys(warnings))
+    return _stepped(system, lengths, inputs_of, method, observed, instants > 0, workers, progress, told)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,13 +92,12 @@ class _Lengths:
 
 
 def _stepped(
-    system: System, dwells: _Lengths, sines: Sequence[Sine],
-    starts_of: Callable[[NDArray[np.intp]], tuple[State, Sequence[tuple[System, State]]]], method: SteppingMethod,
-    observed: Array, ledger: bool, workers: int, progress: Progress | None, warnings: tuple[str, ...],
+    system: System, dwells: _Lengths, inputs_of: Callable[[NDArray[np.intp], list[int], list[int]], Inputs],
+    method: SteppingMethod, observed: Array, ledger: bool, workers: int, progress: Progress | None,
+    warnings: tuple[str, ...],
 ) -> SineDwellResults:  # fmt: skip
-    """Dwells side by side in blocks; `starts_of` gives the initial state of some, and what each has of its own."""
+    """Dwells side by side in blocks; `inputs_of` gives what some are given, for their steps and windows."""
     f = dwells.frequency
-    check_sampling(f, method, "frequencies")
     steps = float(np.max(dwells.cycles / f)) / method.dt
     require(steps <= MOST_STEPS, "frequencies", float(f.min()), "Hz", f"must take at most {MOST_STEPS:g} steps")
     ends = np.ceil(dwells.cycles / (f * method.dt)).astype(int)
@@ -107,9 +109,7 @@ def _stepped(
 
     def run(members: NDArray[np.intp], share: Progress | None) -> None:
         # laid out when its turn comes: of many blocks only those at work are in memory
-        initial, each = starts_of(members)
-        own = [sines[i] for i in members.tolist()]
-        inputs = Inputs(own, ends[members].tolist(), begins[members].tolist(), initial, each=each)
+        inputs = inputs_of(members, ends[members].tolist(), begins[members].tolist())
         block = prepare(system, inputs, method, observed=observed, ledger=ledger)
         run_block(block, share)
         diverged[members] = block.diverged[: members.size]
