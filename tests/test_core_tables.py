@@ -411,8 +411,8 @@ def of_a_record(monkeypatch):
 @pytest.mark.parametrize(
     ("name", "place", "value"),
     [
-        ("knots", 1, np.nan), ("knots", 1, np.inf), ("knots", 1, 0.0), ("pieces", (0, 2), np.nan), ("pieces", (1, 0), np.inf),
-        ("piece", 0, -1), ("piece", 0, 9), ("piece", 0, FAR), ("drive", (0, 4), np.inf),
+        ("knots", 1, np.nan), ("knots", 1, np.inf), ("knots", 1, 0.0), ("pieces", (0, 2), np.nan),
+        ("pieces", (1, 0), np.inf), ("piece", 0, -1), ("piece", 0, 9), ("piece", 0, FAR), ("drive", (0, 4), np.inf),
     ],
 )  # fmt: skip
 def test_polynomials_that_lead_nowhere_are_refused(monkeypatch, name, place, value):

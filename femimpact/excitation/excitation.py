@@ -109,10 +109,10 @@ class BrokenLine:
         a = np.asarray(self.samples, dtype=float)
         along = np.linspace(-1.0, 1.0, a.size)
         rest = a - a.mean() - along * (along @ a) / (along @ along)
-        frequency = np.fft.rfftfreq(a.size, self.interval)
+        frequency = np.asarray(np.fft.rfftfreq(a.size, self.interval))
         if np.abs(rest).max() <= ROUNDING * np.abs(a).max():
             return frequency, np.zeros_like(frequency)
-        return frequency, np.abs(np.fft.rfft(rest))
+        return frequency, np.asarray(np.abs(np.fft.rfft(rest)))
 
     def motion_at(self, time: float) -> Array:
         """ub, ub', s and s' at a time (s), as (4,): exact integrals of the line, and its slope from there on."""

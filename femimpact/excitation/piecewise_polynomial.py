@@ -261,23 +261,3 @@ def knots_of(rate: Callable[[Array], Array], duration: float) -> Array:
     knots = np.interp(np.linspace(0.0, turned[-1], pieces + 1), turned, grid)
     knots[-1] = duration
     return np.asarray(knots)
-
-
-def base_displacement(excitation: Any, time: ArrayLike) -> Array:
-    """Base displacement ub (m) at times in s."""
-    return np.asarray(excitation.closed_form.displacement(time))
-
-
-def base_velocity(excitation: Any, time: ArrayLike) -> Array:
-    """Base velocity (m/s) at times in s."""
-    return np.asarray(excitation.closed_form.velocity(time))
-
-
-def base_acceleration(excitation: Any, time: ArrayLike) -> Array:
-    """Base acceleration (m/s^2) at times in s."""
-    return np.asarray(excitation.closed_form.value(time))
-
-
-def largest_displacement(pieces: PiecewisePolynomial) -> float:
-    """Largest |ub| (m) at the knots."""
-    return float(np.abs(pieces.starts[:, 0]).max())

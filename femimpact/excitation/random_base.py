@@ -11,16 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, quantity, real_array, require
+from femimpact.excitation.piecewise_motion import PiecewiseMotion
 from femimpact.excitation.piecewise_polynomial import (
     NODES,
     PiecewisePolynomial,
-    base_acceleration,
-    base_displacement,
-    base_velocity,
     coefficients_through,
-    largest_displacement,
 )
-from femimpact.excitation.sums import added
 
 __all__ = ["RandomBase"]
 
@@ -36,7 +32,7 @@ MOST_LINES = 5_000_000
 
 
 @dataclass(frozen=True)
-class RandomBase:
+class RandomBase(PiecewiseMotion):
     """Random motion of the base as a sum of sines: ub'' = sum_k sqrt(2 S(f_k) df) cos(2 pi f_k t + phase_k).
 
     The lines stand at all multiples f_k of df = 1/duration between the first and the last frequency of the density S;
@@ -106,21 +102,6 @@ class RandomBase:
         """The highest line, Hz: a random motion has no cycle."""
         return float(self.lines[0][-1])
 
-    @property
-    def has_cycle(self) -> bool:
-        """False: statistics are over time, and no motion under it is called periodic."""
-        return False
-
-    @property
-    def phase(self) -> float:
-        """Not a number."""
-        return math.nan
-
-    @property
-    def amplitude(self) -> float:
-        """Largest displacement, m."""
-        return largest_displacement(self.closed_form)
-
     @cached_property
     def closed_form(self) -> PiecewisePolynomial:
         """Acceleration of the base, m/s^2."""
@@ -145,11 +126,6 @@ class RandomBase:
         knots = np.linspace(0.0, self.duration, count + 1)
         coefficients = coefficients_through(values, np.full(count, h))
         return PiecewisePolynomial(knots, coefficients, starts=np.vstack([starts, starts[0]]))
-
-    displacement = base_displacement
-    velocity = base_velocity
-    acceleration = base_acceleration
-    __add__ = added
 
 
 def _shown(psd: Array) -> str:

@@ -197,6 +197,9 @@ def legend_above(axis: Axes, *groups: Sequence[Any]) -> None:
     """
     from matplotlib.transforms import ScaledTranslation
 
+    if (drawn_before := axis.get_legend()) is not None:
+        # of curves that are named again now
+        drawn_before.remove()
     named = [list(group) for group in groups if group] or [axis.get_legend_handles_labels()[0]]
     figure: Any = axis.figure
     width, height = 72.0 * axis.get_window_extent().width / figure.dpi, 0.0

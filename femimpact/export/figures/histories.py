@@ -178,8 +178,9 @@ def spectrum(
     shown = frequency <= top
     axis = panel(ax, 8.0, 4.4)
     largest = float(amplitude[shown].max())
+    driven = "base" if getattr(response.base, "at", None) is None else "force"
     factor, unit = prefixed(largest, response.units[name])
-    axis.axvline(base, color=GREY, linestyle="--", linewidth=1.2, label=f"base, {base:.4g} Hz")
+    axis.axvline(base, color=GREY, linestyle="--", linewidth=1.2, label=f"{driven}, {base:.4g} Hz")
     axis.semilogy(frequency[shown], factor * amplitude[shown], color=BLUE, linewidth=1.2, label=name)
     axis.set_ylim(bottom=max(factor * largest * 1e-6, float((factor * amplitude[shown]).min()) or 1e-300))
     axis.set_xlim(0.0, top)
@@ -202,7 +203,8 @@ def _density(response: Response, name: str, highest: float | None, ax: Axes | Of
     axis = panel(ax, 8.0, 4.4)
     rms = float(np.sqrt(np.mean(values**2)))
     label = f"{name}, rms {rms:.4g} {response.units[name]}"
-    axis.semilogy(frequency[shown], density[shown], color=BLUE, linewidth=1.2, label=label)
+    colour = COLOURS[len(axis.get_lines()) % len(COLOURS)]
+    axis.semilogy(frequency[shown], density[shown], color=colour, linewidth=1.2, label=label)
     axis.set_xlim(0.0, top)
     axis.set_xlabel("frequency (Hz)")
     unit = response.units[name].replace("^2", "²")
