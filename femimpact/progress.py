@@ -55,7 +55,8 @@ def _bar(what: str) -> Iterator[Progress]:
     drawn = bars()
     task = drawn.add_task(what, total=1.0)
     with drawn:
-        yield lambda share: drawn.update(task, completed=share)
+        # what a study tells of itself has the share done as its number
+        yield lambda share: drawn.update(task, completed=float(share))
 
 
 def bars() -> Any:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import os
 import subprocess
 import sys
+import warnings
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -19,10 +22,12 @@ import femimpact as fi
 from femimpact.export.study_columns import unsure_cells
 from femimpact.parametric.block_files import BLOCKS
 from femimpact.parametric.evaluation import evaluated
+from femimpact.parametric.paths import study_with
 from femimpact.parametric.statistics_over_starts import median_ranks, over_starts
 from femimpact.parametric.study_command import definition_of, table_of
 from femimpact.parametric.workers import block_cases
 from femimpact.study.demo import paper_study, paper_study_text
+from femimpact.study.signal_motion import SignalMotion
 from femimpact.study.study_file import read_study
 from femimpact.study.study_text import study_text
 
@@ -101,6 +106,48 @@ def test_every_kind_of_axis_is_the_run_of_a_changed_study(path, values):
         assert float(found["peak"].sel({path: value})) == pytest.approx(curve.peak[0], rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [("beam.thickness", 1.2e-3), ("mass.box.mass", 0.03), ("beam.young_modulus", 60e9), ("gravity.acceleration", 9.81)],
+)
+def test_modes_of_a_changed_structure_are_those_of_its_own_assembly(path, value):
+    # enough elements that the modes are not found by the dense solver
+    given = replace(study(), mesh=replace(study().mesh, elements=40))
+    made = fi.ParameterStudy(given, {path: [value]}, ["peak"], cycles=3)
+    (place,) = made.places
+    found = made.systems.of({place: value})
+    expected = fi.reduce(fi.assemble(study_with(given, {place: value}).structure, elements=40), 3)
+    for name in ("K", "C", "M"):
+        np.testing.assert_allclose(getattr(found, name).diagonal(), getattr(expected, name).diagonal(), rtol=1e-10)
+    largest = np.abs(expected.expansion).max(axis=0)
+    np.testing.assert_allclose(found.expansion / largest, expected.expansion / largest, rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(found.base_load, expected.base_load, rtol=1e-10)
+    np.testing.assert_allclose(found.constant_load, expected.constant_load, rtol=1e-10)
+    assert found.first_left_out == pytest.approx(expected.first_left_out, rel=1e-10)
+    for one, other in zip(found.contacts, expected.contacts, strict=True):
+        np.testing.assert_allclose(one.direction, other.direction, rtol=1e-10)
+        assert one.effective_mass == pytest.approx(other.effective_mass, rel=1e-10)
+        assert one.flexibility == pytest.approx(other.flexibility, rel=1e-10)
+    for name, reaction in expected.reactions.items():
+        size = np.abs(reaction.on_velocity).max()
+        np.testing.assert_allclose(found.reactions[name].on_velocity, reaction.on_velocity, atol=1e-10 * size)
+
+
+@pytest.mark.parametrize("path", ["impactor.ball.mass", "damping.ratio", "beam.thickness", "mass.box.mass"])
+def test_cases_with_systems_of_their_own_have_the_bits_that_they_have_alone(path):
+    values = {
+        "impactor.ball.mass": [2e-3, 3e-3, 5e-3], "damping.ratio": [2e-3, 5e-3, 0.02],
+        "beam.thickness": [0.9e-3, 1e-3, 1.1e-3], "mass.box.mass": [0.02, 0.025, 0.03],
+    }[path]  # fmt: skip
+    measures = ["peak", "loss_per_cycle", "damping", "peak_ratio", "energy_residual", "root.reaction_force"]
+    given = fi.ParameterStudy(study(), {path: values, GAP: [2e-3, 5e-3]}, measures, starts=2, cycles=12)
+    together = evaluated(given, np.arange(6))
+    assert not any(together.failures)
+    for case in range(6):
+        # of one system, by the way of one system
+        np.testing.assert_array_equal(evaluated(given, np.array([case])).values, together.values[[case]])
+
+
 def test_a_case_can_be_run_alone():
     given = fi.ParameterStudy(study(), {GAP: [2e-3, 4e-3], "base.phase": [0.0, 1.0]}, ["peak"], starts=2, cycles=12)
     values = evaluated(given, np.arange(4)).values
@@ -165,6 +212,82 @@ def test_a_method_with_steps_runs_the_same_cases():
 
 
 # ---- starts ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("frame", ["base", "space", "static"])
+def test_cases_of_a_method_with_steps_have_side_by_side_the_bits_that_they_have_alone(frame):
+    # gaps, laws, amplitudes and starts of their own in one call; the static state is one for each gap
+    axes = {GAP: [1e-3, 4e-3], RESTITUTION: [0.5, 0.7], "base.amplitude": [2e-4, 3e-4], "base.start": [frame]}
+    start = {"start.ball.speed": [0.01, 0.02]} if frame != "static" else {}
+    measures = ["peak", "rms", "impacts_per_cycle", "peak_force", "energy_residual", "peak_ratio"]
+    given = fi.ParameterStudy(paper_study(), {**axes, **start}, measures, cycles=6)
+    together = evaluated(given, np.arange(given.table.size))
+    assert not any(together.failures)
+    assert together.values[:, 0, 2].max() > 0.0
+    for case in range(0, given.table.size, 3):
+        np.testing.assert_array_equal(evaluated(given, np.array([case])).values, together.values[[case]])
+
+
+def chirped(**changes):
+    """The study of `study` on a short chirp of the base."""
+    values = (("start", 4.7), ("stop", 5.3), ("duration", 2.0), ("acceleration", 0.3))
+    return replace(study(**changes), base=SignalMotion("chirp", values, history=2.5), sweep=None)
+
+
+def test_a_case_without_cycles_is_a_run_of_its_whole_history():
+    def hits(response):
+        return len(response.impacts)
+
+    measures = ["peak", "rms", "impacts_per_second", "largest_approach_speed", "loss_per_second", "peak_ratio", hits]
+    axes = {GAP: [1e-3, 4e-3], "base.acceleration": [0.2, 0.3], RESTITUTION: [0.5]}
+    given = fi.ParameterStudy(chirped(), axes, measures)
+    found = fi.parameter_study(chirped(), axes, measures)
+    for case in (0, 3):
+        gap, acceleration = (1e-3, 4e-3)[case // 2], (0.2, 0.3)[case % 2]
+        own = with_ball(study().structure, gap=gap, contact=fi.Rigid(0.5))
+        system = fi.reduce(fi.assemble(own, elements=10), 3)
+        base = fi.Chirp(4.7, 5.3, duration=2.0, acceleration=acceleration)
+        run = fi.integrate(system, base, fi.EventDriven(), 2.5)
+        bare = fi.integrate(fi.without_impactors(system), base, fi.EventDriven(), 2.5)
+        row = {name: float(found[name].values.reshape(-1)[case]) for name in found.data_vars if name != "failure"}
+        assert row["peak"] == abs(run.largest("tip").value) == abs(fi.run_case(given, case).largest("tip").value)
+        assert row["rms"] == pytest.approx(np.sqrt(np.mean(run["tip"] ** 2)), rel=1e-12)
+        assert row["peak_ratio"] == pytest.approx(row["peak"] / abs(bare.largest("tip").value), rel=1e-12)
+        assert row["hits"] == len(run.impacts) > 0
+        # the run ends with the last whole sample
+        assert row["impacts_per_second"] == pytest.approx(len(run.impacts) / run.time[-1], rel=1e-12)
+        assert row["largest_approach_speed"] == run.impacts.approach_speed.max()
+        lost = run.energy.structure_loss[-1] + run.energy.contact_loss[-1]
+        assert row["loss_per_second"] == pytest.approx(lost / run.time[-1], rel=1e-9)
+
+
+def test_starts_of_cases_without_cycles_lie_in_the_gap_and_the_first_state_has_the_name_of_the_study_file():
+    given = fi.ParameterStudy(chirped(), {GAP: [2e-3], "base.initial": ["base", "space"]}, ["peak"], starts=4)
+    values = evaluated(given, np.arange(2)).values
+    assert np.unique(values).size == 8
+    # of a chirp `start` is its first frequency, as in its study file
+    units = {path: place.unit for path, place in given.known.items() if place.owner == "base"}
+    assert units["base.start"] == "Hz"
+    assert units["base.acceleration"] == "m/s^2"
+    assert fi.ParameterStudy(study(), {"base.start": ["base", "space"]}, ["peak"]).known["base.start"].unit == ""
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"measures": ["first_harmonic"]}, "measures = 'first_harmonic': needs cycles of the base, which a motion of"),
+        ({"cycles": 12}, "cycles = 12: must be left out: a motion of kind 'chirp' has no cycle"),
+        ({"axes": {"base.frequency": [5.0]}}, "base.frequency: unknown"),
+        ({"axes": {"base.initial": ["moving"]}}, "base.initial = 'moving': must be 'base' or 'space' or 'static'"),
+        ({"axes": {"base.acceleration": [-1.0]}}, "base.acceleration = -1.0 m/s^2: must be a finite number >= 0"),
+    ],
+)
+def test_what_needs_cycles_is_refused_in_one_line_where_the_base_has_none(given, words):
+    given = {"axes": {GAP: [2e-3]}, "measures": ["peak"], **given}
+    with pytest.raises(fi.InputError) as caught:
+        fi.parameter_study(chirped(), **given)
+    assert str(caught.value).startswith(words)
+    assert "\n" not in str(caught.value)
 
 
 def test_fewer_starts_are_the_first_of_more_and_lie_in_the_gap():
@@ -416,6 +539,16 @@ def test_a_case_that_fails_is_a_row_with_its_reason_and_leaves_the_others_as_the
     assert float(found["peak"][1, 1]) == float(alone["peak"][0, 0])
 
 
+def test_progress_is_drawn_or_told_and_the_result_is_the_same(capsys):
+    told = []
+    expected = small(progress=told.append)
+    assert [float(told[0]), float(told[-1])] == [0.0, 1.0]
+    xarray.testing.assert_identical(small(progress=True), expected)
+    assert "parameter study" in capsys.readouterr().err
+    with pytest.raises(fi.InputError, match="progress = 'str': must be True, or callable with a StudyProgress"):
+        small(progress="yes")
+
+
 def test_an_error_in_a_function_of_the_users_own_is_not_caught():
     def broken(response):
         raise ZeroDivisionError
@@ -514,3 +647,71 @@ def test_a_figure_has_the_values_in_the_units_of_its_labels(axes):
         first = found["peak"] if axes == 2 else found["peak"][:, :, 0]
         np.testing.assert_allclose(drawn.images[0].get_array(), 1e3 * first.to_numpy().T)
     assert "(mm)" in drawn.get_xlabel() or axes == 3
+
+
+def test_the_question_of_a_designer_takes_fifteen_lines():
+    tree = ast.parse((Path(__file__).parents[1] / "examples" / "gap_and_tolerance.py").read_text(encoding="utf-8"))
+    bodies = [node.body for node in ast.walk(tree) if isinstance(node, ast.Module | ast.FunctionDef)]
+    words = {line for body in bodies for line in range(body[0].lineno, body[0].end_lineno + 1)
+             if isinstance(body[0], ast.Expr)}  # fmt: skip
+    code = {line for node in ast.walk(tree) if hasattr(node, "lineno") for line in (node.lineno, node.end_lineno)}
+    assert len(code - words) <= 15
+
+
+# ---- workers of a cluster --------------------------------------------------------------------------
+
+
+class Cluster:
+    """A client of workers that are threads of this process, and say of themselves what they are told to say."""
+
+    def __init__(self, *said):
+        self.said = said
+
+    def run(self, function):
+        """Facts of every worker by its address."""
+        return {f"tcp://10.0.0.{i}:40000": {**function(), **changes} for i, changes in enumerate(self.said)}
+
+    def submit(self, function, *given, pure):
+        """The result at once."""
+        assert not pure
+        return function(*given)
+
+    def get_executor(self, **options):
+        """Threads in place of workers."""
+        return ThreadPoolExecutor(len(self.said))
+
+    def nthreads(self):
+        """One of each worker."""
+        return {i: 1 for i, _ in enumerate(self.said)}
+
+
+def test_workers_of_the_same_version_give_the_bits_of_this_process():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = small(client=Cluster({}, {}), starts=2)
+    xarray.testing.assert_identical(found, small(starts=2))
+
+
+@pytest.mark.parametrize("name", ["sources", "core", "numpy", "scipy"])
+def test_a_worker_of_another_version_is_refused_before_the_first_case(name, tmp_path):
+    with pytest.raises(fi.InputError) as caught:
+        small(client=Cluster({}, {name: "0.0.1"}), directory=tmp_path / "out")
+    assert str(caught.value).startswith(f"worker tcp://10.0.0.1:40000: has {name} 0.0.1, and this process ")
+    assert not list((tmp_path / "out" / BLOCKS).glob("*.block"))
+
+
+def test_workers_without_femimpact_or_none_at_all_are_refused():
+    class Bare(Cluster):
+        def run(self, function):
+            raise ModuleNotFoundError("No module named 'femimpact'")
+
+    with pytest.raises(fi.InputError, match=r"must have workers with the same femimpact .*No module named"):
+        small(client=Bare({}))
+    with pytest.raises(fi.InputError, match="must have one worker or more"):
+        small(client=Cluster())
+
+
+def test_processors_of_several_kinds_are_warned_of_and_the_study_runs():
+    with pytest.warns(fi.InputWarning, match=r"several kinds of processors \(.*old one.*\): the last bits may depend"):
+        found = small(client=Cluster({}, {"processor": "v2 x86_64 an old one"}))
+    assert found["finished"].all()

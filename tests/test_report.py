@@ -388,7 +388,7 @@ def test_a_map_has_a_cell_of_the_right_colour_at_every_place():
 
     values = np.array([[0.0, 1.0, 2.0], [3.0, np.nan, 15.0]])
     # places in any order, and none evenly spaced
-    data = xarray.Dataset({"z": (("y", "x"), values)}, {"y": [5.0, 1.0], "x": [1.0, 4.0, 2.0]})
+    data = xarray.Dataset({"z": (("x", "y"), values.T)}, {"y": [5.0, 1.0], "x": [1.0, 4.0, 2.0]})
     section = maps_section(data)
     paths = [one for content in section.content for one in content.iter("path") if "fill:#" in one.get("style", "")]
     colours = {one.get("style"): one.get("d") for one in paths}

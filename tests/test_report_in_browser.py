@@ -13,6 +13,9 @@ import pytest
 from builders import REFERENCE, reduced
 
 import femimpact as fi
+from femimpact.parametric.study_command import write_parameter_study
+from femimpact.study.demo import paper_study
+from femimpact.study.parameter_plan import ParameterPlan
 
 CHROMIUM, DRIVER = (shutil.which(name) for name in ("chromium", "chromedriver"))
 
@@ -50,6 +53,26 @@ def page(tmp_path_factory):
     }
     path = tmp_path_factory.mktemp("browser") / "report.html"
     return fi.report(path, parts, structure, title="A <script>alert(1)</script>", notes=("</style><img src=x>",))
+
+
+@pytest.fixture(scope="module")
+def study_page(tmp_path_factory):
+    """The report of a parameter study over three axes: maps with hatching or dots, and a row for each case."""
+    paper = paper_study()
+    ball = replace(paper.structure.impactors[0], contact=fi.Rigid(0.6))
+    axes = {
+        "impactor.ball.gap": [1e-3, 2e-3, 4e-3],
+        "impactor.ball.contact.restitution": [0.5, 0.7],
+        "base.start": ["base", "space"],
+    }
+    given = replace(
+        paper, structure=replace(paper.structure, impactors=(ball,)), mesh=replace(paper.mesh, elements=6),
+        reduction=replace(paper.reduction, modes=2), method={"name": "event-driven"}, text="",
+        output=replace(paper.output, figures=False), plan=ParameterPlan(("peak", "regime"), axes, cycles=9),
+    )  # fmt: skip
+    folder = tmp_path_factory.mktemp("browser_study") / "out"
+    write_parameter_study(given, folder)
+    return folder / "report.html"
 
 
 @pytest.fixture(scope="module")
@@ -108,8 +131,9 @@ def test_it_opens_from_disk_without_a_request_and_without_a_message(browser, pag
 
 
 @pytest.mark.parametrize("width", [320, 400, 768, 1200])
-def test_nothing_is_wider_than_the_screen(browser, page, width):
-    opened(browser, page, width=width)
+@pytest.mark.parametrize("which", ["page", "study_page"])
+def test_nothing_is_wider_than_the_screen(browser, request, which, width):
+    opened(browser, request.getfixturevalue(which), width=width)
     assert browser.execute_script("return document.documentElement.scrollWidth") <= width
 
 
@@ -220,8 +244,9 @@ def test_it_prints_with_every_row_and_without_controls(browser, page):
 @pytest.mark.skipif(not AXE.is_file(), reason="axe-core is not here: .ci/browser fetches it")
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("width", [400, 1200])
-def test_axe_finds_nothing_serious(browser, page, scheme, width):
-    opened(browser, page, scheme, width=width)
+@pytest.mark.parametrize("which", ["page", "study_page"])
+def test_axe_finds_nothing_serious(browser, request, which, scheme, width):
+    opened(browser, request.getfixturevalue(which), scheme, width=width)
     browser.execute_script(AXE.read_text(encoding="utf-8"))
     found = browser.execute_async_script("axe.run().then(arguments[0])")
     serious = [

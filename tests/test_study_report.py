@@ -16,12 +16,14 @@ from test_report import LOADING, section, text_of
 from test_svg import Parsed
 
 import femimpact as fi
+from femimpact.export.report.maps import maps_section
 from femimpact.export.study_columns import measure_names, unsure_cells
 from femimpact.parametric.study_command import write_parameter_study
 from femimpact.study.demo import paper_study, paper_study_text
 from femimpact.study.result_directory import ResultsWarning
 from femimpact.study.result_report import write_report
 from femimpact.study.study_file import read_study
+from femimpact.svg.elements import markup
 
 pytestmark = pytest.mark.impacts
 
@@ -186,3 +188,46 @@ def test_starts_are_a_band_around_their_median_and_a_sample_is_dots_over_each_ax
     assert section(text, "part-1").count("<figure") == 1
     assert section(text, "part-1").count('<path class="fi-band fi-c') == 1
     assert section(text, "part-2").count("<figure") == 2
+
+
+def dataset(shape, starts=1):
+    """A dataset of a study of this shape whose values count the cases; every second one does not repeat."""
+    names = ["a", "b", "c", "d", "e"][: len(shape)]
+    count = int(np.prod(shape))
+    cells = {"finished": np.ones(count), "failed_starts": np.zeros(count), "periodic_starts": np.arange(count) % 2}
+    data = {name: (names, values.reshape(shape)) for name, values in cells.items()}
+    data["peak"] = (names, np.arange(count, dtype=float).reshape(shape))
+    coordinates = {name: np.linspace(1.0, 2.0, size) for name, size in zip(names, shape, strict=True)}
+    return xarray.Dataset(data, coords=coordinates, attrs={"starts": starts})
+
+
+def test_a_map_of_a_report_leads_its_first_axis_to_the_right_as_the_figure_does():
+    (chart,) = maps_section(dataset((4, 2))).content[0]
+    text = markup(chart)
+    # four columns and two rows of cells: the largest value is at the upper right
+    (last,) = re.findall(r'd="([^"]*)" style="fill:#fde725', text)
+    left, up, right, down = (float(number) for number in re.fullmatch(r"M(\d+) (\d+)H(\d+)V(\d+)H\d+Z", last).groups())
+    assert right - left == pytest.approx((down - up) / 2.0, rel=0.01)
+    assert up == 0.0
+    assert left > 0.0
+    assert re.search(r'fi-x-label">a<', text)
+    assert re.search(r'fi-y-label">b<', text)
+
+
+def test_a_cell_of_one_sample_has_its_own_dot():
+    (chart,) = maps_section(dataset((4, 2))).content[0]
+    paths = re.findall(r'<path class="sample" d="([^"]*)"', markup(chart))
+    assert [path.count("M") for path in paths] == [4, 4]
+    # with an interval of the median nothing is a sample
+    (chart,) = maps_section(dataset((4, 2), 5).assign_attrs(median_interval="90 %")).content[0]
+    assert "sample" not in markup(chart)
+
+
+@pytest.mark.parametrize(("shape", "maps"), [((2, 3, 4), 4), ((2, 3, 4, 2), 6), ((2, 3, 30), 9), ((2, 2, 2, 2, 3), 4)])
+def test_further_axes_have_a_map_for_each_value_on_one_scale_of_colours(shape, maps):
+    drawn = list(maps_section(dataset(shape)).content[0])
+    assert len(drawn) == maps
+    texts = [markup(chart) for chart in drawn]
+    assert len({re.search(r'fi-title">([^<]*)<', text)[1] for text in texts}) == maps
+    scales = {re.search(r"</span> ([^<]* to [^<]*)<", text)[1] for text in texts}
+    assert len(scales) == 1

@@ -25,12 +25,12 @@ from femimpact.system.contact_pair import contact_pair
 from femimpact.system.damped import damped_with_modes
 from femimpact.system.hermite import hermite_rows
 from femimpact.system.matrices import Matrix
-from femimpact.system.modes import first_elastic_frequency, first_mode_at, flexibility
+from femimpact.system.modes import Modes, first_elastic_frequency, first_mode_at, flexibility
 from femimpact.system.own_terms import add_terms
 from femimpact.system.reactions import Reaction
-from femimpact.system.system import System
+from femimpact.system.system import System, with_checked_fields
 
-__all__ = ["ElementLineHermiteReference", "assemble"]
+__all__ = ["ElementLineHermiteReference", "assemble", "assembled_with_modes"]
 
 Array = NDArray[np.float64]
 
@@ -94,6 +94,13 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     that frequencies keep order 4 in the element length; `femimpact.validation.tapers` has the exact ones of wedges.
     Gravity is a constant acceleration of every mass: constant_load = base_load gravity.
     """
+    return assembled_with_modes(structure, elements, mesh, 1)[0]
+
+
+def assembled_with_modes(
+    structure: Structure, elements: int | None, mesh: Mesh | None, least: int
+) -> tuple[System, Modes]:  # fmt: skip
+    """The system of `assemble`, and so many of its undamped modes or as many as its damping refers to."""
     grid = discretise(structure, elements, mesh)
     K, M = _beam_matrices(grid)
     M = M + _lumped_mass(grid)
@@ -122,9 +129,10 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
         reactions=_reactions(grid, M, K, momentum, springs),
         sections=grid.sections,
     )
-    whole = _with_dashpots(_with_damping_and_contacts(system, grid), grid)
+    found, modes = _with_damping_and_contacts(system, grid, min(least, system.dofs))
+    whole = _with_dashpots(found, grid)
     _warn_of_unusual(structure, first_elastic_frequency(whole))
-    return whole
+    return whole, modes
 
 
 def _warn_of_unusual(structure: Structure, first_frequency: float) -> None:
@@ -146,10 +154,10 @@ def _warn_of_unusual(structure: Structure, first_frequency: float) -> None:
         warnings.warn(words, InputWarning, stacklevel=3)
 
 
-def _with_damping_and_contacts(system: System, grid: Discretisation) -> System:
+def _with_damping_and_contacts(system: System, grid: Discretisation, least: int) -> tuple[System, Modes]:
     structure = grid.structure
-    system, modes = damped_with_modes(system, structure.damping)
-    system = replace(system, first_frequency=float(modes.natural_frequency[0]), computed_together=None)
+    system, modes = damped_with_modes(system, structure.damping, least)
+    system = with_checked_fields(system, first_frequency=float(modes.natural_frequency[0]))
     items: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
     places = [grid.position_of(item.at, f"{kind_of(item)}.{item.name}.at") for item in items]
     rows = system.deflection_rows(places) if items else np.zeros((0, system.dofs))
@@ -158,7 +166,7 @@ def _with_damping_and_contacts(system: System, grid: Discretisation) -> System:
         contact_pair(item, row, place, first_mode_at(system, modes, row), flexible, structure.gravity)
         for item, row, place, flexible in zip(items, rows, places, compliance, strict=True)
     )
-    return replace(system, contacts=contacts, computed_together=None)
+    return replace(system, contacts=contacts, computed_together=None), modes
 
 
 def _with_dashpots(system: System, grid: Discretisation) -> System:
@@ -180,6 +188,8 @@ def _with_dashpots(system: System, grid: Discretisation) -> System:
 
 def _connection_rows(grid: Discretisation, items: Sequence[Spring | Dashpot], kind: str) -> Any:
     """Rows (items, all dofs) that read the elongation w(at) - w(to) of springs or dashpots; w of the base is zero."""
+    if not items:
+        return sparse.csr_array((0, grid.dofs))
 
     def ends(field: str) -> Any:
         places = [
@@ -227,7 +237,11 @@ def _reactions(grid: Discretisation, M: Matrix, K: Matrix, momentum: Array, spri
 
 
 def _held_row(matrix: Matrix, dof: int, free: NDArray[np.int64]) -> Array:
-    return _frozen(matrix[[dof]][:, free].toarray()[0])
+    rows: Any = sparse.csr_array(matrix)
+    own = slice(rows.indptr[dof], rows.indptr[dof + 1])
+    whole = np.zeros(rows.shape[1])
+    np.add.at(whole, rows.indices[own], rows.data[own])
+    return _frozen(whole[free])
 
 
 def _beam_matrices(grid: Discretisation) -> tuple[Matrix, Matrix]:

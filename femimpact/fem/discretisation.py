@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -195,8 +195,13 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
     sections = _sections(structure.beam, mesh)
     # the product of two cubics, and rho A of degree 2 where width and thickness taper
     degree = 8 if sections.is_tapered.any() else 6
-    basis = Basis(MeshLine(mesh.nodes), ElementLineHermiteReference(), intorder=degree)
-    return Discretisation(structure, mesh, basis, free, sections)
+    return Discretisation(structure, mesh, _basis(mesh.nodes.tobytes(), degree), free, sections)
+
+
+@lru_cache(maxsize=4)
+def _basis(nodes: bytes, degree: int) -> Any:
+    """The basis on nodes, of which structures on one mesh share the shape functions at the quadrature points."""
+    return Basis(MeshLine(np.frombuffer(nodes)), ElementLineHermiteReference(), intorder=degree)
 
 
 def kind_of(item: Impactor | Stop) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from femimpact.contact import ContactLaw
 from femimpact.errors import check_fields, quantity
 from femimpact.response.signals import SteadyMotion
 from femimpact.system.state import State
+from femimpact.system.system import System
 
 __all__ = ["AchievedRestitution", "MethodCost", "SineCases", "SineDwellResults", "SineDwells"]
 
@@ -110,6 +111,11 @@ class SineCases:
         In place of those of the initial state, and in its frame, m and m/s.
     cycles, measured : ndarray (n,) of int
         Whole base cycles run, and how many of them at the end are measured.
+    systems : tuple of tuple of System and ndarray (dofs,)
+        Systems in place of the common one, with the row of the observed place of each: alike in the number of dofs,
+        and in their pairs but for numbers. For methods with a member `run_cases`; none for the common one.
+    system_of : ndarray (n,) of int, optional
+        Which of them a case has.
     """
 
     frequency: Array
@@ -123,6 +129,18 @@ class SineCases:
     ball_velocity: Array
     cycles: NDArray[np.int64]
     measured: NDArray[np.int64]
+    systems: tuple[tuple[System, Array], ...] = ()
+    system_of: NDArray[np.int64] | None = None
+
+    def of(self, members: NDArray[np.intp]) -> SineCases:
+        """Some of the cases."""
+        common = ("laws", "initial", "systems")
+        own = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in common}
+        return replace(self, **{name: values[members] for name, values in own.items() if values is not None})
+
+    def system(self, case: int, common: System) -> System:
+        """That of a case."""
+        return self.systems[int(self.system_of[case])][0] if self.system_of is not None else common
 
 
 def _no_values() -> Array:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import fields, replace
-from typing import Any
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.integrators.answers import SineCases, SineDwellResults, SineDwells
+from femimpact.integrators.cases import start_of, with_contacts_of
 from femimpact.integrators.methods import Method
 from femimpact.integrators.threads import Progress
 from femimpact.response.signals import SteadyMotion
-from femimpact.system.state import State
 from femimpact.system.system import System
 
-__all__ = ["run_cases", "start_of", "with_contacts_of"]
+__all__ = ["run_cases"]
 
 Array = NDArray[np.float64]
 
@@ -27,8 +26,9 @@ def run_cases(
 ) -> SineDwellResults:  # fmt: skip
     """Results of all cases in their order.
 
-    A method may have a member `run_cases` that takes them as they are. For another one, cases that differ in their
-    frequency alone run together.
+    A method may have a member `run_cases` that takes them as they are, and `takes_several_systems` where each may have
+    a system of its own and any start and law. For another one, and of methods with steps for static starts and laws
+    that are functions, cases that differ in their frequency alone run together.
 
     Parameters
     ----------
@@ -38,8 +38,8 @@ def run_cases(
     observed : ndarray (dofs,)
         Row of the observed place.
     instants : int
-        Of a measured cycle at which the energy ledger is read; 0 for no ledger. Without `run_cases` it is read at
-        the ends of cycles.
+        Of a measured cycle at which the energy ledger is read; 0 for no ledger. Of methods with steps it is
+        read at the ends of cycles.
     workers : int
         Threads at most.
     progress : callable, optional
@@ -54,7 +54,8 @@ def run_cases(
         If a case cannot be run at all.
     """
     own: Callable[..., SineDwellResults] | None = getattr(method, "run_cases", None)
-    if own is not None:
+    whole = getattr(method, "takes_several_systems", False)
+    if own is not None and (whole or _are_plain(system, cases)):
         return own(system, cases, observed, instants, workers, progress)
     groups, parts, done = list(_alike(cases)), list[SineDwellResults](), 0
     for members in groups:
@@ -71,27 +72,11 @@ def run_cases(
     return _in_order(parts, np.argsort(np.concatenate(groups)))
 
 
-def with_contacts_of(system: System, cases: SineCases, case: int) -> System:
-    """The system with the gaps and the laws of a case."""
-    laws = cases.laws[int(cases.law_of[case])]
-    contacts = []
-    for pair, gaps, law in zip(system.contacts, cases.gaps[case].tolist(), laws, strict=True):
-        same = pair.gaps == tuple(gaps) and pair.law == law
-        contacts.append(pair if same else replace(pair, gaps=tuple(gaps), law=law))
-    if all(one is other for one, other in zip(contacts, system.contacts, strict=True)):
-        return system
-    return replace(system, contacts=tuple(contacts))
-
-
-def start_of(cases: SineCases, case: int) -> State:
-    """The start of a case."""
-    given: dict[str, Any] = {}
-    # what is not given may be that of the static state
-    for name in ("ball_displacement", "ball_velocity"):
-        values = getattr(cases, name)[case]
-        if np.any(values):
-            given[name] = values
-    return replace(cases.initial, **given)
+def _are_plain(system: System, cases: SineCases) -> bool:
+    """Whether no start follows from statics, and no law is a function: what each case may have of its own in a step."""
+    static = cases.initial.is_static_on(system) or bool(np.any(cases.gaps < 0.0))
+    pairs = [(law, pair) for laws in cases.laws for law, pair in zip(laws, system.contacts, strict=True)]
+    return not static and all(law.force_function(pair.effective_mass) is None for law, pair in pairs)
 
 
 def _alike(cases: SineCases) -> Iterator[NDArray[np.intp]]:

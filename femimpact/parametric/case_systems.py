@@ -10,21 +10,20 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sparse
 
 from femimpact.errors import InputError, require
-from femimpact.fem.assembly import assemble
+from femimpact.fem.assembly import assemble, assembled_with_modes
 from femimpact.fem.mesh import Mesh
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.newmark import Newmark
-from femimpact.parametric.paths import Place, Stage, study_with
+from femimpact.parametric.paths import Place, Stage, damping_with, study_with
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Structure
 from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of
 from femimpact.system.damped import rayleigh_of, with_damping
-from femimpact.system.reduction import reduce
-from femimpact.system.system import System
+from femimpact.system.reduction import reduce, reduced_on
+from femimpact.system.system import System, with_checked_pairs, with_modal_damping
 
 __all__ = ["CaseSystems", "default_method"]
 
@@ -107,7 +106,7 @@ class CaseSystems:
             rest = {place: value for place, value in values.items() if place.stage < Stage.BALL}
             return _with_balls(self.of(rest), of_balls)
         if of_damping and isinstance(self.given, Study):
-            damping = study_with(self.given, of_damping).structure.damping
+            damping = damping_with(self.given, of_damping)
             if _is_damping_of_modes(self.given, damping):
                 return _damped(self.of(of_modes), damping)
         with warnings.catch_warnings():
@@ -119,7 +118,7 @@ class CaseSystems:
         if isinstance(self.given, System):
             return self.given
         if isinstance(self.given, Study):
-            return build_systems(study_with(self.given, values), self.mesh)[1]
+            return _built_of_study(study_with(self.given, values), self.mesh, bool(values))
         found = self.given(**{place.field: value for place, value in values.items()})
         if isinstance(found, System):
             return found
@@ -146,16 +145,23 @@ class CaseSystems:
         return method
 
 
+def _built_of_study(study: Study, mesh: Mesh | None, is_changed: bool) -> System:
+    """The system of a study; of one that is changed its modes are solved once, for its damping and its reduction."""
+    if study.reduction is None or not is_changed:
+        return build_systems(study, mesh)[1]
+    kept, elements = study.reduction.modes, None if mesh else study.mesh.elements
+    full, modes = assembled_with_modes(study.structure, elements, mesh, kept + 1)
+    require(kept <= full.dofs, "reduction.modes", kept, "", f"must be <= {full.dofs}, the dofs of this mesh")
+    return reduced_on(full, modes, kept) if modes.natural_frequency[0] > 0.0 else reduce(full, kept)
+
+
 def _damped(system: System, damping: Rayleigh | ModalDamping | None) -> System:
     """The system with another damping; one on its modes has their frequencies in its matrices."""
     if not (system.is_diagonal and isinstance(damping, Rayleigh)):
         return with_damping(system, damping)
     square = system.K.diagonal() / system.M.diagonal()
     alpha, beta = rayleigh_of(damping, np.sort(np.sqrt(square)))
-    C = sparse.diags_array(alpha * system.M.diagonal() + beta * system.K.diagonal(), format="csr")
-    changed = replace(system, C=C, rayleigh=(alpha, beta))
-    changed.__dict__["is_diagonal"] = True
-    return changed
+    return with_modal_damping(system, alpha, beta)
 
 
 def _with_balls(system: System, values: Values) -> System:
@@ -164,10 +170,7 @@ def _with_balls(system: System, values: Values) -> System:
     for place, value in values.items():
         j = next(i for i, pair in enumerate(contacts) if pair.name == place.part)
         contacts[j] = replace(contacts[j], **{place.field: value})
-    changed = replace(system, contacts=tuple(contacts))
-    # of the same matrices
-    changed.__dict__["is_diagonal"] = system.is_diagonal
-    return changed
+    return with_checked_pairs(system, tuple(contacts))
 
 
 def _is_damping_of_modes(study: Study, damping: Rayleigh | ModalDamping | None) -> bool:

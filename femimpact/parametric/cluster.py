@@ -86,16 +86,22 @@ def check_workers(client: Any) -> None:
     Raises
     ------
     InputError
-        If there is no worker, or one that has other sources or other versions of numpy and scipy.
+        If there is no worker, or one that has no femimpact, other sources or other versions of numpy and scipy.
     """
-    found: dict[str, dict[str, str]] = client.run(worker_facts)
+    try:
+        found: dict[str, dict[str, str]] = client.run(worker_facts)
+    except (ImportError, AttributeError) as error:
+        allowed = f"must have workers with the same femimpact as this process: {error}"
+        raise InputError([Fault("client", kind_of(client), "", allowed)]) from None
     require(bool(found), "client", "no worker", "", "must have one worker or more")
     own = worker_facts()
     for address, facts in found.items():
         for name in ("sources", "core", "numpy", "scipy"):
-            allowed = f"has {name} {facts[name][:12]}, and this process {own[name][:12]}: install the same femimpact"
-            require(facts[name] == own[name], f"worker {address}", None, "", allowed)
-    processors = sorted({facts["processor"] for facts in found.values()})
+            # an earlier version may not tell all of it
+            other = facts.get(name, "unknown")
+            allowed = f"has {name} {other[:12]}, and this process {own[name][:12]}: install the same femimpact"
+            require(other == own[name], f"worker {address}", None, "", allowed)
+    processors = sorted({facts.get("processor", "unknown") for facts in found.values()})
     if len(processors) > 1:
         text = f"workers on several kinds of processors ({'; '.join(processors)}): the last bits may depend on which"
         warnings.warn(text, InputWarning, stacklevel=4)

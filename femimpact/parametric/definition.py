@@ -36,7 +36,8 @@ from femimpact.parametric.paths import (
 )
 from femimpact.structure.structure import Position
 from femimpact.study.parameter_plan import MOST_STARTS, AxisValues, Distribution, SamplePlan, axis_from
-from femimpact.study.study import BaseMotion, Study, sine_of
+from femimpact.study.signal_motion import SignalMotion
+from femimpact.study.study import BaseMotion, Study
 from femimpact.system.system import System
 
 __all__ = ["ParameterStudy"]
@@ -118,7 +119,9 @@ class ParameterStudy:
             for key in ("excitation", "method"):
                 allowed = "belongs to a System or a function: a Study has its own"
                 require(getattr(self, key) is None, key, kind_of(getattr(self, key)), "", allowed)
-            sine_of(self.study, "study")
+            if not self.has_cycle:
+                allowed = f"must be left out: {self._motion} has no cycle, and a case is the whole history"
+                require(self.cycles is None, "cycles", self.cycles, "", allowed)
         self._check_axes()
         self._check_nominal()
 
@@ -213,11 +216,24 @@ class ParameterStudy:
     @cached_property
     def chosen(self) -> tuple[Measure, ...]:
         """The measures."""
-        return measures_of(self.measures, self.nominal)
+        return measures_of(self.measures, self.nominal, "" if self.has_cycle else self._motion)
+
+    @property
+    def has_cycle(self) -> bool:
+        """Whether the base moves by a sine: cases of other motions are runs of their whole history."""
+        return not isinstance(self.study, Study) or isinstance(self.study.base, BaseMotion)
+
+    @property
+    def _motion(self) -> str:
+        """What the base does, where it has no cycle."""
+        base: Any = self.study.base  # type: ignore[union-attr]
+        return f"a motion of kind {base.kind!r}" if isinstance(base, SignalMotion) else f"the record {base.record!r}"
 
     @cached_property
     def dwell(self) -> int:
-        """Cycles of the base in each case."""
+        """Cycles of the base in each case; 0 where there are none."""
+        if not self.has_cycle:
+            return 0
         if self.cycles is not None:
             return self.cycles
         if isinstance(self.study, Study):
@@ -230,8 +246,10 @@ class ParameterStudy:
     @property
     def base(self) -> dict[str, Any]:
         """Frequency, amplitude, phase and start of the base where no axis gives them; None is not known."""
+        if not self.has_cycle:
+            return {}
         if isinstance(self.study, Study):
-            base = sine_of(self.study, "study")
+            base = self.study.base
             return {name: getattr(base, name) for name in ("frequency", "amplitude", "phase", "start")}
         sine = self.excitation
         given = {} if sine is None else {name: getattr(sine, name) for name in ("frequency", "amplitude", "phase")}
@@ -298,7 +316,7 @@ class ParameterStudy:
         if place.owner == "start":
             number = isinstance(value, (int, float))
             require(number, place.path, value, place.unit, f"must be a finite number, in {place.unit}")
-        elif place.owner == "base":
+        elif place.owner == "base" and self.has_cycle:
             BaseMotion(**{"frequency": 1.0, "amplitude": 1.0, place.field: value})
         elif place.owner == "method" and isinstance(self.study, Study):
             self.systems.method_of(self.nominal, {place: value})

@@ -1,9 +1,9 @@
-"""Cases of a block: their systems, their dwells in as few compiled calls as there are systems, and their measures."""
+"""Cases of a block: their systems, their dwells in as few compiled calls as there can be, and their measures."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,16 +13,18 @@ from femimpact.contact import ContactLaw
 from femimpact.errors import FemimpactError, checked, quantity, require_type
 from femimpact.excitation import Sine
 from femimpact.integrators.answers import SineCases, SineDwellResults
-from femimpact.integrators.many_cases import run_cases, start_of, with_contacts_of
+from femimpact.integrators.cases import start_of, with_contacts_of
+from femimpact.integrators.many_cases import run_cases
 from femimpact.integrators.methods import Method
 from femimpact.parametric.definition import ParameterStudy
+from femimpact.parametric.history_cases import history_of_case, value_of_history, values_of_case
 from femimpact.parametric.measures import INSTANTS, Measure, Source, columns_of, of_response
 from femimpact.parametric.paths import Place, Stage
 from femimpact.parametric.starts import scaled_starts, unit_draws
 from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder, Response
 from femimpact.system.state import State
-from femimpact.system.system import System, without_impactors
+from femimpact.system.system import System, with_checked_pairs, without_impactors
 
 __all__ = ["BlockValues", "evaluated", "run_case"]
 
@@ -57,9 +59,10 @@ class BlockValues:
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """Cases with one system, one method and one kind of start; `runs` are theirs, start by start of each case.
+    """Cases of one system or of systems that are alike, with one method and one kind of start.
 
-    `members` are the numbers of the cases in their block, `values` those of the first of them.
+    `runs` are theirs, start by start of each case, `members` the numbers of the cases in their block, `values` and
+    `system` those of the first of them.
     """
 
     values: dict[Place, Any]
@@ -67,6 +70,16 @@ class _Group:
     method: Method
     members: Numbers
     runs: SineCases
+
+
+@dataclass(frozen=True, eq=False)
+class _Alike:
+    """Systems that are alike but for numbers: `members` are the cases of the block, `system_of` which one each has."""
+
+    values: dict[Place, Any]
+    systems: tuple[System, ...]
+    members: Numbers
+    system_of: Numbers
 
 
 class _Answers:
@@ -109,6 +122,9 @@ def evaluated(study: ParameterStudy, cases: Numbers) -> BlockValues:
     BlockValues
     """
     answers = _Answers(study, cases)
+    if not study.has_cycle:
+        _run_histories(study, cases, answers)
+        return answers.whole()
     for group in _groups(study, cases, answers):
         _run_group(group, answers)
     return answers.whole()
@@ -141,6 +157,8 @@ def run_case(study: ParameterStudy, number: int, start: int = 0, record: Recorde
         checked(key, value, quantity("1", at_least=0, at_most=most - 1, integer=True))
     if record is not None:
         require_type(record, Recorder, "record")
+    if not study.has_cycle:
+        return history_of_case(study, int(number), int(start), Recorder() if record is None else record)
     answers = _Answers(study, np.array([number], dtype=np.int64))
     groups = list(_groups(study, answers.cases, answers))
     if not groups:
@@ -150,40 +168,96 @@ def run_case(study: ParameterStudy, number: int, start: int = 0, record: Recorde
 
 def _raise_of_case(study: ParameterStudy, case: int) -> None:
     """Raise what a case fails with."""
-    values = _values_of(study, case)
+    values = values_of_case(study, case)
     system = study.systems.of(values)
-    _laws_of(study, system, case)
+    _laws_of(study, system, case, _axes_of_laws(study))
     study.systems.method_of(system, values)
 
 
 # ---- from cases to runs ----------------------------------------------------------------------------
 
 
-def _values_of(study: ParameterStudy, case: int) -> dict[Place, Any]:
-    table = study.table
-    return {place: table.value(axis, case) for axis, place in enumerate(table.places)}
-
-
 def _groups(study: ParameterStudy, cases: Numbers, answers: _Answers) -> Iterator[_Group]:
-    """Cases that share a system, with their runs; those that have none are noted as failures."""
-    table, starts = study.table, study.starts
-    axes = table.axes_before(Stage.CASE)
-    frames = [axis for axis, place in enumerate(table.places) if place.path == "base.start"]
-    codes = [table.codes[axis][cases] for axis in (*axes, *frames)]
-    for members in _equal_rows(codes, cases.size):
-        values = _values_of(study, int(cases[members[0]]))
-        try:
-            system = study.systems.of(values)
-        except FemimpactError as error:
-            answers.fail(_runs_of(members, starts), str(error))
-            continue
+    """Cases that run together; those that have no system are noted as failures."""
+    for alike in _alike(study, cases, answers):
+        system, values, members = alike.systems[0], alike.values, alike.members
         laws, law_of = _laws(study, system, cases, members, answers)
         sound = law_of >= 0
         for method, own in _methods(study, system, laws, law_of, values, members, answers):
             chosen = own & sound
             if np.any(chosen):
                 runs = _runs(study, system, cases[members[chosen]], laws, law_of[chosen], values)
+                if len(alike.systems) > 1:
+                    runs = _with_systems(study, alike.systems, alike.system_of[chosen], runs)
                 yield _Group(values, system, method, members[chosen], runs)
+
+
+def _alike(study: ParameterStudy, cases: Numbers, answers: _Answers) -> list[_Alike]:
+    """Systems with their cases; those that differ in numbers alone together where the method takes them so."""
+    table = study.table
+    axes = table.axes_before(Stage.CASE)
+    frames = [axis for axis, place in enumerate(table.places) if place.path == "base.start"]
+    codes = [table.codes[axis][cases] for axis in (*axes, *frames)]
+    found: dict[Any, list[tuple[dict[Place, Any], System, Numbers]]] = {}
+    rows = _equal_rows(codes, cases.size)
+    for number, members in enumerate(rows):
+        values = values_of_case(study, int(cases[members[0]]))
+        try:
+            system = study.systems.of(values)
+        except FemimpactError as error:
+            answers.fail(_runs_of(members, study.starts), str(error))
+            continue
+        key: Any = _kind_of(system, values)
+        if len(rows) == 1 or (key not in found and not _taken_together(study, system, values)):
+            key = number
+        found.setdefault(key, []).append((values, system, members))
+    return [
+        _Alike(
+            parts[0][0],
+            tuple(system for _, system, _ in parts),
+            np.concatenate([members for *_, members in parts]),
+            np.repeat(np.arange(len(parts)), [members.size for *_, members in parts]),
+        )
+        for parts in found.values()
+    ]
+
+
+def _kind_of(system: System, values: dict[Place, Any]) -> tuple[Any, ...]:
+    """What is equal of systems that are alike, and of the methods and the frames of their cases."""
+    own = tuple((place.path, value) for place, value in values.items() if place.stage == Stage.METHOD)
+    frame = tuple(value for place, value in values.items() if place.path == "base.start")
+    pairs = tuple((pair.name, pair.is_stop, pair.gaps, pair.fixed_to, _law_key(pair.law)) for pair in system.contacts)
+    return own, frame, system.dofs, system.is_diagonal, pairs
+
+
+def _law_key(law: ContactLaw) -> Any:
+    """Equal laws have equal ones; one that cannot be compared is like itself alone."""
+    try:
+        hash(law)
+    except TypeError:
+        return id(law)
+    return law
+
+
+def _taken_together(study: ParameterStudy, system: System, values: dict[Place, Any]) -> bool:
+    """Whether the method takes cases with systems of their own; one that takes none is an error of its cases."""
+    try:
+        return bool(getattr(study.systems.method_of(system, values), "takes_several_systems", False))
+    except FemimpactError:
+        return False
+
+
+def _with_systems(
+    study: ParameterStudy, systems: tuple[System, ...], system_of: Numbers, runs: SineCases
+) -> SineCases:  # fmt: skip
+    """The runs, each with the system of its case."""
+    rows: dict[int, Array] = {}
+    for system in systems:
+        # of one expansion all places have the same rows
+        if id(system.expansion) not in rows:
+            rows[id(system.expansion)] = system.point_row(study.observed)
+    both = tuple((system, rows[id(system.expansion)]) for system in systems)
+    return replace(runs, systems=both, system_of=np.repeat(system_of, study.starts))
 
 
 def _runs_of(members: Numbers, starts: int) -> Numbers:
@@ -195,24 +269,25 @@ def _equal_rows(codes: Sequence[Numbers], count: int) -> list[Numbers]:
     """Members of each group that has the same codes, in the order of the first of each."""
     if not codes:
         return [np.arange(count)]
-    _, first, of_row = np.unique(np.column_stack(codes), axis=0, return_index=True, return_inverse=True)
-    return [np.flatnonzero(of_row.reshape(-1) == group) for group in np.argsort(first)]
+    found: dict[tuple[int, ...], list[int]] = {}
+    for row, own in enumerate(zip(*(column.tolist() for column in codes), strict=True)):
+        found.setdefault(own, []).append(row)
+    return [np.array(rows) for rows in found.values()]
 
 
 def _laws(
     study: ParameterStudy, system: System, cases: Numbers, members: Numbers, answers: _Answers
 ) -> tuple[tuple[tuple[ContactLaw, ...], ...], Numbers]:
     """Sets of laws, and which of them each member has; -1 where there is no such law."""
-    table = study.table
-    axes = [axis for axis, place in enumerate(table.places) if place.field.startswith("contact.")]
+    table, axes = study.table, _axes_of_laws(study)
     nominal = tuple(pair.law for pair in system.contacts)
     law_of = np.zeros(members.size, dtype=np.int64)
     if not axes:
         return (nominal,), law_of
     sets = list[tuple[ContactLaw, ...]]()
-    for own in _equal_rows([table.codes[axis][cases[members]] for axis in axes], members.size):
+    for own in _equal_rows([table.codes[axis][cases[members]] for axis, *_ in axes], members.size):
         try:
-            sets.append(_laws_of(study, system, int(cases[members[own[0]]])))
+            sets.append(_laws_of(study, system, int(cases[members[own[0]]]), axes))
             law_of[own] = len(sets) - 1
         except FemimpactError as error:
             answers.fail(_runs_of(members[own], study.starts), str(error))
@@ -220,13 +295,23 @@ def _laws(
     return tuple(sets), law_of
 
 
-def _laws_of(study: ParameterStudy, system: System, case: int) -> tuple[ContactLaw, ...]:
+def _axes_of_laws(study: ParameterStudy) -> list[tuple[int, str, str]]:
+    """Axes of numbers of laws, with the pair and the field of each."""
+    prefix = "contact."
+    return [
+        (axis, place.part, place.field.removeprefix(prefix))
+        for axis, place in enumerate(study.table.places)
+        if place.field.startswith(prefix)
+    ]
+
+
+def _laws_of(
+    study: ParameterStudy, system: System, case: int, axes: Sequence[tuple[int, str, str]]
+) -> tuple[ContactLaw, ...]:  # fmt: skip
     """The laws of a case; numbers that belong together are changed together."""
-    table = study.table
     changes: dict[str, dict[str, Any]] = {}
-    for axis, place in enumerate(table.places):
-        if place.field.startswith("contact."):
-            changes.setdefault(place.part, {})[place.field.removeprefix("contact.")] = table.value(axis, case)
+    for axis, part, name in axes:
+        changes.setdefault(part, {})[name] = study.table.value(axis, case)
     laws: list[Any] = [pair.law for pair in system.contacts]
     return tuple(
         replace(law, **changes[pair.name]) if pair.name in changes else law
@@ -248,7 +333,8 @@ def _methods(
         )
         alike = all(one is other for one, other in zip(contacts, system.contacts, strict=True))
         try:
-            method = study.systems.method_of(system if alike else replace(system, contacts=contacts), values)
+            own_system = system if alike else with_checked_pairs(system, contacts)
+            method = study.systems.method_of(own_system, values)
         except FemimpactError as error:
             answers.fail(_runs_of(members[own], study.starts), str(error))
             continue
@@ -257,7 +343,7 @@ def _methods(
             found.append((method, own))
         else:
             found[same] = method, found[same][1] | own
-        if hasattr(method, "run_cases"):
+        if getattr(method, "takes_several_systems", False):
             # one that takes all contacts as they are: the others need not be asked for
             return [(method, law_of >= 0)]
     return found
@@ -326,16 +412,6 @@ def _runs(
     )
 
 
-def _of(runs: SineCases, members: Numbers) -> SineCases:
-    """Some of the runs."""
-    own = {
-        item.name: getattr(runs, item.name)[members]
-        for item in fields(SineCases)
-        if item.name not in ("laws", "initial")
-    }
-    return replace(runs, **own)
-
-
 # ---- from runs to measures -------------------------------------------------------------------------
 
 
@@ -345,7 +421,7 @@ def _run_group(group: _Group, answers: _Answers) -> None:
     instants = INSTANTS if "damping" in names else 1
     every = np.arange(block_runs.size)
     for part, found in _found(group.system, group.runs, group.method, study, instants, every, answers, block_runs):
-        own, rows = block_runs[part], _of(group.runs, part)
+        own, rows = block_runs[part], group.runs.of(part)
         columns = columns_of(found, rows.frequency, rows.measured)
         fine = np.array([not failure for failure in found.failures])
         impacts = columns["impacts_per_cycle"] > 0.0
@@ -370,7 +446,7 @@ def _found(
 ) -> Iterator[tuple[Numbers, SineDwellResults]]:  # fmt: skip
     """Dwells of some runs; where one cannot be run at all, those of the two halves, so that the others are."""
     try:
-        found = run_cases(system, _of(runs, part), method, system.point_row(study.observed), instants)
+        found = run_cases(system, runs.of(part), method, system.point_row(study.observed), instants)
     except FemimpactError as error:
         if part.size == 1:
             answers.fail(block_runs[part], str(error))
@@ -385,21 +461,42 @@ def _peaks_without_balls(group: _Group, rows: SineCases, study: ParameterStudy) 
     """Peak (m) of each run's case with its cavities empty: the same for all starts of a case."""
     bare = without_impactors(group.system)
     stops = len(group.system.balls)
-    keys = np.column_stack([rows.frequency, rows.amplitude, rows.phase])
+    systems, system_of = _systems_without_balls(rows)
+    keys = np.column_stack([rows.frequency, rows.amplitude, rows.phase, system_of])
     if bare.contacts:
         keys = np.column_stack([keys, rows.law_of, rows.gaps[:, stops:].reshape(len(keys), -1)])
     _, first, of_row = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    own = _of(rows, first)
+    own = rows.of(first)
     cases = replace(
         own,
         gaps=own.gaps[:, stops:],
         laws=tuple(laws[stops:] for laws in own.laws),
         ball_displacement=np.zeros((first.size, 0)),
         ball_velocity=np.zeros((first.size, 0)),
+        systems=systems,
+        system_of=system_of[first] if systems else None,
     )
     method = study.systems.method_of(bare, group.values)
     found = run_cases(bare, cases, method, bare.point_row(study.observed), 0)
     return np.asarray(found.motion.peak[of_row.reshape(-1)])
+
+
+def _systems_without_balls(rows: SineCases) -> tuple[tuple[tuple[System, Array], ...], Numbers]:
+    """The systems of runs without their balls, those with the same matrices once, and which of them each run has."""
+    if rows.system_of is None:
+        return (), np.zeros(rows.frequency.size, dtype=np.int64)
+    number, found = {}, list[tuple[System, Array]]()
+    for own in np.unique(rows.system_of).tolist():
+        system, row = rows.systems[own]
+        same = next((i for i, (other, _) in enumerate(found) if _same_structure(system, other)), None)
+        if same is None:
+            found.append((without_impactors(system), row))
+        number[own] = len(found) - 1 if same is None else same
+    return tuple(found), np.array([number[own] for own in rows.system_of.tolist()])
+
+
+def _same_structure(one: System, other: System) -> bool:
+    return all(getattr(one, name) is getattr(other, name) for name in ("M", "C", "K", "expansion"))
 
 
 def _read_runs(group: _Group, part: Numbers, own: Numbers, columns: Any, answers: _Answers) -> None:
@@ -427,6 +524,36 @@ def _read_runs(group: _Group, part: Numbers, own: Numbers, columns: Any, answers
             answers.fail(np.array([run]), str(error))
 
 
+def _run_histories(study: ParameterStudy, cases: Numbers, answers: _Answers) -> None:
+    """Measures of cases whose base has no cycle: of a run of each start over its whole history."""
+    ratio = any(item.name == "peak_ratio" for item in study.chosen)
+    channels = [str(study.observed), *(item.channel for item in study.chosen if item.channel)]
+    usual = [channel.name for channel in resolve_channels(study.nominal, None)]
+    whole = any(item.function is not None for item in study.chosen)
+    record = Recorder(channels=tuple(dict.fromkeys([*(usual if whole else []), *channels])))
+    of_place = Recorder(channels=channels[:1], ledger=False)
+    for i, case in enumerate(cases.tolist()):
+        for start in range(study.starts):
+            run = i * study.starts + start
+            try:
+                response = history_of_case(study, case, start, record)
+                bare = history_of_case(study, case, start, of_place, without_balls=True) if ratio else None
+                for m, item in enumerate(study.chosen):
+                    answers.values[i, start, m] = (
+                        _ratio_of_peaks(response, bare, channels[0])
+                        if item.name == "peak_ratio"
+                        else value_of_history(item, response, channels[0])
+                    )
+                answers.periodic[i, start] = len(response.impacts) == 0
+            except FemimpactError as error:
+                answers.fail(np.array([run]), str(error))
+
+
+def _ratio_of_peaks(response: Response, bare: Response | None, observed: str) -> float:
+    largest = abs(bare.largest(observed).value) if bare is not None else 0.0
+    return abs(response.largest(observed).value) / largest if largest > 0.0 else np.nan
+
+
 def _record(asked: Sequence[Measure], begin: float, system: System) -> Recorder:
     """What a run keeps for its measures; a function of the user's own may read anything of the whole run."""
     channels = [item.channel for item in asked if item.channel]
@@ -440,7 +567,7 @@ def _record(asked: Sequence[Measure], begin: float, system: System) -> Recorder:
 def _response(group: _Group, run: int, record: Recorder) -> Response:
     """A run with its history."""
     runs = group.runs
-    system, start = with_contacts_of(group.system, runs, run), start_of(runs, run)
+    system, start = with_contacts_of(runs.system(run, group.system), runs, run), start_of(runs, run)
     base = Sine(float(runs.amplitude[run]), float(runs.frequency[run]), float(runs.phase[run]))
     duration = float(runs.cycles[run]) / base.frequency
     return group.method.run(system, base, duration, record, start)

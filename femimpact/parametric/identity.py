@@ -26,7 +26,7 @@ __all__ = ["code_key", "first_difference", "plain_study", "sources_key", "study_
 NUMERICAL = ("contact", "excitation", "fem", "integrators", "response", "structure", "system", "parametric")
 """Folders whose sources decide the numbers."""
 
-BESIDE = ("study/study.py", "study/parameter_plan.py")
+BESIDE = ("study/study.py", "study/parameter_plan.py", "study/signal_motion.py", "study/recorded_motion.py")
 
 WITHOUT = ("text", "path", "plan", "output", "sweep")
 """Fields of a study that its cases do not hang on."""

@@ -71,6 +71,8 @@ MEASURES = {
         Measure("mean_impulse", "N s", "mean impulse of the impacts", Source.DWELL),
         Measure("peak_force", "N", "largest contact force under the contact law", Source.DWELL),
         Measure("cycle_mean_force", "N", "cycle-averaged contact force", Source.DWELL),
+        Measure("impacts_per_second", "1/s", "impacts in a second", Source.DWELL),
+        Measure("loss_per_second", "W", "energy lost by structure and contacts in a second", Source.LEDGER),
         Measure("loss_per_cycle", "J", "energy lost by structure and contacts in a cycle of the base", Source.LEDGER),
         Measure("damping", "1", "loss per cycle over 4 pi times the largest energy stored", Source.LEDGER),
         Measure("energy_residual", "1", "energy unaccounted for, over the energy put in", Source.DWELL),
@@ -79,23 +81,38 @@ MEASURES = {
 }
 """Measures by their names."""
 
+OF_CYCLES = ("first_harmonic", "impacts_per_cycle", "cycle_mean_force", "loss_per_cycle", "damping", "regime")
+"""Those that a motion without cycles has not."""
+
 INSTANTS = 16
 """Of a cycle at which the energy stored is read for the damping."""
 
 
-def measures_of(given: Sequence[Any], system: System) -> tuple[Measure, ...]:
+def measures_of(given: Sequence[Any], system: System, without_cycle: str = "") -> tuple[Measure, ...]:
     """The measures asked for: by their names, by a channel whose largest value is meant, or functions of a response.
+
+    Parameters
+    ----------
+    given : sequence of str or callable
+    system : System
+    without_cycle : str
+        What the base does where it has no cycle; empty where it has.
 
     Raises
     ------
     InputError
-        If a measure is unknown, or asked for twice.
+        If a measure is unknown, asked for twice, or needs a cycle where there is none.
     """
     found = tuple(_measure(item, system) for item in given)
     names = [item.name for item in found]
     for i, name in enumerate(names):
         if name in names[:i]:
             raise InputError([Fault("measures", name, "", "is asked for twice")])
+    for name in names:
+        if without_cycle and name in OF_CYCLES:
+            left = ", ".join(other for other in MEASURES if other not in OF_CYCLES)
+            allowed = f"needs cycles of the base, which {without_cycle} has not: take {left}, or a channel"
+            raise InputError([Fault("measures", name, "", allowed)])
     if not found:
         raise InputError([Fault("measures", "none", "", f"must be one or more of {', '.join(MEASURES)}")])
     return found
@@ -127,8 +144,10 @@ def columns_of(found: SineDwellResults, frequency: Array, measured: NDArray[np.i
     columns = {name: getattr(found.motion, name) for name in ("peak", "rms", "first_harmonic")}
     columns |= statistics_of_cases(found.totals, found.duration, frequency)
     columns["energy_residual"] = found.residual
+    columns["impacts_per_second"] = columns["impacts_per_cycle"] * frequency
     if found.loss.size == frequency.size:
         columns["loss_per_cycle"] = found.loss / measured
+        columns["loss_per_second"] = columns["loss_per_cycle"] * frequency
         columns["damping"] = _damping(columns["loss_per_cycle"], found.stored)
     return columns
 
@@ -163,4 +182,6 @@ def of_response(measure: Measure, response: Response, begin: float, cycles: int)
         return math.nan
     lost = (energy.structure_loss + energy.contact_loss)[last]
     loss = float(lost[-1] - lost[0]) / cycles
+    if measure.name == "loss_per_second":
+        return loss * response.base.frequency
     return loss if measure.name == "loss_per_cycle" else float(_damping(loss, float(np.max(energy.stored[last]))))

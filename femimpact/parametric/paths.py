@@ -10,11 +10,13 @@ from typing import Any
 
 from femimpact.errors import Fault, InputError, suggestion
 from femimpact.integrators.methods import METHODS
+from femimpact.study.signal_motion import SignalMotion
 from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Reduction, Study
 from femimpact.system.system import System
 
 __all__ = [
-    "Place", "Stage", "paths_of_function", "paths_of_study", "paths_of_system", "study_with", "unknown_path",
+    "Place", "Stage", "damping_with", "paths_of_function", "paths_of_study", "paths_of_system", "study_with",
+    "unknown_path",
 ]  # fmt: skip
 
 
@@ -61,6 +63,9 @@ OF_BALL = ("mass", "free_stiffness", "acceleration")
 
 BASE = {"frequency": "Hz", "amplitude": "m", "phase": "rad", "start": ""}
 
+OF_LEVEL = {"amplitude": "m", "acceleration": "m/s^2", "octaves_per_minute": "1/min"}
+"""Keys of [base] of a motion that are no fields of its noun."""
+
 START = {"position": "m", "speed": "m/s"}
 
 FIXED = "does not follow from the contacts, the excitation and the start, which are all that a System leaves open"
@@ -101,7 +106,23 @@ def _places(study: Study) -> Iterator[Place]:
     if study.reduction is not None:
         yield from _fields_of(study.reduction, "reduction", "", Stage.MODES)
     yield from _fields_of(METHODS[study.method.get("name", "newmark")], "method", "", Stage.METHOD)
-    yield from _excitation_and_start([ball.name for ball in structure.impactors])
+    yield from _excitation_and_start([ball.name for ball in structure.impactors], _units_of_base(study.base))
+
+
+def _units_of_base(base: Any) -> Mapping[str, str]:
+    """Values of [base] that are numbers, and the start, each with its unit, by their keys in a study file."""
+    if isinstance(base, BaseMotion):
+        return BASE
+    if not isinstance(base, SignalMotion):
+        return {"scale": "1", "duration": "s", "start": ""}
+    known = {item.name: item.metadata.get("unit", "") for item in dataclasses.fields(base.excitation)}
+    numbers = {
+        name: {**known, **OF_LEVEL}.get(name, "")
+        for name, value in base.values
+        if isinstance(value, (int, float, tuple)) and not isinstance(value, bool)
+    }
+    # what a start is called beside a chirp's first frequency
+    return {**numbers, "history": "s", "initial": ""}
 
 
 def _places_of_system(system: System) -> Iterator[Place]:
@@ -113,11 +134,11 @@ def _places_of_system(system: System) -> Iterator[Place]:
             for name in OF_BALL:
                 yield _place(owner, pair.name, name, units[name], Stage.BALL)
         yield from _law_of(owner, pair.name, pair.law)
-    yield from _excitation_and_start([pair.name for pair in system.balls])
+    yield from _excitation_and_start([pair.name for pair in system.balls], BASE)
 
 
-def _excitation_and_start(balls: list[str]) -> Iterator[Place]:
-    for name, unit in BASE.items():
+def _excitation_and_start(balls: list[str], base: Mapping[str, str]) -> Iterator[Place]:
+    for name, unit in base.items():
         yield _place("base", "", name, unit, Stage.CASE)
     for ball in balls:
         for name, unit in START.items():
@@ -161,9 +182,24 @@ def study_with(study: Study, values: Mapping[Place, Any]) -> Study:
         try:
             _change(found, study, place, value)
         except InputError as error:
-            faults = [replace(fault, key=f"{_prefix(place)}{fault.key}") for fault in error.faults]
-            raise InputError(faults) from None
+            raise _under(place, error) from None
     return replace(study, **found)
+
+
+def damping_with(study: Study, values: Mapping[Place, Any]) -> Any:
+    """The damping of a study with some of its values changed; see `study_with`."""
+    damping: Any = study.structure.damping
+    for place, value in values.items():
+        try:
+            damping = replace(damping, **{place.field: value})
+        except InputError as error:
+            raise _under(place, error) from None
+    return damping
+
+
+def _under(place: Place, error: InputError) -> InputError:
+    """The error of a noun with the path of the noun before its keys."""
+    return InputError([replace(fault, key=f"{_prefix(place)}{fault.key}") for fault in error.faults])
 
 
 def _prefix(place: Place) -> str:
@@ -193,6 +229,9 @@ def _change(found: dict[str, Any], study: Study, place: Place, value: Any) -> No
     elif owner == "method":
         # checked by the method, when it is made
         found["method"] = {**found.get("method", study.method), name: value}
+    elif owner == "base" and isinstance(study.base, SignalMotion) and name not in ("history", "initial"):
+        signal: Any = found.get("base", study.base)
+        found["base"] = replace(signal, values=tuple({**dict(signal.values), name: value}.items()))
     else:
         kept: BaseMotion | MeshChoice | Reduction | Any = found.get(owner, getattr(study, owner))
         found[owner] = replace(kept, **{name: value})

@@ -51,6 +51,9 @@ class StudyProgress:
         left = self.cases - self.finished
         return left / self.rate if self.rate > 0.0 else float("inf") if left else 0.0
 
+    def __float__(self) -> float:
+        return self.share
+
     def __str__(self) -> str:
         failed = f", {self.failed} failed" if self.failed else ""
         return f"{self.finished} of {self.cases} cases, {self.rate:.3g}/s{failed}"

@@ -166,9 +166,12 @@ def plan_lines(study: Study) -> list[str]:
 
     given = definition_of(study)
     method = given.systems.method_of(given.nominal, {})
-    cost = method.cost(given.nominal, float(given.base["frequency"]))
-    seconds = cost.sweep_seconds * given.dwell * given.runs
-    if any(item.source is Source.RUN for item in given.chosen):
+    frequency, cycles = study.base.frequency, float(given.dwell)
+    if not given.has_cycle:
+        cycles = study.base.history_duration * frequency
+    cost = method.cost(given.nominal, frequency)
+    seconds = (cost.sweep_seconds if given.has_cycle else RUN_FACTOR * cost.history_seconds) * cycles * given.runs
+    if given.has_cycle and any(item.source is Source.RUN for item in given.chosen):
         seconds += RUN_FACTOR * cost.history_seconds * given.dwell * given.runs
     own_modes = [axis for axis, place in enumerate(given.table.places) if place.stage is Stage.MODES]
     systems = len(set(zip(*(given.table.codes[axis].tolist() for axis in own_modes), strict=True))) if own_modes else 0
@@ -179,7 +182,7 @@ def plan_lines(study: Study) -> list[str]:
     disk = BYTES_OF_RUN * given.runs * (names + 1) + COLUMN_BYTES * given.table.size * names * statistics * 3
     return [
         f"study: {given.table.size} cases ({shape}), {given.starts} start{'s' if given.starts > 1 else ''} each, "
-        f"{given.dwell} cycles, of which {given.dwell // 3} are measured",
+        + (f"{given.dwell} cycles, of which {given.dwell // 3} are measured" if given.has_cycle else study.base.words),
         f"study takes about {seconds:.2g} s on one core, {seconds / cores():.2g} s on {cores()}, "
         f"{max(memory, 1e6) / 1e6:.3g} MB of memory and {max(disk, 1e5) / 1e6:.2g} MB on disk",
     ]

@@ -24,6 +24,7 @@ from femimpact.parametric.identity import plain_study, study_key
 from femimpact.parametric.labelled import Columns, dataset_of, labels_of
 from femimpact.parametric.progress import StudyProgress
 from femimpact.parametric.workers import block_cases, run_blocks
+from femimpact.progress import draws_progress
 from femimpact.structure.structure import Position
 from femimpact.study.directory_lock import Lock
 from femimpact.study.parameter_plan import SamplePlan
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 __all__ = ["parameter_study", "run_parameter_study"]
 
 
+@draws_progress
 def parameter_study(
     study: Study | System | Callable[..., Any],
     axes: Mapping[str, Any] | Sequence[Mapping[str, Any]],
@@ -55,7 +57,7 @@ def parameter_study(
     directory: str | Path | None = None,
     client: Any = None,
     threads: int | None = None,
-    progress: Callable[[StudyProgress], None] | None = None,
+    progress: Callable[[StudyProgress], None] | bool | None = None,
 ) -> xarray.Dataset:
     """Measures of many cases over named axes, each from one start or several.
 
@@ -73,8 +75,8 @@ def parameter_study(
         processors of the same kind.
     threads : int, optional
         Without a client: the number of cores by default; the results do not depend on it, to the last bit.
-    progress : callable, optional
-        Called with a `StudyProgress` after each block.
+    progress : callable or bool, optional
+        Called with a `StudyProgress` after each block; True draws a bar.
 
     Returns
     -------
@@ -92,9 +94,12 @@ def parameter_study(
         study, axes, measures, starts=starts, seed=seed, sample=sample, cycles=cycles, excitation=excitation,
         method=method, at=at, elements=elements, modes=modes, version=version,
     )  # fmt: skip
+    usable = progress is None or (callable(progress) and not isinstance(progress, type))
+    require(usable, "progress", kind_of(progress), "", "must be True, or callable with a StudyProgress")
     return run_parameter_study(
-        definition, directory=directory, client=client, threads=threads, progress=progress, say=to_stderr
-    )
+        definition, directory=directory, client=client, threads=threads, say=to_stderr,
+        progress=progress if callable(progress) else None,
+    )  # fmt: skip
 
 
 def to_stderr(line: str) -> None:
@@ -112,8 +117,6 @@ def run_parameter_study(
     say: Callable[[str], None] | None = None,
 ) -> xarray.Dataset:
     """Run what `parameter_study` makes of its arguments; see there."""
-    usable = progress is None or (callable(progress) and not isinstance(progress, type))
-    require(usable, "progress", kind_of(progress), "", "must be callable with a StudyProgress")
     check_client(client)
     workers = workers_of(threads)
     labels = labels_of(study)

@@ -149,10 +149,16 @@ def steady_motion(
     # back from each case's end; rows beyond its window have no weight
     back = np.arange(max(int(length.max(initial=0)), 1))[:, None]
     rows, own = np.maximum(finished - 1 - back, 0), back < length
-    maximum, minimum, square, sine, cosine, samples = (
-        np.where(own, np.take_along_axis(getattr(cycles, item.name), rows, axis=0), 0.0)
-        for item in fields(CycleStatistics)
-    )
+    if finished.size and np.all(finished == finished[0]) and np.all(length == back.size):
+        # of one length, as the cases of a study are: no rows beyond a window
+        first, last = int(finished[0]) - back.size, int(finished[0])
+        window_of = (getattr(cycles, item.name)[first:last][::-1] for item in fields(CycleStatistics))
+    else:
+        window_of = (
+            np.where(own, np.take_along_axis(getattr(cycles, item.name), rows, axis=0), 0.0)
+            for item in fields(CycleStatistics)
+        )
+    maximum, minimum, square, sine, cosine, samples = window_of
     total = _total(samples)
     with np.errstate(invalid="ignore", divide="ignore"):
         in_phase, in_quadrature = 2.0 * _total(sine) / total, 2.0 * _total(cosine) / total
@@ -203,7 +209,11 @@ def _halves_agree(
     ahead = longer * (whole + 1)
     part = np.where(place < ahead, place // (whole + 1), longer + (place - ahead) // np.maximum(whole, 1))
     inside = [(part == i) & (place >= 0) for i in range(PARTS)]
-    parts = np.array([_total(np.where(own, mean_square, 0.0)) / np.maximum(own.sum(axis=0), 1) for own in inside])
+    if np.all(length == length[:1]) and length.size and length[0] >= PARTS:
+        # of one length: zeros beside a part add nothing
+        parts = np.array([_total(mean_square[own[:, 0]]) / np.count_nonzero(own[:, 0]) for own in inside])
+    else:
+        parts = np.array([_total(np.where(own, mean_square, 0.0)) / np.maximum(own.sum(axis=0), 1) for own in inside])
     first, second = parts[: PARTS // 2], parts[PARTS // 2 :]
     low, high = np.sort(np.sqrt([first.mean(axis=0), second.mean(axis=0)]), axis=0)
     error = np.sqrt((first.var(axis=0, ddof=1) + second.var(axis=0, ddof=1)) / (PARTS // 2))

@@ -30,10 +30,12 @@ def study_lead(data: xarray.Dataset) -> list[str]:
     sizes, starts = tuple(data["finished"].sizes.values()), int(data.attrs["starts"])
     shape = f" ({' x '.join(map(str, sizes))})" if len(sizes) > 1 else ""
     each = f"{starts} starts each" if starts > 1 else "one start each"
-    cycles, measured = (int(data.attrs[name]) for name in ("cycles", "measured_cycles"))
+    run = "a case is a run of the whole history of the base"
+    if "cycles" in data.attrs:
+        cycles, measured = (int(data.attrs[name]) for name in ("cycles", "measured_cycles"))
+        run = f"{cycles} cycles of the base, of which the last {measured} are measured"
     return [
-        f"Parameter study: {int(np.prod(sizes))} cases{shape}, {each}; {cycles} cycles of the base, of which the last "
-        f"{measured} are measured, at {data.attrs['place']}.",
+        f"Parameter study: {int(np.prod(sizes))} cases{shape}, {each}; {run}, at {data.attrs['place']}.",
         f"Axes: {'; '.join(_axes(data))}.",
     ]
 

@@ -301,8 +301,6 @@ class Study:
         require_name(self.method.get("name", "newmark"), METHODS, "method.name")
         if self.sweep is not None:
             sine_of(self, "sweep")
-        if self.plan is not None:
-            sine_of(self, "study")
 
     @property
     def excitation(self) -> Sine | RecordedBase | Signal:

@@ -228,7 +228,7 @@ def _cases(system: System, dwells: SineDwells, state: State, acceleration: float
         amplitude = acceleration / (2.0 * np.pi * dwells.frequency) ** 2
     own = {name: getattr(state, name) for name in ("ball_displacement", "ball_velocity")}
     # of another size than there are balls: refused with the first start
-    moved = {
+    moved: dict[str, Any] = {
         name: np.tile(np.zeros(balls) if values is None or values.shape != (balls,) else values, (count, 1))
         for name, values in own.items()
     }

@@ -13,7 +13,7 @@ from femimpact.errors import require, require_type
 from femimpact.structure.damping import ModalDamping, Rayleigh, rayleigh_coefficients
 from femimpact.system.modes import Modes, solve_modes
 from femimpact.system.reactions import damped_reactions
-from femimpact.system.system import System
+from femimpact.system.system import System, with_checked_fields
 
 __all__ = ["damped_with_modes", "rayleigh_of", "with_damping"]
 
@@ -41,8 +41,10 @@ def with_damping(system: System, damping: Rayleigh | ModalDamping | None) -> Sys
     return damped_with_modes(system, damping)[0]
 
 
-def damped_with_modes(system: System, damping: Rayleigh | ModalDamping | None) -> tuple[System, Modes]:
-    """The damped system, and the modes that its ratios refer to: as many as these need, one at least."""
+def damped_with_modes(
+    system: System, damping: Rayleigh | ModalDamping | None, least: int = 1
+) -> tuple[System, Modes]:  # fmt: skip
+    """The damped system, and the modes that its ratios refer to: as many as these need, but not less than `least`."""
     known = damping is None or isinstance(damping, (Rayleigh, ModalDamping))
     require(known, "damping", damping, "", "must be a Rayleigh, a ModalDamping or None")
     count, key, value = 1, "damping.modes", None
@@ -52,16 +54,15 @@ def damped_with_modes(system: System, damping: Rayleigh | ModalDamping | None) -
         count, value = max(damping.modes), damping.modes
     allowed = f"must be at most {system.dofs}, the dofs of this mesh: use more elements"
     require(count <= system.dofs, key, value, "", allowed)
-    modes = solve_modes(system, count)
+    modes = solve_modes(system, max(count, least))
     if isinstance(damping, ModalDamping):
         return _by_modes(system, modes, np.array(damping.each)), modes
     alpha, beta = (0.0, 0.0) if damping is None else rayleigh_of(damping, 2.0 * math.pi * modes.natural_frequency)
-    damped = replace(
+    damped = with_checked_fields(
         system,
         C=sparse.csr_array(system.C.shape) if damping is None else sparse.csr_array(alpha * system.M + beta * system.K),
         rayleigh=(alpha, beta),
         reactions=damped_reactions(system.reactions, alpha, beta),
-        computed_together=None,
     )
     return damped, modes
 
@@ -82,19 +83,18 @@ def rayleigh_of(damping: Rayleigh, omega: NDArray[np.float64]) -> tuple[float, f
 
 def _by_modes(system: System, modes: Modes, ratio: NDArray[np.float64]) -> System:
     """C = beta K + sum_k c_k (M phi_k)(M phi_k)^T, on the held rows, too."""
-    omega = 2.0 * math.pi * modes.natural_frequency
+    omega = 2.0 * math.pi * modes.natural_frequency[: ratio.size]
     held = bool(omega[0] > 0.0)
     require(held, "damping.ratios", float(ratio[0]), "", "needs a structure that is held: a rigid motion has no ratio")
     beta = 2.0 * float(ratio[-1] / omega[-1])
     size = 2.0 * ratio * omega - beta * omega**2
-    momentum = system.M @ modes.vectors
+    vectors = modes.vectors[:, : ratio.size]
+    momentum = system.M @ vectors
     full = (momentum * size) @ momentum.T
     reactions = {
         name: replace(
             item,
-            on_velocity=_row(
-                beta * item.on_displacement + ((item.on_acceleration @ modes.vectors) * size) @ momentum.T
-            ),
+            on_velocity=_row(beta * item.on_displacement + ((item.on_acceleration @ vectors) * size) @ momentum.T),
         )
         for name, item in system.reactions.items()
     }

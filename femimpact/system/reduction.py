@@ -17,7 +17,7 @@ from femimpact.system.modes import Modes, mode_count, solve_modes, solve_stiffne
 from femimpact.system.reactions import reduced_reactions
 from femimpact.system.system import System
 
-__all__ = ["reduce", "truncation_notes"]
+__all__ = ["reduce", "reduced_on", "truncation_notes"]
 
 Array = NDArray[np.float64]
 
@@ -66,6 +66,25 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     """
     static_correction = checked("static_correction", static_correction, truth())
     kept, left_out = _modes_and_next(system, mode_count(system, modes, "modes"))
+    return _on_modes(system, kept, left_out, static_correction)
+
+
+def reduced_on(system: System, found: Modes, modes: int) -> System:
+    """The system on the lowest of some modes that were found before, perhaps with another damping; see `reduce`.
+
+    Parameters
+    ----------
+    system : System
+    found : Modes
+        Of its mass and stiffness, one more than are kept unless there is none.
+    modes : int
+    """
+    ratio = _damping_ratio(system, found.vectors, 2.0 * math.pi * found.natural_frequency)
+    return _on_modes(system, *_lowest_and_next(system, replace(found, damping_ratio=ratio), modes), False)
+
+
+def _on_modes(system: System, kept: Modes, left_out: float, static_correction: bool) -> System:
+    """The system on some of its modes; `left_out` is the lowest frequency (Hz) that is not kept."""
     phi, omega, ratio = kept.vectors, 2.0 * math.pi * kept.natural_frequency, kept.damping_ratio
     if static_correction and system.contacts:
         extra, extra_omega = _attachment_vectors(system, phi, omega)
@@ -98,7 +117,13 @@ def _modes_and_next(system: System, count: int) -> tuple[Modes, float]:
     """The lowest modes, and the natural frequency (Hz) of the next one; that is infinite where it does not exist."""
     if count == system.dofs:
         return solve_modes(system, count), system.first_left_out
-    found = solve_modes(system, count + 1)
+    return _lowest_and_next(system, solve_modes(system, count + 1), count)
+
+
+def _lowest_and_next(system: System, found: Modes, count: int) -> tuple[Modes, float]:
+    """The lowest of some modes, and the natural frequency (Hz) of the one after them."""
+    if count == found.natural_frequency.size:
+        return found, system.first_left_out
     arrays = [np.ascontiguousarray(getattr(found, item.name)[..., :count]) for item in fields(Modes)]
     for array in arrays:
         array.setflags(write=False)

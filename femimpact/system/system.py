@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -52,7 +52,10 @@ from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reac
 from femimpact.system.sections import Section, SectionFields
 from femimpact.table import Head, head_of_values, short_repr
 
-__all__ = ["System", "SystemOrigin", "without_impactors"]
+__all__ = [
+    "System", "SystemOrigin", "with_checked_fields", "with_checked_pairs", "with_modal_damping",
+    "without_impactors",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -565,3 +568,38 @@ def without_impactors(system: System) -> System:
     """
     require_type(system, System, "system")
     return replace(system, contacts=tuple(pair for pair in system.contacts if pair.is_stop))
+
+
+def with_checked_fields(system: System, **changes: Any) -> System:
+    """The same system with other fields that follow from one another: the checks of a whole system are left out.
+
+    They take longer than a short run does. A caller has them made once, of the system that comes last or of the first.
+    """
+    return _copy(system, **changes)
+
+
+def with_checked_pairs(system: System, contacts: tuple[ContactPair, ...]) -> System:
+    """The same system with other numbers of its pairs, which were checked when they were made: no more is checked."""
+    return _copy(system, contacts=contacts)
+
+
+def with_modal_damping(system: System, alpha: float, beta: float) -> System:
+    """The same system, on its modes, with C = alpha M + beta K (1/s, s), both >= 0: nothing else is checked anew."""
+    of_modes = alpha * system.M.diagonal() + beta * system.K.diagonal()
+    number = np.arange(system.dofs + 1)
+    C = sparse.csr_array((of_modes, number[:-1], number), shape=system.C.shape)
+    return _copy(system, C=C, rayleigh=(alpha, beta), reactions=damped_reactions(system.reactions, alpha, beta))
+
+
+def _copy(system: System, **changes: Any) -> System:
+    """A copy with the checks left out: those of a whole system take longer than a short run does."""
+    copied = object.__new__(System)
+    copied.__dict__.update({item.name: getattr(system, item.name) for item in fields(System)} | changes)
+    origin = system.computed_together
+    if origin is not None:
+        kept = tuple(getattr(copied, name) for name in TOGETHER)
+        copied.__dict__["computed_together"] = origin._replace(fields=kept)
+    if "is_diagonal" in system.__dict__:
+        # diagonal matrices stay so
+        copied.__dict__["is_diagonal"] = system.is_diagonal
+    return copied

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,20 +27,25 @@ MOST_CELLS = 4000
 LEVELS = 16
 """Colours of a map."""
 
-MOST_MAPS = 12
+MOST_MAPS = 36
+
+MOST_PANELS = 9
+"""Maps of one measure; of more values of its further axes some are shown, the first and the last among them."""
 
 MOST_DOTS = 60
 """Points of a line up to which each has a dot."""
 
 HATCHING = (("#ffffff", "3px"), ("#000000", "1.2px"))
-"""Colours and widths of the line through a cell, of which one is seen on any colour."""
+"""Colours and widths of the line through a cell, and of its dot, of which one is seen on any colour."""
+
+DOTS = (("#000000", "7px"), ("#ffffff", "4px"))
 
 UNSURE = (
     "A line through a cell: the 90 % interval of its median is wider than the step to any neighbour, so that starts "
     "cannot tell them apart."
 )
 
-MOTIONS = "Motions that do not repeat are among the cells: another start has another value there."
+MOTIONS = "A dot in a cell: its motion does not repeat, the value is one sample, and another start has another."
 
 COLOURS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725")
 """Viridis, which is read alike in grey and by colour-blind readers, at equal distances."""
@@ -47,8 +54,10 @@ COLOURS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725")
 def maps_section(data: xarray.Dataset, key: str = "maps", heading: str = "Maps of the study") -> Section | None:
     """Every measure of a dataset: over two axes as a map, over one as a line, of a list of cases as dots.
 
-    Further axes are read at their first value. Of several starts a line has the band from the smallest start to the
-    largest; a cell of a map is hatched where the starts cannot tell it from its neighbours.
+    The first axis leads to the right and the second up, as in `figures.study_map`. There is a map for each value of
+    a third axis and a fourth, all of one scale of colours; further axes are read at their middle value. Of several
+    starts a line has the band from the smallest start to the largest; a cell of a map is hatched where the starts
+    cannot tell it from its neighbours, and has a dot where its value is a sample of a motion that does not repeat.
 
     Parameters
     ----------
@@ -64,14 +73,15 @@ def maps_section(data: xarray.Dataset, key: str = "maps", heading: str = "Maps o
     drawn: list[Element] = []
     for name in measure_names(data):
         # an axis of one value is none
-        longer = [dim for dim, size in data[name].sizes.items() if size > 1]
-        fixed = {dim: 0 for dim in data[name].dims if dim not in longer[:2]}
+        longer = [str(dim) for dim, size in data[name].sizes.items() if size > 1]
+        fixed = {str(dim): 0 for dim, size in data[name].sizes.items() if size == 1}
         one = data.isel(fixed) if fixed else data
-        values = one[name]
-        if values.dims == ("case",):
+        if one[name].dims == ("case",):
             drawn += _dots(one, name)
-        elif values.ndim:
-            drawn.append(_line(one, name) if values.ndim == 1 else _map(one, name))
+        elif len(longer) == 1:
+            drawn.append(_line(one, name))
+        elif longer:
+            drawn += _maps(one, name, longer)
     if not drawn:
         return None
     left = len(drawn) - MOST_MAPS
@@ -140,21 +150,59 @@ def _names_of_places(data: Any, dim: str) -> str:
     return "; ".join(f"{i}: {name}" for i, name in enumerate(map(str, data[dim].to_numpy()[:20])))
 
 
-def _map(data: Any, name: str) -> Element:
-    """A map of colours in 16 levels, with its scale below."""
-    values = data[name]
-    down, across = (str(dim) for dim in values.dims)
-    z = np.asarray(values.to_numpy(), dtype=float)
-    finite = z[np.isfinite(z)]
-    unsure = unsure_cells(data, name)
-    low, high = float(finite.min()), float(finite.max())
+def _maps(data: Any, name: str, axes: Sequence[str]) -> list[Element]:
+    """Maps over the first two axes, one for each value of a third and a fourth, with one scale of colours."""
+    middle = {axis: data.sizes[axis] // 2 for axis in axes[4:]}
+    shown = data.isel(middle) if middle else data
+    finite = shown[name].to_numpy()
+    finite = finite[np.isfinite(finite)]
+    if not finite.size:
+        return []
+    bounds = float(finite.min()), float(finite.max())
+    sizes = [data.sizes[axis] for axis in axes[2:4]]
+    most = MOST_PANELS if len(sizes) < 2 else math.isqrt(MOST_PANELS)
+    drawn = []
+    for numbers in itertools.product(*(_some(size, most) for size in sizes)):
+        own = dict(zip(axes[2:4], numbers, strict=True))
+        told = ", ".join(_told(data, axis, index) for axis, index in {**own, **middle}.items())
+        drawn.append(_map(shown.isel(own) if own else shown, name, bounds, told))
+    return drawn
+
+
+def _some(count: int, most: int) -> list[int]:
+    """Numbers of at most so many values, the first and the last among them."""
+    return sorted({round(float(place)) for place in np.linspace(0, count - 1, min(count, most))})
+
+
+def _told(data: Any, axis: str, index: int) -> str:
+    """A value of an axis in words."""
+    if axis not in data.variables:
+        return f"{axis} {index}"
+    about = data[axis].attrs
+    words, unit = str(about.get("long_name", axis)), str(about.get("units", ""))
+    if f"{axis}.plus" in data.coords:
+        plus, minus = (float(data[f"{axis}.{side}"][index]) for side in ("plus", "minus"))
+        return f"{words.removesuffix(', number of the pair of values')} {number_text(plus)}, {number_text(minus)} m"
+    value = data[axis].to_numpy()[index]
+    shown = number_text(float(value)) if isinstance(value, (int, float, np.number)) else str(value)
+    return f"{words} {shown}{f' {unit}' if unit not in ('', '1') else ''}"
+
+
+def _map(data: Any, name: str, bounds: tuple[float, float], told_before: str) -> Element:
+    """A map of colours in 16 levels, with its scale below: the first axis to the right, the second up."""
+    across, down = (str(dim) for dim in data[name].dims)
+    z = np.asarray(data[name].to_numpy(), dtype=float).T
+    unsure = unsure_cells(data, name).T
+    samples = single_samples(data).T if "finished" in data else np.zeros(z.shape, dtype=bool)
+    low, high = bounds
     stride = math.ceil(math.sqrt(z.size / MOST_CELLS))
     x, y = _places(data, across, z.shape[1])[::stride], _places(data, down, z.shape[0])[::stride]
     columns, rows = np.argsort(x, kind="stable"), np.argsort(y, kind="stable")
     level = _levels(z[::stride, ::stride][np.ix_(rows, columns)], low, high)
     ends = _edges(x[columns]), _edges(y[rows])
     axes = [Axis(_label(data, dim), float(e[0]), float(e[-1])) for dim, e in zip((across, down), ends, strict=True)]
-    frame = chart_element(Chart(_label(data, name), axes[0], axes[1], ()))
+    title = f"{_label(data, name)}; {told_before}" if told_before else _label(data, name)
+    frame = chart_element(Chart(title, axes[0], axes[1], ()))
     plot = frame.find(".//svg")
     if plot is None:
         raise AssertionError("a chart has a plot")
@@ -167,16 +215,22 @@ def _map(data: Any, name: str) -> Element:
         if path:
             plot.append(element("path", d=path, style=f"fill:{_colour(k / (LEVELS - 1))};stroke:none"))
     # a line through each cell that the starts cannot tell from its neighbours
-    doubtful = np.argwhere(unsure[::stride, ::stride][np.ix_(rows, columns)] & (level >= 0)).tolist()
+    shown = np.ix_(rows, columns)
+    doubtful = np.argwhere(unsure[::stride, ::stride][shown] & (level >= 0)).tolist()
     if doubtful:
         path = "".join(f"M{left[j]} {top[i]}L{left[j + 1]} {top[i + 1]}" for i, j in doubtful)
         for colour, width in HATCHING:
             plot.append(element("path.hatching", d=path, style=f"stroke:{colour};stroke-width:{width}"))
+    single = np.argwhere(samples[::stride, ::stride][shown] & (level >= 0)).tolist()
+    if single:
+        path = "".join(f"M{(left[j] + left[j + 1]) // 2} {(top[i] + top[i + 1]) // 2}h0" for i, j in single)
+        for colour, width in DOTS:
+            plot.append(element("path.sample", d=path, style=f"stroke:{colour};stroke-width:{width}"))
     thinned = f"; one of {stride} cells is drawn each way" if stride > 1 else ""
     scale = element("span.key", style=f"background:linear-gradient(to right,{','.join(COLOURS)})")
     frame.append(element("p.fi-note", scale, f" {number_text(low)} to {number_text(high)}{thinned}"))
     told = [UNSURE] if doubtful else []
-    told += [MOTIONS] if "finished" in data and single_samples(data).any() else []
+    told += [MOTIONS] if single else []
     told += [words for words in (_names_of_places(data, across), _names_of_places(data, down)) if words]
     for words in told:
         frame.append(element("p.fi-note", words))

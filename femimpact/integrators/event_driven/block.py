@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,7 +47,7 @@ from femimpact.system.system import System
 
 __all__ = [
     "Block", "CaseNumbers", "Inputs", "case_numbers", "new_block", "no_cycles", "no_snapshots", "run_block",
-    "working_space",
+    "share_block", "working_space",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -174,6 +174,10 @@ class Block:
     stopped : ndarray (C,) of int
     space : Space or None
         Working space, of the size for the closed forms of the last call.
+    systems : dict of tuple of Pairs and Ledger or None
+        Of each system of the store that a case has, where there are several: constants of their own, common sums.
+    system_of : ndarray (C,) of int
+        Which of them a case has.
     """
 
     store: FormStore
@@ -183,6 +187,8 @@ class Block:
     tables: Tables
     ledger: Ledger | None
     stopped: NDArray[np.int64]
+    system_of: NDArray[np.int64]
+    systems: dict[int, tuple[Pairs, Ledger | None]]
     space: Space | None = None
 
 
@@ -210,13 +216,7 @@ def new_block(
     period = 2.0 * np.pi / inputs.numbers.omega
     return Block(
         store=store,
-        pairs=Pairs(
-            direction=np.ascontiguousarray(whole.force.T),
-            in_space=whole.in_space,
-            rigid=store.rigid,
-            mobility=-whole.force.T @ np.linalg.solve(whole.M, whole.force),
-            closure=method.closure,
-        ),
+        pairs=_pairs(whole, store, method),
         cases=_new_cases(store, inputs, n if most_rows else 0),
         grid=Grid(
             start=np.full(count, inputs.start),
@@ -235,6 +235,37 @@ def new_block(
         ),
         ledger=None if ledger is None else _new_ledger(system, whole, count, ledger),
         stopped=np.zeros(count, dtype=np.int64),
+        system_of=np.zeros(count, dtype=np.int64),
+        systems={},
+    )
+
+
+def share_block(block: Block, systems: Sequence[System], system_of: NDArray[np.int64], method: EventSettings) -> None:
+    """Let each case of a block have one of several systems, those of its store in their order.
+
+    Parameters
+    ----------
+    block : Block
+        At its start.
+    systems : sequence of System
+    system_of : ndarray (C,) of int
+    method : EventSettings
+    """
+    block.system_of = system_of
+    for number in np.unique(system_of).tolist():
+        whole, ledger = block.store.sources[number].whole, block.ledger
+        if ledger is not None:
+            ledger = ledger._replace(**_of_equations(systems[number], whole))
+        block.systems[number] = _pairs(whole, block.store, method), ledger
+
+
+def _pairs(whole: Equations, store: FormStore, method: EventSettings) -> Pairs:
+    return Pairs(
+        direction=np.ascontiguousarray(whole.force.T),
+        in_space=whole.in_space,
+        rigid=store.rigid,
+        mobility=-whole.force.T @ np.linalg.solve(whole.M, whole.force),
+        closure=method.closure,
     )
 
 
@@ -286,7 +317,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
         return cases
     cases = resumed(inputs.held, cases)
     # the arrays of all forms are then as large as a motion in this one
-    _add_form(0, cases, store)
+    _add_forms(np.zeros(1, dtype=np.intp), cases, store, np.zeros(1, dtype=np.int64))
     return cases
 
 
@@ -311,16 +342,9 @@ def no_snapshots(block: Block) -> Snapshots:
 
 
 def _new_ledger(system: System, whole: Equations, count: int, everywhere: bool) -> Ledger:
-    n, d = system.dofs, whole.M.shape[0]
-    damping, stiffness = np.zeros(d), np.zeros(d)
-    damping[:n], stiffness[:n] = system.C.diagonal(), system.K.diagonal()
+    n = system.dofs
     return Ledger(
-        mass=whole.M.diagonal().copy(),
-        damping=damping,
-        stiffness=stiffness,
-        load=whole.drive,
-        given=whole.given,
-        free_stiffness=np.array([pair.free_stiffness for pair in system.contacts]),
+        **_of_equations(system, whole),
         work=np.zeros(count),
         contact_loss=np.zeros(count),
         rounding=np.zeros(count),
@@ -328,6 +352,17 @@ def _new_ledger(system: System, whole: Equations, count: int, everywhere: bool) 
         start=np.zeros((count, len(ENERGY_COLUMNS) + n)),
         everywhere=everywhere,
     )
+
+
+def _of_equations(system: System, whole: Equations) -> dict[str, Any]:
+    """What the ledger needs of the equations; without the springs of balls, which it has for itself."""
+    n, d = system.dofs, whole.M.shape[0]
+    damping, stiffness = np.zeros(d), np.zeros(d)
+    damping[:n], stiffness[:n] = system.C.diagonal(), system.K.diagonal()
+    return {
+        "mass": whole.M.diagonal().copy(), "damping": damping, "stiffness": stiffness, "load": whole.drive,
+        "given": whole.given, "free_stiffness": np.array([pair.free_stiffness for pair in system.contacts]),
+    }  # fmt: skip
 
 
 def run_block(
@@ -359,7 +394,8 @@ def run_block(
         if block.space is None or (block.space.motion.entry.size, block.space.motion.rigid_body.size) != needed:
             block.space = working_space(block, forms)
         job = Job(block.pairs, block.cases, forms, block.grid, snapshots, block.tables, block.space)
-        core.run_cases(Task(members, begin, end, most, block.stopped), job, block.ledger)
+        for pairs, ledger, own in _by_system(block, members):
+            core.run_cases(Task(own, begin, end, most, block.stopped), job._replace(pairs=pairs), ledger)
         resonant = np.flatnonzero(block.stopped == RESONANT)
         if resonant.size:
             frequency = float(block.cases.omega[resonant[0]]) / (2.0 * np.pi)
@@ -368,14 +404,31 @@ def run_block(
             )
             require(False, "frequency", frequency, "Hz", allowed)
         members = members[block.stopped[members] == FORM_WANTED]
-        for c in members:
-            _add_form(c, block.cases, store)
+        _add_forms(members, block.cases, store, block.system_of)
 
 
-def _add_form(c: int, cases: Cases, store: FormStore) -> None:
-    """Make the closed form of a case's contact states for its contact parameters, unless it is there."""
-    key = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[c]) == CONTACT).tolist())
-    cases.form[c, 0] = store.form(key, cases.stiffness[c], cases.damping[c])
+def _by_system(
+    block: Block, members: NDArray[np.intp]
+) -> Iterator[tuple[Pairs, Ledger | None, NDArray[np.intp]]]:  # fmt: skip
+    """Pairs, ledger and cases of each system."""
+    if not block.systems:
+        yield block.pairs, block.ledger, members
+        return
+    own = block.system_of[members]
+    for number in np.unique(own).tolist():
+        yield *block.systems[number], members[own == number]
+
+
+def _add_forms(members: NDArray[np.intp], cases: Cases, store: FormStore, system_of: NDArray[np.int64]) -> None:
+    """Make the closed forms of the cases' contact states for their contact parameters, unless they are there."""
+    own = np.hstack([cases.stiffness[members], cases.damping[members], np.abs(cases.state[members]) == CONTACT])
+    first: dict[bytes, int] = {}
+    for c, row in zip(members.tolist(), own, strict=True):
+        wanted = row.tobytes() + int(system_of[c]).to_bytes(8, "little")
+        if wanted not in first:
+            key = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[c]) == CONTACT).tolist())
+            first[wanted] = store.form(key, cases.stiffness[c], cases.damping[c], int(system_of[c]))
+        cases.form[c, 0] = first[wanted]
 
 
 def _fitted(cases: Cases, forms: Forms) -> Cases:

@@ -218,6 +218,12 @@ def closed_form(
     static = np.column_stack([settled[:, 0], loads.offset + settled[:, 1:]])
     position = Rows(shape, rigid_body, 0.0 * rigid_body, static, np.array([zero, zero, loads.moved]), follow)
     entries = np.asarray(modal_drive @ modes.from_v.T, dtype=complex)
+    pairs = whole.stop.size
+    nothing = np.zeros((pairs, rigid_body.shape[1]))
+    no_force = Rows(
+        np.zeros((pairs, shape.shape[1]), dtype=complex), nothing, nothing, np.zeros((pairs, 1 + pairs)),
+        np.zeros((3, pairs)), np.zeros((ORDERS, pairs)),
+    )  # fmt: skip
     form = ClosedForm(
         modes=modes,
         rigid_body_shape=rigid_body,
@@ -225,7 +231,7 @@ def closed_form(
         rigid_body_drive=rigid_body.T @ loads.drive[0],
         position=position,
         velocity=_rate(position, modes),
-        contact_force=position,
+        contact_force=no_force,
         load=entries,
         to_entry_u=modes.from_u @ momentum,
         to_entry_v=modes.from_v @ momentum,
@@ -236,7 +242,9 @@ def closed_form(
         unheld=unheld,
     )
     response = _SteadyResponse(settled, from_walls)
-    force = _compliant_forces(whole, form, loads, response, active, np.where(rigid, 0.0, stiffness), damping)
+    force = no_force
+    if not np.all(rigid):
+        force = _compliant_forces(whole, form, loads, response, active, np.where(rigid, 0.0, stiffness), damping)
     if sticking.size:
         force = _with_sticking(whole, form, loads, response, sticking, force)
     return replace(form, contact_force=force)
@@ -245,8 +253,8 @@ def closed_form(
 def _reactions(whole: Equations, sticking: NDArray[np.intp]) -> Array:
     """Impulses (pairs, pairs) by which sticking pairs stay at rest on their walls, of a unit one at each other pair."""
     reaction = np.zeros((whole.stop.size, whole.stop.size))
-    if sticking.size:
-        others = np.setdiff1d(np.arange(whole.stop.size), sticking)
+    if 0 < sticking.size < whole.stop.size:
+        others = np.delete(np.arange(whole.stop.size), sticking)
         mobility = whole.force[:, sticking].T @ np.linalg.solve(whole.M, whole.force)
         reaction[np.ix_(sticking, others)] = -np.linalg.solve(mobility[:, sticking], mobility[:, others])
     return reaction

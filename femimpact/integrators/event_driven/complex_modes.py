@@ -67,7 +67,7 @@ class ComplexModes:
     @property
     def size(self) -> Real:
         """|lambda| of every entry, ndarray (K,); within a block its norm: no motion of it is faster."""
-        size = np.abs(self.exponent)
+        size: Real = np.abs(self.exponent)
         for first, count in self.blocks:
             own = slice(first, first + count)
             size[own] = np.linalg.norm(self.rate[own, own], 2)
@@ -104,7 +104,10 @@ class ComplexModes:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Some entries over the coordinates that they move: k of them, m coordinates."""
+    """Some entries over the coordinates that they move: k of them, m coordinates.
+
+    Of coordinates that have one entry each the diagonals stand in place of the matrices.
+    """
 
     members: NDArray[np.intp]  # (m,)
     S: Complex  # (k, k) upper triangular; a block unless diagonal
@@ -133,7 +136,7 @@ def complex_modes(omega_squared: Real, damping: Real) -> ComplexModes:
         If the modes do not give back displacements and velocities: they span too many decades.
     """
     alone, groups = _components(damping)
-    parts = _uncoupled(alone, omega_squared, np.diag(damping))
+    parts = _uncoupled(alone, omega_squared, damping.diagonal())
     for members in groups:
         parts += _coupled(members, omega_squared[members], damping[np.ix_(members, members)])
     n, size = omega_squared.size, sum(part.S.shape[0] for part in parts)
@@ -143,23 +146,31 @@ def complex_modes(omega_squared: Real, damping: Real) -> ComplexModes:
     for part in parts:
         count = part.S.shape[0]
         own = slice(first, first + count)
+        if part.S.ndim == 1:
+            rows, entries = part.members, np.arange(first, first + count)
+            S[entries, entries], shape[rows, entries] = part.S, part.X
+            from_u[entries, rows], from_v[entries, rows] = part.from_u, part.from_v
+            key[own], sizes[own] = np.abs(part.S), 1
+            first += count
+            continue
         S[own, own], shape[part.members, own] = part.S, part.X
         from_u[own, part.members], from_v[own, part.members] = part.from_u, part.from_v
-        key[own], sizes[own] = np.abs(np.diag(part.S)), 1
-        if np.any(np.triu(part.S, 1)):
+        key[own], sizes[own] = np.abs(part.S.diagonal()), 1
+        if count > 1 and np.any(np.triu(part.S, 1)):
             # entries of a block stay side by side
             key[own], sizes[own] = key[own].mean(), count
         first += count
     order = np.argsort(key, kind="stable")
-    S, sizes = S[np.ix_(order, order)], sizes[order]
-    exponent, blocks, k = np.diag(S), list[tuple[int, int]](), 0
-    while k < size:
+    S, sizes = S[order[:, None], order], sizes[order]
+    exponent, blocks, k = S.diagonal(), list[tuple[int, int]](), 0
+    coupled = bool(np.any(sizes > 1))
+    while coupled and k < size:
         if sizes[k] > 1:
             blocks.append((k, int(sizes[k])))
         k += int(sizes[k])
     modes = ComplexModes(
         np.minimum(exponent.real, 0.0) + 1j * exponent.imag,
-        np.triu(S, 1),
+        np.triu(S, 1) if coupled else np.zeros((size, size), dtype=complex),
         np.array(blocks, dtype=np.int64).reshape(-1, 2),
         shape[:, order],
         from_u[order],
@@ -172,10 +183,8 @@ def complex_modes(omega_squared: Real, damping: Real) -> ComplexModes:
 def _check_complete(modes: ComplexModes) -> None:
     """Refuse a closed form that does not give back the displacements and velocities it is made of."""
     unit = np.eye(modes.shape.shape[0])
-    error = max(
-        float(np.abs((modes.shape @ modes.from_u).real - unit).max(initial=0.0)),
-        float(np.abs((modes.shape @ modes.rate @ modes.from_v).real - unit).max(initial=0.0)),
-    )
+    both = modes.shape @ modes.from_u, modes.shape @ modes.rate @ modes.from_v
+    error = max(float(np.abs(each.real - unit).max(initial=0.0)) for each in both)
     if not error < COMPLETE:
         raise DivergenceError(
             f"the closed form of the damped structure misses its start by {error:.2g} (bound {COMPLETE:g}): its "
@@ -191,13 +200,15 @@ def _components(damping: Real) -> tuple[NDArray[np.intp], list[NDArray[np.intp]]
     off = np.abs(damping)
     coupled = (off > 1e-12 * (scale + 1e-300)) & (off > 1e-13 * float(diagonal.max(initial=0.0)))
     np.fill_diagonal(coupled, False)
+    if not coupled.any():
+        return np.arange(diagonal.size), []
     lonely = np.asarray(~coupled.any(axis=0))
     return np.flatnonzero(lonely), [members for members in _linked(coupled) if not lonely[members[0]]]
 
 
 def _linked(near: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
     """Groups of a symmetric relation."""
-    if not np.any(np.triu(near, 1)):
+    if np.count_nonzero(near) == np.count_nonzero(near.diagonal()):
         return [np.array([i]) for i in range(near.shape[0])]
     # whom each is linked to over ever longer chains; a graph library takes ten times as long for so few
     reached, chain = near | np.eye(near.shape[0], dtype=bool), 1
@@ -209,6 +220,8 @@ def _linked(near: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
 
 def _uncoupled(members: NDArray[np.intp], omega_squared: Real, damping: Real) -> list[_Part]:
     """Coordinates that move alone: lambda = -c/2 +- sqrt(c^2/4 - omega^2)."""
+    if not members.size:
+        return []
     c, square = damping[members], omega_squared[members]
     discriminant = 0.25 * c * c - square
     root = np.sqrt(np.abs(discriminant))
@@ -220,6 +233,8 @@ def _uncoupled(members: NDArray[np.intp], omega_squared: Real, damping: Real) ->
     sigma, w = -0.5 * c[swinging], root[swinging]
     parts.append(_diagonal(members[swinging], sigma + 1j * w, 2.0, 0.5 + 0.5j * sigma / w, -0.5j / w))
     creeping = np.flatnonzero(~together & (discriminant >= 0.0))
+    if not creeping.size:
+        return parts
     # the slow one from the product of both: no difference of near numbers
     fast = -0.5 * c[creeping] - root[creeping]
     slow = square[creeping] / fast
@@ -231,8 +246,8 @@ def _uncoupled(members: NDArray[np.intp], omega_squared: Real, damping: Real) ->
 
 def _diagonal(members: NDArray[np.intp], value: Any, weight: float, from_u: Any, from_v: Any) -> _Part:
     """One entry for each of some coordinates."""
-    S, to_u, to_v = (np.diag(np.asarray(each, dtype=complex)) for each in (value, from_u, from_v))
-    return _Part(members, S, np.diag(np.full(members.size, weight, dtype=complex)), to_u, to_v)
+    S, to_u, to_v = (np.asarray(each, dtype=complex) for each in (value, from_u, from_v))
+    return _Part(members, S, np.full(members.size, weight, dtype=complex), to_u, to_v)
 
 
 def _coupled(members: NDArray[np.intp], omega_squared: Real, damping: Real) -> list[_Part]:

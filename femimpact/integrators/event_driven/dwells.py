@@ -5,25 +5,33 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
 from femimpact.integrators.driving import Drive
-from femimpact.integrators.event_driven.block import Block, CaseNumbers, Inputs, new_block, no_cycles, run_block
-from femimpact.integrators.event_driven.equations import equations_of
+from femimpact.integrators.event_driven.block import (
+    Block,
+    CaseNumbers,
+    Inputs,
+    new_block,
+    no_cycles,
+    run_block,
+    share_block,
+)
+from femimpact.integrators.event_driven.equations import Equations, equations_of
 from femimpact.integrators.event_driven.loop_data import DONE, Ledger
 from femimpact.integrators.event_driven.settings import EventSettings
-from femimpact.integrators.event_driven.store import FormStore, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_of
 from femimpact.integrators.threads import Progress, run_each
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.response.energy import CLOSED, energy_residual, largest_input
 from femimpact.response.signals import CycleStatistics
 from femimpact.system.system import System
 
-__all__ = ["DwellCases", "DwellStatistics", "run_dwells"]
+__all__ = ["DwellCases", "DwellStatistics", "DwellSystem", "run_dwells"]
 
 Array = NDArray[np.float64]
 
@@ -36,6 +44,15 @@ BLOCKS = 8
 
 OF_LEDGER = ("residual", "bound", "loss", "stored")
 """What the ledger of a case gives."""
+
+
+@dataclass(frozen=True, eq=False)
+class DwellSystem:
+    """A system with its drive and the row (dofs,) of its observed place."""
+
+    system: System
+    drive: Drive
+    observed: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +69,10 @@ class DwellCases:
         Structure and balls at t = 0 relative to the base, m and m/s.
     cycles, measured : ndarray (cases,) of int
         Of the base: the whole dwell, and how many at its end are measured.
+    systems : sequence of DwellSystem
+        In place of the common system and its drive, alike in coordinates, outputs and pairs; none for the common one.
+    system_of : ndarray (cases,) of int, optional
+        Which of them a case has.
     """
 
     drive: Drive
@@ -60,6 +81,8 @@ class DwellCases:
     velocity: Array
     cycles: NDArray[np.int64]
     measured: NDArray[np.int64]
+    systems: Sequence[DwellSystem] = ()
+    system_of: NDArray[np.int64] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,9 +140,13 @@ def run_dwells(
     -------
     DwellStatistics
     """
-    whole, count = equations_of(system, cases.drive), cases.cycles.size
+    count = cases.cycles.size
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
-    store = FormStore(whole, rigid, outputs_of(system, observed), rate=None, derived=system.derived)
+    first, *others = cases.systems or (DwellSystem(system, cases.drive, observed),)
+    whole, outputs, derived = _source(first)
+    store = FormStore(whole, rigid, outputs, rate=None, derived=derived)
+    for other in others:
+        store.add_system(*_source(other))
 
     def run(members: NDArray[np.intp], share: Progress | None) -> DwellStatistics:
         found = _run_block(system, store, cases, members, method, instants)
@@ -129,6 +156,12 @@ def run_dwells(
 
     blocks = max(math.ceil(count / LARGEST_BLOCK), 1 if workers == 1 else min(BLOCKS * workers, count))
     return _joined(run_each(run, np.array_split(np.arange(count), blocks), workers, progress))
+
+
+def _source(given: DwellSystem) -> tuple[Equations, Outputs, dict[Any, Any]]:
+    """What a store of closed forms takes of a system."""
+    system = given.system
+    return equations_of(system, given.drive), outputs_of(system, given.observed), system.derived
 
 
 def _run_block(
@@ -146,6 +179,8 @@ def _run_block(
         window=np.stack([(cycles - measured) * period, np.full(count, np.inf)], axis=1),
     )
     block = new_block(system, store, inputs, method, True if instants else None)
+    if cases.system_of is not None:
+        share_block(block, [each.system for each in cases.systems], cases.system_of[members], method)
     _begin_free(block)
     end = cycles * per_cycle
     # one sample more: the first measured cycle begins with it, be it that at the start
@@ -175,9 +210,12 @@ def _run_block(
 def _begin_free(block: Block) -> None:
     """Make the closed forms without contact before the first call: every case needs one."""
     cases = block.cases
-    parameters, of_case = np.unique(np.hstack([cases.stiffness, cases.damping]), axis=0, return_inverse=True)
+    own = np.hstack([block.system_of[:, None], cases.stiffness, cases.damping])
+    parameters, of_case = np.unique(own, axis=0, return_inverse=True)
     pairs = block.pairs.rigid.size
-    first = np.array([block.store.form(0, row[:pairs].copy(), row[pairs:].copy()) for row in parameters])
+    first = np.array(
+        [block.store.form(0, row[1 : 1 + pairs].copy(), row[1 + pairs :].copy(), int(row[0])) for row in parameters]
+    )
     cases.form[:, 0] = first[of_case.reshape(-1)]
 
 

@@ -99,6 +99,8 @@ def require_met(whole: Equations, sticking: NDArray[np.intp]) -> None:
     InputError
         Naming the stop that the others leave no motion.
     """
+    if not np.any(whole.stop[sticking]):
+        return
     n, met = whole.dofs, list[int]()
     lower = np.linalg.cholesky(whole.M[:n, :n])
     basis = np.zeros((n, 0))
@@ -131,6 +133,11 @@ def wall_offsets(whole: Equations, active: NDArray[np.bool_], sticking: NDArray[
     """
     n, (size, pairs) = whole.dofs, whole.force.shape
     offset = np.zeros((size, pairs))
+    if not np.any(active & whole.stop):
+        # a ball at a wall 1 m away, of a structure that is undeformed
+        carried = np.flatnonzero(active)
+        offset[n + carried, carried] = 1.0
+        return offset
     held = sticking[whole.stop[sticking]]
     pressed = np.setdiff1d(np.flatnonzero(active & whole.stop), held)
     stops = np.concatenate([held, pressed])
@@ -165,9 +172,9 @@ def _columns_meeting(shape: Array, push: Array, held: int) -> Array:
 
 def undamped_modes(K: Array, M: Array) -> tuple[Array, Array]:
     """All omega^2 and mass-normalised vectors; the slow modes to rounding, as they carry the energy."""
-    off = np.abs(K - np.diag(np.diag(K))).sum() + np.abs(M - np.diag(np.diag(M))).sum()
-    if off == 0.0:
-        return np.diag(K) / np.diag(M), np.diag(1.0 / np.sqrt(np.diag(M)))
+    stiffness, mass = K.diagonal(), M.diagonal()
+    if np.count_nonzero(K) == np.count_nonzero(stiffness) and np.count_nonzero(M) == np.count_nonzero(mass):
+        return stiffness / mass, np.diag(1.0 / np.sqrt(mass))
     unheld = np.abs(K).sum(axis=0) == 0.0
     alone = unheld & (np.count_nonzero(M, axis=0) == 1)
     if np.any(unheld & ~alone):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +69,9 @@ class EventDriven:
     InputError
         If a value is out of range.
     """
+
+    takes_several_systems: ClassVar[bool] = True
+    """Whether `run_cases` takes cases with systems of their own."""
 
     closure: float = field(default=1e-12, metadata=quantity("m", above=0.0))
     samples_per_cycle: int = field(default=64, metadata=quantity("1", at_least=8, at_most=1_000_000, integer=True))

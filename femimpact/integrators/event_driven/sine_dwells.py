@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +18,7 @@ from femimpact.integrators.answers import SineCases, SineDwellResults, SineDwell
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.event_driven.alone import unending
 from femimpact.integrators.event_driven.block import CaseNumbers
-from femimpact.integrators.event_driven.dwells import DwellCases, run_dwells
+from femimpact.integrators.event_driven.dwells import DwellCases, DwellSystem, run_dwells
 from femimpact.integrators.event_driven.run import not_finite, peaks_of_forces
 from femimpact.integrators.event_driven.settings import EventSettings, check_events
 from femimpact.integrators.threads import Progress
@@ -101,19 +103,24 @@ def _cases(system: System, cases: SineCases) -> DwellCases:
         velocity=velocity,
         cycles=cases.cycles,
         measured=cases.measured,
+        systems=[DwellSystem(own, drive_of(own, first), row) for own, row in cases.systems],
+        system_of=cases.system_of if cases.systems else None,
     )
 
 
 def _parameters(system: System, cases: SineCases) -> dict[str, Array]:
-    """Numbers of each case's laws, (n, pairs)."""
+    """Numbers of each case's laws with the effective masses of its system, (n, pairs)."""
     kinds = tuple(pair.parameters.kind for pair in system.contacts)
+    number, set_of = _distinct_sets(cases)
     sets: list[list[ContactParameters]] = []
     known = set[type]()
-    for laws in cases.laws:
+    for law_of, system_of in number:
+        laws = cases.laws[law_of]
+        contacts = cases.systems[system_of][0].contacts if cases.systems else system.contacts
         # a law of a kind that was found sound: of many laws the members need not be looked for each time
         own = [
             law.parameters(pair.effective_mass) if type(law) in known else resolve(law, pair.effective_mass)
-            for law, pair in zip(laws, system.contacts, strict=True)
+            for law, pair in zip(laws, contacts, strict=True)
         ]
         known.update(map(type, laws))
         same = tuple(numbers.kind for numbers in own) == kinds
@@ -121,11 +128,42 @@ def _parameters(system: System, cases: SineCases) -> dict[str, Array]:
         sets.append(own)
     names, shape = ("stiffness", "damping", "restitution"), (len(sets), len(kinds))
     values = {name: [[getattr(numbers, name) for numbers in own] for own in sets] for name in names}
-    return {name: np.array(rows, dtype=float).reshape(shape)[cases.law_of] for name, rows in values.items()}
+    return {name: np.array(rows, dtype=float).reshape(shape)[set_of] for name, rows in values.items()}
+
+
+def _distinct_sets(cases: SineCases) -> tuple[list[tuple[int, int]], NDArray[np.int64]]:
+    """Numbers of laws and of system that cases have together, and which of these each case has."""
+    if not cases.systems or cases.system_of is None:
+        return [(law, 0) for law in range(len(cases.laws))], cases.law_of
+    both = np.stack([cases.law_of, cases.system_of], axis=1)
+    rows, set_of = np.unique(both, axis=0, return_inverse=True)
+    return [(law, number) for law, number in rows.tolist()], set_of.reshape(-1)
 
 
 def _starts(system: System, cases: SineCases) -> tuple[Array, Array]:
     """Displacements and velocities (n, d) of structure and balls at the start, relative to the base."""
+    if not cases.systems or cases.system_of is None:
+        return _starts_of(system, cases)
+    position, velocity = np.zeros((2, cases.frequency.size, system.dofs + len(system.balls)))
+    # a rigid motion and the directions of pairs are other ones on other modes
+    for rows, own in _alike_at_start(cases, cases.system_of):
+        position[rows], velocity[rows] = _starts_of(own, cases.of(rows))
+    return position, velocity
+
+
+def _alike_at_start(cases: SineCases, system_of: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.intp], System]]:
+    """Cases whose starts follow from one system; those that are not static do not hang on masses of balls."""
+    found: dict[Any, list[int]] = {}
+    for number, (own, _) in enumerate(cases.systems):
+        same = id(own.rigid_translation), *(id(pair.direction) for pair in own.contacts)
+        found.setdefault(number if cases.initial.is_static_on(own) else same, []).append(number)
+    for numbers in found.values():
+        rows = np.flatnonzero(np.isin(system_of, numbers))
+        if rows.size:
+            yield rows, cases.systems[numbers[0]][0]
+
+
+def _starts_of(system: System, cases: SineCases) -> tuple[Array, Array]:
     # a static state is another one for other gaps, a stop fixed in space a place of its own under every base
     simple = not cases.initial.is_static_on(system) and all(pair.fixed_to == "base" for pair in system.contacts)
     simple = simple and cases.initial.displacement is None and cases.initial.velocity is None

@@ -78,8 +78,17 @@ def outputs_alone(system: System, rows: ChannelRows, drive: Drive) -> Outputs:
     return Outputs(whole.position[1:], whole.rate[1:], whole.force[1:], of_base, rows.constant[:1])
 
 
+@dataclass(frozen=True, eq=False)
+class _Source:
+    """A system of which closed forms are made: its equations, what is read of it, and what is kept with it."""
+
+    whole: Equations
+    outputs: Outputs
+    derived: dict[Any, Any]
+
+
 class FormStore:
-    """Closed forms of one system under one kind of drive; several threads may share them.
+    """Closed forms of a system, or of several that are alike, under one kind of drive; several threads may share them.
 
     Parameters
     ----------
@@ -104,7 +113,7 @@ class FormStore:
         self.rigid = rigid
         self.outputs = outputs
         self.rate = rate
-        self.derived: dict[Any, Any] = {} if derived is None else derived
+        self.sources = [_Source(whole, outputs, {} if derived is None else derived)]
         self.lock = threading.Lock()
         self.known: dict[tuple[bytes, int], int] = {}
         self.last: dict[bytes, tuple[int, int]] = {}
@@ -114,41 +123,52 @@ class FormStore:
         self.most = (whole.M.shape[0], 1, 1)
         self.forms = self._empty(4)
 
-    def form(self, key: int, stiffness: Array, damping: Array) -> int:
-        """First form for these contact parameters, after the form with this key is among them.
+    def add_system(self, whole: Equations, outputs: Outputs, derived: dict[Any, Any]) -> int:
+        """Number of a system more, with as many coordinates, pairs and outputs; before the first form is asked for."""
+        self.sources.append(_Source(whole, outputs, derived))
+        return len(self.sources) - 1
+
+    def form(self, key: int, stiffness: Array, damping: Array, system: int = 0) -> int:
+        """First form for a system and these contact parameters, after the form with this key is among them.
 
         Parameters
         ----------
         key : int
             Bit j is set where pair j is in contact.
         stiffness, damping : ndarray (pairs,), N/m and N s/m
+        system : int
+            Its number.
 
         Raises
         ------
         InputError
             If the form has no steady response to the loads.
         """
-        parameters = np.concatenate([stiffness, damping]).tobytes()
+        parameters = system.to_bytes(4, "little") + stiffness.tobytes() + damping.tobytes()
+        source = self.sources[system]
         with self.lock:
             if (parameters, key) not in self.known:
                 active = np.array([bool(key >> j & 1) for j in range(self.rigid.size)], dtype=bool)
-                made = self._closed_form(active, stiffness, damping)
+                made = self._closed_form(source, active, stiffness, damping)
                 allowed = "must have stiffness in every braked motion for this excitation or constant force"
                 require(
                     not made.unheld[0] and not (self.rate is not None and made.unheld[1]), "system", None, "", allowed
                 )
-                self._add(made, active, key, parameters)
+                self._add(source, made, active, key, parameters)
             return self.first[parameters]
 
-    def _closed_form(self, active: NDArray[np.bool_], stiffness: Array, damping: Array) -> ClosedForm:
+    def _closed_form(
+        self, source: _Source, active: NDArray[np.bool_], stiffness: Array, damping: Array
+    ) -> ClosedForm:  # fmt: skip
         """The closed form of some pairs in contact, made once for a system and the place where its drive acts."""
-        of_drive = self.whole.drive.tobytes(), self.whole.in_space.tobytes()
+        whole, derived = source.whole, source.derived
+        of_drive = whole.drive.tobytes(), whole.in_space.tobytes()
         key = "closed form", *of_drive, active.tobytes(), stiffness.tobytes(), damping.tobytes()
-        made = self.derived.get(key)
+        made = derived.get(key)
         if made is None:
-            made = closed_form(self.whole, active, self.rigid, stiffness, damping)
-            if len(self.derived) < MOST_KEPT:
-                self.derived[key] = made
+            made = closed_form(whole, active, self.rigid, stiffness, damping)
+            if len(derived) < MOST_KEPT:
+                derived[key] = made
         return made
 
     def snapshot(self) -> Forms:
@@ -209,7 +229,9 @@ class FormStore:
             new[tuple(slice(0, length) for length in old.shape)] = old
         self.forms = larger
 
-    def _add(self, made: ClosedForm, active: NDArray[np.bool_], key: int, parameters: bytes) -> None:
+    def _add(
+        self, source: _Source, made: ClosedForm, active: NDArray[np.bool_], key: int, parameters: bytes
+    ) -> None:  # fmt: skip
         modes, f = made.modes, self.count
         self._enlarge((modes.exponent.size, made.rigid_body_drive.size, len(modes.blocks)))
         used = (made.velocity.weight != 0.0) | (made.position.weight != 0.0)
@@ -217,7 +239,9 @@ class FormStore:
         if np.any(active & ~self.rigid):
             together[:] = True
         rows = _stacked(
-            gap_rows(self.whole, made.position, OF_DISPLACEMENT), made.contact_force, self._output_rows(made, active)
+            gap_rows(source.whole, made.position, OF_DISPLACEMENT),
+            made.contact_force,
+            _output_rows(source.outputs, made, active),
         )
         driven = driven_entries(modes, self.rate)
         follow, position, velocity = (
@@ -251,32 +275,33 @@ class FormStore:
         self.known[parameters, key] = f
         self.count += 1
 
-    def _output_rows(self, made: ClosedForm, active: NDArray[np.bool_]) -> Rows:
-        """Rows of what is read at every sample; a contact force only where it acts."""
-        out, p, v = self.outputs, made.position, made.velocity
-        through = p.through @ out.position.T + v.through @ out.rate.T + out.drive
-        follow = p.follow @ out.position.T + v.follow @ out.rate.T
-        follow[:3] += out.drive[::-1]
-        constant = out.position @ p.constant
-        constant[:, 0] += out.constant
-        rows = Rows(
-            weight=out.position @ p.weight + out.rate @ v.weight,
-            rigid_body=out.position @ p.rigid_body,
-            rigid_body_rate=out.rate @ p.rigid_body,
-            constant=constant,
-            through=through,
-            follow=follow,
-        )
-        force = made.contact_force
-        for o, j in np.argwhere((out.force != 0.0) & active):
-            weight = out.force[o, j]
-            rows.weight[o] += weight * force.weight[j]
-            rows.constant[o] += weight * force.constant[j]
-            rows.rigid_body[o] += weight * force.rigid_body[j]
-            rows.rigid_body_rate[o] += weight * force.rigid_body_rate[j]
-            rows.through[:, o] += weight * force.through[:, j]
-            rows.follow[:, o] += weight * force.follow[:, j]
-        return rows
+
+def _output_rows(out: Outputs, made: ClosedForm, active: NDArray[np.bool_]) -> Rows:
+    """Rows of what is read at every sample; a contact force only where it acts."""
+    p, v = made.position, made.velocity
+    through = p.through @ out.position.T + v.through @ out.rate.T + out.drive
+    follow = p.follow @ out.position.T + v.follow @ out.rate.T
+    follow[:3] += out.drive[::-1]
+    constant = out.position @ p.constant
+    constant[:, 0] += out.constant
+    rows = Rows(
+        weight=out.position @ p.weight + out.rate @ v.weight,
+        rigid_body=out.position @ p.rigid_body,
+        rigid_body_rate=out.rate @ p.rigid_body,
+        constant=constant,
+        through=through,
+        follow=follow,
+    )
+    force = made.contact_force
+    for o, j in np.argwhere((out.force != 0.0) & active):
+        weight = out.force[o, j]
+        rows.weight[o] += weight * force.weight[j]
+        rows.constant[o] += weight * force.constant[j]
+        rows.rigid_body[o] += weight * force.rigid_body[j]
+        rows.rigid_body_rate[o] += weight * force.rigid_body_rate[j]
+        rows.through[:, o] += weight * force.through[:, j]
+        rows.follow[:, o] += weight * force.follow[:, j]
+    return rows
 
 
 def _stacked(*parts: Rows) -> Rows:

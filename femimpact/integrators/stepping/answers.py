@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from femimpact.contact.formulas import RIGID
 from femimpact.excitation import Excitation
-from femimpact.integrators.answers import AchievedRestitution, MethodCost, SineDwellResults, SineDwells
+from femimpact.integrators.answers import AchievedRestitution, MethodCost, SineCases, SineDwellResults, SineDwells
 from femimpact.integrators.stepping.collision import stepped_restitution
-from femimpact.integrators.stepping.dwells import stepped_dwells
+from femimpact.integrators.stepping.dwells import stepped_cases, stepped_dwells
 from femimpact.integrators.stepping.record import check_recorder
 from femimpact.integrators.stepping.run import run_steps
 from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
@@ -124,3 +124,10 @@ class SteppingAnswers:
     ) -> SineDwellResults:  # fmt: skip
         """Many dwells side by side; see `frequency_sweep`."""
         return stepped_dwells(system, dwells, self, initial, observed, ledger, workers, progress)
+
+    def run_cases(
+        self: SteppingMethod, system: System, cases: SineCases, observed: NDArray[np.float64], instants: int,
+        workers: int, progress: Progress | None = None,
+    ) -> SineDwellResults:  # fmt: skip
+        """Many cases with gaps, laws and starts of their own side by side; see `many_cases.run_cases`."""
+        return stepped_cases(system, cases, self, observed, instants, workers, progress)

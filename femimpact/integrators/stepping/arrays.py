@@ -20,6 +20,7 @@ from femimpact.integrators.stepping import layout
 from femimpact.integrators.stepping.continued import Beginning, resume_contacts
 from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, MAXIMUM, MINIMUM, TOTAL_COLUMNS
+from femimpact.system.contact_pair import ContactPair
 from femimpact.system.state import ROUNDED, State
 from femimpact.system.system import System
 
@@ -42,6 +43,9 @@ class Inputs:
     initial : State
     beginning : Beginning
         Of one case alone it may be within the run that it goes on from.
+    each : sequence of tuple of System and State
+        The system with the gaps and laws of each case, and its start, where these differ; laws of the same kinds
+        that have compiled branches, and no static start. None for those of all cases.
     """
 
     excitations: Sequence[Excitation]
@@ -49,6 +53,7 @@ class Inputs:
     window_start: Sequence[int]
     initial: State = field(default_factory=State)
     beginning: Beginning = field(default_factory=Beginning)
+    each: Sequence[tuple[System, State]] = ()
 
 
 def empty_record(dofs: int, pairs: int) -> layout.Record:
@@ -74,24 +79,23 @@ def forces_of(system: System) -> tuple[ForcePointer | None, ...]:
 
 
 def pairs_of(
-    system: System, operator: layout.Operator, drive: Drive, lanes: int, forces: Sequence[ForcePointer | None]
-) -> layout.Pairs:
-    """Contact pairs: the row that each reads, its law and its numbers."""
+    system: System, operator: layout.Operator, drive: Drive, lanes: int, forces: Sequence[ForcePointer | None],
+    each: Sequence[tuple[System, State]] = (),
+) -> layout.Pairs:  # fmt: skip
+    """Contact pairs: the row that each reads, its law and its numbers, which may be each case's own."""
     contacts = system.contacts
     rows = [next(i for i, row in enumerate(operator.rows) if np.array_equal(row, pair.direction)) for pair in contacts]
     constants = np.zeros((11, len(contacts), lanes))
     for j, pair in enumerate(contacts):
-        numbers = pair.parameters
         constants[layout.MASS, j] = 0.0 if pair.is_stop else pair.mass
         constants[layout.MOBILITY, j] = pair.mobility
-        constants[layout.GAP_PLUS, j], constants[layout.GAP_MINUS, j] = pair.gaps
-        constants[layout.STIFFNESS, j] = numbers.stiffness
-        constants[layout.DAMPING, j] = numbers.damping
-        constants[layout.EXPONENT, j] = numbers.exponent
-        constants[layout.RESTITUTION, j] = numbers.restitution
-        constants[layout.FREE_STIFFNESS, j] = pair.free_stiffness + getattr(pair.law, "free_stiffness", 0.0)
         constants[layout.ACCELERATION, j] = pair.acceleration
         constants[layout.SHARE, j] = 0.0 if pair.is_stop else drive.share
+        for row, values in _of_contact(pair).items():
+            constants[row, j] = values
+        for c, (own, _) in enumerate(each):
+            for row, values in _of_contact(own.contacts[j]).items():
+                constants[row, j, c] = values
     obstacles = [j for j, pair in enumerate(contacts) if pair.fixed_to == "space" and drive.share != 0.0]
     return layout.Pairs(
         row=np.array(rows, dtype=np.int64),
@@ -101,6 +105,20 @@ def pairs_of(
         obstacles=np.array(obstacles, dtype=np.int64),
         refused=np.zeros((len(contacts), 3)),
     )
+
+
+def _of_contact(pair: ContactPair) -> dict[int, float]:
+    """Numbers of a pair's gaps and law, by their rows."""
+    numbers = pair.parameters
+    return {
+        layout.GAP_PLUS: pair.gaps[0],
+        layout.GAP_MINUS: pair.gaps[1],
+        layout.STIFFNESS: numbers.stiffness,
+        layout.DAMPING: numbers.damping,
+        layout.EXPONENT: numbers.exponent,
+        layout.RESTITUTION: numbers.restitution,
+        layout.FREE_STIFFNESS: pair.free_stiffness + getattr(pair.law, "free_stiffness", 0.0),
+    }
 
 
 def motion_of(
@@ -115,7 +133,11 @@ def motion_of(
 ) -> layout.Motion:
     """State at the start: displacements, velocities and the accelerations that the balance gives."""
     lanes, dofs, count = len(drives), system.dofs, len(system.contacts)
-    states = [inputs.initial.relative_to_base(system, excitation) for excitation in inputs.excitations]
+    each = inputs.each or [(system, inputs.initial)] * lanes
+    states = [
+        start.relative_to_base(own, excitation)
+        for (own, start), excitation in zip(each, inputs.excitations, strict=True)
+    ]
     q, v, y, y_rate = (np.ascontiguousarray(np.array(columns).T) for columns in zip(*states, strict=True))
     constants, w, w_rate = pairs.constants, operator.rows @ q, operator.rows @ v
     drive, first = _drive(drives, inputs, method.dt), inputs.beginning.step

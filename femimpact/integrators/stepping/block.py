@@ -114,6 +114,7 @@ def prepare(
         excitations=[*inputs.excitations, *[inputs.excitations[-1]] * idle],
         steps=[*inputs.steps, *[inputs.steps[-1]] * idle],
         window_start=[*inputs.window_start, *[inputs.window_start[-1]] * idle],
+        each=[*inputs.each, *(list(inputs.each[-1:]) * idle)],
     )
     drives = [drive_of(system, excitation) for excitation in padded.excitations]
     scheme = scheme_of(method)
@@ -124,7 +125,7 @@ def prepare(
         fine = layout.Fine(method.refine, operator_of(system, fine_scheme, observed, drives[0].load), fine_scheme)
     kept = record or empty_record(system.dofs, len(system.contacts))
     forces = forces_of(system)
-    pairs = pairs_of(system, operator, drives[0], lanes, forces)
+    pairs = pairs_of(system, operator, drives[0], lanes, forces, padded.each)
     # only a history has losses mode by mode; in a sweep a case alone is summed as beside others
     modal = ledger and record is not None and lanes == 1 and not operator.banded
     motion = motion_of(system, operator, pairs, padded, drives, method, modal, kept)

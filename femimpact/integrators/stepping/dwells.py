@@ -1,9 +1,10 @@
-"""Many dwells by a method with steps: blocks of cases side by side."""
+"""Many dwells by a method with steps: blocks of cases side by side, each with numbers and a start of its own."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from numpy.typing import NDArray
 from femimpact.contact.formulas import RIGID
 from femimpact.errors import require
 from femimpact.excitation import Sine
-from femimpact.integrators.answers import SineDwellResults, SineDwells
+from femimpact.integrators.answers import SineCases, SineDwellResults, SineDwells
+from femimpact.integrators.cases import start_of, with_contacts_of
 from femimpact.integrators.stepping.block import Block, Inputs, prepare, run_block
 from femimpact.integrators.stepping.run import divergence_message
 from femimpact.integrators.stepping.scheme import SteppingMethod
@@ -23,7 +25,7 @@ from femimpact.response.signals import SteadyMotion, steady_motion
 from femimpact.system.state import State
 from femimpact.system.system import System
 
-__all__ = ["stepped_dwells"]
+__all__ = ["stepped_cases", "stepped_dwells"]
 
 Array = NDArray[np.float64]
 
@@ -45,13 +47,61 @@ def stepped_dwells(
     workers: int, progress: Progress | None,
 ) -> SineDwellResults:  # fmt: skip
     """Dwells by a method with steps, side by side in blocks; see `Method.run_dwells`."""
-    f = dwells.frequency
-    check_sampling(f, method, "frequencies")
+    lengths = _Lengths(dwells.frequency, dwells.cycles, dwells.measured)
+    check_sampling(dwells.frequency, method, "frequencies")
     warnings = check_step(system, method)
+
+    def inputs_of(members: NDArray[np.intp], ends: list[int], begins: list[int]) -> Inputs:
+        sines = [Sine(dwells.amplitude, float(dwells.frequency[i]), dwells.phase) for i in members]
+        return Inputs(sines, ends, begins, initial)
+
+    return _stepped(system, lengths, inputs_of, method, observed, ledger, workers, progress, warnings)
+
+
+def stepped_cases(
+    system: System, cases: SineCases, method: SteppingMethod, observed: Array, instants: int, workers: int,
+    progress: Progress | None,
+) -> SineDwellResults:  # fmt: skip
+    """Cases with gaps, laws and starts of their own by a method with steps; see `many_cases.run_cases`.
+
+    Their laws are of the kinds of the system's, with compiled branches, and their starts are not static. The ledger is
+    read at the ends of cycles.
+    """
+    lengths = _Lengths(cases.frequency, cases.cycles, cases.measured)
+    check_sampling(cases.frequency, method, "frequencies")
+    first = [int(np.argmax(cases.law_of == number)) for number in np.unique(cases.law_of)]
+    warnings = [text for case in first for text in check_step(with_contacts_of(system, cases, case), method)]
+
+    def inputs_of(members: NDArray[np.intp], ends: list[int], begins: list[int]) -> Inputs:
+        numbers = (values[members].tolist() for values in (cases.amplitude, cases.frequency, cases.phase))
+        sines = [Sine(*own) for own in zip(*numbers, strict=True)]
+        each = [(with_contacts_of(system, cases, case), start_of(cases, case)) for case in members.tolist()]
+        return Inputs(sines, ends, begins, cases.initial, each=each)
+
+    told = tuple(dict.fromkeys(warnings))
+    return _stepped(system, lengths, inputs_of, method, observed, instants > 0, workers, progress, told)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lengths:
+    """Frequencies (Hz) of dwells, their whole cycles and the measured ones, arrays (n,)."""
+
+    frequency: Array
+    cycles: NDArray[np.int64]
+    measured: NDArray[np.int64]
+
+
+def _stepped(
+    system: System, dwells: _Lengths, inputs_of: Callable[[NDArray[np.intp], list[int], list[int]], Inputs],
+    method: SteppingMethod, observed: Array, ledger: bool, workers: int, progress: Progress | None,
+    warnings: tuple[str, ...],
+) -> SineDwellResults:  # fmt: skip
+    """Dwells side by side in blocks; `inputs_of` gives what some are given, for their steps and windows."""
+    f = dwells.frequency
     steps = float(np.max(dwells.cycles / f)) / method.dt
     require(steps <= MOST_STEPS, "frequencies", float(f.min()), "Hz", f"must take at most {MOST_STEPS:g} steps")
     ends = np.ceil(dwells.cycles / (f * method.dt)).astype(int)
-    starts = np.ceil((dwells.cycles - dwells.measured) / (f * method.dt)).astype(int)
+    begins = np.ceil((dwells.cycles - dwells.measured) / (f * method.dt)).astype(int)
     motion: dict[str, NDArray[Any]] = {name: np.full(f.size, np.nan) for name in MOTION}
     motion["steadiness"] = np.full(f.size, "transient", dtype="<U11")
     totals = np.full((6, len(system.contacts), f.size), np.nan)
@@ -59,8 +109,7 @@ def stepped_dwells(
 
     def run(members: NDArray[np.intp], share: Progress | None) -> None:
         # laid out when its turn comes: of many blocks only those at work are in memory
-        sines = [Sine(dwells.amplitude, float(f[i]), dwells.phase) for i in members]
-        inputs = Inputs(sines, ends[members].tolist(), starts[members].tolist(), initial)
+        inputs = inputs_of(members, ends[members].tolist(), begins[members].tolist())
         block = prepare(system, inputs, method, observed=observed, ledger=ledger)
         run_block(block, share)
         diverged[members] = block.diverged[: members.size]
