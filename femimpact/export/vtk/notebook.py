@@ -79,5 +79,7 @@ def _grids(series: Series) -> Any:
         grid.cell_data.update(dict(frame.cells))
         for key, value in {"TimeValue": time, **frame.fields}.items():
             grid.field_data[key] = [value] if isinstance(value, str) else np.atleast_1d(value)
+        if series.coloured_by:
+            grid.set_active_scalars(series.coloured_by)
         blocks.append(grid, name)
     return blocks
