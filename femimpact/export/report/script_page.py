@@ -68,6 +68,13 @@ def report(
     ------
     InputError
         If a part is none of these, or no file can be there.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> run = fi.integrate(system, fi.Sine(amplitude=0.2e-3, frequency=5.0), fi.EventDriven(), duration=2.0)
+    >>> fi.report("report.html", {"Run": run}, structure).name  # doctest: +SKIP
+    'report.html'
     """
     file = file_path(path)
     require_type(parts, Mapping, "parts")

@@ -57,6 +57,14 @@ def to_pyvista(
     ------
     InputError
         If a value is out of range, or the system of modes is missing.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> full = fi.assemble(structure, elements=10)
+    >>> blocks = fi.to_pyvista(fi.solve_modes(full, count=2), structure, full)
+    >>> blocks[1].active_scalars_name
+    'relative_stress'
     """
     require(isinstance(result, (Modes, Response)), "result", kind_of(result), "", "must be Modes or a Response")
     require_type(structure, Structure, "structure")
