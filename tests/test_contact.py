@@ -270,3 +270,11 @@ def test_a_ball_that_falls_on_the_wall_of_a_resting_structure_is_not_a_divergenc
     response = fi.integrate(system, fi.Sine(amplitude=0.0, frequency=5.0), fi.Newmark(1e-4), 0.1)
     # falls 4 mm under its own weight
     assert response.impacts.time[0] == pytest.approx(np.sqrt(2 * 4e-3 / 9.81), rel=1e-4)
+
+
+def test_a_collision_that_does_not_end_with_a_step_is_refused(reference):
+    # half a period of 3 g on a spring of 100 N/m is 18 ms; 10^7 steps of 1 ns are 10 ms
+    law = fi.KelvinVoigt(stiffness=100.0, damping=0.0)
+    pair = fi.assemble(with_ball(reference, contact=law), elements=4).contacts[0]
+    with pytest.raises(fi.InputError, match=r"method\.dt = 1e-09 s: must let a collision of .* end"):
+        fi.achieved_restitution(pair, fi.Newmark(1e-9), 0.1, phases=1)

@@ -3,6 +3,7 @@
 import itertools
 import math
 
+import matplotlib.text
 import mpmath as mp
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from reference_events import Oscillator
 from test_piecewise_polynomial import BALL, GAP, MASS, OMEGA, RESTITUTION, ZETA, in_a_box, same_impacts
 
 import femimpact as fi
+from femimpact.excitation.excitation import words_of
 
 G = 9.80665
 CHIRP = fi.Chirp(4.0, 8.0, 4.0, amplitude=1e-3)
@@ -315,3 +317,72 @@ def test_a_stop_in_space_sees_where_a_chirp_has_the_base(law):
         other = fi.integrate(system, CHIRP, fi.Newmark(2e-5, refine=4), 0.3, steps)
         # second order: 20 us in a period of 63 ms
         assert np.abs(run["mass"] - other["mass"]).max() < 1e-4 * np.abs(run["mass"]).max()
+
+
+@pytest.mark.impacts
+@pytest.mark.parametrize("name", MOTIONS)
+def test_two_halves_joined_by_the_final_state_are_the_whole(name):
+    base, box = MOTIONS[name], in_a_box(contact=fi.KelvinVoigt(restitution=0.7, contact_time=4e-3))
+    for method, record in ((fi.EventDriven(), fi.Recorder(interval=2e-3)), (fi.Newmark(1e-4), fi.Recorder(every=20))):
+        whole = fi.integrate(box, base, method, 0.4, record)
+        first = fi.integrate(box, base, method, 0.2, record)
+        second = fi.integrate(box, base, method, 0.2, record, first.final_state)
+        joined = np.concatenate([first["mass"], second["mass"][1:]])
+        # each impact multiplies rounding by some ten
+        assert np.abs(joined - whole["mass"]).max() < 1e-9 * np.abs(whole["mass"]).max()
+        assert len(first.impacts) + len(second.impacts) == len(whole.impacts)
+
+
+@pytest.mark.parametrize("psd", [[(5.0, 1.0), (100.0, 1.0)], [(5.0, 1.0), (100.0, 1e-4)], [(40.0, 1.0), (41.0, 1.0)]])
+def test_a_random_motion_is_met_to_1e_9_with_no_more_pieces_than_its_density_takes(psd):
+    base = fi.RandomBase(psd, 3.0, seed=4)
+    (f, size, phase), knots = base.lines, base.closed_form.knots
+    # the ends of pieces, where the error is largest
+    t = np.random.default_rng(0).choice(knots[1:], 400) - 1e-9
+    exact = np.cos(2.0 * np.pi * np.outer(t, f) + phase) @ size
+    assert np.abs(base.acceleration(t) - exact).max() < 1e-9 * np.abs(base.acceleration(knots)).max()
+    assert 8.0 < (knots.size - 1) / (3.0 * f[-1]) < 24.0
+
+
+@pytest.mark.parametrize(
+    ("base", "words"),
+    [
+        (fi.Sine(1e-3, 5.0), "base at 5 Hz"), (CHIRP + fi.Sine(1e-4, 30.0), "base: chirp + sine"),
+        (STEPPED, "base: stepped sine"), (RANDOM, "base: random"), (fi.RecordedBase([0.0, 1.0], 0.1), "base: recorded"),
+        (fi.HammerBlow("tip", 0.1, 1e-3), "force at tip: hammer blow"),
+        (fi.PointForce(0.1, SHOCK), "force at 0.1 m: shock"),
+        (fi.PointForce("mid", fi.Sine(1.0, 7.0)), "force at mid, 7 Hz"),
+    ],
+)  # fmt: skip
+def test_what_drives_a_run_has_words(base, words):
+    assert words_of(base) == words
+
+
+@pytest.mark.impacts
+@pytest.mark.parametrize("base", [RANDOM, SHOCK, CHIRP + RANDOM, fi.HammerBlow("tip", 0.02, 2e-3)])
+def test_nothing_names_a_cycle_where_there_is_none(base):
+    contact = fi.KelvinVoigt(restitution=0.7, contact_time=4e-3)
+    system = reduced(with_ball(REFERENCE, contact=contact, gap=1e-4), 4)
+    channels = ("tip", "tip.velocity", "ball", "ball.velocity", "ball.contact_force")
+    run = fi.integrate(system, base, fi.EventDriven(), 1.0, fi.Recorder(channels, interval=2e-3))
+    assert len(run.impacts) > 0
+    off, drawn = fi.figures.OffScreen(), []
+    for draw in (fi.figures.motion, fi.figures.contact_force, fi.figures.impact_histograms):
+        drawn += list(np.ravel(draw(run, figure=off)))
+    for draw in (fi.figures.spectrum, fi.figures.impulse_phase, fi.figures.phase_portrait):
+        drawn.append(draw(run, ax=off))
+    texts = [text.get_text() for axis in drawn for text in axis.figure.findobj(matplotlib.text.Text)]
+    said = " ".join([*texts, repr(run), str(run.to_xarray().attrs)]).replace("the excitation has no cycle", "")
+    assert "cycle" not in said
+    assert "Hz" not in said.replace("frequency (Hz)", "").replace("²/Hz", "").replace("Hz apart", "")
+    with pytest.raises(fi.InputError, match="must have a cycle"):
+        fi.figures.cycle_averaged_force(run)
+
+
+def test_the_spectrum_of_a_record_marks_no_frequency_of_the_base():
+    record = fi.RecordedBase(RANDOM.acceleration(1e-3 * np.arange(2001)), 1e-3)
+    alone = fi.without_impactors(in_a_box())
+    run = fi.integrate(alone, record, fi.EventDriven(), 2.0, fi.Recorder(interval=2e-3))
+    axis = fi.figures.spectrum(run, "mass", ax=fi.figures.OffScreen())
+    assert len(axis.get_lines()) == 1
+    assert axis.get_ylabel() == "spectral density of mass, m²/Hz"

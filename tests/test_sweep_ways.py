@@ -139,3 +139,14 @@ def test_a_curve_of_stress_is_drawn_with_its_unit(bare):
     axis = fi.figures.response_curve(curve)
     assert axis.get_ylabel() == "root surface stress (MPa)"
     assert "m/s" in axis.get_title(loc="left")
+
+
+def test_chains_have_the_same_bits_for_any_number_of_threads(ball):
+    def curves(threads):
+        return fi.frequency_sweep(
+            ball, None, FREQUENCIES, EXACT, 12, acceleration=ACCELERATION, direction="both", threads=threads
+        )
+
+    one, other = curves(1), curves(3)
+    for way in ("up", "down"):
+        np.testing.assert_array_equal(one[way].peak, other[way].peak)

@@ -498,10 +498,11 @@ def _print_results(study: Study, results: StudyResults) -> None:
                 f"{_number(channel['rms'])}{mark} {channel['unit']} over the last third; largest of the run "
                 f"{_number(channel['largest_of_run'])} {channel['unit']} at {_number(channel['time_of_largest'])} s"
             )
+        averaged = "cycle-averaged" if "frequency" in history else "mean"
         for name, contact in contacts_of(summary).items():
             where.print(
                 f"{name} ({contact['law']}): peak force {_number(contact['peak_force'])}{mark} N, mean impulse "
-                f"{1e3 * contact['mean_impulse']:.4g}{mark} mN s, cycle-averaged force "
+                f"{1e3 * contact['mean_impulse']:.4g}{mark} mN s, {averaged} force "
                 f"{contact['cycle_mean_force']:.4g}{mark} N; "
                 f"{_restitution_words(contact)}"
             )

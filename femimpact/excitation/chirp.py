@@ -13,16 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.errors import check_fields, choice, quantity, require
 from femimpact.excitation.excitation import times
 from femimpact.excitation.level import level_of
+from femimpact.excitation.piecewise_motion import PiecewiseMotion
 from femimpact.excitation.piecewise_polynomial import (
     PiecewisePolynomial,
-    base_acceleration,
-    base_displacement,
-    base_velocity,
     fitted,
     knots_of,
-    largest_displacement,
 )
-from femimpact.excitation.sums import added
 
 __all__ = ["Chirp"]
 
@@ -33,7 +29,7 @@ TERMS = 12
 
 
 @dataclass(frozen=True, init=False)
-class Chirp:
+class Chirp(PiecewiseMotion):
     """Sine of the base whose frequency goes from one value to another, up or down; at uniform speed after its end.
 
     The phase is 2 pi times the integral of the frequency f(t), and zero at t = 0:
@@ -114,19 +110,9 @@ class Chirp:
         return max(self.start, self.stop)
 
     @property
-    def has_cycle(self) -> bool:
-        """False: statistics are over time, and no motion under it is called periodic."""
-        return False
-
-    @property
-    def phase(self) -> float:
-        """Not a number: impacts have no phase in a chirp."""
-        return math.nan
-
-    @property
     def amplitude(self) -> float:
         """Largest displacement, m."""
-        return self.level if self.by == "amplitude" else largest_displacement(self.closed_form)
+        return self.level if self.by == "amplitude" else super().amplitude
 
     def frequency_at(self, time: ArrayLike) -> Array:
         """Frequency (Hz) at times in s."""
@@ -200,8 +186,3 @@ class Chirp:
             twice.append(-1j * (first + power * slope * twice[-1]) / omega)
         speed, place = turn * sum(once), turn * sum(twice)
         return speed.imag, place.imag
-
-    displacement = base_displacement
-    velocity = base_velocity
-    acceleration = base_acceleration
-    __add__ = added

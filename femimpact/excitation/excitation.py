@@ -7,18 +7,26 @@ another), and the frequency that "a cycle" means in statistics.
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from functools import cached_property
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import kind_of, real_array, require
 
-__all__ = ["MEMBERS", "BrokenLine", "Excitation", "Harmonic", "has_cycle", "require_excitation", "times"]
+__all__ = [
+    "MEMBERS", "BrokenLine", "Excitation", "Harmonic", "has_cycle", "require_excitation", "times",
+    "words_of",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
+
+ROUNDING = 1e-12
+"""Share of the largest sample that is rounding beside a straight record."""
 
 AT_SAMPLE = 1e-9
 """Share of the time between samples by which rounding may put an instant before a sample."""
@@ -92,6 +100,20 @@ class BrokenLine:
     interval: float
     initial_velocity: float = 0.0
 
+    @cached_property
+    def spectrum(self) -> tuple[Array, Array]:
+        """Frequencies (Hz) and |lines| of the samples without their line of least squares; zeros of a straight record.
+
+        An offset or a drift is no oscillation.
+        """
+        a = np.asarray(self.samples, dtype=float)
+        along = np.linspace(-1.0, 1.0, a.size)
+        rest = a - a.mean() - along * (along @ a) / (along @ along)
+        frequency = np.asarray(np.fft.rfftfreq(a.size, self.interval))
+        if np.abs(rest).max() <= ROUNDING * np.abs(a).max():
+            return frequency, np.zeros_like(frequency)
+        return frequency, np.asarray(np.abs(np.fft.rfft(rest)))
+
     def motion_at(self, time: float) -> Array:
         """ub, ub', s and s' at a time (s), as (4,): exact integrals of the line, and its slope from there on."""
         s, h, last = np.asarray(self.samples, dtype=float), self.interval, len(self.samples) - 1
@@ -120,6 +142,22 @@ MEMBERS = ("frequency", "phase", "amplitude", "displacement", "velocity", "accel
 def has_cycle(excitation: object) -> bool:
     """Whether an excitation repeats after a cycle: one that does not say so does."""
     return bool(getattr(excitation, "has_cycle", True))
+
+
+def words_of(excitation: Any) -> str:
+    """What drives a run in a few words: "base at 5 Hz", "base: chirp + sine", "force at tip: hammer blow"."""
+    place = getattr(excitation, "at", None)
+    driven = "base" if place is None else f"force at {place if isinstance(place, str) else f'{place:g} m'}"
+    if has_cycle(excitation) and math.isfinite(excitation.phase):
+        return f"{driven}{' at' if place is None else ','} {excitation.frequency:.4g} Hz"
+    history = getattr(excitation, "history", excitation)
+    return f"{driven}: {' + '.join(map(_name_of, getattr(history, 'parts', (history,))))}"
+
+
+def _name_of(history: object) -> str:
+    """The name of a class as words: SteppedSine is a stepped sine, RandomBase random."""
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(history).__name__)
+    return words.lower().removesuffix(" base")
 
 
 def require_excitation(value: object, key: str = "excitation") -> None:

@@ -11,38 +11,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, quantity, real_array, require
+from femimpact.excitation.piecewise_motion import PiecewiseMotion
 from femimpact.excitation.piecewise_polynomial import (
     NODES,
     PiecewisePolynomial,
-    base_acceleration,
-    base_displacement,
-    base_velocity,
     coefficients_through,
-    largest_displacement,
 )
-from femimpact.excitation.sums import added
 
 __all__ = ["RandomBase"]
 
 Array = NDArray[np.float64]
 
-PIECES = 24
-"""Polynomials of degree 5 in a cycle of the highest line."""
+PIECES = 23.0
+"""Polynomials of degree 5 in a cycle of a single line: within 1e-9 of the largest value, with half as much to spare."""
+
+LEAST_PIECES = 8
+"""In a cycle of the highest line, however weak it is."""
 
 MOST_LINES = 5_000_000
 
 
 @dataclass(frozen=True)
-class RandomBase:
+class RandomBase(PiecewiseMotion):
     """Random motion of the base as a sum of sines: ub'' = sum_k sqrt(2 S(f_k) df) cos(2 pi f_k t + phase_k).
 
     The lines stand at all multiples f_k of df = 1/duration between the first and the last frequency of the density S;
     the phases are drawn evenly from 0 to 2 pi by numpy's generator of the seed. The sum is stationary from t = 0 on
     (its mean square over the duration is that of the density), close to normally distributed, and has the period
-    `duration`; after it the base moves on uniformly. The history is made of polynomials of degree 5, 24 in a cycle of
-    the highest line: displacement, velocity and acceleration are exact derivatives of one another, and the
-    acceleration is within 1e-9 of its largest value. Libraries such as pyExSi give samples, from which no closed form
-    follows.
+    `duration`; after it the base moves on uniformly. The history is made of polynomials of degree 5, up to 23 in a
+    cycle of the highest line, 18 of a flat density: displacement, velocity and acceleration are exact derivatives of
+    one another, and the acceleration is within 1e-9 of its largest value. Libraries such as pyExSi give samples, from
+    which no closed form follows.
 
     Parameters
     ----------
@@ -103,21 +102,6 @@ class RandomBase:
         """The highest line, Hz: a random motion has no cycle."""
         return float(self.lines[0][-1])
 
-    @property
-    def has_cycle(self) -> bool:
-        """False: statistics are over time, and no motion under it is called periodic."""
-        return False
-
-    @property
-    def phase(self) -> float:
-        """Not a number."""
-        return math.nan
-
-    @property
-    def amplitude(self) -> float:
-        """Largest displacement, m."""
-        return largest_displacement(self.closed_form)
-
     @cached_property
     def closed_form(self) -> PiecewisePolynomial:
         """Acceleration of the base, m/s^2."""
@@ -125,7 +109,9 @@ class RandomBase:
 
         frequency, size, phase = self.lines
         first, last = self._numbers
-        count = next_fast_len(max(PIECES * last, PIECES), real=True)
+        # a piece of length h misses a line by (omega h)^6/(720 924) of it; of all lines that is a mean square
+        share = math.sqrt(np.sum((size * (frequency / frequency[-1]) ** 6) ** 2) / np.sum(size**2))
+        count = next_fast_len(math.ceil(max(PIECES * share ** (1 / 6), LEAST_PIECES) * last), real=True)
         h, wave = self.duration / count, size * np.exp(1j * phase)
         spectrum = np.zeros(count // 2 + 1, dtype=complex)
 
@@ -140,11 +126,6 @@ class RandomBase:
         knots = np.linspace(0.0, self.duration, count + 1)
         coefficients = coefficients_through(values, np.full(count, h))
         return PiecewisePolynomial(knots, coefficients, starts=np.vstack([starts, starts[0]]))
-
-    displacement = base_displacement
-    velocity = base_velocity
-    acceleration = base_acceleration
-    __add__ = added
 
 
 def _shown(psd: Array) -> str:

@@ -20,9 +20,6 @@ __all__ = ["RecordedBase"]
 
 Array = NDArray[np.float64]
 
-ROUNDING = 1e-12
-"""Share of the largest sample that is rounding beside a straight record."""
-
 
 @dataclass(frozen=True, eq=False)
 class RecordedBase:
@@ -232,12 +229,8 @@ class RecordedBase:
         That of the record without its line of least squares: an offset or a drift is no cycle. Where nothing is left
         beside that line, all of the record is one cycle.
         """
-        a, n = self.samples, self.samples.size
-        along = np.linspace(-1.0, 1.0, n)
-        rest = a - a.mean() - along * (along @ a) / (along @ along)
-        straight = np.abs(rest).max() <= ROUNDING * np.abs(a).max()
-        line = 1 if straight else max(np.argmax(np.abs(np.fft.rfft(rest))), 1)
-        return float(line / (n * self.interval))
+        _, lines = self.closed_form.spectrum
+        return float(max(np.argmax(lines), 1) / (self.samples.size * self.interval))
 
     @property
     def phase(self) -> float:
@@ -265,7 +258,7 @@ class RecordedBase:
         _, s, a, slope = self._locate(time)
         return np.asarray(a + s * slope)
 
-    @property
+    @cached_property
     def closed_form(self) -> BrokenLine:
         """Acceleration of the base, m/s^2."""
         return BrokenLine(self.samples, self.interval, self.initial_velocity)

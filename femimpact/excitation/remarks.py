@@ -268,12 +268,10 @@ def _kept(highest: float, left_out: float) -> str:
 
 def _energy_above(line: BrokenLine, limit: float) -> float:
     """Share of the energy of the samples without their line of least squares above a frequency (Hz)."""
-    a, n = np.asarray(line.samples, dtype=float), len(line.samples)
-    along = np.linspace(-1.0, 1.0, n)
-    rest = a - a.mean() - along * (along @ a) / (along @ along)
-    if float(np.abs(rest).max()) <= ROUNDING * float(np.abs(a).max()):
+    frequency, lines = line.spectrum
+    energy, n = lines**2, len(line.samples)
+    if not energy.any():
         return 0.0
-    energy = np.abs(np.fft.rfft(rest)) ** 2
     # all lines but the first, and the last of an even number, stand for two
     energy[1 : n - n // 2] *= 2.0
-    return float(energy[np.fft.rfftfreq(n, line.interval) > limit].sum() / energy.sum())
+    return float(energy[frequency > limit].sum() / energy.sum())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,15 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, choice, quantity, truth
+from femimpact.excitation.piecewise_motion import PiecewiseMotion
 from femimpact.excitation.piecewise_polynomial import (
     PiecewisePolynomial,
-    base_acceleration,
-    base_displacement,
-    base_velocity,
     fitted,
-    largest_displacement,
 )
-from femimpact.excitation.sums import added
 
 __all__ = ["Shock"]
 
@@ -35,7 +30,7 @@ COMPENSATION = 20.0
 
 
 @dataclass(frozen=True, init=False)
-class Shock:
+class Shock(PiecewiseMotion):
     """Pulse of the base's acceleration from t = 0 on, the base being at rest before it.
 
     With x = t/duration: half-sine, a sin(pi x); terminal-sawtooth, a x up to its end, where it falls to zero at once;
@@ -83,21 +78,6 @@ class Shock:
         """Of the sine of which a half-sine is a half, Hz: a pulse has no cycle."""
         return 0.5 / self.duration
 
-    @property
-    def has_cycle(self) -> bool:
-        """False: statistics are over time, and no motion under it is called periodic."""
-        return False
-
-    @property
-    def phase(self) -> float:
-        """Not a number."""
-        return math.nan
-
-    @property
-    def amplitude(self) -> float:
-        """Largest displacement until the end of the pulse, or of what compensates it, m."""
-        return largest_displacement(self.closed_form)
-
     @cached_property
     def closed_form(self) -> PiecewisePolynomial:
         """Acceleration of the base, m/s^2."""
@@ -124,8 +104,3 @@ class Shock:
         own = np.zeros((len(pulse.coefficients), 6))
         own[:, : pulse.coefficients.shape[1]] = pulse.coefficients
         return PiecewisePolynomial([*pulse.knots, self.duration + length], np.vstack([own, more]))
-
-    displacement = base_displacement
-    velocity = base_velocity
-    acceleration = base_acceleration
-    __add__ = added

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -12,16 +11,12 @@ from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, choice, quantity, real_array, require
 from femimpact.excitation.level import level_of
+from femimpact.excitation.piecewise_motion import PiecewiseMotion
 from femimpact.excitation.piecewise_polynomial import (
     NODES,
     PiecewisePolynomial,
-    base_acceleration,
-    base_displacement,
-    base_velocity,
     coefficients_through,
-    largest_displacement,
 )
-from femimpact.excitation.sums import added
 
 __all__ = ["SteppedSine"]
 
@@ -32,7 +27,7 @@ PIECES = 24
 
 
 @dataclass(frozen=True, init=False)
-class SteppedSine:
+class SteppedSine(PiecewiseMotion):
     """Whole cycles of the base at one frequency after another; at rest after the last.
 
     The frequency changes where the base is farthest out and stands still, so that displacement and velocity are
@@ -107,21 +102,6 @@ class SteppedSine:
         """The highest one, Hz: there is no cycle that all of it has."""
         return float(max(self.frequencies))
 
-    @property
-    def has_cycle(self) -> bool:
-        """False: statistics are over time, and no motion under it is called periodic."""
-        return False
-
-    @property
-    def phase(self) -> float:
-        """Not a number."""
-        return math.nan
-
-    @property
-    def amplitude(self) -> float:
-        """Largest displacement, m."""
-        return largest_displacement(self.closed_form)
-
     @cached_property
     def closed_form(self) -> PiecewisePolynomial:
         """Acceleration of the base, m/s^2."""
@@ -148,8 +128,3 @@ class SteppedSine:
         lengths = 2.0 * np.pi / PIECES / omega
         angle = 2.0 * np.pi / PIECES * (np.arange(omega.size) % PIECES)
         return np.concatenate([[0.0], np.cumsum(lengths)]), np.asarray(angle, dtype=float)
-
-    displacement = base_displacement
-    velocity = base_velocity
-    acceleration = base_acceleration
-    __add__ = added

@@ -113,8 +113,9 @@ class Sum:
             return None
         grids = [form.knots for form in pieces]
         if sines and self.end is not None:
-            omega = max(form.omega for form in sines)
-            grids.append(np.linspace(0.0, self.end, max(math.ceil(self.end * omega / PHASE_OF_PIECE), 1) + 1))
+            # of one length whatever the end: a run that goes on has the same pieces
+            length = PHASE_OF_PIECE / max(form.omega for form in sines)
+            grids.append(length * np.arange(math.ceil(self.end / length) + 1))
         knots = _distinct(np.concatenate(grids))
 
         def history(time: Array) -> Array:

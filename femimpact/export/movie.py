@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import choice, instance, optional, quantity, require, takes
+from femimpact.excitation.excitation import words_of
 from femimpact.export.figures.drawing import BLUE, DARK, ORANGE
 from femimpact.export.files import atomic_path, file_path
 from femimpact.export.scene import BALL, BEAM, BOX, EXAGGERATION, ball_radius, build_scene, snapshots_of, thinned
@@ -151,8 +152,10 @@ def _film(response: Response, structure: Structure, exaggeration: float | None, 
     chosen = thinned(snapshots.time.size, most)
     shown = float(snapshots.time[chosen[-1]] - snapshots.time[chosen[0]])
     slow = f"   Slowed {(chosen.size - 1) / fps / shown:.2g} times." if shown > 0.0 else ""
-    sine = f"Base: sine, {response.base.frequency:.4g} Hz, {1e3 * response.base.amplitude:.4g} mm."
-    base = "Base: a record." if math.isnan(response.base.phase) else sine
+    words = words_of(response.base)
+    is_sine = math.isfinite(response.base.phase) and getattr(response.base, "at", None) is None
+    moved = f", {1e3 * response.base.amplitude:.4g} mm" if is_sine else ""
+    base = f"{words[:1].upper()}{words[1:]}{moved}."
     drawn = "Motion and clearance" if response.system.contacts else "Motion"
     size = "to scale" if exaggeration == 1.0 else f"{exaggeration:g} times as large"
     caption = f"{base}   {drawn} drawn {size}.{slow}"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, checked, column, having, instance, optional, require, require_type
 from femimpact.excitation import Excitation
-from femimpact.excitation.excitation import MEMBERS
+from femimpact.excitation.excitation import MEMBERS, has_cycle
 from femimpact.response.energy import EnergyLedger
 
 if TYPE_CHECKING:
@@ -137,7 +137,9 @@ def history_dataset(
     if energy is not None:
         for name in ("kinetic", "strain", "ball", "contact", "work", "structure_loss", "contact_loss"):
             data[f"energy_{name}"] = variable(getattr(energy, name), "J", f"energy: {name.replace('_', ' ')}")
-    attributes = {"base_amplitude_m": base.amplitude, "base_frequency_Hz": base.frequency}
+    attributes = {"base_amplitude_m": base.amplitude}
+    if has_cycle(base):
+        attributes["base_frequency_Hz"] = base.frequency
     coordinate = ("time", np.array(time), {"units": "s", "long_name": "time"})
     return xarray.Dataset(data, coords={"time": coordinate}, attrs=attributes)
 

@@ -275,10 +275,11 @@ class Response:
         kept = (
             f"{span}{self.time.size} samples" if self.streamed_to is None else f"streamed to {self.streamed_to:.5g} s"
         )
-        rate = f"{self.statistics.impacts_per_cycle:.5g} per base cycle over the last third"
+        statistics = self.statistics
+        rate = f"{statistics.impacts_per_cycle:.5g} per base cycle" if has_cycle(self.base) else f"{statistics.count}"
         values = {
             "channels": ", ".join(f"{name} ({unit})" for name, unit in self.units.items()),
-            "impacts": f"{len(self.impacts)}, {rate}",
+            "impacts": f"{len(self.impacts)}, {rate} over the last third",
             "sticking phases": str(len(self.sticking)),
         }
         if self.energy is not None:

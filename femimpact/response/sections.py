@@ -105,7 +105,13 @@ def stroboscopic(
         If the phase is no finite number, or the base has none, as a record.
     """
     taken_at = checked("phase", phase, quantity("rad")) % (2.0 * math.pi)
-    require(math.isfinite(base.phase), "base.phase", base.phase, "rad", "must be finite: a record has no phase")
+    require(
+        math.isfinite(base.phase),
+        "base.phase",
+        base.phase,
+        "rad",
+        "must be finite: no record and nothing without a cycle has one",
+    )
     instants = _instants(time, base, taken_at)
     right = np.clip(np.searchsorted(time, instants), 1, max(time.size - 1, 1))
     read = {}

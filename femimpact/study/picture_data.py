@@ -101,12 +101,15 @@ class DrawnSystem:
     contacts : tuple of DrawnContact
         Balls first, then stops.
     total_mass : float, kg
+    first_frequency : float, Hz
+        Not a number where it was not kept.
     """
 
     nodes: Array
     points: Mapping[str, float]
     contacts: tuple[DrawnContact, ...] = ()
     total_mass: float = math.nan
+    first_frequency: float = math.nan
 
     @property
     def dofs(self) -> int:

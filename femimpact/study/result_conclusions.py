@@ -160,6 +160,7 @@ def _contacts(summary: Mapping[str, Any]) -> list[Conclusion]:
     if several:
         return several
     found = []
+    averaged = "Mean" if _number(summary, "history", "frequency") is None else "Cycle-averaged"
     try:
         contacts = contacts_of(summary)
     except (TypeError, KeyError, ValueError):
@@ -180,9 +181,7 @@ def _contacts(summary: Mapping[str, Any]) -> list[Conclusion]:
         if mean is not None:
             scale, unit = (1e3, "mN") if mean < 1.0 else (1.0, "N")
             found.append(
-                Conclusion(
-                    f"Cycle-averaged force of {name}", _shown(scale * mean), unit, one_sample=sample, note=impacts
-                )
+                Conclusion(f"{averaged} force of {name}", _shown(scale * mean), unit, one_sample=sample, note=impacts)
             )
     return found
 

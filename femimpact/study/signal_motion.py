@@ -94,7 +94,8 @@ class SignalMotion:
     @property
     def words(self) -> str:
         """How long the history is, and what drives it."""
-        return f"{self.history_duration:g} s of a {self.kind} motion of the base, up to {self.frequency:.4g} Hz"
+        highest = "" if self.kind == "shock" else f", up to {self.frequency:.4g} Hz"
+        return f"{self.history_duration:g} s of a {self.kind} motion of the base{highest}"
 
     @property
     def table(self) -> dict[str, Any]:

@@ -220,7 +220,7 @@ class Output:
     frames : int
         Whole deflections that are kept for ParaView and the movie.
     frame_cycles : float
-        Last base cycles over which they are spread.
+        Last base cycles over which they are spread; of a motion without one, cycles of its highest frequency.
     exaggeration : float
         Scales motion and gaps there. Absent: chosen by the movie, 1 for ParaView.
     memory_limit : float, bytes

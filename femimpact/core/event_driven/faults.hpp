@@ -46,11 +46,10 @@ inline bool are_finite(GivenComplexArray exponent, GivenArray size) {
     return total == 0.0;
 }
 
-inline bool are_finite(GivenMatrix values) {
+inline bool are_finite(GivenArray values) {
     double total = 0.0;
-    for (Index i = 0; i < values.shape[0]; i++)
-        for (Index j = 0; j < values.shape[1]; j++)
-            total += 0.0 * values(i, j);
+    for (Index i = 0; i < values.size(); i++)
+        total += 0.0 * values(i);
     return total == 0.0;
 }
 
@@ -98,27 +97,18 @@ inline const char *fault_of(const Forms &forms, Index most_numbers) {
 
 // ---- cases ------------------------------------------------------------------------------------------
 
-// Of the polynomials that s(t) is made of, and of where a case is among them.
+// Of where cases are among the polynomials that s(t) is made of.
 inline const char *fault_of_pieces(const Cases &cases) {
-    const Index knots = cases.knots.size();
     if (!is_within(cases.degree, -1, HIGHEST_DEGREE))
         return "cases.degree: must be -1 to 5";
     if (!(cases.longest > 0.0))
         return "cases.longest: must be > 0";
-    for (Index i = 0; i < knots; i++)
-        if (!is_finite(cases.knots(i)) || !(i == 0 || cases.knots(i) > cases.knots(i - 1)))
-            return "cases.knots: must be finite and rise";
-    if (!are_finite(cases.pieces))
-        return "cases.pieces: must be finite";
     for (Index c = 0; c < cases.omega.size(); c++) {
-        const Index piece = cases.piece(c);
         for (Index i = 0; i < DRIVE; i++)
             if (!is_finite(cases.drive(c, i)))
                 return "cases.drive: must be finite";
-        if (!is_within(piece, 0, larger(0, knots - 1)))
+        if (!is_within(cases.piece(c), 0, larger(0, cases.knots.size() - 1)))
             return "cases.piece: must be numbers of pieces";
-        if (piece + 1 < knots && !(cases.clock(c, 0) <= cases.knots(piece + 1)))
-            return "cases.piece: must not have ended before the present time";
     }
     return nullptr;
 }
@@ -144,6 +134,22 @@ inline const char *fault_of(const Cases &cases, const Forms &forms) {
             return "cases.events: must be at most 2^52";
     }
     return fault_of_pieces(cases);
+}
+
+// Of the polynomials that a case meets until a time: a long record has many more.
+inline const char *fault_of_pieces(Index c, double until, const Cases &cases) {
+    const Index knots = cases.knots.size(), piece = cases.piece(c);
+    for (Index i = piece; i < knots; i++) {
+        if (!is_finite(cases.knots(i)) || !(i == piece || cases.knots(i) > cases.knots(i - 1)))
+            return "cases.knots: must be finite and rise";
+        if (!are_finite(cases.pieces.row(i)))
+            return "cases.pieces: must be finite";
+        if (cases.knots(i) > until)
+            break;
+    }
+    if (piece + 1 < knots && !(cases.clock(c, 0) <= cases.knots(piece + 1)))
+        return "cases.piece: must not have ended before the present time";
+    return nullptr;
 }
 
 // Of the times and cycles that a call reads.
@@ -183,6 +189,8 @@ inline const char *fault_of(const Task &task, const Cases &cases, const Grid &gr
         // half an interval: what an event leaves may be rounded
         if (!(cases.clock(c, 0) <= until + 0.5 * interval))
             return "cases.clock: must not be later than the last sample";
+        if (const char *fault = fault_of_pieces(c, latest, cases))
+            return fault;
     }
     return nullptr;
 }

@@ -59,6 +59,8 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
 }
 
 // Sets the integrals of e^{mu_k s} e^{mu_m s} and of e^{mu_k s} conj(e^{mu_m s}) over the duration.
+//
+// Those of driven entries are left out: the integrals of what these move are sums over points.
 [[gnu::noinline]] inline void integrate_terms(const Scalars &scalars, View<const unsigned char, 2> together,
                                               double duration, Index terms, const Products &s) {
     Index entries = scalars.exponent.size();
@@ -67,7 +69,7 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
     s.growth(entries) = {cosine, sine};
     if (terms > entries + 1)
         s.growth(entries + 1) = {1.0, 0.0};
-    for (Index k = 0; k < terms; k++) {
+    for (Index k = scalars.driven; k < terms; k++) {
         Complex e = exponent_of(k, scalars);
         for (Index m = k; m < terms; m++) {
             if (m < entries && !together(k, m))
@@ -198,13 +200,24 @@ constexpr SeriesOfMoments SERIES;
 }
 
 // Sets the values at the Gauss points of a polynomial by its derivatives at the beginning.
-[[gnu::always_inline]] inline void set_values(const double *derivatives, double duration, double *values) {
-    for (Index node = 0; node < GAUSS_POINTS; node++) {
-        double time = 0.5 * duration * (1.0 + NODES[node]), total = 0.0;
-        for (Index j = POWERS - 1; j >= 0; j--)
-            total = derivatives[j] * INVERSE_FACTORIAL[j] + total * time;
-        values[node] = total;
-    }
+//
+// Points advance side by side, here and below: none waits for another.
+[[gnu::always_inline]] inline void set_values(const double *derivatives, const double *times, double *values) {
+    for (Index node = 0; node < GAUSS_POINTS; node++)
+        values[node] = derivatives[POWERS - 1] * INVERSE_FACTORIAL[POWERS - 1];
+    for (Index j = POWERS - 2; j >= 0; j--)
+        for (Index node = 0; node < GAUSS_POINTS; node++)
+            values[node] = derivatives[j] * INVERSE_FACTORIAL[j] + values[node] * times[node];
+}
+
+// Adds the values of a Taylor series to those at the Gauss points.
+[[gnu::always_inline]] inline void add_series(GivenArray terms, Index count, const double *times, double *values) {
+    double total[GAUSS_POINTS] = {};
+    for (Index n = count - 1; n >= 0; n--)
+        for (Index node = 0; node < GAUSS_POINTS; node++)
+            total[node] = terms(n) + times[node] * total[node];
+    for (Index node = 0; node < GAUSS_POINTS; node++)
+        values[node] += total[node];
 }
 
 [[gnu::always_inline]] inline double integral_of_product(const double *one, const double *other, double duration) {
@@ -214,11 +227,15 @@ constexpr SeriesOfMoments SERIES;
     return 0.5 * duration * total;
 }
 
+// Whether driven entries, which are the first ones, move a coordinate.
+[[gnu::always_inline]] inline bool is_moved_by_driven(const Shapes &shapes, Index i, Index driven) {
+    return shapes.first(i) < shapes.first(i + 1) && shapes.members(shapes.first(i)) < driven;
+}
+
 // Whether driven and other entries move the same coordinate.
 [[gnu::always_inline]] inline bool are_mixed(const Shapes &shapes, Index driven, Index coordinates) {
     for (Index i = 0; driven > 0 && i < coordinates; i++) {
-        Index first = shapes.first(i), last = shapes.first(i + 1);
-        if (first < last && shapes.members(first) < driven && shapes.members(last - 1) >= driven)
+        if (is_moved_by_driven(shapes, i, driven) && shapes.members(shapes.first(i + 1) - 1) >= driven)
             return true;
     }
     return false;
@@ -234,6 +251,8 @@ constexpr SeriesOfMoments SERIES;
     double factor = 1.0;
     for (Index n = 0; n < terms; n++) {
         for (Index i = 0; i < b.mass.size(); i++) {
+            if (!is_moved_by_driven(shapes, i, scalars.driven))
+                continue;
             double total = 0.0;
             for (Index m = shapes.first(i); m < shapes.first(i + 1) && shapes.members(m) < scalars.driven; m++)
                 total += (shapes.shape_rate(i, shapes.members(m)) * term(shapes.members(m))).real;
@@ -258,22 +277,22 @@ constexpr SeriesOfMoments SERIES;
         series = terms_of_driven(scalars, duration);
         set_driven_rates(series, form, space, b);
     }
-    double acting[GAUSS_POINTS], steady[GAUSS_POINTS], work = 0.0;
-    set_values(&drive(2), duration, acting);
+    double times[GAUSS_POINTS], acting[GAUSS_POINTS], steady[GAUSS_POINTS], work = 0.0;
+    for (Index node = 0; node < GAUSS_POINTS; node++)
+        times[node] = 0.5 * duration * (1.0 + NODES[node]);
+    set_values(&drive(2), times, acting);
     for (Index i = 0; i < b.mass.size(); i++) {
         ComplexArray strength = s.strength.row(i);
         double rates[POWERS];
         for (Index j = 0; j < POWERS; j++)
             rates[j] = derivative(form.shapes.follow_rate, i, drive, j);
-        set_values(rates, duration, steady);
-        for (Index node = 0; series > 0 && node < GAUSS_POINTS; node++) {
-            double time = 0.5 * duration * (1.0 + NODES[node]), total = 0.0;
-            for (Index n = series - 1; n >= 0; n--)
-                total = s.rates(i, n) + time * total;
-            steady[node] += total;
-        }
+        set_values(rates, times, steady);
+        // driven entries and others move no coordinate together: else points would be summed
+        bool is_driven = is_moved_by_driven(form.shapes, i, scalars.driven);
+        if (is_driven)
+            add_series(s.rates.row(i), series, times, steady);
         double driven = integral_of_product(acting, steady, duration), twice = 0.0;
-        for (Index k = scalars.driven; k < terms; k++) {
+        for (Index k = scalars.driven; !is_driven && k < terms; k++) {
             if (strength(k) == 0.0)
                 continue;
             Complex by_drive = {0.0, 0.0}, by_rate = {0.0, 0.0};
@@ -287,7 +306,9 @@ constexpr SeriesOfMoments SERIES;
         work += b.load(i) * driven + b.given(i) * (s.after(0, i) - s.before(0, i));
         if (b.damping(i) > 0.0) {
             double own = integral_of_product(steady, steady, duration) + 2.0 * twice;
-            b.loss_of_mode(c.number, i) += b.damping(i) * (own + square_of(strength, s.plus, s.minus, terms));
+            if (!is_driven)
+                own += square_of(strength, s.plus, s.minus, terms);
+            b.loss_of_mode(c.number, i) += b.damping(i) * own;
         }
     }
     b.work(c.number) += work;

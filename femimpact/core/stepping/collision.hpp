@@ -8,9 +8,9 @@
 namespace FEMIMPACT_TARGET::stepping {
 
 // Steps after which a collision that has not ended never will.
-constexpr Index MOST_STEPS = 100'000'000;
+constexpr Index MOST_STEPS = 10'000'000;
 
-// Rebound over approach speed, and peak force (N).
+// Rebound over approach speed, not a number where the collision has not ended, and peak force (N).
 struct Collision {
     double rebound, peak;
 };
@@ -67,9 +67,9 @@ inline Collision collide(const Law &law, double mass, double speed, double start
         // an algorithmic acceleration may last longer than the force
         if (left && ball[RATE] <= 0.0 && ball[FORCE] == 0.0 &&
             magnitude(ball[RATE] - ball[RATE_BEFORE]) <= 1e-13 * speed)
-            break;
+            return {-ball[RATE] / speed, peak};
     }
-    return {-ball[RATE] / speed, peak};
+    return {NOT_A_NUMBER, peak};
 }
 
 } // namespace FEMIMPACT_TARGET::stepping

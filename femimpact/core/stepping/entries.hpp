@@ -48,9 +48,9 @@ inline const char *fault_of(const Record &record, Index modes, Index modes_of_im
     for (Index k = 0; k < 4; k++)
         if (record.tally(k) < 0 || double(record.tally(k)) > MOST || magnitude(double(record.stride(k))) > MOST)
             return "cases.record.tally, stride: must be 0 to 1e15";
-    if (ledger && record.channels.shape[0] > 0 &&
-        (record.energy.shape[0] < record.channels.shape[0] || record.energy.shape[1] < ENERGY_COLUMNS + modes))
-        return "cases.record.energy: must have a row for each sample, and a column for each energy and mode";
+    if (ledger && record.channels.shape[1] > 0 &&
+        (record.energy.shape[1] < record.channels.shape[1] || record.energy.shape[0] < ENERGY_COLUMNS + modes))
+        return "cases.record.energy: must have a row for each energy and mode, and a column for each sample";
     if (record.impacts.shape[0] > 0 && record.impacts.shape[1] < IMPACT_COLUMNS + modes_of_impacts)
         return "cases.record.impacts: must have a column for each number of an impact and each mode";
     return nullptr;
@@ -149,30 +149,28 @@ inline PyObject *advance_entry(const femimpact_kernels &kernels, PyObject *const
     return Py_None;
 }
 
-// keep_present(block): the sample and the snapshot that are due at the present step
-inline PyObject *keep_present_entry(const femimpact_kernels &kernels, PyObject *const *arguments, Py_ssize_t count) {
+// A function of a kernel that is handed a block alone.
+inline PyObject *block_entry(void (*kernel)(const void *), const char *name, PyObject *const *arguments,
+                             Py_ssize_t count) {
     Handed handed;
-    if (!take_count(count, 1, "keep_present") || !handed.read(0, arguments[0], Py_None))
+    if (!take_count(count, 1, name) || !handed.read(0, arguments[0], Py_None))
         return nullptr;
     {
         const WithoutLock others_run;
-        kernels.keep_present(&handed.stepped);
+        kernel(&handed.stepped);
     }
     Py_IncRef(Py_None);
     return Py_None;
 }
 
+// keep_present(block): the sample and the snapshot that are due at the present step
+inline PyObject *keep_present_entry(const femimpact_kernels &kernels, PyObject *const *arguments, Py_ssize_t count) {
+    return block_entry(kernels.keep_present, "keep_present", arguments, count);
+}
+
 // write_energies(block)
 inline PyObject *write_energies_entry(const femimpact_kernels &kernels, PyObject *const *arguments, Py_ssize_t count) {
-    Handed handed;
-    if (!take_count(count, 1, "write_energies") || !handed.read(0, arguments[0], Py_None))
-        return nullptr;
-    {
-        const WithoutLock others_run;
-        kernels.write_energies(&handed.stepped);
-    }
-    Py_IncRef(Py_None);
-    return Py_None;
+    return block_entry(kernels.write_energies, "write_energies", arguments, count);
 }
 
 // collide(law, mass, speed, start, scheme): rebound over approach speed, peak force (N), what a custom law refused

@@ -67,13 +67,15 @@ inline void write_sample(const Stepped &given) {
                 value += record.pair_rows(i, 2, j) * m.ball(FORCE, j, 0);
                 value += record.pair_rows(i, 3, j) * contact_force(j, pairs, m);
             }
-        record.channels(k, i) = value;
+        record.channels(i, k) = value;
     }
     if (given.ledger) {
-        Array row = record.energy.row(k);
-        write_energy(0, given.structure, pairs, m, row);
+        Array energy = given.cases.energy_scratch;
+        write_energy(0, given.structure, pairs, m, energy);
+        for (Index i = 0; i < ENERGY_COLUMNS; i++)
+            record.energy(i, k) = energy(i);
         for (Index i = 0; i < m.loss_of_mode.size(); i++)
-            row(ENERGY_COLUMNS + i) = m.loss_of_mode(i);
+            record.energy(ENERGY_COLUMNS + i, k) = m.loss_of_mode(i);
     }
     record.tally(SAMPLES_KEPT) = k + 1;
 }
@@ -99,7 +101,7 @@ inline void write_snapshot(const Stepped &given) {
     const Record &record = given.cases.record;
     GivenIndices stride = record.stride;
     const Index every = stride(0), first = stride(1), stride_of_fields = stride(2), first_field = stride(3);
-    if (step >= first && (step - first) % every == 0 && record.tally(SAMPLES_KEPT) < record.channels.shape[0])
+    if (step >= first && (step - first) % every == 0 && record.tally(SAMPLES_KEPT) < record.channels.shape[1])
         write_sample(given);
     if (step >= first_field && (step - first_field) % stride_of_fields == 0 &&
         record.tally(SNAPSHOTS_KEPT) < record.snapshots.shape[0])
@@ -109,7 +111,7 @@ inline void write_snapshot(const Stepped &given) {
 // Whether a sample or a snapshot falls on this step.
 inline bool any_due(Index step, const Record &record) {
     GivenIndices stride = record.stride;
-    return (record.channels.shape[0] > 0 && (step - stride(1)) % stride(0) == 0) ||
+    return (record.channels.shape[1] > 0 && (step - stride(1)) % stride(0) == 0) ||
            (record.snapshots.shape[0] > 0 && (step - stride(3)) % stride(2) == 0);
 }
 

@@ -270,8 +270,8 @@ struct Record {
     View<const Index, 2> used; // (h, 4) 1 where a channel has a row of q, of v, of the balls, or of forces
     GivenBlock rows;           // (h, 2, n) of q and v
     GivenBlock pair_rows;      // (h, 4, P) of Y, Y_RATE, FORCE and of the force of contact
-    Matrix channels;           // (a, h)
-    Matrix energy;             // (d, g) columns and modes
+    Matrix channels;           // (h, a)
+    Matrix energy;             // (g, d) columns and modes
     Block snapshots;           // (j, 2, n + P)
     Matrix forces;             // (j, P)
     Matrix impacts;            // (q, u) columns and modes
@@ -282,8 +282,8 @@ struct Record {
         visit("used", used, "h 4");
         visit("rows", rows, "h 2 n");
         visit("pair_rows", pair_rows, "h 4 P");
-        visit("channels", channels, "a h");
-        visit("energy", energy, "d g");
+        visit("channels", channels, "h a");
+        visit("energy", energy, "g d");
         visit("snapshots", snapshots, "j 2 n+P");
         visit("forces", forces, "j P");
         visit("impacts", impacts, "q u");

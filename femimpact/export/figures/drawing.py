@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from femimpact.decimal_number import decimal_number
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type, suggestion
-from femimpact.excitation import Excitation
 from femimpact.excitation.excitation import has_cycle
 from femimpact.export.files import atomic_path, file_path
 from femimpact.response.channels import channel_key
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BLUE", "COLOURS", "CYCLES", "DARK", "GREEN", "GREY", "LEGEND", "ORANGE", "PURPLE", "SKY", "STYLE", "WALLS",
-    "OffScreen", "ball_of", "base_words", "beam_at", "channel_name", "last_cycles", "legend_above", "name_at", "panel",
+    "OffScreen", "ball_of", "beam_at", "channel_name", "last_cycles", "legend_above", "name_at", "panel",
     "panels", "place_of", "plain_log_ticks", "prefixed", "require_history", "rows_of", "save_figure", "scaled",
 ]  # fmt: skip
 
@@ -75,21 +74,16 @@ class OffScreen:
 def last_cycles(response: Response, cycles: float) -> tuple[float, str]:
     """Time (s) at which the last base cycles of a history begin, and words for them; all of it where it has fewer.
 
-    Under a record, which has no phase and no cycles, the words are of their time.
+    Under what has no cycle they are those of the first mode, and the words are of their time.
     """
     base, first, last = response.base, float(response.time[0]), float(response.time[-1])
-    start = max(last - cycles / base.frequency, first)
+    own = response.system.first_frequency
+    frequency = own if not has_cycle(base) and own > 0.0 and math.isfinite(own) else base.frequency
+    start = max(last - cycles / frequency, first)
     if math.isnan(base.phase):
         return start, f"last {last - start:.3g} s"
-    shown = cycles if start > first else (last - first) * base.frequency
-    return start, f"last {shown:.4g} cycles at {base.frequency:.4g} Hz"
-
-
-def base_words(base: Excitation) -> str:
-    """Words for the motion of the base."""
-    if not has_cycle(base):
-        return f"base: {type(base).__name__}"
-    return "base: a record" if math.isnan(base.phase) else f"base at {base.frequency:.4g} Hz"
+    shown = cycles if start > first else (last - first) * frequency
+    return start, f"last {shown:.4g} cycles at {frequency:.4g} Hz"
 
 
 # ---- where a figure is drawn ----------------------------------------------------------------------
@@ -203,6 +197,9 @@ def legend_above(axis: Axes, *groups: Sequence[Any]) -> None:
     """
     from matplotlib.transforms import ScaledTranslation
 
+    if (drawn_before := axis.get_legend()) is not None:
+        # of curves that are named again now
+        drawn_before.remove()
     named = [list(group) for group in groups if group] or [axis.get_legend_handles_labels()[0]]
     figure: Any = axis.figure
     width, height = 72.0 * axis.get_window_extent().width / figure.dpi, 0.0

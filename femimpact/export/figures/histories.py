@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import Fault, InputError, column, instance, optional, quantity, require, takes, truth
-from femimpact.excitation.excitation import has_cycle
+from femimpact.excitation.excitation import has_cycle, words_of
 from femimpact.export.figures.drawing import (
     BLUE,
     COLOURS,
@@ -139,8 +140,8 @@ def spectrum(
 ) -> Axes:
     """Amplitude spectrum of a channel over the whole base cycles of the last third of a run; else a spectral density.
 
-    Where the excitation has no cycle the one-sided spectral density over the whole run is drawn, by the averages of
-    Hann windows that overlap by half (Welch), and no frequency of the base.
+    Where the excitation has no cycle, or is a record, the one-sided spectral density over the whole run is drawn, by
+    the averages of Hann windows that overlap by half (Welch), and no frequency of the base.
 
     Parameters
     ----------
@@ -163,7 +164,8 @@ def spectrum(
     """
     require_history(response)
     name = channel_name(response, channel)
-    if not has_cycle(response.base):
+    # of a record, which has no phase either, the frequency of a cycle is only that of its largest line
+    if not has_cycle(response.base) or math.isnan(response.base.phase):
         return _density(response, name, highest, ax)
     values, base = response[name], response.base.frequency
     start, end = max(response.window[0], float(response.time[0])), float(response.time[-1])
@@ -176,8 +178,9 @@ def spectrum(
     shown = frequency <= top
     axis = panel(ax, 8.0, 4.4)
     largest = float(amplitude[shown].max())
+    driven = "base" if getattr(response.base, "at", None) is None else "force"
     factor, unit = prefixed(largest, response.units[name])
-    axis.axvline(base, color=GREY, linestyle="--", linewidth=1.2, label=f"base, {base:.4g} Hz")
+    axis.axvline(base, color=GREY, linestyle="--", linewidth=1.2, label=f"{driven}, {base:.4g} Hz")
     axis.semilogy(frequency[shown], factor * amplitude[shown], color=BLUE, linewidth=1.2, label=name)
     axis.set_ylim(bottom=max(factor * largest * 1e-6, float((factor * amplitude[shown]).min()) or 1e-300))
     axis.set_xlim(0.0, top)
@@ -200,7 +203,8 @@ def _density(response: Response, name: str, highest: float | None, ax: Axes | Of
     axis = panel(ax, 8.0, 4.4)
     rms = float(np.sqrt(np.mean(values**2)))
     label = f"{name}, rms {rms:.4g} {response.units[name]}"
-    axis.semilogy(frequency[shown], density[shown], color=BLUE, linewidth=1.2, label=label)
+    colour = COLOURS[len(axis.get_lines()) % len(COLOURS)]
+    axis.semilogy(frequency[shown], density[shown], color=colour, linewidth=1.2, label=label)
     axis.set_xlim(0.0, top)
     axis.set_xlabel("frequency (Hz)")
     unit = response.units[name].replace("^2", "²")
@@ -235,8 +239,9 @@ def cycle_averaged_force(response: Response) -> tuple[Array, Array]:
     Raises
     ------
     InputError
-        If it is no response.
+        If it is no response, or its excitation has no cycle.
     """
+    require(has_cycle(response.base), "response.base", words_of(response.base), "", "must have a cycle")
     period, impacts, sticking = 1.0 / response.base.frequency, response.impacts, response.sticking
     edges = period * np.arange(int(response.window[1] / period + 1e-9) + 1, dtype=float)
     # a method with steps has the impulse of a sticking phase in both tables
@@ -264,7 +269,8 @@ def contact_force(
     cycles : float
         Base cycles whose force is drawn.
     averaged : bool
-        Give the cycle-averaged force a panel of its own, instead of a line among the peaks.
+        Give the cycle-averaged force a panel of its own, instead of a line among the peaks, which the mean force is
+        where the excitation has no cycle.
     figure : Figure, optional
         Drawn on; a new one of pyplot's by default.
 
@@ -280,6 +286,8 @@ def contact_force(
     require_history(response)
     names = [name for name in response.channels if name.rpartition(".")[2] == "contact_force"]
     require(bool(names), "channels", list(response.channels), "", "must hold a contact force")
+    cyclic = has_cycle(response.base)
+    averaged = averaged and cyclic
     axes = panels(figure, 8.0, 8.0 if averaged else 5.6, 3 if averaged else 2, 1)[:, 0]
     _last_cycles(axes[0], response, names, cycles)
     impacts, statistics = response.impacts, response.statistics
@@ -292,7 +300,8 @@ def contact_force(
         axes[1].set_xlim(axes[2].get_xlim())
     else:
         axes[1].axhline(statistics.cycle_mean_force, color=GREY, linestyle="--", linewidth=1.2)
-        title += f"dashed: cycle-averaged force {1e3 * statistics.cycle_mean_force:.3g} mN;\n"
+        mean = "cycle-averaged" if cyclic else "mean"
+        title += f"dashed: {mean} force {1e3 * statistics.cycle_mean_force:.3g} mN;\n"
     axes[1].set_title(f"{title}mean impulse {1e3 * statistics.mean_impulse:.3g} mN s", loc="left")
     axes[1].set_ylim(0.0, 1.05 * (np.nanmax(impacts.peak_force, initial=0.0) or 1.0))
     axes[1].set_ylabel("peak force (N)")

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import instance, takes
+from femimpact.excitation.excitation import words_of
 from femimpact.export.figures.drawing import (
     GREY,
     LEGEND,
     WALLS,
     OffScreen,
-    base_words,
     legend_above,
     panel,
     panels,
@@ -70,7 +70,7 @@ def impact_histograms(response: Response, figure: FigureBase | OffScreen | None 
     axes[0].set_ylabel("impacts")
     count = int(np.count_nonzero(inside))
     axes[0].figure.suptitle(
-        f"{count} impacts from {start:.4g} to {end:.4g} s, {base_words(response.base)}",
+        f"{count} impacts from {start:.4g} to {end:.4g} s, {words_of(response.base)}",
         x=0.01, ha="left", fontsize=11.0,
     )  # fmt: skip
     # outside the axes: any bin may be the highest
@@ -123,6 +123,6 @@ def impulse_phase(response: Response, ax: Axes | OffScreen | None = None) -> Axe
     axis.set_xlabel("phase of the base (degrees)" if has_phase else "time (s)")
     axis.set_ylabel(f"impulse ({unit})")
     label = response.regime.label.replace(": ", ":\n", 1)
-    axis.set_title(f"{base_words(response.base)}, {start:.4g} to {end:.4g} s: {label}", loc="left")
+    axis.set_title(f"{words_of(response.base)}, {start:.4g} to {end:.4g} s: {label}", loc="left")
     legend_above(axis)
     return axis

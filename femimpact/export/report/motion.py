@@ -68,7 +68,8 @@ def history_section(
     whole = history_charts(channels, "whole run")
     left_out = list(recorded)[MOST_CHANNELS:]
     late = {name: one for name, one in (last or {}).items() if name in channels}
-    end = history_charts(late, "last cycles") if late else _last_part(channels)
+    when = "last cycles" if "base_frequency_Hz" in history.attrs else "end of the run"
+    end = history_charts(late, when) if late else _last_part(channels)
     more = f"{len(left_out)} more channels are not drawn: {', '.join(left_out)}."
     return Section(
         key, heading,

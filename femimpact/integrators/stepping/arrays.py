@@ -58,7 +58,7 @@ def empty_record(dofs: int, pairs: int) -> layout.Record:
         rows=np.zeros((0, 2, dofs)),
         pair_rows=np.zeros((0, 4, pairs)),
         channels=np.zeros((0, 0)),
-        energy=np.zeros((0, len(ENERGY_COLUMNS))),
+        energy=np.zeros((len(ENERGY_COLUMNS), 0)),
         snapshots=np.zeros((0, 2, dofs + pairs)),
         forces=np.zeros((0, pairs)),
         impacts=np.zeros((0, len(IMPACT_COLUMNS))),

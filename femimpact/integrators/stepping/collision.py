@@ -6,6 +6,7 @@ import numpy as np
 
 from femimpact import core
 from femimpact.contact.callback import force_pointer, law_error
+from femimpact.errors import require
 from femimpact.integrators.answers import AchievedRestitution
 from femimpact.integrators.stepping.layout import Law
 from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
@@ -30,6 +31,11 @@ def stepped_restitution(
     Returns
     -------
     AchievedRestitution
+
+    Raises
+    ------
+    InputError
+        If a collision does not end with this step, or a custom law gives a force that is not finite.
     """
     scheme = scheme_of(method, method.dt / method.refine)
     law, force = pair.parameters, pair.law.force_function(pair.effective_mass)
@@ -43,6 +49,9 @@ def stepped_restitution(
     for *_, refused in runs:
         if pointer is not None and refused[0] != 0.0:
             raise law_error(pair.name, pointer, *refused)
+    if any(np.isnan(ratio) for ratio, *_ in runs):
+        allowed = f"must let a collision of {pair.name} end: this one has not within 10,000,000 steps, or has diverged"
+        require(False, "method.dt", method.dt, "s", allowed)
     rebound, peak = (np.array(column) for column in list(zip(*runs, strict=True))[:2])
     return AchievedRestitution(
         law.restitution, float(rebound.mean()), float(rebound.min()), float(rebound.max()), float(peak.max())

@@ -167,8 +167,8 @@ class Record(NamedTuple):
     used: Indices  # (channels, 4) 1 where a channel has a row of q, of v, of the balls, or of forces
     rows: Array  # (channels, 2, n) of q and v
     pair_rows: Array  # (channels, 4, pairs) of Y, Y_RATE, FORCE and of the force of contact
-    channels: Array  # (samples, channels)
-    energy: Array  # (samples, columns and modes)
+    channels: Array  # (channels, samples)
+    energy: Array  # (columns and modes, samples)
     snapshots: Array  # (snapshots, 2, n + pairs)
     forces: Array  # (snapshots, pairs)
     impacts: Array  # (most, columns and modes)

@@ -33,6 +33,8 @@ class Recorded:
     drive: Drive
     channels: tuple[Channel, ...]
     rows: ChannelRows
+    refilled: bool
+    """Whether the arrays of the record are filled again once they were read."""
 
 
 def history_of(
@@ -55,31 +57,37 @@ def history_of(
     Returns
     -------
     HistoryPiece
-        Copies: the record can be filled again.
+        Of copies where the record is filled again, otherwise of its arrays.
     """
     record, dt, origin = block.record, block.scheme.dt, block.beginning.origin
     samples, snapshots = int(record.tally[1]), int(record.tally[2])
     every, first, stride, first_field = (int(value) for value in record.stride)
+    # a copy of 20 histories of a run costs more than its steps
+    kept = _own if recorded.refilled else _read_only
+    histories = kept(record.channels[:, :samples])
     time = _own(origin + (first + every * (samples_before + np.arange(samples))) * dt)
     shown = _own(origin + (first_field + stride * (snapshots_before + np.arange(snapshots))) * dt)
     return HistoryPiece(
         time=time,
         channels={
-            channel.name: _own(
-                record.channels[:samples, i] + recorded.rows.of_time(i, time, recorded.excitation, recorded.drive)
-            )
+            channel.name: _with(histories[i], recorded.rows.of_time(i, time, recorded.excitation, recorded.drive))
             for i, channel in enumerate(recorded.channels)
         },
         units={channel.name: channel.unit for channel in recorded.channels},
-        energy=_ledger(record.energy[:samples], time) if block.ledger else None,
+        energy=_ledger(kept(record.energy[:, :samples]), time) if block.ledger else None,
         snapshots=_snapshots(record, system, shown) if record.snapshots.shape[0] > 0 else None,
         base=recorded.excitation,
     )
 
 
 def _ledger(table: Array, time: Array) -> EnergyLedger:
-    columns = {name: _own(table[:, i]) for i, name in enumerate(ENERGY_COLUMNS)}
-    return EnergyLedger(time=time, structure_loss_of_mode=_own(table[:, len(ENERGY_COLUMNS) :]), **columns)
+    columns = dict(zip(ENERGY_COLUMNS, table, strict=False))
+    return EnergyLedger(time=time, structure_loss_of_mode=table[len(ENERGY_COLUMNS) :].T, **columns)
+
+
+def _with(history: Array, of_time: Array | float) -> Array:
+    """A history and what the state has no share in."""
+    return _own(history + of_time) if np.any(of_time) else history
 
 
 def _snapshots(record: layout.Record, system: System, time: Array) -> Snapshots:
@@ -166,3 +174,10 @@ def _own(array: ArrayLike) -> Array:
     copy = np.array(array, dtype=float, order="C")
     copy.setflags(write=False)
     return copy
+
+
+def _read_only(array: Array) -> Array:
+    """A view that cannot be written to."""
+    view = array.view()
+    view.setflags(write=False)
+    return view

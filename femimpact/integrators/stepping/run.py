@@ -77,7 +77,7 @@ def run_steps(
     )
     _keep_first(block)
     stream = Stream(
-        read=partial(history_of, block, system, Recorded(excitation, drive, channels, rows)),
+        read=partial(history_of, block, system, Recorded(excitation, drive, channels, rows, recorder.sink is not None)),
         clear=partial(block.record.tally[1:3].fill, 0),
         sink=recorder.sink,
     )
@@ -109,7 +109,7 @@ def divergence_message(frequency: float, time: float, method: SteppingMethod) ->
 
 def _keep_first(block: Block) -> None:
     """Keep the state at the start where it is asked for."""
-    if block.record.channels.shape[0] + block.record.snapshots.shape[0] > 0:
+    if block.record.channels.shape[1] + block.record.snapshots.shape[0] > 0:
         core.keep_present(block.handed())
         check_laws(block)
 
