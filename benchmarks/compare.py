@@ -107,6 +107,7 @@ def main() -> None:
     text = written(problem, rows, points, found, skipped, about)
     print(text)
     (folder / "compare.md").write_text(text)
+    report.write_page_tables(folder, rows, points)
     data = _finite({**about, "tasks": as_data(rows), "points": as_data(points), **found, "skipped": skipped})
     (folder / "compare.json").write_text(json.dumps(data, indent=1, default=float))
     where = f"{about['machine']['processor']}, Python {platform.python_version()}, {about['machine']['date']}"

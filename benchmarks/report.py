@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import math
+from pathlib import Path
 
-__all__ = ["at_error", "error_table", "goals", "markdown", "tables", "task_table"]
+__all__ = ["at_error", "error_table", "goals", "markdown", "tables", "task_table", "write_csv", "write_page_tables"]
+
+EIGHT = "C by hand, 8 cases side by side"
+"""What the page on speed compares with."""
 
 
 def number(value, digits=3) -> str:
@@ -27,6 +32,40 @@ def markdown(header, rows) -> str:
     """A table in Markdown."""
     lines = ["| " + " | ".join(header) + " |", "| " + " | ".join("---" for _ in header) + " |"]
     return "\n".join(lines + ["| " + " | ".join(number(cell) for cell in row) + " |" for row in rows])
+
+
+def write_csv(path, header, rows) -> None:
+    """Write a table as CSV, numbers as in Markdown."""
+    with Path(path).open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([header, *([number(cell) for cell in row] for row in rows)])
+
+
+def write_page_tables(folder, rows, points) -> None:
+    """Write the tables of the page docs/speed.md as CSV; `docs/make_tables.py` writes them into the page."""
+    by_hand = [row for row in rows if row.own or row.tool.startswith("C by hand")]
+    eight = next((row.cpu for row in rows if row.tool == EIGHT and row.task == "B"), math.nan)
+    others = [row for row in rows if row not in by_hand]
+    head = ["tool", "coordinates", "task A: CPU (ms)", "error of the tip", "task B: CPU (ms)", "error of the tip"]
+    body = [[*cells, cells[4] / 1e3 / eight if cells[4] else ""] for cells in _both_tasks(by_hand, 1e3)]
+    write_csv(Path(folder) / "beside_c.csv", [*head, "task B over eight cases in C (times)"], body)
+    head = [word.replace("(ms)", "(s)") for word in head]
+    write_csv(Path(folder) / "beside_programs.csv", head, _both_tasks(others, 1.0))
+    limits = (1e-2, 1e-3, 1e-4, 1e-5, 1e-8)
+    body = []
+    for tool, own in dict.fromkeys((point.tool, point.own) for point in points):
+        best = [at_error(points, own, limit, (tool,)) for limit in limits]
+        body.append([tool, *("" if point is None else 1e3 * point.cpu for point in best)])
+    head = ["CPU time (ms) for an error of the tip over 0.8 s of at most", *(f"{limit:g}" for limit in limits)]
+    write_csv(Path(folder) / "time_for_error.csv", head, body)
+
+
+def _both_tasks(rows, scale):
+    """Tool, coordinates, then CPU time (s times scale) and error of both tasks; empty where a task was not run."""
+    found = {}
+    for row in rows:
+        if math.isfinite(row.cpu):
+            found.setdefault((row.tool, row.space), {})[row.task] = (scale * row.cpu, row.tip)
+    return [[*key, *both.get("A", ("", "")), *both.get("B", ("", ""))] for key, both in found.items()]
 
 
 def rival(rows, row):

@@ -22,6 +22,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+import report
 
 import femimpact as fi
 from femimpact.contact import resolve
@@ -186,16 +187,18 @@ def figure_of(points, path):
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--output", default="work_precision.png")
+    parser.add_argument("--table", help="CSV file of the table on the page docs/methods.md")
     options = parser.parse_args()
     # compile everything before the clock matters
     for contact in (fi.Rigid(RESTITUTION), soft_wall(2e-3)):
         fi.integrate(system_with(contact), SINE, event_driven(PER_CYCLE), 0.2)
     points = [*rigid_points(), *compliant_points()]
     print(f"{platform.processor() or platform.machine()}, Python {platform.python_version()}, CPU time of one core\n")
-    print("| problem | method | setting | error | CPU time (ms) |\n| --- | --- | --- | --- | --- |")
-    for p in points:
-        print(f"| {p.problem} | {p.method} | {p.setting} | {p.error:.2e} | {1e3 * p.seconds:.2f} |")
-    print()
+    rows = [(p.problem, p.method, p.setting, f"{p.error:.2e}", f"{1e3 * p.seconds:.2f}") for p in points]
+    header = ("problem", "method", "setting", "error", "CPU time (ms)")
+    print(report.markdown(header, rows), "\n")
+    if options.table:
+        report.write_csv(options.table, header, rows)
     for problem in ("rigid", "compliant"):
         mine = [p for p in points if p.problem == problem]
         event, best = mine[0], min(mine[1:], key=lambda p: p.error)

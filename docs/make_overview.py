@@ -1,6 +1,7 @@
-"""Make the picture of README from the results of the demo: `python docs/make_overview.py femimpact-demo`.
+"""Make pictures of pages from the results of the demo: `python docs/make_overview.py femimpact-demo`.
 
-A frame of the movie above the response curve, as wide as the frame.
+That of README has a frame of the movie above the response curve, as wide as the frame.
+`paper_response.png` is the curve.
 """
 
 from __future__ import annotations
@@ -32,11 +33,14 @@ def main(results: Path) -> Path:
     above = frame_of(results / "deflection.mp4")
     with Image.open(results / "response.png") as picture:
         size = (above.width, round(picture.height * above.width / picture.width))
+        # a few hundred colours are enough for a drawing
+        picture.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
+            target.with_name("paper_response.png"), optimize=True
+        )
         below = picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
     whole = Image.new("RGB", (above.width, above.height + below.height), "white")
     whole.paste(above, (0, 0))
     whole.paste(below, (0, above.height))
-    # a few hundred colours are enough for a drawing
     whole.quantize(256, dither=Image.Dither.NONE).save(target, optimize=True)
     return target
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -33,6 +34,7 @@ from femimpact.structure.structure import Structure
 from femimpact.sweep import FrequencyResponse, frequency_sweep
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
+from femimpact.system.system import System
 from femimpact.table import flat_columns, frame_of, named_column
 
 if TYPE_CHECKING:
@@ -204,19 +206,45 @@ def scan_restitution(
     InputError
         If an argument is of the wrong kind or out of range, or a contact cannot be given a restitution.
     """
-    require_type(structure, Structure, "structure")
     require_type(empty, FrequencyResponse, "empty")
-    report = check_progress(progress)
+    systems = systems_over_restitution(structure, restitutions, elements=elements, modes=modes)
+    return scan_systems(systems, empty, frequencies=frequencies, cycles=cycles, initial=initial, progress=progress)
+
+
+def systems_over_restitution(
+    structure: Structure, restitutions: ArrayLike, *, elements: int, modes: int
+) -> tuple[tuple[float, System], ...]:
+    """Each restitution with its reduced system, made once where several starts are scanned.
+
+    Parameters and Raises are those of `scan_restitution`.
+    """
+    require_type(structure, Structure, "structure")
     of_one = quantity("1", above=0.0, at_most=1.0)
     allowed = "must be one or more numbers > 0 and <= 1"
     values = np.atleast_1d(real_array("restitutions", restitutions, "1", allowed))
     sound = values.ndim == 1 and values.size > 0 and all(in_range(value, of_one) for value in values.tolist())
     require(sound, "restitutions", values if values.ndim > 1 else restitutions, "1", allowed)
+    return tuple(
+        (value, reduce(assemble(with_restitution(structure, value), elements=elements), modes))
+        for value in values.tolist()
+    )
+
+
+def scan_systems(
+    systems: Sequence[tuple[float, System]],
+    empty: FrequencyResponse,
+    *,
+    frequencies: ArrayLike,
+    cycles: int,
+    initial: State | None = None,
+    progress: Progress | bool | None = None,
+) -> RestitutionScan:
+    """One sweep for each restitution with its system; else as `scan_restitution`."""
+    report = check_progress(progress)
     points = real_array("frequencies", frequencies, "Hz", "must be finite numbers")
     require(points.size >= LEAST_POINTS, "frequencies", points.size, "points", f"must hold at least {LEAST_POINTS}")
     curves = []
-    for i, restitution in enumerate(values):
-        system = reduce(assemble(with_restitution(structure, float(restitution)), elements=elements), modes)
+    for i, (_, system) in enumerate(systems):
         in_closed_form = all(pair.parameters.kind in (RIGID, KELVIN_VOIGT) for pair in system.contacts)
         method = EventDriven() if in_closed_form else Newmark(dt=recommended_step(system))
         curves.append(
@@ -232,11 +260,11 @@ def scan_restitution(
             )
         )
         if report is not None:
-            report((i + 1) / values.size)
+            report((i + 1) / len(systems))
     peaks = np.array([curve.peak_amplitude for curve in curves])
     by_ratio = [amplitude_ratio_damping(empty.damping, empty.peak_amplitude, peak).ratio for peak in peaks]
     return RestitutionScan(
-        restitution=values,
+        restitution=np.array([restitution for restitution, _ in systems]),
         peak_frequency=np.array([curve.peak_frequency for curve in curves]),
         peak_amplitude=peaks,
         amplitude_ratio=empty.peak_amplitude / peaks,

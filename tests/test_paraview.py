@@ -80,16 +80,16 @@ def test_modes_are_drawn_with_stress_colours_text_and_bar(tmp_path, system, refe
         assert np.mean(redder > 60) > 0.005
         assert np.mean(redder < -60) > 0.005
         # the surfaces with stress have the colours of the bar: no light changes them
-        bar = pixels[708, 322:958]
+        bar = pixels[len(pixels) - 12, 322:958]
         assert np.ptp(bar[len(bar) // 2]) < 10
-        beam = pixels[100:620, 100:1000].reshape(-1, 3)
+        beam = pixels[100 : len(pixels) - 100, 100:1000].reshape(-1, 3)
         beam, count = np.unique(beam[np.ptp(beam, axis=1) > 60], axis=0, return_counts=True)
         nearest = np.abs(beam[:, None] - bar[None]).max(axis=2).min(axis=1)
         # but for the ball, and for pixels on edges, which are of both colours beside them
         assert np.average(nearest <= 3, weights=count) > 0.8
         assert np.mean(pixels.min(axis=2) == 255) > 0.6
         assert np.mean(pixels[:40, :420].max(axis=2) < 128) > 0.005
-        assert np.mean(pixels[640:, 320:960].min(axis=2) < 128) > 0.05
+        assert np.mean(pixels[-80:, 320:960].min(axis=2) < 128) > 0.05
 
 
 @asked

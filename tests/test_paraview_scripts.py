@@ -60,20 +60,22 @@ def test_every_mode_has_a_colour_bar_of_its_own(tmp_path, system, reference):
     assert said["START"] == 1.0
     assert said["CLOSE_UP"] is None
     for (end, title), (time, grid) in zip(said["BARS"], frames(path), strict=True):
-        stress = 1e-6 * grid["axial_stress"]
-        # rounded up to two digits
-        assert np.abs(stress).max() <= end <= 1.1 * np.abs(stress).max()
+        stress, largest = grid["relative_stress"], np.abs(grid["axial_stress"]).max()
+        assert stress * largest == pytest.approx(grid["axial_stress"], rel=1e-12)
         # one bar for both signs: both surfaces have the largest stress
-        assert stress.max() == pytest.approx(-stress.min(), rel=1e-12)
-        assert f"(MPa) of mode {time:.0f} " in title
+        assert (stress.min(), stress.max(), end) == pytest.approx((-1.0, 1.0, 1.0), rel=1e-12)
+        assert title.endswith(f"of mode {time:.0f}")
+        # what ParaView colours by without the script
+        assert grid.active_scalars_name == "relative_stress"
 
 
 def test_one_mode_has_the_bar_of_its_whole_period(tmp_path, system, reference):
     path = vtk.write_mode(tmp_path / "mode_2.pvd", system, fi.solve_modes(system, 2), reference, mode=2, frames=8)
     ((end, title),) = constants(path)["BARS"]
-    largest = max(1e-6 * np.abs(grid["axial_stress"]).max() for _, grid in frames(path))
-    assert largest <= end <= 1.1 * largest
-    assert "mode 2 " in title
+    largest = [np.abs(grid["relative_stress"]).max() for _, grid in frames(path)]
+    assert largest == pytest.approx(np.abs(np.cos(2.0 * np.pi * np.arange(8) / 8)), abs=1e-12)
+    assert end == 1.0
+    assert title.endswith("mode 2")
 
 
 def test_colours_are_those_of_a_preset_that_has_one_neutral_colour_at_zero(tmp_path, system, reference):
@@ -147,6 +149,20 @@ def test_arrows_begin_in_front_of_what_would_hide_them(two_balls):
         mine = grid["contact_pair"] == j
         marks, ball = (points_of(grid, mine & (grid["part"] == part)) for part in (CONTACT_POINT, BALL))
         assert grid.points[marks, 2].min() > grid.points[ball, 2].max()
+
+
+@pytest.mark.impacts
+def test_arrows_stand_beside_the_box_in_every_frame_and_within_the_view(two_balls):
+    _, said, shown = two_balls
+    assert len(said["ARROWS"]) == 2
+    for j, name in enumerate(("tip ball", "mid ball")):
+        for _, grid in shown:
+            moved, mine = grid.points + grid["displacement"], grid["contact_pair"] == j
+            marks = moved[points_of(grid, mine & (grid["part"] == CONTACT_POINT)), 0]
+            edge = moved[points_of(grid, mine), 0].max()
+            for _, _, beside, _ in said["ARROWS"]:
+                assert marks.min() + beside > edge
+                assert marks.max() + beside < said["CLOSE_UPS"][name][1]
 
 
 def test_arrows_of_a_stop_begin_in_front_of_stop_and_beam():

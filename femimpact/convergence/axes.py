@@ -63,6 +63,11 @@ class OverMeshes:
     ------
     InputError
         If there are fewer than two meshes, or not as many labels.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> study = fi.convergence_study(bare, fi.OverMeshes.uniform(bare, [4, 8, 16]), fi.Frequencies(1))
     """
 
     meshes: tuple[Mesh | InputError, ...] = field(metadata=items(Mesh, InputError))

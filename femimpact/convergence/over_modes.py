@@ -75,6 +75,13 @@ def mode_convergence(
     of its clearance before its nearer wall, at one clearance per first natural period. A stop, which has no
     ball, is met by the structure in its first mode, from no deflection, at twice the speed that just
     reaches it. Both states are exact on any number of modes.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> full, base = fi.assemble(structure, elements=10), fi.Sine(amplitude=0.2e-3, frequency=5.0)
+    >>> found = fi.mode_convergence(full, base, fi.Newmark(dt=1e-4), duration=5.0, counts=[2, 4, 8])
+    >>> fi.figures.mode_convergence(found).shape  # doctest: +SKIP
     """
     require_type(system, System, "system")
     require_type(excitation, Sine, "excitation")

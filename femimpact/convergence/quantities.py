@@ -280,6 +280,12 @@ class SurfaceStress:
     ------
     InputError
         If a value is of the wrong kind or out of range.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> watch, base = [fi.Frequencies(1), fi.SurfaceStress("root")], fi.Sine(1e-4, 4.0)
+    >>> study = fi.convergence_study(bare, fi.OverMeshes.uniform(bare, [4, 8, 16]), watch, base)
     """
 
     at: Position = field(default="root", metadata=place())

@@ -81,6 +81,15 @@ ContactStatistics, one's own, or a sequence of them
     ------
     InputError
         If an argument is of the wrong kind or out of range, or all cases of an axis fail.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> meshes = fi.OverMeshes.uniform(bare, [4, 8, 16])
+    >>> study = fi.convergence_study(bare, meshes, fi.Frequencies(1))
+    >>> table = study.tables["mesh"]
+    >>> round(float(table.order.ravel()[-1]), 1)
+    4.0
     """
     require_type(structure, Structure, "structure")
     axes = _several("over", over, Axis, "OverMeshes, OverSteps or OverModes")

@@ -33,6 +33,15 @@ class PointForce:
     ------
     InputError
         If the place is none, or the history has no closed form.
+
+    Examples
+    --------
+    A sine of 10 mN at the tip of a beam at rest:
+
+    >>> import femimpact as fi
+    >>> force = fi.PointForce("tip", fi.Sine(amplitude=0.01, frequency=5.0))
+    >>> fi.integrate(system, force, fi.EventDriven(), duration=1.0).channels["tip"].size > 0
+    True
     """
 
     at: str | float = field(metadata=place())

@@ -34,10 +34,24 @@ MOST_FPS = 1000
 SWING = 0.08
 """Share of the beam's length that swing and gap fill when the exaggeration is chosen here."""
 
-PROBE = (
-    "import pyvista as pv; p = pv.Plotter(off_screen=True, window_size=(64, 48)); p.add_mesh(pv.Sphere()); "
-    "a = p.screenshot(None, return_img=True); print('drawn' if a.min() < a.max() else 'blank')"
-)
+PROBE = """
+import vtkmodules.vtkRenderingOpenGL2
+from vtkmodules import vtkCommonCore as common, vtkFiltersSources as sources, vtkRenderingCore as core
+mapper, actor, renderer, window = core.vtkPolyDataMapper(), core.vtkActor(), core.vtkRenderer(), core.vtkRenderWindow()
+ball = sources.vtkSphereSource()
+mapper.SetInputConnection(ball.GetOutputPort())
+actor.SetMapper(mapper)
+renderer.AddActor(actor)
+window.SetOffScreenRendering(1)
+window.SetSize(64, 48)
+window.AddRenderer(renderer)
+window.Render()
+pixels = common.vtkUnsignedCharArray()
+window.GetPixelData(0, 0, 63, 47, 1, pixels, 0)
+low, high = pixels.GetRange(-1)
+print('drawn' if low < high else 'blank')
+"""
+"""VTK alone, which loads in a third of the time of pyvista."""
 
 
 WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
@@ -172,7 +186,7 @@ def _encode(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int) -> Path:
         imageio_ffmpeg = None
     if path.suffix == ".mp4" and imageio_ffmpeg is not None:
         with atomic_path(path) as temporary:
-            options = {"fps": fps, "quality": 7, "macro_block_size": 16}
+            options = {"fps": fps, "quality": 7, "macro_block_size": 16, "output_params": ["-preset", "veryfast"]}
             count = 0
             try:
                 writer = imageio_ffmpeg.write_frames(str(temporary), (WIDTH, HEIGHT), **options)

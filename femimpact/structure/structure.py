@@ -125,6 +125,16 @@ class Support:
     ------
     InputError
         If the kind is none of these, or the place is out of range.
+
+    Examples
+    --------
+    A beam on two pins, as part of a structure:
+
+    >>> import femimpact as fi
+    >>> pins = [fi.Support(at="root", kind="pinned"), fi.Support(at="tip", kind="pinned")]
+    >>> beam = fi.Beam.uniform(length=0.23, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)
+    >>> fi.Structure(beam, supports=pins).supports[1].kind
+    'pinned'
     """
 
     kind: str = field(metadata=choice(*SUPPORTS))
@@ -381,6 +391,13 @@ def glue_impactors(structure: Structure) -> Structure:
     ------
     InputError
         If the value is no structure.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> glued = fi.glue_impactors(structure)
+    >>> glued.impactors, glued.masses[-1].mass == structure.impactors[0].mass
+    ((), True)
     """
     require_type(structure, Structure, "structure")
     glued = tuple(PointMass(ball.name, ball.at, ball.mass) for ball in structure.impactors)

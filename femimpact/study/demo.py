@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from femimpact.calibration import RestitutionScan, scan_restitution
+from femimpact.calibration import RestitutionScan, scan_systems, systems_over_restitution
 from femimpact.errors import Fault, InputError
 from femimpact.export import figures, tables
 from femimpact.integrators.event_driven import EventDriven
@@ -224,14 +224,18 @@ def _scans(prepared: PreparedStudy, plan: ScanPlan, report: Report) -> dict[str,
         prepared.bare, study.sine.amplitude, fine, prepared.bare_method, study.sweep.cycles, ledger=False
     )
 
+    systems = systems_over_restitution(
+        study.structure,
+        plan.restitutions,
+        elements=study.mesh.elements or 0,
+        modes=study.reduction.modes if study.reduction else 0,
+    )
+
     def scan_from(start: str) -> tuple[RestitutionScan, ...]:
         return tuple(
-            scan_restitution(
-                study.structure,
-                plan.restitutions,
+            scan_systems(
+                systems,
                 empty,
-                elements=study.mesh.elements or 0,
-                modes=study.reduction.modes if study.reduction else 0,
                 frequencies=frequencies,
                 cycles=plan.cycles,
                 initial=state,

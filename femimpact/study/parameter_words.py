@@ -71,7 +71,7 @@ def study_conclusions(data: xarray.Dataset) -> tuple[Conclusion, ...]:
         found.append(
             Conclusion(
                 f"Smallest {name.replace('_', ' ')}", number_text(factor * float(array[least]), zeros=True),
-                "" if unit == "1" else unit, scatter, bool(samples[least]),
+                "" if unit == "1" else unit, scatter, bool(samples[least]) and not scatter,
                 f"at {_place(data, values.dims, least)}; the largest is {_text(array[most], values.attrs)}, "
                 f"at {_place(data, values.dims, most)}",
             )

@@ -16,7 +16,7 @@ from femimpact.export.report.motion import energy_section, history_section
 from femimpact.export.report.player import player_element
 from femimpact.export.report.response_curves import curves_section
 from femimpact.export.report.structure_parts import place_finder
-from femimpact.study.picture_data import read_curves, read_film, read_last_cycles
+from femimpact.study.picture_data import read_bands, read_curves, read_film, read_last_cycles
 from femimpact.study.result_files import FILES, OTHER_FILES
 from femimpact.study.result_reading import ResultReading, texts_of
 from femimpact.svg.elements import Element, element
@@ -71,12 +71,19 @@ def _curves(results: ResultReading) -> list[Section]:
         return []
     curves, _ = swept
     named = {CASES.get(case, case): curve for case, curve in curves.items()}
-    return [curves_section(named)]
+    return [curves_section(named, bands=read_bands(results.folder, results.summary))]
 
 
 def _player(results: ResultReading) -> list[Section]:
     film = read_film(results.folder, results.summary)
     if film is None:
+        drawn = next(
+            (FILES[name] for name in ("movie", "deflection_scene") if (results.folder / FILES[name]).exists()), ""
+        )
+        if drawn:
+            results.miss(
+                f"{FILES['snapshots']}: results of an earlier version have none for a player; {drawn} shows the motion"
+            )
         return []
     finder = place_finder(film.structure, film.response.system.points)
     made = player_element(film.response, film.structure, finder, film.exaggeration)

@@ -111,6 +111,12 @@ def load(directory: str | Path) -> StudyResults:
     ResultsWarning
         For a file that can be read but is not the one that the study left, and for pictures, scenes and other
         files that are lost or changed. Results without checksums, of earlier versions, are read as they are.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> results = fi.load("study-results")  # doctest: +SKIP
+    >>> results.sweep["ball_peak"].max()  # doctest: +SKIP
     """
     require_path(directory, "directory", "a directory")
     folder = Path(directory)

@@ -202,6 +202,13 @@ def run_study(
     -------
     StudyResults
         As read back from the directory.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> study = fi.load_study("meshes/stepped_cantilever.toml")
+    >>> results = fi.run_study(study, "results", parts=("modes",))  # doctest: +SKIP
+    >>> results.modes["natural_frequency"]  # doctest: +SKIP
     """
     require_type(study, Study, "study")
     require_path(directory, "directory", "a directory")

@@ -293,7 +293,7 @@ class Study:
     sweep: SweepPlan | None = field(metadata=optional(instance(SweepPlan)))
     output: Output = field(metadata=instance(Output))
     path: Path = field(metadata=instance(Path))
-    text: str = field(metadata=text())
+    text: str = field(repr=False, metadata=text())
     plan: ParameterPlan | None = field(default=None, metadata=optional(instance(ParameterPlan)))
 
     def __post_init__(self) -> None:

@@ -70,6 +70,13 @@ def load_study(path: str | Path) -> Study:
     ------
     InputError
         With every fault of the file: key path, value, unit and allowed range.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> study = fi.load_study("meshes/stepped_cantilever.toml")
+    >>> study.base.frequency
+    9.0
     """
     require_path(path, "study", "a study file")
     path = Path(path)

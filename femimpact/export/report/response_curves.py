@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.blocks import Section, Table
 from femimpact.svg.axis import axis_of
-from femimpact.svg.chart import Chart, Line, chart_element
+from femimpact.svg.chart import Band, Chart, Line, chart_element
 from femimpact.svg.elements import Element, element
 from femimpact.sweep import FrequencyResponse
 
@@ -31,7 +31,10 @@ ONE_START = "Dots: values of one start, for the motion is not periodic; another 
 
 
 def curves_section(
-    curves: Mapping[str, FrequencyResponse], key: str = "response", heading: str = "Response over frequency"
+    curves: Mapping[str, FrequencyResponse],
+    key: str = "response",
+    heading: str = "Response over frequency",
+    bands: Sequence[tuple[str, Array, Array, Array]] = (),
 ) -> Section:
     """Response curves by their names.
 
@@ -39,6 +42,8 @@ def curves_section(
     ----------
     curves : mapping of str to FrequencyResponse
     key, heading : str
+    bands : sequence of (str, ndarray, ndarray, ndarray)
+        Words, frequencies (Hz), and the smallest and the largest peaks (of the unit of the curves) of several starts.
     """
     first = next(iter(curves.values()))
     relative = ", relative to the base" if first.unit == "m" else ""
@@ -48,6 +53,7 @@ def curves_section(
         f"Peak of {first.at if isinstance(first.at, str) else f'{first.at:g} m'}{relative}",
         "peak",
         first.unit,
+        bands,
     )
     phase = chart_of(curves, "phase", "Phase of the first harmonic", "phase", "rad")
     others = [chart_of(curves, *other) for other in OTHERS if _has(curves, other[0])]
@@ -86,8 +92,15 @@ def _has(curves: Mapping[str, FrequencyResponse], name: str) -> bool:
     return any(np.any(np.nan_to_num(np.asarray(curve[name], dtype=float)) != 0.0) for curve in curves.values())
 
 
-def chart_of(curves: Mapping[str, FrequencyResponse], name: str, title: str, quantity: str, unit: str) -> Chart:
-    """One column of curves over the frequency, with dots where it is one start's."""
+def chart_of(
+    curves: Mapping[str, FrequencyResponse],
+    name: str,
+    title: str,
+    quantity: str,
+    unit: str,
+    bands: Sequence[tuple[str, Array, Array, Array]] = (),
+) -> Chart:
+    """One column of curves over the frequency, with dots where it is one start's, above bands of several starts."""
     columns = {label: np.asarray(curve[name], dtype=float) for label, curve in curves.items()}
     finite = np.concatenate([values[np.isfinite(values)] for values in columns.values()])
     factor, shown = prefixed(float(np.abs(finite).max(initial=0.0)), unit) if unit not in ("1", "rad") else (1.0, unit)
@@ -107,7 +120,15 @@ def chart_of(curves: Mapping[str, FrequencyResponse], name: str, title: str, qua
     frequency = axis_of("frequency of the base (Hz)", *(line.x for line in lines), tight=True)
     zero = name != "phase"
     note = ONE_START if marked and name == "peak" else ""
-    return Chart(title, frequency, axis_of(words, *(line.y for line in lines), zero=zero), tuple(lines), note=note)
+    shaded = tuple(
+        # the first has the colour of the last curve, whose starts they are
+        Band(label, x, factor * low, factor * high, len(curves) + i)
+        for i, (label, x, low, high) in enumerate(bands)
+    )
+    drawn = [*(line.y for line in lines), *(one for band in shaded for one in (band.low, band.high))]
+    # a resonance beside bands of starts: all of them are seen on a logarithmic axis alone
+    heights = axis_of(words, *drawn, zero=zero, logarithmic=bool(shaded))
+    return Chart(title, frequency, heights, tuple(lines), shaded, note=note)
 
 
 def _cut_at_turns(x: Array, y: Array, sample: Any) -> tuple[Array, Array, Any]:

@@ -19,6 +19,7 @@ from femimpact.export.report.motion import energy_section, history_section
 from femimpact.export.report.page import Page, write_page
 from femimpact.export.report.player import player_element
 from femimpact.export.report.response_curves import curve_table, curves_section
+from femimpact.export.report.size import bounded_page
 from femimpact.export.report.structure_drawing import structure_element
 from femimpact.export.report.structure_parts import place_finder, placed_contacts
 from femimpact.response.impacts import impact_columns
@@ -67,6 +68,13 @@ def report(
     ------
     InputError
         If a part is none of these, or no file can be there.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> run = fi.integrate(system, fi.Sine(amplitude=0.2e-3, frequency=5.0), fi.EventDriven(), duration=2.0)
+    >>> fi.report("report.html", {"Run": run}, structure).name  # doctest: +SKIP
+    'report.html'
     """
     file = file_path(path)
     require_type(parts, Mapping, "parts")
@@ -85,7 +93,7 @@ def report(
         notes=(*notes, *_said("notes", {**responses, **curves})),
         sections=tuple(made),
     )
-    return write_page(file, page)
+    return write_page(file, bounded_page(page))
 
 
 def _curves(heading: str, part: Any) -> dict[str, FrequencyResponse]:
@@ -169,7 +177,11 @@ def _response(key: str, heading: str, response: Response, structure: Structure |
     if structure is not None:
         finder = place_finder(structure, dict(response.system.points))
         player = player_element(response, structure, finder, None)
-        sections += [Section(f"{key}-player", f"{heading}: the motion", (player,))] if player is not None else []
+        sections += (
+            [Section(f"{key}-player", f"{heading}: the motion", (element("div", player),))]
+            if player is not None
+            else []
+        )
     if response.time.size:
         history = response.to_xarray()
         energy = energy_section(history)

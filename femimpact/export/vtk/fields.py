@@ -21,16 +21,19 @@ from femimpact.system.hermite import hermite_rows, place_in_element
 from femimpact.system.matrices import Matrix
 from femimpact.system.system import System
 
-__all__ = ["POINT_UNITS", "BeamFields", "beam_fields"]
+__all__ = ["POINT_UNITS", "RELATIVE_STRESS", "BeamFields", "beam_fields"]
 
 Array = NDArray[np.float64]
 
 POINT_UNITS = {
     "displacement": "m", "velocity": "m/s", "rotation": "1", "curvature": "1/m", "bending_moment": "N m",
     "shear_force": "N", "axial_strain": "1", "axial_stress": "Pa", "strain_energy_density": "J/m^3",
-    "contact_force_vector": "N", "contact_impulse_vector": "N s",
+    "contact_force_vector": "N", "contact_impulse_vector": "N s", "relative_stress": "1",
 }  # fmt: skip
 """Arrays at points and their units; `rotation` in radians."""
+
+RELATIVE_STRESS = "relative_stress"
+"""Axial stress as a share of the largest of its mode: a mode has no size of its own, and neither has its stress."""
 
 POINTS_OF_SECTION = 4
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from femimpact.errors import checked, quantity, require
 from femimpact.export.scene import build_whole_scene
 from femimpact.export.scene_pieces import PARTS
-from femimpact.export.vtk.fields import POINT_UNITS, beam_fields
+from femimpact.export.vtk.fields import POINT_UNITS, RELATIVE_STRESS, beam_fields
 from femimpact.export.vtk.series import Frame, Series, Value
 from femimpact.structure.structure import Structure
 from femimpact.system.modes import Modes, require_modes_of
@@ -53,6 +53,10 @@ class _Shapes:
         largest = np.abs(np.asarray(system.deflection_rows(x) @ modes.vectors)).max(axis=0)
         self.factor = height / largest
         self.nodal = nodal * self.factor
+        stresses = [float(np.abs(self.fields.at_points(column)["axial_stress"]).max()) for column in self.nodal.T]
+        # a rigid motion has none but of rounding
+        rigid = np.array(stresses) * modes.natural_frequency == 0.0
+        self.largest_stress = np.where(rigid, np.inf, stresses)
         # every ball moves with its box, or it would leave it
         places = [pair.position for pair in system.balls]
         at_balls = np.asarray(system.deflection_rows(places)) if places else np.zeros((0, system.dofs))
@@ -81,6 +85,7 @@ class _Shapes:
             points["velocity"] = self.scene.motion(speed * self.nodal[:, i], speed * self.balls[:, i])
         points["rotation"] = self.scene.rotation(nodal)
         points |= self.fields.at_points(nodal)
+        points[RELATIVE_STRESS] = points["axial_stress"] / self.largest_stress[i]
         cells: dict[str, NDArray[np.float64 | np.int32]] = {
             "part": self.scene.part,
             "contact_pair": self.scene.pair,
@@ -91,7 +96,8 @@ class _Shapes:
 
     def series(self, times: list[float], names: list[str], frame: Any) -> Series:
         scene = self.scene
-        return Series(scene.points, scene.connectivity, scene.offsets, scene.types, times, names, frame)
+        grid = (scene.points, scene.connectivity, scene.offsets, scene.types)
+        return Series(*grid, times, names, frame, coloured_by=RELATIVE_STRESS)
 
 
 def mode_series(

@@ -57,6 +57,14 @@ def to_pyvista(
     ------
     InputError
         If a value is out of range, or the system of modes is missing.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> full = fi.assemble(structure, elements=10)
+    >>> blocks = fi.to_pyvista(fi.solve_modes(full, count=2), structure, full)
+    >>> blocks[1].active_scalars_name
+    'relative_stress'
     """
     require(isinstance(result, (Modes, Response)), "result", kind_of(result), "", "must be Modes or a Response")
     require_type(structure, Structure, "structure")
@@ -79,5 +87,7 @@ def _grids(series: Series) -> Any:
         grid.cell_data.update(dict(frame.cells))
         for key, value in {"TimeValue": time, **frame.fields}.items():
             grid.field_data[key] = [value] if isinstance(value, str) else np.atleast_1d(value)
+        if series.coloured_by:
+            grid.set_active_scalars(series.coloured_by)
         blocks.append(grid, name)
     return blocks

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from femimpact.export.files import atomic_write
 from femimpact.export.scene_pieces import BEAM, CONNECTION, CONTACT_POINT, PARTS
+from femimpact.export.vtk.fields import RELATIVE_STRESS
 from femimpact.export.vtk.series import Frame, Series
 from femimpact.export.vtk.template import TEMPLATE
 
@@ -25,13 +26,13 @@ COLOURS = {
 """Of the parts that carry no field."""
 
 ARROWS = {
-    "contact_force_vector": ("green: force", "N", 0.05, (0.0, 0.62, 0.45)),
-    "contact_impulse_vector": ("orange: impulse", "N s", 0.07, (0.84, 0.37, 0.0)),
+    "contact_force_vector": ("green: force", "N", 0.04, (0.0, 0.62, 0.45)),
+    "contact_impulse_vector": ("orange: impulse", "N s", 0.055, (0.84, 0.37, 0.0)),
 }
 """Vectors shown as arrows: words, unit, the longest arrow as a share of the length of what is drawn, and colour."""
 
-BESIDE = 0.006
-"""Share of the length of what is drawn by which the arrows of either vector stand beside the point of contact."""
+BESIDE = 0.012
+"""Share of the length of what is drawn between a box and its first arrow, and between the arrows of both vectors."""
 
 
 WITHOUT_FIELDS = "'time value %.6g' % t_value"
@@ -48,35 +49,37 @@ class View:
         Of the docstring.
     text : str
         Expression of ParaView's Python annotation, on the field data.
-    stress_title : str
-        Of the colour bar; `{mode}` is the number of the mode.
+    stress : tuple of str
+        Array that colours the beam, the expression of ParaView's calculator that makes it, and the title of its bar, in
+        which `{mode}` is the number of the mode.
     each : bool
         Whether every frame has a colour bar of its own, not all frames the same.
     """
 
     title: str
     text: str
-    stress_title: str
+    stress: tuple[str, str, str]
     each: bool = False
 
 
-DRAWN_STRESS = "axial stress (MPa) of mode {mode:.0f} as drawn"
+OF_MODE = ("share_of_stress", RELATIVE_STRESS, "axial stress, as a share of the largest of mode {mode:.0f}")
+IN_MPA = ("axial_stress_MPa", "axial_stress / 1e6", "axial stress (MPa)")
 MODES = View(
     "Mode shapes, one time value for each mode: its number. The colour bar is that of the mode.",
     "'mode %d: %.5g Hz' % (mode[0], natural_frequency[0])",
-    DRAWN_STRESS,
+    OF_MODE,
     each=True,
 )
 MODE = View(
     "One mode over one period: press Play.",
     "'mode %d: %.5g Hz, phase %3.0f degrees' % (mode[0], natural_frequency[0], 57.29577951 * phase[0])",
-    DRAWN_STRESS,
+    OF_MODE,
 )
 DEFLECTION = View(
     "The moving beam, with arrows of the contact forces and, at an impact, of its impulse.",
     "name.GetValue(0).replace(', ', '\\n', 1) + '\\n' + contacts.GetValue(0)"
     " + ('\\ndisplacement drawn %g times as large' % exaggeration[0] if exaggeration[0] != 1 else '')",
-    "axial stress (MPa)",
+    IN_MPA,
 )
 
 
@@ -109,6 +112,7 @@ class SeriesSummary:
         self.contacts: dict[int, Space] = {}
         self.frames: dict[int, FrameSummary] = {}
         self.parts: list[int] = []
+        self.half_width = 0.0
 
     def gathering(self, series: Series) -> Series:
         """The same series, each of whose frames is added to the summary when it is made."""
@@ -119,10 +123,13 @@ class SeriesSummary:
             moved = series.points + found.points["displacement"]
             self.whole.add(moved)
             pairs = found.cells["contact_pair"]
-            pair_of_entry = np.repeat(pairs, sizes)
+            pair_of_entry, part_of_entry = np.repeat(pairs, sizes), np.repeat(found.cells["part"], sizes)
             for pair in np.unique(pairs[pairs >= 0]):
                 of_pair = series.connectivity[pair_of_entry == pair]
                 self.contacts.setdefault(int(pair), Space()).add(moved[of_pair])
+                marks = series.connectivity[(pair_of_entry == pair) & (part_of_entry == CONTACT_POINT)]
+                reach = moved[of_pair, 0].max() - moved[marks, 0].min()
+                self.half_width = max(self.half_width, float(reach))
             self.parts = [int(part) for part in np.unique(found.cells["part"])]
             self.frames[k] = _summary_of(series, found, k, pair_of_entry)
             return found
@@ -145,10 +152,16 @@ class Space:
         """Make it hold these points (n, 3) too."""
         self.low, self.high = np.minimum(self.low, points.min(axis=0)), np.maximum(self.high, points.max(axis=0))
 
-    def bounds(self, margin: float = 0.0) -> tuple[float, ...]:
-        """Lower and upper bound of x, y and z in turn, as VTK has them, with margin (m) on both sides along y."""
-        more = np.array([0.0, margin, 0.0])
-        ends = zip(self.low - more, self.high + more, strict=True)
+    def with_arrows(self, beside: float, along: float) -> Space:
+        """The same box with room (m) for arrows on the right of it, and along y on both sides."""
+        if along == 0.0:
+            return self
+        more = np.array([0.0, along, 0.0])
+        return Space(self.low - more, self.high + more + (beside, 0.0, 0.0))
+
+    def bounds(self) -> tuple[float, ...]:
+        """Lower and upper bound of x, y and z in turn, as VTK has them."""
+        ends = zip(self.low, self.high, strict=True)
         return tuple(float(f"{value:.6g}") for pair in ends for value in pair)
 
 
@@ -187,8 +200,9 @@ def write_script(path: Path, view: View, summary: SeriesSummary, names: Sequence
     """
     size = float(summary.whole.high[0] - summary.whole.low[0])
     first, why = _first(summary)
-    margin = max(share for _, _, share, _ in ARROWS.values()) * size
-    close = {name: summary.contacts[pair].bounds(margin) for pair, name in enumerate(names)}
+    longest = size * max((share for name, (_, _, share, _) in ARROWS.items() if summary.peak(name) > 0.0), default=0.0)
+    room = ((len(ARROWS) + 1) * BESIDE * size, longest)
+    close = {name: summary.contacts[pair].with_arrows(*room).bounds() for pair, name in enumerate(names)}
     lines = {
         "TITLE": view.title,
         "STEM": script_path(path).name,
@@ -198,7 +212,9 @@ def write_script(path: Path, view: View, summary: SeriesSummary, names: Sequence
         "CLOSE_UP": repr(names[max(first.pressed, 0)] if names else None),
         "TEXT": repr(view.text if path.suffix == ".pvd" else WITHOUT_FIELDS),
         "BARS": _listed(_bars(view, summary)),
-        "BOUNDS": repr(summary.whole.bounds()),
+        "BOUNDS": repr(summary.whole.with_arrows(*room).bounds()),
+        "COLOUR": repr(view.stress[0]),
+        "CALCULATED": repr(view.stress[1]),
         "CLOSE_UPS": "{" + "".join(f"\n    {name!r}: {space!r}," for name, space in close.items()) + "\n}",
         "PARTS": _listed(_parts(summary)),
         "ARROWS": _listed(_arrows(summary, size)),
@@ -224,11 +240,11 @@ def _first(summary: SeriesSummary) -> tuple[FrameSummary, str]:
 
 
 def _bars(view: View, summary: SeriesSummary) -> list[tuple[float, str]]:
-    """End (MPa) and title of the colour bar, one for each frame, or one for all."""
+    """End and title of the colour bar, one for each frame, or one for all."""
     frames = [summary.frames[k] for k in sorted(summary.frames)]
-    ends = [frame.peaks["axial_stress"] for frame in frames] if view.each else [summary.peak("axial_stress")]
-    titles = (view.stress_title.format(mode=frame.mode) for frame in frames)
-    return [(_rounded_up(1e-6 * end), title) for end, title in zip(ends, titles, strict=False)]
+    titles = (view.stress[2].format(mode=frame.mode) for frame in (frames if view.each else frames[:1]))
+    end = 1.0 if view.stress == OF_MODE else _rounded_up(1e-6 * summary.peak("axial_stress"))
+    return [(end, title) for title in titles]
 
 
 def _parts(summary: SeriesSummary) -> list[tuple[Any, ...]]:
@@ -238,11 +254,14 @@ def _parts(summary: SeriesSummary) -> list[tuple[Any, ...]]:
 
 
 def _arrows(summary: SeriesSummary, size: float) -> list[tuple[Any, ...]]:
-    """Name, metres for each unit, metres beside the contact, and colour of the vectors that are not zero."""
+    """Name, metres for each unit, metres beside the contact, and colour of the vectors that are not zero.
+
+    They stand on the right of the widest box, so that the ball in its gap is seen.
+    """
+    shown = [(name, share, colour) for name, (_, _, share, colour) in ARROWS.items() if summary.peak(name) > 0.0]
     return [
-        (name, share * size / summary.peak(name), side * BESIDE * size, colour)
-        for side, (name, (_, _, share, colour)) in zip((-1.0, 1.0), ARROWS.items(), strict=True)
-        if summary.peak(name) > 0.0
+        (name, share * size / summary.peak(name), summary.half_width + (1 + i) * BESIDE * size, colour)
+        for i, (name, share, colour) in enumerate(shown)
     ]
 
 

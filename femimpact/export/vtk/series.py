@@ -43,6 +43,8 @@ class Series:
     names : sequence of str
         Of every frame.
     frame : callable of int to Frame
+    coloured_by : str
+        Array at points that ParaView colours by when it opens the file; "" for none.
     """
 
     points: NDArray[np.float64]
@@ -52,6 +54,7 @@ class Series:
     times: Sequence[float]
     names: Sequence[str]
     frame: Callable[[int], Frame]
+    coloured_by: str = ""
 
     def timed_frames(self) -> Iterator[tuple[float, Frame]]:
         """Every frame with its time."""

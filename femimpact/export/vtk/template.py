@@ -30,8 +30,9 @@ DATA = os.path.join(os.path.dirname(os.path.abspath(SCRIPT)), "@FILE@")
 if not os.path.isfile(DATA):
     raise RuntimeError(DATA + " is missing: run this script from its file, beside @FILE@")
 
-# end of the colour bar in MPa, and its title: one for each time value, or one for all
+# end of the colour bar, and its title: one for each time value, or one for all
 BARS = @BARS@
+COLOUR = @COLOUR@  # array that colours the beam
 BOUNDS = @BOUNDS@  # m, of all frames
 # m, of all frames, with the longest arrow
 CLOSE_UPS = @CLOSE_UPS@
@@ -41,7 +42,7 @@ PARTS = @PARTS@
 ARROWS = @ARROWS@
 LEGEND = @LEGEND@
 BLACK = [0.0, 0.0, 0.0]
-PIXELS = [1280, 720]
+TEXT, BAR = 0.13, 0.15  # of the height, for the text above the beam and the colour bar below it
 SHARE = 0.64  # of the width, for the first of two views
 TILT, CLOSE_TILT = 0.5, 0.1  # of the line of sight, towards y
 NAME = "whole beam"
@@ -77,8 +78,8 @@ warp.Vectors = ["POINTS", "displacement"]
 warp.ScaleFactor = 1.0
 
 solid = part(@BEAM@, "beam", warp)
-beam = Calculator(registrationName="stress in MPa", Input=solid)
-beam.Function, beam.ResultArrayName = "axial_stress / 1e6", "axial_stress_MPa"
+beam = Calculator(registrationName="stress", Input=solid)
+beam.Function, beam.ResultArrayName = @CALCULATED@, COLOUR
 # source, colour, width of lines, whether the edges of its cells are drawn: a ball has facets
 drawn = [(part(number, name, warp), colour, width, name != "ball") for number, name, colour, width in PARTS]
 drawn.append((edges(solid, "edges of the beam"), (0.25, 0.25, 0.25), 1.0, False))
@@ -95,7 +96,7 @@ for name, length, beside, colour in ARROWS:
     arrows.GlyphMode = "All Points"
     drawn.append((arrows, colour, 1.0, False))
 
-colours = GetColorTransferFunction("axial_stress_MPa")
+colours = GetColorTransferFunction(COLOUR)
 colours.ApplyPreset("Cool to Warm", True)
 colours.AutomaticRescaleRangeMode = "Never"
 
@@ -107,7 +108,7 @@ def draw(view):
     view.OrientationAxesLabelColor = BLACK
     view.KeyLightWarmth = view.FillLightWarmth = view.BackLightWarmth = view.HeadLightWarmth = 0.5
     shown = Show(beam, view)
-    ColorBy(shown, ("POINTS", "axial_stress_MPa"))
+    ColorBy(shown, ("POINTS", COLOUR))
     shown.SetScalarBarVisibility(view, False)
     shown.Ambient, shown.Diffuse, shown.Specular = 1.0, 0.0, 0.0
     for source, colour, width, edged in drawn:
@@ -120,18 +121,27 @@ def draw(view):
     return shown
 
 
+def seen(bounds, tilt):
+    """Width and height (m) of a box in a picture that looks at it from a little above."""
+    width, high, deep = [b - a for a, b in zip(bounds[0::2], bounds[1::2])]
+    return width, (high + tilt * deep) / (1.0 + tilt**2) ** 0.5
+
+
 def aim(view, bounds, pixels, tilt=TILT):
     """A parallel projection along z, from a little above: lengths along x are true, and the beam at rest is level."""
-    low, high = bounds[0::2], bounds[1::2]
-    centre = [0.5 * (a + b) for a, b in zip(low, high)]
-    size = [b - a for a, b in zip(low, high)]
-    far = 3.0 * max(size)
+    width, height = seen(bounds, tilt)
+    # of the picture, m: what is left by text and bar is filled
+    tall = max(1.04 * height / (1.0 - TEXT - BAR), 1.04 * width * pixels[1] / pixels[0])
+    centre = [0.5 * (a + b) for a, b in zip(bounds[0::2], bounds[1::2])]
+    # upwards in the picture is across the line of sight
+    for axis, share in ((1, 1.0), (2, -tilt)):
+        centre[axis] += 0.5 * (TEXT - BAR) * tall * share / (1.0 + tilt**2) ** 0.5
+    far = 3.0 * max(width, height)
     view.CameraParallelProjection = 1
     view.CameraFocalPoint = centre
     view.CameraPosition = [centre[0], centre[1] + tilt * far, centre[2] + far]
     view.CameraViewUp = [0.0, 1.0, 0.0]
-    height = (size[1] + tilt * size[2]) / (1.0 + tilt**2) ** 0.5
-    view.CameraParallelScale = 0.56 * max(height, size[0] * pixels[1] / pixels[0])
+    view.CameraParallelScale = 0.5 * tall
 
 
 def write(view, source, size, place):
@@ -161,7 +171,11 @@ text.Expression = @TEXT@
 write(view, text, 18, "Upper Left Corner")
 
 layout = GetLayout(view)
+PIXELS = [1280, 720]
 if CLOSE_UP is None:
+    # as high as what it shows asks for
+    width, height = seen(BOUNDS, TILT)
+    PIXELS = [1280, min(max(int(1280 * height / width / (1.0 - TEXT - BAR)), 480), 960)]
     aim(view, BOUNDS, PIXELS)
 else:
     aim(view, BOUNDS, [SHARE * PIXELS[0], PIXELS[1]])
@@ -187,7 +201,7 @@ TIMES = %r
 def rescale(now):
     k = min(range(len(TIMES)), key=lambda i: abs(TIMES[i] - now))
     largest, title = BARS[min(k, len(BARS) - 1)]
-    colours = GetColorTransferFunction("axial_stress_MPa")
+    colours = GetColorTransferFunction(%r)
     colours.RescaleTransferFunction(-largest, largest)
     bar = GetScalarBar(colours, FindView(%r))
     bar.Title, bar.CustomLabels = title, [0.5 * i * largest for i in range(-2, 3)]
@@ -203,7 +217,7 @@ def tick(self):
 
 def end_cue(self):
     pass
-""" % (BARS, times, NAME)
+""" % (BARS, times, COLOUR, NAME)
 cue = PythonAnimationCue(Script=TICK)
 scene.Cues.append(cue)
 scene.AnimationTime = start

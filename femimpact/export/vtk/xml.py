@@ -61,7 +61,8 @@ def _field(name: str, value: Value) -> str:
 class Grid:
     """Static geometry of an unstructured grid, encoded once; `text` adds what changes."""
 
-    def __init__(self, points: Any, connectivity: Any, offsets: Any, types: Any) -> None:
+    def __init__(self, points: Any, connectivity: Any, offsets: Any, types: Any, coloured_by: str = "") -> None:
+        self.active = 'Vectors="displacement"' + (f' Scalars="{coloured_by}"' if coloured_by else "")
         self.size = f'NumberOfPoints="{len(points)}" NumberOfCells="{len(types)}"'
         self.geometry = (
             f"<Points>\n{_data('Points', points)}</Points>\n<Cells>\n{_data('connectivity', connectivity)}"
@@ -79,7 +80,7 @@ class Grid:
             '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" '
             f'header_type="UInt64" compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>\n<FieldData>\n'
             f"{''.join(_field(name, value) for name, value in fields.items())}</FieldData>\n<Piece {self.size}>\n"
-            f'<PointData Vectors="displacement">\n{"".join(_data(*item) for item in points.items())}</PointData>\n'
+            f"<PointData {self.active}>\n{''.join(_data(*item) for item in points.items())}</PointData>\n"
             f"<CellData>\n{''.join(_data(*item) for item in cells.items())}</CellData>\n"
             f"{self.geometry}</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
         )
@@ -87,7 +88,7 @@ class Grid:
 
 def write_pvd(path: Path, series: Series) -> Path:
     """Write a series as one VTU file a frame, and the collection that names them."""
-    grid = Grid(series.points, series.connectivity, series.offsets, series.types)
+    grid = Grid(series.points, series.connectivity, series.offsets, series.types, series.coloured_by)
     texts = (grid.text({"TimeValue": time, **f.fields}, f.points, f.cells) for time, f in series.timed_frames())
     return write_frames(path, series.times, texts, series.names)
 

@@ -94,6 +94,13 @@ class HHT(SteppingAnswers):
     ------
     InputError
         If a value is out of range.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> run = fi.integrate(system, fi.Sine(amplitude=0.2e-3, frequency=5.0), fi.HHT(dt=1e-4, alpha=-0.1), duration=1.0)
+    >>> bool(run.channels["tip"].any())
+    True
     """
 
     dt: float = field(metadata=quantity("s", above=0.0))
@@ -203,6 +210,13 @@ class MoreauJean(SteppingAnswers):
     ------
     InputError
         If a value is out of range.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> run = fi.integrate(rigid, fi.Sine(amplitude=0.2e-3, frequency=5.0), fi.MoreauJean(dt=1e-4), duration=1.0)
+    >>> bool(run.channels["tip"].any())
+    True
     """
 
     dt: float = field(metadata=quantity("s", above=0.0))

@@ -1,0 +1,79 @@
+"""Write the tables of pages from the files that the code made: `python docs/make_tables.py`.
+
+A page holds a table between `<!-- table NAME -->` and `<!-- end of table -->`. Its rows are those of `tables/NAME.csv`.
+`--check` writes nothing, and ends with status 1 where a page has other rows.
+
+| file | made by |
+| --- | --- |
+| `validation.csv` | `femimpact validate -o docs/tables/validation.csv --force` |
+| `comparison.csv` | `femimpact demo`, in its directory |
+| `work_precision.csv` | `python benchmarks/work_precision.py --table docs/tables/work_precision.csv` |
+| `beside_c.csv`, `beside_programs.csv`, `time_for_error.csv` | `python benchmarks/compare.py`, in its directory |
+| `step.csv`, `parts.csv`, `asked.csv` | by hand, from what `benchmarks/newmark_step.py` and `perf` print |
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+import sys
+from pathlib import Path
+
+from femimpact.validation.case import Case
+from femimpact.validation.reference_cases import markdown_table
+
+HERE = Path(__file__).parent
+BLOCK = re.compile(r"(<!-- table (\w+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
+HEADINGS = {
+    "paper_theory": "paper, theory",
+    "paper_experiment": "paper, experiment",
+    "from_rest_on_base": "from rest relative to the base",
+    "from_rest_in_space": "from rest in the inertial frame",
+}
+"""Words for columns that have the name of a variable."""
+
+
+def table(name: str, folder: Path = HERE / "tables") -> str:
+    """The Markdown of a table, from its file."""
+    with (folder / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+        header, *rows = csv.reader(file)
+    if name == "validation":
+        return markdown_table([_case(dict(zip(header, row, strict=True))) for row in rows])
+    if name == "comparison":
+        rows = [[_number(word) for word in row] for row in rows]
+    lines = [[HEADINGS.get(word, word) for word in header], ["---"] * len(header), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def _number(word: str) -> str:
+    """A number to four digits, anything else as it is."""
+    return f"{float(word):.4g}" if re.fullmatch(r"\d+\.\d+", word) else word
+
+
+def _case(row: dict[str, str]) -> Case:
+    numbers = {name: float(row[name]) for name in ("reference", "computed", "bound")}
+    return Case(**{name: row[name] for name in ("name", "source", "quantity", "unit", "reason")}, **numbers)
+
+
+def written(text: str) -> str:
+    """The text of a page with the tables that its files have."""
+    return BLOCK.sub(lambda found: f"{found[1]}{table(found[2])}{found[3]}", text)
+
+
+def main(check: bool = False) -> list[Path]:
+    """Write all pages, or only find those whose tables differ from their files."""
+    stale = []
+    for page in sorted(HERE.rglob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        if (new := written(text)) != text:
+            stale.append(page)
+            if not check:
+                page.write_text(new, encoding="utf-8")
+    return stale
+
+
+if __name__ == "__main__":
+    CHECK = "--check" in sys.argv
+    STALE = main(CHECK)
+    print(*(f"{page.name}: {'differs from its file' if CHECK else 'written'}" for page in STALE), sep="\n")
+    sys.exit(bool(STALE) and CHECK)
