@@ -2,7 +2,7 @@
 
     python benchmarks/same_bits.py COMMIT [--runs 1000] [--sweeps 100] [--steps 1000]
 
-The commit is unpacked and installed into an environment of its own, both versions run the same random structures
+The commit is unpacked and installed into a separate environment, both versions run the same random structures
 (tests/random_structures.py; for methods with steps stepped_cases.py), and every array of their responses is compared:
 what differs is printed with the largest difference, relative to the array's largest value. Zeros of both signs count
 as equal. The exit status is 1 where anything differs.
@@ -113,7 +113,7 @@ def work(jobs: list[str], out: Path, whole: bool) -> None:
 
 
 def asked(python: Path, source: Path, jobs: list[str], out: Path, whole: bool) -> dict[str, dict[str, str]]:
-    """Digests of jobs by one version, in a process of its own."""
+    """Digests of jobs by one version, in a separate process."""
     out.mkdir(parents=True, exist_ok=True)
     (out / "jobs.json").write_text(json.dumps(jobs))
     words = [str(python), str(Path(__file__)), "--work", str(out), *(["--whole"] if whole else [])]

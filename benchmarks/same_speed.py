@@ -2,7 +2,7 @@
 
     python benchmarks/same_speed.py COMMIT [--pairs 20]
 
-The commit is unpacked and installed into an environment of its own. Each pair runs every task once by both versions, in
+The commit is unpacked and installed into a separate environment. Each pair runs every task once by both versions, in
 processes that have run it before; the table has the median ratio of each task with the 90 % interval of the median by
 order statistics. The exit status is 1 where an interval lies above 1.05.
 """

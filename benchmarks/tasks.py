@@ -49,7 +49,7 @@ class Point:
 
 
 def history_of(name, task_name, duration, setting):
-    """Times and tip of a peer given by its name, as a process of its own can be asked."""
+    """Times and tip of a peer given by its name, as a separate process can be asked."""
     problem = load_problem()
     task = problem.task(task_name)
     return peer(name).history(problem, task, problem.data["tip"]["frequency"], duration, setting)
@@ -69,7 +69,7 @@ def contestants(chosen):
 
 
 def _call(name, tool, problem, task, duration, setting):
-    """What runs one history, in this process or in one of its own."""
+    """What runs one history, in this process or in a separate one."""
     if name in SEPARATE:
         return Child(history_of, name, task.name, duration, setting)
     frequency = problem.data["tip"]["frequency"]

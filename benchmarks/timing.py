@@ -72,7 +72,7 @@ def take_turns(jobs: list[Job], say: Callable[[str], None] = lambda text: None) 
 
 
 class Child:
-    """A call in a process of its own, which stays for the next one; the time is taken there."""
+    """A call in a separate process, which stays for the next one; the time is taken there."""
 
     def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
         self.function, self.arguments = function, arguments

@@ -81,7 +81,7 @@ errors, and with the examples that use it.
 
 
 def api_page() -> str:
-    """Tables of all public names with the first sentence of each, every name with a page of its own."""
+    """Tables of all public names with the first sentence of each, every name with a separate page."""
     lines = [API_HEAD]
     for key, names in groups().items():
         lines += autosummary(SUBJECTS.get(key, key.capitalize()), "femimpact", names)

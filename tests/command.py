@@ -1,4 +1,4 @@
-"""The command line in this process, as a process of its own would run it; and in one, where that is the subject."""
+"""The command line in this process, as a separate process would run it; and in one, where that is the subject."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Done:
 
 
 def femimpact_process(*arguments: object, cwd: Path, check: bool = True) -> subprocess.CompletedProcess[str]:
-    """The command line in a process of its own; it must end well unless told otherwise."""
+    """The command line in a separate process; it must end well unless told otherwise."""
     done = subprocess.run(
         [sys.executable, "-m", "femimpact", *map(str, arguments)], cwd=cwd, capture_output=True, text=True
     )

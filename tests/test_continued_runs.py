@@ -378,7 +378,7 @@ def test_contacts_go_on_under_another_excitation(modal, method):
     touched = fi.integrate(modal, SINE, method, 0.7).impacts.time
     assert after.impacts.time[0] == pytest.approx(touched[len(before.impacts)], abs=1e-12)
     assert after.impacts.time[0] < after.start
-    # as of a run of its own
+    # as of a separate run
     assert after.energy.residual < 1e-2
     restarted = fi.integrate(modal, other, method, 0.5, initial=replace(before.final_state, time=0.0))
     assert restarted.time[0] == 0.0

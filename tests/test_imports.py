@@ -14,7 +14,7 @@ HEAVY = ("pyvista", "vtk", "vtkmodules", "matplotlib", "meshio", "skfem", "numba
 
 @pytest.mark.parametrize("statement", ["import femimpact", "import sys; sys.argv = ['femimpact', '--help']; HELP"])
 def test_light_start_loads_no_heavy_library(statement):
-    # a process of its own: this one has loaded everything already
+    # a separate process: this one has loaded everything already
     code = statement.replace(
         "HELP", "import femimpact.cli\ntry:\n    femimpact.cli.main()\nexcept SystemExit:\n    pass"
     )

@@ -40,7 +40,7 @@ FIGURES = {
 
 
 def _outputs(cells, folder):
-    """Kinds of data of every output of every cell, executed by a kernel in a process of its own."""
+    """Kinds of data of every output of every cell, executed by a kernel in a separate process."""
     # what the kernel sets itself where it is not set, as it is not for a user
     environment = {name: value for name, value in os.environ.items() if name != "MPLBACKEND"}
     environment |= {name: str(folder) for name in ("HOME", "IPYTHONDIR", "JUPYTER_RUNTIME_DIR", "MPLCONFIGDIR")}

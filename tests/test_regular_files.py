@@ -34,7 +34,7 @@ for name, path in zip(sys.argv[1::2], sys.argv[2::2]):
 
 
 def _told(*calls):
-    """Lines of the input errors of functions of a path, in a process of its own, which is ended after a minute."""
+    """Lines of the input errors of functions of a path, in a separate process, which is ended after a minute."""
     arguments = [str(part) for call in calls for part in call]
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT, *arguments], capture_output=True, text=True, timeout=60, check=True

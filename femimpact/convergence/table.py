@@ -63,7 +63,7 @@ class ConvergenceTable:
         Relative error at which rounding was seen to decide; not a number where it was not reached.
     recommended : ndarray (quantities,)
         Number that gives the accuracy: by the fitted order between the cases where it is within 0.3 of the expected
-        one, and checked on a case of its own where the axis makes one; else that of the first case from which on the
+        one, and checked on a separate case where the axis makes one; else that of the first case from which on the
         error, with what extrapolation has added to the reference, is small enough (`recommended_is_bound`). Not a
         number where none is known.
     accuracy : float, 1

@@ -1,4 +1,4 @@
-"""Reading a case, and trying a recommended number on a case of its own."""
+"""Reading a case, and trying a recommended number on a separate case."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What drives a run: motions of the base, or a force at a place. A new one is a class in a file of its own."""
+"""What drives a run: motions of the base, or a force at a place. A new one is a class in a separate file."""
 
 from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.excitation import BrokenLine, Excitation, Harmonic, require_excitation

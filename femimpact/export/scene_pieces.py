@@ -33,7 +33,7 @@ STATIONS = 120
 """Cells along the beam, at least."""
 
 MOST_STATIONS = 2000
-"""Cells along the beam beyond which not every node of the mesh has a section of its own."""
+"""Cells along the beam beyond which not every node of the mesh has a separate section."""
 
 SAME = 1e-9
 """Share of the beam's length within which two positions are one."""

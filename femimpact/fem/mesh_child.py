@@ -1,4 +1,4 @@
-"""The process that reads mesh files: a script of its own, for readers that raise, print, loop or fill the memory.
+"""The process that reads mesh files: a separate script, for readers that raise, print, loop or fill the memory.
 
 Run as `python -P mesh_child.py MEMORY FILE...`, it prints a line of JSON for each file: what the file holds as plain
 lists, or why it could not be read. It ends when its standard input is closed, as it is when the parent is gone.

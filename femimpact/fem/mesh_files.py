@@ -1,4 +1,4 @@
-"""Mesh files: read by a process of its own, checked to be one unbroken beam along x."""
+"""Mesh files: read by a separate process, checked to be one unbroken beam along x."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def _answers(paths: Sequence[Path]) -> Generator[Mapping[str, Any]]:
 class _Reader:
     """A process that reads files, from its start to its end.
 
-    A thread of its own waits for the output of the process: Windows can wait for no pipe with a time limit. It reads
+    A separate thread waits for the output of the process: Windows can wait for no pipe with a time limit. It reads
     the pipe without a buffer. The lock of a buffer that a thread waits in stops Python where it ends meanwhile.
     """
 

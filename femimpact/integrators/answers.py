@@ -69,7 +69,7 @@ class MethodCost:
 
 @dataclass(frozen=True, eq=False)
 class SineDwells:
-    """Dwells under sine motions of the base, each a case of its own from the same state.
+    """Dwells under sine motions of the base, each a separate case from the same state.
 
     Parameters
     ----------

@@ -73,7 +73,7 @@ def integrate(
     system : System
         Physical or reduced.
     excitation : Sine, PointForce, RecordedBase or another `Excitation`, or a sequence of them
-        Each of a sequence has a run of its own.
+        Each of a sequence has a separate run.
     method : Newmark, HHT, WBZ, GeneralizedAlpha, MoreauJean or EventDriven
         Or any other that has the answers of `methods.Method`.
     duration : float, s

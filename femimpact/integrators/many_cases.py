@@ -27,7 +27,7 @@ def run_cases(
     """Results of all cases in their order.
 
     A method may have a member `run_cases` that takes them as they are, and `takes_several_systems` where each may have
-    a system of its own and any start and law. For another one, and of methods with steps for static starts and laws
+    a separate system and any start and law. For another one, and of methods with steps for static starts and laws
     that are functions, cases that differ in their frequency alone run together.
 
     Parameters

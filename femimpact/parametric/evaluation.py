@@ -500,7 +500,7 @@ def _same_structure(one: System, other: System) -> bool:
 
 
 def _read_runs(group: _Group, part: Numbers, own: Numbers, columns: Any, answers: _Answers) -> None:
-    """Measures that are read from a run of its own of each case."""
+    """Measures that are read from a separate run of each case."""
     study = answers.study
     asked = [
         (m, item) for m, item in enumerate(study.chosen)

@@ -49,7 +49,7 @@ def same_study(one: Study, other: Study) -> bool:
 
 
 def with_record(text: str, record: str) -> str:
-    """The text of a study file with another path of its record, where that stands on a line of its own.
+    """The text of a study file with another path of its record, where that stands on a separate line.
 
     Where it stands elsewhere the text does not fit its study any more, which `study_text` finds.
     """

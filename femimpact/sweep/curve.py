@@ -125,7 +125,7 @@ class FrequencyResponse:
     acceleration : float or None, m/s^2
         Amplitude of the base's acceleration, the same at all frequencies; None of a sweep at constant displacement.
     direction : "up", "down" or None
-        The way in which each frequency began with the end of the one before it; None where each is a run of its own.
+        The way in which each frequency began with the end of the one before it; None where each is a separate run.
 
     Raises
     ------

@@ -137,7 +137,7 @@ def _dwell(
     """One dwell: what comes before three times the measured cycles, then these, whose last third is measured."""
     f, amplitude = float(cases.frequency[case]), float(cases.amplitude[case])
     cycles, measured = int(cases.cycles[case]), int(cases.measured[case])
-    allowed = "must be at most a third of the dwell where each frequency is a run of its own"
+    allowed = "must be at most a third of the dwell where each frequency is a separate run"
     require(3 * measured <= cycles, "window", measured / f, "s", allowed)
     base = Sine(amplitude, f, phase=-2.0 * math.pi * f * start.time)
     state = start

@@ -100,7 +100,7 @@ def frequency_sweep(
     threads: int | None = None,
     progress: Progress | bool | None = None,
 ) -> FrequencyResponse | dict[str, FrequencyResponse]:
-    """Stepped-sine sweep: each frequency a run of its own from the initial state, or from the last one's end.
+    """Stepped-sine sweep: each frequency a separate run from the initial state, or from the last one's end.
 
     Parameters
     ----------

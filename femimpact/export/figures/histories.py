@@ -269,7 +269,7 @@ def contact_force(
     cycles : float
         Base cycles whose force is drawn.
     averaged : bool
-        Give the cycle-averaged force a panel of its own, instead of a line among the peaks, which the mean force is
+        Give the cycle-averaged force a separate panel, instead of a line among the peaks, which the mean force is
         where the excitation has no cycle.
     figure : Figure, optional
         Drawn on; a new one of pyplot's by default.

@@ -33,7 +33,7 @@ POINT_UNITS = {
 """Arrays at points and their units; `rotation` in radians."""
 
 RELATIVE_STRESS = "relative_stress"
-"""Axial stress as a share of the largest of its mode: a mode has no size of its own, and neither has its stress."""
+"""Axial stress as a share of the largest of its mode: a mode has no size, and neither has its stress."""
 
 POINTS_OF_SECTION = 4
 

@@ -53,7 +53,7 @@ class View:
         Array that colours the beam, the expression of ParaView's calculator that makes it, and the title of its bar, in
         which `{mode}` is the number of the mode.
     each : bool
-        Whether every frame has a colour bar of its own, not all frames the same.
+        Whether every frame has a separate colour bar, not all frames the same.
     """
 
     title: str

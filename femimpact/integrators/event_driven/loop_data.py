@@ -1,6 +1,6 @@
 """What the compiled loop works on, as named tuples of arrays: the core takes them by these names.
 
-The case axis comes first: each case is a run of its own. C cases, F closed forms, K entries, P rigid-body
+The case axis comes first: each case is a separate run. C cases, F closed forms, K entries, P rigid-body
 coordinates, d coordinates (structure, then balls), R pairs, O outputs. Rows of scalars: x of every pair, the contact
 force of every pair on the structure, then the outputs, the first of which is the observed place.
 """

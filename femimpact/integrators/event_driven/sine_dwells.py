@@ -1,4 +1,4 @@
-"""Dwells under sine motions of the base, event-driven: each a case of its own, all in blocks of one compiled call."""
+"""Dwells under sine motions of the base, event-driven: each a separate case, all in blocks of one compiled call."""
 
 from __future__ import annotations
 

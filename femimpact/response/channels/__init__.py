@@ -1,6 +1,6 @@
 """Channels: what is recorded of a run, each a linear reading of the state.
 
-A new built-in channel is a class in a file of its own and a line in `QUANTITIES`.
+A new built-in channel is a class in a separate file and a line in `QUANTITIES`.
 """
 
 from __future__ import annotations
