@@ -189,7 +189,7 @@ def main() -> None:
     parser.add_argument("--output", default="work_precision.png")
     parser.add_argument("--table", help="CSV file of the table on the page docs/methods.md")
     options = parser.parse_args()
-    # compile everything before the clock matters
+    # what is loaded and kept from here on is paid for once
     for contact in (fi.Rigid(RESTITUTION), soft_wall(2e-3)):
         fi.integrate(system_with(contact), SINE, event_driven(PER_CYCLE), 0.2)
     points = [*rigid_points(), *compliant_points()]
