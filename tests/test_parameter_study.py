@@ -523,7 +523,8 @@ def test_a_function_that_returns_a_structure_is_a_study_over_its_arguments():
     base = fi.Sine(0.2037e-3, 4.9)
     found = fi.parameter_study(structure, axes, ["peak"], excitation=base, elements=10, modes=3, cycles=3)
     same = fi.parameter_study(study(), {"mass.box.mass": [0.02, 0.03], GAP: [2e-3, 4e-3]}, ["peak"], cycles=3)
-    np.testing.assert_array_equal(found["peak"], same["peak"])
+    # modes are solved in another call: to rounding, of which 3 cycles make little
+    np.testing.assert_allclose(found["peak"], same["peak"], rtol=1e-10)
     with pytest.raises(fi.InputError, match="box: is an argument of the function, and must be an axis"):
         fi.parameter_study(structure, {GAP: [2e-3]}, ["peak"], excitation=base)
 
