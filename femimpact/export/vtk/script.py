@@ -153,7 +153,7 @@ class Space:
         self.low, self.high = np.minimum(self.low, points.min(axis=0)), np.maximum(self.high, points.max(axis=0))
 
     def with_arrows(self, beside: float, along: float) -> Space:
-        """The same box with room (m) for arrows on the right of it, and along y on both sides."""
+        """The same box with margins (m) for arrows, on the right of it and along y on both sides."""
         if along == 0.0:
             return self
         more = np.array([0.0, along, 0.0])
@@ -201,8 +201,8 @@ def write_script(path: Path, view: View, summary: SeriesSummary, names: Sequence
     size = float(summary.whole.high[0] - summary.whole.low[0])
     first, why = _first(summary)
     longest = size * max((share for name, (_, _, share, _) in ARROWS.items() if summary.peak(name) > 0.0), default=0.0)
-    room = ((len(ARROWS) + 1) * BESIDE * size, longest)
-    close = {name: summary.contacts[pair].with_arrows(*room).bounds() for pair, name in enumerate(names)}
+    margins = ((len(ARROWS) + 1) * BESIDE * size, longest)
+    close = {name: summary.contacts[pair].with_arrows(*margins).bounds() for pair, name in enumerate(names)}
     lines = {
         "TITLE": view.title,
         "STEM": script_path(path).name,
@@ -212,7 +212,7 @@ def write_script(path: Path, view: View, summary: SeriesSummary, names: Sequence
         "CLOSE_UP": repr(names[max(first.pressed, 0)] if names else None),
         "TEXT": repr(view.text if path.suffix == ".pvd" else WITHOUT_FIELDS),
         "BARS": _listed(_bars(view, summary)),
-        "BOUNDS": repr(summary.whole.with_arrows(*room).bounds()),
+        "BOUNDS": repr(summary.whole.with_arrows(*margins).bounds()),
         "COLOUR": repr(view.stress[0]),
         "CALCULATED": repr(view.stress[1]),
         "CLOSE_UPS": "{" + "".join(f"\n    {name!r}: {space!r}," for name, space in close.items()) + "\n}",
