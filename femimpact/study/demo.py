@@ -359,7 +359,7 @@ def compare(summary: Mapping[str, Any], spreads: Mapping[str, Mapping[str, Sprea
          *exact(100 * empty["damping_fit"]), "one-pole fit, refined grid"),
         ("damping without ball, by half-power", "%", nothing, nothing,
          *exact(100 * half_power), "half-power on 21 points: not resolved"),
-        ("damping with ball, by amplitude ratio", "%", 100 * p["damping_ball"], 100 * p["damping_ball"],
+        ("damping with ball, by amplitude ratio", "%", *[round(100 * p["damping_ball"], 6)] * 2,
          *both("damping_amplitude_ratio", 100), "damping without ball times the ratio"),
         ("amplitude ratio without / with", "1", p["amplitude_ratio"], p["amplitude_ratio"],
          *both("amplitude_ratio"), "largest peaks"),
