@@ -625,4 +625,6 @@ def require_name(name: str, known: Iterable[str], key: str) -> None:
     """Raise `InputError` unless the name is one of the known ones."""
     names = list(known)
     require_type(name, str, key)
-    require(name in names, key, name, "", suggestion(name, names))
+    if name not in names:
+        # the words take longer than all the rest
+        require(False, key, name, "", suggestion(name, names))

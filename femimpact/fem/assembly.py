@@ -130,9 +130,8 @@ def assembled_with_modes(
         sections=grid.sections,
     )
     found, modes = _with_damping_and_contacts(system, grid, min(least, system.dofs))
-    whole = _with_dashpots(found, grid)
-    _warn_of_unusual(structure, first_elastic_frequency(whole))
-    return whole, modes
+    _warn_of_unusual(structure, first_elastic_frequency(found))
+    return _with_dashpots(found, grid), modes
 
 
 def _warn_of_unusual(structure: Structure, first_frequency: float) -> None:
@@ -157,7 +156,6 @@ def _warn_of_unusual(structure: Structure, first_frequency: float) -> None:
 def _with_damping_and_contacts(system: System, grid: Discretisation, least: int) -> tuple[System, Modes]:
     structure = grid.structure
     system, modes = damped_with_modes(system, structure.damping, least)
-    system = with_checked_fields(system, first_frequency=float(modes.natural_frequency[0]))
     items: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
     places = [grid.position_of(item.at, f"{kind_of(item)}.{item.name}.at") for item in items]
     rows = system.deflection_rows(places) if items else np.zeros((0, system.dofs))
@@ -166,7 +164,8 @@ def _with_damping_and_contacts(system: System, grid: Discretisation, least: int)
         contact_pair(item, row, place, first_mode_at(system, modes, row), flexible, structure.gravity)
         for item, row, place, flexible in zip(items, rows, places, compliance, strict=True)
     )
-    return replace(system, contacts=contacts, computed_together=None), modes
+    frequency = float(modes.natural_frequency[0])
+    return with_checked_fields(system, first_frequency=frequency, contacts=contacts), modes
 
 
 def _with_dashpots(system: System, grid: Discretisation) -> System:

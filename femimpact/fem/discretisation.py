@@ -25,6 +25,7 @@ from femimpact.errors import (
     quantity,
     real_array,
     require,
+    require_name,
     require_type,
     suggestion,
 )
@@ -257,8 +258,7 @@ def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray
         return [(beam.segments[0], np.arange(mesh.elements))]
     result = []
     for segment in beam.segments:
-        known = segment.name in mesh.regions
-        require(known, "mesh.regions", segment.name, "", suggestion(segment.name, mesh.regions))
+        require_name(segment.name, mesh.regions, "mesh.regions")
         fault = _length_fault(beam, mesh, segment)
         if fault is not None:
             raise InputError([fault])
@@ -296,8 +296,9 @@ def _position(structure: Structure, mesh: Mesh, at: Position, key: str) -> float
     if not isinstance(at, str):
         tip = float(mesh.nodes[-1])
         return min(float(checked(key, at, quantity("m", at_least=0.0, at_most=tip * (1.0 + OFF_MESH)))), tip)
-    known = [*mesh.points, *(body.name for body in structure.masses)]
-    require(at in mesh.points, key, at, "", suggestion(at, known))
+    if at not in mesh.points:
+        known = [*mesh.points, *(body.name for body in structure.masses)]
+        require(False, key, at, "", suggestion(at, known))
     return float(mesh.points[at])
 
 

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from femimpact.fem.discretisation import Discretisation
 from femimpact.system.hermite import hermite_rows
+from femimpact.system.matrices import Matrix
 
 __all__ = ["stiffness_factor"]
 
 Array = NDArray[np.float64]
 
 
-def stiffness_factor(grid: Discretisation) -> Any:
+def stiffness_factor(grid: Discretisation) -> Matrix:
     """G with K = G^T G over all dofs: sqrt(weight) w'' at two points of every element.
 
     The energy of an element is the integral of EI w''^2 with w'' linear. The two Gauss points of the weight EI itself
@@ -40,7 +39,9 @@ def stiffness_factor(grid: Discretisation) -> Any:
     middles = 0.5 * (nodes[1:] + nodes[:-1])
     points = middles[:, None] + lengths[:, None] * places / (2.0 * math.sqrt(3.0))
     curvature = hermite_rows(nodes, points.ravel(), derivative=2)
-    return sparse.csr_array(sparse.diags_array(weight.ravel()) @ curvature)
+    # four entries in each row
+    curvature.data *= np.repeat(weight.ravel(), 4)
+    return curvature
 
 
 def _gauss_points(a: Array, b: Array) -> tuple[Array, Array]:

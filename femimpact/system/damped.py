@@ -99,7 +99,7 @@ def _by_modes(system: System, modes: Modes, ratio: NDArray[np.float64]) -> Syste
         for name, item in system.reactions.items()
     }
     C = sparse.csr_array(beta * system.K + sparse.csr_array(0.5 * (full + full.T)))
-    return replace(system, C=C, rayleigh=None, reactions=reactions, computed_together=None)
+    return with_checked_fields(system, C=C, rayleigh=None, reactions=reactions)
 
 
 def _row(values: ArrayLike) -> NDArray[np.float64]:

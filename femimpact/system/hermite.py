@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
@@ -46,15 +48,16 @@ def shape_functions(s: ArrayLike, derivative: int = 0) -> Array:
         and divide all by its `derivative`-th power for derivatives by x.
     """
     s = real_array("s", s, "1", "must be finite numbers")
-    derivative = checked("derivative", derivative, DERIVATIVE)
-    zero = 0.0 * s
-    rows = (
-        (1 - 3 * s**2 + 2 * s**3, s - 2 * s**2 + s**3, 3 * s**2 - 2 * s**3, s**3 - s**2),
-        (6 * s**2 - 6 * s, 1 - 4 * s + 3 * s**2, 6 * s - 6 * s**2, 3 * s**2 - 2 * s),
-        (12 * s - 6, 6 * s - 4, 6 - 12 * s, 6 * s - 2),
-        (12 + zero, 6 + zero, -12 + zero, 6 + zero),
-    )
-    return np.stack(rows[derivative])
+    return np.stack(_SHAPES[checked("derivative", derivative, DERIVATIVE)](s))
+
+
+_SHAPES: tuple[Callable[[Array], tuple[Array, ...]], ...] = (
+    lambda s: (1 - 3 * s**2 + 2 * s**3, s - 2 * s**2 + s**3, 3 * s**2 - 2 * s**3, s**3 - s**2),
+    lambda s: (6 * s**2 - 6 * s, 1 - 4 * s + 3 * s**2, 6 * s - 6 * s**2, 3 * s**2 - 2 * s),
+    lambda s: (12 * s - 6, 6 * s - 4, 6 - 12 * s, 6 * s - 2),
+    lambda s: (12 + 0.0 * s, 6 + 0.0 * s, -12 + 0.0 * s, 6 + 0.0 * s),
+)
+"""The functions and their derivatives by s, by the order of the derivative."""
 
 
 def positions_on_beam(nodes: Array, positions: ArrayLike, key: str) -> Array:
@@ -108,6 +111,6 @@ def hermite_rows(nodes: Array, positions: ArrayLike, derivative: int = 0, side: 
     length = nodes[element + 1] - nodes[element]
     values = shape_functions((x - nodes[element]) / length, derivative) / length**derivative
     values[[1, 3]] *= length
-    row = np.repeat(np.arange(x.size), 4)
     column = (2 * element[:, None] + np.arange(4)).ravel()
-    return sparse.csr_array((values.T.ravel(), (row, column)), shape=(x.size, 2 * nodes.size))
+    first = np.arange(0, column.size + 1, 4)
+    return sparse.csr_array((values.T.ravel(), column, first), shape=(x.size, 2 * nodes.size))

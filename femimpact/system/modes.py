@@ -226,8 +226,10 @@ def solve_stiffness(system: System, loads: Array) -> Array:
 
 def first_elastic_frequency(system: System) -> float:
     """The lowest natural frequency (Hz) that is not that of a rigid motion; 0 where none is known."""
+    if system.first_frequency > 0.0:
+        return system.first_frequency
     rigid_count = rigid_motions(system).shape[1]
-    if system.first_frequency > 0.0 or rigid_count in (0, system.dofs):
+    if rigid_count in (0, system.dofs):
         return system.first_frequency
     return float(solve_modes(system, rigid_count + 1).natural_frequency[rigid_count])
 

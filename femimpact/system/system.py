@@ -47,7 +47,16 @@ from femimpact.system.consistency import (
 )
 from femimpact.system.contact_pair import ContactPair, contact_pair, frozen_row
 from femimpact.system.hermite import hermite_rows, place_in_element, positions_on_beam
-from femimpact.system.matrices import MOST_FULL, Matrix, checked_matrix, checked_row, checked_shapes, definite_factor
+from femimpact.system.matrices import (
+    FINITE,
+    MOST_FULL,
+    Matrix,
+    checked_matrix,
+    checked_row,
+    checked_shapes,
+    definite_factor,
+    diagonal_matrix,
+)
 from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reactions
 from femimpact.system.sections import Section, SectionFields
 from femimpact.table import Head, head_of_values, short_repr
@@ -64,6 +73,9 @@ MOST_DRAWN = 6
 
 ALIKE = 1e-6
 """Relative difference of omega^2 below which two modes count as one first mode."""
+
+UNDAMPED = ("M", "K", "stiffness_factor", "nodes", "expansion", "sections")
+"""Fields that `System.derived_undamped` follows from."""
 
 
 @short_repr
@@ -517,9 +529,25 @@ class System:
         return {}
 
     @cached_property
+    def derived_undamped(self) -> dict[Any, Any]:
+        """The same of what follows from mass, stiffness and mesh alone.
+
+        The copies that `with_checked_fields` and `with_checked_pairs` make with another damping or other contacts have
+        the same one.
+        """
+        return {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        # what was computed before is computed again where it is sent to; a factorisation cannot be sent
+        return {name: value for name, value in self.__dict__.items() if not name.startswith("derived")}
+
+    @cached_property
     def _known_rows(self) -> dict[Position, Array]:
         """Rows read before: every run reads the same ones."""
         return {}
+
+
+_FIELDS = tuple(item.name for item in fields(System))
 
 
 def _place_of_row(row: Array, nodes: Array, expansion: Matrix) -> float:
@@ -554,7 +582,7 @@ def _contacts_of_matrices(
 
 
 def _is_diagonal(matrix: Matrix) -> bool:
-    entries = sparse.coo_array(matrix)
+    entries = matrix.tocoo(copy=False)
     return bool(np.all((entries.coords[0] == entries.coords[1]) | (entries.data == 0.0)))
 
 
@@ -571,11 +599,26 @@ def without_impactors(system: System) -> System:
 
 
 def with_checked_fields(system: System, **changes: Any) -> System:
-    """The same system with other fields that follow from one another: the checks of a whole system are left out.
+    """The same system with other fields that were computed together: only their numbers are checked, to be finite.
 
-    They take longer than a short run does. A caller has them made once, of the system that comes last or of the first.
+    The checks of a whole system take longer than a short run does. A caller has them made once, of the system that
+    comes last or of the first.
+
+    Raises
+    ------
+    InputError
+        If a number is too large to be one.
     """
-    return _copy(system, **changes)
+    for name, value in changes.items():
+        given: Any = value
+        numbers = given.data if sparse.issparse(value) else given
+        finite = not isinstance(numbers, np.ndarray) or bool(np.isfinite(numbers).all())
+        require(finite, name, None, "", FINITE)
+    copied = _copy(system, **changes)
+    kept = tuple(getattr(copied, name) for name in TOGETHER)
+    pairs = changes.get("contacts", system.computed_together.contacts if system.computed_together else ())
+    copied.__dict__["computed_together"] = SystemOrigin(kept, pairs, copied.constant_load)
+    return copied
 
 
 def with_checked_pairs(system: System, contacts: tuple[ContactPair, ...]) -> System:
@@ -585,21 +628,17 @@ def with_checked_pairs(system: System, contacts: tuple[ContactPair, ...]) -> Sys
 
 def with_modal_damping(system: System, alpha: float, beta: float) -> System:
     """The same system, on its modes, with C = alpha M + beta K (1/s, s), both >= 0: nothing else is checked anew."""
-    of_modes = alpha * system.M.diagonal() + beta * system.K.diagonal()
-    number = np.arange(system.dofs + 1)
-    C = sparse.csr_array((of_modes, number[:-1], number), shape=system.C.shape)
-    return _copy(system, C=C, rayleigh=(alpha, beta), reactions=damped_reactions(system.reactions, alpha, beta))
+    C = diagonal_matrix(alpha * system.M.diagonal() + beta * system.K.diagonal())
+    reactions = damped_reactions(system.reactions, alpha, beta)
+    return with_checked_fields(system, C=C, rayleigh=(alpha, beta), reactions=reactions)
 
 
 def _copy(system: System, **changes: Any) -> System:
-    """A copy with the checks left out: those of a whole system take longer than a short run does."""
+    """A copy with the checks left out; diagonal matrices stay so."""
     copied = object.__new__(System)
-    copied.__dict__.update({item.name: getattr(system, item.name) for item in fields(System)} | changes)
-    origin = system.computed_together
-    if origin is not None:
-        kept = tuple(getattr(copied, name) for name in TOGETHER)
-        copied.__dict__["computed_together"] = origin._replace(fields=kept)
-    if "is_diagonal" in system.__dict__:
-        # diagonal matrices stay so
-        copied.__dict__["is_diagonal"] = system.is_diagonal
+    copied.__dict__.update({name: system.__dict__[name] for name in _FIELDS} | changes)
+    if system.__dict__.get("is_diagonal"):
+        copied.__dict__["is_diagonal"] = True
+    if changes.keys().isdisjoint(UNDAMPED):
+        copied.__dict__["derived_undamped"] = system.derived_undamped
     return copied
