@@ -465,8 +465,11 @@ class System:
 
     def _rows(self, positions: ArrayLike, derivative: int, side: str) -> Array:
         self._require_beam(positions)
-        rows: Any = hermite_rows(self.nodes, positions, derivative, side) @ self.expansion
-        return np.asarray(rows if isinstance(rows, np.ndarray) else rows.toarray())
+        rows: Any = hermite_rows(self.nodes, positions, derivative, side)
+        if isinstance(self.expansion, np.ndarray):
+            return np.asarray(rows @ self.expansion)
+        # sooner than the product of two sparse matrices
+        return np.ascontiguousarray((self.expansion.T @ rows.toarray().T).T)
 
     def held_shares(self, at: Position) -> Array:
         """Share of a unit force at a place that acts on the held dof of each reaction, (reactions,).
@@ -502,11 +505,13 @@ class System:
         require(place, "at", at, "", "must be the name of a place, or metres from the root")
         if at in self.directions:
             return self.directions[str(at)]
-        if at not in self._known_rows:
+        kept = self.derived_undamped.setdefault("rows", {})
+        if at not in kept:
             row = np.asarray(self.deflection_rows([self.position_of(at)])[0])
             row.setflags(write=False)
-            self._known_rows[at] = row
-        return self._known_rows[at]
+            kept[at] = row
+        found: Array = kept[at]
+        return found
 
     @cached_property
     def highest_kept(self) -> float:
@@ -540,11 +545,6 @@ class System:
     def __getstate__(self) -> dict[str, Any]:
         # what was computed before is computed again where it is sent to; a factorisation cannot be sent
         return {name: value for name, value in self.__dict__.items() if not name.startswith("derived")}
-
-    @cached_property
-    def _known_rows(self) -> dict[Position, Array]:
-        """Rows read before: every run reads the same ones."""
-        return {}
 
 
 _FIELDS = tuple(item.name for item in fields(System))
