@@ -426,9 +426,9 @@ def real_array(key: str, value: Any, unit: str, allowed: str, *, finite: bool = 
         given = _unmasked(value)
     except _Refused:
         given = np.array(None)
-    fine = given.dtype.kind in "iuf" and (not finite or bool(np.all(np.isfinite(given))))
-    shown = f"array of {given.dtype}" if given.ndim and given.dtype.kind in "iufcbU" else value
-    require(fine, key, shown, unit, allowed)
+    if given.dtype.kind not in "iuf" or (finite and not np.isfinite(given).all()):
+        shown = f"array of {given.dtype}" if given.ndim and given.dtype.kind in "iufcbU" else value
+        require(False, key, shown, unit, allowed)
     return np.array(given, dtype=float)
 
 

@@ -20,6 +20,7 @@ from femimpact.fem.stiffness_factor import stiffness_factor
 from femimpact.structure.springs import Dashpot, Spring
 from femimpact.structure.structure import SUPPORTS, Impactor, Stop, Structure
 from femimpact.structure.unusual import unusual_numbers
+from femimpact.system.computed import computed_system, with_checked_fields
 from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.damped import damped_with_modes
 from femimpact.system.hermite import hermite_rows
@@ -27,7 +28,7 @@ from femimpact.system.matrices import Matrix
 from femimpact.system.modes import Modes, first_elastic_frequency, first_mode_at, flexibility
 from femimpact.system.own_terms import add_terms
 from femimpact.system.reactions import Reaction
-from femimpact.system.system import System, with_checked_fields
+from femimpact.system.system import System
 
 __all__ = ["ElementLineHermiteReference", "assemble", "assembled_with_modes"]
 
@@ -110,7 +111,8 @@ def _undamped(grid: Discretisation) -> System:
     free, rigid = grid.free, np.zeros(grid.dofs)
     rigid[0::2] = 1.0
     momentum = M.times(rigid)
-    return System(
+    load = _frozen(grid.structure.gravity * momentum[free])
+    return computed_system(
         M=M.on(free, grid.dofs),
         C=sparse.csr_array((free.size, free.size)),
         K=K.on(free, grid.dofs),
@@ -122,10 +124,14 @@ def _undamped(grid: Discretisation) -> System:
         points=_points(grid),
         total_mass=float(rigid @ momentum),
         first_frequency=math.nan,
+        contacts=(),
         rayleigh=(0.0, 0.0),
-        constant_load=_frozen(grid.structure.gravity * momentum[free]),
+        directions={},
+        constant_load=load,
+        constant_resultant=float(rigid[free] @ load),
         reactions={**_forces_to_base(grid, springs, "spring"), **_reactions(grid, M, K, momentum)},
         sections=grid.sections,
+        first_left_out=math.inf,
     )
 
 

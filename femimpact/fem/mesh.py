@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from heapq import heapify, heapreplace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -303,7 +304,12 @@ def _places_for(key: str, named: Mapping[str, float], structure: Structure) -> s
 
 def _share(lengths: Array, total: int) -> NDArray[np.int64]:
     """Whole numbers >= 1 with the given total: the longest element is split, again and again."""
-    counts = np.ones(lengths.size, dtype=int)
+    # the longest element first, and of equal ones that nearest to the root
+    longest = [(-length, i) for i, length in enumerate(lengths.tolist())]
+    heapify(longest)
+    counts = [1] * lengths.size
     for _ in range(total - lengths.size):
-        counts[np.argmax(lengths / counts)] += 1
-    return counts
+        i = longest[0][1]
+        counts[i] += 1
+        heapreplace(longest, (-float(lengths[i]) / counts[i], i))
+    return np.array(counts)

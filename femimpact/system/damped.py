@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import require, require_type
 from femimpact.structure.damping import ModalDamping, Rayleigh, rayleigh_coefficients
+from femimpact.system.computed import with_checked_fields
 from femimpact.system.modes import Modes, solve_modes
 from femimpact.system.reactions import damped_reactions
-from femimpact.system.system import System, with_checked_fields
+from femimpact.system.system import System
 
 __all__ = ["damped_with_modes", "rayleigh_of", "with_damping"]
 

@@ -48,7 +48,7 @@ def shape_functions(s: ArrayLike, derivative: int = 0) -> Array:
         and divide all by its `derivative`-th power for derivatives by x.
     """
     s = real_array("s", s, "1", "must be finite numbers")
-    return np.stack(_SHAPES[checked("derivative", derivative, DERIVATIVE)](s))
+    return np.array(_SHAPES[checked("derivative", derivative, DERIVATIVE)](s))
 
 
 _SHAPES: tuple[Callable[[Array], tuple[Array, ...]], ...] = (
@@ -109,7 +109,7 @@ def hermite_rows(nodes: Array, positions: ArrayLike, derivative: int = 0, side: 
     derivative = checked("derivative", derivative, DERIVATIVE)
     element = element_of(nodes, x, side)
     length = nodes[element + 1] - nodes[element]
-    values = shape_functions((x - nodes[element]) / length, derivative) / length**derivative
+    values = np.array(_SHAPES[derivative]((x - nodes[element]) / length)) / length**derivative
     values[[1, 3]] *= length
     column = (2 * element[:, None] + np.arange(4)).ravel()
     first = np.arange(0, column.size + 1, 4)

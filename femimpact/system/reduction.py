@@ -10,11 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import checked, require, require_type, truth
 from femimpact.structure.damping import realised_damping_ratio
+from femimpact.system.computed import with_checked_fields
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.matrices import diagonal_matrix
 from femimpact.system.modes import Modes, mode_count, solve_modes, solve_stiffness
 from femimpact.system.reactions import reduced_reactions
-from femimpact.system.system import System, with_checked_fields
+from femimpact.system.system import System
 
 __all__ = ["reduce", "reduced_on", "truncation_notes"]
 

@@ -54,6 +54,8 @@ def _rigid_motions(system: Any) -> NDArray[np.float64]:
     strains = (factor @ dofs)[terms > 0.0] / terms[terms > 0.0, None]
     sizes, shares = np.linalg.svd(np.vstack([held, strains]), full_matrices=False)[1:]
     motions = dofs @ shares[sizes <= FREE * np.sqrt(strains.shape[0] + 1.0)].T
+    if not motions.size:
+        return np.asarray(motions)
     lower = np.linalg.cholesky(motions.T @ (system.M @ motions))
     return np.asarray(np.linalg.solve(lower, motions.T).T)
 

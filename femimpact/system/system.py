@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -48,23 +48,18 @@ from femimpact.system.consistency import (
 from femimpact.system.contact_pair import ContactPair, contact_pair, frozen_row
 from femimpact.system.hermite import hermite_rows, place_in_element, positions_on_beam
 from femimpact.system.matrices import (
-    FINITE,
     MOST_FULL,
     Matrix,
     checked_matrix,
     checked_row,
     checked_shapes,
     definite_factor,
-    diagonal_matrix,
 )
 from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reactions
 from femimpact.system.sections import Section, SectionFields
 from femimpact.table import Head, head_of_values, short_repr
 
-__all__ = [
-    "System", "SystemOrigin", "with_checked_fields", "with_checked_pairs", "with_modal_damping",
-    "without_impactors",
-]  # fmt: skip
+__all__ = ["System", "SystemOrigin", "without_impactors"]
 
 Array = NDArray[np.float64]
 
@@ -73,9 +68,6 @@ MOST_DRAWN = 6
 
 ALIKE = 1e-6
 """Relative difference of omega^2 below which two modes count as one first mode."""
-
-UNDAMPED = ("M", "K", "stiffness_factor", "nodes", "expansion", "sections")
-"""Fields that `System.derived_undamped` follows from."""
 
 
 @short_repr
@@ -537,17 +529,13 @@ class System:
     def derived_undamped(self) -> dict[Any, Any]:
         """The same of what follows from mass, stiffness and mesh alone.
 
-        The copies that `with_checked_fields` and `with_checked_pairs` make with another damping or other contacts have
-        the same one.
+        Copies of `femimpact.system.computed` with another damping or other contacts have the same one.
         """
         return {}
 
     def __getstate__(self) -> dict[str, Any]:
         # what was computed before is computed again where it is sent to; a factorisation cannot be sent
         return {name: value for name, value in self.__dict__.items() if not name.startswith("derived")}
-
-
-_FIELDS = tuple(item.name for item in fields(System))
 
 
 def _place_of_row(row: Array, nodes: Array, expansion: Matrix) -> float:
@@ -596,49 +584,3 @@ def without_impactors(system: System) -> System:
     """
     require_type(system, System, "system")
     return replace(system, contacts=tuple(pair for pair in system.contacts if pair.is_stop))
-
-
-def with_checked_fields(system: System, **changes: Any) -> System:
-    """The same system with other fields that were computed together: only their numbers are checked, to be finite.
-
-    The checks of a whole system take longer than a short run does. A caller has them made once, of the system that
-    comes last or of the first.
-
-    Raises
-    ------
-    InputError
-        If a number is too large to be one.
-    """
-    for name, value in changes.items():
-        given: Any = value
-        numbers = given.data if sparse.issparse(value) else given
-        finite = not isinstance(numbers, np.ndarray) or bool(np.isfinite(numbers).all())
-        require(finite, name, None, "", FINITE)
-    copied = _copy(system, **changes)
-    kept = tuple(getattr(copied, name) for name in TOGETHER)
-    pairs = changes.get("contacts", system.computed_together.contacts if system.computed_together else ())
-    copied.__dict__["computed_together"] = SystemOrigin(kept, pairs, copied.constant_load)
-    return copied
-
-
-def with_checked_pairs(system: System, contacts: tuple[ContactPair, ...]) -> System:
-    """The same system with other numbers of its pairs, which were checked when they were made: no more is checked."""
-    return _copy(system, contacts=contacts)
-
-
-def with_modal_damping(system: System, alpha: float, beta: float) -> System:
-    """The same system, on its modes, with C = alpha M + beta K (1/s, s), both >= 0: nothing else is checked anew."""
-    C = diagonal_matrix(alpha * system.M.diagonal() + beta * system.K.diagonal())
-    reactions = damped_reactions(system.reactions, alpha, beta)
-    return with_checked_fields(system, C=C, rayleigh=(alpha, beta), reactions=reactions)
-
-
-def _copy(system: System, **changes: Any) -> System:
-    """A copy with the checks left out; diagonal matrices stay so."""
-    copied = object.__new__(System)
-    copied.__dict__.update({name: system.__dict__[name] for name in _FIELDS} | changes)
-    if system.__dict__.get("is_diagonal"):
-        copied.__dict__["is_diagonal"] = True
-    if changes.keys().isdisjoint(UNDAMPED):
-        copied.__dict__["derived_undamped"] = system.derived_undamped
-    return copied
