@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -166,7 +165,7 @@ def _contacts(system: System, grid: Discretisation, modes: Modes) -> tuple[Conta
     structure = grid.structure
     items: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
     places = [grid.position_of(item.at, f"{kind_of(item)}.{item.name}.at") for item in items]
-    rows = system.deflection_rows(places) if items else np.zeros((0, system.dofs))
+    rows = np.array([system.point_row(place) for place in places]).reshape(len(items), system.dofs)
     compliance = flexibility(system, rows)
     return tuple(
         contact_pair(item, row, place, first_mode_at(system, modes, row), flexible, structure.gravity)
@@ -183,7 +182,7 @@ def _with_dashpots(system: System, grid: Discretisation) -> System:
     sizes = sparse.diags_array([dashpot.damping for dashpot in dashpots])
     damped = add_terms(system, damping=rows.T @ sizes @ rows)
     reactions = {**damped.reactions, **_forces_to_base(grid, dashpots, "dashpot")}
-    return replace(damped, reactions=reactions, computed_together=None)
+    return with_checked_fields(damped, reactions=reactions)
 
 
 def _connection_rows(grid: Discretisation, items: Sequence[Spring | Dashpot], kind: str) -> Any:

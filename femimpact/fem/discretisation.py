@@ -198,7 +198,7 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
     _check_length(structure.beam, mesh)
     _check_names(structure, mesh)
     # what is refused, before what is warned of
-    free = np.setdiff1d(np.arange(2 * mesh.nodes.size), _held_dofs(structure, mesh))
+    free = np.delete(np.arange(2 * mesh.nodes.size), _held_dofs(structure, mesh))
     sections = _sections(structure.beam, mesh)
     # the product of two cubics, and rho A of degree 2 where width and thickness taper
     degree = 8 if sections.is_tapered.any() else 6

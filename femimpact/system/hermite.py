@@ -68,13 +68,14 @@ def positions_on_beam(nodes: Array, positions: ArrayLike, key: str) -> Array:
     slack = OFF_BEAM * (tip - root)
     beyond = x[(x < root - slack) | (x > tip + slack)]
     require(beyond.size == 0, key, float(beyond[0]) if beyond.size else None, "m", allowed)
-    return np.asarray(np.clip(x, root, tip))
+    return np.minimum(np.maximum(x, root), tip)
 
 
 def element_of(nodes: Array, positions: Array, side: str) -> NDArray[np.intp]:
     """Numbers of the elements that hold positions (k,) in m; at a node, to 1e-9 of the length, the one on a side."""
     shift = (1.0 if checked("side", side, SIDE) == "right" else -1.0) * AT_NODE * (nodes[-1] - nodes[0])
-    return np.asarray(np.clip(np.searchsorted(nodes, positions + shift, side="right") - 1, 0, nodes.size - 2))
+    element = np.searchsorted(nodes, positions + shift, side="right") - 1
+    return np.asarray(np.minimum(np.maximum(element, 0), nodes.size - 2))
 
 
 def place_in_element(nodes: Array, positions: Array, side: str) -> tuple[NDArray[np.intp], Array]:

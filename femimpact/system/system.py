@@ -497,12 +497,12 @@ class System:
         require(place, "at", at, "", "must be the name of a place, or metres from the root")
         if at in self.directions:
             return self.directions[str(at)]
-        kept = self.derived_undamped.setdefault("rows", {})
-        if at not in kept:
-            row = np.asarray(self.deflection_rows([self.position_of(at)])[0])
+        position, kept = self.position_of(at), self.derived_undamped.setdefault("rows", {})
+        if position not in kept:
+            row = np.asarray(self.deflection_rows([position])[0])
             row.setflags(write=False)
-            kept[at] = row
-        found: Array = kept[at]
+            kept[position] = row
+        found: Array = kept[position]
         return found
 
     @cached_property
