@@ -202,14 +202,8 @@ def closed_forms(
 
 def _undamped_motions(whole: Equations, contact: _Contact) -> Iterator[tuple[Numbers, _UndampedMotions]]:
     """Motions of the systems that have as many of each kind."""
-    each = [whole.of(f) for f in range(whole.M.shape[0])]
-    for one in each:
-        require_met(one, contact.sticking)
-    bases = [_free_basis(one, contact.sticking, contact.pressed) for one in each]
-    sizes = np.array([basis.shape[1] for basis in bases])
-    for members in alike(sizes):
-        own, basis = whole.of(members), np.stack([bases[f] for f in members])
-        omega_squared, shapes, damped = _motions_on(own, basis, contact.of(members))
+    for members, basis in _free_bases(whole, contact):
+        omega_squared, shapes, damped = _motions_on(whole.of(members), basis, contact.of(members))
         # what nothing pulls back and nothing brakes moves on parabolas: free balls, rigid motions
         stiff, size = omega_squared > 0.0, np.abs(damped)
         largest = np.maximum(size.max(axis=(1, 2), initial=0.0), 1e-300)
@@ -244,7 +238,7 @@ def _loads(whole: Equations, contact: _Contact) -> _Loads:
         P * np.where(contact.pressed, numbers, 0.0)[:, None] for numbers in (contact.stiffness, contact.damping)
     )
     K, C = whole.K + stiffness @ P.mT, whole.C + damping @ P.mT
-    offset = np.stack([wall_offsets(whole.of(f), active, contact.sticking) for f in range(P.shape[0])])
+    offset = wall_offsets(whole, active, contact.sticking)
     unmet = np.diag(active.astype(float)) + P.mT @ offset
     unmet = np.where((np.abs(unmet) > UNMET) & active[:, None] & active, unmet, 0.0)
     moved, left = _times(offset, whole.in_space), _times(unmet, whole.in_space)
@@ -349,28 +343,42 @@ def _drives(loads: Array, whole: Array) -> NDArray[np.bool_]:
     return np.asarray(np.any(np.abs(loads) > 1e-12 * largest[:, None, None], axis=(1, 2)))
 
 
-def _free_basis(whole: Equations, sticking: NDArray[np.intp], pressed: NDArray[np.bool_]) -> Array:
-    """Basis of the motions that sticking pairs leave, (d, motions).
+def _free_bases(whole: Equations, contact: _Contact) -> list[tuple[Numbers, Array]]:
+    """Bases of the motions that sticking pairs leave, (F, d, motions), of systems with as many.
 
-    Where the structure has rigid motions, a ball that is pressed moves with its place beside its own coordinate: that
+    Where the structure has rigid motions, a ball that is pressed moves with its place beside its coordinate: that
     is then its gap, and nothing stiffens a rigid motion of all.
     """
-    size, n = whole.M.shape[0], whole.dofs
-    rigid = not np.all(np.any(whole.K[:n, :n] != 0.0, axis=0))
-    carried = np.flatnonzero(pressed & ~whole.stop) if rigid else np.zeros(0, dtype=np.intp)
-    if sticking.size + carried.size == 0:
-        return np.eye(size)
-    stops = sticking[whole.stop[sticking]]
-    left = np.eye(n) if stops.size == 0 else scipy.linalg.null_space(-whole.force[:n, stops].T)
-    held = set(sticking.tolist())
+    n, every = whole.dofs, np.arange(whole.M.shape[0])
+    stops = contact.sticking[whole.stop[contact.sticking]]
+    is_loose = ~np.all(np.any(whole.K[:, :n, :n] != 0.0, axis=1), axis=1)
+    if stops.size == 0:
+        left = [np.eye(n)] * every.size
+    else:
+        for f in every:
+            require_met(whole.of(int(f)), contact.sticking)
+        left = [scipy.linalg.null_space(-force[:n, stops].T) for force in whole.force]
+    motions = np.array([each.shape[1] for each in left])
+    found = []
+    for members in alike(is_loose[:, None], motions[:, None]):
+        carried = contact.pressed & ~whole.stop if is_loose[members[0]] else np.zeros_like(whole.stop)
+        own = np.stack([left[f] for f in members])
+        found.append((members, _basis_of(whole.of(members), own, contact.sticking, np.flatnonzero(carried))))
+    return found
+
+
+def _basis_of(whole: Equations, left: Array, sticking: Numbers, carried: Numbers) -> Array:
+    """Motions (F, n, m) of the structure with the balls that stick or are carried, and all other coordinates."""
+    n, (count, size, _) = whole.dofs, whole.M.shape
+    motions, held = left.shape[2], set(sticking.tolist())
     moving = [i for i in range(n, size) if i - n not in held]
-    basis = np.zeros((size, left.shape[1] + len(moving)))
-    basis[:n, : left.shape[1]] = left
-    basis[moving, left.shape[1] + np.arange(len(moving))] = 1.0
+    basis = np.zeros((count, size, motions + len(moving)))
+    basis[:, :n, :motions] = left
+    basis[:, moving, motions + np.arange(len(moving))] = 1.0
     for j in (*sticking[~whole.stop[sticking]], *carried):
         # a ball at a place that a stop holds is at rest to the last bit
-        moved, push = np.asarray(left), whole.force[:n, j]
-        basis[n + j, : left.shape[1]] = _without_rounding(push @ moved, np.abs(push) @ np.abs(moved))
+        push = whole.force[:, None, :n, j]
+        basis[:, n + j, :motions] = _without_rounding(push @ left, np.abs(push) @ np.abs(left))[:, 0]
     return basis
 
 

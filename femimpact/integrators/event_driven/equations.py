@@ -140,33 +140,40 @@ def require_met(whole: Equations, sticking: NDArray[np.intp]) -> None:
 
 
 def wall_offsets(whole: Equations, active: NDArray[np.bool_], sticking: NDArray[np.intp]) -> Array:
-    """Coordinates in which each pair in contact is just at a wall 1 m away and the others at theirs at 0, (d, pairs).
+    """Coordinates in which each pair in contact is just at a wall 1 m away and the others at theirs at 0.
 
     Pairs that stick are so exactly. Where pressed stops cannot be met beside them, the nearest.
 
     Parameters
     ----------
     whole : Equations
+        Of F systems.
     active : ndarray (pairs,) of bool
     sticking : ndarray of int
         Numbers of the pairs in contact that stick; see `require_met`.
+
+    Returns
+    -------
+    ndarray (F, d, pairs)
     """
-    n, (size, pairs) = whole.dofs, whole.force.shape
-    offset = np.zeros((size, pairs))
-    if not np.any(active & whole.stop):
-        # a ball at a wall 1 m away, of a structure that is undeformed
-        carried = np.flatnonzero(active)
-        offset[n + carried, carried] = 1.0
-        return offset
+    if np.any(active & whole.stop):
+        return np.stack([_offsets_at_stops(whole.of(f), active, sticking) for f in range(whole.M.shape[0])])
+    # a ball at a wall 1 m away, of a structure that is undeformed
+    offset, carried = np.zeros(whole.force.shape), np.flatnonzero(active)
+    offset[:, whole.dofs + carried, carried] = 1.0
+    return offset
+
+
+def _offsets_at_stops(whole: Equations, active: NDArray[np.bool_], sticking: NDArray[np.intp]) -> Array:
+    """Those of one system, (d, pairs), where stops are in contact."""
+    n, offset = whole.dofs, np.zeros(whole.force.shape)
     held = sticking[whole.stop[sticking]]
-    pressed = np.setdiff1d(np.flatnonzero(active & whole.stop), held)
-    stops = np.concatenate([held, pressed])
-    if stops.size:
-        # the static deflection under a push: its force does no work on the motions that are left
-        push = whole.force[:n, stops]
-        deflection = np.asarray(np.linalg.lstsq(whole.K[:n, :n], push, rcond=None)[0], dtype=float)
-        shape: Array = deflection if np.allclose(whole.K[:n, :n] @ deflection, push) else push
-        offset[:n, stops] = _columns_meeting(shape, push, held.size)
+    stops = np.concatenate([held, np.setdiff1d(np.flatnonzero(active & whole.stop), held)])
+    # the static deflection under a push: its force does no work on the motions that are left
+    push = whole.force[:n, stops]
+    deflection = np.asarray(np.linalg.lstsq(whole.K[:n, :n], push, rcond=None)[0], dtype=float)
+    shape: Array = deflection if np.allclose(whole.K[:n, :n] @ deflection, push) else push
+    offset[:n, stops] = _columns_meeting(shape, push, held.size)
     for j in np.flatnonzero(active & ~whole.stop):
         offset[n + j] = whole.force[:n, j] @ offset[:n]
         offset[n + j, j] += 1.0

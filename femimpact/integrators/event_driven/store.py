@@ -175,17 +175,18 @@ class FormStore:
             if kept is None:
                 missing.append(item)
             else:
-                made.append(([item], kept))
+                forms, number = kept
+                made.append(([item], forms.of(np.array([number]))))
         if missing:
             whole = stacked([self.sources[item.system].whole for item in missing])
             stiffness, damping = (np.array([getattr(item, name) for item in missing]) for name in CONTACT_NUMBERS)
             for members, forms in closed_forms(whole, active, self.rigid, stiffness, damping):
                 own = [missing[f] for f in members]
                 made.append((own, forms))
-                for f, item in enumerate(own):
+                for number, item in enumerate(own):
                     derived = self.sources[item.system].derived
                     if len(derived) < MOST_KEPT:
-                        derived[self._kept_key(item, active)] = forms.of(np.array([f]))
+                        derived[self._kept_key(item, active)] = forms, number
         allowed = "must have stiffness in every braked motion for this excitation or constant force"
         for items, forms in made:
             unheld = np.any(forms.unheld if self.rate is not None else forms.unheld[:, 0])
