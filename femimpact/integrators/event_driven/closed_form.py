@@ -20,15 +20,16 @@ Each has the bits that it has alone.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
 from femimpact.excitation.piecewise_polynomial import ORDERS
-from femimpact.integrators.event_driven.alike import alike
+from femimpact.integrators.event_driven.alike import alike, part_of, stack
 from femimpact.integrators.event_driven.complex_modes import ComplexModes, complex_modes
 from femimpact.integrators.event_driven.equations import Equations, require_met, undamped_modes, wall_offsets
 from femimpact.integrators.event_driven.rows import (
@@ -100,36 +101,27 @@ class ClosedForms:
     reaction: Array
     unheld: NDArray[np.bool_]
 
-    def of(self, members: Numbers) -> ClosedForms:
-        """Those of some of the systems."""
-        values: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
-        for name, value in values.items():
-            values[name] = value[members] if isinstance(value, np.ndarray) else value.of(members)
-        return ClosedForms(**values)
-
 
 @dataclass(frozen=True, eq=False)
 class _Contact:
     """Which pairs are in contact, the same of all systems, and the contact parameters of each."""
+
+    COMMON: ClassVar = ("active", "rigid")
 
     active: NDArray[np.bool_]  # (pairs,)
     rigid: NDArray[np.bool_]  # (pairs,)
     stiffness: Array  # (F, pairs)
     damping: Array  # (F, pairs)
 
-    @property
+    @cached_property
     def sticking(self) -> Numbers:
         """Numbers of the rigid pairs."""
         return np.flatnonzero(self.active & self.rigid)
 
-    @property
+    @cached_property
     def pressed(self) -> NDArray[np.bool_]:
         """Whether a pair is a compliant one in contact."""
         return self.active & ~self.rigid
-
-    def of(self, members: Numbers) -> _Contact:
-        """That of some of the systems."""
-        return replace(self, stiffness=self.stiffness[members], damping=self.damping[members])
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,10 +154,6 @@ class _UndampedMotions:
     omega_squared: Array  # (F, n)
     damping: Array  # (F, n, n)
 
-    def of(self, members: Numbers) -> _UndampedMotions:
-        """Those of some of the systems."""
-        return _UndampedMotions(*(getattr(self, item.name)[members] for item in fields(self)))
-
 
 def closed_forms(
     whole: Equations, active: NDArray[np.bool_], rigid: NDArray[np.bool_], stiffness: Array, damping: Array
@@ -196,14 +184,14 @@ def closed_forms(
     for members, motions in _undamped_motions(whole, contact):
         for part, modes in complex_modes(motions.omega_squared, motions.damping):
             own = members[part]
-            found.append((own, _forms(whole.of(own), contact.of(own), motions.of(part), modes)))
+            found.append((own, _forms(part_of(whole, own), part_of(contact, own), part_of(motions, part), modes)))
     return found
 
 
 def _undamped_motions(whole: Equations, contact: _Contact) -> Iterator[tuple[Numbers, _UndampedMotions]]:
     """Motions of the systems that have as many of each kind."""
     for members, basis in _free_bases(whole, contact):
-        omega_squared, shapes, damped = _motions_on(whole.of(members), basis, contact.of(members))
+        omega_squared, shapes, damped = _motions_on(part_of(whole, members), basis, part_of(contact, members))
         # what nothing pulls back and nothing brakes moves on parabolas: free balls, rigid motions
         stiff, size = omega_squared > 0.0, np.abs(damped)
         largest = np.maximum(size.max(axis=(1, 2), initial=0.0), 1e-300)
@@ -351,19 +339,19 @@ def _free_bases(whole: Equations, contact: _Contact) -> list[tuple[Numbers, Arra
     """
     n, every = whole.dofs, np.arange(whole.M.shape[0])
     stops = contact.sticking[whole.stop[contact.sticking]]
-    is_loose = ~np.all(np.any(whole.K[:, :n, :n] != 0.0, axis=1), axis=1)
+    is_loose = ~(whole.K[:, :n, :n] != 0.0).any(axis=1).all(axis=1)
     if stops.size == 0:
         left = [np.eye(n)] * every.size
     else:
         for f in every:
-            require_met(whole.of(int(f)), contact.sticking)
+            require_met(part_of(whole, int(f)), contact.sticking)
         left = [scipy.linalg.null_space(-force[:n, stops].T) for force in whole.force]
     motions = np.array([each.shape[1] for each in left])
     found = []
     for members in alike(is_loose[:, None], motions[:, None]):
         carried = contact.pressed & ~whole.stop if is_loose[members[0]] else np.zeros_like(whole.stop)
-        own = np.stack([left[f] for f in members])
-        found.append((members, _basis_of(whole.of(members), own, contact.sticking, np.flatnonzero(carried))))
+        own = stack([left[f] for f in members])
+        found.append((members, _basis_of(part_of(whole, members), own, contact.sticking, np.flatnonzero(carried))))
     return found
 
 

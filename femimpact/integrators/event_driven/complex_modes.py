@@ -13,14 +13,15 @@ Tisseur, Meerbergen (2001), The quadratic eigenvalue problem.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import DivergenceError
-from femimpact.integrators.event_driven.alike import alike
+from femimpact.integrators.event_driven.alike import alike, part_of
 from femimpact.integrators.event_driven.invariant_pairs import diagonal_where_apart, invariant_pair
 
 __all__ = ["ComplexModes", "complex_modes"]
@@ -52,6 +53,8 @@ class ComplexModes:
         H = from_u u + from_v u'.
     """
 
+    COMMON: ClassVar = ("blocks",)
+
     exponent: Complex
     coupling: Complex
     blocks: NDArray[np.int64]
@@ -68,17 +71,12 @@ class ComplexModes:
             size[:, own] = np.linalg.norm(self.rate[:, own, own], 2, axis=(1, 2))[:, None]
         return size
 
-    @property
+    @cached_property
     def rate(self) -> Complex:
         """H' = rate @ H, ndarray (F, K, K)."""
         rate, entries = self.coupling.copy(), np.arange(self.exponent.shape[1])
         rate[:, entries, entries] += self.exponent
         return rate
-
-    def of(self, members: NDArray[np.intp]) -> ComplexModes:
-        """Those of some of the structures."""
-        chosen = {item.name: getattr(self, item.name)[members] for item in fields(self) if item.name != "blocks"}
-        return replace(self, **chosen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +97,8 @@ class _Part:
 class _Component:
     """Coordinates that damping couples, of F structures, and the eigenvalues of their motions."""
 
+    COMMON: ClassVar = ("members",)
+
     members: NDArray[np.intp]  # (m,)
     omega_squared: Real  # (F, m)
     damping: Real  # (F, m, m)
@@ -107,11 +107,6 @@ class _Component:
     values: Complex  # (F, 2 m)
     right: Complex  # (F, 2 m, 2 m)
     near: NDArray[np.bool_]  # (F, 2 m, 2 m) whether two eigenvalues lie together
-
-    def of(self, structures: NDArray[np.intp]) -> _Component:
-        """Those of some of the structures."""
-        chosen = {item.name: getattr(self, item.name)[structures] for item in fields(self) if item.name != "members"}
-        return replace(self, **chosen)
 
     @property
     def alone(self) -> NDArray[np.bool_]:
@@ -150,20 +145,26 @@ def complex_modes(omega_squared: Real, damping: Real) -> list[tuple[NDArray[np.i
     for members in alike(coupled, kinds):
         square, D = omega_squared[members], damping[members]
         components = [_component(own, square, D) for own in _linked(coupled[members[0]]) if own.size > 1]
-        counts = [np.count_nonzero(each.values.imag >= 0.0, axis=1, keepdims=True) for each in components]
-        apart = [np.all(each.alone, axis=1, keepdims=True) for each in components]
-        apart.append(np.full((members.size, 1), not np.any(kinds[members[0]] == CRITICAL)))
-        simple: NDArray[np.bool_] = np.all(np.hstack(apart), axis=1)
-        # blocks are made one structure at a time
-        number = np.where(simple, -1, np.arange(members.size))
-        for part in alike(number, *counts):
+        for part in _alike_eigenvalues(components, np.any(kinds[members] == CRITICAL, axis=1)):
             parts = _uncoupled(kinds[members[0]], square[part], np.diagonal(D[part], axis1=1, axis2=2))
             for each in components:
-                parts += _coupled(each.of(part))
+                parts += _coupled(part_of(each, part))
             modes = _joined(parts, omega_squared.shape[1], part.size)
             _check_complete(modes)
             found.append((members[part], modes))
     return found
+
+
+def _alike_eigenvalues(components: list[_Component], is_critical: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Numbers of structures with as many entries in each component; blocks are made one structure at a time."""
+    count = is_critical.size
+    if count == 1 or not (components or is_critical.any()):
+        return [np.arange(count)]
+    entries = [np.count_nonzero(each.values.imag >= 0.0, axis=1, keepdims=True) for each in components]
+    simple = ~is_critical
+    for each in components:
+        simple &= each.alone.all(axis=1)
+    return alike(np.where(simple, -1, np.arange(count)), *entries)
 
 
 def _joined(parts: list[_Part], n: int, count: int) -> ComplexModes:
@@ -184,7 +185,7 @@ def _joined(parts: list[_Part], n: int, count: int) -> ComplexModes:
         S[:, own, own], shape[:, part.members, own] = part.S, part.X
         from_u[:, own, part.members], from_v[:, own, part.members] = part.from_u, part.from_v
         key[:, own] = np.abs(np.diagonal(part.S, axis1=1, axis2=2))
-        if np.any(np.triu(part.S, 1)):
+        if count == 1 and np.any(np.triu(part.S, 1)):
             # entries of a block stay side by side
             key[:, own], sizes[own] = key[:, own].mean(), entries.size
     order = np.argsort(key, axis=1, kind="stable")
@@ -200,7 +201,7 @@ def _joined(parts: list[_Part], n: int, count: int) -> ComplexModes:
         np.minimum(exponent.real, 0.0) + 1j * exponent.imag,
         np.triu(S, 1) if has_blocks else np.zeros((count, size, size), dtype=complex),
         np.array(blocks, dtype=np.int64).reshape(-1, 2),
-        np.take_along_axis(shape, order[:, None, :], axis=2),
+        shape[each[:, :, None], np.arange(n)[:, None], order[:, None, :]],
         from_u[each, order],
         from_v[each, order],
     )
@@ -324,10 +325,10 @@ def _simple(given: _Component, entries: NDArray[np.intp]) -> _Part:
     n, (count, k) = given.members.size, entries.shape
     each, rows = np.arange(count)[:, None], np.arange(k)
     values, damping, square = given.values[each, entries], given.damping, given.omega_squared
-    X = np.take_along_axis(given.right[:, :n], entries[:, None, :], axis=2) / given.unit[:, :, None]
+    X = given.right[each[:, :, None], np.arange(n)[:, None], entries[:, None, :]] / given.unit[:, :, None]
     real = values.imag == 0.0
     pivot = np.argmax(np.abs(X), axis=1)
-    X = X / np.take_along_axis(X, pivot[:, None, :], axis=1)
+    X = X / X[each, pivot, rows][:, None, :]
     for _ in range(2):
         border = np.zeros((count, k, n + 1, n + 1), dtype=complex)
         border[..., :n, :n] = values[:, :, None, None] * damping[:, None]
@@ -343,7 +344,7 @@ def _simple(given: _Component, entries: NDArray[np.intp]) -> _Part:
     values, X = np.where(real, values.real, values), np.where(real[:, None, :], X.real, X)
     # the left vector of a symmetric problem: x^T (v + (lambda + D) u) / x^T (2 lambda + D) x
     turned = damping @ X
-    norm = np.sum(X * (2.0 * values[:, None, :] * X + turned), axis=1)[:, None, :]
+    norm = (X * (2.0 * values[:, None, :] * X + turned)).sum(axis=1, keepdims=True)
     weight = np.where(real, 1.0, 2.0)[:, None, :]
     S = values[:, :, None] * np.eye(k)
     return _Part(given.members, S, weight * X, ((values[:, None, :] * X + turned) / norm).mT, (X / norm).mT)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.linalg
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import require
 from femimpact.integrators.driving import Drive
-from femimpact.integrators.event_driven.alike import alike
+from femimpact.integrators.event_driven.alike import alike, part_of, stack
 from femimpact.system.system import System
 
 __all__ = ["Equations", "equations_of", "require_met", "stacked", "undamped_modes", "wall_offsets"]
@@ -24,9 +24,6 @@ RIGID = 1e-14
 
 GIVING_WAY = 1e-6
 """Share of the largest deflection under the pushes of soft stops below which they are not met each, but give way."""
-
-OF_SYSTEM = ("M", "C", "K", "drive", "given", "force", "in_space")
-"""Arrays of equations that are those of one system."""
 
 INDEPENDENT = 1e-9
 """Share of its own mobility that a rigid stop must keep where others hold the structure, to be met beside them."""
@@ -55,6 +52,8 @@ class Equations:
         Of the structure.
     """
 
+    COMMON: ClassVar = ("stop", "names", "dofs")
+
     M: Array
     C: Array
     K: Array
@@ -66,16 +65,13 @@ class Equations:
     names: tuple[str, ...]
     dofs: int
 
-    def of(self, members: NDArray[np.intp] | int) -> Equations:
-        """Those of some of the systems, or of one, where they are of several."""
-        arrays: dict[str, Any] = {name: getattr(self, name)[members] for name in OF_SYSTEM}
-        return replace(self, **arrays)
-
 
 def stacked(items: Sequence[Equations]) -> Equations:
     """Equations of several systems with the same coordinates and pairs, in one."""
-    arrays: dict[str, Any] = {name: np.stack([getattr(each, name) for each in items]) for name in OF_SYSTEM}
-    return replace(items[0], **arrays)
+    first = items[0]
+    own = [item.name for item in fields(Equations) if item.name not in Equations.COMMON]
+    arrays: dict[str, Any] = {name: stack([getattr(each, name) for each in items]) for name in own}
+    return replace(first, **arrays)
 
 
 def equations_of(system: System, drive: Drive) -> Equations:
@@ -157,7 +153,7 @@ def wall_offsets(whole: Equations, active: NDArray[np.bool_], sticking: NDArray[
     ndarray (F, d, pairs)
     """
     if np.any(active & whole.stop):
-        return np.stack([_offsets_at_stops(whole.of(f), active, sticking) for f in range(whole.M.shape[0])])
+        return np.stack([_offsets_at_stops(part_of(whole, f), active, sticking) for f in range(whole.M.shape[0])])
     # a ball at a wall 1 m away, of a structure that is undeformed
     offset, carried = np.zeros(whole.force.shape), np.flatnonzero(active)
     offset[:, whole.dofs + carried, carried] = 1.0
@@ -203,9 +199,9 @@ def undamped_modes(K: Array, M: Array) -> tuple[Array, Array]:
     The slow modes are exact to rounding, as they carry the energy.
     """
     diagonal = np.eye(K.shape[-1], dtype=bool)
-    uncoupled = ~np.any(((K != 0.0) | (M != 0.0)) & ~diagonal, axis=(1, 2))
+    uncoupled = ~(((K != 0.0) | (M != 0.0)) & ~diagonal).any(axis=(1, 2))
     unheld = np.abs(K).sum(axis=1) == 0.0
-    alone = unheld & (np.count_nonzero(M, axis=1) == 1)
+    alone = unheld & ((M != 0.0).sum(axis=1) == 1)
     omega_squared, vectors = np.zeros(K.shape[:2]), np.zeros_like(K)
     for members in alike(uncoupled, unheld, alone):
         own, first = (K[members], M[members]), members[0]
@@ -281,5 +277,5 @@ def _fast_corrected(omega_squared: Array, vectors: Array, K: Array, M: Array) ->
         own = own - slower @ (slower.mT @ (M @ own))
         vectors[:, :, i : i + 1] = own / np.sqrt(own.mT @ M @ own)
     fast = omega_squared > 1e-4 * omega_squared.max(axis=1, initial=0.0)[:, None]
-    exact = np.sum(vectors * (K @ vectors), axis=1)
+    exact = (vectors * (K @ vectors)).sum(axis=1)
     return np.where(fast, exact, omega_squared), vectors

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
 from femimpact.excitation.piecewise_polynomial import ORDERS
+from femimpact.integrators.event_driven.alike import part_of
 from femimpact.integrators.event_driven.complex_modes import ComplexModes
 from femimpact.integrators.event_driven.equations import Equations
 
@@ -48,10 +49,6 @@ class Rows:
     constant: Array
     through: Array
     follow: Array
-
-    def of(self, members: NDArray[np.intp]) -> Rows:
-        """Those of some of the systems."""
-        return Rows(*(getattr(self, item.name)[members] for item in fields(self)))
 
 
 def rate_of(rows: Rows, modes: ComplexModes) -> Rows:
@@ -124,24 +121,23 @@ def followed(rows: Rows, modes: ComplexModes, load: Complex, driven: NDArray[np.
     """Steady response (F, 8, R) of scalars under a polynomial, as in `Rows.follow`, without that of driven entries."""
     if not np.any(driven):
         return rows.follow
-    every = np.arange(driven.size)
-    return np.concatenate([
-        own.follow if count == 0 else _followed(own, modes.of(one), load[one], count)
-        for one, own, count in ((every[[f]], rows.of(every[[f]]), int(driven[f])) for f in every)
+    rates = modes.rate
+    return np.stack([
+        rows.follow[f] if count == 0 else _followed(part_of(rows, f), rates[f], load[f], count)
+        for f, count in enumerate(driven.tolist())
     ])  # fmt: skip
 
 
-def _followed(rows: Rows, modes: ComplexModes, load: Complex, driven: int) -> Array:
-    """That of one system, (1, 8, R)."""
+def _followed(rows: Rows, rate: Complex, load: Complex, driven: int) -> Array:
+    """That of one system, (8, R)."""
     fast = slice(driven, None)
-    rate = modes.rate[0, fast, fast]
-    response = np.zeros((ORDERS, load.shape[2]), dtype=complex)
-    before = np.zeros(load.shape[2] - driven, dtype=complex)
+    response = np.zeros((ORDERS, load.shape[1]), dtype=complex)
+    before = np.zeros(load.shape[1] - driven, dtype=complex)
     for order in range(ORDERS):
         # G' = Lambda G + load (s, ub', ub) with G a sum over ub and its derivatives
-        own = load[0, 2 - order, fast] if order < 3 else 0.0
-        before = scipy.linalg.solve_triangular(rate, before - own) if before.size else before
+        own = load[2 - order, fast] if order < 3 else 0.0
+        before = scipy.linalg.solve_triangular(rate[fast, fast], before - own) if before.size else before
         response[order, fast] = before
-    follow = (response @ rows.weight[0].T).real
-    follow[:3] += rows.through[0, ::-1]
-    return np.asarray(follow[None])
+    follow = (response @ rows.weight.T).real
+    follow[:3] += rows.through[::-1]
+    return np.asarray(follow)

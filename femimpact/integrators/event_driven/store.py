@@ -14,6 +14,7 @@ from femimpact.errors import require
 from femimpact.excitation.piecewise_polynomial import ORDERS
 from femimpact.integrators.channel_rows import ChannelRows
 from femimpact.integrators.driving import Drive
+from femimpact.integrators.event_driven.alike import part_of, stack
 from femimpact.integrators.event_driven.closed_form import ClosedForms, closed_forms
 from femimpact.integrators.event_driven.equations import Equations, stacked
 from femimpact.integrators.event_driven.loop_data import Forms
@@ -61,7 +62,7 @@ class Outputs:
 
 def _stacked_outputs(items: Sequence[Outputs]) -> Outputs:
     """Outputs of several systems in one, with an axis before the others."""
-    return Outputs(*(np.stack([getattr(each, item.name) for each in items]) for item in fields(Outputs)))
+    return Outputs(*(stack([getattr(each, item.name) for each in items]) for item in fields(Outputs)))
 
 
 def outputs_of(system: System, observed: Array, rows: ChannelRows | None = None) -> Outputs:
@@ -169,29 +170,30 @@ class FormStore:
     def _make(self, key: int, wanted: Sequence[WantedForm]) -> None:
         """Make forms of the same pairs in contact; those that earlier calls made are kept with their systems."""
         active = np.array([bool(key >> j & 1) for j in range(self.rigid.size)], dtype=bool)
-        made, missing = list[tuple[list[WantedForm], ClosedForms]](), list[WantedForm]()
+        made, missing = list[tuple[list[WantedForm], Equations, ClosedForms]](), list[WantedForm]()
         for item in wanted:
             kept = self.sources[item.system].derived.get(self._kept_key(item, active))
             if kept is None:
                 missing.append(item)
             else:
                 forms, number = kept
-                made.append(([item], forms.of(np.array([number]))))
+                whole = stacked([self.sources[item.system].whole])
+                made.append(([item], whole, part_of(forms, np.array([number]))))
         if missing:
             whole = stacked([self.sources[item.system].whole for item in missing])
             stiffness, damping = (np.array([getattr(item, name) for item in missing]) for name in CONTACT_NUMBERS)
             for members, forms in closed_forms(whole, active, self.rigid, stiffness, damping):
                 own = [missing[f] for f in members]
-                made.append((own, forms))
+                made.append((own, part_of(whole, members), forms))
                 for number, item in enumerate(own):
                     derived = self.sources[item.system].derived
                     if len(derived) < MOST_KEPT:
                         derived[self._kept_key(item, active)] = forms, number
         allowed = "must have stiffness in every braked motion for this excitation or constant force"
-        for items, forms in made:
+        for items, whole, forms in made:
             unheld = np.any(forms.unheld if self.rate is not None else forms.unheld[:, 0])
             require(not unheld, "system", None, "", allowed)
-            self._add(items, forms, active)
+            self._add(items, whole, forms, active)
 
     def _kept_key(self, item: WantedForm, active: NDArray[np.bool_]) -> tuple[Any, ...]:
         """Key of a closed form among what is kept with a system: also of the place where the drive acts."""
@@ -259,13 +261,13 @@ class FormStore:
             new[tuple(slice(0, length) for length in old.shape)] = old
         self.forms = larger
 
-    def _add(self, items: Sequence[WantedForm], made: ClosedForms, active: NDArray[np.bool_]) -> None:
+    def _add(
+        self, items: Sequence[WantedForm], whole: Equations, made: ClosedForms, active: NDArray[np.bool_]
+    ) -> None:  # fmt: skip
         """Write closed forms with as many entries behind those that are there."""
-        count, sources = len(items), [self.sources[item.system] for item in items]
-        modes, first = made.modes, self.count
+        count, modes, first = len(items), made.modes, self.count
         self._enlarge((modes.exponent.shape[1], made.rigid_body_drive.shape[1], len(modes.blocks)), count)
-        whole = stacked([source.whole for source in sources])
-        outputs = _stacked_outputs([source.outputs for source in sources])
+        outputs = _stacked_outputs([self.sources[item.system].outputs for item in items])
         rows = _stacked_rows(
             gap_rows(whole, made.position, OF_DISPLACEMENT),
             made.contact_force,
@@ -313,7 +315,7 @@ def _uses_of_entries(made: ClosedForms, all_together: bool) -> dict[str, NDArray
     count, coordinates, entries = used.shape
     together = used.mT.astype(int) @ used.astype(int) > 0
     form, _, entry = np.nonzero(used)
-    own = np.cumsum(np.count_nonzero(used, axis=2), axis=1)
+    own = used.sum(axis=2).cumsum(axis=1)
     before = np.concatenate([[0], np.cumsum(own[:, -1])])
     members = np.zeros((count, coordinates * entries), dtype=np.int64)
     members[form, np.arange(form.size) - before[form]] = entry
