@@ -40,7 +40,7 @@ from femimpact.integrators.event_driven.loop_data import (
     Task,
 )
 from femimpact.integrators.event_driven.settings import EventSettings
-from femimpact.integrators.event_driven.store import FormStore
+from femimpact.integrators.event_driven.store import FormStore, WantedForm
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.system import System
@@ -422,13 +422,14 @@ def _by_system(
 def _add_forms(members: NDArray[np.intp], cases: Cases, store: FormStore, system_of: NDArray[np.int64]) -> None:
     """Make the closed forms of the cases' contact states for their contact parameters, unless they are there."""
     own = np.hstack([cases.stiffness[members], cases.damping[members], np.abs(cases.state[members]) == CONTACT])
-    first: dict[bytes, int] = {}
-    for c, row in zip(members.tolist(), own, strict=True):
-        wanted = row.tobytes() + int(system_of[c]).to_bytes(8, "little")
-        if wanted not in first:
-            key = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[c]) == CONTACT).tolist())
-            first[wanted] = store.form(key, cases.stiffness[c], cases.damping[c], int(system_of[c]))
-        cases.form[c, 0] = first[wanted]
+    wanted: dict[bytes, WantedForm] = {}
+    of_case = [row.tobytes() + int(system_of[c]).to_bytes(8, "little") for c, row in zip(members, own, strict=True)]
+    for c, key in zip(members.tolist(), of_case, strict=True):
+        if key not in wanted:
+            bits = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[c]) == CONTACT).tolist())
+            wanted[key] = WantedForm(bits, cases.stiffness[c], cases.damping[c], int(system_of[c]))
+    first = dict(zip(wanted, store.first_forms(list(wanted.values())), strict=True))
+    cases.form[members, 0] = [first[key] for key in of_case]
 
 
 def _fitted(cases: Cases, forms: Forms) -> Cases:
