@@ -28,6 +28,9 @@ Array = NDArray[np.float64]
 CONTACT_NUMBERS = ("stiffness", "damping")
 """Fields of a wanted form that differ among systems."""
 
+MOST_NUMBERS = 2**21
+"""Complex numbers of a working array, 32 MB, beyond which fewer forms are made together."""
+
 MOST_KEPT = 256
 """Closed forms, and what else is derived of a system, beyond which no more are kept with it."""
 
@@ -163,8 +166,12 @@ class FormStore:
             for item in wanted:
                 if (item.parameters, item.key) not in self.known:
                     missing.setdefault(item.key, {})[item.parameters] = item
+            # a system's entries may need as many matrices as it has coordinates, each of their size
+            most = max(MOST_NUMBERS // self.whole.M.shape[0] ** 3, 1)
             for key, items in missing.items():
-                self._make(key, list(items.values()))
+                together = list(items.values())
+                for begin in range(0, len(together), most):
+                    self._make(key, together[begin : begin + most])
             return [self.first[item.parameters] for item in wanted]
 
     def _make(self, key: int, wanted: Sequence[WantedForm]) -> None:
