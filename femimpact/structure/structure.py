@@ -85,7 +85,7 @@ class PointMass:
     name : str
         By which it is named in results; a place for everything else.
     at : str or float
-        Place on the beam; see `Position`.
+        Place on the beam: "root", "tip", "mid", a point of the mesh, or metres from the root.
     mass : float, kg
         Of the body.
     rotary_inertia : float, kg m^2
@@ -119,7 +119,7 @@ class Support:
     kind : {"clamped", "pinned", "guided"}
         Neither deflection nor slope, no deflection, no slope.
     at : str or float
-        Place on the beam; see `Position`.
+        Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
 
     Raises
     ------
@@ -155,7 +155,7 @@ class Impactor:
     name : str
         By which it is named in results.
     at : str or float
-        Place on the beam; see `Position`.
+        Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
     mass : float, kg
         Of the ball.
     gap : float or pair of float, m
@@ -206,7 +206,7 @@ class Stop:
     name : str
         By which it is named in results.
     at : str or float
-        Place on the beam; see `Position`.
+        Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
     gap : float or pair of float, m
         Free travel of the beam to the + and to the - side; `math.inf` leaves a side open. A negative gap
         preloads: the undeformed beam would be that far inside the obstacle, and a run starts from the static
