@@ -29,7 +29,7 @@ __all__ = ["NOT_IN_SCHEMA", "study_schema"]
 NOT_IN_SCHEMA = (
     "what is not a number (nan), for which a schema has no word",
     "pairs of keys that belong together, as width and thickness, or restitution and contact_time",
-    "comparisons of two keys, as stop above start in [sweep], or of the two numbers of an axis",
+    "comparisons of two keys, as stop above start in [sweep], of the two numbers of an axis, of the rows of a density",
     "axes: whether a path leads to a number of the study, and a measure is known; a power of two of a Sobol sequence",
     "how many numbers a list has: two for a gap and for the ratio, modes or frequencies of [damping]",
     "names: each once, none of those that mean a place, none with a dot; places and channels must exist",
