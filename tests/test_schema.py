@@ -216,6 +216,7 @@ def test_every_key_has_a_meaning_and_every_number_a_unit():
 
     found = [item for name in TABLES for item in keys(study_schema()["properties"][name])]
     assert len(found) > 100
+    assert [name for name, about in found if not about.get("description")] == []
     numbers = [name for name, about in found if about.get("type") in ("number", "integer") and "x-unit" not in about]
     assert numbers == []
 

@@ -28,6 +28,7 @@ class Newmark(SteppingAnswers):
     dt : float, s
         Step; `recommended_step(system)` gives one.
     beta, gamma : float, 1
+        Weights of the accelerations in the displacement and in the velocity.
     allow_coarse_step : bool
         Let a step pass that does not resolve the contact; the results then carry a warning.
     divergence_limit : float, 1
@@ -85,6 +86,7 @@ class HHT(SteppingAnswers):
     Parameters
     ----------
     dt : float, s
+        Step; `recommended_step(system)` gives one.
     alpha : float, 1
         0 is the average acceleration; -1/3 damps most.
     allow_coarse_step, divergence_limit, refine
@@ -126,6 +128,7 @@ class WBZ(SteppingAnswers):
     Parameters
     ----------
     dt : float, s
+        Step; `recommended_step(system)` gives one.
     alpha : float, 1
         0 is the average acceleration; -1 damps most.
     allow_coarse_step, divergence_limit, refine
@@ -161,6 +164,7 @@ class GeneralizedAlpha(SteppingAnswers):
     Parameters
     ----------
     dt : float, s
+        Step; `recommended_step(system)` gives one.
     spectral_radius : float, 1
         r at infinite frequency: 1 damps nothing, 0 annihilates the highest modes in one step.
     allow_coarse_step, divergence_limit, refine
