@@ -106,7 +106,7 @@ def test_without_a_picture_a_window_stays_open(tmp_path, system, reference, disp
 STEPS = """
 import sys
 path = sys.argv[1]
-# as in ParaView's window: the script does not wait for one of its own
+# as in ParaView's window: the script does not wait for a window
 sys.argv = [""]
 space = {"__file__": path, "__name__": "__main__"}
 with open(path) as file:

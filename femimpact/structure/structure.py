@@ -196,7 +196,7 @@ class Impactor:
 
 @dataclass(frozen=True)
 class Stop:
-    """A fixed obstacle beside the beam: the same contact pair without a mass of its own.
+    """A fixed obstacle beside the beam: the same contact pair, without a moving mass.
 
     The beam touches it on the + side at w = gap[0] and on the - side at w = -gap[1], w relative to the base; one
     fixed in space it touches at w + ub = gap[0] and w + ub = -gap[1], ub the base's displacement.
@@ -371,7 +371,7 @@ class Structure:
         places = [standard.get(str(at), at) for at in given]
         metres = [place for place in places if not isinstance(place, str)]
         apart = bool(metres) and max(metres) - min(metres) > 1e-6 * self.beam.length
-        # a name that only the mesh defines counts as a place of its own here; assembly checks again where it is
+        # a name that only the mesh defines counts as a separate place here; assembly checks again where it is
         named = {place for place in places if isinstance(place, str)}
         stiff = apart or len(named) + bool(metres) >= 2 or (bool(places) and "slope" in held)
         # a rotation about a single spring may stay free

@@ -309,7 +309,7 @@ def _rate(rows: Rows, modes: ComplexModes) -> Rows:
 
 
 def _scaled(rows: Rows, factor: Array, also: Rows, by: Array) -> Rows:
-    """Sum of two sets of rows, each row with a factor of its own."""
+    """Sum of two sets of rows, each row with its own factor."""
     first, second = factor[:, None], by[:, None]
     return Rows(
         weight=first * rows.weight + second * also.weight,

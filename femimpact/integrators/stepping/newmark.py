@@ -194,7 +194,7 @@ class GeneralizedAlpha(SteppingAnswers):
 
 @dataclass(frozen=True)
 class MoreauJean(SteppingAnswers):
-    """Time stepping with impulses for rigid contacts: velocities jump, no impact is an event of its own.
+    """Time stepping with impulses for rigid contacts: velocities jump, no impact is a separate event.
 
     M (v1 - v0) = dt (F - C v - K u)_theta + b P, u1 = u0 + dt v_theta, with ._theta = theta .1 + (1 - theta) .0;
     where the gap is closed half a step on, 0 <= P and v1 >= -e v0 in the direction of separation, one of
@@ -203,7 +203,7 @@ class MoreauJean(SteppingAnswers):
     Parameters
     ----------
     dt : float, s
-        Resolves the motion between impacts; a rigid contact has no time of its own. Instants of impact are met to
+        Resolves the motion between impacts; a rigid contact has no duration. Instants of impact are met to
         a step.
     theta : float, 1
         1/2 loses no energy beside the impacts; 1 is the implicit Euler rule.
