@@ -31,7 +31,8 @@ def display():
         return
     assert XVFB, "needs Xvfb, or a display"
     read, write = os.pipe()
-    command = [XVFB, "-displayfd", str(write), "-screen", "0", "1280x800x24", "-nolisten", "tcp"]
+    # without -noreset the server begins anew after its last client, and refuses the next one meanwhile
+    command = [XVFB, "-displayfd", str(write), "-screen", "0", "1280x800x24", "-nolisten", "tcp", "-noreset"]
     with subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL) as server:
         os.close(write)
         with os.fdopen(read) as number:
