@@ -96,7 +96,7 @@ def perturbed(modes: fi.Modes, system: fi.System, seed: int) -> fi.Modes:
     `reduce` builds its diagonal matrices from these frequencies and ratios, so that they stay diagonal.
     """
     count = modes.natural_frequency.size
-    # a column of its own seed for each mode: its frequency, its ratio, its vector
+    # a column of random numbers of its own seed for each mode: its frequency, its ratio, its vector
     draws = [np.random.default_rng([seed, mode]).uniform(-1.0, 1.0, 2 + system.dofs) for mode in range(count)]
     factors = 1.0 + LAST_BITS * np.column_stack(draws)
     vectors = modes.vectors * factors[2:]

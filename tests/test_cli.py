@@ -27,7 +27,7 @@ def ran(finished):
 
 
 def test_init_then_check(tmp_path):
-    # as a user calls it: in processes of their own
+    # as a user calls it: in separate processes
     femimpact_process("init", "mine.toml", cwd=tmp_path)
     printed = femimpact_process("check", "mine.toml", cwd=tmp_path).stdout
     for words in (

@@ -127,7 +127,7 @@ def test_the_mean_square_of_a_random_run_is_the_exact_integral():
         run = fi.integrate(system, base, fi.EventDriven(), end, record)
         found.append(np.mean(run["mass"][run.time >= 10.0] ** 2))
     error = np.std(found, ddof=1) / math.sqrt(len(found))
-    # four of its own standard errors, and no more than a tenth: it could fail
+    # four of its standard errors, and no more than a tenth: it could fail
     assert abs(np.mean(found) - exact) < 4.0 * error < 0.2 * exact
 
 

@@ -144,7 +144,7 @@ def test_cases_with_systems_of_their_own_have_the_bits_that_they_have_alone(path
     together = evaluated(given, np.arange(6))
     assert not any(together.failures)
     for case in range(6):
-        # of one system, by the way of one system
+        # of one system, by the call for one system
         np.testing.assert_array_equal(evaluated(given, np.array([case])).values, together.values[[case]])
 
 
@@ -216,7 +216,7 @@ def test_a_method_with_steps_runs_the_same_cases():
 
 @pytest.mark.parametrize("frame", ["base", "space", "static"])
 def test_cases_of_a_method_with_steps_have_side_by_side_the_bits_that_they_have_alone(frame):
-    # gaps, laws, amplitudes and starts of their own in one call; the static state is one for each gap
+    # cases with different gaps, laws, amplitudes and starts in one call; the static state is one for each gap
     axes = {GAP: [1e-3, 4e-3], RESTITUTION: [0.5, 0.7], "base.amplitude": [2e-4, 3e-4], "base.start": [frame]}
     start = {"start.ball.speed": [0.01, 0.02]} if frame != "static" else {}
     measures = ["peak", "rms", "impacts_per_cycle", "peak_force", "energy_residual", "peak_ratio"]

@@ -77,7 +77,7 @@ def break_off(directory, error, force=False, value=None):
 
 
 class Killed(BaseException):
-    """Ends a process as a signal does: nothing of its own runs afterwards."""
+    """Ends a process as a signal does: no code of it runs afterwards."""
 
 
 class Mortal:

@@ -273,6 +273,8 @@ def _beam(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
     for name in sorted(set(values) - {"segment"}):
         faults.append(Fault(f"{prefix}.{name}", None, "", "belongs into each [[beam.segment]] of a stepped beam"))
     segments = _table(f"{prefix}.segment", _Table(partial(_noun, Segment), many=True), values["segment"], faults)
+    if segments == []:
+        faults.append(Fault(f"{prefix}.segment", None, "", "must hold at least one segment"))
     return _collected(prefix, lambda: Beam(tuple(segments)), faults) if segments else None
 
 

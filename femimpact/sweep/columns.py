@@ -48,7 +48,7 @@ def columns_of_dwells(found: SineDwellResults, f: Array, ledger: bool) -> tuple[
 
 
 def columns_of_runs(runs: Sequence[DwellRun], f: Array, ledger: bool) -> tuple[dict[str, NDArray[Any]], list[str]]:
-    """The same of dwells that are runs of their own."""
+    """The same of dwells that are separate runs."""
     columns: dict[str, NDArray[Any]] = {name: np.full(f.size, np.nan) for name in SWEEP_UNITS}
     columns["steadiness"] = np.full(f.size, "failed", dtype="<U11")
     for i, run in enumerate(runs):

@@ -32,7 +32,7 @@ class Reaction:
 
     A force is positive along +w and a moment along +dw/dx; see `femimpact.system.sections`. It is the force of this
     one support. The sum over all supports is not the force of the shaker where damping in proportion to the mass
-    (alpha of Rayleigh), terms of one's own or an elastic foundation also act between structure and base.
+    (alpha of Rayleigh), terms that a user adds or an elastic foundation also act between structure and base.
 
     With modes left out (`reduce`), this reads the held rows of the kept modes. The sum of the inertia and contact
     forces of the kept modes is another number: both tend to the reaction as modes are added, at different rates.

@@ -67,14 +67,14 @@ EXTREMES = 2
 
 @dataclass(frozen=True, eq=False)
 class CaseNumbers:
-    """Excitation, gaps and contact parameters of C cases: what each has of its own beside its start.
+    """Excitation, gaps and contact parameters of C cases: what differs between them beside their starts.
 
     Parameters
     ----------
     omega : ndarray (C,), rad/s
         Of what counts as a cycle.
     amplitude, phase : ndarray (C,)
-        Of s(t) (m/s^2 or N) and rad, where it is a sine; an amplitude of 0 where it is none.
+        Of s(t) (m/s^2 or N) and rad, where it is a sine; an amplitude of 0 where it is not.
     pieces : PiecewisePolynomial or None
         s(t) of all cases, where it is made of polynomials.
     gaps : ndarray (C, R, 2), m
@@ -175,7 +175,7 @@ class Block:
     space : Space or None
         Working space, of the size for the closed forms of the last call.
     systems : dict of tuple of Pairs and Ledger or None
-        Of each system of the store that a case has, where there are several: constants of their own, common sums.
+        Of each system of the store that a case has, where there are several: separate constants, common sums.
     system_of : ndarray (C,) of int
         Which of them a case has.
     """
@@ -506,7 +506,7 @@ def working_space(block: Block, forms: Forms) -> Space:
 
 
 def _together(*groups: Any) -> list[Any]:
-    """Copies of tuples of arrays, all in one piece of memory, each array on cache lines of its own.
+    """Copies of tuples of arrays, all in one piece of memory, each array on its own cache lines.
 
     Threads that write to one line wait for each other, and arrays whole pages apart look like one another to
     the processor.

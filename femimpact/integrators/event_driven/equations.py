@@ -108,7 +108,7 @@ def require_met(whole: Equations, sticking: NDArray[np.intp]) -> None:
     ----------
     whole : Equations
     sticking : ndarray of int
-        Numbers of the pairs that stick. A ball always can: it has a coordinate of its own.
+        Numbers of the pairs that stick. A ball always can: it has its own coordinate.
 
     Raises
     ------
