@@ -170,12 +170,10 @@ def _function(value: Any, version: str | None, above: tuple[Any, ...] = ()) -> A
     if hasattr(value, "__func__"):
         return {"method": _function(value.__func__, None), "of": _plain(vars(value.__self__), None)}
     value = _unwrapped(value)
-    code: Any = getattr(value, "__code__", None)
-    if code is None:
-        own = getattr(type(value).__call__, "__code__", None)
+    if not hasattr(value, "__code__"):
         allowed = "has no code that could be compared with that of another call: give version='...'"
-        require(own is not None, "study", name, "", allowed)
-        return {"object": _code(own), "of": _plain(vars(value), None)}
+        require(not _is_compiled(value), "study", name, "", allowed)
+        return {"object": _function(type(value).__call__, None, above), "of": _plain(vars(value), None)}
     cells = [cell.cell_contents for cell in value.__closure__ or ()]
     given = {"defaults": [list(value.__defaults__ or ()), dict(value.__kwdefaults__ or {})], "cells": cells}
     try:
@@ -183,7 +181,7 @@ def _function(value: Any, version: str | None, above: tuple[Any, ...] = ()) -> A
     except (InputError, RecursionError):
         allowed = "uses values that cannot be compared with those of another call: give version='...'"
         require(False, "study", name, "", allowed)
-    return {"function": name, "code": _code(code), "taken": taken}
+    return {"function": name, "code": _code(value.__code__), "taken": taken}
 
 
 def _taken_names(function: Any, above: tuple[Any, ...]) -> dict[str, Any]:
