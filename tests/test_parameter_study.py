@@ -520,6 +520,21 @@ def test_faults_are_named_before_the_first_case(changes, words):
         small(**changes)
 
 
+@pytest.mark.parametrize("name", ["failure", "peak_low", "peak_groups", "case", GAP, f"{GAP}.plus", "a/b", ""])
+def test_a_function_whose_name_is_taken_is_refused_before_the_first_case(name):
+    def measure(response):
+        raise AssertionError("no case is run")
+
+    measure.__name__ = name
+    with pytest.raises(fi.InputError, match=f"measures = '{name}': (has a name that is taken|must have a name)"):
+        small(measures=["peak", measure])
+
+
+def test_an_argument_whose_name_is_taken_is_refused_before_the_first_case():
+    with pytest.raises(fi.InputError, match="failure: is the name of another variable"):
+        fi.parameter_study(lambda failure: study().structure, {"failure": [1.0]}, ["peak"], excitation=fi.Sine(1e-4, 5))
+
+
 def test_of_a_system_only_contacts_excitation_and_start_can_be_axes():
     system = fi.reduce(fi.assemble(study().structure, elements=10), 3)
     base = fi.Sine(0.2037e-3, 4.9)
