@@ -106,6 +106,16 @@ def test_every_kind_of_axis_is_the_run_of_a_changed_study(path, values):
         assert float(found["peak"].sel({path: value})) == pytest.approx(curve.peak[0], rel=1e-9)
 
 
+def test_an_acceleration_of_a_ball_is_added_to_gravity_as_in_its_structure():
+    given = study(structure=replace(study().structure, gravity=2.0))
+    found = fi.parameter_study(given, {"impactor.ball.acceleration": [0.0, 1.5]}, ["peak"], cycles=3)
+    for i, value in enumerate([0.0, 1.5]):
+        own = with_ball(given.structure, acceleration=value)
+        system = fi.reduce(fi.assemble(own, elements=10), 3)
+        curve = fi.frequency_sweep(system, given.base.amplitude, [given.base.frequency], fi.EventDriven(), 3)
+        assert float(found["peak"][i]) == pytest.approx(curve.peak[0], rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("path", "value"),
     [("beam.thickness", 1.2e-3), ("mass.box.mass", 0.03), ("beam.young_modulus", 60e9), ("gravity.acceleration", 9.81)],
@@ -324,6 +334,14 @@ def test_statistics_over_starts_do_not_depend_on_their_order_and_leave_out_what_
         np.testing.assert_array_equal(column, found[name])
 
 
+def test_groups_do_not_depend_on_which_way_the_values_are_counted():
+    # of distances that are equal, as of whole numbers of impacts, the first may have a single start on its side
+    values = np.random.default_rng(0).integers(1, 5, (200, 9)).astype(float)
+    found = over_starts(values)["_groups"]
+    np.testing.assert_array_equal(found, over_starts(-values)["_groups"])
+    assert set(found) == {1.0, 2.0}
+
+
 def test_two_groups_are_apart_by_a_tenth_of_the_median_with_two_starts_on_each_side():
     near, far, lone = [1.0, 1.01, 1.05, 1.06], [1.0, 1.01, 1.2, 1.21], [1.0, 1.01, 1.02, 1.5]
     np.testing.assert_array_equal(over_starts(np.array([near, far, lone]))["_groups"], [1.0, 2.0, 1.0])
@@ -481,6 +499,7 @@ def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_what_was_finishe
         ({"axes": {GAP: []}}, "axes.impactor.ball.gap = 'no value'"),
         ({"axes": {}}, "axes = 'none'"),
         ({"axes": {GAP: [1e-3, 2e-3, 1e-3]}}, r"axes.impactor.ball.gap = 0.001: is given twice"),
+        ({"axes": {GAP: [1e-3, (1e-3, 1e-3)]}}, r"axes.impactor.ball.gap = \(0.001, 0.001\): is given twice"),
         ({"axes": {GAP: [1e-3, np.nan]}}, "axes.impactor.ball.gap = nan: must be finite"),
         ({"axes": {GAP: [1e-3, -1e-3]}}, "impactor.ball.gap = -0.001 m: must be a finite number >= 0 m"),
         ({"axes": {RESTITUTION: [0.5, 1.5]}}, "restitution = 1.5: must be"),
@@ -499,6 +518,21 @@ def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_what_was_finishe
 def test_faults_are_named_before_the_first_case(changes, words):
     with pytest.raises(fi.InputError, match=words):
         small(**changes)
+
+
+@pytest.mark.parametrize("name", ["failure", "peak_low", "peak_groups", "case", GAP, f"{GAP}.plus", "a/b", ""])
+def test_a_function_whose_name_is_taken_is_refused_before_the_first_case(name):
+    def measure(response):
+        raise AssertionError("no case is run")
+
+    measure.__name__ = name
+    with pytest.raises(fi.InputError, match=f"measures = '{name}': (has a name that is taken|must have a name)"):
+        small(measures=["peak", measure])
+
+
+def test_an_argument_whose_name_is_taken_is_refused_before_the_first_case():
+    with pytest.raises(fi.InputError, match="failure: is the name of another variable"):
+        fi.parameter_study(lambda failure: study().structure, {"failure": [1.0]}, ["peak"], excitation=fi.Sine(1e-4, 5))
 
 
 def test_of_a_system_only_contacts_excitation_and_start_can_be_axes():
