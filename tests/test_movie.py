@@ -54,7 +54,7 @@ def test_gif_where_ffmpeg_is_missing(tmp_path, response, reference, monkeypatch)
 
 def vermilion(picture):
     """Number of pixels in the two views that have the colour of an impact, near enough for a shaded surface."""
-    red, green, blue = np.moveaxis(picture[sheet.VIEWS, :, :3].astype(int), -1, 0)
+    red, green, blue = np.moveaxis(picture[sheet.VIEWS].astype(int), -1, 0)
     return np.count_nonzero((red > 120) & (red > 1.7 * green) & (green > 1.7 * blue))
 
 
@@ -74,7 +74,9 @@ def test_an_impact_is_coloured_and_nothing_else_is(meeting, reference, renderer)
     struck = film.touched[:, 0] != 0
     shown = np.concatenate([np.flatnonzero(struck)[:3], np.flatnonzero(~struck)[:3]])
     film = dataclasses.replace(film, chosen=film.chosen[shown], touched=film.touched[shown])
-    pictures = movie._vtk_frames(film, movie.gl_window()) if renderer == "pyvista" else movie._matplotlib_frames(film)
+    pictures = (
+        movie._pyvista_frames(film, movie.gl_window()) if renderer == "pyvista" else movie._matplotlib_frames(film)
+    )
     coloured = [vermilion(picture) for picture in pictures]
     # the ball in the close-up alone is a disc of about 40 pixels radius
     assert min(coloured[:3]) > 4500
@@ -114,7 +116,9 @@ def test_two_balls_have_a_trace_and_a_close_up_each(two, renderer):
     structure, response = two
     film = movie._film(response, structure, None, 25, 4)
     film = dataclasses.replace(film, chosen=film.chosen[:2], touched=np.array([[1, 0], [0, -1]]))
-    draw = movie._matplotlib_frames(film) if renderer == "matplotlib" else movie._vtk_frames(film, movie.gl_window())
+    draw = (
+        movie._matplotlib_frames(film) if renderer == "matplotlib" else movie._pyvista_frames(film, movie.gl_window())
+    )
     # the right half is the close-up of the one, then that of the other
     start, middle = (0.63, 0.8) if renderer == "matplotlib" else (0.5, 0.75)
     for struck, picture in enumerate(draw):
