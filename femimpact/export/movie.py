@@ -6,6 +6,7 @@ import math
 import os
 import subprocess
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -290,8 +291,10 @@ def _pieces(film: Film) -> list[tuple[Any, NDArray[np.intp], dict[str, Any], tup
     pieces = []
     for chosen, style, contact in plan:
         solid: Any = whole.extract_cells(chosen.tolist())
-        # that of a solid would be looked for at each frame
-        surface = solid.extract_surface(algorithm=None)
+        # that of a solid would be looked for at each frame; newer versions warn of another default, which does as well
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            surface = solid.extract_surface()
         source = solid.point_data["vtkOriginalPointIds"][surface.point_data["vtkOriginalPointIds"]]
         pieces.append((surface, np.asarray(source), style, contact))
     return pieces
