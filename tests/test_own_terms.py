@@ -242,6 +242,17 @@ def test_damping_of_ones_own_adds_to_rayleighs():
     np.testing.assert_allclose(root, (air / RHO_A) * bare.reactions["root.force"].on_acceleration, rtol=1e-10)
 
 
+def test_damping_and_load_leave_frequency_and_compliances_what_they_are():
+    ball, stop = fi.Impactor("ball", "tip", 2e-3, 1e-3, LAW), fi.Stop("stop", "mid", 1e-3, LAW)
+    structure = fi.Structure(beam=BEAM, impactors=[ball], stops=[stop])
+    bare, elements = fi.assemble(structure, elements=40), 40
+    air = matrix(product, structure, elements, 0.05)
+    for system in (fi.add_terms(bare, damping=air, load=np.ones(2 * elements + 2)), fi.add_terms(bare)):
+        assert system.first_frequency == bare.first_frequency
+        assert [pair.effective_mass for pair in system.contacts] == [pair.effective_mass for pair in bare.contacts]
+        assert [pair.flexibility for pair in system.contacts] == [pair.flexibility for pair in bare.contacts]
+
+
 def test_a_fine_mesh_keeps_its_digits_under_tension_and_on_a_foundation():
     structure, coarse, fine = fi.Structure(beam=BEAM), 20, 1000
     for form, size in ((slopes, 30.0), (product, 500.0)):

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from femimpact.integrators.answers import SineCases
+from femimpact.system.computed import with_checked_pairs
 from femimpact.system.state import State
-from femimpact.system.system import System, with_checked_pairs
+from femimpact.system.system import System
 
 __all__ = ["start_of", "with_contacts_of"]
 

@@ -23,8 +23,9 @@ from femimpact.parametric.paths import Place, Stage
 from femimpact.parametric.starts import scaled_starts, unit_draws
 from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder, Response
+from femimpact.system.computed import with_checked_pairs
 from femimpact.system.state import State
-from femimpact.system.system import System, with_checked_pairs, without_impactors
+from femimpact.system.system import System, without_impactors
 
 __all__ = ["BlockValues", "evaluated", "run_case"]
 

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import require, require_type
 from femimpact.structure.damping import ModalDamping, Rayleigh, rayleigh_coefficients
+from femimpact.system.computed import with_checked_fields
 from femimpact.system.modes import Modes, solve_modes
 from femimpact.system.reactions import damped_reactions
-from femimpact.system.system import System, with_checked_fields
+from femimpact.system.system import System
 
 __all__ = ["damped_with_modes", "rayleigh_of", "with_damping"]
 
@@ -99,7 +100,7 @@ def _by_modes(system: System, modes: Modes, ratio: NDArray[np.float64]) -> Syste
         for name, item in system.reactions.items()
     }
     C = sparse.csr_array(beta * system.K + sparse.csr_array(0.5 * (full + full.T)))
-    return replace(system, C=C, rayleigh=None, reactions=reactions, computed_together=None)
+    return with_checked_fields(system, C=C, rayleigh=None, reactions=reactions)
 
 
 def _row(values: ArrayLike) -> NDArray[np.float64]:
