@@ -166,6 +166,16 @@ def bouncing(reference: fi.Structure) -> fi.System:
     return reduced(with_ball(reference, mass=1e-5, contact=law), 4, 10)
 
 
+@pytest.fixture
+def undrawn(monkeypatch) -> None:
+    """No process draws the pictures of a run, whose data are written; for tests that look at no picture."""
+
+    def draw_in_child(_source, _target, kinds, _report):
+        return dict.fromkeys(kinds)
+
+    monkeypatch.setattr("femimpact.study.run.draw_in_child", draw_in_child)
+
+
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory) -> Iterator[Path]:
     """A directory with `study.toml` and what a run of it left in `out`; a test that changes it takes a copy.

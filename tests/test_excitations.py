@@ -364,7 +364,7 @@ def test_nothing_names_a_cycle_where_there_is_none(base):
     contact = fi.KelvinVoigt(restitution=0.7, contact_time=4e-3)
     system = reduced(with_ball(REFERENCE, contact=contact, gap=1e-4), 4)
     channels = ("tip", "tip.velocity", "ball", "ball.velocity", "ball.contact_force")
-    run = fi.integrate(system, base, fi.EventDriven(), 1.0, fi.Recorder(channels, interval=2e-3))
+    run = fi.integrate(system, base, fi.EventDriven(), 0.5, fi.Recorder(channels, interval=2e-3))
     assert len(run.impacts) > 0
     off, drawn = fi.figures.OffScreen(), []
     for draw in (fi.figures.motion, fi.figures.contact_force, fi.figures.impact_histograms):

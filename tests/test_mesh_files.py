@@ -384,9 +384,10 @@ def gap(tmp_path):
     ids=["check", "own script"],
 )
 def test_python_ends_as_ever_after_a_mesh_was_refused(gap, arguments, status, words):
-    # a thread that waits for a pipe with a buffer aborts Python at its end, in four of five runs but not in each
+    # a thread that waits for a pipe with a buffer aborts Python at its end, in four of five runs but not in each: four
+    # runs miss it once in 600 times
     runs = [
-        subprocess.Popen([sys.executable, *arguments], cwd=gap, stderr=subprocess.PIPE, text=True) for _ in range(10)
+        subprocess.Popen([sys.executable, *arguments], cwd=gap, stderr=subprocess.PIPE, text=True) for _ in range(4)
     ]
     for run in runs:
         said = run.communicate(timeout=300)[1]

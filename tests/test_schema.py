@@ -6,11 +6,10 @@ import copy
 import itertools
 import json
 import re
-import subprocess
-import sys
 import tomllib
 
 import pytest
+from command import femimpact
 
 import femimpact as fi
 from femimpact.study.demo import paper_study_text
@@ -222,12 +221,9 @@ def test_every_key_has_a_meaning_and_every_number_a_unit():
 
 
 def test_the_command_writes_a_schema_once(tmp_path):
-    command = [sys.executable, "-m", "femimpact", "schema"]
-    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert json.loads(printed) == study_schema()
-    path = tmp_path / "s.json"
-    assert subprocess.run([*command, "-o", str(path)], capture_output=True).returncode == 0
-    assert json.loads(path.read_text(encoding="utf-8")) == study_schema()
-    again = subprocess.run([*command, "-o", str(path)], capture_output=True, text=True)
+    assert json.loads(femimpact("schema", cwd=tmp_path).stdout) == study_schema()
+    femimpact("schema", "-o", "s.json", cwd=tmp_path)
+    assert json.loads((tmp_path / "s.json").read_text(encoding="utf-8")) == study_schema()
+    again = femimpact("schema", "-o", "s.json", cwd=tmp_path, check=False)
     assert again.returncode == 2
     assert "exists already" in again.stderr
