@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 import warnings
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -303,6 +303,11 @@ def test_a_case_without_cycles_is_a_run_of_its_whole_history():
         assert row["largest_approach_speed"] == run.impacts.approach_speed.max()
         lost = run.energy.structure_loss[-1] + run.energy.contact_loss[-1]
         assert row["loss_per_second"] == pytest.approx(lost / run.time[-1], rel=1e-9)
+
+
+def test_a_history_is_a_block_of_its_own_for_it_may_take_seconds():
+    few = fi.ParameterStudy(chirped(), {GAP: list(np.linspace(1e-3, 4e-3, 20))}, ["peak"], starts=2)
+    assert [len(cases) for cases in block_cases(few)] == [1] * 20
 
 
 def test_starts_of_cases_without_cycles_lie_in_the_gap_and_the_first_state_has_the_name_of_the_study_file():
@@ -767,6 +772,32 @@ def test_a_worker_of_another_version_is_refused_before_the_first_case(name, tmp_
         small(client=Cluster({}, {name: "0.0.1"}), directory=tmp_path / "out")
     assert str(caught.value).startswith(f"worker tcp://10.0.0.1:40000: has {name} 0.0.1, and this process ")
     assert not list((tmp_path / "out" / BLOCKS).glob("*.block"))
+
+
+def test_a_worker_that_comes_after_the_others_were_checked_is_refused_by_its_first_block():
+    class Late(Cluster):
+        def submit(self, function, study, versions, *, pure):
+            return function(study, {**versions, "scipy": "0.0.1"})
+
+    words = r"^worker .*: has scipy .*, and the process with the client 0.0.1: install the same femimpact$"
+    with pytest.raises(fi.InputError, match=words):
+        small(client=Late({}))
+
+
+def test_a_cluster_that_drops_the_work_is_one_line():
+    class Dropping(Cluster):
+        def get_executor(self, **options):
+            class Pool(ThreadPoolExecutor):
+                def submit(self, *given):
+                    future = Future()
+                    future.cancel()
+                    future.set_running_or_notify_cancel()
+                    return future
+
+            return Pool(1)
+
+    with pytest.raises(fi.InputError, match="client = 'Dropping': has dropped the work: its scheduler must be running"):
+        small(client=Dropping({}))
 
 
 def test_workers_without_femimpact_or_none_at_all_are_refused():
