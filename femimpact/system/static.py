@@ -159,9 +159,7 @@ def _ball_at_rest(pair: ContactPair) -> tuple[float, float, float]:
             from scipy.optimize import brentq
 
             force = _power(parameters.stiffness, parameters.exponent)
-            depth = brentq(
-                lambda p: force(p) + spring * p - pressed, 0.0, depth, xtol=1e-300, rtol=1e-15
-            )
+            depth = brentq(lambda p: force(p) + spring * p - pressed, 0.0, depth, xtol=1e-300, rtol=1e-15)
     return side * (gap + depth), side * (pressed - spring * depth), depth
 
 
