@@ -119,7 +119,7 @@ def _call_of(noun: Any) -> str:
         try:
             noun()
         except InputError:
-            # it needs some of several
+            # one of several arguments is required
             return f"{noun.__name__}(...)"
     return f"{noun.__name__}({', '.join(named) if len(named) <= MOST_ARGUMENTS else '...'})"
 

@@ -1,4 +1,4 @@
-"""The basis of a structure on a mesh: weak forms of one's own stand beside those of `assemble`, dof by dof."""
+"""The basis of a structure on a mesh: weak forms that a user writes stand beside those of `assemble`, dof by dof."""
 
 from __future__ import annotations
 

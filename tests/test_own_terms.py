@@ -1,4 +1,4 @@
-"""Terms of one's own on the basis: foundations, axial forces, gravity along the beam, rotary inertia."""
+"""Terms that a user adds on the basis: foundations, axial forces, gravity along the beam, rotary inertia."""
 
 from __future__ import annotations
 

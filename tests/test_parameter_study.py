@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 import warnings
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -106,6 +106,16 @@ def test_every_kind_of_axis_is_the_run_of_a_changed_study(path, values):
         assert float(found["peak"].sel({path: value})) == pytest.approx(curve.peak[0], rel=1e-9)
 
 
+def test_an_acceleration_of_a_ball_is_added_to_gravity_as_in_its_structure():
+    given = study(structure=replace(study().structure, gravity=2.0))
+    found = fi.parameter_study(given, {"impactor.ball.acceleration": [0.0, 1.5]}, ["peak"], cycles=3)
+    for i, value in enumerate([0.0, 1.5]):
+        own = with_ball(given.structure, acceleration=value)
+        system = fi.reduce(fi.assemble(own, elements=10), 3)
+        curve = fi.frequency_sweep(system, given.base.amplitude, [given.base.frequency], fi.EventDriven(), 3)
+        assert float(found["peak"][i]) == pytest.approx(curve.peak[0], rel=1e-9)
+
+
 def halves(structure):
     """Its beam in two segments, of which the first tapers."""
     (whole,) = structure.beam.segments
@@ -178,7 +188,7 @@ def test_cases_with_systems_of_their_own_have_the_bits_that_they_have_alone(path
     together = evaluated(given, np.arange(6))
     assert not any(together.failures)
     for case in range(6):
-        # of one system, by the way of one system
+        # of one system, by the call for one system
         np.testing.assert_array_equal(evaluated(given, np.array([case])).values, together.values[[case]])
 
 
@@ -250,7 +260,7 @@ def test_a_method_with_steps_runs_the_same_cases():
 
 @pytest.mark.parametrize("frame", ["base", "space", "static"])
 def test_cases_of_a_method_with_steps_have_side_by_side_the_bits_that_they_have_alone(frame):
-    # gaps, laws, amplitudes and starts of their own in one call; the static state is one for each gap
+    # cases with different gaps, laws, amplitudes and starts in one call; the static state is one for each gap
     axes = {GAP: [1e-3, 4e-3], RESTITUTION: [0.5, 0.7], "base.amplitude": [2e-4, 3e-4], "base.start": [frame]}
     start = {"start.ball.speed": [0.01, 0.02]} if frame != "static" else {}
     measures = ["peak", "rms", "impacts_per_cycle", "peak_force", "energy_residual", "peak_ratio"]
@@ -293,6 +303,11 @@ def test_a_case_without_cycles_is_a_run_of_its_whole_history():
         assert row["largest_approach_speed"] == run.impacts.approach_speed.max()
         lost = run.energy.structure_loss[-1] + run.energy.contact_loss[-1]
         assert row["loss_per_second"] == pytest.approx(lost / run.time[-1], rel=1e-9)
+
+
+def test_a_history_is_a_block_of_its_own_for_it_may_take_seconds():
+    few = fi.ParameterStudy(chirped(), {GAP: list(np.linspace(1e-3, 4e-3, 20))}, ["peak"], starts=2)
+    assert [len(cases) for cases in block_cases(few)] == [1] * 20
 
 
 def test_starts_of_cases_without_cycles_lie_in_the_gap_and_the_first_state_has_the_name_of_the_study_file():
@@ -356,6 +371,14 @@ def test_statistics_over_starts_do_not_depend_on_their_order_and_leave_out_what_
     assert all(np.isnan(column[1]) for column in found.values())
     for name, column in over_starts(values[:, ::-1]).items():
         np.testing.assert_array_equal(column, found[name])
+
+
+def test_groups_do_not_depend_on_which_way_the_values_are_counted():
+    # of distances that are equal, as of whole numbers of impacts, the first may have a single start on its side
+    values = np.random.default_rng(0).integers(1, 5, (200, 9)).astype(float)
+    found = over_starts(values)["_groups"]
+    np.testing.assert_array_equal(found, over_starts(-values)["_groups"])
+    assert set(found) == {1.0, 2.0}
 
 
 def test_two_groups_are_apart_by_a_tenth_of_the_median_with_two_starts_on_each_side():
@@ -515,6 +538,7 @@ def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_what_was_finishe
         ({"axes": {GAP: []}}, "axes.impactor.ball.gap = 'no value'"),
         ({"axes": {}}, "axes = 'none'"),
         ({"axes": {GAP: [1e-3, 2e-3, 1e-3]}}, r"axes.impactor.ball.gap = 0.001: is given twice"),
+        ({"axes": {GAP: [1e-3, (1e-3, 1e-3)]}}, r"axes.impactor.ball.gap = \(0.001, 0.001\): is given twice"),
         ({"axes": {GAP: [1e-3, np.nan]}}, "axes.impactor.ball.gap = nan: must be finite"),
         ({"axes": {GAP: [1e-3, -1e-3]}}, "impactor.ball.gap = -0.001 m: must be a finite number >= 0 m"),
         ({"axes": {RESTITUTION: [0.5, 1.5]}}, "restitution = 1.5: must be"),
@@ -533,6 +557,21 @@ def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_what_was_finishe
 def test_faults_are_named_before_the_first_case(changes, words):
     with pytest.raises(fi.InputError, match=words):
         small(**changes)
+
+
+@pytest.mark.parametrize("name", ["failure", "peak_low", "peak_groups", "case", GAP, f"{GAP}.plus", "a/b", ""])
+def test_a_function_whose_name_is_taken_is_refused_before_the_first_case(name):
+    def measure(response):
+        raise AssertionError("no case is run")
+
+    measure.__name__ = name
+    with pytest.raises(fi.InputError, match=f"measures = '{name}': (has a name that is taken|must have a name)"):
+        small(measures=["peak", measure])
+
+
+def test_an_argument_whose_name_is_taken_is_refused_before_the_first_case():
+    with pytest.raises(fi.InputError, match="failure: is the name of another variable"):
+        fi.parameter_study(lambda failure: study().structure, {"failure": [1.0]}, ["peak"], excitation=fi.Sine(1e-4, 5))
 
 
 def test_of_a_system_only_contacts_excitation_and_start_can_be_axes():
@@ -733,6 +772,32 @@ def test_a_worker_of_another_version_is_refused_before_the_first_case(name, tmp_
         small(client=Cluster({}, {name: "0.0.1"}), directory=tmp_path / "out")
     assert str(caught.value).startswith(f"worker tcp://10.0.0.1:40000: has {name} 0.0.1, and this process ")
     assert not list((tmp_path / "out" / BLOCKS).glob("*.block"))
+
+
+def test_a_worker_that_comes_after_the_others_were_checked_is_refused_by_its_first_block():
+    class Late(Cluster):
+        def submit(self, function, study, versions, *, pure):
+            return function(study, {**versions, "scipy": "0.0.1"})
+
+    words = r"^worker .*: has scipy .*, and the process with the client 0.0.1: install the same femimpact$"
+    with pytest.raises(fi.InputError, match=words):
+        small(client=Late({}))
+
+
+def test_a_cluster_that_drops_the_work_is_one_line():
+    class Dropping(Cluster):
+        def get_executor(self, **options):
+            class Pool(ThreadPoolExecutor):
+                def submit(self, *given):
+                    future = Future()
+                    future.cancel()
+                    future.set_running_or_notify_cancel()
+                    return future
+
+            return Pool(1)
+
+    with pytest.raises(fi.InputError, match="client = 'Dropping': has dropped the work: its scheduler must be running"):
+        small(client=Dropping({}))
 
 
 def test_workers_without_femimpact_or_none_at_all_are_refused():

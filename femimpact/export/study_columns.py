@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["measure_names", "single_samples", "unsure_cells"]
+__all__ = ["BESIDE", "STATISTICS", "measure_names", "single_samples", "unsure_cells"]
 
 BESIDE = frozenset({"periodic_starts", "failed_starts", "finished", "failure"})
 """Variables that are about the cases themselves."""

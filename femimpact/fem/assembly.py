@@ -37,7 +37,7 @@ HEAVY = 1e3
 """Mass of a beam (kg) above which millimetres may have been typed as metres."""
 
 SLENDER = 5.0
-"""Length over thickness below which a beam is none of Euler and Bernoulli's."""
+"""Length over thickness below which Euler-Bernoulli theory does not hold."""
 
 USUAL_FREQUENCY = (0.01, 1e5)
 """First natural frequency (Hz) of structures that are meant."""
@@ -52,7 +52,7 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     elements : int
         Number of elements of a mesh made here; or
     mesh : Mesh
-        a mesh of one's own, from `read_mesh`.
+        a mesh from `read_mesh`.
 
     Returns
     -------

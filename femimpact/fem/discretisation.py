@@ -65,7 +65,7 @@ class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
 
 @dataclass(frozen=True, eq=False)
 class Discretisation:
-    """A structure on a mesh, before any matrix: what weak forms of one's own are assembled on.
+    """A structure on a mesh, before any matrix: what a user's weak forms are assembled on.
 
     All matrices on the basis have the dofs (w1, w1', w2, w2', ...), nodes from root to tip, w in m and the slope
     w' = dw/dx positive, held dofs included. `assemble` keeps those in `free`.
@@ -168,7 +168,7 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
     elements : int
         Number of elements of a mesh made here; or
     mesh : Mesh
-        a mesh of one's own, from `read_mesh`.
+        a mesh from `read_mesh`.
 
     Returns
     -------

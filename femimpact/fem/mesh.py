@@ -43,7 +43,7 @@ class Mesh:
     ------
     InputError
         If the nodes do not increase, a place is not on the beam, "root", "tip" or "mid" is given another
-        place, or a region names an element that is none.
+        place, or a region names an element that does not exist.
 
     Examples
     --------
@@ -302,7 +302,7 @@ def _filled(
 
 
 def _places_for(key: str, named: Mapping[str, float], structure: Structure) -> str:
-    """Places that one item of a structure may have on a mesh made here; a body's own name is none for itself."""
+    """Places that one item of a structure may have on a mesh made here; a body's own name is not a place for itself."""
     bodies = [body.name for body in structure.masses if key != f"mass.{body.name}"]
     return f"must be one of {', '.join([*named, *bodies])}, or metres from the root"
 

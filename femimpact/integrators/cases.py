@@ -1,4 +1,4 @@
-"""One of many cases: its system with gaps and laws of its own, and its start."""
+"""One of many cases: its system with its gaps and laws, and its start."""
 
 from __future__ import annotations
 

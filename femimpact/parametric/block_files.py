@@ -31,6 +31,8 @@ __all__ = ["BLOCKS", "BlockFolder", "blocks_of", "read_manifest"]
 BLOCKS = STUDY_BLOCKS
 MANIFEST = "study.json"
 NAME = re.compile(r"([0-9a-f]{16})-([0-9a-f]{16})\.block")
+UNFINISHED = re.compile(r"\.(study|[0-9a-f]{16}-[0-9a-f]{16})-\w{8}\.(json|block)")
+UNFINISHED_RESULT = re.compile(r"\.(study(_[\w-]+)?|report)-\w{8}\.(nc|csv|toml|png|html)")
 MOST_BYTES = 2_000_000_000
 
 
@@ -49,7 +51,7 @@ class BlockFolder:
     Raises
     ------
     InputError
-        If the directory holds another study, or something that is none.
+        If the directory holds another study, or something that is not a study.
     """
 
     def __init__(self, directory: Path, plain: Mapping[str, Any], key: str) -> None:
@@ -72,7 +74,7 @@ class BlockFolder:
 
     def finished(self, cases: np.ndarray[Any, np.dtype[np.int64]], shape: tuple[int, int]) -> BlockValues | None:
         """A block of these cases and shape (starts, measures) that is on disk whole; None where there is none."""
-        found = _read(self.path(cases))
+        found = _read(self.path(cases), self.key)
         if found is None or found.values.shape != (cases.size, *shape) or not np.array_equal(found.cases, cases):
             return None
         return found
@@ -80,7 +82,8 @@ class BlockFolder:
     def write(self, block: BlockValues) -> None:
         """Put a block on disk: written whole, synced, then named."""
         payload = io.BytesIO()
-        words = {"failures": list(block.failures), "words": {name: list(rows) for name, rows in block.words.items()}}
+        of_words = {name: list(rows) for name, rows in block.words.items()}
+        words = {"key": self.key, "failures": list(block.failures), "words": of_words}
         text = np.frombuffer(json.dumps(words).encode(), dtype=np.uint8)
         np.savez(payload, cases=block.cases, values=block.values, periodic=block.periodic, words=text)
         content = payload.getvalue()
@@ -89,9 +92,10 @@ class BlockFolder:
 
     def remove_unfinished(self) -> None:
         """Remove the temporary files of a process that was ended while it wrote."""
-        for name in os.listdir(self.folder):
-            if re.fullmatch(r"\.(study|[0-9a-f]{16}-[0-9a-f]{16})-\w{8}\.(json|block)", name):
-                (self.folder / name).unlink(missing_ok=True)
+        for folder, pattern in ((self.folder, UNFINISHED), (self.folder.parent, UNFINISHED_RESULT)):
+            for name in os.listdir(folder):
+                if pattern.fullmatch(name):
+                    (folder / name).unlink(missing_ok=True)
 
 
 def read_manifest(directory: Path) -> dict[str, Any] | None:
@@ -124,18 +128,21 @@ def blocks_of(directory: Path, key: str) -> Iterator[BlockValues]:
     for name in sorted(os.listdir(folder)):
         matched = NAME.fullmatch(name)
         if matched and matched[1] == key[:16]:
-            found = _read(folder / name)
+            found = _read(folder / name, key)
             if found is not None:
                 yield found
 
 
-def _read(path: Path) -> BlockValues | None:
+def _read(path: Path, key: str) -> BlockValues | None:
+    """A block of a study, by its key; None where the file is none, is damaged, or belongs to another study."""
     try:
         digest, _, content = read_regular(path, MOST_BYTES).partition(b"\n")
         if hashlib.sha256(content).hexdigest().encode() != digest:
             return None
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
             text = json.loads(arrays["words"].tobytes())
+            if text["key"] != key:
+                return None
             return BlockValues(
                 cases=arrays["cases"],
                 values=arrays["values"],

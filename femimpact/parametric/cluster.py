@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import platform
 import warnings
-from collections.abc import Iterator
-from concurrent.futures import Executor
+from collections.abc import Iterator, Mapping
+from concurrent.futures import CancelledError, Executor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.errors import Fault, InputError, InputWarning, kind_of, require
 from femimpact.parametric.definition import ParameterStudy
+from femimpact.parametric.evaluation import BlockValues, evaluated
 from femimpact.parametric.identity import sources_key
 
-__all__ = ["check_client", "check_workers", "cluster_executor", "connected"]
+__all__ = ["check_client", "check_workers", "cluster_executor", "connected", "evaluated_there"]
 
 NEEDED = ("get_executor", "submit", "run", "nthreads")
 """Members of a client that are used."""
@@ -61,14 +63,13 @@ def connected(scheduler: str) -> Iterator[Any]:
 
 def worker_facts() -> dict[str, str]:
     """What decides the numbers of a worker: sources and versions, and its processor."""
-    info = core.build_info()
-    return {
-        "sources": sources_key(),
-        "core": str(info["sources"]),
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
-        "processor": f"{info['target']} {platform.machine()} {_model()}",
-    }
+    return {**_versions(), "processor": f"{core.build_info()['target']} {platform.machine()} {_model()}"}
+
+
+def _versions() -> dict[str, str]:
+    """Sources and versions of this process."""
+    core_sources = str(core.build_info()["sources"])
+    return {"sources": sources_key(), "core": core_sources, "numpy": np.__version__, "scipy": scipy.__version__}
 
 
 def _model() -> str:
@@ -94,29 +95,59 @@ def check_workers(client: Any) -> None:
         allowed = f"must have workers with the same femimpact as this process: {error}"
         raise InputError([Fault("client", kind_of(client), "", allowed)]) from None
     require(bool(found), "client", "no worker", "", "must have one worker or more")
-    own = worker_facts()
     for address, facts in found.items():
-        for name in ("sources", "core", "numpy", "scipy"):
-            # an earlier version may not tell all of it
-            other = facts.get(name, "unknown")
-            allowed = f"has {name} {other[:12]}, and this process {own[name][:12]}: install the same femimpact"
-            require(other == own[name], f"worker {address}", None, "", allowed)
+        _check_versions(f"worker {address}", facts, _versions(), "this process")
     processors = sorted({facts.get("processor", "unknown") for facts in found.values()})
     if len(processors) > 1:
         text = f"workers on several kinds of processors ({'; '.join(processors)}): the last bits may depend on which"
         warnings.warn(text, InputWarning, stacklevel=4)
 
 
+def _check_versions(worker: str, facts: Mapping[str, str], expected: Mapping[str, str], whose: str) -> None:
+    """Refuse a worker of another version."""
+    for name, own in expected.items():
+        # an earlier version may not tell all of it
+        other = facts.get(name, "unknown")
+        allowed = f"has {name} {other[:12]}, and {whose} {own[:12]}: install the same femimpact"
+        require(other == own, worker, None, "", allowed)
+
+
 @contextmanager
 def cluster_executor(client: Any, study: ParameterStudy) -> Iterator[tuple[Executor, Any, int]]:
-    """An executor on the workers, the study as its tasks take it, and the number of threads of all workers."""
+    """An executor on the workers, the study as `evaluated_there` takes it, and the number of threads of all workers.
+
+    Raises
+    ------
+    InputError
+        If a worker is refused, or the cluster drops the work.
+    """
     check_workers(client)
     # a task, whose result is made anew where the worker that had it is lost
-    there = client.submit(_received, study, pure=False)
-    with client.get_executor(pure=False, retries=3) as pool:
-        yield pool, there, sum(client.nthreads().values())
+    there = client.submit(_received, study, _versions(), pure=False)
+    try:
+        with client.get_executor(pure=False, retries=3) as pool:
+            yield pool, there, sum(client.nthreads().values())
+    except CancelledError:
+        allowed = (
+            "has dropped the work: its scheduler must be running, and it and the workers must have every module "
+            "that a function of your own uses"
+        )
+        raise InputError([Fault("client", kind_of(client), "", allowed)]) from None
 
 
-def _received(study: ParameterStudy) -> ParameterStudy:
-    """The study, on a worker."""
-    return study
+def _received(study: ParameterStudy, versions: dict[str, str]) -> tuple[ParameterStudy, dict[str, str]]:
+    """The study and the versions of the client's process, on a worker."""
+    return study, versions
+
+
+def evaluated_there(sent: tuple[ParameterStudy, dict[str, str]], cases: NDArray[np.int64]) -> BlockValues:
+    """`evaluated` on a worker, which may have come after the others were checked.
+
+    Raises
+    ------
+    InputError
+        If the worker has another version than the process of the client.
+    """
+    study, versions = sent
+    _check_versions(f"worker {platform.node()}", _versions(), versions, "the process with the client")
+    return evaluated(study, cases)

@@ -24,7 +24,7 @@ from femimpact.excitation import Sine
 from femimpact.integrators.methods import Method, require_method
 from femimpact.parametric.case_systems import CaseSystems
 from femimpact.parametric.case_table import CaseTable, full_grid, listed_cases, sampled_cases
-from femimpact.parametric.measures import Measure, measures_of
+from femimpact.parametric.measures import Measure, check_names, measures_of
 from femimpact.parametric.paths import (
     Place,
     Stage,
@@ -328,7 +328,7 @@ class ParameterStudy:
     def _check_nominal(self) -> None:
         """Refuse what would stop every case: a place, a measure or a method that the system does not take."""
         self.nominal.point_row(self.observed)
-        _ = self.chosen
+        check_names(self.chosen, tuple(self._axes))
         if not any(place.stage == Stage.METHOD for place in self.places):
             self.systems.method_of(self.nominal, {})
 

@@ -241,7 +241,7 @@ def _law_key(law: ContactLaw) -> Any:
 
 
 def _taken_together(study: ParameterStudy, system: System, values: dict[Place, Any]) -> bool:
-    """Whether the method takes cases with systems of their own; one that takes none is an error of its cases."""
+    """Whether the method takes cases with different systems; one that takes none is an error of its cases."""
     try:
         return bool(getattr(study.systems.method_of(system, values), "takes_several_systems", False))
     except FemimpactError:

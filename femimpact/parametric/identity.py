@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import dis
 import hashlib
+import inspect
 import json
 import types
 from collections.abc import Mapping
@@ -67,6 +69,8 @@ def plain_study(study: ParameterStudy) -> dict[str, Any]:
         "study": _plain(given, study.version),
         "mesh": None if study.systems.mesh is None else _plain(study.systems.mesh, None),
         "axes": axes,
+        # in which the cases are counted
+        "order": list(axes),
         "cases": "grid" if study.table.is_grid else [_digest(codes) for codes in study.table.codes],
         "measures": [
             item.name if item.function is None else _plain(item.function, study.version) for item in study.chosen
@@ -130,8 +134,13 @@ def _plain(value: Any, version: str | None) -> Any:
         return {str(key): _plain(item, version) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [_plain(item, version) for item in value]
+    if isinstance(value, (set, frozenset)):
+        # in an order that no process has of its own
+        return {"set": sorted(json.dumps(_plain(item, version), sort_keys=True) for item in value)}
     if isinstance(value, bytes):
         return hashlib.sha256(value).hexdigest()
+    if isinstance(value, types.ModuleType):
+        return {"module": value.__name__}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         left_out = WITHOUT if isinstance(value, Study) else ("computed_together",)
         found = {
@@ -147,8 +156,11 @@ def _plain(value: Any, version: str | None) -> Any:
     return {"noun": type(value).__name__, "version": version}
 
 
-def _function(value: Any, version: str | None) -> Any:
-    """A function by its code, constants, defaults and what it has taken from where it was made."""
+def _function(value: Any, version: str | None, above: tuple[Any, ...] = ()) -> Any:
+    """A function by its code, constants, defaults and what it takes from where it was made.
+
+    `above` are the functions that take this one: one that takes itself is not looked at again.
+    """
     name = str(getattr(value, "__qualname__", type(value).__name__))
     if version is not None:
         return {"function": name, "version": version}
@@ -157,26 +169,73 @@ def _function(value: Any, version: str | None) -> Any:
         return {"partial": _function(value.func, None), "given": _plain([*value.args, value.keywords], None)}
     if hasattr(value, "__func__"):
         return {"method": _function(value.__func__, None), "of": _plain(vars(value.__self__), None)}
-    code = getattr(value, "__code__", None)
-    if code is None:
-        own = getattr(type(value).__call__, "__code__", None)
+    value = _unwrapped(value)
+    if not hasattr(value, "__code__"):
         allowed = "has no code that could be compared with that of another call: give version='...'"
-        require(own is not None, "study", name, "", allowed)
-        return {"object": _code(own), "of": _plain(vars(value), None)}
+        require(not _is_compiled(value), "study", name, "", allowed)
+        return {"object": _function(type(value).__call__, None, above), "of": _plain(vars(value), None)}
     cells = [cell.cell_contents for cell in value.__closure__ or ()]
+    given = {"defaults": [list(value.__defaults__ or ()), dict(value.__kwdefaults__ or {})], "cells": cells}
     try:
-        taken = _plain([list(value.__defaults__ or ()), dict(value.__kwdefaults__ or {}), cells], None)
+        taken = _plain(given, None) | {"names": _taken_names(value, (*above, value))}
     except (InputError, RecursionError):
         allowed = "uses values that cannot be compared with those of another call: give version='...'"
         require(False, "study", name, "", allowed)
-    return {"function": name, "code": _code(code), "taken": taken}
+    return {"function": name, "code": _code(value.__code__), "taken": taken}
 
 
-def _code(code: Any) -> str:
+def _taken_names(function: Any, above: tuple[Any, ...]) -> dict[str, Any]:
+    """What a function takes by name from its module: values, and functions of that module by their code."""
+    found: dict[str, Any] = {}
+    names = function.__globals__
+    for name in sorted(_global_names(function.__code__) & names.keys()):
+        item = _unwrapped(names[name])
+        if isinstance(item, types.FunctionType) and item.__globals__ is names:
+            found[name] = "itself" if item in above else _function(item, None, above)
+        elif isinstance(item, (type, types.FunctionType)) or _is_compiled(item):
+            # of a library: its name
+            found[name] = {"name": str(getattr(item, "__qualname__", type(item).__name__))}
+        else:
+            found[name] = _plain(item, None)
+    return found
+
+
+def _unwrapped(value: Any) -> Any:
+    """The function within one that keeps or compiles it."""
+    return value if hasattr(value, "__code__") or isinstance(value, type) else inspect.unwrap(value)
+
+
+def _is_compiled(value: Any) -> bool:
+    """Whether it is called, but has no code of Python's."""
+    return callable(value) and not hasattr(type(value).__call__, "__code__")
+
+
+def _global_names(code: types.CodeType) -> set[str]:
+    """Names that code takes from its module, those within it included."""
+    found = {
+        str(step.argval) for step in dis.get_instructions(code) if step.opname in ("LOAD_GLOBAL", "LOAD_NAME")
+    }  # fmt: skip
+    for item in code.co_consts:
+        if isinstance(item, types.CodeType):
+            found |= _global_names(item)
+    return found
+
+
+def _code(code: types.CodeType) -> str:
     """Hash of compiled code, its names and constants; not of where it stands."""
-    constants = [_code(item) if isinstance(item, types.CodeType) else repr(item) for item in code.co_consts]
     names = [*code.co_names, *code.co_varnames, *code.co_freevars]
-    return hashlib.sha256(repr((code.co_code, constants, names)).encode()).hexdigest()
+    return hashlib.sha256(repr((code.co_code, _constant(code.co_consts), names)).encode()).hexdigest()
+
+
+def _constant(value: Any) -> Any:
+    """A constant of code in a form that reads alike in every process."""
+    if isinstance(value, types.CodeType):
+        return _code(value)
+    if isinstance(value, tuple):
+        return [_constant(item) for item in value]
+    if isinstance(value, frozenset):
+        return {"set": sorted(repr(_constant(item)) for item in value)}
+    return repr(value)
 
 
 def _digest(*arrays: Any) -> str:

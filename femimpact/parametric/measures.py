@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import Fault, InputError, suggestion
+from femimpact.errors import Fault, InputError, require, suggestion
+from femimpact.export.study_columns import BESIDE, STATISTICS
 from femimpact.integrators.answers import SineDwellResults
 from femimpact.response.channels import resolve_channels
 from femimpact.response.impacts import statistics_of_cases
 from femimpact.response.response import Response
 from femimpact.system.system import System
 
-__all__ = ["MEASURES", "Measure", "Source", "columns_of", "measures_of", "of_response"]
+__all__ = ["MEASURES", "Measure", "Source", "check_names", "columns_of", "measures_of", "of_response"]
 
 Array = NDArray[np.float64]
 
@@ -116,6 +117,29 @@ def measures_of(given: Sequence[Any], system: System, without_cycle: str = "") -
     if not found:
         raise InputError([Fault("measures", "none", "", f"must be one or more of {', '.join(MEASURES)}")])
     return found
+
+
+def check_names(measures: Sequence[Measure], axes: Sequence[str]) -> None:
+    """Refuse measures whose variables would have a name that another variable of the dataset, or an axis, has.
+
+    Parameters
+    ----------
+    measures : sequence of Measure
+    axes : sequence of str
+        Paths.
+    """
+    taken = {"case", *BESIDE}
+    for path in axes:
+        require(path not in taken, path, None, "", "is the name of another variable: give the argument another one")
+    taken |= {f"{path}{side}" for path in axes for side in ("", ".plus", ".minus")}
+    for item in measures:
+        sound = bool(item.name) and "/" not in item.name
+        require(sound, "measures", item.name, "", "must have a name that a variable can have: no empty one, and no /")
+        own = {f"{item.name}{end}" for end in ("", *STATISTICS)}
+        shared = sorted(own & taken)
+        allowed = f"has a name that is taken: {', '.join(shared)} is another variable, or an axis"
+        require(not shared, "measures", item.name, "", allowed)
+        taken |= own
 
 
 def _measure(item: Any, system: System) -> Measure:

@@ -60,6 +60,7 @@ PARTS = {
 """Tables of a study file, and the fields of `Structure` that they become."""
 
 OF_BALL = ("mass", "free_stiffness", "acceleration")
+"""Numbers of a ball in a system; its acceleration there is the whole, with gravity."""
 
 BASE = {"frequency": "Hz", "amplitude": "m", "phase": "rad", "start": ""}
 
@@ -158,7 +159,9 @@ def _fields_of(noun: Any, owner: str, part: str, stage: Stage) -> Iterator[Place
             continue
         own = stage
         if owner in ("impactor", "stop"):
-            own = Stage.CASE if item.name == "gap" else Stage.BALL if item.name in OF_BALL else stage
+            # an acceleration is added to gravity, which the structure has
+            of_ball = item.name in OF_BALL and item.name != "acceleration"
+            own = Stage.CASE if item.name == "gap" else Stage.BALL if of_ball else stage
         yield _place(owner, part, item.name, "m" if is_place else unit, own)
 
 
@@ -244,7 +247,7 @@ def _item_with(item: Any, name: str, value: Any) -> Any:
 
 
 def unknown_path(path: str, known: Mapping[str, Place], of_system: bool) -> Fault:
-    """What is wrong with a path that is none of the known ones."""
+    """What is wrong with a path that is not known."""
     parts = ("beam", "mass", "damping", "mesh", "reduction", "gravity", "spring", "dashpot", "support")
     if of_system and path.partition(".")[0] in parts:
         return Fault(path, None, "", f"{FIXED}: give a Study, or a function that returns a structure")

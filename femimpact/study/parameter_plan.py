@@ -173,9 +173,11 @@ def axis_from(key: str, given: Any) -> AxisValues | Distribution:
         raise InputError([Fault(key, "no value", "", "must have one value or more")])
     known = set[Any]()
     for value in values:
-        if value in known:
+        # a gap that is a number has it on both sides
+        same = value[0] if isinstance(value, tuple) and value[0] == value[1] else value
+        if same in known:
             raise InputError([Fault(key, value, "", "is given twice: the values of an axis must be distinct")])
-        known.add(value)
+        known.add(same)
     return AxisValues(values)
 
 

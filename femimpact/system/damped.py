@@ -27,7 +27,7 @@ def with_damping(system: System, damping: Rayleigh | ModalDamping | None) -> Sys
     system : System
         Also after `add_terms`, which leaves the damping of the structure what it was.
     damping : Rayleigh, ModalDamping or None
-        None is no damping. C is replaced whole, dashpots and damping of one's own included.
+        None is no damping. C is replaced whole, dashpots and damping that a user adds included.
 
     Returns
     -------

@@ -109,7 +109,7 @@ def mode_count(system: System, count: int, key: str = "count") -> int:
     Raises
     ------
     InputError
-        If it is out of range, or the system is none.
+        If it is out of range, or the system is not a `System`.
     """
     require_type(system, System, "system")
     within = in_range(count, quantity("modes", at_least=1, at_most=system.dofs, integer=True))

@@ -1,4 +1,4 @@
-"""Terms of one's own in the equations of motion: stiffness, mass, damping and load on all dofs of the basis."""
+"""Terms that a user adds to the equations of motion: stiffness, mass, damping and load on all dofs of the basis."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def add_terms(
     ratios are to be those of the new modes, `with_damping` computes the damping anew.
 
     The stiffness factor G, K = G^T G, carries the digits of fine meshes (`solve_modes`). A positive semidefinite
-    stiffness, as of a foundation or of tension, has a factor of its own, and both are stacked: no digit is lost. An
+    stiffness, as of a foundation or of tension, has its own factor, and both are stacked: no digit is lost. An
     indefinite one has none. G is then the Cholesky factor of the sum K, which is rounded as K is: frequencies are
     good to about 1e-16 N^4 relative for N elements, 3e-10 for 40 and 3e-4 for 2000, and worse near buckling by the
     ratio of the unloaded stiffness to what is left of it.

@@ -1,7 +1,7 @@
 """The semi-discrete equations: matrices, named places and contact pairs. No finite-element object inside.
 
 M u'' + C u' + K u = -base_load ub'' + constant_load + sum_j b_j F_j,   m_j (y_j'' + ub'') = m_j g_j - F_j,
-with u and y relative to the moving base. A stop is a pair whose other side has no motion of its own: y_j = 0 where it
+with u and y relative to the moving base. A stop is a pair whose other side does not move by itself: y_j = 0 where it
 is fixed to the base; where it is fixed in space y_j = ub, for with its b_j u = -w this is x_j = y_j - b_j u = w + ub.
 """
 
@@ -209,7 +209,7 @@ class System:
         impactors, stops : sequences
             Their `at` is a name among the points.
         constant_load : array_like (dofs,), N
-            Constant force on the structure; the default is none. Balls have an `acceleration` of their own.
+            Constant force on the structure; the default is none. Balls have their own `acceleration`.
         nodes : array_like (n,), m
             Increasing positions along a line, for pictures: mode shapes and deflections are drawn there.
         expansion : array_like or sparse (2 n, dofs)
@@ -273,7 +273,7 @@ class System:
         values = {
             "first frequency": f"{self.first_frequency:.5g} Hz",
             "total mass": f"{self.total_mass:.5g} kg",
-            "damping": "a matrix of its own",
+            "damping": "a given matrix",
             "points": ", ".join(name if math.isnan(x) else f"{name} at {x:.5g} m" for name, x in self.points.items()),
         }
         if self.rayleigh is not None:
