@@ -72,6 +72,13 @@ def test_what_a_process_left_that_was_ended_while_it_wrote_goes_with_the_next_ca
     assert all(path.exists() for path in others)
 
 
+def test_a_directory_with_results_of_another_kind_is_refused_and_left_as_it_is(tmp_path):
+    (tmp_path / "summary.json").write_text("{}")
+    with pytest.raises(fi.InputError, match=r"holds results of another kind \(summary.json\): choose another"):
+        small(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["summary.json"]
+
+
 # ---- functions of the user's own -------------------------------------------------------------------
 
 

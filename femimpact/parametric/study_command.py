@@ -13,7 +13,7 @@ import numpy as np
 from femimpact.errors import Fault, InputError, require
 from femimpact.export import figures, tables
 from femimpact.export.files import atomic_write
-from femimpact.export.study_columns import measure_names
+from femimpact.export.study_columns import measure_names, value_words
 from femimpact.parametric.cluster import connected
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.progress import StudyProgress
@@ -216,5 +216,7 @@ def summary_lines(dataset: xarray.Dataset, directory: Path) -> list[str]:
 def _value(dataset: xarray.Dataset, axis: str, index: Any) -> str:
     if axis == "case":
         return str(index)
-    value = dataset[axis].to_numpy()[index]
-    return f"{value:.4g}" if isinstance(value, (int, float, np.number)) else str(value)
+    words = value_words(dataset, axis)
+    if words is not None:
+        return f"{words[index]}{' mm' if f'{axis}.plus' in dataset.coords else ''}"
+    return f"{dataset[axis].to_numpy()[index]:.4g}"
