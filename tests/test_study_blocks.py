@@ -74,7 +74,7 @@ def test_what_a_process_left_that_was_ended_while_it_wrote_goes_with_the_next_ca
 
 
 def test_a_full_disk_names_the_file_and_nothing_else(tmp_path):
-    with pytest.raises(OSError) as caught, atomic_path(tmp_path / "study.nc"):
+    with pytest.raises(OSError, match="No space") as caught, atomic_path(tmp_path / "study.nc"):
         raise OSError(28, "No space left on device")
     assert str(caught.value) == f"[Errno 28] No space left on device: '{tmp_path / 'study.nc'}'"
 
