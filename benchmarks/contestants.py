@@ -22,7 +22,7 @@ PEERS = (
 """Modules of `peers`, fastest first."""
 
 SEPARATE = ("exudyn_ode", "opensees", "mujoco_chain")
-"""Those that are tools of their own: each runs in a separate process, which may fail without harm."""
+"""Those that are separate tools: each runs in a separate process, which may fail without harm."""
 
 PACKAGES = ("femimpact", "numpy", "scipy", "numba", "exudyn", "openseespy", "mujoco")
 

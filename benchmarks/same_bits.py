@@ -27,7 +27,7 @@ import numpy as np
 ROOT = Path(__file__).parents[1]
 
 LEFT_OUT = {"system", "base", "final_state", "kept_state", "largest_values", "versions"}
-"""Fields of a response that hold no results of their own."""
+"""Fields of a response that hold no results."""
 
 
 def arrays_of(value: object, name: str) -> Iterator[tuple[str, np.ndarray]]:

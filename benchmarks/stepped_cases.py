@@ -13,7 +13,7 @@ LAWS = ("kelvin-voigt", "hertz", "power", "switching", "custom")
 
 
 def stiffening(depth: float, rate: float, approach_speed: float) -> float:
-    """Force (N) of a law of one's own: a spring that stiffens, with a loss that grows with depth."""
+    """Force (N) of a law that a user writes: a spring that stiffens, with a loss that grows with depth."""
     return 2e4 * depth * (1.0 + 1e3 * depth) * (1.0 + 0.3 * rate / approach_speed)
 
 

@@ -248,8 +248,10 @@ def channel_page() -> Iterator[str]:
     yield "| `shaker_force`, without a place | the base | N | `shaker_force` |"
 
 
-def fill_lists(app: Any, name: str, content: list[str]) -> None:
-    """Name in the how-to list every page of this folder that no list names, so that a new page is found."""
+def fill_lists(_app: Any, name: str, content: list[str]) -> None:
+    """Fill lists of pages: the gallery by subject, and the how-to list with every page that no other list names."""
+    if name == "gallery/index":
+        content[0] = gallery_with_headings(content[0])
     if name != "howto":
         return
     listed = set(re.findall(r"^([a-z_]+)$", content[0], flags=re.MULTILINE))
@@ -275,21 +277,45 @@ def script_path(_gallery: Any, script: str) -> None:
     vars(builtins)["__file__"] = str(HERE.parent / "examples" / Path(script).name)
 
 
-class BySubject:
-    """Order of the examples: those of `ORDER` first, then others by their names."""
+EXAMPLES = {
+    "Ball dampers": (
+        "damped_resonance", "best_ball_mass", "clearance_restitution_map", "gap_and_tolerance", "two_balls",
+        "two_starts",
+    ),
+    "Energy and stress": ("energy_ledger", "root_stress"),
+    "Contact laws": (
+        "calibrate_restitution", "restitution_of_laws", "two_laws", "own_contact_law", "switching_spring",
+    ),
+    "Kinds of motion": ("sticking_ball", "bifurcation", "up_and_down_sweep", "preloaded_stop"),
+    "Motions of a shaker": ("base_from_csv", "chirps_at_walls", "half_sine_shock", "random_vibration"),
+    "Beams and modes": ("tapered_blade", "spring_between_places"),
+    "Measured curves": ("damping_from_a_curve", "laser_at_midspan"),
+    "Accuracy": ("mesh_convergence", "step_size"),
+}  # fmt: skip
+"""Headings of the gallery, and the examples below each in their order."""
 
-    ORDER = (
-        "damped_resonance", "energy_ledger", "root_stress", "best_ball_mass", "clearance_restitution_map",
-        "gap_and_tolerance", "two_balls",
-        "two_starts", "calibrate_restitution", "restitution_of_laws", "two_laws", "own_contact_law", "switching_spring",
-        "sticking_ball", "bifurcation", "up_and_down_sweep", "preloaded_stop", "tapered_blade", "spring_between_places",
-        "base_from_csv", "mesh_convergence", "step_size", "damping_from_a_curve",
-    )  # fmt: skip
+
+class BySubject:
+    """Order of the examples: that of `EXAMPLES`."""
 
     def __init__(self, _folder: str) -> None:
-        pass
+        self._order = [name for names in EXAMPLES.values() for name in names]
 
-    def __call__(self, file: str) -> tuple[int, str]:
+    def __call__(self, file: str) -> int:
         """What examples are sorted by."""
-        stem = Path(file).stem
-        return (self.ORDER.index(stem) if stem in self.ORDER else len(self.ORDER)), stem
+        return self._order.index(Path(file).stem)
+
+
+def gallery_with_headings(page: str) -> str:
+    """The gallery's page, whose examples stand in one list, with a list below each heading of `EXAMPLES`."""
+    begin, end = '<div class="sphx-glr-thumbnails">', ".. thumbnail-parent-div-close"
+    opening = f".. raw:: html\n\n    {begin}\n\n"
+    closing = ".. raw:: html\n\n    </div>\n\n"
+    head, rest = page.split(opening)
+    listed, tail = rest.split(end)
+    one = r"\.\. raw:: html\n\n +<div class=\"sphx-glr-thumbcontainer\".*?:doc:`/gallery/(\w+)`.*?</div>\n +</div>\n"
+    thumbnails = {found[1]: found[0] for found in re.finditer(one, listed, flags=re.DOTALL)}
+    for heading, names in EXAMPLES.items():
+        below = "\n".join(thumbnails[name] for name in names)
+        head += f"{heading}\n{'-' * len(heading)}\n\n{opening}{below}\n{closing}\n"
+    return head + tail.split(closing.rstrip("\n"), 1)[1]

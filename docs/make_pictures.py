@@ -1,12 +1,14 @@
-"""Run the scripts of how-to pages and keep the pictures that they write: `python docs/make_pictures.py [PAGE ...]`.
+"""Run the scripts of how-to pages and keep the pictures that they write: `python docs/make_pictures.py [NAME ...]`.
 
-A page is run in an empty directory, with the files that it asks its reader to save.
+A page is run in an empty directory, with the files that it asks its reader to save. A page without a whole script shows
+the picture of an example, which is run instead.
 """
 
 from __future__ import annotations
 
 import contextlib
 import re
+import runpy
 import shutil
 import sys
 import tempfile
@@ -15,6 +17,8 @@ from typing import Any
 
 HERE = Path(__file__).parent
 PAGES = ("measured_base", "own_mesh", "root_stress", "start", "two_balls")
+EXAMPLES = ("gap_and_tolerance",)
+"""Whose pictures pages show."""
 MESHES = {f"beam_{n}.msh": HERE.parent / "meshes" / f"graded_{n}.msh" for n in (6, 12, 24, 48)}
 """What gmsh makes of the geometry on the page on meshes."""
 
@@ -40,18 +44,21 @@ def ran(*pages: Path) -> dict[str, Any]:
     return names
 
 
-def main(pages: tuple[str, ...] = PAGES, folder: Path = HERE) -> list[Path]:
-    """Write the pictures of pages into a folder; their paths."""
+def main(names: tuple[str, ...] = (*PAGES, *EXAMPLES), folder: Path = HERE) -> list[Path]:
+    """Write the pictures of pages and examples into a folder; their paths."""
     import matplotlib
     from PIL import Image
 
     matplotlib.use("agg")
     made = []
-    for name in pages:
+    for name in names:
         page = HERE / f"{name}.md"
         with tempfile.TemporaryDirectory() as directory, contextlib.chdir(directory):
-            prepare(page, Path(directory))
-            ran(page)
+            if name in EXAMPLES:
+                runpy.run_path(str(HERE.parent / "examples" / f"{name}.py"), run_name="__main__")
+            else:
+                prepare(page, Path(directory))
+                ran(page)
             for picture in sorted(Path(directory).glob("*.png")):
                 made.append(folder / picture.name)
                 with Image.open(picture) as whole:
@@ -61,5 +68,5 @@ def main(pages: tuple[str, ...] = PAGES, folder: Path = HERE) -> list[Path]:
 
 
 if __name__ == "__main__":
-    for path in main(tuple(sys.argv[1:]) or PAGES):
+    for path in main(tuple(sys.argv[1:]) or (*PAGES, *EXAMPLES)):
         print(path)

@@ -27,11 +27,12 @@ from femimpact.errors import (
 from femimpact.fem.assembly import assemble
 from femimpact.identification import amplitude_ratio_damping
 from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.integrators.stepping.step_size import recommended_step
 from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.structure.structure import Structure
-from femimpact.sweep import FrequencyResponse, frequency_sweep
+from femimpact.sweep import FrequencyResponse, peak_curves
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
 from femimpact.system.system import System
@@ -237,30 +238,32 @@ def scan_systems(
     frequencies: ArrayLike,
     cycles: int,
     initial: State | None = None,
+    step: int = 1,
     progress: Progress | bool | None = None,
 ) -> RestitutionScan:
-    """One sweep for each restitution with its system; else as `scan_restitution`."""
-    report = check_progress(progress)
+    """One curve for each restitution with its system; else as `scan_restitution`.
+
+    With a `step` above 1, a power of two, a curve has only the frequencies where its largest peak may be: every
+    `step`-th one, and those between that are beside a point of at least half of the largest peak.
+    """
+    report, state = check_progress(progress), State() if initial is None else initial
+    require_type(state, State, "initial")
     points = real_array("frequencies", frequencies, "Hz", "must be finite numbers")
     require(points.size >= LEAST_POINTS, "frequencies", points.size, "points", f"must hold at least {LEAST_POINTS}")
-    curves = []
-    for i, (_, system) in enumerate(systems):
-        in_closed_form = all(pair.parameters.kind in (RIGID, KELVIN_VOIGT) for pair in system.contacts)
-        method = EventDriven() if in_closed_form else Newmark(dt=recommended_step(system))
-        curves.append(
-            frequency_sweep(
-                system,
-                empty.amplitude,
-                frequencies,
-                method,
-                cycles,
-                acceleration=empty.acceleration,
-                initial=initial,
-                ledger=False,
-            )
+    curves: list[FrequencyResponse] = []
+    for method, alike in _by_method(systems):
+        curves += peak_curves(
+            alike,
+            method,
+            frequencies,
+            cycles,
+            amplitude=empty.amplitude,
+            acceleration=empty.acceleration,
+            initial=state,
+            step=step,
         )
         if report is not None:
-            report((i + 1) / len(systems))
+            report(len(curves) / len(systems))
     peaks = np.array([curve.peak_amplitude for curve in curves])
     by_ratio = [amplitude_ratio_damping(empty.damping, empty.peak_amplitude, peak).ratio for peak in peaks]
     return RestitutionScan(
@@ -274,3 +277,11 @@ def scan_systems(
         steadiness=np.array([str(curve.steadiness[np.nanargmax(curve.peak)]) for curve in curves]),
         curves=tuple(curves),
     )
+
+
+def _by_method(systems: Sequence[tuple[float, System]]) -> list[tuple[Method, list[System]]]:
+    """Methods, each with the systems in their order that it runs together: steps depend on the restitution."""
+    alone = [system for _, system in systems]
+    if all(pair.parameters.kind in (RIGID, KELVIN_VOIGT) for system in alone for pair in system.contacts):
+        return [(EventDriven(), alone)]
+    return [(Newmark(dt=recommended_step(system)), [system]) for system in alone]

@@ -13,5 +13,5 @@ DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
 def decimal_number(text: str) -> float | None:
-    """The number that a text is, with white space around it at most; None where it is none."""
+    """The number that a text is, with white space around it at most; None where it is not a number."""
     return float(text) if DECIMAL.fullmatch(text.strip()) else None

@@ -119,7 +119,7 @@ def _call_of(noun: Any) -> str:
         try:
             noun()
         except InputError:
-            # it needs some of several
+            # one of several arguments is required
             return f"{noun.__name__}(...)"
     return f"{noun.__name__}({', '.join(named) if len(named) <= MOST_ARGUMENTS else '...'})"
 
@@ -426,9 +426,9 @@ def real_array(key: str, value: Any, unit: str, allowed: str, *, finite: bool = 
         given = _unmasked(value)
     except _Refused:
         given = np.array(None)
-    fine = given.dtype.kind in "iuf" and (not finite or bool(np.all(np.isfinite(given))))
-    shown = f"array of {given.dtype}" if given.ndim and given.dtype.kind in "iufcbU" else value
-    require(fine, key, shown, unit, allowed)
+    if given.dtype.kind not in "iuf" or (finite and not np.isfinite(given).all()):
+        shown = f"array of {given.dtype}" if given.ndim and given.dtype.kind in "iufcbU" else value
+        require(False, key, shown, unit, allowed)
     return np.array(given, dtype=float)
 
 
@@ -625,4 +625,6 @@ def require_name(name: str, known: Iterable[str], key: str) -> None:
     """Raise `InputError` unless the name is one of the known ones."""
     names = list(known)
     require_type(name, str, key)
-    require(name in names, key, name, "", suggestion(name, names))
+    if name not in names:
+        # the words take longer than all the rest
+        require(False, key, name, "", suggestion(name, names))

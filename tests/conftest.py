@@ -96,7 +96,7 @@ def perturbed(modes: fi.Modes, system: fi.System, seed: int) -> fi.Modes:
     `reduce` builds its diagonal matrices from these frequencies and ratios, so that they stay diagonal.
     """
     count = modes.natural_frequency.size
-    # a column of its own seed for each mode: its frequency, its ratio, its vector
+    # a column of random numbers of its own seed for each mode: its frequency, its ratio, its vector
     draws = [np.random.default_rng([seed, mode]).uniform(-1.0, 1.0, 2 + system.dofs) for mode in range(count)]
     factors = 1.0 + LAST_BITS * np.column_stack(draws)
     vectors = modes.vectors * factors[2:]
@@ -164,6 +164,16 @@ def bouncing(reference: fi.Structure) -> fi.System:
     """A light ball that loses little: thrown between walls at rest it bounces regularly, and meets no chaos."""
     law = fi.KelvinVoigt(restitution=0.9, contact_time=2e-3)
     return reduced(with_ball(reference, mass=1e-5, contact=law), 4, 10)
+
+
+@pytest.fixture
+def undrawn(monkeypatch) -> None:
+    """No process draws the pictures of a run, whose data are written; for tests that look at no picture."""
+
+    def draw_in_child(_source, _target, kinds, _report):
+        return dict.fromkeys(kinds)
+
+    monkeypatch.setattr("femimpact.study.run.draw_in_child", draw_in_child)
 
 
 @pytest.fixture(scope="session")

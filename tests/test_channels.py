@@ -1,4 +1,4 @@
-"""Channels: every quantity of a state, by both families of methods, and channels of one's own."""
+"""Channels: every quantity of a state, by both families of methods, and channels that a user writes."""
 
 from dataclasses import dataclass, replace
 
@@ -52,7 +52,7 @@ def balance(system, response, force):
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One coordinate of a system, its rate or its acceleration: a channel of one's own."""
+    """One coordinate of a system, its rate or its acceleration: a channel that a user writes."""
 
     number: int
     what: str

@@ -27,8 +27,8 @@ def ran(finished):
 
 
 def test_init_then_check(tmp_path):
-    # as a user calls it: in processes of their own
-    femimpact_process("init", "mine.toml", cwd=tmp_path)
+    femimpact("init", "mine.toml", cwd=tmp_path)
+    # as a user calls it: in a separate process
     printed = femimpact_process("check", "mine.toml", cwd=tmp_path).stdout
     for words in (
         "dofs: 80 of the mesh",
@@ -38,7 +38,7 @@ def test_init_then_check(tmp_path):
         "MB",
     ):
         assert words in printed
-    again = femimpact_process("init", "mine.toml", cwd=tmp_path, check=False)
+    again = femimpact("init", "mine.toml", cwd=tmp_path, check=False)
     assert again.returncode == 2
     (line,) = again.stderr.splitlines()
     assert "exists already" in line

@@ -16,7 +16,7 @@ AMPLITUDE, EXACT = 0.2037e-3, fi.EventDriven()
 
 
 def beam(modes=8, contact=None, **ball):
-    """The reference beam with a ball of its own contact."""
+    """The reference beam with a ball whose contact is given."""
     return reduced(with_ball(REFERENCE, **ball, **({} if contact is None else {"contact": contact})), modes)
 
 

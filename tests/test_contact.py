@@ -143,7 +143,7 @@ def thrown(system, dt, speed=0.1, start=0.0, duration=0.06, every=1, **record):
     """The ball thrown at a wall of the resting structure; the base stays still."""
     still = fi.Sine(amplitude=0.0, frequency=5.0)
     state = fi.State(ball_displacement=[start], ball_velocity=[speed])
-    # what counts as divergence has a test of its own below
+    # what counts as divergence has a separate test below
     method = fi.Newmark(dt, divergence_limit=1e9)
     return fi.integrate(system, still, method, duration, fi.Recorder(every=every, **record), initial=state)
 

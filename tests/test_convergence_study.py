@@ -401,6 +401,34 @@ def test_a_figure_has_a_curve_a_quantity_and_a_slope_an_order(small_study, tmp_p
     assert [text.get_text().split(":")[0] for text in only.get_legend().get_texts()] == said
 
 
+HALVES = [fi.Mesh(np.append(np.linspace(0, BEAM.length / 2, n + 1), BEAM.length)) for n in (2, 4, 8)]
+RESPONSE = [fi.SteadyResponse("tip"), fi.BendingMoment(), fi.SupportReaction("root.force")]
+DRAWN = {
+    "slopes of 2, 4 and 8": (fi.OverMeshes.uniform(BARE, [4, 8, 16]), [fi.Frequencies(2), fi.ModeShapes(2)]),
+    "three meshes": (fi.OverMeshes.uniform(BARE, [2, 3, 4]), fi.Frequencies(1)),
+    "round-off from the coarsest mesh on": (fi.OverMeshes.uniform(BARE, [200, 400, 800, 1600]), fi.Frequencies(3)),
+    "flat curves": (fi.OverMeshes(tuple(HALVES)), fi.Frequencies(2)),
+    "steps": (fi.OverSteps(fi.uniform_mesh(BARE, 8), fi.Newmark(1e-3), 3), RESPONSE),
+    "slopes of 1, 2 and 5 over modes": (fi.OverModes(fi.uniform_mesh(BARE, 60), (4, 6, 8, 12)), RESPONSE),
+}
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_no_word_of_a_figure_touches_a_curve(name):
+    from matplotlib.legend import Legend
+    from matplotlib.text import Text
+
+    over, watched = DRAWN[name]
+    study = fi.convergence_study(BARE, over, watched, BASE)
+    axis = fi.figures.convergence(study[over.name], ax=fi.figures.OffScreen())
+    axis.figure.draw_without_rendering()
+    words = [text for text in axis.findobj(Text) if text.get_text() and text.get_visible()]
+    boxes = [word.get_window_extent() for word in (*words, *axis.findobj(Legend))]
+    curves = [line.get_transform().transform_path(line.get_path()) for line in axis.lines]
+    assert len(curves) > 2
+    assert not [box for box in boxes for curve in curves if curve.intersects_bbox(box, filled=False)]
+
+
 def test_panels_hold_every_quantity_once_and_no_two_curves_of_one_look(tmp_path):
     axis = fi.OverMeshes.uniform(BOXED, [4, 8, 16])
     watched = [fi.Frequencies(4), fi.ModeShapes(4), fi.SteadyResponse(), fi.SurfaceStress(), fi.SupportReaction()]

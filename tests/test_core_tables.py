@@ -204,7 +204,7 @@ def test_every_array_that_is_spoilt_is_refused(function, arguments, how):
         spoilt = SPOILT[how](value)
         same = isinstance(spoilt, np.ndarray) and spoilt.flags.c_contiguous and spoilt.dtype == value.dtype
         if same and (how != "one item more" or name in FREE or value.size == 0) and spoilt.ndim == value.ndim:
-            # a length of its own, or still contiguous: nothing is wrong with it
+            # a length that no other array has, or still contiguous: nothing is wrong with it
             continue
         with pytest.raises((TypeError, ValueError)) as refusal:
             getattr(core, function)(*put(arguments, path, spoilt))

@@ -30,7 +30,7 @@ def found(tmp_path_factory):
         study,
         sweep=dataclasses.replace(study.sweep, cycles=400, refine=8),
         base=dataclasses.replace(study.base, duration=8.0),
-        output=dataclasses.replace(study.output, frames=8, movie=False),
+        output=dataclasses.replace(study.output, frames=0, paraview=False, movie=False),
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(demo, "paper_study", lambda: short)

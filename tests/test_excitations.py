@@ -127,7 +127,7 @@ def test_the_mean_square_of_a_random_run_is_the_exact_integral():
         run = fi.integrate(system, base, fi.EventDriven(), end, record)
         found.append(np.mean(run["mass"][run.time >= 10.0] ** 2))
     error = np.std(found, ddof=1) / math.sqrt(len(found))
-    # four of its own standard errors, and no more than a tenth: it could fail
+    # four of its standard errors, and no more than a tenth: it could fail
     assert abs(np.mean(found) - exact) < 4.0 * error < 0.2 * exact
 
 
@@ -364,7 +364,7 @@ def test_nothing_names_a_cycle_where_there_is_none(base):
     contact = fi.KelvinVoigt(restitution=0.7, contact_time=4e-3)
     system = reduced(with_ball(REFERENCE, contact=contact, gap=1e-4), 4)
     channels = ("tip", "tip.velocity", "ball", "ball.velocity", "ball.contact_force")
-    run = fi.integrate(system, base, fi.EventDriven(), 1.0, fi.Recorder(channels, interval=2e-3))
+    run = fi.integrate(system, base, fi.EventDriven(), 0.5, fi.Recorder(channels, interval=2e-3))
     assert len(run.impacts) > 0
     off, drawn = fi.figures.OffScreen(), []
     for draw in (fi.figures.motion, fi.figures.contact_force, fi.figures.impact_histograms):

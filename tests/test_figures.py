@@ -598,10 +598,10 @@ def test_a_streamed_run_has_no_history_to_draw(small):
 
 
 def test_a_long_run_is_drawn_as_the_envelope_of_its_curves(small):
-    record = fi.Recorder(channels=("tip", "ball"), interval=2e-4)
-    long = fi.integrate(small, fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 6.0, record)
-    assert long.time.size > 20_000
+    record = fi.Recorder(channels=("tip", "ball"), interval=4e-3)
+    long = fi.integrate(small, fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 60.0, record)
     whole, close = fi.figures.motion(long)[0]
+    assert not whole.lines
     for collection, name in zip(whole.collections, ("ball", "tip"), strict=True):
         edges = collection.get_paths()[0].vertices[:, 1]
         # every part's extremes are among them, so those of the run are
@@ -609,3 +609,10 @@ def test_a_long_run_is_drawn_as_the_envelope_of_its_curves(small):
         assert edges.min() == pytest.approx(1e3 * long[name].min(), rel=1e-12)
     # the close-up shows curves
     assert len(close.lines) >= 2
+
+
+def test_a_short_run_is_drawn_as_curves_however_often_it_is_read(small):
+    record = fi.Recorder(channels=("tip", "ball"), interval=2e-4)
+    short = fi.integrate(small, fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 6.0, record)
+    whole, _ = fi.figures.motion(short)[0]
+    np.testing.assert_array_equal(line(whole, "tip").get_ydata(), 1e3 * short["tip"])

@@ -138,7 +138,7 @@ def test_a_noun_refuses_a_wrong_field_or_holds_it_as_what_it_is(name):
 
 
 def holds(kept: object, given: object, metadata: dict[str, object]) -> bool:
-    """Whether a field holds what it was given, in a type of its own."""
+    """Whether a field holds what it was given, in its own type."""
     if given is None and isinstance(kept, np.ndarray):
         # no load is a load of zeros
         return not kept.any()

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.impacts
 
 STIFFNESS, MASS, SPEED = 1e4, 2.0, 0.7
 DEEPEST = SPEED / math.sqrt(1.0 + STIFFNESS / MASS)
-"""m, of the collision below without damping, on a spring of its own: 9.9 mm."""
+"""m, of the collision below without damping, on a separate spring: 9.9 mm."""
 
 PROTOTYPE = ctypes.CFUNCTYPE(ctypes.c_double, *[ctypes.c_double] * 3)
 OTHER = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)

@@ -54,7 +54,7 @@ def test_gif_where_ffmpeg_is_missing(tmp_path, response, reference, monkeypatch)
 
 def vermilion(picture):
     """Number of pixels in the two views that have the colour of an impact, near enough for a shaded surface."""
-    red, green, blue = np.moveaxis(picture[sheet.VIEWS].astype(int), -1, 0)
+    red, green, blue = np.moveaxis(picture[sheet.VIEWS, :, :3].astype(int), -1, 0)
     return np.count_nonzero((red > 120) & (red > 1.7 * green) & (green > 1.7 * blue))
 
 

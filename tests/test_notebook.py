@@ -1,4 +1,4 @@
-"""In a notebook every figure appears: those of femimpact, and one's own after them."""
+"""In a notebook every figure appears: those of femimpact, and a user's after them."""
 
 from __future__ import annotations
 

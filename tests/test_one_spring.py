@@ -152,6 +152,12 @@ def test_energies_close_with_a_ball_in_a_box_at_the_free_end(method, law, bound)
     assert run.energy.residual < bound
 
 
+def test_the_rotation_has_the_damping_of_its_mass_alone_on_a_fine_mesh():
+    """C = alpha M + beta K, and a rotation without strain has no stiffness."""
+    system = fi.assemble(on_one_spring(damping=fi.Rayleigh(0.02, frequencies=(10.0, 200.0))), elements=300)
+    assert fi.reduce(system, 4).C.diagonal()[0] == pytest.approx(system.rayleigh[0], rel=1e-12)
+
+
 @pytest.mark.parametrize("elements", [12, 30])
 @pytest.mark.parametrize("modes", [2, 8])
 def test_a_pressed_ball_leaves_the_rotation_free_whatever_the_modes(elements, modes):

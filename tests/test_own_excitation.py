@@ -1,4 +1,4 @@
-"""An excitation is an open protocol: classes of one's own beside the built-in ones."""
+"""An excitation is an open protocol: classes that a user writes beside the built-in ones."""
 
 import math
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class Polynomial:
 
 @dataclass(frozen=True)
 class OwnSine:
-    """A sine of the base as a class of one's own, with its closed form."""
+    """A sine of the base as a class that a user writes, with its closed form."""
 
     depth: float
     frequency: float

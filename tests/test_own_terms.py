@@ -1,4 +1,4 @@
-"""Terms of one's own on the basis: foundations, axial forces, gravity along the beam, rotary inertia."""
+"""Terms that a user adds on the basis: foundations, axial forces, gravity along the beam, rotary inertia."""
 
 from __future__ import annotations
 
@@ -240,6 +240,17 @@ def test_damping_of_ones_own_adds_to_rayleighs():
     np.testing.assert_allclose(after.damping_ratio, before.damping_ratio + more, rtol=1e-8)
     root = damped.reactions["root.force"].on_velocity - bare.reactions["root.force"].on_velocity
     np.testing.assert_allclose(root, (air / RHO_A) * bare.reactions["root.force"].on_acceleration, rtol=1e-10)
+
+
+def test_damping_and_load_leave_frequency_and_compliances_what_they_are():
+    ball, stop = fi.Impactor("ball", "tip", 2e-3, 1e-3, LAW), fi.Stop("stop", "mid", 1e-3, LAW)
+    structure = fi.Structure(beam=BEAM, impactors=[ball], stops=[stop])
+    bare, elements = fi.assemble(structure, elements=40), 40
+    air = matrix(product, structure, elements, 0.05)
+    for system in (fi.add_terms(bare, damping=air, load=np.ones(2 * elements + 2)), fi.add_terms(bare)):
+        assert system.first_frequency == bare.first_frequency
+        assert [pair.effective_mass for pair in system.contacts] == [pair.effective_mass for pair in bare.contacts]
+        assert [pair.flexibility for pair in system.contacts] == [pair.flexibility for pair in bare.contacts]
 
 
 def test_a_fine_mesh_keeps_its_digits_under_tension_and_on_a_foundation():

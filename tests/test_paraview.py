@@ -31,7 +31,8 @@ def display():
         return
     assert XVFB, "needs Xvfb, or a display"
     read, write = os.pipe()
-    command = [XVFB, "-displayfd", str(write), "-screen", "0", "1280x800x24", "-nolisten", "tcp"]
+    # without -noreset the server begins anew after its last client, and refuses the next one meanwhile
+    command = [XVFB, "-displayfd", str(write), "-screen", "0", "1280x800x24", "-nolisten", "tcp", "-noreset"]
     with subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL) as server:
         os.close(write)
         with os.fdopen(read) as number:
@@ -106,7 +107,7 @@ def test_without_a_picture_a_window_stays_open(tmp_path, system, reference, disp
 STEPS = """
 import sys
 path = sys.argv[1]
-# as in ParaView's window: the script does not wait for one of its own
+# as in ParaView's window: the script does not wait for a window
 sys.argv = [""]
 space = {"__file__": path, "__name__": "__main__"}
 with open(path) as file:

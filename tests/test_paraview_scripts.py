@@ -90,7 +90,7 @@ def test_the_text_of_one_file_needs_no_field_data(tmp_path, system, reference):
     path = vtk.write_modes(tmp_path / "modes.vtkhdf", system, fi.solve_modes(system, 2), reference)
     text = script_path(path).read_text(encoding="utf-8")
     (line,) = [line for line in text.splitlines() if line.startswith("text.Expression = ")]
-    # names that ParaView's annotation has of its own
+    # names that ParaView's annotation defines itself
     assert eval(ast.literal_eval(line.split(" = ", 1)[1]), {"t_value": 2.0}) == "time value 2"
 
 

@@ -13,7 +13,7 @@ import femimpact as fi
 from femimpact.system import reduction
 
 APART = {
-    "test_cli.py": "runs commands in processes of their own",
+    "test_cli.py": "runs commands in separate processes",
     "test_core_tables.py": "what is handed to the core, and refused there",
     "test_contact_table.py": "collisions alone, without a structure",
     "test_linear_response.py": "the structure without balls",

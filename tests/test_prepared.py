@@ -52,12 +52,14 @@ def assembled(monkeypatch):
     return found
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_run_assembles_the_structure_once_and_the_glued_one_once(study, assembled, tmp_path):
     run_study(study, tmp_path / "out")
     assert sorted(map(len, ([s.impactors for s in assembled]))) == [0, 1]
     assert assembled == [study.structure, fi.glue_impactors(study.structure)]
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("parts", [("simulate",), ("sweep",), ("simulate", "sweep")])
 def test_without_modes_nothing_is_glued(study, assembled, tmp_path, parts):
     run_study(study, tmp_path / "out", parts=parts)
@@ -237,6 +239,7 @@ def test_a_law_without_a_name_in_study_files_is_named_and_not_taken_for_another(
     assert "'rigid' (CustomLaw) has no name in study files" in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_results_hold_the_study_that_was_run_not_the_file_it_came_from(study, tmp_path):
     changed = dataclasses.replace(study, base=dataclasses.replace(study.base, frequency=5.1))
     run_study(changed, tmp_path / "out", parts=("simulate",))
@@ -257,6 +260,7 @@ def blocks(value, path=""):
             yield from blocks(inner, f"{path}/{key}")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_no_block_of_a_summary_is_repeated(study, tmp_path):
     law = fi.KelvinVoigt(restitution=0.5, contact_time=2e-3)
     second = fi.Impactor("second", "mid", 1e-3, 2e-3, law)

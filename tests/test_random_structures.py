@@ -1,6 +1,7 @@
 """A hundred random structures through the event-driven method: none refused, every ledger closed, no wall passed."""
 
 import math
+from dataclasses import fields, replace
 from functools import cache
 
 import numpy as np
@@ -9,6 +10,10 @@ from random_structures import random_case
 from table_sums import loss_left, momentum_left
 
 import femimpact as fi
+from femimpact.integrators.driving import drive_of
+from femimpact.integrators.event_driven.alike import part_of
+from femimpact.integrators.event_driven.closed_form import closed_forms
+from femimpact.integrators.event_driven.equations import equations_of, stacked
 
 pytestmark = pytest.mark.impacts
 
@@ -185,3 +190,45 @@ def test_the_peak_of_a_cycle_does_not_hang_on_the_samples(seed):
     assert dense > 1e-12
     assert coarse.steady.peak[0] == pytest.approx(fine.steady.peak[0], rel=1e-9)
     assert coarse.steady.peak[0] >= dense * (1.0 - 1e-9)
+
+
+# ---- many systems at once -------------------------------------------------------------------------
+
+
+def arrays_of(value, name=""):
+    """Every array below a dataclass, with a path of names."""
+    if isinstance(value, np.ndarray):
+        yield name, value
+    else:
+        for item in fields(value):
+            yield from arrays_of(getattr(value, item.name), f"{name}.{item.name}")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_closed_forms_of_systems_together_have_the_bits_of_each_alone(seed):
+    """A case of a study has the same bits whatever cases stand beside it."""
+    case, rng = random_case(seed), np.random.default_rng(seed)
+    drive = drive_of(case.system, case.excitation)
+    variants = []
+    for _ in range(7):
+        damped = fi.with_damping(
+            case.system, fi.Rayleigh(frequencies=(1.0, 50.0), ratio=10.0 ** rng.uniform(-3.0, 0.0))
+        )
+        pairs = [
+            pair if pair.is_stop else replace(pair, mass=pair.mass * rng.uniform(0.5, 2.0)) for pair in damped.contacts
+        ]
+        variants.append(equations_of(replace(damped, contacts=tuple(pairs)), drive))
+    rigid = np.array([pair.parameters.is_rigid for pair in case.system.contacts])
+    stiffness, damping = np.where(rigid, 0.0, 10.0 ** rng.uniform(0.0, 5.0, (2, 7, rigid.size)))
+    sets = (np.zeros_like(rigid), *(np.arange(rigid.size) == j for j in range(rigid.size)))
+    for active in sets:
+        found = closed_forms(stacked(variants), active, rigid, stiffness, damping)
+        assert sorted(np.concatenate([members for members, _ in found])) == list(range(7))
+        for members, forms in found:
+            for f, number in enumerate(members):
+                one = stacked([variants[number]])
+                ((_, alone),) = closed_forms(one, active, rigid, stiffness[[number]], damping[[number]])
+                for (name, together), (_, single) in zip(
+                    arrays_of(part_of(forms, np.array([f]))), arrays_of(alone), strict=True
+                ):
+                    np.testing.assert_array_equal(together, single, err_msg=name)

@@ -74,7 +74,7 @@ def test_a_rigid_impact_of_the_reference_is_the_limit_of_a_short_contact_beside_
 
 
 def test_simultaneous_impacts_of_the_reference_hand_speeds_on():
-    """Two balls meet a mass of their own from both sides at once: e = 1, and equal masses change speeds."""
+    """Two balls meet a mass equal to theirs from both sides at once: e = 1, and equal masses change speeds."""
     balls = [fi.Impactor(name, "m", 1.0, gap, fi.Rigid(1.0)) for name, gap in (("one", 1.0), ("two", 2.0))]
     system = fi.System.from_matrices(1.0, 0.0, 1e-6, points={"m": [1.0]}, impactors=balls)
     start = fi.State([0.0], [0.0], [0.0, -1.0], [1.0, -1.0])

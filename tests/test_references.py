@@ -19,7 +19,7 @@ PAGES = [
 ]
 
 CITED = re.compile(r"(?P<before>[A-Za-z][^;:|]{2,100}?)(?:, |\()(?P<year>(?:18|19|20)\d\d)\b(?![-.,]\d)")
-"""A year after a comma or in brackets, and the words before it; a date or a measured number is none."""
+"""A year after a comma or in brackets, and the words before it; a date or a measured number is not a year."""
 
 ROLE = re.compile(r"\{cite:[pt]\}`([^`]+)`")
 """Keys that a page of the site cites."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import socket
@@ -42,36 +43,41 @@ def _told(*calls):
     return done.stdout.splitlines()
 
 
-@pytest.mark.parametrize("kind", ["a pipe", "a device", "a directory", "a socket"])
-def test_what_is_no_regular_file_is_refused_at_once(tmp_path, monkeypatch, kind):
-    monkeypatch.chdir(tmp_path)
-    paths = {suffix: tmp_path / f"given{suffix}" for suffix in READERS}
-    for path in paths.values():
-        if kind == "a pipe":
-            os.mkfifo(path)
-        elif kind == "a device":
-            path.symlink_to("/dev/zero")
-        elif kind == "a directory":
-            path.mkdir()
-        else:
-            # by a short name: that of a socket has its limit
-            with socket.socket(socket.AF_UNIX) as made:
-                made.bind(path.name)
-    lines = _told(*((READERS[suffix], path) for suffix, path in paths.items()))
-    assert len(lines) == len(paths)
-    for line, path in zip(lines, paths.values(), strict=True):
+def bind(path):
+    # by a short name: that of a socket has its limit
+    with contextlib.chdir(path.parent), socket.socket(socket.AF_UNIX) as made:
+        made.bind(path.name)
+
+
+KINDS = {
+    "a pipe": os.mkfifo,
+    "a device": lambda path: path.symlink_to("/dev/zero"),
+    "a directory": lambda path: path.mkdir(),
+    "a socket": bind,
+}
+"""What may have the name of a file, and what makes it."""
+
+
+def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
+    cases = [(kind, READERS[suffix], tmp_path / f"given {kind}{suffix}") for kind in KINDS for suffix in READERS]
+    for kind, _, path in cases:
+        KINDS[kind](path)
+    lines = _told(*((reader, path) for _, reader, path in cases))
+    assert len(lines) == len(cases)
+    for line, (kind, _, path) in zip(lines, cases, strict=True):
         assert f"is {kind}, no regular file" in line
         assert path.name in line
 
 
 def test_a_record_of_a_study_that_is_a_pipe_or_a_device_is_one_line(tmp_path):
     os.mkfifo(tmp_path / "pipe.csv")
-    for record, kind in (("pipe.csv", "a pipe"), ("/dev/zero", "a device")):
-        text = paper_study_text()
-        begin, end = text.index("[base]"), text.index("[method]")
-        study = tmp_path / "study.toml"
+    text, records = paper_study_text(), {"pipe.csv": "a pipe", "/dev/zero": "a device"}
+    begin, end = text.index("[base]"), text.index("[method]")
+    studies = [tmp_path / f"{number}.toml" for number in range(len(records))]
+    for study, record in zip(studies, records, strict=True):
         study.write_text(f'{text[:begin]}[base]\nrecord = "{record}"\n{text[end : text.index("[sweep]")]}')
-        (line,) = _told(("load_study", study))
+    lines = _told(*(("load_study", study) for study in studies))
+    for line, (record, kind) in zip(lines, records.items(), strict=True):
         assert f"is {kind}, no regular file" in line
         assert line.startswith(f"base.record = '{tmp_path / record}'")
 

@@ -1,6 +1,7 @@
 """Equal parts and nearly critical damping: complex modes that repeat, or that nearly lose an eigenvector."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,12 +25,20 @@ def state_matrix(omega_squared, damping):
     return np.block([[np.zeros((n, n)), np.eye(n)], [-np.diag(omega_squared), -damping]])
 
 
+def modes_of(omega_squared, damping):
+    """Complex modes of one structure, without the axis of structures."""
+    ((members, modes),) = complex_modes(omega_squared[None], damping[None])
+    assert members.tolist() == [0]
+    names = ("exponent", "rate", "size", "shape", "from_u", "from_v")
+    return SimpleNamespace(blocks=modes.blocks, **{name: getattr(modes, name)[0] for name in names})
+
+
 def worst_error(omega_squared, damping, times=(0.0, 0.7, 3.0)):
     """Largest error of displacements times their frequency, for energies of size 1."""
     rng = np.random.default_rng(5)
     unit = np.sqrt(np.maximum(omega_squared, 1e-3))
     u, v = rng.normal(size=unit.size) / unit, rng.normal(size=unit.size)
-    modes = complex_modes(omega_squared, damping)
+    modes = modes_of(omega_squared, damping)
     entry, error = modes.from_u @ u + modes.from_v @ v, 0.0
     for t in times:
         # the exponential of the state matrix by scaling and squaring needs no eigenvectors
@@ -61,17 +70,24 @@ def test_equal_parts_move_as_the_matrix_exponential_says(balls, boxes, apart):
     assert worst_error(*in_contact(balls, boxes, apart=apart))[0] < 1e-12
 
 
-@pytest.mark.parametrize("off", [0.0, 1e-12, 1e-8, -1e-8, 1e-4])
-def test_the_impulse_of_a_block_is_the_integral_of_its_motion(off):
-    """What adds up the force of a sticking phase: e^{rate s} H summed over Gauss points instead."""
-    modes = complex_modes(*in_contact(1, 1, nearly_defective() + off))
-    assert modes.blocks.size > 0
-    entry = np.random.default_rng(2).normal(size=(modes.exponent.size, 2)) @ [1.0, 1.0j]
-    points, weights = np.polynomial.legendre.leggauss(40)
-    summed = sum(
-        0.35 * w * expm_multiply(modes.rate * 0.35 * (1.0 + x), entry) for x, w in zip(points, weights, strict=True)
-    )
-    np.testing.assert_allclose(modes.integral(entry, 0.7), summed, rtol=0, atol=1e-13 * np.abs(entry).max())
+def test_structures_together_have_the_bits_of_each_alone():
+    """Among them blocks, real and complex entries, in an order of their own: what lies alike is computed together."""
+    rng = np.random.default_rng(8)
+    given = [in_contact(2, 2, c, apart) for c in (0.5, 2.0, nearly_defective()) for apart in (0.0, 1e-8, 0.3)]
+    given += [in_contact(2, 2, c, 0.3) for c in rng.uniform(0.1, 9.0, 40)]
+    square = rng.uniform(0.5, 2.0, (40, 4))
+    given += [(own, np.diag(2.0 * np.sqrt(own) * rng.choice([0.1, 1.0, 1.0 + 1e-9, 3.0], 4))) for own in square]
+    order = rng.permutation(len(given))
+    found = complex_modes(np.array([given[i][0] for i in order]), np.array([given[i][1] for i in order]))
+    assert sorted(np.concatenate([members for members, _ in found])) == list(range(len(given)))
+    assert 1 < len(found) < len(given)
+    assert max(members.size for members, _ in found) >= 10
+    for members, modes in found:
+        for f, number in enumerate(members):
+            alone = modes_of(*given[order[number]])
+            np.testing.assert_array_equal(modes.blocks, alone.blocks)
+            for name in ("exponent", "rate", "size", "shape", "from_u", "from_v"):
+                np.testing.assert_array_equal(getattr(modes, name)[f], getattr(alone, name))
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-12, -1e-12, 1e-8, -1e-8, 1e-4, -1e-4, 1e-2, -1e-2])

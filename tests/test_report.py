@@ -415,7 +415,7 @@ def test_a_notebook_shows_small_charts_in_which_texts_stay_texts(run):
         shown = record._repr_html_()
         assert len(shown) < 50_000, type(record).__name__
         assert "<svg" in shown, type(record).__name__
-    # a channel of one's own may have any name
+    # a channel that a user writes may have any name
     name = "<script>alert(1)</script>"
     named = replace(run, channels={name: run["tip"]}, units={name: "m"})
     assert "script" not in Parsed(named._repr_html_()).tags

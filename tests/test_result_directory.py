@@ -77,7 +77,7 @@ def break_off(directory, error, force=False, value=None):
 
 
 class Killed(BaseException):
-    """Ends a process as a signal does: nothing of its own runs afterwards."""
+    """Ends a process as a signal does: no code of it runs afterwards."""
 
 
 class Mortal:
@@ -292,7 +292,8 @@ CHILD = """
 
 
 @pytest.mark.skipif(os.name != "posix", reason="kills a child process")
-@pytest.mark.parametrize("steps", [3, 6, 7, 10, 14, 15, 16, 19, 22, 40])
+# one in each state of the directory: before and after a part is finished, at the replacement, within it, at the end
+@pytest.mark.parametrize("steps", [6, 14, 15, 19, 40])
 def test_a_killed_process_leaves_old_new_or_incomplete(tmp_path, steps):
     out = tmp_path / "out"
     run(out, OLD)
@@ -496,27 +497,26 @@ def test_a_limit_on_the_size_of_a_file_is_one_error_and_no_crash(tmp_path):
         from femimpact.export.tables import write_netcdf
         from femimpact.excitation import Sine
         from femimpact.response.history import HistoryPiece
-        resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), int(sys.argv[1])))
         data = xarray.Dataset({"a": ("t", np.random.default_rng(1).random(100_000))})
-        for name in ("a.nc", "b.nc"):
-            try:
-                if name == "a.nc":
-                    write_netcdf(name, data)
-                else:
-                    with history_writer(name) as sink:
-                        for k in range(9):
-                            time = np.arange(1e4 * k, 1e4 * (k + 1))
-                            sink(HistoryPiece(time, {"tip": time}, {"tip": "m"}, None, None, Sine(1.0, 1.0)))
-            except OSError as error:
-                print(error.filename, error.strerror)
+        _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        for limit in (0, 1000, 100_000, 400_000):
+            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+            for name in ("a.nc", "b.nc"):
+                try:
+                    if name == "a.nc":
+                        write_netcdf(name, data)
+                    else:
+                        with history_writer(name) as sink:
+                            for k in range(9):
+                                time = np.arange(1e4 * k, 1e4 * (k + 1))
+                                sink(HistoryPiece(time, {"tip": time}, {"tip": "m"}, None, None, Sine(1.0, 1.0)))
+                except OSError as error:
+                    print(limit, error.filename, error.strerror, sorted(Path().iterdir()))
     """
-    for limit in (0, 1000, 100_000, 400_000):
-        done = subprocess.run(
-            [sys.executable, "-c", textwrap.dedent(code), str(limit)], cwd=tmp_path, capture_output=True, text=True
-        )
-        assert (done.returncode, done.stderr) == (0, "")
-        assert done.stdout.splitlines() == ["a.nc File too large", "b.nc File too large"]
-        assert list(tmp_path.iterdir()) == []
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    limits = (0, 1000, 100_000, 400_000)
+    assert done.stdout.splitlines() == [f"{n} {name} File too large []" for n in limits for name in ("a.nc", "b.nc")]
 
 
 def test_the_lock_ends_with_its_process(tmp_path):

@@ -18,17 +18,25 @@ from femimpact.integrators.event_driven.store import FormStore, outputs_of
 HIT = 1
 """How a search ends at a wall that is met at speed."""
 
+SPAN = 200
+"""Instants of a fine scan that share the exponentials of the first of them."""
+
 
 def first_beyond(scalars, motion, horizon, points):
     """First time at which a fine scan of the closed form finds the pair beyond a wall, else infinity."""
     t = np.linspace(0.0, horizon, points)
     entries = scalars.exponent.size
-    own = scalars.weight[0, :entries] * motion.entry[:entries]
-    terms = own[:, None] * np.exp(np.outer(scalars.exponent, t))
-    wave = scalars.sine[0] * np.exp(1j * (scalars.omega * t + motion.clock[1]))
+    # the entries, and the steady motion as one more
+    exponent = np.append(scalars.exponent, 1j * scalars.omega)
+    own = np.append(
+        scalars.weight[0, :entries] * motion.entry[:entries], scalars.sine[0] * np.exp(1j * motion.clock[1])
+    )
+    # exp(a (t + s)) = exp(a t) exp(a s): a matrix product over every SPAN-th instant and the instants after it
+    starts = own * np.exp(np.outer(t[::SPAN], exponent))
+    x = (starts @ np.exp(np.outer(exponent, t[:SPAN]))).real.ravel()[:points]
     y = motion.rigid_body[:, None] + np.outer(motion.rigid_body_rate, t)
     y += 0.5 * np.outer(scalars.rigid_body_given, t**2)
-    x = terms.real.sum(axis=0) + wave.real + scalars.constant[0] + scalars.rigid_body_weight[0] @ y
+    x += scalars.constant[0] + scalars.rigid_body_weight[0] @ y
     out = np.flatnonzero((x > scalars.upper[0]) | (x < scalars.lower[0]))
     return (t[out[0]] if out.size else math.inf), t[1]
 

@@ -45,6 +45,11 @@ def test_every_quantity_of_a_channel_is_shown_with_its_unit():
     assert all(units.values())
 
 
+def test_every_example_stands_below_one_heading_of_the_gallery():
+    listed = [name for names in SITE["EXAMPLES"].values() for name in names]
+    assert sorted(listed) == sorted(path.stem for path in (DOCS.parent / "examples").glob("*.py"))
+
+
 @pytest.mark.parametrize("page", sorted(DOCS.glob("*.md")), ids=lambda page: page.stem)
 def test_every_page_begins_with_one_title(page):
     lines = page.read_text(encoding="utf-8").splitlines()

@@ -168,6 +168,11 @@ def test_stepped_beam_from_segments_has_both_sections(tmp_path):
     assert beam.segments[0].bending_stiffness == pytest.approx(8 * beam.segments[1].bending_stiffness)
 
 
+def test_a_beam_of_no_segment_is_refused_in_words(tmp_path):
+    _, tail = TEXT.split("[mesh]", 1)
+    assert faults_of(tmp_path, "beam.segment = []\n[mesh]" + tail) == ["beam.segment: must hold at least one segment"]
+
+
 def test_event_driven_without_reduction_is_told_the_table_that_it_lacks(tmp_path):
     text = TEXT.replace("[reduction]\nmodes = 8", "#\n#").replace('name = "newmark"', 'name = "event-driven"')
     with pytest.raises(fi.InputError, match=r"coupled dofs.*in a study file add \[reduction\] modes = n$"):

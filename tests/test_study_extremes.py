@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 import warnings
 from pathlib import Path
 
 import pytest
+from command import femimpact
 
 import femimpact as fi
 from femimpact.errors import FemimpactError, InputWarning
@@ -89,9 +88,7 @@ def test_a_size_that_no_product_survives_is_refused_with_its_bounds(contact, val
 def test_a_text_that_python_cannot_read_is_one_line_and_exit_status_2(tmp_path, more, words):
     study = tmp_path / "study.toml"
     study.write_text(f"[beam]\nlength = 0.1\n\n# a comment\n\n[output]\n{more}\n", encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "-m", "femimpact", "check", str(study)], capture_output=True, text=True, check=False
-    )
+    done = femimpact("check", study, cwd=tmp_path, check=False)
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
     assert words in done.stderr

@@ -59,7 +59,7 @@ def test_each_frequency_goes_on_from_the_end_of_the_one_before(ball):
 
 
 def test_a_dwell_longer_than_three_windows_is_one_dwell(bare):
-    # 20 cycles of which 6 are measured: the first two are a run of their own
+    # 20 cycles of which 6 are measured: the first two are a separate run
     whole, parts = (fi.frequency_sweep(bare, 2e-4, [5.0], EXACT, 20, **way) for way in ({}, {"direction": "up"}))
     for name in ("peak", "rms", "first_harmonic", "phase"):
         np.testing.assert_allclose(parts[name], whole[name], rtol=1e-9)

@@ -96,7 +96,7 @@ def test_a_frame_holds_the_columns_with_their_units(name):
     for column, unit in columns_of(name, table).items():
         values = np.asarray(getattr(table, column))
         if name == "ModeConvergence":
-            # both cases of a count have a row of their own
+            # both cases of a count have a separate row
             if column != "counts":
                 np.testing.assert_array_equal(frame[column], values.ravel())
         elif values.ndim == 1:

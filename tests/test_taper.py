@@ -121,7 +121,7 @@ def test_matrices_of_an_element_are_the_integrals_of_polynomials(tapers):
     heavy = MATERIAL["density"] * width * thickness
     K = [[integral(stiff * a.deriv(2) * b.deriv(2)) / LENGTH**4 for a in shapes] for b in shapes]
     M = [[integral(heavy * a * b) for a in shapes] for b in shapes]
-    from femimpact.fem.assembly import bending, inertia
+    from femimpact.fem.element_matrices import bending, inertia
     from femimpact.fem.stiffness_factor import stiffness_factor
 
     found = bending.assemble(grid.basis, bending_stiffness=grid.bending_stiffness).toarray()

@@ -35,7 +35,7 @@ def test_a_case_is_within_its_bound(cases, index):
     case = cases[index]
     assert case.passes, f"{case.name}: {case.computed!r} for {case.reference!r}, error {case.error:.3g}"
     assert all((case.source, case.quantity, case.unit, case.reason))
-    # a bound that passes anything is none
+    # a bound that passes anything bounds nothing
     assert 0 < case.bound < 0.01
 
 

@@ -56,7 +56,7 @@ def test_moment_and_shear_force_are_those_of_statics(under_tip_force):
 
 
 def test_stress_is_moment_over_section_modulus_and_jumps_with_the_section(under_tip_force):
-    """Stress = -+ M/(b h^2/6) on the surfaces; at the step both values are there, at points of their own."""
+    """Stress = -+ M/(b h^2/6) on the surfaces; at the step both values are there, at separate points."""
     _, _, _, beam = under_tip_force
     joint = np.isclose(beam.points[:, 0], THICK.length, atol=1e-12)
     assert np.count_nonzero(joint) == 8

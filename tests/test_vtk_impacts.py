@@ -17,7 +17,7 @@ from femimpact.export.vtk.instants import frames_of
 pytestmark = pytest.mark.impacts
 
 BASE = fi.Sine(amplitude=0.2037e-3, frequency=5.0)
-LAST = fi.Recorder(channels=("tip",), snapshots=1, snapshots_start=7.0)
+LAST = fi.Recorder(channels=("tip",), snapshots=1, snapshots_start=7.5)
 RIGID = with_ball(REFERENCE, contact=fi.Rigid(restitution=0.6))
 
 

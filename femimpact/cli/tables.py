@@ -21,7 +21,7 @@ LEAST_WORDS = 18
 """Characters to which a column of words may be wrapped."""
 
 PIPE = 180
-"""Width of what is no terminal: wide enough that few tables are divided."""
+"""Width of an output that is not a terminal: wide enough that few tables are divided."""
 
 
 def console() -> Console:

@@ -183,7 +183,7 @@ def _of_python(force: Callable[[float, float, float], float]) -> ForcePointer:
     raised = threading.local()
 
     def guarded(depth: float, rate: float, approach_speed: float) -> float:
-        # ctypes would print what is raised, and go on with a number of its own
+        # ctypes would print what is raised, and go on with another number
         try:
             return float(force(depth, rate, approach_speed))
         except BaseException as error:

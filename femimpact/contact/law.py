@@ -78,12 +78,12 @@ METHODS = tuple(name for name in MEMBERS if name not in VALUES)
 
 
 def a_law() -> dict[str, Any]:
-    """Metadata of a field or an argument that holds a contact law; `require_law` names what one of one's own misses."""
+    """Metadata of a field or an argument that holds a contact law; `require_law` names what a user's law misses."""
     return having("a contact law (KelvinVoigt, ..., Rigid)", tuple(MEMBERS))
 
 
 def require_law(law: object, key: str = "law") -> None:
-    """Refuse what is no contact law, and name what a law of the user's own misses.
+    """Refuse what is no contact law, and name what a user's law misses.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def resolve(law: ContactLaw, effective_mass: float) -> ContactParameters:
     Raises
     ------
     InputError
-        If the law is none, the mass is out of range, or a law of the user's own gives parameters of no kind, or
+        If the law is not a contact law, the mass is out of range, or a user's law gives parameters of no kind, or
         no function for the time loop.
     """
     require_law(law)
@@ -151,7 +151,7 @@ def contact_force(law: ContactLaw, depth: float, rate: float, approach_speed: fl
     Raises
     ------
     InputError
-        If the law is none, a number is out of range, or a custom law's force is not finite.
+        If the law is not a contact law, a number is out of range, or a custom law's force is not finite.
     """
     require_law(law)
     depth, rate = checked("depth", depth, quantity("m")), checked("rate", rate, quantity("m/s"))
@@ -167,7 +167,7 @@ def contact_potential(law: ContactLaw, depth: float, effective_mass: float, appr
     Raises
     ------
     InputError
-        If the law is none, or a number is out of range.
+        If the law is not a contact law, or a number is out of range.
     """
     require_law(law)
     depth = checked("depth", depth, quantity("m"))

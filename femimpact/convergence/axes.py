@@ -93,7 +93,7 @@ class OverMeshes:
         Raises
         ------
         InputError
-            If the numbers are not three or more that increase, or the structure is none.
+            If the numbers are not three or more that increase, or the structure is not a `Structure`.
         """
         counts = rising_numbers("elements", elements, MOST_ELEMENTS)
         require_type(structure, Structure, "structure")
@@ -114,7 +114,7 @@ class OverMeshes:
 
     @classmethod
     def random(cls, structure: Structure, elements: Sequence[int], seed: int) -> OverMeshes:
-        """Meshes of `random_mesh` with increasing numbers of elements, each of a seed of its own.
+        """Meshes of `random_mesh` with increasing numbers of elements, each from a different seed.
 
         Raises
         ------
@@ -132,7 +132,7 @@ class OverMeshes:
         Raises
         ------
         InputError
-            If the mesh is none, or the number of refinements is not from 1 to 12.
+            If the mesh is not a `Mesh`, or the number of refinements is not from 1 to 12.
         """
         require_type(mesh, Mesh, "mesh")
         times = checked("times", times, quantity("1", at_least=1, at_most=12, integer=True))

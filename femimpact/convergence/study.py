@@ -61,7 +61,7 @@ def convergence_study(
     over : OverMeshes, OverSteps, OverModes, or a sequence of them
         One table for each.
     watch : Frequencies, ModeShapes, SteadyResponse, BendingMoment, SurfaceStress, SupportReaction, \
-ContactStatistics, one's own, or a sequence of them
+ContactStatistics, a user's class, or a sequence of them
         The quantities; four frequencies by default. Each has its expected order, derived in its docstring.
     base : Sine, optional
         Base motion, for quantities of the response to it.

@@ -45,12 +45,15 @@ class Chirp(PiecewiseMotion):
     Parameters
     ----------
     start, stop : float, Hz
+        Frequencies at t = 0 and at the end of the duration.
     duration : float, s
-        None where `octaves_per_minute` gives it.
+        Of the motion; None where `octaves_per_minute` gives it.
     amplitude : float, m
         Either this or `acceleration`.
     acceleration : float, m/s^2
+        Amplitude of the base's acceleration.
     kind : {"linear", "logarithmic"}
+        The frequency changes by the same number of Hz in every second, or of octaves in every minute.
     octaves_per_minute : float, 1/min
         Of a logarithmic chirp, in place of the duration.
     level : float, m or m/s^2

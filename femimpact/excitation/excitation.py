@@ -34,7 +34,7 @@ AT_SAMPLE = 1e-9
 
 @runtime_checkable
 class Excitation(Protocol):
-    """A motion of the base, or a force at a place; a class of one's own with these members serves every step method.
+    """A motion of the base, or a force at a place; a user's class with these members serves every step method.
 
     Three members more are optional:
 

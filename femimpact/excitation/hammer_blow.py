@@ -37,7 +37,7 @@ class HammerBlow:
     Raises
     ------
     InputError
-        If the place is none, or a value is out of range.
+        If the place is neither a name nor metres >= 0, or a value is out of range.
     """
 
     at: str | float = field(metadata=place())

@@ -32,7 +32,7 @@ class PointForce:
     Raises
     ------
     InputError
-        If the place is none, or the history has no closed form.
+        If the place is neither a name nor metres >= 0, or the history has no closed form.
 
     Examples
     --------

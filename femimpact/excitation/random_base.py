@@ -48,7 +48,9 @@ class RandomBase(PiecewiseMotion):
     psd : array_like (n, 2), Hz and (m/s^2)^2/Hz
         One-sided, straight in a plot of its logarithms; n >= 2.
     duration : float, s
+        Of the motion, and its period.
     seed : int
+        Of the phases: one seed gives one motion.
 
     Raises
     ------

@@ -199,7 +199,7 @@ def _plain_values(lines: Sequence[str], places: tuple[int, ...], width: int) -> 
 
 
 def _values(cells: Iterable[tuple[int, list[str]]], places: tuple[int, ...], width: int, path: Path) -> Array:
-    """The two numbers of every line (rows, 2), or which is none; `width` is the number of cells in the first row."""
+    """The two numbers of every line (rows, 2), or the first line without; `width` counts cells of the first row."""
     rows = []
     for i, fields in cells:
         # the rest of a number with a decimal comma, in a file of commas; words may stand there

@@ -41,10 +41,13 @@ class Shock(PiecewiseMotion):
     Parameters
     ----------
     kind : {"half-sine", "terminal-sawtooth", "trapezoid"}
+        Shape of the pulse.
     acceleration : float, m/s^2
         Largest one of the pulse, a.
     duration : float, s
+        Of the pulse.
     compensated : bool
+        Let an acceleration follow that brings the base to rest in its place.
     level : float, m/s^2
         The same as acceleration, as the copy of a pulse has it.
 

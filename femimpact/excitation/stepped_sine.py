@@ -39,11 +39,13 @@ class SteppedSine(PiecewiseMotion):
     Parameters
     ----------
     frequencies : array_like (n,), Hz
+        Of the sines.
     cycles : int
         At each frequency.
     amplitude : float, m
         Either this or `acceleration`.
     acceleration : float, m/s^2
+        Amplitude of the base's acceleration.
     direction : {"given", "up", "down", "both"}
         Order of the frequencies: as given, from the lowest up, from the highest down, or up and then down.
     level : float, m or m/s^2

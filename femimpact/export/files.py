@@ -26,7 +26,7 @@ def file_path(path: str | Path) -> Path:
     Raises
     ------
     InputError
-        If it is none: neither text nor a path, no name, or a null character in it.
+        If it is no path: neither text nor a `Path`, no name, or a null character in it.
     """
     require_path(path, "path", "a file")
     require(bool(Path(path).name), "path", str(path), "", "must be the path of a file")

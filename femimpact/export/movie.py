@@ -6,6 +6,7 @@ import math
 import os
 import subprocess
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -186,7 +187,8 @@ def _encode(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int) -> Path:
         imageio_ffmpeg = None
     if path.suffix == ".mp4" and imageio_ffmpeg is not None:
         with atomic_path(path) as temporary:
-            options = {"fps": fps, "quality": 7, "macro_block_size": 16, "output_params": ["-preset", "veryfast"]}
+            options: dict[str, Any] = {"fps": fps, "quality": 7, "macro_block_size": 16, "pix_fmt_in": "rgb0"}
+            options["output_params"] = ["-preset", "veryfast"]
             count = 0
             try:
                 writer = imageio_ffmpeg.write_frames(str(temporary), (WIDTH, HEIGHT), **options)
@@ -196,7 +198,7 @@ def _encode(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int) -> Path:
                 raise RuntimeError(f"ffmpeg does not start: {error}") from error
             try:
                 for frame in frames:
-                    writer.send(np.ascontiguousarray(frame))
+                    writer.send(frame)
                     count += 1
             finally:
                 writer.close()
@@ -208,7 +210,7 @@ def _encode(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int) -> Path:
 
     path = path.with_suffix(".gif")
     small = (WIDTH // 2, HEIGHT // 2)
-    pictures = [Image.fromarray(frame).resize(small).quantize(64) for frame in frames]
+    pictures = [Image.fromarray(frame[..., :3]).resize(small).quantize(64) for frame in frames]
     with atomic_path(path) as temporary:
         pictures[0].save(temporary, save_all=True, append_images=pictures[1:], duration=1000 // fps, loop=0)
     return path
@@ -230,6 +232,8 @@ def _pyvista_frames(film: Film, window: str) -> Iterator[NDArray[np.uint8]]:
     with _window(window):
         plotter: Any = pyvista.Plotter(off_screen=True, window_size=[WIDTH, height], **layout)
     plotter.render_window.SetMultiSamples(4)
+    # nothing is shown: a swap takes as long as all the rest
+    plotter.render_window.SwapBuffersOff()
     plotter.set_background("white")
     pieces, actors = _pieces(film), []
     for view in range(1 + balls):
@@ -253,9 +257,8 @@ def _pyvista_frames(film: Film, window: str) -> Iterator[NDArray[np.uint8]]:
                 y = film.scene.exaggeration * film.at_pair(j)[film.chosen[i]]
                 camera.focal_point = (x, y, z)
                 camera.position = (x, y + TILT[1], z + TILT[2])
-            plotter.render()
             picture = draw(i)
-            picture[VIEWS] = plotter.screenshot(None, return_img=True)[:height, :WIDTH, :3]
+            picture[VIEWS] = _pixels(plotter, height)
             for j in range(balls):
                 edge = WIDTH // 2 + j * WIDTH // (2 * balls)
                 picture[VIEWS, edge - 1 : edge + 1] = 205
@@ -287,9 +290,26 @@ def _pieces(film: Film) -> list[tuple[Any, NDArray[np.intp], dict[str, Any], tup
     plan += [(np.array([cell]), {"color": DARK, "ambient": 0.4}, (j, side)) for cell, j, side in film.stops()]
     pieces = []
     for chosen, style, contact in plan:
-        mesh: Any = whole.extract_cells(chosen.tolist())
-        pieces.append((mesh, np.asarray(mesh.point_data["vtkOriginalPointIds"]), style, contact))
+        solid: Any = whole.extract_cells(chosen.tolist())
+        # that of a solid would be looked for at each frame; newer versions warn of another default, which does as well
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            surface = solid.extract_surface()
+        source = solid.point_data["vtkOriginalPointIds"][surface.point_data["vtkOriginalPointIds"]]
+        pieces.append((surface, np.asarray(source), style, contact))
     return pieces
+
+
+def _pixels(plotter: Any, height: int) -> NDArray[np.uint8]:
+    """The window drawn anew, (height, WIDTH, 4)."""
+    from pyvista import convert_array
+    from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
+
+    window, pixels = plotter.render_window, vtkUnsignedCharArray()
+    window.Render()
+    window.GetRGBACharPixelData(0, 0, WIDTH - 1, height - 1, 0, pixels)
+    # rows from below
+    return np.asarray(convert_array(pixels)).reshape(height, WIDTH, 4)[::-1]
 
 
 def _supports(film: Film) -> list[Any]:

@@ -96,7 +96,7 @@ class Film:
 
 
 def sheets(film: Film, plane: bool) -> Callable[[int], NDArray[np.uint8]]:
-    """A function that draws frame i as pixels (HEIGHT, WIDTH, 3); what does not move is drawn once.
+    """A function that draws frame i as pixels; what does not move is drawn once.
 
     Parameters
     ----------
@@ -106,7 +106,8 @@ def sheets(film: Film, plane: bool) -> Callable[[int], NDArray[np.uint8]]:
 
     Returns
     -------
-    callable of int to ndarray (HEIGHT, WIDTH, 3) of uint8
+    callable of int to ndarray (HEIGHT, WIDTH, 4) of uint8
+        Red, green, blue, and a byte that is not read.
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -126,7 +127,7 @@ def sheets(film: Film, plane: bool) -> Callable[[int], NDArray[np.uint8]]:
         canvas.restore_region(still)
         for draw in draws:
             draw(i)
-        return np.array(canvas.buffer_rgba())[..., :3]
+        return np.array(canvas.buffer_rgba())
 
     return frame
 

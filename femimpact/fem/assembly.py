@@ -1,34 +1,33 @@
-"""From a structure and a mesh to the semi-discrete equations: the only weak forms of femimpact."""
+"""From a structure and a mesh to the semi-discrete equations."""
 
 from __future__ import annotations
 
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
-from skfem import BilinearForm
-from skfem.helpers import dd, ddot
 
 from femimpact.errors import InputWarning
 from femimpact.fem.discretisation import Discretisation, ElementLineHermiteReference, discretise, kind_of
+from femimpact.fem.element_matrices import Entries, beam_matrices, joined
 from femimpact.fem.mesh import Mesh
 from femimpact.fem.stiffness_factor import stiffness_factor
 from femimpact.structure.springs import Dashpot, Spring
 from femimpact.structure.structure import SUPPORTS, Impactor, Stop, Structure
 from femimpact.structure.unusual import unusual_numbers
-from femimpact.system.contact_pair import contact_pair
+from femimpact.system.computed import computed_system, with_checked_fields
+from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.damped import damped_with_modes
 from femimpact.system.hermite import hermite_rows
 from femimpact.system.matrices import Matrix
 from femimpact.system.modes import Modes, first_elastic_frequency, first_mode_at, flexibility
 from femimpact.system.own_terms import add_terms
 from femimpact.system.reactions import Reaction
-from femimpact.system.system import System, with_checked_fields
+from femimpact.system.system import System
 
 __all__ = ["ElementLineHermiteReference", "assemble", "assembled_with_modes"]
 
@@ -38,22 +37,10 @@ HEAVY = 1e3
 """Mass of a beam (kg) above which millimetres may have been typed as metres."""
 
 SLENDER = 5.0
-"""Length over thickness below which a beam is none of Euler and Bernoulli's."""
+"""Length over thickness below which Euler-Bernoulli theory does not hold."""
 
 USUAL_FREQUENCY = (0.01, 1e5)
 """First natural frequency (Hz) of structures that are meant."""
-
-
-@BilinearForm  # type: ignore[untyped-decorator]
-def bending(u: Any, v: Any, w: Any) -> Any:
-    """Integral of EI u'' v''."""
-    return w.bending_stiffness * ddot(dd(u), dd(v))
-
-
-@BilinearForm  # type: ignore[untyped-decorator]
-def inertia(u: Any, v: Any, w: Any) -> Any:
-    """Integral of rho A u v."""
-    return w.mass_per_length * u * v
 
 
 def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | None = None) -> System:
@@ -65,7 +52,7 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     elements : int
         Number of elements of a mesh made here; or
     mesh : Mesh
-        a mesh of one's own, from `read_mesh`.
+        a mesh from `read_mesh`.
 
     Returns
     -------
@@ -102,37 +89,56 @@ def assembled_with_modes(
 ) -> tuple[System, Modes]:  # fmt: skip
     """The system of `assemble`, and so many of its undamped modes or as many as its damping refers to."""
     grid = discretise(structure, elements, mesh)
-    K, M = _beam_matrices(grid)
-    M = M + _lumped_mass(grid)
-    springs = _connection_rows(grid, structure.springs, "spring")
-    weight = np.sqrt([spring.stiffness for spring in structure.springs])
-    pulls = sparse.csr_array(springs.multiply(weight[:, None]))
-    K = K + sparse.csr_array(pulls.T @ pulls)
-    free = grid.free
-    rigid = np.zeros(grid.dofs)
+    bare = _undamped(grid)
+    damped, modes = damped_with_modes(bare, structure.damping, min(least, bare.dofs))
+    contacts = _contacts(damped, grid, modes)
+    found = with_checked_fields(damped, first_frequency=float(modes.natural_frequency[0]), contacts=contacts)
+    _warn_of_unusual(structure, first_elastic_frequency(found))
+    return _with_dashpots(found, grid), modes
+
+
+def _undamped(grid: Discretisation) -> System:
+    """The system without damping and contacts, before its first frequency is known."""
+    K, M = beam_matrices(grid)
+    M, factor, springs = joined(M, _lumped_mass(grid)), stiffness_factor(grid), grid.structure.springs
+    if springs:
+        rows = _connection_rows(grid, springs, "spring")
+        pulls = sparse.diags_array(np.sqrt([spring.stiffness for spring in springs])) @ rows
+        pull = (pulls.T @ pulls).tocoo()
+        K = joined(K, Entries(pull.coords[0], pull.coords[1], pull.data))
+        factor = sparse.vstack([factor, pulls], format="csr")
+    free, rigid = grid.free, np.zeros(grid.dofs)
     rigid[0::2] = 1.0
-    momentum = M @ rigid
-    system = System(
-        M=_free_block(M, free),
+    momentum = M.times(rigid)
+    load = _frozen(grid.structure.gravity * momentum[free])
+    return computed_system(
+        M=M.on(free, grid.dofs),
         C=sparse.csr_array((free.size, free.size)),
-        K=_free_block(K, free),
-        stiffness_factor=sparse.vstack([stiffness_factor(grid), pulls], format="csr")[:, free],
+        K=K.on(free, grid.dofs),
+        stiffness_factor=factor[:, free],
         base_load=_frozen(momentum[free]),
         rigid_translation=_frozen(rigid[free]),
         nodes=grid.mesh.nodes,
-        expansion=sparse.eye_array(grid.dofs, format="csr")[:, free],
+        expansion=_expansion(grid),
         points=_points(grid),
         total_mass=float(rigid @ momentum),
         first_frequency=math.nan,
+        contacts=(),
         rayleigh=(0.0, 0.0),
-        constant_load=_frozen(structure.gravity * momentum[free]),
-        reactions=_reactions(grid, M, K, momentum, springs),
+        directions={},
+        constant_load=load,
+        constant_resultant=float(rigid[free] @ load),
+        reactions={**_forces_to_base(grid, springs, "spring"), **_reactions(grid, M, K, momentum)},
         sections=grid.sections,
+        first_left_out=math.inf,
     )
-    found, modes = _with_damping_and_contacts(system, grid, min(least, system.dofs))
-    whole = _with_dashpots(found, grid)
-    _warn_of_unusual(structure, first_elastic_frequency(whole))
-    return whole, modes
+
+
+def _expansion(grid: Discretisation) -> Matrix:
+    """From the free dofs to all, (dofs, free dofs)."""
+    count = grid.free.size
+    first = np.searchsorted(grid.free, np.arange(grid.dofs + 1))
+    return sparse.csr_array((np.ones(count), np.arange(count), first), shape=(grid.dofs, count))
 
 
 def _warn_of_unusual(structure: Structure, first_frequency: float) -> None:
@@ -154,19 +160,17 @@ def _warn_of_unusual(structure: Structure, first_frequency: float) -> None:
         warnings.warn(words, InputWarning, stacklevel=3)
 
 
-def _with_damping_and_contacts(system: System, grid: Discretisation, least: int) -> tuple[System, Modes]:
+def _contacts(system: System, grid: Discretisation, modes: Modes) -> tuple[ContactPair, ...]:
+    """The pairs of balls and stops, with what they take from stiffness and first mode."""
     structure = grid.structure
-    system, modes = damped_with_modes(system, structure.damping, least)
-    system = with_checked_fields(system, first_frequency=float(modes.natural_frequency[0]))
     items: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
     places = [grid.position_of(item.at, f"{kind_of(item)}.{item.name}.at") for item in items]
-    rows = system.deflection_rows(places) if items else np.zeros((0, system.dofs))
+    rows = np.array([system.point_row(place) for place in places]).reshape(len(items), system.dofs)
     compliance = flexibility(system, rows)
-    contacts = tuple(
+    return tuple(
         contact_pair(item, row, place, first_mode_at(system, modes, row), flexible, structure.gravity)
         for item, row, place, flexible in zip(items, rows, places, compliance, strict=True)
     )
-    return replace(system, contacts=contacts, computed_together=None), modes
 
 
 def _with_dashpots(system: System, grid: Discretisation) -> System:
@@ -177,19 +181,12 @@ def _with_dashpots(system: System, grid: Discretisation) -> System:
     rows = _connection_rows(grid, dashpots, "dashpot")
     sizes = sparse.diags_array([dashpot.damping for dashpot in dashpots])
     damped = add_terms(system, damping=rows.T @ sizes @ rows)
-    still = _frozen(np.zeros(system.dofs))
-    forces = {
-        f"{dashpot.name}.force": Reaction(None, "N", still, _frozen(-dashpot.damping * row), still, 0.0)
-        for dashpot, row in zip(dashpots, rows[:, grid.free].toarray(), strict=True)
-        if dashpot.to is None
-    }
-    return replace(damped, reactions={**damped.reactions, **forces}, computed_together=None)
+    reactions = {**damped.reactions, **_forces_to_base(grid, dashpots, "dashpot")}
+    return with_checked_fields(damped, reactions=reactions)
 
 
 def _connection_rows(grid: Discretisation, items: Sequence[Spring | Dashpot], kind: str) -> Any:
     """Rows (items, all dofs) that read the elongation w(at) - w(to) of springs or dashpots; w of the base is zero."""
-    if not items:
-        return sparse.csr_array((0, grid.dofs))
 
     def ends(field: str) -> Any:
         places = [
@@ -205,11 +202,8 @@ def _connection_rows(grid: Discretisation, items: Sequence[Spring | Dashpot], ki
     return sparse.csr_array(ends("at") - ends("to"))
 
 
-def _reactions(grid: Discretisation, M: Matrix, K: Matrix, momentum: Array, springs: Matrix) -> dict[str, Reaction]:
-    """Rows of the held dofs, by the name of their support; a dof that two supports hold has the first one's name.
-
-    Springs to the base, with the rows of their elongation, pull the beam back: theirs is a force on it, too.
-    """
+def _reactions(grid: Discretisation, M: Entries, K: Entries, momentum: Array) -> dict[str, Reaction]:
+    """Rows of the held dofs, by the name of their support; a dof that two supports hold has the first one's name."""
     held: dict[int, str] = {}
     for support in grid.structure.supports:
         at = support.at if isinstance(support.at, str) else f"{support.at:.9g}"
@@ -217,18 +211,13 @@ def _reactions(grid: Discretisation, M: Matrix, K: Matrix, momentum: Array, spri
         for kind in SUPPORTS[support.kind]:
             held.setdefault(*((2 * node, f"{at}.force") if kind == "w" else (2 * node + 1, f"{at}.moment")))
     still = _frozen(np.zeros(grid.free.size))
-    forces = {
-        f"{spring.name}.force": Reaction(None, "N", still, still, _frozen(-spring.stiffness * row), 0.0)
-        for spring, row in zip(grid.structure.springs, springs[:, grid.free].toarray(), strict=True)
-        if spring.to is None
-    }
-    return forces | {
+    return {
         name: Reaction(
             dof=dof,
             unit="N m" if dof % 2 else "N",
-            on_acceleration=_held_row(M, dof, grid.free),
+            on_acceleration=_frozen(M.row_of(dof, grid.dofs)[grid.free]),
             on_velocity=still,
-            on_displacement=_held_row(K, dof, grid.free),
+            on_displacement=_frozen(K.row_of(dof, grid.dofs)[grid.free]),
             on_base_acceleration=float(momentum[dof]),
             constant=float(grid.structure.gravity * momentum[dof]),
         )
@@ -236,36 +225,34 @@ def _reactions(grid: Discretisation, M: Matrix, K: Matrix, momentum: Array, spri
     }
 
 
-def _held_row(matrix: Matrix, dof: int, free: NDArray[np.int64]) -> Array:
-    rows: Any = sparse.csr_array(matrix)
-    own = slice(rows.indptr[dof], rows.indptr[dof + 1])
-    whole = np.zeros(rows.shape[1])
-    np.add.at(whole, rows.indices[own], rows.data[own])
-    return _frozen(whole[free])
+def _forces_to_base(grid: Discretisation, items: Sequence[Spring | Dashpot], kind: str) -> dict[str, Reaction]:
+    """Forces of springs or dashpots on the beam, of those to the base: they pull it back by their elongation."""
+    to_base = [item for item in items if item.to is None]
+    if not to_base:
+        return {}
+    still = _frozen(np.zeros(grid.free.size))
+    forces = {}
+    for item, row in zip(to_base, _connection_rows(grid, to_base, kind)[:, grid.free].toarray(), strict=True):
+        if isinstance(item, Dashpot):
+            on_velocity, on_displacement = _frozen(-item.damping * row), still
+        else:
+            on_velocity, on_displacement = still, _frozen(-item.stiffness * row)
+        forces[f"{item.name}.force"] = Reaction(None, "N", still, on_velocity, on_displacement, 0.0)
+    return forces
 
 
-def _beam_matrices(grid: Discretisation) -> tuple[Matrix, Matrix]:
-    """K and M of the bare beam over all dofs, held ones included."""
-    K = bending.assemble(grid.basis, bending_stiffness=grid.bending_stiffness)
-    M = inertia.assemble(grid.basis, mass_per_length=grid.mass_per_length)
-    return sparse.csr_array(K), sparse.csr_array(M)
-
-
-def _lumped_mass(grid: Discretisation) -> Matrix:
+def _lumped_mass(grid: Discretisation) -> Entries:
     """M (N + e N')(N + e N')^T + J N' N'^T for every body with its centre at e from its place, over all dofs."""
-    total = sparse.csr_array((grid.dofs, grid.dofs))
-    for body in grid.structure.masses:
-        place = [grid.position_of(body.at, f"mass.{body.name}.at")]
-        shape, slope = (hermite_rows(grid.mesh.nodes, place, order) for order in (0, 1))
-        centre = shape + body.offset * slope
-        total = total + body.mass * (centre.T @ centre) + body.rotary_inertia * (slope.T @ slope)
-    return total
-
-
-def _free_block(matrix: Matrix, free: NDArray[np.int64]) -> Matrix:
-    block = sparse.csr_array(matrix[free][:, free])
-    block.eliminate_zeros()
-    return block
+    bodies = grid.structure.masses
+    places = [grid.position_of(body.at, f"mass.{body.name}.at") for body in bodies]
+    shape, slope = (hermite_rows(grid.mesh.nodes, places, order) for order in (0, 1))
+    given = [(body.mass, body.rotary_inertia, body.offset) for body in bodies]
+    mass, inertia, offset = np.array(given).reshape(-1, 3).T[:, :, None]
+    # four dofs of each body, those of the element that holds it
+    dof, turn = shape.indices.reshape(-1, 4), slope.data.reshape(-1, 4)
+    centre = shape.data.reshape(-1, 4) + offset * turn
+    value = (mass * centre)[:, :, None] * centre[:, None, :] + (inertia * turn)[:, :, None] * turn[:, None, :]
+    return Entries(np.repeat(dof, 4), np.tile(dof, 4).ravel(), value.ravel())
 
 
 def _points(grid: Discretisation) -> dict[str, float]:

@@ -25,6 +25,7 @@ from femimpact.errors import (
     quantity,
     real_array,
     require,
+    require_name,
     require_type,
     suggestion,
 )
@@ -64,7 +65,7 @@ class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
 
 @dataclass(frozen=True, eq=False)
 class Discretisation:
-    """A structure on a mesh, before any matrix: what weak forms of one's own are assembled on.
+    """A structure on a mesh, before any matrix: what a user's weak forms are assembled on.
 
     All matrices on the basis have the dofs (w1, w1', w2, w2', ...), nodes from root to tip, w in m and the slope
     w' = dw/dx positive, held dofs included. `assemble` keeps those in `free`.
@@ -167,7 +168,7 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
     elements : int
         Number of elements of a mesh made here; or
     mesh : Mesh
-        a mesh of one's own, from `read_mesh`.
+        a mesh from `read_mesh`.
 
     Returns
     -------
@@ -197,7 +198,7 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
     _check_length(structure.beam, mesh)
     _check_names(structure, mesh)
     # what is refused, before what is warned of
-    free = np.setdiff1d(np.arange(2 * mesh.nodes.size), _held_dofs(structure, mesh))
+    free = np.delete(np.arange(2 * mesh.nodes.size), _held_dofs(structure, mesh))
     sections = _sections(structure.beam, mesh)
     # the product of two cubics, and rho A of degree 2 where width and thickness taper
     degree = 8 if sections.is_tapered.any() else 6
@@ -257,8 +258,7 @@ def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray
         return [(beam.segments[0], np.arange(mesh.elements))]
     result = []
     for segment in beam.segments:
-        known = segment.name in mesh.regions
-        require(known, "mesh.regions", segment.name, "", suggestion(segment.name, mesh.regions))
+        require_name(segment.name, mesh.regions, "mesh.regions")
         fault = _length_fault(beam, mesh, segment)
         if fault is not None:
             raise InputError([fault])
@@ -296,8 +296,9 @@ def _position(structure: Structure, mesh: Mesh, at: Position, key: str) -> float
     if not isinstance(at, str):
         tip = float(mesh.nodes[-1])
         return min(float(checked(key, at, quantity("m", at_least=0.0, at_most=tip * (1.0 + OFF_MESH)))), tip)
-    known = [*mesh.points, *(body.name for body in structure.masses)]
-    require(at in mesh.points, key, at, "", suggestion(at, known))
+    if at not in mesh.points:
+        known = [*mesh.points, *(body.name for body in structure.masses)]
+        require(False, key, at, "", suggestion(at, known))
     return float(mesh.points[at])
 
 

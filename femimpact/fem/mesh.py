@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from heapq import heapify, heapreplace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,7 @@ class Mesh:
     ------
     InputError
         If the nodes do not increase, a place is not on the beam, "root", "tip" or "mid" is given another
-        place, or a region names an element that is none.
+        place, or a region names an element that does not exist.
 
     Examples
     --------
@@ -72,7 +73,7 @@ class Mesh:
         """Places by name: the three that every mesh has, and those given."""
         require_type(self.points, Mapping, "mesh.points")
         root, tip = float(self.nodes[0]), float(self.nodes[-1])
-        places = {"root": root, "tip": tip, "mid": 0.5 * (root + tip)}
+        places = _ends_and_middle(root, tip)
         slack = SAME_PLACE * (tip - root)
         for name, given in self.points.items():
             require_type(name, str, "mesh.points")
@@ -144,6 +145,11 @@ class Mesh:
             nodes = np.append(np.column_stack([nodes[:-1], middles]).ravel(), nodes[-1])
             regions = {name: np.add.outer(2 * members, [0, 1]).ravel() for name, members in regions.items()}
         return Mesh(nodes, self.points, regions)
+
+
+def _ends_and_middle(root: float, tip: float) -> dict[str, float]:
+    """The places (m) that every mesh names."""
+    return {"root": root, "tip": tip, "mid": 0.5 * (root + tip)}
 
 
 def _distinct(positions: Iterable[float], length: float) -> list[float]:
@@ -262,7 +268,7 @@ def _breaks(structure: Structure) -> Array:
     """Positions (m) where every mesh made here has a node: joints and attachments."""
     require_type(structure, Structure, "structure")
     beam = structure.beam
-    named = Mesh(np.array([0.0, beam.length])).points
+    named = _ends_and_middle(0.0, beam.length)
     places = [(key, item.at, structure.place_of(item.at)) for key, item in structure.attachments]
     unknown = [(key, at) for key, at, place in places if isinstance(place, str) and place not in named]
     if unknown:
@@ -296,14 +302,19 @@ def _filled(
 
 
 def _places_for(key: str, named: Mapping[str, float], structure: Structure) -> str:
-    """Places that one item of a structure may have on a mesh made here; a body's own name is none for itself."""
+    """Places that one item of a structure may have on a mesh made here; a body's own name is not a place for itself."""
     bodies = [body.name for body in structure.masses if key != f"mass.{body.name}"]
     return f"must be one of {', '.join([*named, *bodies])}, or metres from the root"
 
 
 def _share(lengths: Array, total: int) -> NDArray[np.int64]:
     """Whole numbers >= 1 with the given total: the longest element is split, again and again."""
-    counts = np.ones(lengths.size, dtype=int)
+    # the longest element first, and of equal ones that nearest to the root
+    longest = [(-length, i) for i, length in enumerate(lengths.tolist())]
+    heapify(longest)
+    counts = [1] * lengths.size
     for _ in range(total - lengths.size):
-        counts[np.argmax(lengths / counts)] += 1
-    return counts
+        i = longest[0][1]
+        counts[i] += 1
+        heapreplace(longest, (-float(lengths[i]) / counts[i], i))
+    return np.array(counts)

@@ -48,6 +48,9 @@ def format_of(path: Path) -> str:
 def read_plainly(path: Path) -> dict[str, Any]:
     """What a mesh file holds as plain lists; under "failure" why it could not be read."""
     kind, words = format_of(path), io.StringIO()
+    if path.suffix == ".geo":
+        mesh = path.with_suffix(".msh").name
+        return {"failure": f"it is a geometry of gmsh, which makes a mesh of it: gmsh -1 {path.name} -o {mesh}"}
     if not kind:
         return {"failure": f"no format has the suffix {path.suffix!r}"}
     try:

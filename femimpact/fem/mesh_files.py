@@ -85,7 +85,7 @@ def read_outcomes(paths: Sequence[Path]) -> list[Mesh | InputError]:
 
 
 def _why_not_read(path: Path) -> str:
-    """Why a file is none that the process may open by its name; empty where it may."""
+    """Why the process may not open a file by its name; empty where it may."""
     try:
         check_regular(path, MOST_BYTES)
     except OSError as error:
@@ -128,7 +128,7 @@ class _Reader:
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:
-        # one thread: each thread of linear algebra takes address space of its own
+        # one thread: each thread of linear algebra takes its own address space
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONIOENCODING": "utf-8"}
         self.ended = False
         self._output: queue.Queue[bytes] = queue.Queue()

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from femimpact.fem.discretisation import Discretisation
 from femimpact.system.hermite import hermite_rows
+from femimpact.system.matrices import Matrix
 
 __all__ = ["stiffness_factor"]
 
 Array = NDArray[np.float64]
 
 
-def stiffness_factor(grid: Discretisation) -> Any:
+def stiffness_factor(grid: Discretisation) -> Matrix:
     """G with K = G^T G over all dofs: sqrt(weight) w'' at two points of every element.
 
     The energy of an element is the integral of EI w''^2 with w'' linear. The two Gauss points of the weight EI itself
@@ -35,22 +34,26 @@ def stiffness_factor(grid: Discretisation) -> Any:
     """
     nodes, sections = grid.mesh.nodes, grid.sections
     lengths = np.diff(nodes)
-    places, shares = _gauss_points(0.5 * sections.width_taper, 0.5 * sections.thickness_taper)
+    places, shares = _gauss_points(sections.bending_polynomial)
     weight = np.sqrt(lengths[:, None] * sections.bending_stiffness[:, None] * shares)
     middles = 0.5 * (nodes[1:] + nodes[:-1])
     points = middles[:, None] + lengths[:, None] * places / (2.0 * math.sqrt(3.0))
     curvature = hermite_rows(nodes, points.ravel(), derivative=2)
-    return sparse.csr_array(sparse.diags_array(weight.ravel()) @ curvature)
+    # four entries in each row
+    curvature.data *= np.repeat(weight.ravel(), 4)
+    return curvature
 
 
-def _gauss_points(a: Array, b: Array) -> tuple[Array, Array]:
-    """Two Gauss points of the weight (1 + a x)(1 + b x)^3 / 2, x = -1 to 1, and their weights, (elements, 2) each.
+def _gauss_points(polynomial: Array) -> tuple[Array, Array]:
+    """Two Gauss points of half a polynomial (5, elements) in x = -1 to 1, and their weights, (elements, 2) each.
+
+    It is the weight, positive and 1 at x = 0.
 
     The points are in 1/sqrt(3), so that those of a constant weight are -1 and 1 to the last bit. They are the
     eigenvalues of the Jacobi matrix of the first two orthogonal polynomials, and the weights are the squared first
     components of its eigenvectors times the integral of the weight (Golub and Welsch, 1969).
     """
-    c1, c2, c3, c4 = a + 3.0 * b, 3.0 * b * (a + b), b * b * (3.0 * a + b), a * b**3
+    _, c1, c2, c3, c4 = polynomial
     m0, m1 = 1.0 + c2 / 3.0 + c4 / 5.0, c1 / 3.0 + c3 / 5.0
     m2, m3 = 1.0 / 3.0 + c2 / 5.0 + c4 / 7.0, c1 / 5.0 + c3 / 7.0
     first = m1 / m0

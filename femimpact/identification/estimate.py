@@ -96,7 +96,7 @@ def amplitude_ratio_damping(reference: DampingEstimate, reference_peak: float, p
     Raises
     ------
     InputError
-        If the reference is none, or a peak is not > 0.
+        If the reference is not an estimate, or a peak is not > 0.
     """
     require_type(reference, DampingEstimate, "reference")
     reference_peak = checked("reference_peak", reference_peak, quantity("m", above=0.0))

@@ -93,7 +93,7 @@ class SineDwells:
 
 @dataclass(frozen=True, eq=False)
 class SineCases:
-    """Dwells of one system under sine motions of the base, each with numbers of its own.
+    """Dwells of one system under sine motions of the base, each with its own numbers.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One of many cases: its system with gaps and laws of its own, and its start."""
+"""One of many cases: its system with its gaps and laws, and its start."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from femimpact.integrators.answers import SineCases
+from femimpact.system.computed import with_checked_pairs
 from femimpact.system.state import State
-from femimpact.system.system import System, with_checked_pairs
+from femimpact.system.system import System
 
 __all__ = ["start_of", "with_contacts_of"]
 

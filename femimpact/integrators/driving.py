@@ -50,7 +50,7 @@ class Drive:
 
     @property
     def sine(self) -> Harmonic:
-        """s(t) as a sine, of no amplitude where it is none."""
+        """s(t) as a sine, with amplitude 0 where it is not one."""
         return self.closed_form if isinstance(self.closed_form, Harmonic) else Harmonic(0.0, self.omega, 0.0)
 
     @property
@@ -85,7 +85,7 @@ class Drive:
         Raises
         ------
         InputError
-            If the history of an excitation of one's own is not of finite numbers, one for each time.
+            If the history of a user's excitation is not of finite numbers, one for each time.
         """
         if self.is_sine:
             wave = self.sine
@@ -110,7 +110,7 @@ def drive_of(system: System, excitation: Excitation) -> Drive:
         If the place of a force is unknown, or the value is no excitation.
     """
     require_excitation(excitation)
-    # the two members that an excitation of one's own may lack
+    # the two members that a user's excitation may lack
     at, closed_form = (getattr(excitation, name, None) for name in ("at", "closed_form"))
     omega = 2.0 * np.pi * excitation.frequency
     if at is None:

@@ -1,4 +1,4 @@
-"""Many dwells of one system, each with excitation, gaps, contact laws and start of its own, by any method."""
+"""Many dwells of one system, each with its own excitation, gaps, contact laws and start, by any method."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def run_cases(
 
 
 def _are_plain(system: System, cases: SineCases) -> bool:
-    """Whether no start follows from statics, and no law is a function: what each case may have of its own in a step."""
+    """Whether no start follows from statics, and no law is a function: the cases of a step may differ in the rest."""
     static = cases.initial.is_static_on(system) or bool(np.any(cases.gaps < 0.0))
     pairs = [(law, pair) for laws in cases.laws for law, pair in zip(laws, system.contacts, strict=True)]
     return not static and all(law.force_function(pair.effective_mass) is None for law, pair in pairs)

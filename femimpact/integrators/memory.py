@@ -34,7 +34,7 @@ def memory_needed(
 
 
 def modes_kept(system: System, recorder: Recorder) -> int:
-    """How many modes get energies of their own: all of a system on its modes, with a ledger."""
+    """For how many modes the energies are kept separately: all of a system on its modes, with a ledger."""
     return system.dofs if recorder.ledger and system.is_diagonal else 0
 
 

@@ -25,7 +25,7 @@ __all__ = ["METHODS", "CaseMethod", "Method", "require_method"]
 class Method(Protocol):
     """A method of time integration, from a system and an excitation to a response.
 
-    A class of one's own with these members is a method like those of `METHODS`; one with steps of the Newmark
+    A user's class with these members is a method like those of `METHODS`; one with steps of the Newmark
     family has them all from `stepping.answers.SteppingAnswers` but its scheme.
     """
 
@@ -86,7 +86,7 @@ class Method(Protocol):
 
 
 class CaseMethod(Method, Protocol):
-    """A method that also takes cases with gaps, contact laws and starts of their own in one call."""
+    """A method that also takes cases with different gaps, contact laws and starts in one call."""
 
     def run_cases(
         self, system: System, cases: SineCases, observed: NDArray[np.float64], instants: int, workers: int,

@@ -1,4 +1,4 @@
-"""Runs of their own side by side: how many threads, and what happens when one fails."""
+"""Separate runs side by side: how many threads, and what happens when one fails."""
 
 from __future__ import annotations
 

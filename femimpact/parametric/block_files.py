@@ -54,7 +54,7 @@ class BlockFolder:
     Raises
     ------
     InputError
-        If the directory holds another study, or something that is none.
+        If the directory holds another study, or something that is not a study.
     """
 
     def __init__(self, directory: Path, plain: Mapping[str, Any], key: str) -> None:

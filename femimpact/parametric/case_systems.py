@@ -21,9 +21,10 @@ from femimpact.parametric.paths import Place, Stage, damping_with, study_with
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Structure
 from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of
+from femimpact.system.computed import with_checked_pairs, with_modal_damping
 from femimpact.system.damped import rayleigh_of, with_damping
 from femimpact.system.reduction import reduce, reduced_on
-from femimpact.system.system import System, with_checked_pairs, with_modal_damping
+from femimpact.system.system import System
 
 __all__ = ["CaseSystems", "default_method"]
 

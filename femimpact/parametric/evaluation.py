@@ -23,8 +23,9 @@ from femimpact.parametric.paths import Place, Stage
 from femimpact.parametric.starts import scaled_starts, unit_draws
 from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder, Response
+from femimpact.system.computed import with_checked_pairs
 from femimpact.system.state import State
-from femimpact.system.system import System, with_checked_pairs, without_impactors
+from femimpact.system.system import System, without_impactors
 
 __all__ = ["BlockValues", "evaluated", "run_case"]
 
@@ -240,7 +241,7 @@ def _law_key(law: ContactLaw) -> Any:
 
 
 def _taken_together(study: ParameterStudy, system: System, values: dict[Place, Any]) -> bool:
-    """Whether the method takes cases with systems of their own; one that takes none is an error of its cases."""
+    """Whether the method takes cases with different systems; one that takes none is an error of its cases."""
     try:
         return bool(getattr(study.systems.method_of(system, values), "takes_several_systems", False))
     except FemimpactError:

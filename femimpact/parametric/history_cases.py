@@ -15,8 +15,9 @@ from femimpact.parametric.paths import Place, Stage, study_with
 from femimpact.parametric.starts import scaled_starts, unit_draws
 from femimpact.response.response import Recorder, Response
 from femimpact.study.study import Study
+from femimpact.system.computed import with_checked_pairs
 from femimpact.system.state import State
-from femimpact.system.system import System, with_checked_pairs, without_impactors
+from femimpact.system.system import System, without_impactors
 
 __all__ = ["history_of_case", "value_of_history", "values_of_case"]
 

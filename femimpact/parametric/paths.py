@@ -247,7 +247,7 @@ def _item_with(item: Any, name: str, value: Any) -> Any:
 
 
 def unknown_path(path: str, known: Mapping[str, Place], of_system: bool) -> Fault:
-    """What is wrong with a path that is none of the known ones."""
+    """What is wrong with a path that is not known."""
     parts = ("beam", "mass", "damping", "mesh", "reduction", "gravity", "spring", "dashpot", "support")
     if of_system and path.partition(".")[0] in parts:
         return Fault(path, None, "", f"{FIXED}: give a Study, or a function that returns a structure")

@@ -67,7 +67,7 @@ class Recorder:
         its displacement relative to the base; with a quantity behind a dot, as "tip.velocity" or
         "ball.absolute_acceleration", that one (`response.channels.QUANTITIES` lists them).
         "gap" (ball minus beam, m) and "contact_force" (on the beam, N) belong to the only ball,
-        "ball.gap" and "ball.contact_force" to the one named. A `Channel` of one's own reads any
+        "ball.gap" and "ball.contact_force" to the one named. A user's `Channel` reads any
         linear function of the state. None keeps the tip, every ball and every contact force.
     interval : float, s, optional
         Between the instants at which an event-driven run is read, in place of its `samples_per_cycle`, whatever drives
@@ -94,7 +94,7 @@ class Recorder:
         Energy residual beyond which the response carries a warning.
     sink : callable, optional
         Called with one `HistoryPiece` after another while the run goes on, so that a history of
-        any length needs the memory of a piece. The response then holds no history of its own. An
+        any length needs the memory of a piece. The response itself then holds no history. An
         exception in it ends the run. Statistics of base cycles stay, some 100 bytes a cycle.
     piece_samples : int
         Most samples in a piece; an event-driven run with whole samples in a base cycle passes on whole cycles, and

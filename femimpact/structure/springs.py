@@ -13,15 +13,15 @@ __all__ = ["Dashpot", "Spring"]
 class Spring:
     """A linear spring along the deflection, to the moving base or between two places of the beam.
 
-    The force on the beam at `at` is -stiffness (w(at) - w(to)), and the opposite one acts at `to`. It acts at its very
-    place, by the element's interpolation, wherever the nodes of a mesh are: none is made for it.
+    The force on the beam at `at` is -stiffness (w(at) - w(to)), and the opposite one acts at `to`. A place need not be
+    a node of the mesh: the force acts through the interpolation of its element.
 
     Parameters
     ----------
     name : str
-        By which it is named; each once.
+        A name that no other part of the structure has.
     at : str or float
-        Place on the beam; see `Position`.
+        Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
     stiffness : float, N/m
         Force over elongation.
     to : str or float, optional
@@ -53,9 +53,9 @@ class Dashpot:
     Parameters
     ----------
     name : str
-        By which it is named; each once.
+        A name that no other part of the structure has.
     at : str or float
-        Place on the beam; see `Position`.
+        Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
     damping : float, N s/m
         Force over speed.
     to : str or float, optional

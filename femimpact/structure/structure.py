@@ -85,7 +85,7 @@ class PointMass:
     name : str
         By which it is named in results; a place for everything else.
     at : str or float
-        Place on the beam; see `Position`.
+        Place on the beam: "root", "tip", "mid", a point of the mesh, or metres from the root.
     mass : float, kg
         Of the body.
     rotary_inertia : float, kg m^2
@@ -119,7 +119,7 @@ class Support:
     kind : {"clamped", "pinned", "guided"}
         Neither deflection nor slope, no deflection, no slope.
     at : str or float
-        Place on the beam; see `Position`.
+        Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
 
     Raises
     ------
@@ -155,7 +155,7 @@ class Impactor:
     name : str
         By which it is named in results.
     at : str or float
-        Place on the beam; see `Position`.
+        Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
     mass : float, kg
         Of the ball.
     gap : float or pair of float, m
@@ -196,7 +196,7 @@ class Impactor:
 
 @dataclass(frozen=True)
 class Stop:
-    """A fixed obstacle beside the beam: the same contact pair without a mass of its own.
+    """A fixed obstacle beside the beam: the same contact pair, without a moving mass.
 
     The beam touches it on the + side at w = gap[0] and on the - side at w = -gap[1], w relative to the base; one
     fixed in space it touches at w + ub = gap[0] and w + ub = -gap[1], ub the base's displacement.
@@ -206,7 +206,7 @@ class Stop:
     name : str
         By which it is named in results.
     at : str or float
-        Place on the beam; see `Position`.
+        Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
     gap : float or pair of float, m
         Free travel of the beam to the + and to the - side; `math.inf` leaves a side open. A negative gap
         preloads: the undeformed beam would be that far inside the obstacle, and a run starts from the static
@@ -371,7 +371,7 @@ class Structure:
         places = [standard.get(str(at), at) for at in given]
         metres = [place for place in places if not isinstance(place, str)]
         apart = bool(metres) and max(metres) - min(metres) > 1e-6 * self.beam.length
-        # a name that only the mesh defines counts as a place of its own here; assembly checks again where it is
+        # a name that only the mesh defines counts as a separate place here; assembly checks again where it is
         named = {place for place in places if isinstance(place, str)}
         stiff = apart or len(named) + bool(metres) >= 2 or (bool(places) and "slope" in held)
         # a rotation about a single spring may stay free

@@ -66,7 +66,7 @@ def _of_gaps(structure: Structure) -> Iterator[str]:
 
 def _of_masses(structure: Structure) -> Iterator[str]:
     beam = structure.beam.mass
-    # a density that is none is named already
+    # a density out of range is named already
     solid = all(USUAL_DENSITY[0] <= segment.density for segment in structure.beam.segments)
     heavy = [body for body in structure.masses if solid and body.mass > HEAVY_BODY * beam]
     for body in heavy:

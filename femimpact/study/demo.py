@@ -76,17 +76,21 @@ class ScanPlan:
     ----------
     restitutions : tuple of float, 1
     points : int
-        Frequencies of each sweep.
+        Frequencies of the grid on which peaks are looked for.
     cycles : int
         Dwell at each frequency.
     starts : int
         Starts in each frame.
+    step : int
+        Every so many-th frequency is swept at any rate, a power of two, and those between only where the largest peak
+        may be: see `calibration.scan_systems`. A peak of the paper's case rises from skirts that are wider than 0.2 Hz.
     """
 
     restitutions: tuple[float, ...] = (0.3, 0.5, 0.65, 0.7, 0.76, 0.78, 0.8, 0.84, 0.92, 0.96)
     points: int = 41
     cycles: int = 450
     starts: int = 3
+    step: int = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,6 +243,7 @@ def _scans(prepared: PreparedStudy, plan: ScanPlan, report: Report) -> dict[str,
                 frequencies=frequencies,
                 cycles=plan.cycles,
                 initial=state,
+                step=plan.step,
                 progress=_part(report, f"restitution scan, {STARTS[start]}", i, plan.starts),
             )
             for i, state in enumerate(states(start, plan.starts))
@@ -268,8 +273,9 @@ def median_scan(scans: Sequence[RestitutionScan]) -> RestitutionScan:
 
 def _scan_rows(samples: Mapping[str, Sequence[RestitutionScan]]) -> tuple[tuple[str, ...], ...]:
     """Median and range of peak and ratio, from both starts, for every restitution."""
+    # beside a peak every frequency of the grid is swept
     grid = next(iter(samples.values()))[0].curves[0].frequency
-    step = float(grid[1] - grid[0])
+    step = float(np.diff(grid).min())
     rows = []
     for i, restitution in enumerate(next(iter(samples.values()))[0].restitution):
         cells = [f"{restitution:.2f}"]

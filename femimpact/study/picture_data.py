@@ -52,7 +52,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 ABOUT = "about"
-"""Variable that holds, as JSON, what is no array."""
+"""Variable that holds, as JSON, everything that is not an array."""
 
 BASE_SAMPLES = "base_samples"
 """Variable that holds the samples of the record that moves the base."""

@@ -29,12 +29,16 @@ class RecordedMotion:
         Path of the file, from the folder of the study file.
     content : str
         The file as read: no run reads it again, wherever it is by then.
-    scale, detrend, columns
-        As of `RecordedBase.from_csv`.
+    scale : float
+        Times which the column is m/s^2: 9.80665 for a record in g.
+    detrend : {"none", "mean", "line"}
+        What is removed: the mean of the acceleration (an offset), or its line of least squares (offset and drift).
+    columns : two of int or str
+        Time and acceleration, by their numbers from 0 or their names in the header.
     duration : float or None, s
         Of the simulated history; None is that of the record.
     start : {"base", "space", "static"}
-        As of `BaseMotion`.
+        At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
 
     Raises
     ------

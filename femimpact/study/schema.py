@@ -29,7 +29,7 @@ __all__ = ["NOT_IN_SCHEMA", "study_schema"]
 NOT_IN_SCHEMA = (
     "what is not a number (nan), for which a schema has no word",
     "pairs of keys that belong together, as width and thickness, or restitution and contact_time",
-    "comparisons of two keys, as stop above start in [sweep], or of the two numbers of an axis",
+    "comparisons of two keys, as stop above start in [sweep], of the two numbers of an axis, of the rows of a density",
     "axes: whether a path leads to a number of the study, and a measure is known; a power of two of a Sobol sequence",
     "how many numbers a list has: two for a gap and for the ratio, modes or frequencies of [damping]",
     "names: each once, none of those that mean a place, none with a dot; places and channels must exist",
@@ -151,7 +151,7 @@ def _contact() -> dict[str, Any]:
     laws = []
     for name, (noun, fixed) in LAWS.items():
         schema = _noun(noun, frozenset(fixed), name)
-        schema["properties"] = {"law": {"const": name}, **schema["properties"]}
+        schema["properties"] = {"law": {"const": name, "description": "the contact law"}, **schema["properties"]}
         schema["required"] = ["law", *schema.get("required", [])]
         if noun is PowerLaw:
             schema["properties"]["stiffness"] |= {"x-unit": "N/m^exponent"}
@@ -204,6 +204,9 @@ def _signal(kind: str) -> dict[str, Any]:
     meanings = _meanings(SignalMotion)
     keys |= {name: _key(own[name], meanings[name]) for name in OWN}
     schema["properties"] = {"kind": {"const": kind, "description": "the kind of motion"}, **keys}
+    for name, item in arguments.items():
+        if isinstance(item.default, str):
+            keys[_key_of(other, name)]["default"] = item.default
     needed = [_key_of(other, name) for name, item in arguments.items() if item.default is inspect.Parameter.empty]
     schema["required"] = ["kind", *needed, *(["history", "acceleration", "duration"] if kind == "shock" else [])]
     return schema
@@ -219,7 +222,7 @@ def _method() -> dict[str, Any]:
     for name, noun in METHODS.items():
         schema = _noun(noun, title=name)
         later = chosen_later(noun)
-        schema["properties"] = {"name": {"const": name}, **schema["properties"]}
+        schema["properties"] = {"name": {"const": name, "description": "the method"}, **schema["properties"]}
         schema["required"] = [key for key in schema.pop("required", []) if key not in later]
         # a table without a name is the first of them
         schema["required"] += [] if name == "newmark" else ["name"]
@@ -228,7 +231,8 @@ def _method() -> dict[str, Any]:
 
 
 def _study() -> dict[str, Any]:
-    return _noun(ParameterPlan, axes={"$ref": "#/$defs/axes"}, sample=_noun(SamplePlan))
+    axes = {"$ref": "#/$defs/axes", "description": "What the study goes over: see [study.axes]."}
+    return _noun(ParameterPlan, axes=axes, sample=_noun(SamplePlan))
 
 
 def _axes() -> dict[str, Any]:

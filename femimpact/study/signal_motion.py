@@ -40,7 +40,8 @@ class SignalMotion:
     history : float or None, s
         Of the simulated history; None is the duration of the motion. A shock needs one.
     initial : {"base", "space", "static"}
-        As the start of `BaseMotion`; a chirp has a start of its own, in Hz.
+        At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`). The key is
+        not called start, which is the first frequency of a chirp.
 
     Raises
     ------

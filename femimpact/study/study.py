@@ -215,8 +215,8 @@ class Output:
         Time between the instants at which an event-driven history is read. Absent: under a sine `samples_per_cycle` of
         the method, under a record what its samples and the highest mode need.
     channels : sequence of str
-        Kept in the history besides those of the tip, the middle, the balls and the contacts, by their names (see
-        `response.channels.QUANTITIES`), as "root.reaction_force".
+        Kept in the history besides those of the tip, the middle, the balls and the contacts, by their names, as
+        "root.reaction_force"; the reference has a page of channels.
     frames : int
         Whole deflections that are kept for ParaView and the movie.
     frame_cycles : float

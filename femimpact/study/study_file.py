@@ -7,7 +7,7 @@ import re
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -222,6 +222,7 @@ def _noun(noun: Any, prefix: str, values: Mapping[str, Any], faults: list[Fault]
     return _collected(prefix, lambda: noun(**clean, **given), faults)
 
 
+@cache
 def _model_of(noun: Any, without: tuple[str, ...] = (), optional: tuple[str, ...] = ()) -> type[BaseModel]:
     """A pydantic model of a dataclass: the same keys, and each number's range from the field itself."""
     fields: dict[str, Any] = {}
@@ -273,6 +274,8 @@ def _beam(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
     for name in sorted(set(values) - {"segment"}):
         faults.append(Fault(f"{prefix}.{name}", None, "", "belongs into each [[beam.segment]] of a stepped beam"))
     segments = _table(f"{prefix}.segment", _Table(partial(_noun, Segment), many=True), values["segment"], faults)
+    if segments == []:
+        faults.append(Fault(f"{prefix}.segment", None, "", "must hold at least one segment"))
     return _collected(prefix, lambda: Beam(tuple(segments)), faults) if segments else None
 
 

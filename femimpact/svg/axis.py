@@ -16,7 +16,7 @@ TICKS = 6
 """Ticks of a linear axis, about."""
 
 MINUS, TIMES, NO_NUMBER, INFINITE = "\u2212", "\u00d7", "\u2013", "\u221e"
-"""A minus and a multiplication sign, a dash for what there is none of, and the sign of infinity."""
+"""A minus and a multiplication sign, a dash for a missing value, and the sign of infinity."""
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 

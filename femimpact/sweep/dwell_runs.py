@@ -1,4 +1,4 @@
-"""Dwells as runs of their own: for channels that read more than displacements, and dwells that follow each other."""
+"""Dwells as separate runs: for channels that read more than displacements, and dwells that follow each other."""
 
 from __future__ import annotations
 

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femimpact.errors import checked, in_range, quantity, real_array, require
-from femimpact.integrators.answers import SineDwells
+from femimpact.integrators.answers import SineCases, SineDwells
+from femimpact.system.state import State
+from femimpact.system.system import System
 
-__all__ = ["LEAST_CYCLES", "dwells_of"]
+__all__ = ["LEAST_CYCLES", "cases_of", "dwells_of"]
 
 LEAST_CYCLES = 3
 """Fewest base cycles of a dwell: the last third is measured."""
@@ -73,3 +75,29 @@ def dwells_of(amplitude: float, frequencies: ArrayLike, cycles: Any, duration: A
         allowed = f"must hold a whole base cycle of every frequency; {math.ceil(2e3 / slowest) / 1e3:g} s always does"
         require(False, "window", last, "s", allowed)
     return SineDwells(amplitude, f, run, measured)
+
+
+def cases_of(system: System, dwells: SineDwells, state: State, acceleration: float | None) -> SineCases:
+    """The dwells with an amplitude for each frequency."""
+    count, balls = dwells.frequency.size, len(system.balls)
+    amplitude = np.full(count, dwells.amplitude)
+    if acceleration is not None:
+        amplitude = acceleration / (2.0 * np.pi * dwells.frequency) ** 2
+    own = {name: getattr(state, name) for name in ("ball_displacement", "ball_velocity")}
+    # of another size than there are balls: refused with the first start
+    moved: dict[str, Any] = {
+        name: np.tile(np.zeros(balls) if values is None or values.shape != (balls,) else values, (count, 1))
+        for name, values in own.items()
+    }
+    return SineCases(
+        frequency=dwells.frequency,
+        amplitude=amplitude,
+        phase=np.zeros(count),
+        gaps=np.tile(np.array([pair.gaps for pair in system.contacts]).reshape(-1, 2), (count, 1, 1)),
+        laws=(tuple(pair.law for pair in system.contacts),),
+        law_of=np.zeros(count, dtype=np.int64),
+        initial=state,
+        cycles=dwells.cycles,
+        measured=dwells.measured,
+        **moved,
+    )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any, Literal, cast, overload
 
@@ -11,32 +10,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import checked, quantity, require, require_type, truth
-from femimpact.excitation import Sine
-from femimpact.excitation.remarks import frequency_warnings, motion_warnings
-from femimpact.identification import peak_resolution, resolution_warnings
-from femimpact.integrators.answers import SineCases, SineDwells
 from femimpact.integrators.many_cases import run_cases
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.threads import workers_of
 from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.channels import Channel, channel_of
-from femimpact.response.remarks import deflection_warnings
-from femimpact.structure.damping import realised_damping_ratio
 from femimpact.structure.structure import Position
-from femimpact.sweep.columns import columns_of_dwells, columns_of_runs
+from femimpact.sweep.columns import columns_of_dwells, columns_of_runs, curve_of, start_of
 from femimpact.sweep.curve import OF_THE_CHANNEL, FrequencyResponse
 from femimpact.sweep.dwell_runs import dwell_chain, dwells_apart
-from femimpact.sweep.dwells import dwells_of
-from femimpact.system.modes import first_elastic_frequency, first_resonance
+from femimpact.sweep.dwells import cases_of, dwells_of
 from femimpact.system.state import State
 from femimpact.system.system import System
 
 __all__ = ["frequency_sweep"]
 
 Array = NDArray[np.float64]
-
-TRANSIENT_LEFT = 0.03
-"""Share of the first mode's transient that may be left where measuring begins without a warning."""
 
 
 @overload
@@ -185,9 +174,9 @@ def frequency_sweep(
         "window": window,
         "at": at if channel is None else measured.name,
         "unit": measured.unit,
-        "start": _start(state, system),
+        "start": start_of(state, system),
     }
-    cases = _cases(system, dwells, state, acceleration)
+    cases = cases_of(system, dwells, state, acceleration)
     workers = workers_of(threads)
     f = dwells.frequency
     if direction is not None:
@@ -198,7 +187,7 @@ def frequency_sweep(
         runs = dwell_chain(system, cases, chain, method, measured, ledger, report)
         parts = {way: runs[i * f.size : (i + 1) * f.size] for i, way in enumerate(run)}
         curves = {
-            way: _curve(
+            way: curve_of(
                 system, method, dwells, columns_of_runs(own if way == "up" else own[::-1], f, ledger),
                 {**about, "direction": way},
             )
@@ -208,7 +197,7 @@ def frequency_sweep(
     row = _row(system, measured)
     if row is None:
         runs = dwells_apart(system, cases, method, measured, ledger, workers, report)
-        return _curve(system, method, dwells, columns_of_runs(runs, f, ledger), about)
+        return curve_of(system, method, dwells, columns_of_runs(runs, f, ledger), about)
     # methods with steps end a run whose observed value leaves all bounds of a displacement
     scale = 1.0 if measured.unit == "m" else 2.0 ** math.ceil(math.log2(max(float(np.max(np.abs(row))), 1e-300)))
     if acceleration is None:
@@ -217,33 +206,7 @@ def frequency_sweep(
         found = run_cases(system, cases, method, row / scale, int(ledger), workers, report)
     columns, warnings = columns_of_dwells(found, f, ledger)
     columns |= {name: scale * columns[name] for name in OF_THE_CHANNEL}
-    return _curve(system, method, dwells, (columns, warnings), about)
-
-
-def _cases(system: System, dwells: SineDwells, state: State, acceleration: float | None) -> SineCases:
-    """The dwells with an amplitude for each frequency."""
-    count, balls = dwells.frequency.size, len(system.balls)
-    amplitude = np.full(count, dwells.amplitude)
-    if acceleration is not None:
-        amplitude = acceleration / (2.0 * np.pi * dwells.frequency) ** 2
-    own = {name: getattr(state, name) for name in ("ball_displacement", "ball_velocity")}
-    # of another size than there are balls: refused with the first start
-    moved: dict[str, Any] = {
-        name: np.tile(np.zeros(balls) if values is None or values.shape != (balls,) else values, (count, 1))
-        for name, values in own.items()
-    }
-    return SineCases(
-        frequency=dwells.frequency,
-        amplitude=amplitude,
-        phase=np.zeros(count),
-        gaps=np.tile(np.array([pair.gaps for pair in system.contacts]).reshape(-1, 2), (count, 1, 1)),
-        laws=(tuple(pair.law for pair in system.contacts),),
-        law_of=np.zeros(count, dtype=np.int64),
-        initial=state,
-        cycles=dwells.cycles,
-        measured=dwells.measured,
-        **moved,
-    )
+    return curve_of(system, method, dwells, (columns, warnings), about)
 
 
 def _row(system: System, channel: Channel) -> Array | None:
@@ -251,80 +214,3 @@ def _row(system: System, channel: Channel) -> Array | None:
     reading = channel.reading(system)
     others = [getattr(reading, item.name) for item in fields(reading) if item.name != "displacement"]
     return None if any(np.any(values) for values in others) else np.asarray(reading.displacement)
-
-
-def _curve(
-    system: System, method: Method, dwells: SineDwells, found: tuple[dict[str, NDArray[Any]], list[str]],
-    about: Mapping[str, Any],
-) -> FrequencyResponse:  # fmt: skip
-    """The curve of columns, with what there is to say of it."""
-    columns, warnings = found
-    f = dwells.frequency
-    values: dict[str, Any] = {name: _read_only(column) for name, column in columns.items()}
-    warnings = warnings + _steadiness_warnings(f, columns["steadiness"]) + _dwell_warnings(system, dwells)
-    warnings += _grid_warnings(system, f)
-    curve = FrequencyResponse(
-        frequency=_read_only(f),
-        **values,
-        law=", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none",
-        **about,
-    )
-    largest = int(np.argmax(curve.base_amplitude))
-    warnings += motion_warnings(Sine(float(curve.base_amplitude[largest]), float(f[largest])), system.length)
-    warnings += frequency_warnings(f, system.highest_kept, system.first_left_out)
-    if curve.unit == "m":
-        warnings += deflection_warnings(columns["peak"], system.length)
-    return replace(curve, warnings=tuple(warnings), notes=method.notes(system))
-
-
-def _start(state: State, system: System) -> str:
-    """In one word where all runs start."""
-    if not state.is_at_rest:
-        return "given"
-    return "static" if state.is_static_on(system) else state.frame
-
-
-def _steadiness_warnings(f: Array, steadiness: NDArray[np.str_]) -> list[str]:
-    moving = f[steadiness == "transient"]
-    if moving.size == 0:
-        return []
-    return [
-        f"not steady at {moving.size} of {f.size} frequencies ({moving.min():.4g} to {moving.max():.4g} Hz): "
-        "the two halves of the measured time differ; take a longer dwell"
-    ]
-
-
-def _dwell_warnings(system: System, dwells: SineDwells) -> list[str]:
-    """What is left of the structure's own transient where measuring begins, when that is much."""
-    if system.rayleigh is None:
-        return []
-    first = first_elastic_frequency(system)
-    if first == 0.0:
-        return []
-    omega = 2.0 * math.pi * first
-    ratio = float(realised_damping_ratio(*system.rayleigh, omega))
-    begin = float(((dwells.cycles - dwells.measured) / dwells.frequency).min())
-    left = math.exp(-ratio * omega * begin)
-    if left <= TRANSIENT_LEFT:
-        return []
-    return [
-        f"dwell of {begin:.3g} s before measuring begins: {100 * left:.2g} % of the first mode's transient "
-        f"(damping ratio {ratio:.3g}) is left there: peaks and damping near {first:.4g} Hz need a "
-        "longer dwell"
-    ]
-
-
-def _grid_warnings(system: System, f: Array) -> list[str]:
-    """Where the grid is too coarse for the first resonance of a structure without contacts, whose width is known."""
-    if system.contacts or np.unique(f).size < 2:
-        return []
-    near, ratio = first_resonance(system)
-    width = 2.0 * ratio * near
-    if not f.min() < near < f.max() or width == 0.0:
-        return []
-    return list(resolution_warnings(peak_resolution(np.unique(f), near, width)))
-
-
-def _read_only(array: NDArray[Any]) -> NDArray[Any]:
-    array.setflags(write=False)
-    return array

@@ -12,8 +12,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sparse
 
-from femimpact.errors import Fault, InputError, checked, quantity, require, require_type, suggestion
-from femimpact.system.matrices import check_semidefinite, checked_matrix, checked_row, same_product, sound_sparse
+from femimpact.errors import Fault, InputError, checked, quantity, require, require_name, require_type
+from femimpact.system.matrices import (
+    FINITE,
+    check_semidefinite,
+    checked_matrix,
+    checked_row,
+    same_product,
+    sound_sparse,
+)
 from femimpact.system.reactions import check_reactions
 
 __all__ = [
@@ -50,7 +57,7 @@ def check_shapes(system: Any) -> None:
         require(fits, name, given or type(matrix).__name__, "", allowed)
         entries = matrix if dense else sound_sparse(name, matrix).data
         sound = entries.dtype.kind == "f" and bool(np.all(np.isfinite(entries)))
-        require(sound, name, None, "", "must hold finite numbers")
+        require(sound, name, None, "", FINITE)
     increasing = nodes.size == 0 or (nodes.size > 1 and bool(np.all(np.diff(nodes) > 0)))
     require(increasing, "nodes", None, "m", "must be two or more increasing positions, or none")
     pair = system.rayleigh is None or (isinstance(system.rayleigh, tuple) and len(system.rayleigh) == 2)
@@ -61,7 +68,7 @@ def check_shapes(system: Any) -> None:
         require_type(name, str, "points")
         checked(f"points.{name}", at, quantity("m", finite=False))
     for name, row in system.directions.items():
-        require(name in system.points, "directions", name, "", suggestion(str(name), system.points))
+        require_name(name, system.points, "directions")
         checked_row(f"directions.{name}", row, n)
     check_reactions(system.reactions, n)
     if system.sections is not None:

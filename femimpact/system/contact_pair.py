@@ -105,7 +105,7 @@ class ContactPair:
     def along(self, direction: Array) -> ContactPair:
         """The same pair in other coordinates of the structure, (dofs,); law and effective mass stay."""
         moved = replace(self, direction=direction)
-        # a law of one's own takes a while to integrate
+        # a user's law takes a while to integrate
         moved.__dict__["parameters"] = self.parameters
         return moved
 

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import require, require_type
 from femimpact.structure.damping import ModalDamping, Rayleigh, rayleigh_coefficients
+from femimpact.system.computed import with_checked_fields
 from femimpact.system.modes import Modes, solve_modes
 from femimpact.system.reactions import damped_reactions
-from femimpact.system.system import System, with_checked_fields
+from femimpact.system.system import System
 
 __all__ = ["damped_with_modes", "rayleigh_of", "with_damping"]
 
@@ -26,7 +27,7 @@ def with_damping(system: System, damping: Rayleigh | ModalDamping | None) -> Sys
     system : System
         Also after `add_terms`, which leaves the damping of the structure what it was.
     damping : Rayleigh, ModalDamping or None
-        None is no damping. C is replaced whole, dashpots and damping of one's own included.
+        None is no damping. C is replaced whole, dashpots and damping that a user adds included.
 
     Returns
     -------
@@ -99,7 +100,7 @@ def _by_modes(system: System, modes: Modes, ratio: NDArray[np.float64]) -> Syste
         for name, item in system.reactions.items()
     }
     C = sparse.csr_array(beta * system.K + sparse.csr_array(0.5 * (full + full.T)))
-    return replace(system, C=C, rayleigh=None, reactions=reactions, computed_together=None)
+    return with_checked_fields(system, C=C, rayleigh=None, reactions=reactions)
 
 
 def _row(values: ArrayLike) -> NDArray[np.float64]:

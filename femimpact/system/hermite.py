@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
@@ -46,15 +48,16 @@ def shape_functions(s: ArrayLike, derivative: int = 0) -> Array:
         and divide all by its `derivative`-th power for derivatives by x.
     """
     s = real_array("s", s, "1", "must be finite numbers")
-    derivative = checked("derivative", derivative, DERIVATIVE)
-    zero = 0.0 * s
-    rows = (
-        (1 - 3 * s**2 + 2 * s**3, s - 2 * s**2 + s**3, 3 * s**2 - 2 * s**3, s**3 - s**2),
-        (6 * s**2 - 6 * s, 1 - 4 * s + 3 * s**2, 6 * s - 6 * s**2, 3 * s**2 - 2 * s),
-        (12 * s - 6, 6 * s - 4, 6 - 12 * s, 6 * s - 2),
-        (12 + zero, 6 + zero, -12 + zero, 6 + zero),
-    )
-    return np.stack(rows[derivative])
+    return np.array(_SHAPES[checked("derivative", derivative, DERIVATIVE)](s))
+
+
+_SHAPES: tuple[Callable[[Array], tuple[Array, ...]], ...] = (
+    lambda s: (1 - 3 * s**2 + 2 * s**3, s - 2 * s**2 + s**3, 3 * s**2 - 2 * s**3, s**3 - s**2),
+    lambda s: (6 * s**2 - 6 * s, 1 - 4 * s + 3 * s**2, 6 * s - 6 * s**2, 3 * s**2 - 2 * s),
+    lambda s: (12 * s - 6, 6 * s - 4, 6 - 12 * s, 6 * s - 2),
+    lambda s: (12 + 0.0 * s, 6 + 0.0 * s, -12 + 0.0 * s, 6 + 0.0 * s),
+)
+"""The functions and their derivatives by s, by the order of the derivative."""
 
 
 def positions_on_beam(nodes: Array, positions: ArrayLike, key: str) -> Array:
@@ -65,13 +68,14 @@ def positions_on_beam(nodes: Array, positions: ArrayLike, key: str) -> Array:
     slack = OFF_BEAM * (tip - root)
     beyond = x[(x < root - slack) | (x > tip + slack)]
     require(beyond.size == 0, key, float(beyond[0]) if beyond.size else None, "m", allowed)
-    return np.asarray(np.clip(x, root, tip))
+    return np.minimum(np.maximum(x, root), tip)
 
 
 def element_of(nodes: Array, positions: Array, side: str) -> NDArray[np.intp]:
     """Numbers of the elements that hold positions (k,) in m; at a node, to 1e-9 of the length, the one on a side."""
     shift = (1.0 if checked("side", side, SIDE) == "right" else -1.0) * AT_NODE * (nodes[-1] - nodes[0])
-    return np.asarray(np.clip(np.searchsorted(nodes, positions + shift, side="right") - 1, 0, nodes.size - 2))
+    element = np.searchsorted(nodes, positions + shift, side="right") - 1
+    return np.asarray(np.minimum(np.maximum(element, 0), nodes.size - 2))
 
 
 def place_in_element(nodes: Array, positions: Array, side: str) -> tuple[NDArray[np.intp], Array]:
@@ -106,8 +110,8 @@ def hermite_rows(nodes: Array, positions: ArrayLike, derivative: int = 0, side: 
     derivative = checked("derivative", derivative, DERIVATIVE)
     element = element_of(nodes, x, side)
     length = nodes[element + 1] - nodes[element]
-    values = shape_functions((x - nodes[element]) / length, derivative) / length**derivative
+    values = np.array(_SHAPES[derivative]((x - nodes[element]) / length)) / length**derivative
     values[[1, 3]] *= length
-    row = np.repeat(np.arange(x.size), 4)
     column = (2 * element[:, None] + np.arange(4)).ravel()
-    return sparse.csr_array((values.T.ravel(), (row, column)), shape=(x.size, 2 * nodes.size))
+    first = np.arange(0, column.size + 1, 4)
+    return sparse.csr_array((values.T.ravel(), column, first), shape=(x.size, 2 * nodes.size))

@@ -24,6 +24,7 @@ __all__ = [
     "checked_row",
     "checked_shapes",
     "definite_factor",
+    "diagonal_matrix",
     "same_product",
     "sound_sparse",
     "stiffness_solver",
@@ -227,29 +228,49 @@ def stiffness_solver(system: Any) -> Callable[[Array], Array]:
     """K^-1 of a system, through its stiffness factor: a function of loads (dofs, ...) in N; see `solve_stiffness`.
 
     Where rigid motions r are free it gives the elastic displacements, r^T M u = 0, under the loads and the inertia
-    forces of the rigid motion that these cause.
+    forces of the rigid motion that these cause. It is made once for a system.
     """
+    kept = system.derived_undamped
+    if "stiffness solver" not in kept:
+        kept["stiffness solver"] = _stiffness_solver(system)
+    solve: Callable[[Array], Array] = kept["stiffness solver"]
+    return solve
+
+
+def _stiffness_solver(system: Any) -> Callable[[Array], Array]:
     from scipy.sparse.linalg import splu
 
     factor = sparse.csr_array(system.stiffness_factor)
     rigid = rigid_motions(system)
     momentum = system.M @ rigid
-    # the best scale is near the smallest singular value of G; the result does not hang on it
-    known = math.isfinite(system.first_frequency) and system.first_frequency > 0.0
-    scale = 2.0 * math.pi * system.first_frequency if known else 1.0
     if rigid.shape[1]:
-        factor = sparse.csr_array(sparse.vstack([factor, scale * momentum.T]))
-    strains = factor.shape[0]
-    augmented = sparse.block_array([[scale * sparse.eye_array(strains), factor], [factor.T, None]], format="csc")
-    solver = splu(augmented)
+        factor = sparse.csr_array(sparse.vstack([factor, momentum.T]))
+    solver, strains = splu(_augmented(factor)), factor.shape[0]
 
     def solve(loads: Array) -> Array:
         if rigid.shape[1]:
             loads = loads - momentum @ (rigid.T @ loads)
-        right = np.concatenate([np.zeros((strains, *loads.shape[1:])), loads / -scale])
+        right = np.concatenate([np.zeros((strains, *loads.shape[1:])), -loads])
         displacement = solver.solve(right)[strains:]
         if rigid.shape[1]:
             displacement = displacement - rigid @ (momentum.T @ displacement)
         return np.asarray(displacement)
 
     return solve
+
+
+def _augmented(factor: Matrix) -> Any:
+    """[I, G; G^T, 0] by columns; a scale of I is of no account, as SuperLU scales rows and columns itself."""
+    strains, dofs = factor.shape
+    entries, own = factor.tocoo(), np.arange(strains)
+    row, column = entries.coords[0], strains + entries.coords[1]
+    values = np.concatenate([np.ones(strains), entries.data, entries.data])
+    places = np.concatenate([own, row, column]), np.concatenate([own, column, row])
+    return sparse.csc_array((values, places), shape=(strains + dofs, strains + dofs))
+
+
+def diagonal_matrix(values: Array) -> Matrix:
+    """The matrix with these numbers (dofs,) on its diagonal."""
+    entries = np.flatnonzero(values)
+    first = np.searchsorted(entries, np.arange(values.size + 1))
+    return sparse.csr_array((values[entries], entries, first), shape=(values.size, values.size))

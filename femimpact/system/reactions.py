@@ -32,7 +32,7 @@ class Reaction:
 
     A force is positive along +w and a moment along +dw/dx; see `femimpact.system.sections`. It is the force of this
     one support. The sum over all supports is not the force of the shaker where damping in proportion to the mass
-    (alpha of Rayleigh), terms of one's own or an elastic foundation also act between structure and base.
+    (alpha of Rayleigh), terms that a user adds or an elastic foundation also act between structure and base.
 
     With modes left out (`reduce`), this reads the held rows of the kept modes. The sum of the inertia and contact
     forces of the kept modes is another number: both tend to the reaction as modes are added, at different rates.
@@ -76,9 +76,16 @@ class Reaction:
 def damped_reactions(reactions: Mapping[str, Reaction], alpha: float, beta: float) -> dict[str, Reaction]:
     """The same reactions with C = alpha M + beta K (1/s, s), whose rows at held dofs follow from those of M and K."""
     return {
-        name: replace(item, on_velocity=_row(alpha * item.on_acceleration + beta * item.on_displacement))
+        name: _with_row(item, on_velocity=_row(alpha * item.on_acceleration + beta * item.on_displacement))
         for name, item in reactions.items()
     }
+
+
+def _with_row(item: Reaction, **rows: Array) -> Reaction:
+    """The same reaction with rows that follow from its own: the checks would take longer than making them."""
+    copied = object.__new__(Reaction)
+    copied.__dict__.update(item.__dict__ | rows)
+    return copied
 
 
 def reduced_reactions(reactions: Mapping[str, Reaction], phi: Array) -> dict[str, Reaction]:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
 
 import numpy as np
 import scipy.linalg
-import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import checked, require, require_type, truth
 from femimpact.structure.damping import realised_damping_ratio
+from femimpact.system.computed import with_checked_fields
 from femimpact.system.contact_pair import ContactPair
+from femimpact.system.matrices import diagonal_matrix
 from femimpact.system.modes import Modes, mode_count, solve_modes, solve_stiffness
 from femimpact.system.reactions import reduced_reactions
 from femimpact.system.system import System
@@ -65,8 +65,9 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     every contact. Their frequencies are no natural frequencies: below them the correction is static.
     """
     static_correction = checked("static_correction", static_correction, truth())
-    kept, left_out = _modes_and_next(system, mode_count(system, modes, "modes"))
-    return _on_modes(system, kept, left_out, static_correction)
+    count = mode_count(system, modes, "modes")
+    found = solve_modes(system, min(count + 1, system.dofs))
+    return _on_modes(system, found, found.damping_ratio, count, static_correction)
 
 
 def reduced_on(system: System, found: Modes, modes: int) -> System:
@@ -80,12 +81,15 @@ def reduced_on(system: System, found: Modes, modes: int) -> System:
     modes : int
     """
     ratio = _damping_ratio(system, found.vectors, 2.0 * math.pi * found.natural_frequency)
-    return _on_modes(system, *_lowest_and_next(system, replace(found, damping_ratio=ratio), modes), False)
+    return _on_modes(system, found, ratio, modes, False)
 
 
-def _on_modes(system: System, kept: Modes, left_out: float, static_correction: bool) -> System:
-    """The system on some of its modes; `left_out` is the lowest frequency (Hz) that is not kept."""
-    phi, omega, ratio = kept.vectors, 2.0 * math.pi * kept.natural_frequency, kept.damping_ratio
+def _on_modes(system: System, found: Modes, ratio: Array, count: int, static_correction: bool) -> System:
+    """The system on the lowest of some modes, whose damping ratios are these."""
+    frequency = found.natural_frequency
+    next_one = float(frequency[count]) if count < frequency.size else math.inf
+    phi, omega = np.ascontiguousarray(found.vectors[:, :count]), 2.0 * math.pi * frequency[:count]
+    ratio = ratio[:count]
     if static_correction and system.contacts:
         extra, extra_omega = _attachment_vectors(system, phi, omega)
         phi, omega = np.hstack([phi, extra]), np.append(omega, extra_omega)
@@ -93,41 +97,22 @@ def _on_modes(system: System, kept: Modes, left_out: float, static_correction: b
     if system.rayleigh is None:
         _check_decoupled(phi.T @ (system.C @ phi))
     contacts = tuple(pair.along(_row(pair.direction @ phi)) for pair in system.contacts)
-    return replace(
+    return with_checked_fields(
         system,
-        M=sparse.eye_array(omega.size, format="csr"),
-        C=sparse.diags_array(np.where(omega > 0.0, 2.0 * ratio * omega, _modal_damping(system, phi)), format="csr"),
-        K=sparse.diags_array(omega**2, format="csr"),
-        stiffness_factor=sparse.diags_array(omega, format="csr"),
+        M=diagonal_matrix(np.ones(omega.size)),
+        C=diagonal_matrix(np.where(omega > 0.0, 2.0 * ratio * omega, _damping_of_rigid(system, phi))),
+        K=diagonal_matrix(omega**2),
+        stiffness_factor=diagonal_matrix(omega),
         base_load=_row(phi.T @ system.base_load),
         rigid_translation=_row(phi.T @ (system.M @ system.rigid_translation)),
         expansion=np.asarray(system.expansion @ phi),
         contacts=contacts,
         directions={name: _row(row @ phi) for name, row in system.directions.items()},
         constant_load=_row(phi.T @ system.constant_load),
-        # nothing is left out of a resultant, as nothing is of the total mass
-        constant_resultant=system.constant_resultant,
+        # `constant_resultant` stays: nothing is left out of a resultant, as nothing is of the total mass
         reactions=reduced_reactions(system.reactions, phi),
-        first_left_out=left_out,
-        computed_together=None,
+        first_left_out=min(next_one, system.first_left_out),
     )
-
-
-def _modes_and_next(system: System, count: int) -> tuple[Modes, float]:
-    """The lowest modes, and the natural frequency (Hz) of the next one; that is infinite where it does not exist."""
-    if count == system.dofs:
-        return solve_modes(system, count), system.first_left_out
-    return _lowest_and_next(system, solve_modes(system, count + 1), count)
-
-
-def _lowest_and_next(system: System, found: Modes, count: int) -> tuple[Modes, float]:
-    """The lowest of some modes, and the natural frequency (Hz) of the one after them."""
-    if count == found.natural_frequency.size:
-        return found, system.first_left_out
-    arrays = [np.ascontiguousarray(getattr(found, item.name)[..., :count]) for item in fields(Modes)]
-    for array in arrays:
-        array.setflags(write=False)
-    return Modes(*arrays), min(float(found.natural_frequency[count]), system.first_left_out)
 
 
 def _attachment_vectors(system: System, phi: Array, omega: Array) -> tuple[Array, Array]:
@@ -156,8 +141,13 @@ def _attachment_vectors(system: System, phi: Array, omega: Array) -> tuple[Array
     return psi, np.linalg.norm(system.stiffness_factor @ psi, axis=0)
 
 
+def _damping_of_rigid(system: System, vectors: Array) -> Array | float:
+    """phi^T C phi (1/s) of rigid motions, which may be damped, though they have no ratio."""
+    return _modal_damping(system, vectors) if system.rayleigh is None else system.rayleigh[0]
+
+
 def _modal_damping(system: System, vectors: Array) -> Array:
-    """phi^T C phi (1/s) of every vector: a rigid motion may be damped, though it has no ratio."""
+    """phi^T C phi (1/s) of every vector."""
     return np.asarray(np.einsum("ij,ij->j", vectors, system.C @ vectors))
 
 

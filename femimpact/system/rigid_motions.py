@@ -25,8 +25,18 @@ def rigid_motions(system: Any) -> NDArray[np.float64]:
     Returns
     -------
     ndarray (dofs, k), kg^-0.5
-        Orthonormal with M; k = 0 where all is held.
+        Orthonormal with M, computed once for a system; k = 0 where all is held.
     """
+    kept = system.derived_undamped
+    if "rigid motions" not in kept:
+        motions = _rigid_motions(system)
+        motions.setflags(write=False)
+        kept["rigid motions"] = motions
+    found: NDArray[np.float64] = kept["rigid motions"]
+    return found
+
+
+def _rigid_motions(system: Any) -> NDArray[np.float64]:
     if system.is_diagonal:
         unheld = np.flatnonzero(system.K.diagonal() == 0.0)
         motions = np.zeros((system.dofs, unheld.size))
@@ -44,6 +54,8 @@ def rigid_motions(system: Any) -> NDArray[np.float64]:
     strains = (factor @ dofs)[terms > 0.0] / terms[terms > 0.0, None]
     sizes, shares = np.linalg.svd(np.vstack([held, strains]), full_matrices=False)[1:]
     motions = dofs @ shares[sizes <= FREE * np.sqrt(strains.shape[0] + 1.0)].T
+    if not motions.size:
+        return np.asarray(motions)
     lower = np.linalg.cholesky(motions.T @ (system.M @ motions))
     return np.asarray(np.linalg.solve(lower, motions.T).T)
 

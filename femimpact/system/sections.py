@@ -116,6 +116,18 @@ class SectionFields:
         """Which elements taper, (elements,)."""
         return np.asarray((self.width_taper != 0.0) | (self.thickness_taper != 0.0))
 
+    @property
+    def bending_polynomial(self) -> Array:
+        """E I over that in the middle, as a polynomial in x = 2 s - 1: its coefficients by powers, (5, elements)."""
+        a, b = 0.5 * self.width_taper, 0.5 * self.thickness_taper
+        return np.stack([np.ones(a.size), a + 3.0 * b, 3.0 * b * (a + b), b * b * (3.0 * a + b), a * b**3])
+
+    @property
+    def mass_polynomial(self) -> Array:
+        """The same of rho A, (3, elements)."""
+        a, b = 0.5 * self.width_taper, 0.5 * self.thickness_taper
+        return np.stack([np.ones(a.size), a + b, a * b])
+
     def bending_stiffness_at(self, element: int | NDArray[np.intp], s: float | Array, derivative: int = 0) -> Array:
         """E I (N m^2) at places s from 0 to 1 of elements, or its first derivative by s."""
         w, t, a, b = self._taper(element, s)

@@ -169,7 +169,7 @@ class State:
         Raises
         ------
         InputError
-            If the structure can move as a rigid body, or the place is none.
+            If the structure can move as a rigid body, or the place is unknown.
         """
         name = system.default_place if at is None else at
         held = rigid_motions(system).shape[1] == 0

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
-import scipy.optimize
 from numpy.typing import NDArray
 
 from femimpact.contact.formulas import KELVIN_VOIGT, POWER, RIGID
@@ -157,10 +156,10 @@ def _ball_at_rest(pair: ContactPair) -> tuple[float, float, float]:
     else:
         depth = (pressed / parameters.stiffness) ** (1.0 / parameters.exponent)
         if spring > 0.0:
+            from scipy.optimize import brentq
+
             force = _power(parameters.stiffness, parameters.exponent)
-            depth = scipy.optimize.brentq(
-                lambda p: force(p) + spring * p - pressed, 0.0, depth, xtol=1e-300, rtol=1e-15
-            )
+            depth = brentq(lambda p: force(p) + spring * p - pressed, 0.0, depth, xtol=1e-300, rtol=1e-15)
     return side * (gap + depth), side * (pressed - spring * depth), depth
 
 
@@ -280,11 +279,13 @@ def _solved(part: Array, target: Array) -> tuple[Array, bool]:
     F are the multipliers of the least |z| with H^T z >= q, where H^T H is the matrix: with x >= 0 of the least
     |[H; q^T] x - [0; 1]|, F = x/(1 - q^T x), and there is none where 1 - q^T x = 0.
     """
+    from scipy.optimize import nnls
+
     values, vectors = scipy.linalg.eigh(part)
     factor = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
     scaled = target / target.max()
     ahead = np.append(np.zeros(target.size), 1.0)
-    guess = scipy.optimize.nnls(np.vstack([factor, scaled]), ahead, maxiter=100 * target.size)[0]
+    guess = nnls(np.vstack([factor, scaled]), ahead, maxiter=100 * target.size)[0]
     active = guess > 0.0
     force = np.zeros(target.size)
     if 1.0 - float(scaled @ guess) <= EXACT:

@@ -1,7 +1,7 @@
 """The semi-discrete equations: matrices, named places and contact pairs. No finite-element object inside.
 
 M u'' + C u' + K u = -base_load ub'' + constant_load + sum_j b_j F_j,   m_j (y_j'' + ub'') = m_j g_j - F_j,
-with u and y relative to the moving base. A stop is a pair whose other side has no motion of its own: y_j = 0 where it
+with u and y relative to the moving base. A stop is a pair whose other side does not move by itself: y_j = 0 where it
 is fixed to the base; where it is fixed in space y_j = ub, for with its b_j u = -w this is x_j = y_j - b_j u = w + ub.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -47,15 +47,19 @@ from femimpact.system.consistency import (
 )
 from femimpact.system.contact_pair import ContactPair, contact_pair, frozen_row
 from femimpact.system.hermite import hermite_rows, place_in_element, positions_on_beam
-from femimpact.system.matrices import MOST_FULL, Matrix, checked_matrix, checked_row, checked_shapes, definite_factor
+from femimpact.system.matrices import (
+    MOST_FULL,
+    Matrix,
+    checked_matrix,
+    checked_row,
+    checked_shapes,
+    definite_factor,
+)
 from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reactions
 from femimpact.system.sections import Section, SectionFields
 from femimpact.table import Head, head_of_values, short_repr
 
-__all__ = [
-    "System", "SystemOrigin", "with_checked_fields", "with_checked_pairs", "with_modal_damping",
-    "without_impactors",
-]  # fmt: skip
+__all__ = ["System", "SystemOrigin", "without_impactors"]
 
 Array = NDArray[np.float64]
 
@@ -205,7 +209,7 @@ class System:
         impactors, stops : sequences
             Their `at` is a name among the points.
         constant_load : array_like (dofs,), N
-            Constant force on the structure; the default is none. Balls have an `acceleration` of their own.
+            Constant force on the structure; the default is none. Balls have their own `acceleration`.
         nodes : array_like (n,), m
             Increasing positions along a line, for pictures: mode shapes and deflections are drawn there.
         expansion : array_like or sparse (2 n, dofs)
@@ -269,7 +273,7 @@ class System:
         values = {
             "first frequency": f"{self.first_frequency:.5g} Hz",
             "total mass": f"{self.total_mass:.5g} kg",
-            "damping": "a matrix of its own",
+            "damping": "a given matrix",
             "points": ", ".join(name if math.isnan(x) else f"{name} at {x:.5g} m" for name, x in self.points.items()),
         }
         if self.rayleigh is not None:
@@ -453,8 +457,11 @@ class System:
 
     def _rows(self, positions: ArrayLike, derivative: int, side: str) -> Array:
         self._require_beam(positions)
-        rows: Any = hermite_rows(self.nodes, positions, derivative, side) @ self.expansion
-        return np.asarray(rows if isinstance(rows, np.ndarray) else rows.toarray())
+        rows: Any = hermite_rows(self.nodes, positions, derivative, side)
+        if isinstance(self.expansion, np.ndarray):
+            return np.asarray(rows @ self.expansion)
+        # sooner than the product of two sparse matrices
+        return np.ascontiguousarray((self.expansion.T @ rows.toarray().T).T)
 
     def held_shares(self, at: Position) -> Array:
         """Share of a unit force at a place that acts on the held dof of each reaction, (reactions,).
@@ -490,11 +497,13 @@ class System:
         require(place, "at", at, "", "must be the name of a place, or metres from the root")
         if at in self.directions:
             return self.directions[str(at)]
-        if at not in self._known_rows:
-            row = np.asarray(self.deflection_rows([self.position_of(at)])[0])
+        position, kept = self.position_of(at), self.derived_undamped.setdefault("rows", {})
+        if position not in kept:
+            row = np.asarray(self.deflection_rows([position])[0])
             row.setflags(write=False)
-            self._known_rows[at] = row
-        return self._known_rows[at]
+            kept[position] = row
+        found: Array = kept[position]
+        return found
 
     @cached_property
     def highest_kept(self) -> float:
@@ -517,9 +526,16 @@ class System:
         return {}
 
     @cached_property
-    def _known_rows(self) -> dict[Position, Array]:
-        """Rows read before: every run reads the same ones."""
+    def derived_undamped(self) -> dict[Any, Any]:
+        """The same of what follows from mass, stiffness and mesh alone.
+
+        Copies of `femimpact.system.computed` with another damping or other contacts have the same one.
+        """
         return {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        # what was computed before is computed again where it is sent to; a factorisation cannot be sent
+        return {name: value for name, value in self.__dict__.items() if not name.startswith("derived")}
 
 
 def _place_of_row(row: Array, nodes: Array, expansion: Matrix) -> float:
@@ -554,7 +570,7 @@ def _contacts_of_matrices(
 
 
 def _is_diagonal(matrix: Matrix) -> bool:
-    entries = sparse.coo_array(matrix)
+    entries = matrix.tocoo(copy=False)
     return bool(np.all((entries.coords[0] == entries.coords[1]) | (entries.data == 0.0)))
 
 
@@ -568,38 +584,3 @@ def without_impactors(system: System) -> System:
     """
     require_type(system, System, "system")
     return replace(system, contacts=tuple(pair for pair in system.contacts if pair.is_stop))
-
-
-def with_checked_fields(system: System, **changes: Any) -> System:
-    """The same system with other fields that follow from one another: the checks of a whole system are left out.
-
-    They take longer than a short run does. A caller has them made once, of the system that comes last or of the first.
-    """
-    return _copy(system, **changes)
-
-
-def with_checked_pairs(system: System, contacts: tuple[ContactPair, ...]) -> System:
-    """The same system with other numbers of its pairs, which were checked when they were made: no more is checked."""
-    return _copy(system, contacts=contacts)
-
-
-def with_modal_damping(system: System, alpha: float, beta: float) -> System:
-    """The same system, on its modes, with C = alpha M + beta K (1/s, s), both >= 0: nothing else is checked anew."""
-    of_modes = alpha * system.M.diagonal() + beta * system.K.diagonal()
-    number = np.arange(system.dofs + 1)
-    C = sparse.csr_array((of_modes, number[:-1], number), shape=system.C.shape)
-    return _copy(system, C=C, rayleigh=(alpha, beta), reactions=damped_reactions(system.reactions, alpha, beta))
-
-
-def _copy(system: System, **changes: Any) -> System:
-    """A copy with the checks left out: those of a whole system take longer than a short run does."""
-    copied = object.__new__(System)
-    copied.__dict__.update({item.name: getattr(system, item.name) for item in fields(System)} | changes)
-    origin = system.computed_together
-    if origin is not None:
-        kept = tuple(getattr(copied, name) for name in TOGETHER)
-        copied.__dict__["computed_together"] = origin._replace(fields=kept)
-    if "is_diagonal" in system.__dict__:
-        # diagonal matrices stay so
-        copied.__dict__["is_diagonal"] = system.is_diagonal
-    return copied

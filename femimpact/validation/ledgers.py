@@ -205,7 +205,7 @@ BALANCED: dict[str, tuple[ContactLaw, Method, float]] = {
 
 
 def balance(name: str) -> Case:
-    """Work put in, energy stored and energy lost, each a sum of its own, over 20 cycles of impacts."""
+    """Work put in, energy stored and energy lost, each summed separately, over 20 cycles of impacts."""
     law, method, bound = BALANCED[name]
     run = integrate(_box(law), Sine(1e-3, 5.0), method, 4.0, Recorder(("tip",)))
     closed = run.energy.residual if run.energy is not None and len(run.impacts) > 20 else math.nan

@@ -143,7 +143,7 @@ def box_eigenvalue(orbit: Orbit) -> Case:
     off = _approach_speeds(orbit, 1e-7, 20)[:36] / exact - 1
     # four states at an impact: the deviations obey a recurrence of order four
     columns = np.column_stack([off[k : off.size - 4 + k] for k in range(4)])
-    # each equation in units of its own size, for one that grows
+    # each equation in units of its size, for one that grows
     weight = 1 / np.max(np.abs(columns), axis=1)
     factors = np.linalg.lstsq(weight[:, None] * columns, weight * off[4:])[0]
     largest = float(np.max(np.abs(np.roots([1.0, *-factors[::-1]]))))

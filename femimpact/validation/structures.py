@@ -1,4 +1,4 @@
-"""Beams with bodies, steps and other supports: roots of their own equations, effective masses, damping, flexibility."""
+"""Beams with bodies, steps and other supports: roots of frequency equations, effective masses, damping, flexibility."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ __all__ = ["CustomLaw"]
 
 @dataclass(frozen=True)
 class CustomLaw:
-    """A law of one's own: N = force(depth, rate, approach_speed), never below zero.
+    """A law that a user writes: N = force(depth, rate, approach_speed), never below zero.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
 // What the loop over events works on: the arrays that it is handed, by name.
 //
 // The functions `fields` are the table of names, types and shapes that Python hands arrays over by; a type in View<...>
-// that is const is only read. The case axis comes first: each case is a run of its own. In shapes C cases, F closed
+// that is const is only read. The case axis comes first: each case is a separate run. In shapes C cases, F closed
 // forms, K entries, P rigid-body coordinates, d coordinates (structure, then balls), n coordinates of the structure,
 // R pairs, O outputs, N closed forms of the same contact parameters, B blocks, L knots, S samples of a base cycle and
-// one more; any other letter is a length of its own. Rows of scalars: x of every pair, the contact force of every pair
+// one more; any other letter is a separate length. Rows of scalars: x of every pair, the contact force of every pair
 // on the structure, then the outputs, the first of which is the observed place.
 #pragma once
 

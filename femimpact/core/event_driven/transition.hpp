@@ -182,7 +182,7 @@ constexpr double ROUNDING_SHARE = 1e-12;
 // Makes a rigid impact without rebound, of pairs that stick and one that meets its wall: STAY or ENTER.
 //
 // COLLIDE where none sticks; RELEASE_ALL where a pair rebounds, or is left by its wall: an impact elsewhere passes
-// through sticking pairs as an impact of its own.
+// through sticking pairs as a separate impact.
 [[gnu::noinline]] inline Index beside_sticking(Index j, double side, const Form &form, const Pairs &pairs,
                                                const Case &c, const Space &space, const Tables &tables,
                                                const Ledger *b) {

@@ -3,7 +3,7 @@
 // The functions `fields` are the table of names, types and shapes that Python hands arrays over by; a type in View<...>
 // that is const is only read. The case axis comes last: cases lie side by side, one alone or in packs. In shapes n
 // degrees of freedom, R places that are read in every step, P pairs, C cases, m modes whose losses are kept apart (n or
-// none), B and b lower bands, K cycles; any other letter is a length of its own.
+// none), B and b lower bands, K cycles; any other letter is a separate length.
 #pragma once
 
 #include "../array.hpp"

@@ -31,6 +31,9 @@ __all__ = ["mesh_convergence", "mode_convergence", "step_convergence"]
 SLOPE: Any = optional(quantity("1", above=0.0, at_most=20.0))
 """Of a reference line."""
 
+MARKERS = "osD^v"
+"""Of curves; those of the next round of colours have another one."""
+
 CASES = ((0, BLUE, "o", 0.97, "modes only"), (1, ORANGE, "s", 1.03, "with static correction"))
 """Column, colour, marker, shift along the axis so that bars do not hide one another, label."""
 
@@ -58,12 +61,13 @@ def mesh_convergence(result: MeshConvergence, slope: float | None = 4.0, ax: Axe
     """
     axis = panel(ax, 7.0, 5.0)
     for i in range(result.reference.size):
-        label = f"mode {i + 1}, {result.reference[i]:.5g} Hz: order {result.order[i]:.2f}"
-        axis.loglog(result.elements, np.maximum(result.error[:, i], 1e-16), "o-", color=COLOURS[i % 5], label=label)
+        label = _with_order(f"mode {i + 1}, {result.reference[i]:.5g} Hz", result.order[i])
+        marker = MARKERS[i // len(COLOURS) % len(MARKERS)]
+        error = np.maximum(result.error[:, i], 1e-16)
+        axis.loglog(result.elements, error, f"{marker}-", color=COLOURS[i % len(COLOURS)], label=label)
     if slope is not None:
         _reference(axis, result.elements, result.error[:, :1], -slope, 0.3, f"reference: order {slope:g}")
-    axis.axhspan(1e-16, 1e-12, color="#eeeeee", zorder=0)
-    axis.annotate("round-off floor", (0.02, 1.5e-13), xycoords=("axes fraction", "data"), color=GREY)
+    axis.axhspan(1e-16, 1e-12, color="#eeeeee", zorder=0, label="round-off floor")
     axis.set_ylim(bottom=1e-16)
     plain_log_ticks(axis.xaxis)
     axis.set_xlabel("elements")
@@ -95,8 +99,8 @@ def step_convergence(result: StepConvergence, slope: float | None = 2.0, ax: Axe
     """
     axis = panel(ax, 7.0, 5.0)
     rows = (
-        (result.linear_error, f"without ball, 3 cycles: order {result.linear_order:.2f}", "o-"),
-        (result.first_impact_error, f"after the first impact: order {result.first_impact_order:.2f}", "s-"),
+        (result.linear_error, _with_order("without ball, 3 cycles", result.linear_order), "o-"),
+        (result.first_impact_error, _with_order("after the first impact", result.first_impact_order), "s-"),
         (result.energy_residual, "energy residual of these runs", "^--"),
     )
     for colour, (values, label, style) in zip(COLOURS, rows, strict=False):
@@ -108,6 +112,11 @@ def step_convergence(result: StepConvergence, slope: float | None = 2.0, ax: Axe
     axis.set_ylabel("relative error")
     legend_above(axis)
     return axis
+
+
+def _with_order(words: str, order: float) -> str:
+    """A curve's label: rows that all lie at the round-off floor have no order."""
+    return f"{words}: order {order:.2f}" if np.isfinite(order) else words
 
 
 def _reference(

@@ -33,7 +33,7 @@ __all__ = [
 BLUE, ORANGE, GREEN, PURPLE, SKY, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#666666"
 """Okabe and Ito's colours, which most colour-blind readers can distinguish."""
 DARK = "#333333"
-"""Of what is no curve, no mode and no region."""
+"""Of everything but curves, modes and regions."""
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY)
 WALLS: tuple[tuple[int, str, str, str], ...] = ((1, BLUE, "o", "+ wall"), (-1, ORANGE, "^", "- wall"))
 """Side, colour, marker and label."""
@@ -195,7 +195,7 @@ def legend_above(axis: Axes, *groups: Sequence[Any]) -> None:
     axis : Axes
         With its title.
     *groups : sequence of Artist
-        Entries, by their labels, that begin a row of their own; all labelled artists of the axes by default.
+        Entries, by their labels, each group on a separate row; all labelled artists of the axes by default.
     """
     from matplotlib.transforms import ScaledTranslation
 

@@ -31,8 +31,8 @@ __all__ = ["motion"]
 
 BEAM, FREE, WALL = "#555b63", "#e6eaee", "#9aa5b1"
 
-LONG, PARTS = 20_000, 200
-"""Samples beyond which a whole run is drawn as an envelope, and in how many parts of equal time."""
+LONG, PARTS = 100, 200
+"""Oscillations beyond which a whole run is drawn as an envelope, and in how many parts of equal time at most."""
 
 
 @takes(response=instance(Response), cycles=CYCLES)
@@ -41,8 +41,8 @@ def motion(
 ) -> NDArray[np.object_]:
     """Beam and balls over time: a row for every ball and stop, the whole run beside its last cycles.
 
-    A whole run of more than 20,000 samples is drawn as the envelope of each curve, from its smallest to its largest
-    value in each of 200 parts.
+    A whole run of more than 100 oscillations is drawn as the envelope of each curve, from its smallest to its largest
+    value in each of 200 parts, or of fewer with two oscillations in each.
 
     The shaded band is where the ball may move: the beam where the ball is, with the gap to either wall. Of a stop it is
     where the beam may move. Dots in the close-up are impacts.
@@ -77,7 +77,7 @@ def motion(
             pair_of_axes, (response.time >= -1.0, response.time >= start), (False, True), strict=True
         ):
             row.draw(axis, inside, close)
-        if response.time.size <= LONG:
+        if row.oscillations <= LONG:
             # an envelope has its legend there
             pair_of_axes[0].set_title(row.title, loc="left")
         pair_of_axes[0].set_ylabel(f"relative to the base ({row.unit})")
@@ -98,6 +98,8 @@ class _Row:
         self.beam = response[first] if pair is None else beam_at(response, pair)
         moving = pair is not None and not pair.is_stop
         self.ball = response[pair.name] if moving else None
+        above = self.beam > self.beam.mean()
+        self.oscillations = int(np.count_nonzero(np.diff(above))) // 2
         largest = float(np.abs(self.beam if self.ball is None else self.ball).max())
         self.factor, self.unit = prefixed(largest, response.units[first] if pair is None else "m")
         self.title = self.place if pair is None else f"{pair.name}, {self.place}" if moving else f"stop {pair.name}"
@@ -105,7 +107,7 @@ class _Row:
     def draw(self, axis: Any, inside: NDArray[np.bool_], close: bool) -> None:
         time, factor = self.response.time[inside], self.factor
         width = 1.6 if close else 0.8
-        if not close and time.size > LONG:
+        if not close and self.oscillations > LONG:
             self._envelopes(axis)
             return
         if self.pair is not None:
@@ -120,7 +122,8 @@ class _Row:
     def _envelopes(self, axis: Any) -> None:
         """The ball's envelope behind that of the beam."""
         time = self.response.time
-        starts = np.linspace(0, time.size, PARTS + 1).astype(int)[:-1]
+        parts = min(PARTS, self.oscillations // 2)
+        starts = np.linspace(0, time.size, parts + 1).astype(int)[:-1]
         curves = [(self.beam, BEAM, self.place)] if self.ball is None else [
             (self.ball, BLUE, self.pair.name), (self.beam, BEAM, self.place)
         ]  # fmt: skip

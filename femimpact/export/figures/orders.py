@@ -93,13 +93,8 @@ def convergence(
         _slope(axis, x, table.error[:, i], order, -1.0 if table.axis == "modes" else 1.0, number)
     floor = np.nanmax(table.floor[chosen], initial=0.0)
     if floor > 0.0:
-        axis.axhspan(LOWEST, floor, color="#eeeeee", zorder=0)
-        # where the sizes are coarse, in the band: the errors that are as small as this are at the other side
-        coarse: Any = {"ha": "left"} if table.axis == "modes" or not has_order else {"ha": "right"}
-        axis.annotate(
-            f"round-off floor {floor:.0e}", (0.02 if coarse["ha"] == "left" else 0.98, floor), va="top", color=GREY,
-            xycoords=("axes fraction", "data"), xytext=(0, -3), textcoords="offset points", **coarse,
-        )  # fmt: skip
+        # its name is in the legend: inside, no place is free of curves for every study
+        axis.axhspan(LOWEST, floor, color="#eeeeee", zorder=0, label=f"round-off floor: {floor:.0e}")
     axis.axhline(table.accuracy, color=GREY, linewidth=1.0, label=f"accuracy asked for: {100.0 * table.accuracy:g} %")
     plain_log_ticks(axis.xaxis)
     axis.set_xlabel(label)

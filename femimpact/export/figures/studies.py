@@ -63,7 +63,7 @@ def study_lines(
     Raises
     ------
     InputError
-        If the dataset is none of a study, has another number of axes, or no such measure.
+        If the dataset is not that of a study, has another number of axes, or no such measure.
     """
     values = _values(dataset, measure, 1)
     (name,) = dataset[measure].dims
@@ -118,7 +118,7 @@ def study_map(
     Raises
     ------
     InputError
-        If the dataset is none of a study, has another number of axes, or no value of the measure.
+        If the dataset is not that of a study, has another number of axes, or no value of the measure.
     """
     values = _values(dataset, measure, 2)
     require(bool(np.any(np.isfinite(values))), "dataset", measure, "", "must have a finite value of the measure")
@@ -157,7 +157,7 @@ def study_maps(
     Raises
     ------
     InputError
-        If the dataset is none of a study, has fewer axes, or no value of the measure.
+        If the dataset is not that of a study, has fewer axes, or no value of the measure.
     """
     values = _values(dataset, measure, None)
     names = [str(name) for name in dataset[measure].dims]
@@ -217,7 +217,7 @@ def study_scatter(
     Raises
     ------
     InputError
-        If the dataset is none of a list or a sample, or has no such measure.
+        If the dataset is not that of a list or a sample, or has no such measure.
     """
     values = _values(dataset, measure, 1)
     listed = dataset[measure].dims == ("case",)
@@ -248,7 +248,7 @@ def _values(dataset: xarray.Dataset, measure: str, axes: int | None) -> Array:
     Raises
     ------
     InputError
-        If the dataset is none of a study, has another number of axes, or no such measure.
+        If the dataset is not that of a study, has another number of axes, or no such measure.
     """
     import xarray
 
@@ -279,7 +279,7 @@ def _label(words: str, unit: str, starts: int) -> str:
 
 
 def _axis_values(dataset: xarray.Dataset, name: str) -> tuple[Array, str, list[str] | None]:
-    """Numbers along an axis as they are shown, its label, and the words of its ticks where its values are none."""
+    """Numbers along an axis as they are shown, its label, and words of its ticks where its values are no numbers."""
     coordinate, words, ticks = dataset[name], axis_words(dataset, name), value_words(dataset, name)
     values = coordinate.to_numpy()
     if ticks is not None:

@@ -21,7 +21,7 @@ MOST_ROWS = 200
 """Rows of a table that a report shows."""
 
 MANY = 25
-"""Rows beyond which a table has a height of its own."""
+"""Rows beyond which a table has a fixed height and scrolls."""
 
 DIGITS = 5
 """Of the largest number of a column."""

@@ -72,7 +72,7 @@ def maps_section(data: xarray.Dataset, key: str = "maps", heading: str = "Maps o
     """
     drawn: list[Element] = []
     for name in measure_names(data):
-        # an axis of one value is none
+        # a dimension with one value is not drawn as an axis
         longer = [str(dim) for dim, size in data[name].sizes.items() if size > 1]
         fixed = {str(dim): 0 for dim, size in data[name].sizes.items() if size == 1}
         one = data.isel(fixed) if fixed else data

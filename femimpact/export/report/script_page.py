@@ -1,4 +1,4 @@
-"""The report of what a script has found: responses, curves, convergence, maps and tables under headings of its own."""
+"""The report of what a script has found: responses, curves, convergence, maps and tables under given headings."""
 
 from __future__ import annotations
 

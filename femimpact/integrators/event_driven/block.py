@@ -40,7 +40,7 @@ from femimpact.integrators.event_driven.loop_data import (
     Task,
 )
 from femimpact.integrators.event_driven.settings import EventSettings
-from femimpact.integrators.event_driven.store import FormStore
+from femimpact.integrators.event_driven.store import FormStore, WantedForm
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.system import System
@@ -67,14 +67,14 @@ EXTREMES = 2
 
 @dataclass(frozen=True, eq=False)
 class CaseNumbers:
-    """Excitation, gaps and contact parameters of C cases: what each has of its own beside its start.
+    """Excitation, gaps and contact parameters of C cases: what differs between them beside their starts.
 
     Parameters
     ----------
     omega : ndarray (C,), rad/s
         Of what counts as a cycle.
     amplitude, phase : ndarray (C,)
-        Of s(t) (m/s^2 or N) and rad, where it is a sine; an amplitude of 0 where it is none.
+        Of s(t) (m/s^2 or N) and rad, where it is a sine; an amplitude of 0 where it is not.
     pieces : PiecewisePolynomial or None
         s(t) of all cases, where it is made of polynomials.
     gaps : ndarray (C, R, 2), m
@@ -175,7 +175,7 @@ class Block:
     space : Space or None
         Working space, of the size for the closed forms of the last call.
     systems : dict of tuple of Pairs and Ledger or None
-        Of each system of the store that a case has, where there are several: constants of their own, common sums.
+        Of each system of the store that a case has, where there are several: separate constants, common sums.
     system_of : ndarray (C,) of int
         Which of them a case has.
     """
@@ -422,13 +422,14 @@ def _by_system(
 def _add_forms(members: NDArray[np.intp], cases: Cases, store: FormStore, system_of: NDArray[np.int64]) -> None:
     """Make the closed forms of the cases' contact states for their contact parameters, unless they are there."""
     own = np.hstack([cases.stiffness[members], cases.damping[members], np.abs(cases.state[members]) == CONTACT])
-    first: dict[bytes, int] = {}
-    for c, row in zip(members.tolist(), own, strict=True):
-        wanted = row.tobytes() + int(system_of[c]).to_bytes(8, "little")
-        if wanted not in first:
-            key = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[c]) == CONTACT).tolist())
-            first[wanted] = store.form(key, cases.stiffness[c], cases.damping[c], int(system_of[c]))
-        cases.form[c, 0] = first[wanted]
+    wanted: dict[bytes, WantedForm] = {}
+    of_case = [row.tobytes() + int(system_of[c]).to_bytes(8, "little") for c, row in zip(members, own, strict=True)]
+    for c, key in zip(members.tolist(), of_case, strict=True):
+        if key not in wanted:
+            bits = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[c]) == CONTACT).tolist())
+            wanted[key] = WantedForm(bits, cases.stiffness[c], cases.damping[c], int(system_of[c]))
+    first = dict(zip(wanted, store.first_forms(list(wanted.values())), strict=True))
+    cases.form[members, 0] = [first[key] for key in of_case]
 
 
 def _fitted(cases: Cases, forms: Forms) -> Cases:
@@ -505,7 +506,7 @@ def working_space(block: Block, forms: Forms) -> Space:
 
 
 def _together(*groups: Any) -> list[Any]:
-    """Copies of tuples of arrays, all in one piece of memory, each array on cache lines of its own.
+    """Copies of tuples of arrays, all in one piece of memory, each array on its own cache lines.
 
     Threads that write to one line wait for each other, and arrays whole pages apart look like one another to
     the processor.

@@ -12,32 +12,40 @@ x_j = -P_j p, and ub more for a stop fixed in space. Its solution is
 decaying exponentials of the homogeneous equations (see `complex_modes`), motions that nothing pulls back (free
 balls) on parabolas, and the steady response to s(t), a sine or a polynomial. An event changes H and the rates of
 the rigid-body coordinates, or the set of pairs in contact. On which side these are enters by the walls only.
+
+Those of F systems are made together, in arrays (F, ...), as a call on small matrices takes longer than what it does.
+Each has the bits that it has alone.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
 from femimpact.excitation.piecewise_polynomial import ORDERS
+from femimpact.integrators.event_driven.alike import alike, part_of, stack
 from femimpact.integrators.event_driven.complex_modes import ComplexModes, complex_modes
 from femimpact.integrators.event_driven.equations import Equations, require_met, undamped_modes, wall_offsets
+from femimpact.integrators.event_driven.rows import (
+    OF_DISPLACEMENT,
+    OF_VELOCITY,
+    Rows,
+    gap_rows,
+    rate_of,
+    scaled_sum,
+)
 
-__all__ = [
-    "OF_DISPLACEMENT", "OF_VELOCITY", "ClosedForm", "Rows", "closed_form", "driven_entries", "followed", "gap_rows",
-]  # fmt: skip
+__all__ = ["ClosedForms", "closed_forms"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-
-OF_DISPLACEMENT, OF_VELOCITY = (2, 0), (1, 1)
-"""Where ub and ub' stand in `Rows.through` and in `Rows.follow`."""
-
-SLOW = 1.0
-"""|lambda| over the rate of the polynomials up to which an entry has its whole response to them."""
+Numbers = NDArray[np.intp]
 
 ROUNDED = 1e-12
 """Share of the terms of a sum below which it is rounding."""
@@ -47,58 +55,32 @@ UNMET = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
-    """Scalars read from a motion: R of them.
-
-    Parameters
-    ----------
-    weight : ndarray (R, K), complex
-        Of the entries H.
-    rigid_body, rigid_body_rate : ndarray (R, P)
-        Of the rigid-body coordinates and their rates.
-    constant : ndarray (R, 1 + pairs)
-        Of constant loads, and per metre of each wall.
-    through : ndarray (3, R)
-        Directly of s, ub' and ub, beside the response of the entries to them.
-    follow : ndarray (8, R)
-        Steady, per unit of ub, ub', s and the derivatives of s to the fifth, under a polynomial s(t).
-    """
-
-    weight: Complex
-    rigid_body: Array
-    rigid_body_rate: Array
-    constant: Array
-    through: Array
-    follow: Array
-
-
-@dataclass(frozen=True, eq=False)
-class ClosedForm:
-    """Closed form of the motion for one set of pairs in contact: K entries, P rigid-body coordinates, p of size d.
+class ClosedForms:
+    """Closed forms of F systems, one set of pairs in contact: K entries, P rigid-body coordinates, p of size d.
 
     Parameters
     ----------
     modes : ComplexModes
-    rigid_body_shape : ndarray (d, P)
-    rigid_body_given : ndarray (P, 1 + pairs)
+    rigid_body_shape : ndarray (F, d, P)
+    rigid_body_given : ndarray (F, P, 1 + pairs)
         Accelerations of constant loads, and per metre of each wall.
-    rigid_body_drive : ndarray (P,)
+    rigid_body_drive : ndarray (F, P)
         Acceleration per unit of s(t).
     position, velocity : Rows
         Of all coordinates.
     contact_force : Rows
         Force on the structure at each pair (N): of compliant pairs as if they were in contact, of rigid ones that
         stick; zero for others.
-    load : ndarray (3, K), complex
+    load : ndarray (F, 3, K), complex
         What s, ub' and ub add to H'.
-    to_entry_u, to_entry_v : ndarray (K, d)
+    to_entry_u, to_entry_v : ndarray (F, K, d)
         H = to_entry_u p + to_entry_v p', steady parts taken off.
-    to_rigid_body : ndarray (P, d)
-    impulse_entry : ndarray (K, pairs), impulse_rigid_body : ndarray (P, pairs)
+    to_rigid_body : ndarray (F, P, d)
+    impulse_entry : ndarray (F, K, pairs), impulse_rigid_body : ndarray (F, P, pairs)
         Change of H and of the rates by a unit impulse on the structure at each pair.
-    reaction : ndarray (pairs, pairs)
+    reaction : ndarray (F, pairs, pairs)
         Impulses on the structure at the pairs that stick (rows; zero for others) by a unit one at each other pair.
-    unheld : pair of bool
+    unheld : ndarray (F, 2) of bool
         Whether a constant load, and whether s(t), drives a motion that is braked but not pulled back: neither it nor
         a polynomial s(t) has a steady response.
     """
@@ -117,7 +99,29 @@ class ClosedForm:
     impulse_entry: Complex
     impulse_rigid_body: Array
     reaction: Array
-    unheld: tuple[bool, ...]
+    unheld: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class _Contact:
+    """Which pairs are in contact, the same of all systems, and the contact parameters of each."""
+
+    COMMON: ClassVar = ("active", "rigid")
+
+    active: NDArray[np.bool_]  # (pairs,)
+    rigid: NDArray[np.bool_]  # (pairs,)
+    stiffness: Array  # (F, pairs)
+    damping: Array  # (F, pairs)
+
+    @cached_property
+    def sticking(self) -> Numbers:
+        """Numbers of the rigid pairs."""
+        return np.flatnonzero(self.active & self.rigid)
+
+    @cached_property
+    def pressed(self) -> NDArray[np.bool_]:
+        """Whether a pair is a compliant one in contact."""
+        return self.active & ~self.rigid
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,167 +130,243 @@ class _Loads:
 
     C: Array
     K: Array
-    offset: Array  # (d, pairs)
-    moved: Array  # (d,) per unit of ub
-    constant: Array  # (d, 1 + pairs)
-    drive: Array  # (3, d) of s, ub' and ub
-    unmet: Array  # (pairs, pairs) what is left of each wall in the offsets
+    offset: Array  # (F, d, pairs)
+    moved: Array  # (F, d) per unit of ub
+    constant: Array  # (F, d, 1 + pairs)
+    drive: Array  # (F, 3, d) of s, ub' and ub
+    unmet: Array  # (F, pairs, pairs) what is left of each wall in the offsets
 
 
 @dataclass(frozen=True, eq=False)
 class _SteadyResponse:
     """Response of the coordinates to the loads, from where each pair is just at its wall: small at stiff contacts."""
 
-    constant: Array  # (d, 1 + pairs) of constant loads, and per metre of each wall
-    follow: Array  # (8, d) steady, per unit of ub, ub', s and the derivatives of s to the fifth
+    constant: Array  # (F, d, 1 + pairs) of constant loads, and per metre of each wall
+    follow: Array  # (F, 8, d) steady, per unit of ub, ub', s and the derivatives of s to the fifth
 
 
-def _loads(
-    whole: Equations, active: NDArray[np.bool_], sticking: NDArray[np.intp], stiffness: Array, damping: Array
-) -> _Loads:
-    P = whole.force
-    K, C = whole.K + (P * stiffness) @ P.T, whole.C + (P * damping) @ P.T
-    offset = wall_offsets(whole, active, sticking)
-    unmet = np.diag(active.astype(float)) + P.T @ offset
-    unmet = np.where((np.abs(unmet) > UNMET) & active[:, None] & active, unmet, 0.0)
-    moved = offset @ whole.in_space
-    constant = np.column_stack([whole.given, -whole.K @ offset - (P * stiffness) @ unmet])
-    drive = np.array([
-        whole.drive - whole.M @ moved,
-        -whole.C @ moved - (P * damping) @ (unmet @ whole.in_space),
-        -whole.K @ moved - (P * stiffness) @ (unmet @ whole.in_space),
-    ])  # fmt: skip
-    return _Loads(C, K, offset, moved, constant, drive, unmet)
+@dataclass(frozen=True, eq=False)
+class _UndampedMotions:
+    """Shapes of undamped motions, mass-normalised: those that something pulls back or brakes, and the others."""
+
+    elastic: Array  # (F, d, n)
+    rigid_body: Array  # (F, d, P)
+    omega_squared: Array  # (F, n)
+    damping: Array  # (F, n, n)
 
 
-def closed_form(
+def closed_forms(
     whole: Equations, active: NDArray[np.bool_], rigid: NDArray[np.bool_], stiffness: Array, damping: Array
-) -> ClosedForm:
-    """Closed form of the motion while exactly these pairs are in contact.
+) -> list[tuple[Numbers, ClosedForms]]:
+    """Closed forms of the motion while exactly these pairs are in contact.
 
     Parameters
     ----------
     whole : Equations
+        Of F systems; see `equations.stacked`.
     active, rigid : ndarray (pairs,) of bool
         In contact; whether a pair then sticks.
-    stiffness, damping : ndarray (pairs,)
+    stiffness, damping : ndarray (F, pairs)
         Of compliant pairs, N/m and N s/m.
 
     Returns
     -------
-    ClosedForm
+    list of (ndarray of int, ClosedForms)
+        Numbers of systems with as many entries, and their closed forms.
 
     Raises
     ------
     InputError
-        If the pairs that stick leave one another no motion to be met with.
+        If the pairs that stick leave one another no motion to be met with, in any of the systems.
     """
-    sticking = np.flatnonzero(active & rigid)
-    pressed = active & ~rigid
-    require_met(whole, sticking)
-    loads = _loads(whole, active, sticking, np.where(pressed, stiffness, 0.0), np.where(pressed, damping, 0.0))
-    basis = _free_basis(whole, sticking, pressed)
+    contact = _Contact(active, rigid, stiffness, damping)
+    found = []
+    for members, motions in _undamped_motions(whole, contact):
+        for part, modes in complex_modes(motions.omega_squared, motions.damping):
+            own = members[part]
+            found.append((own, _forms(part_of(whole, own), part_of(contact, own), part_of(motions, part), modes)))
+    return found
+
+
+def _undamped_motions(whole: Equations, contact: _Contact) -> Iterator[tuple[Numbers, _UndampedMotions]]:
+    """Motions of the systems that have as many of each kind."""
+    for members, basis in _free_bases(whole, contact):
+        omega_squared, shapes, damped = _motions_on(part_of(whole, members), basis, part_of(contact, members))
+        # what nothing pulls back and nothing brakes moves on parabolas: free balls, rigid motions
+        stiff, size = omega_squared > 0.0, np.abs(damped)
+        largest = np.maximum(size.max(axis=(1, 2), initial=0.0), 1e-300)
+        bound = stiff | (size.max(axis=1, initial=0.0) > 1e-15 * largest[:, None])
+        for part in alike(bound):
+            kept, others = np.flatnonzero(bound[part[0]]), np.flatnonzero(~bound[part[0]])
+            square = np.where(stiff, omega_squared, 0.0)[part]
+            yield (
+                members[part],
+                _UndampedMotions(
+                    np.take(shapes[part], kept, axis=2),
+                    np.take(shapes[part], others, axis=2),
+                    np.take(square, kept, axis=1),
+                    damped[np.ix_(part, kept, kept)],
+                ),
+            )
+
+
+def _motions_on(whole: Equations, basis: Array, contact: _Contact) -> tuple[Array, Array, Array]:
+    """omega^2, shapes and modal damping of all motions that the pairs in contact leave."""
     # what a pair does to a motion that leaves its gap as it is, is exactly nothing
-    direction = basis.T @ whole.force
-    K = basis.T @ whole.K @ basis + (direction * np.where(pressed, stiffness, 0.0)) @ direction.T
-    C = basis.T @ whole.C @ basis + (direction * np.where(pressed, damping, 0.0)) @ direction.T
-    omega_squared, vectors = undamped_modes(K, basis.T @ whole.M @ basis)
-    shapes, damped = basis @ vectors, vectors.T @ C @ vectors
-    # what nothing pulls back and nothing brakes moves on parabolas: free balls, rigid motions
-    stiff = omega_squared > 0.0
-    braked = np.max(np.abs(damped), axis=0, initial=0.0) > 1e-15 * max(float(np.abs(damped).max(initial=0.0)), 1e-300)
-    bound = stiff | braked
-    square, own_damping = np.where(stiff, omega_squared, 0.0)[bound], damped[np.ix_(bound, bound)]
-    modes = complex_modes(square, own_damping)
-    elastic, rigid_body = shapes[:, bound], shapes[:, ~bound]
-    modal, modal_drive = elastic.T @ loads.constant, loads.drive @ elastic
-    unheld = tuple(_drives(values[:, square == 0.0], values) for values in (modal.T, modal_drive))
-    compliance = np.divide(1.0, square, out=np.zeros_like(square), where=square > 0.0)
-    settled = elastic @ (compliance[:, None] * modal)
-    # q = a0 ub + a1 ub' + a2 s + a3 s' + ... with ub'' = s, and no derivative of s beyond the fifth
-    a0 = compliance * modal_drive[2]
-    a1 = compliance * (modal_drive[1] - own_damping @ a0)
-    a2 = compliance * (modal_drive[0] - own_damping @ a1 - a0)
-    a = [a0, a1, a2]
-    while len(a) < ORDERS:
-        a.append(-compliance * (own_damping @ a[-1] + a[-2]))
-    from_walls = np.array(a) @ elastic.T
-    follow = from_walls.copy()
-    follow[0] += loads.moved
-    momentum = elastic.T @ whole.M
-    shape, zero = elastic @ modes.shape, np.zeros(shapes.shape[0])
-    static = np.column_stack([settled[:, 0], loads.offset + settled[:, 1:]])
-    position = Rows(shape, rigid_body, 0.0 * rigid_body, static, np.array([zero, zero, loads.moved]), follow)
-    entries = np.asarray(modal_drive @ modes.from_v.T, dtype=complex)
-    pairs = whole.stop.size
-    nothing = np.zeros((pairs, rigid_body.shape[1]))
-    no_force = Rows(
-        np.zeros((pairs, shape.shape[1]), dtype=complex), nothing, nothing, np.zeros((pairs, 1 + pairs)),
-        np.zeros((3, pairs)), np.zeros((ORDERS, pairs)),
-    )  # fmt: skip
-    form = ClosedForm(
+    direction, pressed = basis.mT @ whole.force, contact.pressed
+    K = basis.mT @ whole.K @ basis + (direction * np.where(pressed, contact.stiffness, 0.0)[:, None]) @ direction.mT
+    C = basis.mT @ whole.C @ basis + (direction * np.where(pressed, contact.damping, 0.0)[:, None]) @ direction.mT
+    omega_squared, vectors = undamped_modes(K, basis.mT @ whole.M @ basis)
+    return omega_squared, basis @ vectors, vectors.mT @ C @ vectors
+
+
+def _loads(whole: Equations, contact: _Contact) -> _Loads:
+    active, P = contact.active, whole.force
+    stiffness, damping = (
+        P * np.where(contact.pressed, numbers, 0.0)[:, None] for numbers in (contact.stiffness, contact.damping)
+    )
+    K, C = whole.K + stiffness @ P.mT, whole.C + damping @ P.mT
+    offset = wall_offsets(whole, active, contact.sticking)
+    unmet = np.diag(active.astype(float)) + P.mT @ offset
+    unmet = np.where((np.abs(unmet) > UNMET) & active[:, None] & active, unmet, 0.0)
+    moved, left = _times(offset, whole.in_space), _times(unmet, whole.in_space)
+    constant = np.concatenate([whole.given[:, :, None], -whole.K @ offset - stiffness @ unmet], axis=2)
+    drive = [
+        whole.drive - _times(whole.M, moved),
+        -_times(whole.C, moved) - _times(damping, left),
+        -_times(whole.K, moved) - _times(stiffness, left),
+    ]
+    return _Loads(C, K, offset, moved, constant, np.stack(drive, axis=1), unmet)
+
+
+def _forms(whole: Equations, contact: _Contact, motions: _UndampedMotions, modes: ComplexModes) -> ClosedForms:
+    """The closed forms on motions whose complex modes are known."""
+    loads, elastic, rigid_body = _loads(whole, contact), motions.elastic, motions.rigid_body
+    modal, modal_drive = elastic.mT @ loads.constant, loads.drive @ elastic
+    loose = motions.omega_squared[:, None, :] == 0.0
+    unheld = [_drives(np.where(loose, values, 0.0), values) for values in (modal.mT, modal_drive)]
+    response = _steady_response(motions, modal, modal_drive)
+    follow = response.follow.copy()
+    follow[:, 0] += loads.moved
+    zero = np.zeros_like(loads.moved)
+    position = Rows(
+        weight=elastic @ modes.shape,
+        rigid_body=rigid_body,
+        rigid_body_rate=0.0 * rigid_body,
+        constant=np.concatenate([response.constant[:, :, :1], loads.offset + response.constant[:, :, 1:]], axis=2),
+        through=np.stack([zero, zero, loads.moved], axis=1),
+        follow=follow,
+    )
+    momentum = elastic.mT @ whole.M
+    forms = ClosedForms(
         modes=modes,
         rigid_body_shape=rigid_body,
-        rigid_body_given=rigid_body.T @ loads.constant,
-        rigid_body_drive=rigid_body.T @ loads.drive[0],
+        rigid_body_given=rigid_body.mT @ loads.constant,
+        rigid_body_drive=_times(rigid_body.mT, loads.drive[:, 0]),
         position=position,
-        velocity=_rate(position, modes),
-        contact_force=no_force,
-        load=entries,
+        velocity=rate_of(position, modes),
+        contact_force=_no_forces(position, contact.active.size),
+        load=np.asarray(modal_drive @ modes.from_v.mT, dtype=complex),
         to_entry_u=modes.from_u @ momentum,
         to_entry_v=modes.from_v @ momentum,
-        to_rigid_body=rigid_body.T @ whole.M,
-        impulse_entry=modes.from_v @ elastic.T @ whole.force,
-        impulse_rigid_body=rigid_body.T @ whole.force,
-        reaction=_reactions(whole, sticking),
-        unheld=unheld,
+        to_rigid_body=rigid_body.mT @ whole.M,
+        impulse_entry=modes.from_v @ elastic.mT @ whole.force,
+        impulse_rigid_body=rigid_body.mT @ whole.force,
+        reaction=_reactions(whole, contact.sticking),
+        unheld=np.stack(unheld, axis=1),
     )
-    response = _SteadyResponse(settled, from_walls)
-    force = no_force
-    if not np.all(rigid):
-        force = _compliant_forces(whole, form, loads, response, active, np.where(rigid, 0.0, stiffness), damping)
-    if sticking.size:
-        force = _with_sticking(whole, form, loads, response, sticking, force)
-    return replace(form, contact_force=force)
+    force = forms.contact_force
+    if not np.all(contact.rigid):
+        force = _compliant_forces(whole, forms, loads, response, contact)
+    if contact.sticking.size:
+        force = _with_sticking(whole, forms, loads, response, contact.sticking, force)
+    return replace(forms, contact_force=force)
 
 
-def _reactions(whole: Equations, sticking: NDArray[np.intp]) -> Array:
-    """Impulses (pairs, pairs) by which sticking pairs stay at rest on their walls, of a unit one at each other pair."""
-    reaction = np.zeros((whole.stop.size, whole.stop.size))
-    if 0 < sticking.size < whole.stop.size:
-        others = np.delete(np.arange(whole.stop.size), sticking)
-        mobility = whole.force[:, sticking].T @ np.linalg.solve(whole.M, whole.force)
-        reaction[np.ix_(sticking, others)] = -np.linalg.solve(mobility[:, sticking], mobility[:, others])
+def _steady_response(motions: _UndampedMotions, modal: Array, modal_drive: Array) -> _SteadyResponse:
+    """Response by the ansatz q = a0 ub + a1 ub' + a2 s + a3 s' + ...; s has no derivative beyond the fifth."""
+    square, damping = motions.omega_squared, motions.damping
+    compliance = np.divide(1.0, square, out=np.zeros_like(square), where=square > 0.0)
+    a0 = compliance * modal_drive[:, 2]
+    a1 = compliance * (modal_drive[:, 1] - _times(damping, a0))
+    a2 = compliance * (modal_drive[:, 0] - _times(damping, a1) - a0)
+    a = [a0, a1, a2]
+    while len(a) < ORDERS:
+        a.append(-compliance * (_times(damping, a[-1]) + a[-2]))
+    settled = motions.elastic @ (compliance[:, :, None] * modal)
+    return _SteadyResponse(settled, np.stack(a, axis=1) @ motions.elastic.mT)
+
+
+def _times(matrix: Array, vector: Array) -> Array:
+    """Products (F, m) of matrices (F, m, n) and vectors (F, n)."""
+    return np.asarray((matrix @ vector[:, :, None])[:, :, 0])
+
+
+def _no_forces(position: Rows, pairs: int) -> Rows:
+    """Rows of forces that are zero."""
+    count, _, entries = position.weight.shape
+    nothing = np.zeros((count, pairs, position.rigid_body.shape[2]))
+    return Rows(
+        np.zeros((count, pairs, entries), dtype=complex), nothing, nothing, np.zeros((count, pairs, 1 + pairs)),
+        np.zeros((count, 3, pairs)), np.zeros((count, ORDERS, pairs)),
+    )  # fmt: skip
+
+
+def _reactions(whole: Equations, sticking: Numbers) -> Array:
+    """Impulses by which sticking pairs stay at rest on their walls, of a unit one at each other pair."""
+    count, pairs = whole.in_space.shape
+    reaction = np.zeros((count, pairs, pairs))
+    if 0 < sticking.size < pairs:
+        others = np.delete(np.arange(pairs), sticking)
+        mobility = whole.force[:, :, sticking].mT @ np.linalg.solve(whole.M, whole.force)
+        reaction[np.ix_(np.arange(count), sticking, others)] = -np.linalg.solve(
+            mobility[:, :, sticking], mobility[:, :, others]
+        )
     return reaction
 
 
-def _drives(loads: Array, whole: Array) -> bool:
-    """Whether some loads are more than the rounding of all."""
-    return bool(np.any(np.abs(loads) > 1e-12 * np.abs(whole).max(initial=0.0)))
+def _drives(loads: Array, whole: Array) -> NDArray[np.bool_]:
+    """Whether some loads are more than the rounding of all, (F,)."""
+    largest = np.abs(whole).max(axis=(1, 2), initial=0.0)
+    return np.asarray(np.any(np.abs(loads) > 1e-12 * largest[:, None, None], axis=(1, 2)))
 
 
-def _free_basis(whole: Equations, sticking: NDArray[np.intp], pressed: NDArray[np.bool_]) -> Array:
-    """Basis of the motions that sticking pairs leave, (d, motions).
+def _free_bases(whole: Equations, contact: _Contact) -> list[tuple[Numbers, Array]]:
+    """Bases of the motions that sticking pairs leave, (F, d, motions), of systems with as many.
 
-    Where the structure has rigid motions, a ball that is pressed moves with its place beside its own coordinate: that
+    Where the structure has rigid motions, a ball that is pressed moves with its place beside its coordinate: that
     is then its gap, and nothing stiffens a rigid motion of all.
     """
-    size, n = whole.M.shape[0], whole.dofs
-    rigid = not np.all(np.any(whole.K[:n, :n] != 0.0, axis=0))
-    carried = np.flatnonzero(pressed & ~whole.stop) if rigid else np.zeros(0, dtype=np.intp)
-    if sticking.size + carried.size == 0:
-        return np.eye(size)
-    stops = sticking[whole.stop[sticking]]
-    left = np.eye(n) if stops.size == 0 else scipy.linalg.null_space(-whole.force[:n, stops].T)
-    held = set(sticking.tolist())
+    n, every = whole.dofs, np.arange(whole.M.shape[0])
+    stops = contact.sticking[whole.stop[contact.sticking]]
+    is_loose = ~(whole.K[:, :n, :n] != 0.0).any(axis=1).all(axis=1)
+    if stops.size == 0:
+        left = [np.eye(n)] * every.size
+    else:
+        for f in every:
+            require_met(part_of(whole, int(f)), contact.sticking)
+        left = [scipy.linalg.null_space(-force[:n, stops].T) for force in whole.force]
+    motions = np.array([each.shape[1] for each in left])
+    found = []
+    for members in alike(is_loose[:, None], motions[:, None]):
+        carried = contact.pressed & ~whole.stop if is_loose[members[0]] else np.zeros_like(whole.stop)
+        own = stack([left[f] for f in members])
+        found.append((members, _basis_of(part_of(whole, members), own, contact.sticking, np.flatnonzero(carried))))
+    return found
+
+
+def _basis_of(whole: Equations, left: Array, sticking: Numbers, carried: Numbers) -> Array:
+    """Motions (F, n, m) of the structure with the balls that stick or are carried, and all other coordinates."""
+    n, (count, size, _) = whole.dofs, whole.M.shape
+    motions, held = left.shape[2], set(sticking.tolist())
     moving = [i for i in range(n, size) if i - n not in held]
-    basis = np.zeros((size, left.shape[1] + len(moving)))
-    basis[:n, : left.shape[1]] = left
-    basis[moving, left.shape[1] + np.arange(len(moving))] = 1.0
+    basis = np.zeros((count, size, motions + len(moving)))
+    basis[:, :n, :motions] = left
+    basis[:, moving, motions + np.arange(len(moving))] = 1.0
     for j in (*sticking[~whole.stop[sticking]], *carried):
         # a ball at a place that a stop holds is at rest to the last bit
-        moved, push = np.asarray(left), whole.force[:n, j]
-        basis[n + j, : left.shape[1]] = _without_rounding(push @ moved, np.abs(push) @ np.abs(moved))
+        push = whole.force[:, None, :n, j]
+        basis[:, n + j, :motions] = _without_rounding(push @ left, np.abs(push) @ np.abs(left))[:, 0]
     return basis
 
 
@@ -295,142 +375,55 @@ def _without_rounding(sums: Array, sizes: Array) -> Array:
     return np.where(np.abs(sums) > ROUNDED * sizes, sums, 0.0)
 
 
-def _rate(rows: Rows, modes: ComplexModes) -> Rows:
-    """Rates of scalars that have no direct part of s or ub'."""
-    zero = np.zeros(rows.weight.shape[0])
-    return Rows(
-        weight=rows.weight @ modes.rate,
-        rigid_body=rows.rigid_body_rate,
-        rigid_body_rate=rows.rigid_body,
-        constant=0.0 * rows.constant,
-        through=np.array([zero, rows.through[2], zero]),
-        follow=np.array([zero, *rows.follow[:-1]]),
-    )
-
-
-def _scaled(rows: Rows, factor: Array, also: Rows, by: Array) -> Rows:
-    """Sum of two sets of rows, each row with a factor of its own."""
-    first, second = factor[:, None], by[:, None]
-    return Rows(
-        weight=first * rows.weight + second * also.weight,
-        rigid_body=first * rows.rigid_body + second * also.rigid_body,
-        rigid_body_rate=first * rows.rigid_body_rate + second * also.rigid_body_rate,
-        constant=first * rows.constant + second * also.constant,
-        through=factor * rows.through + by * also.through,
-        follow=factor * rows.follow + by * also.follow,
-    )
-
-
-def gap_rows(whole: Equations, rows: Rows, base: tuple[int, int]) -> Rows:
-    """Rows of x_j = -P_j p - in_space_j ub, or of x_j'.
-
-    Parameters
-    ----------
-    whole : Equations
-    rows : Rows
-        Of all coordinates, or their rates.
-    base : tuple of int
-        Which of the inputs in `through` and in `follow` is the base's motion: ub, or ub'.
-    """
-    P = -whole.force.T
-    through, follow = rows.through @ P.T, rows.follow @ P.T
-    through[base[0]] -= whole.in_space
-    follow[base[1]] -= whole.in_space
-    return Rows(P @ rows.weight, P @ rows.rigid_body, P @ rows.rigid_body_rate, P @ rows.constant, through, follow)
-
-
-def driven_entries(modes: ComplexModes, rate: float | None) -> int:
-    """Number of the entries, the slowest ones, that are advanced with their whole response to polynomials.
-
-    The response of a fast entry is a polynomial itself, beside the exponential: a sum of derivatives of s over powers
-    of lambda, which for a slow one are large and cancel the exponential.
-
-    Parameters
-    ----------
-    modes : ComplexModes
-    rate : float or None, 1/s
-        Of the polynomials; none of a sine or of straight lines is driven.
-    """
-    if not rate:
-        return 0
-    count = int(np.argmax(np.append(modes.size > SLOW * rate, True)))
-    for first, length in modes.blocks:
-        if first < count < first + length:
-            count = int(first)
-    return count
-
-
-def followed(rows: Rows, modes: ComplexModes, load: Complex, driven: int) -> Array:
-    """Steady response (8, R) of scalars under a polynomial, as in `Rows.follow`, without that of driven entries."""
-    fast = slice(driven, None)
-    rate = modes.rate[fast, fast]
-    response = np.zeros((ORDERS, load.shape[1]), dtype=complex)
-    before = np.zeros(load.shape[1] - driven, dtype=complex)
-    for order in range(ORDERS):
-        # G' = Lambda G + load (s, ub', ub) with G a sum over ub and its derivatives
-        own = load[2 - order, fast] if order < 3 else 0.0
-        before = scipy.linalg.solve_triangular(rate, before - own) if before.size else before
-        response[order, fast] = before
-    follow = (response @ rows.weight.T).real
-    follow[:3] += rows.through[::-1]
-    return np.asarray(follow)
-
-
 def _compliant_forces(
-    whole: Equations, form: ClosedForm, loads: _Loads, response: _SteadyResponse, active: NDArray[np.bool_],
-    stiffness: Array, damping: Array,
-) -> Rows:  # fmt: skip
+    whole: Equations, forms: ClosedForms, loads: _Loads, response: _SteadyResponse, contact: _Contact
+) -> Rows:
     """Forces k (x - w) + c x' of every compliant pair; of those in contact without a difference of near numbers."""
-    P = -whole.force.T
-    x, rate = gap_rows(whole, form.position, OF_DISPLACEMENT), gap_rows(whole, form.velocity, OF_VELOCITY)
+    P, active = -whole.force.mT, contact.active
+    x, rate = gap_rows(whole, forms.position, OF_DISPLACEMENT), gap_rows(whole, forms.velocity, OF_VELOCITY)
     depth = P @ response.constant
     wall = np.where(active[:, None], -loads.unmet, -np.eye(active.size))
     own = np.where(active[:, None], 0.0, P @ loads.offset)
-    x.constant[:, 0] = depth[:, 0]
-    x.constant[:, 1:] = depth[:, 1:] + own + wall
-    moved = -(loads.unmet @ whole.in_space)
-    follow_depth = P @ response.follow[0] + moved
-    x.follow[0] = np.where(active, follow_depth, x.follow[0])
-    x.through[2] = np.where(active, moved, x.through[2])
-    rate.follow[1] = np.where(active, follow_depth, rate.follow[1])
-    rate.through[1] = np.where(active, moved, rate.through[1])
-    return _scaled(x, stiffness, rate, damping)
+    x.constant[:, :, 0] = depth[:, :, 0]
+    x.constant[:, :, 1:] = depth[:, :, 1:] + own + wall
+    moved = -_times(loads.unmet, whole.in_space)
+    follow_depth = _times(P, response.follow[:, 0]) + moved
+    x.follow[:, 0] = np.where(active, follow_depth, x.follow[:, 0])
+    x.through[:, 2] = np.where(active, moved, x.through[:, 2])
+    rate.follow[:, 1] = np.where(active, follow_depth, rate.follow[:, 1])
+    rate.through[:, 1] = np.where(active, moved, rate.through[:, 1])
+    return scaled_sum(x, np.where(contact.rigid, 0.0, contact.stiffness), rate, contact.damping)
 
 
 def _with_sticking(
-    whole: Equations,
-    form: ClosedForm,
-    loads: _Loads,
-    response: _SteadyResponse,
-    sticking: NDArray[np.intp],
-    force: Rows,
+    whole: Equations, forms: ClosedForms, loads: _Loads, response: _SteadyResponse, sticking: Numbers, force: Rows
 ) -> Rows:
     """Forces of the pairs that stick: what the equations of motion leave over."""
     M, C, K = whole.M, loads.C, loads.K
-    directions = whole.force[:, sticking]
+    directions = whole.force[:, :, sticking]
     inverse = np.linalg.solve(M, directions)
     # F = (P^T M^-1 P)^-1 P^T M^-1 (M p'' + C p' + K p - loads)
-    coupling = np.linalg.inv(directions.T @ inverse)
+    coupling = np.linalg.inv(directions.mT @ inverse)
     # where nothing moves a ball no force holds it: its sign would be that of rounding
-    project = _without_rounding(coupling @ inverse.T, np.abs(coupling) @ np.abs(inverse.T))
-    shape, rate, modes = form.position.weight, form.velocity.weight, form.modes
+    project = _without_rounding(coupling @ inverse.mT, np.abs(coupling) @ np.abs(inverse.mT))
+    shape, rate, modes = forms.position.weight, forms.velocity.weight, forms.modes
     left = M @ (rate @ modes.rate) + C @ rate + K @ shape
     # the response of the entries to a load begins with an acceleration
-    begun = (rate @ form.load.T).real.T
-    rigid_body = M @ form.rigid_body_shape
-    drive = loads.drive
-    driven = rigid_body @ form.rigid_body_drive
+    begun = (rate @ forms.load.mT).real.mT @ M.mT
+    rigid_body = M @ forms.rigid_body_shape
+    driven = _times(rigid_body, forms.rigid_body_drive)
     a = response.follow
-    follow = np.array([
-        a[0] @ K.T - drive[2],
-        a[1] @ K.T + a[0] @ C.T - drive[1],
-        a[2] @ K.T + a[1] @ C.T + a[0] @ M.T - drive[0] + driven,
-        *(a[i] @ K.T + a[i - 1] @ C.T + a[i - 2] @ M.T for i in range(3, ORDERS)),
-    ])  # fmt: skip
-    through = np.array([begun[0] @ M.T - drive[0] + driven, begun[1] @ M.T - drive[1], begun[2] @ M.T - drive[2]])
-    force.weight[sticking] = project @ left
-    force.rigid_body[sticking] = force.rigid_body_rate[sticking] = 0.0
-    force.constant[sticking] = project @ (K @ response.constant - loads.constant + rigid_body @ form.rigid_body_given)
-    force.through[:, sticking] = through @ project.T
-    force.follow[:, sticking] = follow @ project.T
+    follow = a @ K.mT
+    follow[:, 1:] += a[:, :-1] @ C.mT
+    follow[:, 2:] += a[:, :-2] @ M.mT
+    follow[:, :3] -= loads.drive[:, ::-1]
+    follow[:, 2] += driven
+    through = begun - loads.drive
+    through[:, 0] += driven
+    constant = K @ response.constant - loads.constant + rigid_body @ forms.rigid_body_given
+    force.weight[:, sticking] = project @ left
+    force.rigid_body[:, sticking] = force.rigid_body_rate[:, sticking] = 0.0
+    force.constant[:, sticking] = project @ constant
+    force.through[:, :, sticking] = through @ project.mT
+    force.follow[:, :, sticking] = follow @ project.mT
     return force

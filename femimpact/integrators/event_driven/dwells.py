@@ -24,7 +24,7 @@ from femimpact.integrators.event_driven.block import (
 from femimpact.integrators.event_driven.equations import Equations, equations_of
 from femimpact.integrators.event_driven.loop_data import DONE, Ledger
 from femimpact.integrators.event_driven.settings import EventSettings
-from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, Outputs, WantedForm, outputs_of
 from femimpact.integrators.threads import Progress, run_each
 from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.response.energy import CLOSED, energy_residual, largest_input
@@ -213,9 +213,8 @@ def _begin_free(block: Block) -> None:
     own = np.hstack([block.system_of[:, None], cases.stiffness, cases.damping])
     parameters, of_case = np.unique(own, axis=0, return_inverse=True)
     pairs = block.pairs.rigid.size
-    first = np.array(
-        [block.store.form(0, row[1 : 1 + pairs].copy(), row[1 + pairs :].copy(), int(row[0])) for row in parameters]
-    )
+    wanted = [WantedForm(0, row[1 : 1 + pairs].copy(), row[1 + pairs :].copy(), int(row[0])) for row in parameters]
+    first = np.array(block.store.first_forms(wanted))
     cases.form[:, 0] = first[of_case.reshape(-1)]
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.linalg
@@ -10,9 +12,10 @@ from numpy.typing import NDArray
 
 from femimpact.errors import require
 from femimpact.integrators.driving import Drive
+from femimpact.integrators.event_driven.alike import alike, part_of, stack
 from femimpact.system.system import System
 
-__all__ = ["Equations", "equations_of", "require_met", "undamped_modes", "wall_offsets"]
+__all__ = ["Equations", "equations_of", "require_met", "stacked", "undamped_modes", "wall_offsets"]
 
 Array = NDArray[np.float64]
 
@@ -30,6 +33,9 @@ INDEPENDENT = 1e-9
 class Equations:
     """M p'' + C p' + K p = drive s(t) + given + sum_j force_j F_j of p = (u, y); stops have no coordinate.
 
+    Those of F systems with the same coordinates and pairs stand in one, with an axis (F, ...) before those of M to
+    `in_space`; see `stacked`.
+
     Parameters
     ----------
     M, C, K : ndarray (d, d)
@@ -46,6 +52,8 @@ class Equations:
         Of the structure.
     """
 
+    COMMON: ClassVar = ("stop", "names", "dofs")
+
     M: Array
     C: Array
     K: Array
@@ -56,6 +64,14 @@ class Equations:
     stop: NDArray[np.bool_]
     names: tuple[str, ...]
     dofs: int
+
+
+def stacked(items: Sequence[Equations]) -> Equations:
+    """Equations of several systems with the same coordinates and pairs, in one."""
+    first = items[0]
+    own = [item.name for item in fields(Equations) if item.name not in Equations.COMMON]
+    arrays: dict[str, Any] = {name: stack([getattr(each, name) for each in items]) for name in own}
+    return replace(first, **arrays)
 
 
 def equations_of(system: System, drive: Drive) -> Equations:
@@ -92,7 +108,7 @@ def require_met(whole: Equations, sticking: NDArray[np.intp]) -> None:
     ----------
     whole : Equations
     sticking : ndarray of int
-        Numbers of the pairs that stick. A ball always can: it has a coordinate of its own.
+        Numbers of the pairs that stick. A ball always can: it has its own coordinate.
 
     Raises
     ------
@@ -120,33 +136,40 @@ def require_met(whole: Equations, sticking: NDArray[np.intp]) -> None:
 
 
 def wall_offsets(whole: Equations, active: NDArray[np.bool_], sticking: NDArray[np.intp]) -> Array:
-    """Coordinates in which each pair in contact is just at a wall 1 m away and the others at theirs at 0, (d, pairs).
+    """Coordinates in which each pair in contact is just at a wall 1 m away and the others at theirs at 0.
 
     Pairs that stick are so exactly. Where pressed stops cannot be met beside them, the nearest.
 
     Parameters
     ----------
     whole : Equations
+        Of F systems.
     active : ndarray (pairs,) of bool
     sticking : ndarray of int
         Numbers of the pairs in contact that stick; see `require_met`.
+
+    Returns
+    -------
+    ndarray (F, d, pairs)
     """
-    n, (size, pairs) = whole.dofs, whole.force.shape
-    offset = np.zeros((size, pairs))
-    if not np.any(active & whole.stop):
-        # a ball at a wall 1 m away, of a structure that is undeformed
-        carried = np.flatnonzero(active)
-        offset[n + carried, carried] = 1.0
-        return offset
+    if np.any(active & whole.stop):
+        return np.stack([_offsets_at_stops(part_of(whole, f), active, sticking) for f in range(whole.M.shape[0])])
+    # a ball at a wall 1 m away, of a structure that is undeformed
+    offset, carried = np.zeros(whole.force.shape), np.flatnonzero(active)
+    offset[:, whole.dofs + carried, carried] = 1.0
+    return offset
+
+
+def _offsets_at_stops(whole: Equations, active: NDArray[np.bool_], sticking: NDArray[np.intp]) -> Array:
+    """Those of one system, (d, pairs), where stops are in contact."""
+    n, offset = whole.dofs, np.zeros(whole.force.shape)
     held = sticking[whole.stop[sticking]]
-    pressed = np.setdiff1d(np.flatnonzero(active & whole.stop), held)
-    stops = np.concatenate([held, pressed])
-    if stops.size:
-        # the static deflection under a push: its force does no work on the motions that are left
-        push = whole.force[:n, stops]
-        deflection = np.asarray(np.linalg.lstsq(whole.K[:n, :n], push, rcond=None)[0], dtype=float)
-        shape: Array = deflection if np.allclose(whole.K[:n, :n] @ deflection, push) else push
-        offset[:n, stops] = _columns_meeting(shape, push, held.size)
+    stops = np.concatenate([held, np.setdiff1d(np.flatnonzero(active & whole.stop), held)])
+    # the static deflection under a push: its force does no work on the motions that are left
+    push = whole.force[:n, stops]
+    deflection = np.asarray(np.linalg.lstsq(whole.K[:n, :n], push, rcond=None)[0], dtype=float)
+    shape: Array = deflection if np.allclose(whole.K[:n, :n] @ deflection, push) else push
+    offset[:n, stops] = _columns_meeting(shape, push, held.size)
     for j in np.flatnonzero(active & ~whole.stop):
         offset[n + j] = whole.force[:n, j] @ offset[:n]
         offset[n + j, j] += 1.0
@@ -171,33 +194,59 @@ def _columns_meeting(shape: Array, push: Array, held: int) -> Array:
 
 
 def undamped_modes(K: Array, M: Array) -> tuple[Array, Array]:
-    """All omega^2 and mass-normalised vectors; the slow modes to rounding, as they carry the energy."""
-    stiffness, mass = K.diagonal(), M.diagonal()
-    if np.count_nonzero(K) == np.count_nonzero(stiffness) and np.count_nonzero(M) == np.count_nonzero(mass):
-        return stiffness / mass, np.diag(1.0 / np.sqrt(mass))
-    unheld = np.abs(K).sum(axis=0) == 0.0
-    alone = unheld & (np.count_nonzero(M, axis=0) == 1)
-    if np.any(unheld & ~alone):
-        return _beside_rigid_motions(K, M, unheld)
-    bound = np.ix_(~alone, ~alone)
+    """All omega^2 (F, n) and mass-normalised vectors (F, n, n) of matrices (F, n, n).
+
+    The slow modes are exact to rounding, as they carry the energy.
+    """
+    diagonal = np.eye(K.shape[-1], dtype=bool)
+    uncoupled = ~(((K != 0.0) | (M != 0.0)) & ~diagonal).any(axis=(1, 2))
+    unheld = np.abs(K).sum(axis=1) == 0.0
+    alone = unheld & ((M != 0.0).sum(axis=1) == 1)
+    omega_squared, vectors = np.zeros(K.shape[:2]), np.zeros_like(K)
+    for members in alike(uncoupled, unheld, alone):
+        own, first = (K[members], M[members]), members[0]
+        if uncoupled[first]:
+            stiffness, mass = (matrix[:, diagonal] for matrix in own)
+            found = stiffness / mass, diagonal / np.sqrt(mass)[:, None, :]
+        elif np.any(unheld[first] & ~alone[first]):
+            found = _beside_rigid_motions(*own, unheld[first])
+        else:
+            found = _held_modes(*own, alone[first])
+        omega_squared[members], vectors[members] = found
+    return omega_squared, vectors
+
+
+def _held_modes(K: Array, M: Array, alone: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Modes where what is not stiffened is a mass that moves alone."""
+    bound, free = np.flatnonzero(~alone), np.flatnonzero(alone)
+    own = np.ix_(np.arange(K.shape[0]), bound, bound)
     try:
-        lower = np.linalg.cholesky(K[bound])
+        lower = np.linalg.cholesky(K[own])
     except np.linalg.LinAlgError:
-        values, vectors = scipy.linalg.eigh(K, M)
-        return np.where(values > RIGID * float(values[-1]), values, 0.0), vectors
+        return _by_stiffness(K, M, alone)
     # of the flexibility, whose largest eigenvalue is the slowest mode; solve_triangular would start BLAS
     # threads, which takes a thousand times as long as these few numbers
-    flexible = np.linalg.solve(lower, np.linalg.solve(lower, M[bound]).T)
-    values, z = np.linalg.eigh(0.5 * (flexible + flexible.T))
-    if values[0] <= 0.0:
+    flexible = np.linalg.solve(lower, np.linalg.solve(lower, M[own]).mT)
+    values, z = np.linalg.eigh(0.5 * (flexible + flexible.mT))
+    lost = np.flatnonzero(values.min(axis=1, initial=np.inf) <= 0.0)
+    if lost.size:
         spread = "must not spread over so many decades: the fastest motions are lost in rounding; keep fewer modes"
-        require(False, "stiffness", float(np.diag(K)[~alone].max()), "N/m", spread)
-    omega_squared, vectors = np.zeros(K.shape[0]), np.zeros_like(K)
-    omega_squared[~alone], vectors[bound] = _fast_corrected(
-        1.0 / values, np.linalg.solve(lower.T, z) / np.sqrt(values), K[bound], M[bound]
+        require(False, "stiffness", float(np.diag(K[lost[0]])[bound].max()), "N/m", spread)
+    omega_squared, vectors = np.zeros(K.shape[:2]), np.zeros_like(K)
+    omega_squared[:, bound], vectors[own] = _fast_corrected(
+        1.0 / values, np.linalg.solve(lower.mT, z) / np.sqrt(values)[:, None, :], K[own], M[own]
     )
-    vectors[np.ix_(alone, alone)] = np.diag(1.0 / np.sqrt(np.diag(M)[alone]))
+    vectors[:, free, free] = 1.0 / np.sqrt(M[:, free, free])
     return omega_squared, vectors
+
+
+def _by_stiffness(K: Array, M: Array, alone: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Modes where some of the stiffness matrices are singular, one after the other."""
+    if K.shape[0] > 1:
+        found = [_held_modes(K[[f]], M[[f]], alone) for f in range(K.shape[0])]
+        return np.concatenate([each for each, _ in found]), np.concatenate([each for _, each in found])
+    values, vectors = scipy.linalg.eigh(K[0], M[0])
+    return np.where(values > RIGID * float(values[-1]), values, 0.0)[None], vectors[None]
 
 
 def _beside_rigid_motions(K: Array, M: Array, unheld: NDArray[np.bool_]) -> tuple[Array, Array]:
@@ -205,14 +254,15 @@ def _beside_rigid_motions(K: Array, M: Array, unheld: NDArray[np.bool_]) -> tupl
 
     M_RR z_R + M_RE z_E = 0 leaves K_EE z_E = omega^2 (M_EE - M_ER M_RR^-1 M_RE) z_E of the others.
     """
-    own, others = np.flatnonzero(unheld), np.flatnonzero(~unheld)
-    lower = np.linalg.cholesky(M[np.ix_(own, own)])
-    carried = np.linalg.solve(M[np.ix_(own, own)], M[np.ix_(own, others)])
-    left = M[np.ix_(others, others)] - M[np.ix_(others, own)] @ carried
-    omega_squared, vectors = np.zeros(K.shape[0]), np.zeros_like(K)
-    omega_squared[others], z = undamped_modes(K[np.ix_(others, others)], 0.5 * (left + left.T))
-    vectors[np.ix_(others, others)], vectors[np.ix_(own, others)] = z, -carried @ z
-    vectors[np.ix_(own, own)] = np.linalg.inv(lower).T
+    every, own, others = np.arange(K.shape[0]), np.flatnonzero(unheld), np.flatnonzero(~unheld)
+    of_own, of_others = np.ix_(every, own, own), np.ix_(every, others, others)
+    lower = np.linalg.cholesky(M[of_own])
+    carried = np.linalg.solve(M[of_own], M[np.ix_(every, own, others)])
+    left = M[of_others] - M[np.ix_(every, others, own)] @ carried
+    omega_squared, vectors = np.zeros(K.shape[:2]), np.zeros_like(K)
+    omega_squared[:, others], z = undamped_modes(K[of_others], 0.5 * (left + left.mT))
+    vectors[of_others], vectors[np.ix_(every, own, others)] = z, -carried @ z
+    vectors[of_own] = np.linalg.inv(lower).mT
     return omega_squared, vectors
 
 
@@ -222,10 +272,10 @@ def _fast_corrected(omega_squared: Array, vectors: Array, K: Array, M: Array) ->
     They are made orthogonal to the slower ones, which keep theirs, and take omega^2 from the stiffness.
     """
     vectors = vectors.copy()
-    for i in range(omega_squared.size - 1, -1, -1):
-        slower = vectors[:, i + 1 :]
-        vectors[:, i] -= slower @ (slower.T @ (M @ vectors[:, i]))
-        vectors[:, i] /= np.sqrt(vectors[:, i] @ M @ vectors[:, i])
-    fast = omega_squared > 1e-4 * omega_squared.max(initial=0.0)
-    exact = np.einsum("ij,ij->j", vectors, K @ vectors)
+    for i in range(omega_squared.shape[1] - 1, -1, -1):
+        slower, own = vectors[:, :, i + 1 :], vectors[:, :, i : i + 1]
+        own = own - slower @ (slower.mT @ (M @ own))
+        vectors[:, :, i : i + 1] = own / np.sqrt(own.mT @ M @ own)
+    fast = omega_squared > 1e-4 * omega_squared.max(axis=1, initial=0.0)[:, None]
+    exact = (vectors * (K @ vectors)).sum(axis=1)
     return np.where(fast, exact, omega_squared), vectors

@@ -44,8 +44,8 @@ class EventDriven:
     (1 + e) v/(1/m + b^T M^-1 b). Impacts at the same instant are resolved one after another, the
     fastest first, until no pair at its wall approaches it.
 
-    While the force of a Kelvin-Voigt contact pushes, structure, ball and wall are one linear system with a
-    closed form of its own. The contact ends where its force k p + c p' would turn into a pull; what the wall has
+    While the force of a Kelvin-Voigt contact pushes, structure, ball and wall are one linear system with its
+    own closed form. The contact ends where its force k p + c p' would turn into a pull; what the wall has
     stored by then is lost as it springs back behind the ball. Rigid and Kelvin-Voigt contacts may be mixed.
 
     Parameters
@@ -71,7 +71,7 @@ class EventDriven:
     """
 
     takes_several_systems: ClassVar[bool] = True
-    """Whether `run_cases` takes cases with systems of their own."""
+    """Whether `run_cases` takes cases with different systems."""
 
     closure: float = field(default=1e-12, metadata=quantity("m", above=0.0))
     samples_per_cycle: int = field(default=64, metadata=quantity("1", at_least=8, at_most=1_000_000, integer=True))
@@ -154,5 +154,5 @@ class EventDriven:
         self, system: System, cases: SineCases, observed: NDArray[np.float64], instants: int, workers: int,
         progress: Progress | None = None,
     ) -> SineDwellResults:  # fmt: skip
-        """Many cases with numbers of their own side by side; see `many_cases.run_cases`."""
+        """Many cases side by side, each with its own numbers; see `many_cases.run_cases`."""
         return event_driven_cases(system, cases, self, observed, instants, workers, progress)

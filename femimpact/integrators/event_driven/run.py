@@ -402,7 +402,7 @@ def _snapshots(run: _Run, before: int) -> Snapshots:
     system, keep, n = run.system, run.keep, run.system.dofs
     fields = np.concatenate([np.zeros((0, 2, n + len(system.balls))), *run.fields])
     forces = np.concatenate([np.zeros((0, len(system.contacts))), *run.forces])
-    # a force on the beam: the direction of a stop is that of its own place turned round
+    # a force on the beam: the direction of a stop is that of its place turned round
     forces = forces * np.array([-1.0 if pair.is_stop else 1.0 for pair in system.contacts])
     number = before + np.arange(fields.shape[0])
     u, v = (np.asarray((system.expansion @ fields[:, k, :n].T).T) for k in (0, 1))

@@ -85,7 +85,7 @@ def event_driven_cases(
 
 
 def _cases(system: System, cases: SineCases) -> DwellCases:
-    """Every case from the state of its own that the initial one means under its base."""
+    """Every case from the state that the initial one means under its base."""
     position, velocity = _starts(system, cases)
     omega = 2.0 * np.pi * cases.frequency
     first = Sine(float(cases.amplitude[0]), float(cases.frequency[0]), float(cases.phase[0]))
@@ -164,7 +164,7 @@ def _alike_at_start(cases: SineCases, system_of: NDArray[np.int64]) -> Iterator[
 
 
 def _starts_of(system: System, cases: SineCases) -> tuple[Array, Array]:
-    # a static state is another one for other gaps, a stop fixed in space a place of its own under every base
+    # a static state is another one for other gaps, a stop fixed in space has another place under every base
     simple = not cases.initial.is_static_on(system) and all(pair.fixed_to == "base" for pair in system.contacts)
     simple = simple and cases.initial.displacement is None and cases.initial.velocity is None
     simple = simple and (cases.gaps.size == 0 or float(cases.gaps.min()) >= 0.0)

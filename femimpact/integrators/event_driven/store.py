@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,25 +14,42 @@ from femimpact.errors import require
 from femimpact.excitation.piecewise_polynomial import ORDERS
 from femimpact.integrators.channel_rows import ChannelRows
 from femimpact.integrators.driving import Drive
-from femimpact.integrators.event_driven.closed_form import (
-    OF_DISPLACEMENT,
-    ClosedForm,
-    Rows,
-    closed_form,
-    driven_entries,
-    followed,
-    gap_rows,
-)
-from femimpact.integrators.event_driven.equations import Equations
+from femimpact.integrators.event_driven.alike import part_of, stack
+from femimpact.integrators.event_driven.closed_form import ClosedForms, closed_forms
+from femimpact.integrators.event_driven.equations import Equations, stacked
 from femimpact.integrators.event_driven.loop_data import Forms
+from femimpact.integrators.event_driven.rows import OF_DISPLACEMENT, Rows, driven_entries, followed, gap_rows
 from femimpact.system.system import System
 
-__all__ = ["FormStore", "Outputs", "outputs_alone", "outputs_of"]
+__all__ = ["FormStore", "Outputs", "WantedForm", "outputs_alone", "outputs_of"]
 
 Array = NDArray[np.float64]
 
+CONTACT_NUMBERS = ("stiffness", "damping")
+"""Fields of a wanted form that differ among systems."""
+
+MOST_NUMBERS = 2**21
+"""Complex numbers of a working array, 32 MB, beyond which fewer forms are made together."""
+
 MOST_KEPT = 256
 """Closed forms, and what else is derived of a system, beyond which no more are kept with it."""
+
+
+class WantedForm(NamedTuple):
+    """A closed form by its pairs in contact, its contact parameters and the number of its system.
+
+    Bit j of the key is set where pair j is in contact; stiffness (N/m) and damping (N s/m) are (pairs,).
+    """
+
+    key: int
+    stiffness: Array
+    damping: Array
+    system: int = 0
+
+    @property
+    def parameters(self) -> bytes:
+        """Equal for the forms of one system with equal contact parameters."""
+        return self.system.to_bytes(4, "little") + self.stiffness.tobytes() + self.damping.tobytes()
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +61,11 @@ class Outputs:
     force: Array  # (O, pairs)
     drive: Array  # (3, O) of s, ub' and ub
     constant: Array  # (O,)
+
+
+def _stacked_outputs(items: Sequence[Outputs]) -> Outputs:
+    """Outputs of several systems in one, with an axis before the others."""
+    return Outputs(*(stack([getattr(each, item.name) for each in items]) for item in fields(Outputs)))
 
 
 def outputs_of(system: System, observed: Array, rows: ChannelRows | None = None) -> Outputs:
@@ -128,48 +151,62 @@ class FormStore:
         self.sources.append(_Source(whole, outputs, derived))
         return len(self.sources) - 1
 
-    def form(self, key: int, stiffness: Array, damping: Array, system: int = 0) -> int:
-        """First form for a system and these contact parameters, after the form with this key is among them.
+    def first_forms(self, wanted: Sequence[WantedForm]) -> list[int]:
+        """First form of each system and its contact parameters, after all wanted forms are there.
 
-        Parameters
-        ----------
-        key : int
-            Bit j is set where pair j is in contact.
-        stiffness, damping : ndarray (pairs,), N/m and N s/m
-        system : int
-            Its number.
+        Those that are missing are made together where the same pairs are in contact.
 
         Raises
         ------
         InputError
-            If the form has no steady response to the loads.
+            If one has no steady response to the loads.
         """
-        parameters = system.to_bytes(4, "little") + stiffness.tobytes() + damping.tobytes()
-        source = self.sources[system]
         with self.lock:
-            if (parameters, key) not in self.known:
-                active = np.array([bool(key >> j & 1) for j in range(self.rigid.size)], dtype=bool)
-                made = self._closed_form(source, active, stiffness, damping)
-                allowed = "must have stiffness in every braked motion for this excitation or constant force"
-                require(
-                    not made.unheld[0] and not (self.rate is not None and made.unheld[1]), "system", None, "", allowed
-                )
-                self._add(source, made, active, key, parameters)
-            return self.first[parameters]
+            missing: dict[int, dict[bytes, WantedForm]] = {}
+            for item in wanted:
+                if (item.parameters, item.key) not in self.known:
+                    missing.setdefault(item.key, {})[item.parameters] = item
+            # a system's entries may need as many matrices as it has coordinates, each of their size
+            most = max(MOST_NUMBERS // self.whole.M.shape[0] ** 3, 1)
+            for key, items in missing.items():
+                together = list(items.values())
+                for begin in range(0, len(together), most):
+                    self._make(key, together[begin : begin + most])
+            return [self.first[item.parameters] for item in wanted]
 
-    def _closed_form(
-        self, source: _Source, active: NDArray[np.bool_], stiffness: Array, damping: Array
-    ) -> ClosedForm:  # fmt: skip
-        """The closed form of some pairs in contact, made once for a system and the place where its drive acts."""
-        whole, derived = source.whole, source.derived
+    def _make(self, key: int, wanted: Sequence[WantedForm]) -> None:
+        """Make forms of the same pairs in contact; those that earlier calls made are kept with their systems."""
+        active = np.array([bool(key >> j & 1) for j in range(self.rigid.size)], dtype=bool)
+        made, missing = list[tuple[list[WantedForm], Equations, ClosedForms]](), list[WantedForm]()
+        for item in wanted:
+            kept = self.sources[item.system].derived.get(self._kept_key(item, active))
+            if kept is None:
+                missing.append(item)
+            else:
+                forms, number = kept
+                whole = stacked([self.sources[item.system].whole])
+                made.append(([item], whole, part_of(forms, np.array([number]))))
+        if missing:
+            whole = stacked([self.sources[item.system].whole for item in missing])
+            stiffness, damping = (np.array([getattr(item, name) for item in missing]) for name in CONTACT_NUMBERS)
+            for members, forms in closed_forms(whole, active, self.rigid, stiffness, damping):
+                own = [missing[f] for f in members]
+                made.append((own, part_of(whole, members), forms))
+                for number, item in enumerate(own):
+                    derived = self.sources[item.system].derived
+                    if len(derived) < MOST_KEPT:
+                        derived[self._kept_key(item, active)] = forms, number
+        allowed = "must have stiffness in every braked motion for this excitation or constant force"
+        for items, whole, forms in made:
+            unheld = np.any(forms.unheld if self.rate is not None else forms.unheld[:, 0])
+            require(not unheld, "system", None, "", allowed)
+            self._add(items, whole, forms, active)
+
+    def _kept_key(self, item: WantedForm, active: NDArray[np.bool_]) -> tuple[Any, ...]:
+        """Key of a closed form among what is kept with a system: also of the place where the drive acts."""
+        whole = self.sources[item.system].whole
         of_drive = whole.drive.tobytes(), whole.in_space.tobytes()
-        key = "closed form", *of_drive, active.tobytes(), stiffness.tobytes(), damping.tobytes()
-        made = derived.get(key)
-        if made is None:
-            made = closed_form(whole, active, self.rigid, stiffness, damping)
-            if len(derived) < MOST_KEPT:
-                derived[key] = made
-        return made
+        return "closed form", *of_drive, active.tobytes(), item.stiffness.tobytes(), item.damping.tobytes()
 
     def snapshot(self) -> Forms:
         """All forms known now."""
@@ -218,72 +255,89 @@ class FormStore:
         arrays |= {name: np.zeros(shape, dtype=complex) for name, shape in complexes.items()}
         return Forms(made=0, **arrays, together=np.zeros((f, entries, entries), dtype=bool))
 
-    def _enlarge(self, needed: tuple[int, int, int]) -> None:
-        """Larger arrays where a form more would not fit; those in use elsewhere stay as they are."""
+    def _enlarge(self, needed: tuple[int, int, int], count: int) -> None:
+        """Larger arrays where so many forms more would not fit; those in use elsewhere stay as they are."""
         capacity = self.forms.key.size
-        if self.count < capacity and all(n <= m for n, m in zip(needed, self.most, strict=True)):
+        if self.count + count <= capacity and all(n <= m for n, m in zip(needed, self.most, strict=True)):
             return
         self.most = tuple(max(pair) for pair in zip(needed, self.most, strict=True))
-        larger = self._empty(2 * capacity if self.count == capacity else capacity)
+        while capacity < self.count + count:
+            capacity *= 2
+        larger = self._empty(capacity)
         for old, new in zip(self.forms[1:], larger[1:], strict=True):
             new[tuple(slice(0, length) for length in old.shape)] = old
         self.forms = larger
 
     def _add(
-        self, source: _Source, made: ClosedForm, active: NDArray[np.bool_], key: int, parameters: bytes
+        self, items: Sequence[WantedForm], whole: Equations, made: ClosedForms, active: NDArray[np.bool_]
     ) -> None:  # fmt: skip
-        modes, f = made.modes, self.count
-        self._enlarge((modes.exponent.size, made.rigid_body_drive.size, len(modes.blocks)))
-        used = (made.velocity.weight != 0.0) | (made.position.weight != 0.0)
-        together = used.T.astype(int) @ used.astype(int) > 0
-        if np.any(active & ~self.rigid):
-            together[:] = True
-        rows = _stacked(
-            gap_rows(source.whole, made.position, OF_DISPLACEMENT),
+        """Write closed forms with as many entries behind those that are there."""
+        count, modes, first = len(items), made.modes, self.count
+        self._enlarge((modes.exponent.shape[1], made.rigid_body_drive.shape[1], len(modes.blocks)), count)
+        outputs = _stacked_outputs([self.sources[item.system].outputs for item in items])
+        rows = _stacked_rows(
+            gap_rows(whole, made.position, OF_DISPLACEMENT),
             made.contact_force,
-            _output_rows(source.outputs, made, active),
+            _output_rows(outputs, made, active),
         )
         driven = driven_entries(modes, self.rate)
         follow, position, velocity = (
-            own.follow if driven == 0 else followed(own, modes, made.load, driven)
-            for own in (rows, made.position, made.velocity)
+            followed(own, modes, made.load, driven) for own in (rows, made.position, made.velocity)
         )
-        previous, number = self.last.get(parameters, (-1, -1))
+        earlier = [self.last.get(item.parameters, (-1, -1)) for item in items]
         values: dict[str, Any] = {
-            "key": key, "following": -1, "number": number + 1, "entries": modes.exponent.size,
-            "rigid_bodies": made.rigid_body_drive.size, "exponent": modes.exponent, "coupling": modes.coupling,
-            "blocks": modes.blocks, "size": modes.size, "rigid_body_given": made.rigid_body_given,
+            "key": np.full(count, items[0].key), "following": np.full(count, -1),
+            "number": np.array([number for _, number in earlier]) + 1,
+            "entries": np.full(count, modes.exponent.shape[1]),
+            "rigid_bodies": np.full(count, made.rigid_body_drive.shape[1]), "exponent": modes.exponent,
+            "coupling": modes.coupling, "blocks": np.broadcast_to(modes.blocks, (count, *modes.blocks.shape)),
+            "size": modes.size, "rigid_body_given": made.rigid_body_given,
             "rigid_body_drive": made.rigid_body_drive, "weight": rows.weight, "weight_size": np.abs(rows.weight),
             "rigid_body_weight": rows.rigid_body, "rigid_body_rate_weight": rows.rigid_body_rate,
             "constant": rows.constant, "through": rows.through, "follow": follow, "driven": driven,
-            "shape": made.position.weight,
-            "shape_rate": made.velocity.weight, "rigid_body_shape": made.rigid_body_shape,
-            "static": made.position.constant, "position_through": made.position.through[2],
-            "position_follow": position, "velocity_follow": velocity, "load": made.load, "to_entry_u": made.to_entry_u,
-            "to_entry_v": made.to_entry_v, "to_rigid_body": made.to_rigid_body, "impulse_entry": made.impulse_entry,
-            "impulse_rigid_body": made.impulse_rigid_body, "reaction": made.reaction, "together": together,
-            "first": np.concatenate([[0], np.cumsum(used.sum(axis=1))]), "members": np.nonzero(used)[1],
+            "shape": made.position.weight, "shape_rate": made.velocity.weight,
+            "rigid_body_shape": made.rigid_body_shape, "static": made.position.constant,
+            "position_through": made.position.through[:, 2], "position_follow": position, "velocity_follow": velocity,
+            "load": made.load, "to_entry_u": made.to_entry_u, "to_entry_v": made.to_entry_v,
+            "to_rigid_body": made.to_rigid_body, "impulse_entry": made.impulse_entry,
+            "impulse_rigid_body": made.impulse_rigid_body, "reaction": made.reaction,
+            **_uses_of_entries(made, bool(np.any(active & ~self.rigid))),
         }  # fmt: skip
         for name, value in values.items():
             target = getattr(self.forms, name)
-            target[(f, *(slice(0, length) for length in np.shape(value)))] = value
+            target[(slice(first, first + count), *(slice(0, length) for length in value.shape[1:]))] = value
         # known from here on, also to a thread that runs with these arrays
-        if previous >= 0:
-            self.forms.following[previous] = f
-        self.first.setdefault(parameters, f)
-        self.last[parameters] = (f, number + 1)
-        self.known[parameters, key] = f
-        self.count += 1
+        for f, (item, (previous, number)) in enumerate(zip(items, earlier, strict=True), start=first):
+            if previous >= 0:
+                self.forms.following[previous] = f
+            self.first.setdefault(item.parameters, f)
+            self.last[item.parameters] = (f, number + 1)
+            self.known[item.parameters, item.key] = f
+        self.count += count
 
 
-def _output_rows(out: Outputs, made: ClosedForm, active: NDArray[np.bool_]) -> Rows:
+def _uses_of_entries(made: ClosedForms, all_together: bool) -> dict[str, NDArray[Any]]:
+    """Which entries move each coordinate, one coordinate after the other, and which two move one together."""
+    used = (made.velocity.weight != 0.0) | (made.position.weight != 0.0)
+    count, coordinates, entries = used.shape
+    together = used.mT.astype(int) @ used.astype(int) > 0
+    form, _, entry = np.nonzero(used)
+    own = used.sum(axis=2).cumsum(axis=1)
+    before = np.concatenate([[0], np.cumsum(own[:, -1])])
+    members = np.zeros((count, coordinates * entries), dtype=np.int64)
+    members[form, np.arange(form.size) - before[form]] = entry
+    first = np.concatenate([np.zeros((count, 1), dtype=np.int64), own], axis=1)
+    return {"together": together | all_together, "first": first, "members": members}
+
+
+def _output_rows(out: Outputs, made: ClosedForms, active: NDArray[np.bool_]) -> Rows:
     """Rows of what is read at every sample; a contact force only where it acts."""
     p, v = made.position, made.velocity
-    through = p.through @ out.position.T + v.through @ out.rate.T + out.drive
-    follow = p.follow @ out.position.T + v.follow @ out.rate.T
-    follow[:3] += out.drive[::-1]
+    through = p.through @ out.position.mT + v.through @ out.rate.mT + out.drive
+    follow = p.follow @ out.position.mT + v.follow @ out.rate.mT
+    follow[:, :3] += out.drive[:, ::-1]
     constant = out.position @ p.constant
-    constant[:, 0] += out.constant
+    constant[:, :, 0] += out.constant
     rows = Rows(
         weight=out.position @ p.weight + out.rate @ v.weight,
         rigid_body=out.position @ p.rigid_body,
@@ -293,24 +347,24 @@ def _output_rows(out: Outputs, made: ClosedForm, active: NDArray[np.bool_]) -> R
         follow=follow,
     )
     force = made.contact_force
-    for o, j in np.argwhere((out.force != 0.0) & active):
-        weight = out.force[o, j]
-        rows.weight[o] += weight * force.weight[j]
-        rows.constant[o] += weight * force.constant[j]
-        rows.rigid_body[o] += weight * force.rigid_body[j]
-        rows.rigid_body_rate[o] += weight * force.rigid_body_rate[j]
-        rows.through[:, o] += weight * force.through[:, j]
-        rows.follow[:, o] += weight * force.follow[:, j]
+    for o, j in np.argwhere(np.any(out.force != 0.0, axis=0) & active):
+        weight = out.force[:, o, j][:, None]
+        rows.weight[:, o] += weight * force.weight[:, j]
+        rows.constant[:, o] += weight * force.constant[:, j]
+        rows.rigid_body[:, o] += weight * force.rigid_body[:, j]
+        rows.rigid_body_rate[:, o] += weight * force.rigid_body_rate[:, j]
+        rows.through[:, :, o] += weight * force.through[:, :, j]
+        rows.follow[:, :, o] += weight * force.follow[:, :, j]
     return rows
 
 
-def _stacked(*parts: Rows) -> Rows:
+def _stacked_rows(*parts: Rows) -> Rows:
     """All rows in one."""
     return Rows(
-        weight=np.concatenate([rows.weight for rows in parts]),
-        rigid_body=np.concatenate([rows.rigid_body for rows in parts]),
-        rigid_body_rate=np.concatenate([rows.rigid_body_rate for rows in parts]),
-        constant=np.concatenate([rows.constant for rows in parts]),
-        through=np.concatenate([rows.through for rows in parts], axis=1),
-        follow=np.concatenate([rows.follow for rows in parts], axis=1),
+        weight=np.concatenate([rows.weight for rows in parts], axis=1),
+        rigid_body=np.concatenate([rows.rigid_body for rows in parts], axis=1),
+        rigid_body_rate=np.concatenate([rows.rigid_body_rate for rows in parts], axis=1),
+        constant=np.concatenate([rows.constant for rows in parts], axis=1),
+        through=np.concatenate([rows.through for rows in parts], axis=2),
+        follow=np.concatenate([rows.follow for rows in parts], axis=2),
     )

@@ -129,5 +129,5 @@ class SteppingAnswers:
         self: SteppingMethod, system: System, cases: SineCases, observed: NDArray[np.float64], instants: int,
         workers: int, progress: Progress | None = None,
     ) -> SineDwellResults:  # fmt: skip
-        """Many cases with gaps, laws and starts of their own side by side; see `many_cases.run_cases`."""
+        """Many cases side by side, each with its own gaps, laws and start; see `many_cases.run_cases`."""
         return stepped_cases(system, cases, self, observed, instants, workers, progress)

@@ -1,4 +1,4 @@
-"""Many dwells by a method with steps: blocks of cases side by side, each with numbers and a start of its own."""
+"""Many dwells by a method with steps: blocks of cases side by side, each with its own numbers and start."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def stepped_cases(
     system: System, cases: SineCases, method: SteppingMethod, observed: Array, instants: int, workers: int,
     progress: Progress | None,
 ) -> SineDwellResults:  # fmt: skip
-    """Cases with gaps, laws and starts of their own by a method with steps; see `many_cases.run_cases`.
+    """Cases, each with its own gaps, laws and start, by a method with steps; see `many_cases.run_cases`.
 
     Their laws are of the kinds of the system's, with compiled branches, and their starts are not static. The ledger is
     read at the ends of cycles.

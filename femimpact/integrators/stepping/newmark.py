@@ -28,6 +28,7 @@ class Newmark(SteppingAnswers):
     dt : float, s
         Step; `recommended_step(system)` gives one.
     beta, gamma : float, 1
+        Weights of the accelerations in the displacement and in the velocity.
     allow_coarse_step : bool
         Let a step pass that does not resolve the contact; the results then carry a warning.
     divergence_limit : float, 1
@@ -85,6 +86,7 @@ class HHT(SteppingAnswers):
     Parameters
     ----------
     dt : float, s
+        Step; `recommended_step(system)` gives one.
     alpha : float, 1
         0 is the average acceleration; -1/3 damps most.
     allow_coarse_step, divergence_limit, refine
@@ -126,6 +128,7 @@ class WBZ(SteppingAnswers):
     Parameters
     ----------
     dt : float, s
+        Step; `recommended_step(system)` gives one.
     alpha : float, 1
         0 is the average acceleration; -1 damps most.
     allow_coarse_step, divergence_limit, refine
@@ -161,6 +164,7 @@ class GeneralizedAlpha(SteppingAnswers):
     Parameters
     ----------
     dt : float, s
+        Step; `recommended_step(system)` gives one.
     spectral_radius : float, 1
         r at infinite frequency: 1 damps nothing, 0 annihilates the highest modes in one step.
     allow_coarse_step, divergence_limit, refine
@@ -190,7 +194,7 @@ class GeneralizedAlpha(SteppingAnswers):
 
 @dataclass(frozen=True)
 class MoreauJean(SteppingAnswers):
-    """Time stepping with impulses for rigid contacts: velocities jump, no impact is an event of its own.
+    """Time stepping with impulses for rigid contacts: velocities jump, no impact is a separate event.
 
     M (v1 - v0) = dt (F - C v - K u)_theta + b P, u1 = u0 + dt v_theta, with ._theta = theta .1 + (1 - theta) .0;
     where the gap is closed half a step on, 0 <= P and v1 >= -e v0 in the direction of separation, one of
@@ -199,7 +203,7 @@ class MoreauJean(SteppingAnswers):
     Parameters
     ----------
     dt : float, s
-        Resolves the motion between impacts; a rigid contact has no time of its own. Instants of impact are met to
+        Resolves the motion between impacts; a rigid contact has no duration. Instants of impact are met to
         a step.
     theta : float, 1
         1/2 loses no energy beside the impacts; 1 is the implicit Euler rule.

@@ -28,7 +28,7 @@ class Reading:
     ----------
     displacement, velocity, acceleration : ndarray (dofs,)
     ball_displacement, ball_velocity, ball_acceleration : ndarray (pairs,)
-        Entries of stops are without effect: a stop has no motion of its own.
+        Entries of stops are without effect: a stop does not move by itself.
     base : ndarray (3,)
         Of the base's displacement (m), velocity (m/s) and acceleration (m/s^2).
     contact_force : ndarray (pairs,)
@@ -76,7 +76,7 @@ def zero_reading(system: System) -> Reading:
 class Channel(Protocol):
     """One recorded column: what it is called, its unit, and what it reads of a state.
 
-    A class of one's own with these three serves in `Recorder.channels` beside the names of the built-in ones.
+    A user's class with these three serves in `Recorder.channels` beside the names of the built-in ones.
     """
 
     @property

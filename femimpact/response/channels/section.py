@@ -27,7 +27,7 @@ class SectionReading:
     """A quantity of the section at a place on the beam, with the signs of `femimpact.system.sections`.
 
     - curvature w'' (1/m); its error in an element is of the second order of the element's length;
-    - bending_moment EI w'' (N m), the elastic part: damping in proportion to the stiffness and terms of one's own
+    - bending_moment EI w'' (N m), the elastic part: damping in proportion to the stiffness and terms that a user adds
       add to the moment in the beam and are not in it;
     - shear_force (EI w'')' (N), the elastic part: EI w''' and, along a taper, (EI)' w''; of the first order of the
       element's length, and of the second in its middle; one value in an element of constant section;
