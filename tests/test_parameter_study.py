@@ -19,17 +19,21 @@ import xarray
 from builders import REFERENCE, with_ball
 
 import femimpact as fi
+from femimpact.export.figures.drawing import prefixed
+from femimpact.export.report.maps import maps_section
 from femimpact.export.study_columns import unsure_cells
 from femimpact.parametric.block_files import BLOCKS
 from femimpact.parametric.evaluation import evaluated
 from femimpact.parametric.paths import study_with
 from femimpact.parametric.statistics_over_starts import median_ranks, over_starts
-from femimpact.parametric.study_command import definition_of, table_of
+from femimpact.parametric.study_command import definition_of, summary_lines, table_of
 from femimpact.parametric.workers import block_cases
 from femimpact.study.demo import paper_study, paper_study_text
+from femimpact.study.parameter_words import study_conclusions, study_lead
 from femimpact.study.signal_motion import SignalMotion
 from femimpact.study.study_file import read_study
 from femimpact.study.study_text import study_text
+from femimpact.svg.elements import markup
 
 pytestmark = pytest.mark.impacts
 
@@ -661,6 +665,22 @@ def test_a_pair_of_gaps_is_one_value_with_both_as_coordinates():
     np.testing.assert_array_equal(found[f"{GAP}.minus"], [2e-3, 3e-3])
 
 
+def test_an_axis_of_pairs_is_told_by_its_gaps_and_not_by_their_numbers(tmp_path):
+    text = paper_study_text().replace('name = "newmark"', 'name = "event-driven"') + (
+        '[study]\nmeasures = ["peak"]\ncycles = 3\n[study.axes]\n"impactor.ball.gap" = [[0.003, 0.004], 0.005]\n'
+    )
+    given = read_study(text, Path("study.toml"))
+    found = fi.parameter_study(given, given.plan.axes, given.plan.measures, cycles=3)
+    smallest = ("(3, 4) mm", "(5, 5) mm")[int(np.argmin(found["peak"].data))]
+    assert f"smallest at {GAP} = {smallest}" in summary_lines(found, tmp_path)[0]
+    assert study_lead(found)[1] == "Axes: gap of impactor ball: (3, 4); (5, 5) mm."
+    assert f"at gap of impactor ball {smallest}; the largest is" in study_conclusions(found)[0].note
+    drawn = fi.figures.study_lines(found, "peak", ax=fi.figures.OffScreen())
+    assert [label.get_text() for label in drawn.get_xticklabels()] == ["(3, 4)", "(5, 5)"]
+    page = markup(maps_section(found).content[0])
+    assert "0: (3, 4) mm; 1: (5, 5) mm" in page
+
+
 def test_a_study_file_goes_round_and_its_table_has_a_row_for_every_case():
     text = paper_study_text().replace('name = "newmark"', 'name = "event-driven"') + (
         '[study]\nmeasures = ["peak"]\nstarts = 5\ncycles = 6\n[study.axes]\n'
@@ -702,6 +722,46 @@ def test_a_map_hatches_what_the_starts_cannot_tell_apart():
     given = xarray.Dataset({"m": median, "m_median_low": median - 0.02, "m_median_high": median + 0.02})
     # the steps to the neighbours are 0.01, then 0.99: an interval of 0.04 is wider than the first alone
     np.testing.assert_array_equal(unsure_cells(given, "m"), [[True, False, False]])
+
+
+@pytest.mark.parametrize("largest", [3e-6, 3e-3, 0.3])
+def test_a_mass_has_a_prefix_of_the_gram(largest):
+    factor, unit = prefixed(largest, "kg")
+    assert unit in ("g", "mg")
+    assert factor * largest == pytest.approx(largest * {"g": 1e3, "mg": 1e6}[unit])
+    assert factor * largest >= 1.0
+
+
+def test_maps_of_three_axes_name_the_hatching_that_they_have():
+    # the step along the third axis, which no map shows, is wider than every interval: of the whole no cell is unsure
+    median = xarray.DataArray(np.stack([np.ones((2, 2)), np.full((2, 2), 9.0)], axis=2), dims=("a", "b", "c"))
+    given = {"m": median, "m_median_low": median - 0.1, "m_median_high": median + 0.1}
+    given |= {name: xarray.zeros_like(median, dtype=int) for name in ("periodic_starts", "failed_starts", "finished")}
+    found = xarray.Dataset(
+        given, coords={name: [1.0, 2.0] for name in "abc"}, attrs={"starts": 5, "median_interval": ""}
+    )
+    assert not unsure_cells(found, "m").any()
+    axes = fi.figures.study_maps(found, "m", figure=fi.figures.OffScreen())
+    assert all(any(patch.get_hatch() for patch in one.patches) for one in axes.ravel())
+    assert "hatched: interval" in axes[0, 0].figure.get_suptitle()
+
+
+@pytest.mark.parametrize("starts", [1, 5])
+def test_marks_of_a_fine_map_are_on_the_cells_that_have_them(starts):
+    axes = {GAP: list(np.linspace(1e-3, 6e-3, 16)), RESTITUTION: list(np.linspace(0.4, 0.8, 9))}
+    found = fi.parameter_study(study(), axes, ["peak"], starts=starts, cycles=6)
+    drawn = fi.figures.study_map(found, "peak", ax=fi.figures.OffScreen())
+    marked = np.zeros((16, 9), dtype=bool)
+    for place in [xy for line in drawn.lines for xy in line.get_xydata()]:
+        marked[tuple(int(number) for number in place)] = True
+    np.testing.assert_array_equal(marked, (found["periodic_starts"] < 1) if starts == 1 else np.zeros((16, 9)))
+    hatched = np.zeros((16, 9), dtype=bool)
+    for patch in drawn.patches:
+        for corners in patch.get_path().vertices.reshape(-1, 5, 2):
+            hatched[tuple(np.rint(corners[:4].mean(axis=0)).astype(int))] = True
+    np.testing.assert_array_equal(hatched, unsure_cells(found, "peak"))
+    assert marked.any() == (starts == 1)
+    assert hatched.any() == (starts == 5)
 
 
 @pytest.mark.parametrize("axes", [1, 2, 3])

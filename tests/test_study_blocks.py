@@ -14,6 +14,7 @@ import pytest
 from builders import with_ball
 
 import femimpact as fi
+from femimpact.export.files import atomic_path
 from femimpact.parametric.block_files import BLOCKS
 from femimpact.parametric.identity import plain_study, study_key
 from femimpact.study.demo import paper_study
@@ -70,6 +71,19 @@ def test_what_a_process_left_that_was_ended_while_it_wrote_goes_with_the_next_ca
     small(tmp_path)
     assert not any(path.exists() for path in left)
     assert all(path.exists() for path in others)
+
+
+def test_a_full_disk_names_the_file_and_nothing_else(tmp_path):
+    with pytest.raises(OSError, match="No space") as caught, atomic_path(tmp_path / "study.nc"):
+        raise OSError(28, "No space left on device")
+    assert str(caught.value) == f"[Errno 28] No space left on device: '{tmp_path / 'study.nc'}'"
+
+
+def test_a_directory_with_results_of_another_kind_is_refused_and_left_as_it_is(tmp_path):
+    (tmp_path / "summary.json").write_text("{}")
+    with pytest.raises(fi.InputError, match=r"holds results of another kind \(summary.json\): choose another"):
+        small(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["summary.json"]
 
 
 # ---- functions of the user's own -------------------------------------------------------------------

@@ -18,7 +18,7 @@ from test_svg import Parsed
 import femimpact as fi
 from femimpact.export.report.maps import maps_section
 from femimpact.export.study_columns import measure_names, unsure_cells
-from femimpact.parametric.study_command import write_parameter_study
+from femimpact.parametric.study_command import plan_lines, write_parameter_study
 from femimpact.study.demo import paper_study, paper_study_text
 from femimpact.study.result_directory import ResultsWarning
 from femimpact.study.result_report import write_report
@@ -51,6 +51,12 @@ def sound(tmp_path_factory):
 @pytest.fixture
 def results(sound, tmp_path):
     return shutil.copytree(sound, tmp_path / "out")
+
+
+def test_check_foretells_the_disk_that_a_study_takes_within_a_factor_of_two(sound):
+    taken = sum(path.stat().st_size for path in sound.rglob("*") if path.is_file())
+    told = re.search(r"and ([\d.e+]+) MB on disk", plan_lines(study())[1])
+    assert taken / 2 < 1e6 * float(told[1]) < 2 * taken
 
 
 def missing_of(directory):

@@ -75,7 +75,9 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         # a failed write names no file, the others a hidden one
         hidden = error.filename is None or Path(os.fsdecode(error.filename)).name.startswith(prefix)
         if error.errno is not None and hidden:
-            error.filename, error.filename2 = str(target), None
+            error.filename = str(target)
+            # None would be shown as the end of an arrow
+            del error.filename2
         raise
 
 

@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["BESIDE", "STATISTICS", "measure_names", "single_samples", "unsure_cells"]
+__all__ = [
+    "BESIDE",
+    "STATISTICS",
+    "axis_names",
+    "axis_words",
+    "measure_names",
+    "single_samples",
+    "unsure_cells",
+    "value_words",
+]
 
 BESIDE = frozenset({"periodic_starts", "failed_starts", "finished", "failure"})
 """Variables that are about the cases themselves."""
@@ -40,6 +49,31 @@ def measure_names(dataset: xarray.Dataset) -> list[str]:
         and not is_statistic(str(name))
         and np.isfinite(values.to_numpy()).any()
     ]
+
+
+PAIRED = ", number of the pair of values"
+"""End of the long name of an axis of gaps of which some are a pair: its numbers count them."""
+
+
+def axis_names(dataset: xarray.Dataset) -> list[str]:
+    """Names of the axes: coordinates but for the numbers of the cases and the two sides of pairs of gaps."""
+    names = [str(name) for name in dataset.coords if name != "case"]
+    sides = {f"{name}.{side}" for name in names for side in ("plus", "minus")}
+    return [name for name in names if name not in sides]
+
+
+def axis_words(dataset: xarray.Dataset, name: str) -> str:
+    """Long name of an axis."""
+    return str(dataset[name].attrs.get("long_name", name)).removesuffix(PAIRED)
+
+
+def value_words(dataset: xarray.Dataset, name: str) -> list[str] | None:
+    """Words of the values of an axis of names, or of gaps of which some are a pair (mm); None where numbers say it."""
+    values = dataset[name].to_numpy()
+    if f"{name}.plus" in dataset.coords:
+        sides = (dataset[f"{name}.{side}"].to_numpy().reshape(-1).tolist() for side in ("plus", "minus"))
+        return [f"({1e3 * plus:.4g}, {1e3 * minus:.4g})" for plus, minus in zip(*sides, strict=True)]
+    return [str(value) for value in values.reshape(-1)] if values.dtype.kind not in "iuf" else None
 
 
 def single_samples(dataset: xarray.Dataset) -> NDArray[np.bool_]:

@@ -19,17 +19,20 @@ from typing import Any
 
 import numpy as np
 
-from femimpact.errors import Fault, InputError
+from femimpact.errors import Fault, InputError, require
 from femimpact.export.files import atomic_write, to_disk
 from femimpact.parametric.evaluation import BlockValues
 from femimpact.parametric.identity import first_difference
 from femimpact.regular_file import read_regular
-from femimpact.study.result_files import STUDY_BLOCKS
+from femimpact.study.result_files import FILES, OTHER_FILES, REPORT, STUDY_BLOCKS, earlier_files
 
 __all__ = ["BLOCKS", "BlockFolder", "blocks_of", "read_manifest"]
 
 BLOCKS = STUDY_BLOCKS
 MANIFEST = "study.json"
+OWN = frozenset({FILES["study"], OTHER_FILES["parameter_study"], OTHER_FILES["parameter_table"], REPORT})
+"""What a parameter study writes anew beside its blocks."""
+
 NAME = re.compile(r"([0-9a-f]{16})-([0-9a-f]{16})\.block")
 UNFINISHED = re.compile(r"\.(study|[0-9a-f]{16}-[0-9a-f]{16})-\w{8}\.(json|block)")
 UNFINISHED_RESULT = re.compile(r"\.(study(_[\w-]+)?|report)-\w{8}\.(nc|csv|toml|png|html)")
@@ -56,7 +59,6 @@ class BlockFolder:
 
     def __init__(self, directory: Path, plain: Mapping[str, Any], key: str) -> None:
         self.folder, self.key = directory / BLOCKS, key
-        self.folder.mkdir(parents=True, exist_ok=True)
         manifest = self.folder / MANIFEST
         earlier = read_manifest(directory)
         if earlier is not None:
@@ -64,6 +66,11 @@ class BlockFolder:
             allowed = f"holds another study: {difference}; choose another directory"
             if difference:
                 raise InputError([Fault("directory", str(directory), "", allowed)])
+        else:
+            other = next((name for name in earlier_files(directory) if name not in OWN), None)
+            allowed = f"holds results of another kind ({other}): choose another directory"
+            require(other is None, "directory", str(directory), "", allowed)
+        self.folder.mkdir(parents=True, exist_ok=True)
         if earlier is None or earlier.get("key") != key:
             atomic_write(manifest, json.dumps({"key": key, **plain}))
 

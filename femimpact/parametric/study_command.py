@@ -13,11 +13,13 @@ import numpy as np
 from femimpact.errors import Fault, InputError, require
 from femimpact.export import figures, tables
 from femimpact.export.files import atomic_write
-from femimpact.export.study_columns import measure_names
+from femimpact.export.study_columns import measure_names, value_words
 from femimpact.parametric.cluster import connected
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.progress import StudyProgress
+from femimpact.parametric.statistics_over_starts import over_starts
 from femimpact.parametric.verb import run_parameter_study, to_stderr
+from femimpact.parametric.workers import block_cases
 from femimpact.study.result_files import FILES, OTHER_FILES
 from femimpact.study.result_report import add_report
 from femimpact.study.study import Study
@@ -28,13 +30,23 @@ if TYPE_CHECKING:
 
 __all__ = ["definition_of", "plan_lines", "summary_lines", "write_parameter_study"]
 
-SECONDS_OF_MODES = 0.03
+SECONDS_OF_MODES = 0.006
 """Making the system of a case whose modes are its own, s."""
 
-BYTES_OF_RUN = 8.0
-"""On disk, of a measure of a run; and as much for the rest of its row."""
+SECONDS_OF_COMMAND, SECONDS_OF_FIGURE = 1.5, 0.5
+"""Loading the libraries, and drawing a measure, s."""
 
 COLUMN_BYTES = 8.0
+"""Of a number; the rest of a row takes as much as eight."""
+
+BYTES_OF_BLOCK, BYTES_OF_FILE, BYTES_OF_VARIABLE = 1300.0, 14e3, 1400.0
+"""On disk, beside the numbers: of a block, of the description of the study, and of a variable of the dataset."""
+
+BYTES_OF_LEVEL, BYTES_OF_TEXT = 50.0, 19.0
+"""On disk, of a value of an axis of a list or a sample, and of a number of the table."""
+
+BYTES_OF_FIGURE, BYTES_OF_REPORT, CASES_OF_REPORT = 1e5, 1.2e5, 500
+"""On disk, of a figure, and of a measure in the report of so many cases or more."""
 
 AT_ONCE = 256
 """Runs of a block that are in memory."""
@@ -176,16 +188,34 @@ def plan_lines(study: Study) -> list[str]:
     own_modes = [axis for axis, place in enumerate(given.table.places) if place.stage is Stage.MODES]
     systems = len(set(zip(*(given.table.codes[axis].tolist() for axis in own_modes), strict=True))) if own_modes else 0
     seconds += SECONDS_OF_MODES * systems
+    drawn = SECONDS_OF_COMMAND + (SECONDS_OF_FIGURE * len(given.chosen) if study.output.figures else 0.0)
     shape = " x ".join(map(str, given.table.shape)) if given.table.is_grid else f"{given.table.size} of a sample"
-    names, statistics = len(given.chosen), 8 if given.starts > 1 else 1
-    memory = COLUMN_BYTES * given.table.size * (names * statistics + 8) + cost.sweep_memory * AT_ONCE * given.dwell
-    disk = BYTES_OF_RUN * given.runs * (names + 1) + COLUMN_BYTES * given.table.size * names * statistics * 3
+    numbers = len(given.chosen) * _statistics(given.starts)
+    memory = COLUMN_BYTES * given.table.size * (numbers + 8) + cost.sweep_memory * AT_ONCE * given.dwell
     return [
         f"study: {given.table.size} cases ({shape}), {given.starts} start{'s' if given.starts > 1 else ''} each, "
         + (f"{given.dwell} cycles, of which {given.dwell // 3} are measured" if given.has_cycle else study.base.words),
-        f"study takes about {seconds:.2g} s on one core, {seconds / cores():.2g} s on {cores()}, "
-        f"{max(memory, 1e6) / 1e6:.3g} MB of memory and {max(disk, 1e5) / 1e6:.2g} MB on disk",
+        f"study takes about {seconds + drawn:.2g} s on one core, {seconds / cores() + drawn:.2g} s on {cores()}, "
+        f"{max(memory, 1e6) / 1e6:.3g} MB of memory and {_disk(given, study) / 1e6:.2g} MB on disk",
     ]
+
+
+def _statistics(starts: int) -> int:
+    """Variables of a measure of numbers."""
+    return len(over_starts(np.zeros((1, starts))))
+
+
+def _disk(given: ParameterStudy, study: Study) -> float:
+    """Bytes of all that a study leaves."""
+    cases, names, axes = given.table.size, len(given.chosen), len(given.table.places)
+    variables = names * _statistics(given.starts) + 4
+    blocks = BYTES_OF_FILE + BYTES_OF_BLOCK * len(block_cases(given)) + given.runs * (COLUMN_BYTES * names + 5.0)
+    listed = 0.0 if given.table.is_grid else BYTES_OF_LEVEL * cases * axes
+    dataset = BYTES_OF_FILE + BYTES_OF_VARIABLE * variables + COLUMN_BYTES * cases * (variables + 2)
+    table = BYTES_OF_TEXT * cases * (variables - 4 + axes)
+    figures_of = BYTES_OF_FIGURE * names if study.output.figures else 0.0
+    report = BYTES_OF_REPORT * names * min(cases / CASES_OF_REPORT, 1.0) if study.output.report else 0.0
+    return blocks + listed + dataset + table + figures_of + report
 
 
 def summary_lines(dataset: xarray.Dataset, directory: Path) -> list[str]:
@@ -216,5 +246,7 @@ def summary_lines(dataset: xarray.Dataset, directory: Path) -> list[str]:
 def _value(dataset: xarray.Dataset, axis: str, index: Any) -> str:
     if axis == "case":
         return str(index)
-    value = dataset[axis].to_numpy()[index]
-    return f"{value:.4g}" if isinstance(value, (int, float, np.number)) else str(value)
+    words = value_words(dataset, axis)
+    if words is not None:
+        return f"{words[index]}{' mm' if f'{axis}.plus' in dataset.coords else ''}"
+    return f"{dataset[axis].to_numpy()[index]:.4g}"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact.export.report.blocks import Conclusion
-from femimpact.export.study_columns import measure_names, single_samples
+from femimpact.export.study_columns import axis_names, axis_words, measure_names, single_samples, value_words
 from femimpact.svg.axis import number_text
 
 if TYPE_CHECKING:
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from femimpact.study.parameter_plan import ParameterPlan
 
 __all__ = ["study_conclusions", "study_failures", "study_lead", "study_missing", "study_versions"]
+
+MOST_NAMES = 20
+"""Values of an axis of names that are listed."""
 
 MOST_MEASURES = 8
 """Measures that have conclusions."""
@@ -42,15 +45,20 @@ def study_lead(data: xarray.Dataset) -> list[str]:
 
 def _axes(data: xarray.Dataset) -> Iterator[str]:
     """Every axis with its reach."""
-    for name, values in data.coords.items():
-        if str(name) == "case":
+    for name in axis_names(data):
+        words, names, found = axis_words(data, name), value_words(data, name), data[name].to_numpy()
+        if names is not None:
+            distinct = list(dict.fromkeys(names))
+            more = f" and {len(distinct) - MOST_NAMES} more" if len(distinct) > MOST_NAMES else ""
+            yield f"{words}: {'; '.join(distinct[:MOST_NAMES])}{more}{_unit_of_words(data, name)}"
             continue
-        words, found = values.attrs.get("long_name", str(name)), values.to_numpy()
-        if found.dtype.kind not in "fiu":
-            yield f"{words}: {', '.join(map(str, dict.fromkeys(found.tolist())))}"
-            continue
-        low, high = (_text(value, values.attrs) for value in (found.min(), found.max()))
+        low, high = (_text(value, data[name].attrs) for value in (found.min(), found.max()))
         yield f"{words}: {low} to {high}, {np.unique(found).size} values"
+
+
+def _unit_of_words(data: xarray.Dataset, name: str) -> str:
+    """Unit of the words of an axis, which pairs of gaps alone have."""
+    return " mm" if f"{name}.plus" in data.coords else ""
 
 
 def study_conclusions(data: xarray.Dataset) -> tuple[Conclusion, ...]:
@@ -81,21 +89,19 @@ def study_conclusions(data: xarray.Dataset) -> tuple[Conclusion, ...]:
 
 def _place(data: xarray.Dataset, dims: tuple[Any, ...], index: Any) -> str:
     """Values of the axes of a case."""
-    if dims == ("case",):
-        one = data.isel(case=int(index[0]))
-        names = [name for name in one.coords if str(name) != "case"]
-    else:
-        one = data.isel(dict(zip(dims, (int(i) for i in index), strict=True)))
-        names = list(dims)
-    return ", ".join(
-        f"{one[name].attrs.get('long_name', name)} {_text(one[name].item(), one[name].attrs)}" for name in names
-    )
+    chosen = dict(zip(dims, (int(i) for i in index), strict=True))
+    return ", ".join(_value(data.isel(chosen), name) for name in axis_names(data))
+
+
+def _value(one: xarray.Dataset, name: str) -> str:
+    """The value of an axis in one case."""
+    names = value_words(one, name)
+    shown = _text(one[name].item(), one[name].attrs) if names is None else f"{names[0]}{_unit_of_words(one, name)}"
+    return f"{axis_words(one, name)} {shown}"
 
 
 def _text(value: Any, attributes: Mapping[str, Any]) -> str:
     """A value with its unit."""
-    if isinstance(value, str):
-        return value
     factor, unit = SHOWN.get(attributes.get("units", "1"), (1.0, attributes.get("units", "1")))
     shown = number_text(factor * float(value))
     return shown if unit in ("", "1") else f"{shown} {unit}"

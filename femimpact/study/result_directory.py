@@ -461,5 +461,7 @@ def _named(target: Path, key: str | None) -> Iterator[None]:
         if name == hidden or name.startswith(hidden + os.sep):
             # without the folder that holds it for the time being
             _, *rest = Path(name).relative_to(hidden).parts or ("",)
-            error.filename, error.filename2 = str(Path(target, *rest)), None
+            error.filename = str(Path(target, *rest))
+            # None would be shown as the end of an arrow
+            del error.filename2
         raise

@@ -53,6 +53,8 @@ STYLE: Any = {
 """Settings of matplotlib, for `matplotlib.rc_context`."""
 SMALLEST_IN_MM = 1e-5
 """Metres."""
+SMALLEST_IN_MPA = 1e5
+"""Pascal."""
 LEGEND = 10.0
 """Points, of the words of a legend."""
 LETTER, HANDLE, GAP, ROW = 0.46, 4.0, 1.6, 1.55
@@ -234,7 +236,18 @@ def _columns(labels: Sequence[str], width: float) -> int:
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
-    """Factor and unit with the prefix in which the largest value is at least 1; lengths from 0.01 mm on in mm."""
+    """Factor and unit with the prefix in which the largest value is at least 1.
+
+    Lengths from 0.01 mm on are in mm, stresses from 0.1 MPa on in MPa, masses below 1 kg in g.
+    """
+    if not unit[:1].isalpha():
+        # of a number in a time or a length
+        return 1.0, unit
+    if unit.startswith("kg") and 0.0 < largest < 1.0:
+        factor, shown = prefixed(1e3 * largest, unit[1:])
+        return 1e3 * factor, shown
+    if unit == "Pa" and largest >= SMALLEST_IN_MPA:
+        return 1e-6, "MPa"
     if unit == "m" and largest >= SMALLEST_IN_MM:
         # as on every axis of a displacement, so that figures can be laid side by side
         return 1e3, "mm"

@@ -17,7 +17,7 @@ from femimpact.export.figures.drawing import (
     panels,
     prefixed,
 )
-from femimpact.export.study_columns import single_samples, unsure_cells
+from femimpact.export.study_columns import axis_words, single_samples, unsure_cells, value_words
 from femimpact.sweep import ONE_START
 
 if TYPE_CHECKING:
@@ -32,12 +32,12 @@ Array = NDArray[np.float64]
 MOST_NUMBERS = 120
 """Cells of a map up to which each has its number."""
 
-MOST_TICKS = 12
+MOST_TICKS, MOST_TICKS_OF_PANEL = 12, 5
 
 MOST_PANELS = 36
 """Maps of a figure."""
 
-UNSURE = "interval of the median wider than the step to a neighbour"
+UNSURE = "interval of the median wider than the step to any neighbour"
 """What hatching says."""
 
 
@@ -173,10 +173,11 @@ def study_maps(
     bounds = float(np.nanmin(values)), float(np.nanmax(values))
     width, height = 2.2 + 2.6 * len(columns), 1.4 + 2.5 * len(rows)
     axes = panels(figure, width, height, len(rows), len(columns), sharex=True, sharey=True)
-    image = None
+    image, maps = None, []
     for i, row in enumerate(rows):
         for j, column in enumerate(columns):
             own = shown.isel({across: column} | ({down: row} if down else {}))
+            maps.append(own)
             image = _cells(axes[i, j], own, measure, factor, bounds, numbers=False)
             told = [_told(dataset, across, column)] + ([_told(dataset, down, row)] if down else [])
             axes[i, j].set_title("\n".join(told), loc="left", fontsize=9.0)
@@ -187,8 +188,9 @@ def study_maps(
     bar = axes[0, 0].figure.colorbar(image, ax=axes)
     bar.set_label(_label(dataset[measure].attrs.get("long_name", measure), unit, int(dataset.attrs.get("starts", 1))))
     told = [f"at {', '.join(_told(dataset, name, index) for name, index in middle.items())}"] if middle else []
-    told += [f"hatched: {UNSURE}"] if unsure_cells(dataset, measure).any() else []
-    told += [f"*: {ONE_START}"] if single_samples(dataset).any() else []
+    # of what is drawn: a map has fewer neighbours than the whole
+    told += [f"hatched: {UNSURE}"] if any(unsure_cells(own, measure).any() for own in maps) else []
+    told += [f"*: {ONE_START}"] if any(single_samples(own).any() for own in maps) else []
     if told:
         axes[0, 0].figure.suptitle("\n".join(told), fontsize=10.0)
     return axes
@@ -220,7 +222,7 @@ def study_scatter(
     values = _values(dataset, measure, 1)
     listed = dataset[measure].dims == ("case",)
     require(listed, "dataset", ", ".join(map(str, dataset[measure].dims)), "", "must be of a list or a sample of cases")
-    names = [str(name) for name in dataset.coords if name != "case"]
+    names = [str(name) for name in dataset.coords if name != "case" and f"{name}.plus" not in dataset.coords]
     factor, unit = _scale(dataset, measure, values)
     axes = panels(figure, 1.5 + 3.4 * len(names), 4.2, 1, len(names), sharey=True)
     starts = int(dataset.attrs.get("starts", 1))
@@ -278,18 +280,11 @@ def _label(words: str, unit: str, starts: int) -> str:
 
 def _axis_values(dataset: xarray.Dataset, name: str) -> tuple[Array, str, list[str] | None]:
     """Numbers along an axis as they are shown, its label, and words of its ticks where its values are no numbers."""
-    coordinate = dataset[name]
-    values, words = coordinate.to_numpy(), str(coordinate.attrs.get("long_name", name))
-    if values.dtype.kind not in "iuf":
-        return np.arange(values.size, dtype=float), words, [str(value) for value in values]
-    if f"{name}.plus" in dataset.coords:
-        pairs = zip(dataset[f"{name}.plus"].to_numpy(), dataset[f"{name}.minus"].to_numpy(), strict=True)
-        ticks = [f"{1e3 * plus:.3g}, {1e3 * minus:.3g}" for plus, minus in pairs]
-        return (
-            np.arange(values.size, dtype=float),
-            f"{words.removesuffix(', number of the pair of values')} (mm)",
-            ticks,
-        )
+    coordinate, words, ticks = dataset[name], axis_words(dataset, name), value_words(dataset, name)
+    values = coordinate.to_numpy()
+    if ticks is not None:
+        label = f"{words} (mm)" if f"{name}.plus" in dataset.coords else words
+        return np.arange(values.size, dtype=float), label, ticks
     unit = str(coordinate.attrs.get("units", ""))
     if unit in ("", "1"):
         return values.astype(float), words, None
@@ -315,7 +310,7 @@ def _cells(
     axis: Axes, dataset: xarray.Dataset, measure: str, factor: float, bounds: tuple[float, float], numbers: bool = True
 ) -> Any:
     """Coloured cells over the two axes of a dataset."""
-    from matplotlib.patches import Rectangle
+    from matplotlib.patches import PathPatch
 
     first, second = (str(name) for name in dataset[measure].dims)
     shown = factor * dataset[measure].to_numpy().T
@@ -326,28 +321,49 @@ def _cells(
         (first, axis.set_xticks, axis.set_xlabel), (second, axis.set_yticks, axis.set_ylabel),
     ):  # fmt: skip
         x, label, words = _axis_values(dataset, name)
-        chosen = list(range(0, x.size, -(-x.size // MOST_TICKS)))
+        chosen = list(range(0, x.size, -(-x.size // (MOST_TICKS if numbers else MOST_TICKS_OF_PANEL))))
         set_ticks(chosen, [words[i] if words is not None else f"{x[i]:.3g}" for i in chosen])
         set_label(label)
-    samples, unsure = single_samples(dataset).T, unsure_cells(dataset, measure).T
-    for i, j in np.argwhere(unsure).tolist():
-        dark = shown[i, j] >= 0.5 * (low + high)
-        axis.add_patch(Rectangle((j - 0.5, i - 0.5), 1.0, 1.0, fill=False, hatch="///", linewidth=0.0,
-                                 edgecolor="black" if dark else "white"))  # fmt: skip
-    every = shown.size <= MOST_NUMBERS and numbers
-    for (i, j), value in np.ndenumerate(shown):
-        if not np.isfinite(value) or not (every or samples[i, j]):
-            continue
-        colour = "white" if value < 0.5 * (low + high) else "black"
-        behind = (
-            {"facecolor": image.to_rgba(np.array([value]))[0], "edgecolor": "none", "pad": 1.0}
-            if unsure[i, j]
-            else None
-        )
-        shown_number = f"{value:.2g}" if every else ""
-        axis.annotate(f"{shown_number}{'*' if samples[i, j] else ''}", (j, i), ha="center", va="center", color=colour,
-                      fontsize=9.0, bbox=behind)  # fmt: skip
+    unsure, middle = unsure_cells(dataset, measure).T, 0.5 * (low + high)
+    for dark, colour in ((False, "white"), (True, "black")):
+        cells = np.argwhere(unsure & ((shown >= middle) == dark))
+        if len(cells):
+            axis.add_patch(PathPatch(_squares(cells), fill=False, hatch="///", linewidth=0.0, edgecolor=colour))
+    samples = single_samples(dataset).T & np.isfinite(shown)
+    if shown.size <= MOST_NUMBERS and numbers:
+        _write_numbers(axis, image, shown, middle, samples, unsure)
+    else:
+        for dark, colour in ((False, "white"), (True, "black")):
+            cells = np.argwhere(samples & ((shown >= middle) == dark))
+            axis.plot(cells[:, 1], cells[:, 0], linestyle="none", marker="$*$", markersize=_star(axis, shown.shape),
+                      color=colour)  # fmt: skip
     return image
+
+
+def _star(axis: Axes, shape: tuple[int, ...]) -> float:
+    """Size (points) of a star that leaves the colour of its cell to be seen."""
+    frame, dpi = axis.get_window_extent(), axis.figure.dpi
+    return float(min(5.0, 72.0 / dpi * min(frame.width / shape[1], frame.height / shape[0]) / 2.5))
+
+
+def _squares(cells: NDArray[np.int64]) -> Any:
+    """The outlines of cells, each by its row and its column, as one path."""
+    from matplotlib.path import Path
+
+    corners = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5)])
+    codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY]
+    return Path((cells[:, None, ::-1] + corners).reshape(-1, 2), np.tile(codes, len(cells)))
+
+
+def _write_numbers(
+    axis: Axes, image: Any, shown: Array, middle: float, samples: NDArray[np.bool_], unsure: NDArray[np.bool_]
+) -> None:
+    """The number of each cell, with a star where it is a sample, on its own colour where the cell is hatched."""
+    for (i, j), value in np.ndenumerate(shown):
+        if np.isfinite(value):
+            own = {"facecolor": image.to_rgba(np.array([value]))[0], "edgecolor": "none", "pad": 1.0}
+            axis.annotate(f"{value:.2g}{'*' if samples[i, j] else ''}", (j, i), ha="center", va="center", fontsize=9.0,
+                          color="white" if value < middle else "black", bbox=own if unsure[i, j] else None)  # fmt: skip
 
 
 def _map_legend(axis: Axes, dataset: xarray.Dataset, measure: str) -> None:

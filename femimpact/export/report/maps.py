@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.export.report.blocks import Section
-from femimpact.export.study_columns import measure_names, single_samples, unsure_cells
+from femimpact.export.study_columns import axis_words, measure_names, single_samples, unsure_cells, value_words
 from femimpact.svg.axis import Axis, axis_of, number_text
 from femimpact.svg.chart import GRID, Band, Chart, Line, chart_element
 from femimpact.svg.elements import Element, element
@@ -91,7 +91,8 @@ def maps_section(data: xarray.Dataset, key: str = "maps", heading: str = "Maps o
 
 def _label(data: Any, name: str) -> str:
     about = data[name].attrs if name in data.variables else {}
-    words, unit = str(about.get("long_name", name.replace("_", " "))), str(about.get("units", ""))
+    unit = str(about.get("units", ""))
+    words = axis_words(data, name) if "long_name" in about else name.replace("_", " ")
     return f"{words} ({unit})" if unit not in ("", "1") else words
 
 
@@ -131,7 +132,8 @@ def _dots(data: Any, name: str) -> list[Element]:
     y = np.asarray(data[name].to_numpy(), dtype=float)
     drawn: list[Element] = []
     for axis, places in data.coords.items():
-        if str(axis) == "case" or places.dims != ("case",) or places.dtype.kind not in "fiu":
+        number = str(axis) != "case" and f"{axis}.plus" not in data.coords
+        if not number or places.dims != ("case",) or places.dtype.kind not in "fiu":
             continue
         x = np.asarray(places.to_numpy(), dtype=float)
         lines = (Line(name, x, y, style="dots"),)
@@ -144,10 +146,12 @@ def _dots(data: Any, name: str) -> list[Element]:
 
 
 def _names_of_places(data: Any, dim: str) -> str:
-    """What the places of an axis of names are, which are counted from 0."""
-    if dim not in data.variables or data[dim].dtype.kind in "fiu":
+    """What the places of an axis of names or of pairs of gaps are, which are counted from 0."""
+    names = value_words(data, dim) if dim in data.variables else None
+    if names is None:
         return ""
-    return "; ".join(f"{i}: {name}" for i, name in enumerate(map(str, data[dim].to_numpy()[:20])))
+    unit = " mm" if f"{dim}.plus" in data.coords else ""
+    return "; ".join(f"{i}: {name}{unit}" for i, name in enumerate(names[:20]))
 
 
 def _maps(data: Any, name: str, axes: Sequence[str]) -> list[Element]:
@@ -178,13 +182,10 @@ def _told(data: Any, axis: str, index: int) -> str:
     """A value of an axis in words."""
     if axis not in data.variables:
         return f"{axis} {index}"
-    about = data[axis].attrs
-    words, unit = str(about.get("long_name", axis)), str(about.get("units", ""))
-    if f"{axis}.plus" in data.coords:
-        plus, minus = (float(data[f"{axis}.{side}"][index]) for side in ("plus", "minus"))
-        return f"{words.removesuffix(', number of the pair of values')} {number_text(plus)}, {number_text(minus)} m"
-    value = data[axis].to_numpy()[index]
-    shown = number_text(float(value)) if isinstance(value, (int, float, np.number)) else str(value)
+    words, names, unit = axis_words(data, axis), value_words(data, axis), str(data[axis].attrs.get("units", ""))
+    if names is not None:
+        return f"{words} {names[index]}{' mm' if f'{axis}.plus' in data.coords else ''}"
+    shown = number_text(float(data[axis].to_numpy()[index]))
     return f"{words} {shown}{f' {unit}' if unit not in ('', '1') else ''}"
 
 

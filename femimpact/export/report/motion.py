@@ -135,8 +135,6 @@ def _chart(channels: Mapping[str, tuple[Array, Array, str]], names: Sequence[str
 
 def _unit(largest: float, unit: str) -> tuple[float, str]:
     """Factor and unit in which values up to the largest are read most easily."""
-    if unit == "Pa" and largest >= 1e5:
-        return 1e-6, "MPa"
     return prefixed(largest, unit) if unit != "1" else (1.0, "1")
 
 

@@ -121,7 +121,9 @@ def write_frames(path: Path, times: Sequence[float], texts: Iterable[str], names
         # a failed write names no file, the others a hidden one
         hidden = error.filename is None or os.fsdecode(error.filename).startswith(str(staging))
         if error.errno is not None and hidden:
-            error.filename, error.filename2 = str(path), None
+            error.filename = str(path)
+            # None would be shown as the end of an arrow
+            del error.filename2
         raise
     finally:
         shutil.rmtree(staging, ignore_errors=True)
