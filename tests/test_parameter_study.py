@@ -702,6 +702,7 @@ def test_a_study_file_goes_round_and_its_table_has_a_row_for_every_case():
     ("line", "words"),
     [
         ('"impactor.ball.gap" = []', "study.axes.impactor.ball.gap = 'no value'"),
+        ('"impactor.ball.gap" = [1e-3]\nimpactor.ball.gap = [2e-3]', "study.axes.impactor.ball.gap: is given twice"),
         ('"impactor.ball.gap" = [1e-3, 1e-3]', "study.axes.impactor.ball.gap = 0.001: is given twice"),
         (f'"impactor.ball.gap" = [1{"0" * 400}]', "study.axes.impactor.ball.gap = 1000.*: must be finite numbers"),
         ('"impactor.ball.gap" = { mean = 3 }', "study.axes.impactor.ball.gap = .*: must be a list of values"),

@@ -20,6 +20,8 @@ from femimpact.parametric.progress import StudyProgress
 from femimpact.parametric.statistics_over_starts import over_starts
 from femimpact.parametric.verb import run_parameter_study, to_stderr
 from femimpact.parametric.workers import block_cases
+from femimpact.response.response import Recorder
+from femimpact.study.cost import START, history_cost
 from femimpact.study.result_files import FILES, OTHER_FILES
 from femimpact.study.result_report import add_report
 from femimpact.study.study import Study
@@ -33,8 +35,8 @@ __all__ = ["definition_of", "plan_lines", "summary_lines", "write_parameter_stud
 SECONDS_OF_MODES = 0.006
 """Making the system of a case whose modes are its own, s."""
 
-SECONDS_OF_COMMAND, SECONDS_OF_FIGURE = 1.5, 0.5
-"""Loading the libraries, and drawing a measure, s."""
+SECONDS_OF_FIGURE = 0.5
+"""Drawing a measure, s."""
 
 COLUMN_BYTES = 8.0
 """Of a number; the rest of a row takes as much as eight."""
@@ -178,26 +180,31 @@ def plan_lines(study: Study) -> list[str]:
 
     given = definition_of(study)
     method = given.systems.method_of(given.nominal, {})
-    frequency, cycles = study.base.frequency, float(given.dwell)
+    cost = method.cost(given.nominal, study.base.frequency)
+    each, memory = cost.sweep_seconds * given.dwell, cost.sweep_memory * AT_ONCE * given.dwell
     if not given.has_cycle:
-        cycles = study.base.history_duration * frequency
-    cost = method.cost(given.nominal, frequency)
-    seconds = (cost.sweep_seconds if given.has_cycle else RUN_FACTOR * cost.history_seconds) * cycles * given.runs
-    if given.has_cycle and any(item.source is Source.RUN for item in given.chosen):
-        seconds += RUN_FACTOR * cost.history_seconds * given.dwell * given.runs
+        one = history_cost(study, given.nominal, method, Recorder((str(given.observed),)))
+        each, memory = RUN_FACTOR * (one.seconds - START), one.memory * cores()
+    elif any(item.source is Source.RUN for item in given.chosen):
+        each += RUN_FACTOR * cost.history_seconds * given.dwell
+    seconds = each * given.runs
     own_modes = [axis for axis, place in enumerate(given.table.places) if place.stage is Stage.MODES]
     systems = len(set(zip(*(given.table.codes[axis].tolist() for axis in own_modes), strict=True))) if own_modes else 0
     seconds += SECONDS_OF_MODES * systems
-    drawn = SECONDS_OF_COMMAND + (SECONDS_OF_FIGURE * len(given.chosen) if study.output.figures else 0.0)
+    drawn = START + (SECONDS_OF_FIGURE * len(given.chosen) if study.output.figures else 0.0)
     shape = " x ".join(map(str, given.table.shape)) if given.table.is_grid else f"{given.table.size} of a sample"
     numbers = len(given.chosen) * _statistics(given.starts)
-    memory = COLUMN_BYTES * given.table.size * (numbers + 8) + cost.sweep_memory * AT_ONCE * given.dwell
+    memory += COLUMN_BYTES * given.table.size * (numbers + 8)
     return [
-        f"study: {given.table.size} cases ({shape}), {given.starts} start{'s' if given.starts > 1 else ''} each, "
+        f"study: {_counted(given.table.size, 'case')} ({shape}), {_counted(given.starts, 'start')} each, "
         + (f"{given.dwell} cycles, of which {given.dwell // 3} are measured" if given.has_cycle else study.base.words),
         f"study takes about {seconds + drawn:.2g} s on one core, {seconds / cores() + drawn:.2g} s on {cores()}, "
         f"{max(memory, 1e6) / 1e6:.3g} MB of memory and {_disk(given, study) / 1e6:.2g} MB on disk",
     ]
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'s' * (count != 1)}"
 
 
 def _statistics(starts: int) -> int:

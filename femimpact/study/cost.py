@@ -18,7 +18,9 @@ from femimpact.study.sweep_grid import most_frequencies
 from femimpact.system.modes import DENSE_LIMIT
 from femimpact.system.system import System
 
-__all__ = ["Cost", "check_mesh", "check_sweep", "history_cost", "mesh_memory", "picture_seconds", "sweep_cost"]
+__all__ = [
+    "START", "Cost", "check_mesh", "check_sweep", "history_cost", "mesh_memory", "picture_seconds", "sweep_cost",
+]  # fmt: skip
 
 ELEMENT = 4200.0
 """Bytes of an element while the matrices are made."""

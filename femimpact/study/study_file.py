@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -375,24 +375,26 @@ def _plan(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
         faults.append(Fault(f"{prefix}.axes", None, "", f"table [{prefix}.axes] is missing"))
     if len(faults) > before:
         return None
-    axes = {
-        path: _collected("", partial(axis_from, f"{prefix}.axes.{path}", given), faults)
-        for path, given in _flat(inner["axes"]).items()
-    }
+    axes: dict[str, Any] = {}
+    for path, given in _flat(inner["axes"]):
+        if path in axes:
+            # once in quotes and once in tables
+            faults.append(Fault(f"{prefix}.axes.{path}", None, "", "is given twice: an axis must be given once"))
+        axes[path] = _collected("", partial(axis_from, f"{prefix}.axes.{path}", given), faults)
     sample = _noun(SamplePlan, f"{prefix}.sample", inner["sample"], faults) if inner["sample"] is not None else None
     rest = {key: value for key, value in values.items() if key not in inner}
     plan = _noun(ParameterPlan, prefix, rest, faults, axes=axes, **({"sample": sample} if inner["sample"] else {}))
     return plan if len(faults) == before else None
 
 
-def _flat(axes: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def _flat(axes: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Axes by their whole paths: without quotes TOML takes the dots of a path for tables in one another."""
-    flat: dict[str, Any] = {}
     for name, given in axes.items():
         inner = isinstance(given, dict) and any(isinstance(value, (dict, list)) for value in given.values())
-        inner = inner and not set(given) <= set(DISTRIBUTIONS)
-        flat |= _flat(given, f"{prefix}{name}.") if inner else {f"{prefix}{name}": given}
-    return flat
+        if inner and not set(given) <= set(DISTRIBUTIONS):
+            yield from _flat(given, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", given
 
 
 def chosen_later(noun: Any) -> tuple[str, ...]:
