@@ -227,9 +227,10 @@ def _vtk_frames(film: Film, window: str) -> Iterator[NDArray[np.uint8]]:
     with _window(window):
         views = solid_views(film)
     with closing(views):
-        for i, view in enumerate(views):
+        for i, placed in enumerate(views):
             picture = draw(i)
-            picture[VIEWS] = view
+            for rows, columns, pixels in placed:
+                picture[rows, columns] = pixels
             for j in range(balls):
                 edge = WIDTH // 2 + j * WIDTH // (2 * balls)
                 picture[VIEWS, edge - 1 : edge + 1] = 205

@@ -1,23 +1,31 @@
-"""Beam, boxes and balls as solids in three dimensions, drawn off screen by VTK: a view of all, and one of each ball."""
+"""Beam, boxes and balls as solids in three dimensions, drawn off screen by VTK: a view of all, and one of each ball.
+
+The time of smooth edges grows with the number of pixels, white or not: the window of a view has the size of what the
+solids cover in any frame.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Generator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from femimpact.export.figures.drawing import BLUE, DARK, ORANGE
-from femimpact.export.scene import BALL, BEAM, BOX, ball_radius
-from femimpact.export.scene_pieces import HEXAHEDRON, section_at
+from femimpact.export.figures.drawing import ORANGE
+from femimpact.export.scene import ball_radius
+from femimpact.export.scene_pieces import section_at
 from femimpact.export.sheet import VIEWS, WIDTH, Film
+from femimpact.export.solids import Solid, solids_of
 
-__all__ = ["solid_views"]
+__all__ = ["Placed", "solid_views"]
 
 Array = NDArray[np.float64]
+Placed = tuple[slice, slice, NDArray[np.uint8]]
+"""Rows and columns of the sheet, and what is there, (rows, columns, 4): red, green, blue, and a byte of no meaning."""
+
 EYE = np.array([0.0, -0.4, 1.0])
 """From what is looked at to the eye, m: from above, a little from the - side; the beam at rest lies level."""
 
@@ -27,168 +35,98 @@ UPRIGHT = np.array([0.0, 1.0, 0.4]) / math.hypot(1.0, 0.4)
 SAMPLES = 4
 """Of a pixel, for smooth edges."""
 
-FACES = ((0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4), (3, 7, 6, 2), (0, 3, 2, 1), (4, 5, 6, 7))
-"""Of a hexahedron in VTK's order."""
-
-MATT = {"ambient": 0.4}
-SHINY = {"ambient": 0.25, "specular": 0.4, "specular_power": 20.0}
-"""Shares of VTK's light that a surface gives back."""
-
-
-@dataclass(frozen=True, eq=False)
-class Solid:
-    """A surface of one colour.
-
-    Parameters
-    ----------
-    place : ndarray (k, 3), m
-        Of its points; those of the scene move.
-    faces : list of ndarray
-        Numbers of the points around each face.
-    colour : str
-    light : mapping
-        `MATT` or `SHINY`.
-    source : ndarray (k,)
-        Numbers of the points in the scene; empty where it does not move.
-    contact : (int, int), optional
-        The pair that colours it when it touches, and on which side; 0 for both.
-    is_round : bool
-        Whether it is a ball, of which no single face is to be seen.
-    """
-
-    place: Array
-    faces: list[NDArray[np.intp]]
-    colour: str
-    light: Mapping[str, float]
-    source: NDArray[np.intp]
-    contact: tuple[int, int] | None = None
-    is_round: bool = False
+MARGIN = 2
+"""Pixels around what is covered."""
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A part of the picture, and what it shows.
+    """A part of the sheet, and what it shows.
 
     A parallel projection, so that lengths stay lengths.
 
     Parameters
     ----------
-    edges : (float, float), 1
-        Left and right end, by the width of the picture.
+    rows, columns : (int, int)
+        Of the sheet, from and to.
     target : ndarray (3,), m
-        In the middle of it, where the beam is at rest.
-    scale : float, m
-        Half of its height.
+        What is looked at, where the beam is at rest.
+    pixel : float, m
     lift : ndarray (frames,), m
         How far the target has gone along y: a close-up goes with its box.
+    middle : (float, float), pixels
+        Where the middle is beside the target: to the right, and up.
     """
 
-    edges: tuple[float, float]
+    rows: tuple[int, int]
+    columns: tuple[int, int]
     target: Array
-    scale: float
+    pixel: float
     lift: Array
+    middle: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Columns and rows."""
+        return self.columns[1] - self.columns[0], self.rows[1] - self.rows[0]
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A solid as VTK draws it, once in each view.
+    """A solid as VTK draws it, the same one in each view.
 
     Parameters
     ----------
     solid : Solid
     place : ndarray (k, 3), m
         The memory of its points.
-    points, data, properties : of VTK
+    points, data : of VTK
     """
 
     solid: Solid
     place: Array
     points: Any
     data: Any
-    properties: list[Any] = field(default_factory=list)
 
 
-def solid_views(film: Film) -> Generator[NDArray[np.uint8], None, None]:
-    """The views of each frame of a film side by side, (rows of `VIEWS`, `WIDTH`, 4): red, green, blue, and no meaning.
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A view as VTK draws it, with the colours of the solids in it."""
 
-    The window is made here, of the class that VTK's environment variable names, and ends with the generator.
+    view: View
+    window: Any
+    renderer: Any
+    properties: list[Any]
+
+
+def solid_views(film: Film) -> Generator[list[Placed], None, None]:
+    """The views of each frame of a film.
+
+    The windows are made here, of the class that VTK's environment variable names, and end with the generator.
     """
-    surfaces, views, window = [_surface(solid) for solid in _solids(film)], _views(film), _window()
-    renderers = [_renderer(view, surfaces, window) for view in views]
-    return _drawn(film, surfaces, views, window, renderers)
+    solids = solids_of(film)
+    surfaces = [_surface(solid) for solid in solids]
+    windows = [_window(_covered(film, view, solids), surfaces) for view in _views(film)]
+    return _frames(film, surfaces, windows)
 
 
-def _drawn(
-    film: Film, surfaces: list[Surface], views: list[View], window: Any, renderers: list[Any]
-) -> Generator[NDArray[np.uint8], None, None]:
-    from vtkmodules.util import numpy_support
-    from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
+def _frames(film: Film, surfaces: list[Surface], windows: list[Window]) -> Generator[list[Placed], None, None]:
+    from matplotlib.colors import to_rgb
 
-    to_numpy: Any = numpy_support.vtk_to_numpy
-    pixels, height = vtkUnsignedCharArray(), VIEWS.stop - VIEWS.start
     try:
         for i in range(film.chosen.size):
-            _move(surfaces, film, i)
-            for view, renderer in zip(views, renderers, strict=True):
-                _aim(renderer, view.target + np.array([0.0, view.lift[i], 0.0]))
-            window.Render()
-            window.GetRGBACharPixelData(0, 0, WIDTH - 1, height - 1, 0, pixels)
-            # VTK's rows are from below
-            yield to_numpy(pixels).reshape(height, WIDTH, 4)[::-1]
+            moved, colours = film.moved(i), []
+            for surface in surfaces:
+                solid = surface.solid
+                if solid.source.size:
+                    surface.place[:] = moved[solid.source]
+                    surface.points.Modified()
+                touches = solid.contact is not None and film.touches(i, *solid.contact)
+                colours.append(to_rgb(ORANGE if touches else solid.colour))
+            yield [_drawn(shown, i, colours) for shown in windows]
     finally:
-        window.Finalize()
-
-
-# ---- what is drawn --------------------------------------------------------------------------------
-
-
-def _solids(film: Film) -> list[Solid]:
-    scene = film.scene
-    solids = [_solid(film, np.flatnonzero(scene.part == BEAM), "#a3acb6", MATT)]
-    for j in range(len(film.response.system.balls)):
-        mine = scene.pair == j
-        plus, minus, floor = np.flatnonzero((scene.part == BOX) & mine).tolist()
-        solids += [_solid(film, [cell], "#7b8a9a", MATT, (j, side)) for cell, side in ((plus, 1), (minus, -1))]
-        solids.append(_solid(film, [floor], "#c3ced9", {}))
-        ball = _solid(film, np.flatnonzero((scene.part == BALL) & mine), BLUE, SHINY, (j, 0))
-        solids.append(replace(ball, is_round=True))
-    solids += [_solid(film, [cell], DARK, MATT, (j, side)) for cell, j, side in film.stops()]
-    return solids + _supports(film)
-
-
-def _solid(
-    film: Film, cells: ArrayLike, colour: str, light: Mapping[str, float],
-    contact: tuple[int, int] | None = None,
-) -> Solid:  # fmt: skip
-    """The outer faces of some cells of the scene."""
-    scene = film.scene
-    nodes = np.split(scene.connectivity, scene.offsets[:-1])
-    faces: dict[tuple[int, ...], NDArray[np.int64] | None] = {}
-    for cell in np.asarray(cells):
-        own = [nodes[cell][list(face)] for face in FACES] if scene.types[cell] == HEXAHEDRON else [nodes[cell]]
-        for face in own:
-            # one between two cells is within
-            key = tuple(sorted(face.tolist()))
-            faces[key] = None if key in faces else face
-    outer = [face for face in faces.values() if face is not None]
-    source, number = np.unique(np.concatenate(outer), return_inverse=True)
-    ends = np.cumsum([face.size for face in outer])
-    return Solid(scene.points[source], np.split(number.reshape(-1), ends[:-1]), colour, light, source, contact)
-
-
-def _supports(film: Film) -> list[Solid]:
-    """A block where the beam is held."""
-    structure = film.structure
-    length, width = structure.beam.length, structure.beam.segments[0].rectangle[0]
-    shift = {0.0: -0.01 * length, length: 0.01 * length}
-    corners = np.array([(x, y, z) for z in (-1, 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
-    blocks = []
-    for support in structure.supports:
-        x = film.response.system.position_of(support.at)
-        place = 0.5 * corners * (0.02 * length, 0.1 * length, 1.2 * width) + (x + shift.get(x, 0.0), 0.0, 0.0)
-        faces = [np.array(face) for face in FACES]
-        blocks.append(Solid(place, faces, DARK, {}, np.array([], dtype=np.intp)))
-    return blocks
+        for shown in windows:
+            shown.window.Finalize()
 
 
 # ---- from where -----------------------------------------------------------------------------------
@@ -197,41 +135,47 @@ def _supports(film: Film) -> list[Solid]:
 def _views(film: Film) -> list[View]:
     """The whole beam, on the left half where there are balls, and a close-up of each of these on the right one."""
     balls, beam = film.response.system.balls, film.structure.beam
-    half = 0.5 if balls else 1.0
-    aspect = half * WIDTH / (VIEWS.stop - VIEWS.start)
+    rows, half = (VIEWS.start, VIEWS.stop), WIDTH // 2 if balls else WIDTH
+    height = rows[1] - rows[0]
+    aspect = half / height
     target = np.array([0.5 * beam.length, 0.0, 0.25 * beam.segments[0].rectangle[0]])
     scale = max(UPRIGHT[1] * 1.08 * film.reach, 0.56 * beam.length / aspect)
-    views = [View((0.0, half), target, scale, np.zeros(film.chosen.size))]
+    views = [View(rows, (0, half), target, 2.0 * scale / height, np.zeros(film.chosen.size))]
     for j, pair in enumerate(balls):
-        edges, radius = (half + half * j / len(balls), half + half * (j + 1) / len(balls)), ball_radius(pair.mass)
+        radius = ball_radius(pair.mass)
+        columns = (half + half * j // len(balls), half + half * (j + 1) // len(balls))
         above = 0.5 * section_at(film.structure, pair.position)[0] + 1.3 * radius
         high = UPRIGHT[1] * (film.scene.exaggeration * max(pair.gaps) + 2.2 * radius)
         scale = max(high, 1.6 * radius * len(balls) / aspect)
         lift = film.scene.exaggeration * film.at_pair(j)[film.chosen]
-        views.append(View(edges, np.array([pair.position, 0.0, above]), scale, lift))
+        views.append(View(rows, columns, np.array([pair.position, 0.0, above]), 2.0 * scale / height, lift))
     return views
 
 
-def _aim(renderer: Any, target: Array) -> None:
-    camera = renderer.GetActiveCamera()
-    camera.SetFocalPoint(*target)
-    camera.SetPosition(*(target + EYE))
-    renderer.ResetCameraClippingRange()
-
-
-def _move(surfaces: list[Surface], film: Film, i: int) -> None:
-    """Take all solids to where they are at frame i, and colour those that touch."""
-    from matplotlib.colors import to_rgb
-
-    moved = film.moved(i)
-    for surface in surfaces:
-        solid = surface.solid
-        if solid.source.size:
-            surface.place[:] = moved[solid.source]
-            surface.points.Modified()
-        touches = solid.contact is not None and film.touches(i, *solid.contact)
-        for drawn in surface.properties:
-            drawn.SetColor(*to_rgb(ORANGE if touches else solid.colour))
+def _covered(film: Film, view: View, solids: list[Solid]) -> View:
+    """The part of a view that its solids cover in any frame."""
+    still = np.concatenate([solid.place for solid in solids if not solid.source.size] or [np.zeros((0, 3))])
+    moving = np.concatenate([solid.source for solid in solids])
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for i in range(film.chosen.size):
+        seen = np.concatenate([film.moved(i)[moving], still]) - view.target
+        seen[:, 1] -= view.lift[i]
+        for axis, values in enumerate((seen[:, 0], seen @ UPRIGHT)):
+            low[axis], high[axis] = min(low[axis], values.min()), max(high[axis], values.max())
+    # from the left and from the upper edge
+    size = np.array(view.size)
+    first = np.floor(0.5 * size + np.array([low[0], -high[1]]) / view.pixel).astype(int) - MARGIN
+    last = np.ceil(0.5 * size + np.array([high[0], -low[1]]) / view.pixel).astype(int) + MARGIN
+    first = np.clip(first, 0, size - 1)
+    last = np.clip(last, first + 1, size)
+    (left, top), (right, bottom) = first.tolist(), last.tolist()
+    right_of, below = (0.5 * (first + last - size)).tolist()
+    return replace(
+        view,
+        rows=(view.rows[0] + top, view.rows[0] + bottom),
+        columns=(view.columns[0] + left, view.columns[0] + right),
+        middle=(right_of, -below),
+    )
 
 
 # ---- by VTK ---------------------------------------------------------------------------------------
@@ -258,42 +202,59 @@ def _surface(solid: Solid) -> Surface:
     return Surface(solid, place, points, data)
 
 
-def _window() -> Any:
+def _window(view: View, surfaces: list[Surface]) -> Window:
     # what draws by OpenGL registers itself
     import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
-    from vtkmodules.vtkRenderingCore import vtkRenderWindow
+    from vtkmodules.vtkRenderingCore import vtkLightKit, vtkRenderer, vtkRenderWindow
 
-    window = vtkRenderWindow()
+    window, renderer = vtkRenderWindow(), vtkRenderer()
     window.SetOffScreenRendering(1)
     window.SetMultiSamples(SAMPLES)
-    window.SetSize(WIDTH, VIEWS.stop - VIEWS.start)
+    window.SetSize(*view.size)
     # nothing is shown: what a swap does to all samples takes as long as all the rest
     window.SwapBuffersOff()
-    return window
-
-
-def _renderer(view: View, surfaces: list[Surface], window: Any) -> Any:
-    from vtkmodules.vtkRenderingCore import vtkActor, vtkLightKit, vtkPolyDataMapper, vtkRenderer
-
-    renderer = vtkRenderer()
     window.AddRenderer(renderer)
-    renderer.SetViewport(view.edges[0], 0.0, view.edges[1], 1.0)
     renderer.SetBackground(1.0, 1.0, 1.0)
     vtkLightKit().AddLightsToRenderer(renderer)
-    for surface in surfaces:
-        mapper, actor = vtkPolyDataMapper(), vtkActor()
-        mapper.SetInputData(surface.data)
-        actor.SetMapper(mapper)
-        renderer.AddActor(actor)
-        drawn, light = actor.GetProperty(), surface.solid.light
-        # the faces of all but a ball are to be seen
-        drawn.SetInterpolationToPhong() if surface.solid.is_round else drawn.SetInterpolationToFlat()
-        drawn.SetAmbient(light.get("ambient", 0.0))
-        drawn.SetSpecular(light.get("specular", 0.0))
-        drawn.SetSpecularPower(light.get("specular_power", 1.0))
-        surface.properties.append(drawn)
-    camera = renderer.GetActiveCamera()
+    camera, (columns, rows) = renderer.GetActiveCamera(), view.size
     camera.ParallelProjectionOn()
-    camera.SetParallelScale(view.scale)
+    camera.SetParallelScale(0.5 * rows * view.pixel)
+    camera.SetWindowCenter(2.0 * view.middle[0] / columns, 2.0 * view.middle[1] / rows)
     camera.SetViewUp(0.0, 1.0, 0.0)
-    return renderer
+    return Window(view, window, renderer, [_shown(surface, renderer) for surface in surfaces])
+
+
+def _shown(surface: Surface, renderer: Any) -> Any:
+    """What tells the colour of a surface that is added to a view."""
+    from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+
+    mapper, actor = vtkPolyDataMapper(), vtkActor()
+    mapper.SetInputData(surface.data)
+    actor.SetMapper(mapper)
+    renderer.AddActor(actor)
+    drawn, light = actor.GetProperty(), surface.solid.light
+    # the faces of all but a ball are to be seen
+    drawn.SetInterpolationToPhong() if surface.solid.is_round else drawn.SetInterpolationToFlat()
+    drawn.SetAmbient(light.get("ambient", 0.0))
+    drawn.SetSpecular(light.get("specular", 0.0))
+    drawn.SetSpecularPower(light.get("specular_power", 1.0))
+    return drawn
+
+
+def _drawn(shown: Window, i: int, colours: list[tuple[float, float, float]]) -> Placed:
+    from vtkmodules.util import numpy_support
+    from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
+
+    view, camera, pixels = shown.view, shown.renderer.GetActiveCamera(), vtkUnsignedCharArray()
+    target = view.target + np.array([0.0, view.lift[i], 0.0])
+    camera.SetFocalPoint(*target)
+    camera.SetPosition(*(target + EYE))
+    shown.renderer.ResetCameraClippingRange()
+    for drawn, colour in zip(shown.properties, colours, strict=True):
+        drawn.SetColor(*colour)
+    shown.window.Render()
+    columns, rows = view.size
+    shown.window.GetRGBACharPixelData(0, 0, columns - 1, rows - 1, 0, pixels)
+    to_numpy: Any = numpy_support.vtk_to_numpy
+    # VTK's rows are from below
+    return slice(*view.rows), slice(*view.columns), to_numpy(pixels).reshape(rows, columns, 4)[::-1]
