@@ -12,7 +12,7 @@ import pytest
 from builders import impact_table, reduced
 
 import femimpact as fi
-from femimpact.export import movie, sheet
+from femimpact.export import movie, sheet, solid_views
 
 
 @pytest.fixture(scope="module")
@@ -127,6 +127,22 @@ def test_two_balls_have_a_trace_and_a_close_up_each(two, renderer):
         for rows in np.array_split(strip, 2):
             assert np.count_nonzero((rows[..., 2] > 120) & (rows[..., 0] < 60)) > 500
         assert picture[470:, -3:].min() == 255
+
+
+def test_a_window_of_the_size_of_what_is_drawn_cuts_nothing_off(two, monkeypatch):
+    window = movie.gl_window()
+    if window is None:
+        pytest.skip("VTK cannot render here")
+    structure, response = two
+    film = movie._film(response, structure, None, 25, 3)
+    parts = list(movie._vtk_frames(film, window))
+    monkeypatch.setattr(solid_views, "_covered", lambda _film, view, _solids: view)
+    wholes = list(movie._vtk_frames(film, window))
+    for part, whole in zip(parts, wholes, strict=True):
+        difference = np.abs(part[..., :3].astype(int) - whole[..., :3])
+        # an edge may fall to the other one of two of a pixel's samples
+        assert difference.max() <= 70
+        assert np.count_nonzero(difference) < 1e-3 * difference.size
 
 
 @pytest.mark.impacts

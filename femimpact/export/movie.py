@@ -202,7 +202,7 @@ def _encode(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int) -> Path:
             finally:
                 writer.close()
             # an encoder that ends early does so without a word
-            if not temporary.stat().st_size or imageio_ffmpeg.count_frames_and_secs(temporary)[0] != count:
+            if _frames_in(temporary) != count:
                 raise RuntimeError(f"{path.name}: ffmpeg did not write all of its {count} frames")
         return path
     from PIL import Image
@@ -213,6 +213,14 @@ def _encode(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int) -> Path:
     with atomic_path(path) as temporary:
         pictures[0].save(temporary, save_all=True, append_images=pictures[1:], duration=1000 // fps, loop=0)
     return path
+
+
+def _frames_in(path: Path) -> int:
+    """Frames of an MP4 by its table of their sizes (ISO/IEC 14496-12, 8.7.3), which is written last; 0 without one."""
+    data = path.read_bytes()
+    table = data.rfind(b"stsz")
+    # after the name a version and the size that all have
+    return int.from_bytes(data[table + 12 : table + 16], "big") if table >= 0 else 0
 
 
 def _matplotlib_frames(film: Film) -> Iterator[NDArray[np.uint8]]:
