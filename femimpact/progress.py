@@ -55,8 +55,10 @@ def _bar(what: str) -> Iterator[Progress]:
     drawn = bars()
     task = drawn.add_task(what, total=1.0)
     with drawn:
-        # what a study tells of itself has the share done as its number
-        yield lambda share: drawn.update(task, completed=float(share))
+        # what a study tells of itself has the share done as its number, and words
+        yield lambda done: drawn.update(
+            task, completed=float(done), description=what if isinstance(done, (int, float)) else f"{what}: {done}"
+        )
 
 
 def bars() -> Any:

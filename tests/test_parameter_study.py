@@ -622,9 +622,24 @@ def test_progress_is_drawn_or_told_and_the_result_is_the_same(capsys):
     expected = small(progress=told.append)
     assert [float(told[0]), float(told[-1])] == [0.0, 1.0]
     xarray.testing.assert_identical(small(progress=True), expected)
-    assert "parameter study" in capsys.readouterr().err
+    assert "parameter study: 4 of 4 cases" in " ".join(capsys.readouterr().err.split())
     with pytest.raises(fi.InputError, match="progress = 'str': must be True, or callable with a StudyProgress"):
         small(progress="yes")
+
+
+def test_the_dataset_tells_what_was_studied(tmp_path):
+    system, base = fi.reduce(fi.assemble(study().structure, elements=10), 3), fi.Sine(2e-4, 4.9)
+    axes, sample = {GAP: {"from": 2e-3, "to": 4e-3}}, {"points": 4, "method": "halton", "seed": 3}
+    fi.parameter_study(system, axes, ["peak"], sample=sample, excitation=base, cycles=3, directory=tmp_path)
+    with xarray.open_dataset(tmp_path / "study.nc") as found:
+        about = {name: found.attrs[name] for name in ("study", "sample", "base")}
+        assert about == {
+            "study": "System of 3 dofs", "sample": "4 points, halton, seed 3",
+            "base": "sine, frequency 4.9, amplitude 0.0002, phase 0.0, start base",
+        }  # fmt: skip
+        assert found.attrs["method"] == repr(fi.EventDriven())
+    text = small(axes={GAP: [2e-3]}).attrs["study"]
+    assert read_study(text, Path("study.toml")).structure == study().structure
 
 
 def test_an_error_in_a_function_of_the_users_own_is_not_caught():

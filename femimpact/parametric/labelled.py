@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import is_dataclass
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ from femimpact.parametric.evaluation import BlockValues
 from femimpact.parametric.statistics_over_starts import LEAST_FOR_INTERVAL, over_starts
 from femimpact.study.study import Study
 from femimpact.study.study_text import study_text
+from femimpact.system.system import System
 
 if TYPE_CHECKING:
     import xarray
@@ -39,7 +41,6 @@ WORDS = {
 def labels_of(study: ParameterStudy) -> dict[str, Any]:
     """What the dataset of a study is labelled by, in what JSON has."""
     table = study.table
-    given = study.study
     return {
         "axes": [
             {"path": place.path, "unit": place.unit, "words": _words(place.owner, place.part, place.field),
@@ -63,9 +64,23 @@ def labels_of(study: ParameterStudy) -> dict[str, Any]:
             "seed": study.seed,
             **({"cycles": study.dwell, "measured_cycles": study.dwell // 3} if study.has_cycle else {}),
             "place": str(study.observed),
-            "study": study_text(given) if isinstance(given, Study) else type(given).__name__,
+            **_told(study),
         },
     }  # fmt: skip
+
+
+def _told(study: ParameterStudy) -> dict[str, str]:
+    """The study in words: its file, or what a system or a function was given with it, and its sample."""
+    given, plan = study.study, study.plan_of_sample
+    told = {} if plan is None else {"sample": f"{plan.points} points, {plan.method}, seed {plan.seed}"}
+    if isinstance(given, Study):
+        return {**told, "study": study_text(given)}
+    known = ", ".join(f"{name} {value}" for name, value in study.base.items() if value is not None)
+    method = study.method or study.systems.method_of(study.nominal, {})
+    # what is no dataclass may show its address, which no two processes share
+    words = repr(method) if is_dataclass(method) else type(method).__name__
+    name = f"System of {given.dofs} dofs" if isinstance(given, System) else getattr(given, "__qualname__", "function")
+    return {**told, "study": name, "base": f"sine, {known}", "method": words}
 
 
 def _words(owner: str, part: str, name: str) -> str:

@@ -14,8 +14,6 @@ from femimpact.svg.axis import number_text
 if TYPE_CHECKING:
     import xarray
 
-    from femimpact.study.parameter_plan import ParameterPlan
-
 __all__ = ["study_conclusions", "study_failures", "study_lead", "study_missing", "study_versions"]
 
 MOST_NAMES = 20
@@ -125,13 +123,10 @@ def study_failures(data: xarray.Dataset) -> tuple[str, ...]:
     return (f"{int(np.count_nonzero(failed))} of {failed.size} cases have starts that failed, the first: {first}",)
 
 
-def study_versions(data: xarray.Dataset, plan: ParameterPlan | None) -> dict[str, Any]:
-    """Versions and seeds of a study, by the names that a summary has for them; `plan` has the seed of a sample."""
+def study_versions(data: xarray.Dataset) -> dict[str, Any]:
+    """Versions and seeds of a study, by the names that a summary has for them."""
     versions = {name: data.attrs[name] for name in ("femimpact", "numpy", "scipy", "python") if name in data.attrs}
     starts = int(data.attrs["starts"])
     seeds = [f"{data.attrs['seed']} of the {starts} starts"] if starts > 1 else []
-    if plan is not None and plan.sample is not None:
-        seeds.append(f"{plan.sample.seed} of the sample ({plan.sample.method})")
-    elif "case" in data.dims:
-        seeds.append("of a sample: not known")
+    seeds += [f"sample: {data.attrs['sample']}"] if "sample" in data.attrs else []
     return {"versions": versions, "seeds": "; ".join(seeds)}

@@ -149,7 +149,7 @@ def _of_parameter_study(results: ResultReading, directory: Path, study: Study | 
         return _Studied()
     for text in results.attempt(name, lambda: study_missing(data)) or ():
         results.miss(text)
-    about = results.attempt(name, lambda: study_versions(data, None if study is None else study.plan)) or {}
+    about = results.attempt(name, lambda: study_versions(data)) or {}
     return _Studied(
         tuple(results.attempt(name, lambda: study_lead(data)) or ()),
         results.attempt(name, lambda: study_conclusions(data)) or (),
