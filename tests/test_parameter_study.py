@@ -638,6 +638,7 @@ def test_the_dataset_tells_what_was_studied(tmp_path):
             "base": "sine, frequency 4.9, amplitude 0.0002, phase 0.0, start base",
         }  # fmt: skip
         assert found.attrs["method"] == repr(fi.EventDriven())
+        assert found[GAP].attrs["distribution"] == "uniform [0.002, 0.004]"
     text = small(axes={GAP: [2e-3]}).attrs["study"]
     assert read_study(text, Path("study.toml")).structure == study().structure
 

@@ -153,6 +153,11 @@ class ParameterStudy:
             require(isinstance(path, str), "axes", path, "", "must be values by their study paths, which are texts")
         return {path: axis_from(f"axes.{path}", given) for path, given in self.axes.items()}
 
+    @property
+    def distributions(self) -> dict[str, Distribution]:
+        """Those of the axes of a sample, by their paths."""
+        return {path: axis for path, axis in self._axes.items() if isinstance(axis, Distribution)}
+
     @cached_property
     def plan_of_sample(self) -> SamplePlan | None:
         """How the cases are sampled; None for a grid or a list."""

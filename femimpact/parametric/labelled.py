@@ -44,7 +44,8 @@ def labels_of(study: ParameterStudy) -> dict[str, Any]:
     return {
         "axes": [
             {"path": place.path, "unit": place.unit, "words": _words(place.owner, place.part, place.field),
-             "levels": list(levels), "codes": None if table.is_grid else codes.tolist()}
+             "levels": list(levels), "codes": None if table.is_grid else codes.tolist(),
+             "distribution": str(study.distributions.get(place.path, ""))}
             for place, levels, codes in zip(table.places, table.levels, table.codes, strict=True)
         ],
         "shape": list(table.shape),
@@ -199,6 +200,7 @@ def _coordinates(axis: Mapping[str, Any], dims: tuple[str, ...]) -> dict[str, An
     path, levels, codes = axis["path"], axis["levels"], axis["codes"]
     values = levels if codes is None else [levels[code] for code in codes]
     described = {"long_name": axis["words"]} | ({"units": axis["unit"]} if axis["unit"] else {})
+    described |= {"distribution": axis["distribution"]} if axis["distribution"] else {}
     if any(isinstance(value, (list, tuple)) for value in values):
         pairs = [tuple(value) if isinstance(value, (list, tuple)) else (value, value) for value in values]
         number = {"long_name": f"{axis['words']}, number of the pair of values"}

@@ -59,6 +59,9 @@ class Distribution:
     numbers: tuple[float, ...]
     frozen: Any = field(default=None, compare=False, repr=False)
 
+    def __str__(self) -> str:
+        return f"{self.name} {list(self.numbers)}"
+
     def quantile(self, share: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
         """Values below which these shares of the distribution lie."""
         from scipy import stats
