@@ -68,7 +68,7 @@ def wheel(unpacked, tmp_path_factory):
 
 @pytest.fixture
 def checkout(tmp_path):
-    """What loads the core and its sources, in a place of its own."""
+    """What loads the core and its sources, in a separate place."""
     package = tmp_path / "femimpact"
     shutil.copytree(CORE, package / "core", ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("__init__.py", "errors.py", BINARY):

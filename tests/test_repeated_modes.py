@@ -71,7 +71,7 @@ def test_equal_parts_move_as_the_matrix_exponential_says(balls, boxes, apart):
 
 
 def test_structures_together_have_the_bits_of_each_alone():
-    """Among them blocks, real and complex entries, in an order of their own: what lies alike is computed together."""
+    """Among them blocks, real and complex entries, in random order: what lies alike is computed together."""
     rng = np.random.default_rng(8)
     given = [in_contact(2, 2, c, apart) for c in (0.5, 2.0, nearly_defective()) for apart in (0.0, 1e-8, 0.3)]
     given += [in_contact(2, 2, c, 0.3) for c in rng.uniform(0.1, 9.0, 40)]

@@ -132,7 +132,7 @@ def test_a_function_that_takes_what_cannot_be_compared_asks_for_a_version(tmp_pa
 
 
 def test_the_key_of_a_function_is_the_same_in_every_process(tmp_path):
-    # a set of texts has an order of its own in each
+    # a set of texts has another order in each
     script = tmp_path / "script.py"
     script.write_text(
         f"import sys\nsys.path[:0] = [{str(Path(__file__).parent)!r}]\n"

@@ -141,7 +141,7 @@ def blocks_of(directory: Path, key: str) -> Iterator[BlockValues]:
 
 
 def _read(path: Path, key: str) -> BlockValues | None:
-    """A block of a study, by its key; None where the file is none, is damaged, or belongs to another study."""
+    """A block of a study, by its key; None where the file is missing, is damaged, or belongs to another study."""
     try:
         digest, _, content = read_regular(path, MOST_BYTES).partition(b"\n")
         if hashlib.sha256(content).hexdigest().encode() != digest:

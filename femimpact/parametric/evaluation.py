@@ -110,7 +110,7 @@ def evaluated(study: ParameterStudy, cases: Numbers) -> BlockValues:
     """What the study measures of some of its cases.
 
     A case has the same bits whatever cases stand beside it. A case that cannot be run has a reason in place of
-    values; an error that is none of femimpact's own is not caught.
+    values; an error that femimpact does not raise itself is not caught.
 
     Parameters
     ----------

@@ -135,7 +135,7 @@ def _plain(value: Any, version: str | None) -> Any:
     if isinstance(value, (list, tuple)):
         return [_plain(item, version) for item in value]
     if isinstance(value, (set, frozenset)):
-        # in an order that no process has of its own
+        # in the same order in every process
         return {"set": sorted(json.dumps(_plain(item, version), sort_keys=True) for item in value)}
     if isinstance(value, bytes):
         return hashlib.sha256(value).hexdigest()

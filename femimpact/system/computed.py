@@ -1,6 +1,6 @@
 """Systems whose fields were computed from one another: the checks of a whole system are left out.
 
-They take longer than a short run does. What is checked is that numbers are none that are too large.
+They take longer than a short run does. Only infinite numbers are refused: values may be too large.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def computed_system(**values: Any) -> System:
     Raises
     ------
     InputError
-        If a number is too large to be one.
+        If a number is infinite.
     """
     system = object.__new__(System)
     system.__dict__.update(values)
@@ -48,7 +48,7 @@ def with_checked_fields(system: System, **changes: Any) -> System:
     Raises
     ------
     InputError
-        If a number is too large to be one.
+        If a number is infinite.
     """
     _require_finite(changes.items())
     origin = system.computed_together

@@ -101,8 +101,8 @@ class System:
     directions : mapping of str to ndarray (dofs,)
         Rows that read the displacement of named places which lie on no beam.
     constant_load : ndarray (dofs,), N
-        Constant force on the structure, as of gravity; None is none. It may be replaced: nothing else follows from
-        it. Balls have an `acceleration`.
+        Constant force on the structure, as of gravity; None stands for zero. It may be replaced: nothing else follows
+        from it. Balls have an `acceleration`.
     constant_resultant : float, N
         Sum of the constant forces along w on the free dofs, r^T f: that of all modes also where some are left out, as
         `total_mass` is the mass of all. None is rigid_translation^T constant_load, as after a replaced `constant_load`.
