@@ -33,6 +33,7 @@ from femimpact.integrators.stepping.step_size import recommended_step
 from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.structure.structure import Structure
 from femimpact.sweep import FrequencyResponse, peak_curves
+from femimpact.system.computed import with_checked_pairs
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
 from femimpact.system.system import System
@@ -225,10 +226,16 @@ def systems_over_restitution(
     values = np.atleast_1d(real_array("restitutions", restitutions, "1", allowed))
     sound = values.ndim == 1 and values.size > 0 and all(in_range(value, of_one) for value in values.tolist())
     require(sound, "restitutions", values if values.ndim > 1 else restitutions, "1", allowed)
-    return tuple(
-        (value, reduce(assemble(with_restitution(structure, value), elements=elements), modes))
-        for value in values.tolist()
-    )
+    # modes do not depend on the laws of contacts
+    first = reduce(assemble(with_restitution(structure, float(values[0])), elements=elements), modes)
+    return tuple((value, _with_laws_of(first, with_restitution(structure, value))) for value in values.tolist())
+
+
+def _with_laws_of(system: System, structure: Structure) -> System:
+    """The system with the contact laws that the structure's balls have."""
+    laws = {ball.name: ball.contact for ball in structure.impactors}
+    pairs = tuple(dataclasses.replace(pair, law=laws.get(pair.name, pair.law)) for pair in system.contacts)
+    return with_checked_pairs(system, pairs)
 
 
 def scan_systems(
