@@ -244,7 +244,7 @@ def scan_systems(
     """One curve for each restitution with its system; else as `scan_restitution`.
 
     With a `step` above 1, a power of two, a curve has only the frequencies where its largest peak may be: every
-    `step`-th one, and those between that are beside a point of at least half of the largest peak.
+    `step`-th one, and those between that are beside a point near the largest peak. See `sweep.peaks`.
     """
     report, state = check_progress(progress), State() if initial is None else initial
     require_type(state, State, "initial")

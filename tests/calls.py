@@ -56,7 +56,7 @@ def modes() -> fi.Modes:
 def drawn_run() -> fi.Response:
     """A run with all that a figure needs."""
     channels = ("tip", "tip.velocity", "ball", "ball.velocity", "ball.contact_force", "mid")
-    return fi.integrate(small(), BASE, fi.Newmark(2e-4), 1.5, fi.Recorder(channels, snapshots=100))
+    return fi.integrate(small(), BASE, fi.Newmark(2e-4), 1.5, fi.Recorder(channels, snapshots=1000))
 
 
 def of(made: Callable[[], object], name: str) -> Callable[..., object]:

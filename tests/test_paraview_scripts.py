@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 from builders import REFERENCE, reduced
+from grids import points_of
 
 import femimpact as fi
 from femimpact.export import vtk
@@ -47,10 +48,6 @@ def frames(path):
     for time in reader.time_values:
         reader.set_active_time_value(time)
         yield time, reader.read()[0].copy()
-
-
-def points_of(grid, chosen):
-    return np.unique(np.concatenate([grid.get_cell(i).point_ids for i in np.flatnonzero(chosen)]))
 
 
 def test_every_mode_has_a_colour_bar_of_its_own(tmp_path, system, reference):

@@ -69,13 +69,13 @@ def test_the_peak_of_a_resonance_is_found_with_its_neighbours(step, frequency):
     assert curve.frequency.size < 0.75 * grid.size
 
 
-def test_what_is_left_out_is_beside_no_point_of_half_of_the_peak(systems):
+def test_what_is_left_out_is_beside_no_point_near_the_peak(systems):
     for curve in swept(systems, fi.EventDriven(), step=2):
         left_out = np.flatnonzero(~np.isin(GRID, curve.frequency))
         coarse = dict(zip(curve.frequency.tolist(), curve.peak.tolist(), strict=True))
         for i in left_out:
             neighbours = [coarse[GRID[i - 1]], coarse[GRID[i + 1]]]
-            assert max(neighbours) < 0.5 * curve.peak_amplitude
+            assert max(neighbours) < 0.6 * curve.peak_amplitude
 
 
 def test_a_scan_has_the_same_peaks_whatever_its_step(systems):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from grids import points_of
 
 import femimpact as fi
 from femimpact.export import vtk
@@ -43,7 +44,7 @@ def read_series(path):
 
 def nodes_of(grid, part):
     """Numbers of the points that belong to a part."""
-    return np.unique(np.concatenate([grid.get_cell(i).point_ids for i in np.flatnonzero(grid["part"] == part)]))
+    return points_of(grid, grid["part"] == part)
 
 
 def centre_line(grid, x):
@@ -140,7 +141,7 @@ def test_drawn_clearance_is_the_true_one_times_the_exaggeration(tmp_path, two_ba
         warped = grid.points + grid["displacement"]
         for j, pair in enumerate(response.system.contacts):
             own = grid["contact_pair"] == j
-            ball, box = (cell_points(grid, own & (grid["part"] == part)) for part in (BALL, BOX))
+            ball, box = (points_of(grid, own & (grid["part"] == part)) for part in (BALL, BOX))
             rest = np.unique(grid.points[box, 1].round(13))
             x = snapshots.ball_displacement[k, j] - deflection_at(response, k, pair.position)
             for side, gap, level in ((1, pair.gaps[0], rest[2]), (-1, pair.gaps[1], rest[1])):
@@ -158,7 +159,7 @@ def test_sections_and_boxes_turn_with_the_slope(tmp_path, two_balls):
         tip = points[np.isclose(grid.points[points, 0], structure.beam.length, atol=1e-12)]
         np.testing.assert_allclose(grid["displacement"][tip, 0], -2.0 * slope * grid.points[tip, 1], atol=1e-15)
         # a box at the tip turns as a rigid body about the axis
-        box = cell_points(grid, (grid["part"] == BOX) & (grid.cell_centers().points[:, 0] > 0.15))
+        box = points_of(grid, (grid["part"] == BOX) & (grid.cell_centers().points[:, 0] > 0.15))
         arm = grid.points[box] - [structure.beam.length, 0.0, 0.0]
         np.testing.assert_allclose(grid["displacement"][box, 0], -2.0 * slope * arm[:, 1], atol=1e-15)
         np.testing.assert_allclose(grid["displacement"][box, 1], 2.0 * (w + slope * arm[:, 0]), atol=1e-15)
@@ -173,11 +174,6 @@ def test_solid_has_the_mass_of_beam_and_balls(tmp_path, two_balls):
     assert 7850.0 * volume[grid["part"] == BEAM].sum() == pytest.approx(structure.beam.mass, rel=1e-9)
     masses = 7850.0 * 4.0 / 3.0 * np.pi * grid.field_data["ball_radius"] ** 3
     np.testing.assert_allclose(masses, [ball.mass for ball in structure.impactors], rtol=1e-12)
-
-
-def cell_points(grid, chosen):
-    """Numbers of the points of chosen cells."""
-    return np.unique(np.concatenate([grid.get_cell(i).point_ids for i in np.flatnonzero(chosen)]))
 
 
 def deflection_at(response, k, position):

@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from grids import points_of
 
 import femimpact as fi
 from femimpact.export.scene_pieces import BEAM
@@ -144,7 +145,7 @@ def test_moment_is_stiffness_times_curvature_of_the_response(tmp_path, small, re
     quiet = fi.integrate(fi.without_impactors(small), fi.Sine(0.2037e-3, 4.9), fi.EventDriven(), 3.0, record)
     grids = grids_of(write_deflection(tmp_path / "a.pvd", quiet, reference, exaggeration=3.0))
     for k, grid in enumerate(grids):
-        points = np.unique(np.concatenate([grid.get_cell(i).point_ids for i in np.flatnonzero(grid["part"] == BEAM)]))
+        points = points_of(grid, grid["part"] == BEAM)
         x = grid.points[points, 0]
         inside = np.abs(x[:, None] - small.nodes).min(axis=1) > 1e-6
         nodal = quiet.snapshots.displacement[k]

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 from builders import REFERENCE, reduced, with_ball
+from grids import points_of
 
 import femimpact as fi
 from femimpact.export.scene_pieces import BALL, BOX, CONTACT_POINT, STOP
@@ -33,10 +34,6 @@ def read(path):
         if grid.field_data["impact"][0]:
             found.append((time, grid))
     return found
-
-
-def points_of(grid, chosen):
-    return np.unique(np.concatenate([grid.get_cell(i).point_ids for i in np.flatnonzero(chosen)]))
 
 
 @pytest.fixture(scope="module", params=["kelvin-voigt", "rigid"])

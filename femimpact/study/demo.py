@@ -167,7 +167,8 @@ def run_demo(
         keep_modes(staging, prepared, Found(modes), ("sweep", "history"))
         samples = _scans(prepared, scan or ScanPlan(), report)
         scans = {start: median_scan(found) for start, found in samples.items()}
-        sweeps = {start: _sweep_from(prepared, start, report) for start in STARTS}
+        # only the first of them is kept whole
+        sweeps = {start: _sweep_from(prepared, start, start == "base", report) for start in STARTS}
         keep_sweeps(staging, prepared, Found(modes, None, sweeps["base"]), ("history",))
         _write_scans(staging.folder, scans, sweeps)
         curves = {start: curves_of_starts(prepared, start, report) for start in STARTS}
@@ -194,8 +195,11 @@ def run_demo(
     return Demo(load(directory), comparison, scans, _scan_rows(samples), restitution, remarks)
 
 
-def _sweep_from(prepared: PreparedStudy, start: str, report: Report) -> SweepPair:
-    return run_sweep(prepared, lambda what, share: report(f"{what}, {STARTS[start]}", share), State.at_rest(start))
+def _sweep_from(prepared: PreparedStudy, start: str, ledger: bool, report: Report) -> SweepPair:
+    def progress(what: str, share: float) -> None:
+        report(f"{what}, {STARTS[start]}", share)
+
+    return run_sweep(prepared, progress, State.at_rest(start), ledger)
 
 
 def _at_resonance(prepared: PreparedStudy, sweeps: SweepPair) -> PreparedStudy:

@@ -123,8 +123,13 @@ def _read_within_contacts(prepared: PreparedStudy, grid: float) -> tuple[Method,
     return method, grid / parts
 
 
-def run_sweep(prepared: PreparedStudy, report: Report = _silent, initial: State | None = None) -> SweepPair:
-    """Sweeps without and with balls: the even grid, refined around both resonances."""
+def run_sweep(
+    prepared: PreparedStudy, report: Report = _silent, initial: State | None = None, ledger: bool = True
+) -> SweepPair:
+    """Sweeps without and with balls: the even grid, refined around both resonances.
+
+    Without a ledger no energy residual is known.
+    """
     study, small, bare = prepared.study, prepared.small, prepared.bare
     plan = study.sweep
     require(plan is not None, "sweep", None, "", "table [sweep] is missing")
@@ -142,13 +147,13 @@ def run_sweep(prepared: PreparedStudy, report: Report = _silent, initial: State 
         peak_with_ball = first.peak_frequency
     frequencies = refined_grid(plan, bare, peak_with_ball)
     empty = frequency_sweep(
-        bare, amplitude, frequencies, bare_method, plan.cycles, initial=_structure_only(state),
+        bare, amplitude, frequencies, bare_method, plan.cycles, initial=_structure_only(state), ledger=ledger,
         progress=lambda share: report("sweep without ball", share),
     )  # fmt: skip
     ball = None
     if small.contacts:
         ball = frequency_sweep(
-            small, amplitude, frequencies, method, plan.cycles, initial=state,
+            small, amplitude, frequencies, method, plan.cycles, initial=state, ledger=ledger,
             progress=lambda share: report("sweep with ball", share),
         )  # fmt: skip
     return SweepPair(empty, ball, coarse)

@@ -25,7 +25,7 @@ __all__ = ["peak_curves"]
 
 Array = NDArray[np.float64]
 
-SKIRT = 0.5
+SKIRT = 0.6
 """Of the largest peak: where neither neighbour reaches it no larger one is looked for. A resonance has skirts."""
 
 
@@ -46,7 +46,8 @@ def peak_curves(
     """One curve for each system, at those of the frequencies where its largest peak may be.
 
     Every `step`-th frequency is swept first. Then, with half the step at a time, those beside the points that reach
-    half of the largest peak so far. The values are those of `frequency_sweep`, event-driven to the last bit.
+    the share `SKIRT` of the largest peak so far. The values are those of `frequency_sweep`; event-driven ones have the
+    same bits.
 
     Parameters
     ----------

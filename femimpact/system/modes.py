@@ -278,8 +278,8 @@ def _shift_invert_modes(system: System, count: int) -> Array:
     )
     # a fixed start vector: the same call gives the same bits
     start = np.ones(system.dofs)
-    # K^-1 M makes the lowest modes so much the largest that they converge within few vectors more than twice as many
-    most = 2 * count + 6
+    # of K^-1 M the lowest modes are so much the largest that so many vectors hold five of them, in one pass
+    most = max(2 * count + 1, 16)
     return np.asarray(eigsh(system.K, k=count, M=mass, sigma=0.0, OPinv=inverse, v0=start, ncv=most, tol=0)[1])
 
 
