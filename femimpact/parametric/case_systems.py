@@ -65,6 +65,7 @@ class CaseSystems:
     mesh: Mesh | None = None
     made: dict[tuple[Any, ...], System] = field(default_factory=dict)
     lock: threading.Lock = field(default_factory=threading.Lock)
+    making: Any = field(default_factory=threading.RLock)
 
     def __post_init__(self) -> None:
         if isinstance(self.given, Study):
@@ -76,7 +77,7 @@ class CaseSystems:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self.made, self.lock = {}, threading.Lock()
+        self.made, self.lock, self.making = {}, threading.Lock(), threading.RLock()
 
     def of(self, values: Values) -> System:
         """The system of a case, for its values before `Stage.METHOD`.
@@ -93,7 +94,9 @@ class CaseSystems:
                 # the one that was asked for last is dropped last
                 self.made[key] = found
                 return found
-        system = self._made(values)
+        # one thread at a time: several at so many small calls would take longer than one after the other
+        with self.making:
+            system = self._made(values)
         with self.lock:
             while len(self.made) >= KEPT:
                 self.made.pop(next(iter(self.made)))
