@@ -355,6 +355,31 @@ def test_fewer_starts_are_the_first_of_more_and_lie_in_the_gap():
         assert abs(first["ball.velocity"][0]) <= 0.2037e-3 * 2 * np.pi * 4.9
 
 
+@pytest.mark.parametrize("base", ["sine", "chirp"])
+def test_starts_from_the_static_state_lie_in_the_gap_of_the_structure_that_sags(base):
+    sagging = replace(study().structure, gravity=9.81)
+    axes, starts = {GAP: [1e-3, (2e-3, 4e-3)], "impactor.ball.mass": [3e-3, 4e-3]}, 5
+    if base == "sine":
+        given = study(structure=sagging, base=replace(study().base, start="static"))
+        given = fi.ParameterStudy(given, axes, ["peak"], starts=starts, cycles=3)
+    else:
+        still = replace(chirped(structure=sagging), base=replace(chirped().base, initial="static"))
+        given = fi.ParameterStudy(still, axes, ["peak"], starts=starts)
+    assert not any(evaluated(given, np.arange(4)).failures)
+    places = set()
+    for case in range(4):
+        plus, minus = (1e-3, 1e-3) if case < 2 else (2e-3, 4e-3)
+        for start in range(starts):
+            run = fi.run_case(given, case, start, fi.Recorder(("ball", "tip")))
+            place = (run["ball"][0] - run["tip"][0] + minus) / (plus + minus)
+            assert 0.0 <= place <= 1.0
+            places.add(round(float(place), 9))
+        # some 10 mm below the straight beam
+        assert abs(run["tip"][0]) > 8e-3
+    # the same draws for every case
+    assert len(places) == starts
+
+
 @pytest.mark.parametrize("n", [5, 6, 8, 13, 40])
 def test_the_interval_of_the_median_holds_it_with_90_percent_and_no_narrower_one_does(n):
     def covered(k):

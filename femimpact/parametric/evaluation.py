@@ -20,7 +20,7 @@ from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.history_cases import history_of_case, value_of_history, values_of_case
 from femimpact.parametric.measures import INSTANTS, Measure, Source, columns_of, of_response
 from femimpact.parametric.paths import Place, Stage
-from femimpact.parametric.starts import scaled_starts, unit_draws
+from femimpact.parametric.starts import scaled_starts, structure_at_balls, unit_draws
 from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder, Response
 from femimpact.system.computed import with_checked_pairs
@@ -190,6 +190,8 @@ def _groups(study: ParameterStudy, cases: Numbers, answers: _Answers) -> Iterato
                 runs = _runs(study, system, cases[members[chosen]], laws, law_of[chosen], values)
                 if len(alike.systems) > 1:
                     runs = _with_systems(study, alike.systems, alike.system_of[chosen], runs)
+                if study.starts > 1:
+                    runs = _about_structure(runs, system)
                 yield _Group(values, system, method, members[chosen], runs)
 
 
@@ -259,6 +261,26 @@ def _with_systems(
             rows[id(system.expansion)] = system.point_row(study.observed)
     both = tuple((system, rows[id(system.expansion)]) for system in systems)
     return replace(runs, systems=both, system_of=np.repeat(system_of, study.starts))
+
+
+def _about_structure(runs: SineCases, common: System) -> SineCases:
+    """The runs, those from a static state with their balls about where the structure is there."""
+    places, known = runs.ball_displacement.copy(), dict[Any, Any]()
+    own = np.column_stack([runs.amplitude, runs.frequency, runs.phase, runs.law_of, runs.gaps.reshape(len(places), -1)])
+    for run in range(len(places)):
+        system = runs.system(run, common)
+        if not (runs.initial.is_static_on(system) or np.any(runs.gaps[run] < 0.0)):
+            continue
+        key = id(system), own[run].tobytes()
+        if key not in known:
+            base = Sine(float(runs.amplitude[run]), float(runs.frequency[run]), float(runs.phase[run]))
+            try:
+                known[key] = structure_at_balls(with_contacts_of(system, runs, run), runs.initial, base)
+            except FemimpactError:
+                # the run itself says why
+                known[key] = 0.0
+        places[run] += known[key]
+    return replace(runs, ball_displacement=places)
 
 
 def _runs_of(members: Numbers, starts: int) -> Numbers:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.measures import Measure
 from femimpact.parametric.paths import Place, Stage, study_with
-from femimpact.parametric.starts import scaled_starts, unit_draws
+from femimpact.parametric.starts import scaled_starts, structure_at_balls, unit_draws
 from femimpact.response.response import Recorder, Response
 from femimpact.study.study import Study
 from femimpact.system.computed import with_checked_pairs
@@ -124,6 +124,8 @@ def _start(study: ParameterStudy, system: System, changed: Study, values: dict[P
         gaps = np.array([[pair.gaps for pair in system.balls]], dtype=float).reshape(1, balls, 2)
         draws = unit_draws(study.starts, balls, study.seed)
         placed, moving = (both[0, start] for both in scaled_starts(draws, gaps, _largest_speed(changed)))
+        if state.is_static_on(system):
+            placed = placed + structure_at_balls(system, state, changed.base.excitation)
     else:
         by_path = {place.path: value for place, value in values.items()}
         placed, moving = (

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["scaled_starts", "unit_draws"]
+from femimpact.excitation import Excitation
+from femimpact.system.state import State
+from femimpact.system.system import System
+
+__all__ = ["scaled_starts", "structure_at_balls", "unit_draws"]
 
 Array = NDArray[np.float64]
 
@@ -33,3 +37,9 @@ def scaled_starts(draws: Array, gaps: Array, speed: Array) -> tuple[Array, Array
     plus, minus = gaps[:, None, :, 0], gaps[:, None, :, 1]
     displacement = -minus + (plus + minus) * draws[None, :, :, 0]
     return displacement, speed[:, None, None] * (2.0 * draws[None, :, :, 1] - 1.0)
+
+
+def structure_at_balls(system: System, initial: State, base: Excitation) -> Array:
+    """Displacement (m) of the structure at each ball where a run starts, (balls,): of a static state it is not zero."""
+    u, *_ = initial.relative_to_base(system, base)
+    return np.array([pair.direction @ u for pair in system.balls])
