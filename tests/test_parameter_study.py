@@ -22,6 +22,7 @@ import femimpact as fi
 from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.maps import maps_section
 from femimpact.export.study_columns import unsure_cells
+from femimpact.parametric import evaluation
 from femimpact.parametric.block_files import BLOCKS
 from femimpact.parametric.evaluation import evaluated
 from femimpact.parametric.paths import study_with
@@ -55,6 +56,20 @@ def small(**more):
 
 
 # ---- values ------------------------------------------------------------------------------------------
+
+
+def test_a_case_that_cannot_be_run_without_its_balls_is_a_row_with_its_reason(monkeypatch):
+    run_cases = evaluation.run_cases
+
+    def unsteady(system, *given):
+        if not system.balls:
+            raise fi.DivergenceError("the motion grows")
+        return run_cases(system, *given)
+
+    monkeypatch.setattr(evaluation, "run_cases", unsteady)
+    found = fi.parameter_study(study(), {GAP: [2e-3, 4e-3]}, ["peak", "peak_ratio"], cycles=12)
+    assert [str(reason) for reason in found["failure"].to_numpy()] == ["without its balls: the motion grows"] * 2
+    assert np.isnan(found["peak_ratio"]).all()
 
 
 def test_a_case_is_the_sweep_of_its_own_structure():

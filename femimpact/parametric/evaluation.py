@@ -457,9 +457,13 @@ def _run_group(group: _Group, answers: _Answers) -> None:
             if name in columns:
                 flat[own[fine], m] = columns[name][fine]
         if "peak_ratio" in names:
-            bare = _peaks_without_balls(group, rows, study)
+            bare, reasons = _peaks_without_balls(group, rows, study)
             with np.errstate(divide="ignore", invalid="ignore"):
                 flat[own[fine], names.index("peak_ratio")] = (columns["peak"] / bare)[fine]
+            for run, reason in zip(own.tolist(), reasons, strict=True):
+                if reason:
+                    answers.fail(np.array([run]), f"without its balls: {reason}")
+            fine &= np.array([not reason for reason in reasons])
         _read_runs(group, part[fine], own[fine], columns, answers)
 
 
@@ -480,8 +484,8 @@ def _found(
     yield part, found
 
 
-def _peaks_without_balls(group: _Group, rows: SineCases, study: ParameterStudy) -> Array:
-    """Peak (m) of each run's case with its cavities empty: the same for all starts of a case."""
+def _peaks_without_balls(group: _Group, rows: SineCases, study: ParameterStudy) -> tuple[Array, list[str]]:
+    """Peak (m) of each run's case with its cavities empty, and why it has none; the same for all starts of a case."""
     bare = without_impactors(group.system)
     stops = len(group.system.balls)
     systems, system_of = _systems_without_balls(rows)
@@ -499,9 +503,13 @@ def _peaks_without_balls(group: _Group, rows: SineCases, study: ParameterStudy) 
         systems=systems,
         system_of=system_of[first] if systems else None,
     )
-    method = study.systems.method_of(bare, group.values)
-    found = run_cases(bare, cases, method, bare.point_row(study.observed), 0)
-    return np.asarray(found.motion.peak[of_row.reshape(-1)])
+    try:
+        method = study.systems.method_of(bare, group.values)
+        found = run_cases(bare, cases, method, bare.point_row(study.observed), 0)
+    except FemimpactError as error:
+        return np.full(of_row.size, np.nan), [str(error)] * of_row.size
+    row = of_row.reshape(-1)
+    return np.asarray(found.motion.peak[row]), [found.failures[case] for case in row]
 
 
 def _systems_without_balls(rows: SineCases) -> tuple[tuple[tuple[System, Array], ...], Numbers]:
