@@ -130,9 +130,19 @@ def read_manifest(directory: Path) -> dict[str, Any] | None:
 
 
 def blocks_of(directory: Path, key: str) -> Iterator[BlockValues]:
-    """All blocks of a study that are on disk whole."""
+    """All blocks of a study that are on disk whole.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be listed.
+    """
     folder = directory / BLOCKS
-    for name in sorted(os.listdir(folder)):
+    try:
+        names = sorted(os.listdir(folder))
+    except OSError as error:
+        raise InputError([Fault("directory", str(folder), "", f"must be readable: {error.strerror}")]) from None
+    for name in names:
         matched = NAME.fullmatch(name)
         if matched and matched[1] == key[:16]:
             found = _read(folder / name, key)
