@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.errors import check_fields, kind_of, place, require
 from femimpact.excitation.excitation import MEMBERS, Harmonic, has_cycle, times
 from femimpact.excitation.piecewise_polynomial import pieces_of
-from femimpact.excitation.sums import Sum, added, force_form_of
+from femimpact.excitation.sums import Sum, added, force_form_of, parts_of
 
 __all__ = ["PointForce"]
 
@@ -55,11 +54,9 @@ class PointForce:
     def __post_init__(self) -> None:
         check_fields(self)
         allowed = "must be a Sine, Chirp, SteppedSine, RandomBase, Shock, RecordedBase or a sum of motions of the base"
-        good = all(hasattr(self.history, name) for name in (*MEMBERS, "closed_form")) and not hasattr(
-            self.history, "at"
-        )
+        good = all(hasattr(self.history, name) for name in MEMBERS) and not hasattr(self.history, "at")
         require(good and not isinstance(self.history, type), "history", kind_of(self.history), "", allowed)
-        for part in _parts_of(self.history):
+        for part in parts_of(self.history):
             allowed = "must have a closed form, and each part of a sum as well: sample it into a RecordedBase"
             require(force_form_of(part) is not None, "history", kind_of(part), "", allowed)
 
@@ -86,7 +83,7 @@ class PointForce:
     def force(self, time: ArrayLike) -> NDArray[np.float64]:
         """Force (N) at times in s."""
         if isinstance(self.history, Sum):
-            return np.asarray(sum(replace(self, history=part).force(time) for part in self.history.parts))
+            return np.asarray(sum(replace(self, history=part).force(time) for part in parts_of(self.history)))
         form = self.closed_form
         if isinstance(form, Harmonic):
             return np.asarray(form.amplitude * np.sin(form.omega * times(time) + form.phase))
@@ -109,12 +106,3 @@ class PointForce:
         return replace(self, history=self.history.until(end)) if isinstance(self.history, Sum) else self
 
     __add__ = added
-
-
-def _parts_of(history: Any) -> Iterator[Any]:
-    """The histories that a sum is made of, those of its sums as well; another history itself."""
-    if not isinstance(history, Sum):
-        yield history
-        return
-    for part in history.parts:
-        yield from _parts_of(part)

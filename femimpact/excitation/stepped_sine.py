@@ -120,7 +120,7 @@ class SteppedSine(PiecewiseMotion):
 
     @cached_property
     def force_form(self) -> PiecewisePolynomial:
-        """The displacement by amplitude, the acceleration by acceleration, as a force in newtons: level times cosine."""
+        """Displacement by amplitude, acceleration by acceleration, as a force in newtons: level times cosine."""
         knots, angle = self._knots(np.repeat(2.0 * np.pi * self.steps, PIECES * self.cycles))
         size = self.level if self.by == "amplitude" else -self.level
         values = size * np.cos(angle[:, None] + np.pi / PIECES * (1.0 + NODES))

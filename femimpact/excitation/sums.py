@@ -16,7 +16,7 @@ from femimpact.errors import check_fields, items, optional, quantity, require
 from femimpact.excitation.excitation import MEMBERS, BrokenLine, Harmonic, require_excitation
 from femimpact.excitation.piecewise_polynomial import PHASE_OF_PIECE, PiecewisePolynomial, fitted, pieces_of
 
-__all__ = ["Sum", "added", "force_form_of"]
+__all__ = ["Sum", "added", "force_form_of", "parts_of"]
 
 Array = NDArray[np.float64]
 
@@ -62,13 +62,12 @@ class Sum:
 
     def until(self, end: float) -> Sum:
         """The same with a closed form up to a time (s)."""
-        parts = tuple(part.until(end) if isinstance(part, Sum) else part for part in self.parts)
-        return replace(self, parts=parts, end=end)
+        return replace(self, end=end)
 
     @property
     def _harmonic(self) -> Harmonic | None:
         """The sum as one sine of the acceleration, where all parts are sines of one frequency."""
-        return _one_sine([getattr(part, "closed_form", None) for part in self.parts])
+        return _one_sine([getattr(part, "closed_form", None) for part in parts_of(self)])
 
     @property
     def frequency(self) -> float:
@@ -110,12 +109,12 @@ class Sum:
         def starts(knots: Array) -> Array:
             return np.column_stack([self.displacement(knots), self.velocity(knots)])
 
-        return _sum_of([getattr(part, "closed_form", None) for part in self.parts], self.end, starts)
+        return _sum_of([getattr(part, "closed_form", None) for part in parts_of(self)], self.end, starts)
 
     @cached_property
     def force_form(self) -> Form | None:
         """What the parts are as forces, added up, N; None as of `closed_form`."""
-        return _sum_of([force_form_of(part) for part in self.parts], self.end)
+        return _sum_of([force_form_of(part) for part in parts_of(self)], self.end)
 
     def __add__(self, other: Any) -> Any:
         return added(self, other)
@@ -125,15 +124,20 @@ def added(first: Any, second: Any) -> Any:
     """Both motions of the base at the same time."""
     if any(not hasattr(second, name) for name in MEMBERS):
         return NotImplemented
-    parts = [part.parts if isinstance(part, Sum) else (part,) for part in (first, second)]
-    return Sum(tuple(itertools.chain.from_iterable(parts)))
+    return Sum((*parts_of(first), *parts_of(second)))
+
+
+def parts_of(history: Any) -> tuple[Any, ...]:
+    """The histories that a sum is made of, those of its sums in their place; of another history itself."""
+    if not isinstance(history, Sum):
+        return (history,)
+    return tuple(itertools.chain.from_iterable(map(parts_of, history.parts)))
 
 
 def force_form_of(history: Any) -> Form | None:
-    """What a history is as a force (N): by what it was given, else its acceleration; None where it has no closed form."""
-    name = "force_form" if hasattr(type(history), "force_form") else "closed_form"
-    form: Form | None = getattr(history, name, None)
-    return form
+    """What a history is as a force (N): by what it was given, else its acceleration; None without a closed form."""
+    own: Form | None = getattr(history, "force_form", None)
+    return getattr(history, "closed_form", None) if own is None else own
 
 
 def _one_sine(forms: Sequence[Form | None]) -> Harmonic | None:
@@ -164,6 +168,9 @@ def _sum_of(
         length = PHASE_OF_PIECE / max(form.omega for form in sines)
         grids.append(length * np.arange(math.ceil(end / length) + BEYOND + 1))
     knots = _distinct(np.concatenate(grids))
+    if sines:
+        # beyond their last piece the others are too long for a sine
+        knots = knots[knots <= grids[-1][-1]]
 
     def history(time: Array) -> Array:
         total = sum((form.value(time) for form in pieces), np.zeros(time.shape))
