@@ -148,6 +148,13 @@ def test_what_a_sum_cannot_be_is_refused_when_it_is_made(make, words):
     assert "\n" not in str(refusal.value)
 
 
+def test_a_run_of_sines_that_is_too_long_is_refused_for_what_it_keeps(beam):
+    for drive in (KINDS["sum"], push(KINDS["sum"])):
+        for method in (fi.EventDriven(), fi.Newmark(DT)):
+            with pytest.raises(fi.InputError, match=r"record.memory_limit"):
+                fi.integrate(beam, drive, method, 1e9)
+
+
 @pytest.mark.parametrize("duration", ["a", None, math.nan, math.inf, -1.0, 0.0])
 def test_a_sum_is_refused_a_duration_by_its_name(beam, duration):
     for drive in (KINDS["sum"], push(KINDS["sum"])):

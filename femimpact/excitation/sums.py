@@ -25,6 +25,9 @@ Form = Harmonic | BrokenLine | PiecewisePolynomial
 BEYOND = 2
 """Pieces of sines after the end of a run: it may end by half a reading, or half a step, later."""
 
+MOST_PIECES = 50_000_000
+"""Of sines, which take some gigabytes: a sum with more has no closed form."""
+
 
 @dataclass(frozen=True)
 class Sum:
@@ -104,7 +107,7 @@ class Sum:
 
     @cached_property
     def closed_form(self) -> Form | None:
-        """Acceleration of the base, m/s^2; None where a part has none, or sines have no end."""
+        """Acceleration of the base, m/s^2; None where a part has none, or sines have no end or one that is too late."""
 
         def starts(knots: Array) -> Array:
             return np.column_stack([self.displacement(knots), self.velocity(knots)])
@@ -160,12 +163,12 @@ def _sum_of(
         return None
     sines = [form for form in forms if isinstance(form, Harmonic)]
     pieces = [pieces_of(form) for form in forms if isinstance(form, BrokenLine | PiecewisePolynomial)]
-    if sines and end is None:
-        return None
     grids = [form.knots for form in pieces]
-    if sines and end is not None:
+    if sines:
         # of one length whatever the end: a run that goes on has the same pieces
         length = PHASE_OF_PIECE / max(form.omega for form in sines)
+        if end is None or end / length > MOST_PIECES:
+            return None
         grids.append(length * np.arange(math.ceil(end / length) + BEYOND + 1))
     knots = _distinct(np.concatenate(grids))
     if sines:
