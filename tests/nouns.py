@@ -373,6 +373,7 @@ VERBS = {
         "samples": [0.0, 1.0, 0.5, 0.0, 0.2], "interval": 0.1, "high_pass": 1.0
     }),
     "Sum.until": (MOTIONS["Sum"].until, lambda: {"end": 2.0}),
+    "PointForce.until": (fi.PointForce("tip", MOTIONS["Sum"]).until, lambda: {"end": 2.0}),
     **{
         f"PiecewisePolynomial.{name}": (getattr(PIECES, name), lambda: {"time": 0.1})
         for name in ("displacement", "velocity", "value")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.special
+import scipy.stats
 from builders import REFERENCE, reduced, with_ball
 from reference_events import Oscillator
 from test_piecewise_polynomial import BALL, GAP, MASS, OMEGA, RESTITUTION, ZETA, in_a_box, same_impacts
@@ -129,6 +130,38 @@ def test_the_mean_square_of_a_random_run_is_the_exact_integral():
     error = np.std(found, ddof=1) / math.sqrt(len(found))
     # four of its standard errors, and no more than a tenth: it could fail
     assert abs(np.mean(found) - exact) < 4.0 * error < 0.2 * exact
+
+
+def test_random_amplitudes_are_those_of_a_gaussian_process():
+    fixed, drawn = (
+        fi.RandomBase([(5.0, 0.3), (105.0, 0.3)], 100.0, seed=4, amplitudes=kind) for kind in ("fixed", "random")
+    )
+    assert fixed == fi.RandomBase(fixed.psd, 100.0, seed=4)
+    np.testing.assert_array_equal(drawn.lines[2], fixed.lines[2])
+    # 10,001 lines: (a/a0)^2 is exponential of mean and deviation 1, and independent of the phase
+    shares, count = (drawn.lines[1] / fixed.lines[1]) ** 2, fixed.lines[1].size
+    assert abs(shares.mean() - 1.0) < 4.0 / math.sqrt(count)
+    assert scipy.stats.kstest(shares, "expon").pvalue > 1e-3
+    assert abs(np.corrcoef(shares, np.cos(fixed.lines[2]))[0, 1]) < 4.0 / math.sqrt(count)
+    assert drawn.rms != fixed.rms == pytest.approx(math.sqrt(0.3 * 100.01), rel=1e-12)
+
+
+def test_mean_squares_scatter_over_seeds_as_those_of_a_gaussian_process_with_random_amplitudes_only():
+    # one mode at 5 Hz with 2 % damping over 30 s: the variance of a mean square is 2/T times the integral of the square
+    # of the correlation exp(-zeta omega |t|) cos omega t, so that the deviation is 1/sqrt(zeta omega T) = 23 % of the
+    # mean; with fixed amplitudes only the start at rest scatters
+    omega, zeta, end, seeds = 10.0 * np.pi, 0.02, 30.0, 80
+    system = fi.System.from_matrices([[1.0]], [[2.0 * zeta * omega]], [[omega**2]], points={"mass": [1.0]})
+    system, record = fi.reduce(system, modes=1), fi.Recorder(interval=0.03, channels=("mass",), ledger=False)
+    scatter = {}
+    for kind in ("fixed", "random"):
+        drives = [fi.RandomBase([(2.0, 0.04), (12.0, 0.04)], end, seed, amplitudes=kind) for seed in range(seeds)]
+        found = [np.mean(run["mass"] ** 2) for run in fi.integrate(system, drives, fi.EventDriven(), end, record)]
+        scatter[kind] = np.std(found, ddof=1) / np.mean(found)
+    gaussian = 1.0 / math.sqrt(zeta * omega * end)
+    # a deviation of so many draws is known to 1/sqrt(2 n), of which four
+    assert abs(scatter["random"] / gaussian - 1.0) < 4.0 / math.sqrt(2.0 * seeds)
+    assert scatter["fixed"] < 0.3 * gaussian
 
 
 def test_a_half_sine_has_the_closed_form_of_the_shock_spectrum():
@@ -265,6 +298,7 @@ def test_records_of_displacement_and_velocity_are_met():
         (lambda: fi.RandomBase([(5.0, 1.0), (4.0, 1.0)], 10.0), r"psd = '5 and then 4' Hz: must have .* that rise"),
         (lambda: fi.RandomBase([(5.0, 1.0), (9.0, 0.0)], 10.0), r"psd = '0 among its values'.*all > 0"),
         (lambda: fi.RandomBase([(5.0, 1.0), (5.1, 1.0)], 1e-3), r"duration.*must hold 1 to"),
+        (lambda: fi.RandomBase([(5.0, 1.0), (9.0, 1.0)], 9.0, amplitudes="rayleigh"), r"amplitudes = 'rayleigh'"),
         (lambda: fi.Shock("triangle", acceleration=1.0, duration=1.0), r"kind = 'triangle'"),
         (lambda: fi.Shock("half-sine", acceleration=1.0), r"duration = 0"),
         (lambda: fi.Sum(()), r"parts.*must be one or more"),

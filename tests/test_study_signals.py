@@ -29,6 +29,10 @@ KINDS = {
         "psd = [[3.0, 0.05], [20.0, 0.1]]\nduration = 2.0\nseed = 3",
         fi.RandomBase([[3.0, 0.05], [20.0, 0.1]], 2.0, seed=3), 2.0,
     ),
+    "random amplitudes": (
+        'psd = [[3.0, 0.05], [20.0, 0.1]]\nduration = 2.0\nseed = 3\namplitudes = "random"',
+        fi.RandomBase([[3.0, 0.05], [20.0, 0.1]], 2.0, seed=3, amplitudes="random"), 2.0,
+    ),
     "shock": (
         'pulse = "half-sine"\nacceleration = 98.0\nduration = 0.011\nhistory = 1.0',
         fi.Shock("half-sine", 98.0, 0.011), 1.0,
@@ -44,7 +48,7 @@ def text_with(base):
 
 
 def of_kind(kind):
-    return text_with(f'kind = "{kind}"\n{KINDS[kind][0]}')
+    return text_with(f'kind = "{kind.split()[0]}"\n{KINDS[kind][0]}')
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -113,6 +117,10 @@ def test_the_kinds_of_sines_and_records_may_be_named(tmp_path):
             "base.psd",
         ),
         ('kind = "random"\npsd = "flat"\nduration = 2.0', "base.psd"),
+        (
+            'kind = "random"\npsd = [[3.0, 0.05], [20.0, 0.1]]\nduration = 2.0\namplitudes = "drawn"',
+            "base.amplitudes = 'drawn': must be 'fixed' or 'random'",
+        ),
         ('kind = "random"\npsd = [[3.0, 0.05], [20.0, 0.0]]\nduration = 2.0', "base.psd"),
         ('kind = "shock"\npulse = "half-sine"\nacceleration = 98.0\nduration = 0.011', "base.history: is missing"),
         ('kind = "shock"\npulse = "bang"\nacceleration = 98.0\nduration = 0.011\nhistory = 1.0', "base.pulse = 'bang'"),

@@ -147,7 +147,7 @@ class Chirp(PiecewiseMotion):
         place -= float(pieces.starts[end, 0]) + speed * float(knots[end])
         return PiecewisePolynomial(knots, pieces.coefficients, speed, place)
 
-    @property
+    @cached_property
     def force_form(self) -> PiecewisePolynomial:
         """The level times sin(phase), as a force in newtons."""
         return fitted(lambda t: self.level * np.sin(self.phase_at(t)), self._knots)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.errors import check_fields, place, quantity
 from femimpact.excitation.excitation import times
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, fitted
+from femimpact.excitation.sums import added
 
 __all__ = ["HammerBlow"]
 
@@ -85,3 +86,5 @@ class HammerBlow:
 
     velocity = displacement
     acceleration = displacement
+
+    __add__ = added

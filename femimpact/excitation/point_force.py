@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.errors import check_fields, kind_of, place, require
 from femimpact.excitation.excitation import MEMBERS, Harmonic, has_cycle, times
 from femimpact.excitation.piecewise_polynomial import pieces_of
+from femimpact.excitation.sums import Sum, added, force_form_of, parts_of
 
 __all__ = ["PointForce"]
 
@@ -19,8 +20,11 @@ __all__ = ["PointForce"]
 class PointForce:
     """Force on the structure at one place, the base at rest: F(t) = history(t), read as newtons.
 
-    What a history was given by is the force: the amplitude of a sine, amplitude or acceleration of a chirp, the
-    acceleration of a record or a shock, the root of a density in N^2/Hz.
+    What a history was given by is the force, with its sign: the displacement where that is an amplitude (of a sine, a
+    chirp or a stepped sine), the acceleration where it is one (of a chirp, a stepped sine, a record, a shock, a density
+    in N^2/Hz). So a stepped sine begins with +amplitude, and with -acceleration, which is that of a base that is
+    farthest out on the + side. After its end a history is no force. The force of a sum is the sum of those of its
+    parts.
 
     Parameters
     ----------
@@ -32,7 +36,7 @@ class PointForce:
     Raises
     ------
     InputError
-        If the place is neither a name nor metres >= 0, or the history has no closed form.
+        If the place is neither a name nor metres >= 0, or the history, or a part of a sum, has no closed form.
 
     Examples
     --------
@@ -50,10 +54,11 @@ class PointForce:
     def __post_init__(self) -> None:
         check_fields(self)
         allowed = "must be a Sine, Chirp, SteppedSine, RandomBase, Shock, RecordedBase or a sum of motions of the base"
-        good = all(hasattr(self.history, name) for name in (*MEMBERS, "closed_form")) and not hasattr(
-            self.history, "at"
-        )
+        good = all(hasattr(self.history, name) for name in MEMBERS) and not hasattr(self.history, "at")
         require(good and not isinstance(self.history, type), "history", kind_of(self.history), "", allowed)
+        for part in parts_of(self.history):
+            allowed = "must have a closed form, and each part of a sum as well: sample it into a RecordedBase"
+            require(force_form_of(part) is not None, "history", kind_of(part), "", allowed)
 
     @property
     def frequency(self) -> float:
@@ -77,6 +82,8 @@ class PointForce:
 
     def force(self, time: ArrayLike) -> NDArray[np.float64]:
         """Force (N) at times in s."""
+        if isinstance(self.history, Sum):
+            return np.asarray(sum(replace(self, history=part).force(time) for part in parts_of(self.history)))
         form = self.closed_form
         if isinstance(form, Harmonic):
             return np.asarray(form.amplitude * np.sin(form.omega * times(time) + form.phase))
@@ -92,5 +99,10 @@ class PointForce:
     @property
     def closed_form(self) -> Any:
         """Force, N."""
-        form = getattr(self.history, "force_form", None)
-        return self.history.closed_form if form is None else form
+        return force_form_of(self.history)
+
+    def until(self, end: float) -> PointForce:
+        """The same with a closed form up to a time (s), of a sum of sines."""
+        return replace(self, history=self.history.until(end)) if isinstance(self.history, Sum) else self
+
+    __add__ = added

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import check_fields, quantity, real_array, require
+from femimpact.errors import check_fields, choice, quantity, real_array, require
 from femimpact.excitation.piecewise_motion import PiecewiseMotion
 from femimpact.excitation.piecewise_polynomial import (
     NODES,
@@ -36,9 +36,15 @@ class RandomBase(PiecewiseMotion):
     """Random motion of the base as a sum of sines: ub'' = sum_k sqrt(2 S(f_k) df) cos(2 pi f_k t + phase_k).
 
     The lines stand at all multiples f_k of df = 1/duration between the first and the last frequency of the density S;
-    the phases are drawn evenly from 0 to 2 pi by numpy's generator of the seed. The sum is stationary from t = 0 on
-    (its mean square over the duration is that of the density), close to normally distributed, and has the period
-    `duration`; after it the base moves on uniformly. The history is made of polynomials of degree 5, up to 23 in a
+    the phases are drawn evenly from 0 to 2 pi by numpy's generator of the seed. The sum is stationary from t = 0 on,
+    close to normally distributed, and has the period `duration`; after it the base moves on uniformly.
+
+    With fixed amplitudes the mean square over the duration is that of the density, for every seed: a test bench makes
+    such motions. Runs of several seeds then scatter by less than those of a Gaussian process, and no confidence limit
+    may be drawn from them. Random amplitudes follow Rayleigh's distribution, each with the same mean square, and the
+    motion is a Gaussian process.
+
+    The history is made of polynomials of degree 5, up to 23 in a
     cycle of the highest line, 18 of a flat density: displacement, velocity and acceleration are exact derivatives of
     one another, and the acceleration is within 1e-9 of its largest value. Libraries such as pyExSi give samples, from
     which no closed form follows.
@@ -50,7 +56,9 @@ class RandomBase(PiecewiseMotion):
     duration : float, s
         Of the motion, and its period.
     seed : int
-        Of the phases: one seed gives one motion.
+        Of the phases, and of random amplitudes: one seed gives one motion.
+    amplitudes : {"fixed", "random"}
+        Of the lines: sqrt(2 S df) each, or that times sqrt(E), E drawn from the exponential distribution of mean 1.
 
     Raises
     ------
@@ -61,6 +69,7 @@ class RandomBase(PiecewiseMotion):
     psd: Any
     duration: float = field(metadata=quantity("s", above=0.0))
     seed: int = field(default=0, metadata=quantity("1", at_least=0, integer=True))
+    amplitudes: str = field(default="fixed", metadata=choice("fixed", "random"))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -91,8 +100,12 @@ class RandomBase(PiecewiseMotion):
         frequency = np.arange(first, last + 1) / self.duration
         points = np.log(np.array(self.psd))
         density = np.exp(np.interp(np.log(frequency), points[:, 0], points[:, 1]))
-        phase = np.random.default_rng(self.seed).uniform(0.0, 2.0 * np.pi, frequency.size)
-        return frequency, np.sqrt(2.0 * density / self.duration), phase
+        generator = np.random.default_rng(self.seed)
+        phase = generator.uniform(0.0, 2.0 * np.pi, frequency.size)
+        amplitude = np.sqrt(2.0 * density / self.duration)
+        if self.amplitudes == "random":
+            amplitude = amplitude * np.sqrt(generator.standard_exponential(frequency.size))
+        return frequency, amplitude, phase
 
     @property
     def rms(self) -> float:

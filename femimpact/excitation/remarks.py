@@ -67,7 +67,7 @@ def motion_warnings(excitation: Excitation, length: float) -> tuple[str, ...]:
     tuple of str
     """
     line, far = getattr(excitation, "closed_form", None), float(excitation.amplitude)
-    if isinstance(line, BrokenLine):
+    if isinstance(line, BrokenLine) and getattr(excitation, "at", None) is None:
         removed = _removed_of_pulse(line)
         if removed or is_pulse(line.samples):
             return removed
@@ -111,9 +111,15 @@ def _removed_of_pulse(line: BrokenLine) -> tuple[str, ...]:
 
 
 def motion_notes(excitation: Excitation, length: float, end: float) -> tuple[str, ...]:
-    """Notes where a run ends (s) after the record that drives it, and where a pulse leaves the base moving away."""
+    """Notes where a run ends (s) before the drive begins or after the record, and where a pulse moves the base away."""
     line = getattr(excitation, "closed_form", None)
-    if isinstance(line, PiecewisePolynomial) and getattr(excitation, "at", None) is None:
+    if isinstance(line, PiecewisePolynomial) and end <= line.knots[0]:
+        return (
+            f"the run ends at {end:.6g} s, before the excitation begins at {line.knots[0]:.6g} s: nothing drives it",
+        )
+    if getattr(excitation, "at", None) is not None:
+        return ()
+    if isinstance(line, PiecewisePolynomial):
         return _after_last_knot(line, end)
     if not isinstance(line, BrokenLine):
         return ()

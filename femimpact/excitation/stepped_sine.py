@@ -118,11 +118,12 @@ class SteppedSine(PiecewiseMotion):
         last = [float(middle[-1] + size[-1]), 0.0]
         return PiecewisePolynomial(knots, coefficients_through(values, h), starts=np.vstack([starts, last]))
 
-    @property
+    @cached_property
     def force_form(self) -> PiecewisePolynomial:
-        """The level times the cosine, as a force in newtons."""
+        """Displacement by amplitude, acceleration by acceleration, as a force in newtons: level times cosine."""
         knots, angle = self._knots(np.repeat(2.0 * np.pi * self.steps, PIECES * self.cycles))
-        values = self.level * np.cos(angle[:, None] + np.pi / PIECES * (1.0 + NODES))
+        size = self.level if self.by == "amplitude" else -self.level
+        values = size * np.cos(angle[:, None] + np.pi / PIECES * (1.0 + NODES))
         return PiecewisePolynomial(knots, coefficients_through(values, np.diff(knots)))
 
     def _knots(self, omega: Array) -> tuple[Array, Array]:

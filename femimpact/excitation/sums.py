@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -15,9 +16,17 @@ from femimpact.errors import check_fields, items, optional, quantity, require
 from femimpact.excitation.excitation import MEMBERS, BrokenLine, Harmonic, require_excitation
 from femimpact.excitation.piecewise_polynomial import PHASE_OF_PIECE, PiecewisePolynomial, fitted, pieces_of
 
-__all__ = ["Sum", "added"]
+__all__ = ["Sum", "added", "force_form_of", "parts_of"]
 
 Array = NDArray[np.float64]
+
+Form = Harmonic | BrokenLine | PiecewisePolynomial
+
+BEYOND = 2
+"""Pieces of sines after the end of a run: it may end by half a reading, or half a step, later."""
+
+MOST_PIECES = 50_000_000
+"""Of sines, which take some gigabytes: a sum with more has no closed form."""
 
 
 @dataclass(frozen=True)
@@ -25,14 +34,16 @@ class Sum:
     """Motions of the base at the same time: displacement, velocity and acceleration are sums of those of the parts.
 
     `a + b` is one. A sum of sines of one frequency is a sine; other sums have no cycle. For the event-driven method,
-    sines are then made of polynomials of degree 5, 23 in a cycle of the fastest one, up to the end of the run.
+    sines are then made of polynomials of degree 5, 23 in a cycle of the fastest one, up to the end of the run. As the
+    history of a `PointForce` it is the sum of the forces that its parts are.
 
     Parameters
     ----------
     parts : sequence of excitations
         Motions of the base, each a `Sine` or another one with a closed form.
     end : float, s, optional
-        Up to when the sines have a closed form; `integrate` sets it to the end of the run.
+        Up to when the sines have a closed form; `integrate` sets it to the end of the run. It is no part of what the
+        sum is: two sums that differ in it alone are equal.
 
     Raises
     ------
@@ -41,7 +52,7 @@ class Sum:
     """
 
     parts: Any = field(metadata=items(object))
-    end: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
+    end: float | None = field(default=None, compare=False, metadata=optional(quantity("s", above=0.0)))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -49,7 +60,8 @@ class Sum:
         for part in self.parts:
             require_excitation(part, "parts")
             force = getattr(part, "at", None) is None
-            require(force, "parts", type(part).__name__, "", "must be motions of the base: a force acts elsewhere")
+            allowed = "must be motions of the base: a force acts elsewhere; PointForce(at, a + b) is a sum of forces"
+            require(force, "parts", type(part).__name__, "", allowed)
 
     def until(self, end: float) -> Sum:
         """The same with a closed form up to a time (s)."""
@@ -58,12 +70,7 @@ class Sum:
     @property
     def _harmonic(self) -> Harmonic | None:
         """The sum as one sine of the acceleration, where all parts are sines of one frequency."""
-        given = [getattr(part, "closed_form", None) for part in self.parts]
-        forms = [form for form in given if isinstance(form, Harmonic)]
-        if len(forms) < len(given) or len({form.omega for form in forms}) > 1:
-            return None
-        whole = sum(form.amplitude * np.exp(1j * form.phase) for form in forms)
-        return Harmonic(float(abs(whole)), forms[0].omega, float(np.angle(whole)))
+        return _one_sine([getattr(part, "closed_form", None) for part in parts_of(self)])
 
     @property
     def frequency(self) -> float:
@@ -99,32 +106,18 @@ class Sum:
         return np.asarray(sum(part.acceleration(time) for part in self.parts))
 
     @cached_property
-    def closed_form(self) -> Harmonic | PiecewisePolynomial | None:
-        """Acceleration of the base, m/s^2; None where a part has none, or sines have no end."""
-        wave = self._harmonic
-        if wave is not None:
-            return wave
-        forms = [getattr(part, "closed_form", None) for part in self.parts]
-        if any(form is None for form in forms):
-            return None
-        sines = [form for form in forms if isinstance(form, Harmonic)]
-        pieces = [pieces_of(form) for form in forms if isinstance(form, BrokenLine | PiecewisePolynomial)]
-        if sines and self.end is None:
-            return None
-        grids = [form.knots for form in pieces]
-        if sines and self.end is not None:
-            # of one length whatever the end: a run that goes on has the same pieces
-            length = PHASE_OF_PIECE / max(form.omega for form in sines)
-            grids.append(length * np.arange(math.ceil(self.end / length) + 1))
-        knots = _distinct(np.concatenate(grids))
+    def closed_form(self) -> Form | None:
+        """Acceleration of the base, m/s^2; None where a part has none, or sines have no end or one that is too late."""
 
-        def history(time: Array) -> Array:
-            total = sum((form.value(time) for form in pieces), np.zeros(time.shape))
-            for form in sines:
-                total = total + form.amplitude * np.sin(form.omega * time + form.phase)
-            return total
+        def starts(knots: Array) -> Array:
+            return np.column_stack([self.displacement(knots), self.velocity(knots)])
 
-        return fitted(history, knots, np.column_stack([self.displacement(knots), self.velocity(knots)]))
+        return _sum_of([getattr(part, "closed_form", None) for part in parts_of(self)], self.end, starts)
+
+    @cached_property
+    def force_form(self) -> Form | None:
+        """What the parts are as forces, added up, N; None as of `closed_form`."""
+        return _sum_of([force_form_of(part) for part in parts_of(self)], self.end)
 
     def __add__(self, other: Any) -> Any:
         return added(self, other)
@@ -134,8 +127,61 @@ def added(first: Any, second: Any) -> Any:
     """Both motions of the base at the same time."""
     if any(not hasattr(second, name) for name in MEMBERS):
         return NotImplemented
-    parts = [part.parts if isinstance(part, Sum) else (part,) for part in (first, second)]
-    return Sum(tuple(itertools.chain.from_iterable(parts)))
+    return Sum((*parts_of(first), *parts_of(second)))
+
+
+def parts_of(history: Any) -> tuple[Any, ...]:
+    """The histories that a sum is made of, those of its sums in their place; of another history itself."""
+    if not isinstance(history, Sum):
+        return (history,)
+    return tuple(itertools.chain.from_iterable(map(parts_of, history.parts)))
+
+
+def force_form_of(history: Any) -> Form | None:
+    """What a history is as a force (N): by what it was given, else its acceleration; None without a closed form."""
+    own: Form | None = getattr(history, "force_form", None)
+    return getattr(history, "closed_form", None) if own is None else own
+
+
+def _one_sine(forms: Sequence[Form | None]) -> Harmonic | None:
+    """A sum of sines of one frequency."""
+    sines = [form for form in forms if isinstance(form, Harmonic)]
+    if len(sines) < len(forms) or len({form.omega for form in sines}) > 1:
+        return None
+    whole = sum(form.amplitude * np.exp(1j * form.phase) for form in sines)
+    return Harmonic(float(abs(whole)), sines[0].omega, float(np.angle(whole)))
+
+
+def _sum_of(
+    forms: Sequence[Form | None], end: float | None, starts: Callable[[Array], Array] | None = None
+) -> Form | None:
+    """A sum of closed forms; its sines up to an end (s), its pieces with starts where it moves the base."""
+    wave = _one_sine(forms)
+    if wave is not None:
+        return wave
+    if any(form is None for form in forms):
+        return None
+    sines = [form for form in forms if isinstance(form, Harmonic)]
+    pieces = [pieces_of(form) for form in forms if isinstance(form, BrokenLine | PiecewisePolynomial)]
+    grids = [form.knots for form in pieces]
+    if sines:
+        # of one length whatever the end: a run that goes on has the same pieces
+        length = PHASE_OF_PIECE / max(form.omega for form in sines)
+        if end is None or end / length > MOST_PIECES:
+            return None
+        grids.append(length * np.arange(math.ceil(end / length) + BEYOND + 1))
+    knots = _distinct(np.concatenate(grids))
+    if sines:
+        # beyond their last piece the others are too long for a sine
+        knots = knots[knots <= grids[-1][-1]]
+
+    def history(time: Array) -> Array:
+        total = sum((form.value(time) for form in pieces), np.zeros(time.shape))
+        for form in sines:
+            total = total + form.amplitude * np.sin(form.omega * time + form.phase)
+        return total
+
+    return fitted(history, knots, None if starts is None else starts(knots))
 
 
 def _distinct(knots: Array) -> Array:

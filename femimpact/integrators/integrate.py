@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, cast, overload
 
-from femimpact.errors import require, require_type
-from femimpact.excitation import Excitation, Sum, require_excitation
+from femimpact.errors import in_range, quantity, require, require_type
+from femimpact.excitation import Excitation, PointForce, Sum, require_excitation
 from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
 from femimpact.integrators.memory import check_memory, memory_needed
@@ -121,8 +121,9 @@ def integrate(
     require(alone, "record.sink", None, "", "must serve one run: pieces of several could not be distinguished")
 
     def run(drive: Excitation, report: Progress | None) -> Response:
-        if isinstance(drive, Sum):
-            drive = drive.until(start.time + duration)
+        # another duration is refused by the method
+        if isinstance(drive, Sum | PointForce) and in_range(duration, quantity("s", above=0.0)):
+            drive = drive.until(start.time + duration + 0.5 * (recorder.interval or 0.0))
         response = _without_cycles(method.run(system, drive, duration, recorder, start, report))
         warnings = motion_warnings(drive, system.length)
         warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)

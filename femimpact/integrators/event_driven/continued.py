@@ -118,6 +118,10 @@ def resumed(held: Held, cases: Cases) -> Cases:
         cases.to_modes[0, held.state != FREE] = np.nan
     cases.entering[0] = RESUMED if held.motion else STARTED
     motion: dict[str, Any] = {name: values[None].copy() for name, values in held.motion.items()}
+    if motion and cases.knots.size:
+        # the earlier run may have begun before the first knot, and had one piece more
+        now = np.searchsorted(cases.knots, motion["clock"][0, 0], side="right") - 1
+        motion["piece"] = np.array([max(now, 0)], dtype=np.int64)
     return cases._replace(**motion)
 
 
@@ -128,7 +132,7 @@ def final_state(
     n, f, time = system.dofs, cases.form[0, 1], float(sampling.time(0))
     motion = {
         "entry": cases.entry[0, : forms.entries[f]], "rigid_body": cases.rigid_body[0, :, : forms.rigid_bodies[f]],
-        "clock": cases.clock[0], "drive": cases.drive[0], "piece": cases.piece[0],
+        "clock": cases.clock[0], "drive": cases.drive[0],
     }  # fmt: skip
     contacts = (cases.state, cases.touch, cases.to_modes, cases.leaving)
     copies = {name: _copy(values) for name, values in motion.items()}
