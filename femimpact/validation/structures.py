@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -190,11 +191,12 @@ def damping_of_mode_3() -> Case:
     )  # fmt: skip
 
 
-def _corrected() -> System:
-    """One mode of the cantilever, and the residual vector of its tip."""
+def _corrected(coefficients: bool = True) -> System:
+    """One mode of the cantilever, and the residual vector of its tip; damped by two coefficients, or their matrix C."""
     ball = Impactor("ball", "tip", 0.1 * BEAM_MASS, 1e-3, Rigid(0.5))
     structure = Structure(uniform_beam(), impactors=(ball,), damping=DAMPING)
-    return reduce(assemble(structure, ELEMENTS), 1, static_correction=True)
+    system = assemble(structure, ELEMENTS)
+    return reduce(system if coefficients else replace(system, rayleigh=None), 1, static_correction=True)
 
 
 def residual_vector() -> Case:
@@ -226,15 +228,14 @@ def residual_root(quantity: str) -> Case:
     own, both, static = (quad(lambda z, f=f, g=g: f(z) * g(z), 0.0, 1.0, epsrel=1e-12)[0] for f, g in pairs)
     # the mode turns K into x^4 M; of the other, the integral of (3 - 3 z)^2 is 3
     squares = eigh([[x**4 * own, x**4 * both], [x**4 * both, 3.0]], [[own, both], [both, static]], eigvals_only=True)
-    system = _corrected()
+    system = _corrected(not quantity.endswith("by C"))
     omega, root = math.sqrt(float(system.K.diagonal()[1])), float(squares[1]) ** 0.25
-    reference, computed = {
-        "beta L": (root, LENGTH * math.pow(omega**2 * MASS_PER_LENGTH / BENDING_STIFFNESS, 0.25)),
-        "damping ratio": (_rayleigh_ratio(root**2), float(system.C.diagonal()[1]) / (2 * omega)),
-    }[quantity]
+    reference, computed = root, LENGTH * math.pow(omega**2 * MASS_PER_LENGTH / BENDING_STIFFNESS, 0.25)
+    if quantity != "frequency":
+        reference, computed = _rayleigh_ratio(root**2), float(system.C.diagonal()[1]) / (2 * omega)
     return Case(
-        f"cantilever, {'frequency' if quantity == 'beta L' else 'damping'} of the static correction",
-        "derived here (Ritz, by quadrature)", quantity, "1", reference, computed, 1e-7,
+        f"cantilever, {quantity} of the static correction", "derived here (Ritz, by quadrature)",
+        "beta L" if quantity == "frequency" else "damping ratio", "1", reference, computed, 1e-7,
         f"the mode's (beta h)^4 of {ELEMENTS} cubic elements",
     )  # fmt: skip
 
@@ -258,7 +259,7 @@ CASES: tuple[Callable[[], Case], ...] = (
     contact_mass,
     damping_of_mode_3,
     residual_vector,
-    *(partial(residual_root, quantity) for quantity in ("beta L", "damping ratio")),
+    *(partial(residual_root, quantity) for quantity in ("frequency", "damping", "damping by C")),
     mesh_order,
 )
 """The cases of this subject, in the order of the table."""
