@@ -72,6 +72,9 @@ MUTATIONS = (
     Mutation("gauss_points_of_taper", "c1, c2, c3, c4 = a + 3.0 * b", "c1, c2, c3, c4 = a + 2.9 * b"),
     Mutation("pinned_is_clamped", '"pinned": ("w",)', '"pinned": ("w", "slope")'),
     Mutation("rotary_inertia", "body.rotary_inertia * (slope.T", "0.5 * body.rotary_inertia * (slope.T"),
+    Mutation(
+        "body_offset", "centre = shape.data.reshape(-1, 4) + offset", "centre = shape.data.reshape(-1, 4) - offset"
+    ),
     Mutation("base_load", "momentum = M @ rigid", "momentum = (M - _lumped_mass(grid)) @ rigid"),
     Mutation(
         "glued_place",
@@ -86,6 +89,7 @@ MUTATIONS = (
     Mutation("flexibility", 'np.einsum("ji,ij->j", rows, solved))', 'np.einsum("ji,ij->j", rows, solved)) * 1.01'),
     Mutation("static_correction", "if static_correction and system.contacts:", "if False and system.contacts:"),
     Mutation("attachment_vector", "psi @ mix / np.sqrt(inverse_square)", "psi @ mix / inverse_square"),
+    Mutation("damping_of_attachment", "np.append(ratio, _damping_ratio(", "np.append(ratio, 0.5 * _damping_ratio("),
     # excitation
     Mutation(
         "base_speed_sign",
@@ -181,7 +185,17 @@ MUTATIONS = (
         "9 + i) = own * velocity(i)",
     ),
     Mutation("centring_spring", "K += pair.free_stiffness * np.outer(", "K += 0.9 * pair.free_stiffness * np.outer("),
+    Mutation("centring_energy", "base), b.free_stiffness(j))", "base), 0.5 * b.free_stiffness(j))"),
+    Mutation(
+        "stiffness_of_a_wall", "gap_on(side, j, c), 0.0), c.stiffness(j))", "gap_on(side, j, c), 0.0), c.stiffness(0))"
+    ),
+    Mutation("left_by_its_wall", "c.restitution(i) * share : -share)", "c.restitution(i) * share : 0.0)"),
     # what is read
+    Mutation(
+        "cut_at_the_window",
+        "opened = smaller(larger(c.window(0), start), until);",
+        "opened = c.window(0) < until ? start : until;",
+    ),
     Mutation("ledger_dissipation", "+ (dissipated - dissipated[0])", "+ 0.0 * (dissipated - dissipated[0])"),
     Mutation("rms_factor", "rms = np.sqrt(_total(square) / total)", "rms = np.sqrt(2.0 * _total(square) / total)"),
     Mutation("first_harmonic", "2.0 * _total(sine) / total, 2.0", "_total(sine) / total, 2.0"),
@@ -209,6 +223,19 @@ MUTATIONS = (
         "mesh_order",
         "_order(1.0 / counts, error[:, i], 100 * floor[i])",
         "_order(1.0 / counts**2, error[:, i], 100 * floor[i])",
+    ),
+    Mutation(
+        "laser_offset",
+        "low, high = self.offset - 0.5 * self.range, self.offset",
+        "low, high = -self.offset - 0.5 * self.range, -self.offset",
+    ),
+    # parameter studies
+    Mutation("start_in_a_gap", "displacement = -minus + (plus + minus)", "displacement = -plus + (plus + minus)"),
+    Mutation("rank_of_the_median", "return k - 1, starts - k", "return k, starts - 1 - k"),
+    Mutation(
+        "scatter_of_another_case",
+        ".to_numpy()[least], values.attrs) for end",
+        ".to_numpy()[most], values.attrs) for end",
     ),
 )
 

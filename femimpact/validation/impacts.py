@@ -126,11 +126,34 @@ def ball_bounces_once_a_cycle(restitution: float) -> Case:
     )  # fmt: skip
 
 
+def ball_is_left() -> Case:
+    """A ball that falls on a free table without rebound stops it alone: what lies there is left by its table.
+
+    With the ball that lies there the impulse would be v/(1/m + 1/(M + m')).
+    """
+    table, lying, falling, height = 1.0, 0.5, 0.2, 4e-3
+    balls = [
+        Impactor(name, "table", mass, (1.0, gap), Rigid(0.0), acceleration=-pull)
+        for name, mass, gap, pull in (("lying", lying, 0.0, GRAVITY), ("falling", falling, height, 3 * GRAVITY))
+    ]
+    zero = np.zeros((1, 1))
+    system = System.from_matrices([[table]], zero, zero, points={"table": [1.0]}, impactors=balls)
+    run = integrate(system, Sine(0.0, 50.0), EventDriven(), 0.04)
+    # table and ball are pulled together by the weight of the ball
+    speed = math.sqrt(2 * (3 * GRAVITY - lying * GRAVITY / (table + lying)) * height)
+    hit = run.impacts.impactor == "falling"
+    return Case(
+        "ball that falls beside one that lies on a free table", "derived here (momentum)", "impulse of its impact",
+        "N s", speed / (1 / falling + 1 / table), float(run.impacts.impulse[hit][0]), 1e-11, "rounding",
+    )  # fmt: skip
+
+
 CASES: tuple[Callable[[], Case], ...] = (
     *(partial(collision, body, e) for e in (0.0, 0.6, 1.0) for body in (0, 1)),
     cradle,
     *(partial(ball_comes_to_rest, e) for e in (0.3, 0.7, 0.95)),
     ball_leaves_the_table,
+    ball_is_left,
     *(partial(ball_bounces_once_a_cycle, e) for e in (0.5, 0.8)),
 )
 """The cases of this subject, in the order of the table."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -183,31 +184,32 @@ def switching_energy() -> Case:
 # ---- balances ------------------------------------------------------------------------------------
 
 
-def _box(law: ContactLaw, free_stiffness: float = 0.0) -> System:
-    """Two modes, a ball in a box on them."""
-    ball = Impactor("ball", "tip", 0.1, 2e-3, law, free_stiffness, -0.5)
+def _box(laws: Sequence[ContactLaw], free_stiffness: float = 0.0) -> System:
+    """Two modes, a ball of each law in a box on them."""
+    balls = [Impactor(f"ball {i}", "tip", 0.1, 2e-3, law, free_stiffness, -0.5) for i, law in enumerate(laws, 1)]
     omega = 2 * math.pi * np.array([5.0, 31.0])
     return System.from_matrices(
-        np.eye(2), np.diag(0.02 * omega), np.diag(omega**2), points={"tip": [1.0, -0.8]}, impactors=[ball]
+        np.eye(2), np.diag(0.02 * omega), np.diag(omega**2), points={"tip": [1.0, -0.8]}, impactors=balls
     )  # fmt: skip
 
 
-BALANCED: dict[str, tuple[ContactLaw, Method, float]] = {
-    "rigid contact, event-driven": (Rigid(0.6), EventDriven(), 1e-11),
-    "Kelvin-Voigt, event-driven": (KelvinVoigt(stiffness=4e3, damping=2.0), EventDriven(), 1e-10),
-    "Kelvin-Voigt, energy-consistent": (
-        KelvinVoigt(stiffness=4e3, damping=2.0), Newmark(2e-4, contact="energy-consistent"), 1e-10,
-    ),
-    "Hertz, energy-consistent": (
-        Hertz(2e5), Newmark(2e-4, contact="energy-consistent", allow_coarse_step=True), 1e-10,
-    ),
-}  # fmt: skip
+BOX = KelvinVoigt(stiffness=4e3, damping=2.0)
+UNEQUAL = (BOX, KelvinVoigt(stiffness=1e3, damping=1.0))
+CONSISTENT = Newmark(2e-4, contact="energy-consistent")
+BALANCED: dict[str, tuple[Sequence[ContactLaw], float, Method, float]] = {
+    "rigid contact, event-driven": ((Rigid(0.6),), 0.0, EventDriven(), 1e-11),
+    "Kelvin-Voigt, event-driven": ((BOX,), 0.0, EventDriven(), 1e-10),
+    "Kelvin-Voigt, energy-consistent": ((BOX,), 0.0, CONSISTENT, 1e-10),
+    "Hertz, energy-consistent": ((Hertz(2e5),), 0.0, replace(CONSISTENT, allow_coarse_step=True), 1e-10),
+    "two balls on centring springs, unequal Kelvin-Voigt, event-driven": (UNEQUAL, 5.0, EventDriven(), 1e-10),
+    "two balls on centring springs, unequal Kelvin-Voigt, energy-consistent": (UNEQUAL, 5.0, CONSISTENT, 1e-10),
+}
 
 
 def balance(name: str) -> Case:
     """Work put in, energy stored and energy lost, each summed separately, over 20 cycles of impacts."""
-    law, method, bound = BALANCED[name]
-    run = integrate(_box(law), Sine(1e-3, 5.0), method, 4.0, Recorder(("tip",)))
+    laws, spring, method, bound = BALANCED[name]
+    run = integrate(_box(laws, spring), Sine(1e-3, 5.0), method, 4.0, Recorder(("tip",)))
     closed = run.energy.residual if run.energy is not None and len(run.impacts) > 20 else math.nan
     return Case(
         f"{name}: energy of 20 cycles", "derived here (balance)", "largest residual over the work", "1", 0.0, closed,
@@ -218,7 +220,7 @@ def balance(name: str) -> Case:
 def energy_of_modes(mode: int) -> Case:
     """A rigid impact on two modes at rest: each takes (phi J)^2/2, J = (1 + e) v/(1/m + sum of phi^2)."""
     ball, e, row = 0.1, 0.6, (1.0, -0.8)
-    run = integrate(_box(Rigid(e)), STILL, EventDriven(), 0.02, initial=State(ball_velocity=[-SPEED]))
+    run = integrate(_box([Rigid(e)]), STILL, EventDriven(), 0.02, initial=State(ball_velocity=[-SPEED]))
     # -0.5 m/s^2 over the 2 mm of gap
     impulse = (1 + e) * math.sqrt(SPEED**2 + 2 * 0.5 * 2e-3) / (1 / ball + row[0] ** 2 + row[1] ** 2)
     return Case(

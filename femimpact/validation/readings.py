@@ -1,4 +1,4 @@
-"""What is read of motions and curves: amplitudes, impact statistics, damping, a scan's amplitude ratio."""
+"""What is read of motions and curves: amplitudes, impact statistics, a laser, damping, a scan's amplitude ratio."""
 
 from __future__ import annotations
 
@@ -10,20 +10,22 @@ from functools import partial
 import numpy as np
 
 from femimpact.calibration import scan_restitution
-from femimpact.contact import Rigid
+from femimpact.contact import KelvinVoigt, Rigid
 from femimpact.excitation import Sine
 from femimpact.fem.assembly import assemble
 from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.integrate import integrate
-from femimpact.response.response import Response
+from femimpact.integrators.stepping.newmark import Newmark
+from femimpact.laser import Laser
+from femimpact.response.response import Recorder, Response
 from femimpact.response.signals import CycleStatistics, steady_motion
 from femimpact.structure.damping import Rayleigh
 from femimpact.structure.structure import Impactor, Structure
 from femimpact.sweep import frequency_sweep
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
-from femimpact.system.system import without_impactors
+from femimpact.system.system import System, without_impactors
 from femimpact.validation.beams import ROOTS, beam_frequency, uniform_beam
 from femimpact.validation.case import Case
 from femimpact.validation.impacts import FREQUENCY, GRAVITY, shaken_floor
@@ -84,6 +86,44 @@ def force_of_a_cycle() -> Case:
     return Case(
         "ball on a vibrating table, once a cycle: mean force", "derived here (momentum)", "cycle-averaged force", "N",
         inside * GRAVITY / FREQUENCY / (last - first), run.statistics.cycle_mean_force, 1e-9, "rounding",
+    )  # fmt: skip
+
+
+def force_across_a_window(event_driven: bool) -> Case:
+    """A contact that began long before the window counts in it from its start on: weight and own change of momentum."""
+    table = Sine(0.4 * GRAVITY / (2 * math.pi * FREQUENCY) ** 2 if event_driven else 0.0, FREQUENCY)
+    ball = Impactor(
+        "ball",
+        "floor",
+        1.0,
+        (1.0, 0.0),
+        Rigid(0.4) if event_driven else KelvinVoigt(stiffness=1e4, damping=1.0),
+        acceleration=-GRAVITY,
+    )
+    system = System.from_matrices([[1.0]], [[0.1]], [[1.0]], points={"floor": [0.0]}, impactors=[ball])
+    method = EventDriven() if event_driven else Newmark(1e-4)
+    run = integrate(system, table, method, 1.0125, initial=State.static())
+    first, last = run.window
+    change = float(table.velocity(last) - table.velocity(first))
+    return Case(
+        f"ball that lies on a {'vibrating table, event-driven' if event_driven else 'table at rest, Newmark'}: "
+        "mean force", "derived here (momentum)", "cycle-averaged force", "N", GRAVITY + change / (last - first),
+        run.statistics.cycle_mean_force, 1e-9, "rounding",
+    )  # fmt: skip
+
+
+# ---- a laser -------------------------------------------------------------------------------------
+
+
+def laser_end(side: int) -> Case:
+    """What a laser reads of a larger motion ends at the middle of its range, and half the range from there."""
+    system = shaken_floor(1.0, (1.0, 1.0))
+    run = integrate(system, Sine(0.0, 1.0), EventDriven(), 10.0, Recorder(("ball",)), State(ball_velocity=[0.3]))
+    moved = Laser("ball", range=0.6, offset=0.2).measure(run).displacement
+    return Case(
+        f"laser whose range of 600 mm has its middle at 200 mm: {'largest' if side > 0 else 'smallest'} reading",
+        "derived here (middle and half the range)", "displacement", "m", 0.2 + side * 0.3,
+        float(np.max(moved) if side > 0 else np.min(moved)), 1e-12, "rounding",
     )  # fmt: skip
 
 
@@ -149,6 +189,8 @@ CASES: tuple[Callable[[], Case], ...] = (
     *(partial(subharmonic, column) for column in ("peak", "rms", "first_harmonic")),
     impulse_of_a_cycle,
     force_of_a_cycle,
+    *(partial(force_across_a_window, event_driven) for event_driven in (True, False)),
+    *(partial(laser_end, side) for side in (1, -1)),
     one_pole,
     bandwidth,
     drop_of_the_peak,

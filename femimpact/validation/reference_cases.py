@@ -15,6 +15,7 @@ from femimpact.validation import (
     oscillators,
     readings,
     structures,
+    studies,
     tapers,
 )
 from femimpact.validation.case import Case
@@ -23,7 +24,7 @@ __all__ = ["HEADER", "REFERENCE_CASES", "case_columns", "markdown_table", "run_v
 
 REFERENCE_CASES: tuple[Callable[[], Case], ...] = (
     *beams.CASES, *structures.CASES, *tapers.CASES, *oscillators.CASES, *excitations.CASES, *impacts.CASES,
-    *orbits.CASES, *contacts.CASES, *ledgers.CASES, *readings.CASES,
+    *orbits.CASES, *contacts.CASES, *ledgers.CASES, *readings.CASES, *studies.CASES,
 )  # fmt: skip
 """Every case, not yet run."""
 

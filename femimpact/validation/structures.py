@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -42,17 +43,18 @@ def _shape(x: float) -> NDArray[np.float64]:
     return np.array([[ch - c, sh - s], [sh + s, ch - c], [ch + c, sh + s], [sh - s, ch + c]])
 
 
-def _tip_conditions(x: float, mass: float, inertia: float) -> NDArray[np.float64]:
-    """Moment and shear at a tip with a body: mass over rho A L, rotary inertia over rho A L^3."""
+def _tip_conditions(x: float, mass: float, inertia: float, offset: float = 0.0) -> NDArray[np.float64]:
+    """Moment and shear at a tip with a body: mass over rho A L, inertia over rho A L^3, offset of its centre over L."""
     w, slope, moment, shear = _shape(x)
-    return np.array([moment - inertia * x**3 * slope, shear + mass * x * w])
+    centre = w + offset * x * slope
+    return np.array([moment - inertia * x**3 * slope - offset * mass * x**2 * centre, shear + mass * x * centre])
 
 
-def _tip_body_root(mode: int, mass: float, inertia: float) -> float:
+def _tip_body_root(mode: int, mass: float, inertia: float, offset: float = 0.0) -> float:
     from scipy.optimize import brentq
 
     def determinant(x: float) -> float:
-        return float(np.linalg.det(_tip_conditions(x, mass, inertia)) / math.cosh(x))
+        return float(np.linalg.det(_tip_conditions(x, mass, inertia, offset)) / math.cosh(x))
 
     grid = np.linspace(0.3, 12.0, 400)
     values = [determinant(x) for x in grid]
@@ -60,14 +62,15 @@ def _tip_body_root(mode: int, mass: float, inertia: float) -> float:
     return float(brentq(determinant, grid[below], grid[below + 1], xtol=1e-15, rtol=1e-14))
 
 
-def tip_body(mode: int) -> Case:
-    """Frequency with a body at the tip that has a rotary inertia."""
+def tip_body(mode: int, offset: float) -> Case:
+    """Frequency with a body at the tip that has a rotary inertia, its centre at the tip or beyond it."""
     mass, inertia = 0.5, 0.02
-    root = _tip_body_root(mode, mass, inertia)
-    body = PointMass("box", "tip", mass * BEAM_MASS, inertia * BEAM_MASS * LENGTH**2)
+    root = _tip_body_root(mode, mass, inertia, offset)
+    body = PointMass("box", "tip", mass * BEAM_MASS, inertia * BEAM_MASS * LENGTH**2, offset * LENGTH)
+    beyond = f" and its centre {offset:g} L beyond" if offset else ""
     return Case(
-        f"cantilever, tip body with rotary inertia, mode {mode}", "derived here (transcendental equation)", "beta L",
-        "1", root, _computed_root(Structure(uniform_beam(), masses=(body,)), mode), _mesh_error(root), MESH,
+        f"cantilever, tip body with rotary inertia{beyond}, mode {mode}", "derived here (transcendental equation)",
+        "beta L", "1", root, _computed_root(Structure(uniform_beam(), masses=(body,)), mode), _mesh_error(root), MESH,
     )  # fmt: skip
 
 
@@ -168,23 +171,32 @@ def contact_mass() -> Case:
     )  # fmt: skip
 
 
+DAMPING = Rayleigh(ratio=(0.02, 0.03), modes=(1, 2))
+
+
+def _rayleigh_ratio(square: float) -> float:
+    """Damping ratio of that damping at (beta L)^2."""
+    first, second = (root**2 for root in ROOTS[:2])
+    alpha, beta = np.linalg.solve([[0.5 / first, 0.5 * first], [0.5 / second, 0.5 * second]], (0.02, 0.03))
+    return float(0.5 * (alpha / square + beta * square))
+
+
 def damping_of_mode_3() -> Case:
     """Rayleigh damping given at two modes, at the third."""
-    first, second, third = (root**2 for root in ROOTS[:3])
-    asked = (0.02, 0.03)
-    alpha, beta = np.linalg.solve([[0.5 / first, 0.5 * first], [0.5 / second, 0.5 * second]], asked)
-    structure = Structure(uniform_beam(), damping=Rayleigh(ratio=asked, modes=(1, 2)))
+    structure = Structure(uniform_beam(), damping=DAMPING)
     found = float(solve_modes(assemble(structure, ELEMENTS), 3).damping_ratio[2])
     return Case(
         "cantilever, 2 % and 3 % in modes 1 and 2", "derived here (two linear equations)", "damping ratio of mode 3",
-        "1", 0.5 * (alpha / third + beta * third), found, 1e-7, "the mesh and the 8 decimals of the roots",
+        "1", _rayleigh_ratio(ROOTS[2] ** 2), found, 1e-7, "the mesh and the 8 decimals of the roots",
     )  # fmt: skip
 
 
-def _corrected() -> System:
-    """One mode of the cantilever, and the residual vector of its tip."""
+def _corrected(coefficients: bool = True) -> System:
+    """One mode of the cantilever, and the residual vector of its tip; damped by two coefficients, or their matrix C."""
     ball = Impactor("ball", "tip", 0.1 * BEAM_MASS, 1e-3, Rigid(0.5))
-    return reduce(assemble(Structure(uniform_beam(), impactors=(ball,)), ELEMENTS), 1, static_correction=True)
+    structure = Structure(uniform_beam(), impactors=(ball,), damping=DAMPING)
+    system = assemble(structure, ELEMENTS)
+    return reduce(system if coefficients else replace(system, rayleigh=None), 1, static_correction=True)
 
 
 def residual_vector() -> Case:
@@ -198,8 +210,8 @@ def residual_vector() -> Case:
     )  # fmt: skip
 
 
-def residual_root() -> Case:
-    """Second Ritz frequency of the first mode and the deflection z^2 (3 - z)/2 under an end load."""
+def residual_root(quantity: str) -> Case:
+    """Second Ritz frequency of the first mode and the deflection z^2 (3 - z)/2 under an end load, and its damping."""
     from scipy.integrate import quad
     from scipy.linalg import eigh
 
@@ -216,10 +228,14 @@ def residual_root() -> Case:
     own, both, static = (quad(lambda z, f=f, g=g: f(z) * g(z), 0.0, 1.0, epsrel=1e-12)[0] for f, g in pairs)
     # the mode turns K into x^4 M; of the other, the integral of (3 - 3 z)^2 is 3
     squares = eigh([[x**4 * own, x**4 * both], [x**4 * both, 3.0]], [[own, both], [both, static]], eigvals_only=True)
-    omega = math.sqrt(float(_corrected().K.diagonal()[1]))
+    system = _corrected(not quantity.endswith("by C"))
+    omega, root = math.sqrt(float(system.K.diagonal()[1])), float(squares[1]) ** 0.25
+    reference, computed = root, LENGTH * math.pow(omega**2 * MASS_PER_LENGTH / BENDING_STIFFNESS, 0.25)
+    if quantity != "frequency":
+        reference, computed = _rayleigh_ratio(root**2), float(system.C.diagonal()[1]) / (2 * omega)
     return Case(
-        "cantilever, frequency of the static correction", "derived here (Ritz, by quadrature)", "beta L", "1",
-        float(squares[1]) ** 0.25, LENGTH * math.pow(omega**2 * MASS_PER_LENGTH / BENDING_STIFFNESS, 0.25), 1e-7,
+        f"cantilever, {quantity} of the static correction", "derived here (Ritz, by quadrature)",
+        "beta L" if quantity == "frequency" else "damping ratio", "1", reference, computed, 1e-7,
         f"the mode's (beta h)^4 of {ELEMENTS} cubic elements",
     )  # fmt: skip
 
@@ -235,7 +251,7 @@ def mesh_order() -> Case:
 
 
 CASES: tuple[Callable[[], Case], ...] = (
-    *(partial(tip_body, mode) for mode in (1, 2)),
+    *(partial(tip_body, mode, offset) for offset in (0.0, 0.1) for mode in (1, 2)),
     glued_ball,
     *(partial(pinned_pinned, mode) for mode in (1, 2)),
     stepped_beam,
@@ -243,7 +259,7 @@ CASES: tuple[Callable[[], Case], ...] = (
     contact_mass,
     damping_of_mode_3,
     residual_vector,
-    residual_root,
+    *(partial(residual_root, quantity) for quantity in ("frequency", "damping", "damping by C")),
     mesh_order,
 )
 """The cases of this subject, in the order of the table."""
