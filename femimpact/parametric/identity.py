@@ -147,12 +147,15 @@ class _Walk:
         Functions, lists and modules that hold the value: one that holds itself is not looked at again.
     seen : dict
         Numbers of the objects and classes that were met, and of functions of other modules, by their id.
+    files : dict
+        Hashes of the files that were met, by the names of their modules.
     """
 
     version: str | None = None
     home: Mapping[str, Any] = field(default_factory=dict)
     above: tuple[Any, ...] = ()
     seen: dict[int, tuple[int, Any]] = field(default_factory=dict)
+    files: dict[str, str] = field(default_factory=dict)
 
     def into(self, value: Any) -> _Walk:
         """The way on from a value."""
@@ -169,16 +172,17 @@ COMPILED_PLAINLY = {"nopython": True, "boundscheck": None}
 
 OF_INTERPRETER = {
     "__dict__", "__weakref__", "__doc__", "__module__", "__firstlineno__", "__static_attributes__",
-    "__annotations_cache__", "_abc_impl",
+    "__annotations_cache__", "__slotnames__", "_abc_impl", "_value2member_map_",
 }  # fmt: skip
-"""Attributes of a class that do not decide what it does."""
+"""Attributes of a class that do not decide what it does, or that are filled while it is used."""
 
 
 def _compared(value: Any, version: str | None) -> Any:
     """A value in what JSON has."""
     try:
         return _plain(value, _Walk(version))
-    except (NotComparableError, RecursionError) as error:
+    except Exception as error:
+        # also one that an object of the user's own raises when it is looked at
         what = "too many that hold one another" if isinstance(error, RecursionError) else error
         name = str(getattr(value, "__qualname__", type(value).__name__))
         allowed = f"uses values that cannot be compared with those of another call ({what}): give version='...'"
@@ -240,7 +244,7 @@ def _container(value: Any, walk: _Walk) -> Any:
     if isinstance(value, (list, tuple)):
         return [_plain(item, walk) for item in value]
     # each as if it were the first
-    alone = (_plain(item, replace(walk, seen=dict(walk.seen))) for item in value)
+    alone = (_plain(item, replace(walk, seen=dict(walk.seen), files=dict(walk.files))) for item in value)
     return {"set": sorted(json.dumps(item, sort_keys=True) for item in alone)}
 
 
@@ -261,9 +265,10 @@ def _once(value: Any, described: Callable[[Any, _Walk], Any], walk: _Walk) -> An
 
 
 def _of_file(names: Mapping[str, Any], walk: _Walk) -> dict[str, Any]:
-    """The files of a module of the user's own, unless it is the one that the first function is from."""
+    """The files of a module of the user's own that were not met yet, unless the first function is from it."""
     own = names is walk.home or names.get("__name__") in ("__main__", walk.home.get("__name__"))
-    files = {} if own or is_library_module(names) else source_files(names)
+    files = {} if own or is_library_module(names) else source_files(names, walk.files)
+    walk.files.update(files)
     return {"files": files} if files else {}
 
 
@@ -278,12 +283,15 @@ def _object(value: Any, walk: _Walk) -> Any:
 
     walk = _at_home(vars(sys.modules[kind.__module__]) if kind.__module__ in sys.modules else {}, walk)
     held: Any = object.__getstate__(value)
-    parts = _parts(value)
-    parts[2:3] = [lasting(parts[2])]
-    every = [*map(lasting, held)] if isinstance(held, tuple) else lasting(held)
+    every = [lasting(item or {}) for item in (held if isinstance(held, tuple) else (held,))]
     found = {"noun": kind.__name__, "class": _plain(kind, walk), "holds": _plain(every, walk)}
+    _, arguments, state, items, pairs = _parts(value)
+    own = any(
+        getattr(kind, name) is not getattr(object, name) for name in ("__reduce__", "__reduce_ex__", "__getstate__")
+    )
     # a list or an array holds more than its attributes
-    return found if parts[1:] == [(kind,), every, [], []] else found | {"parts": _plain(parts[1:], walk)}
+    more = [arguments[1:], lasting(state) if own else None, items, pairs]
+    return found | ({"parts": _plain(more, walk)} if own or any(more) else {})
 
 
 def _copied(value: Any, walk: _Walk) -> Any:
@@ -304,9 +312,10 @@ def _parts(value: Any) -> list[Any]:
     except Exception:
         raise NotComparableError(f"a {kind.__name__}") from None
     if isinstance(parts, str):
-        if getattr(builtins, parts, None) is not value:
+        # a variable of a type decides no number
+        if getattr(builtins, parts, None) is not value and kind.__module__ != "typing":
             raise NotComparableError(f"{parts}, which has no code in Python")
-        return [value]
+        return [parts]
     made_by, arguments, state, items, pairs = (*parts, None, None, None)[:5]
     return [made_by, arguments, state, list(items or ()), list(pairs or ())]
 

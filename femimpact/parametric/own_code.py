@@ -10,7 +10,7 @@ import os
 import sys
 import sysconfig
 import types
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import cache
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -200,10 +200,10 @@ def _own_spec(name: str) -> ModuleSpec | None:
     return spec
 
 
-def source_files(names: Mapping[str, Any]) -> dict[str, str]:
+def source_files(names: Mapping[str, Any], known: Collection[str] = ()) -> dict[str, str]:
     """Hashes of the file of a module, given by what it holds, and of all files of the user's own that it imports.
 
-    Comments, docstrings and the form of the text do not count.
+    Comments, docstrings and the form of the text do not count. Modules that are known are left out.
 
     Raises
     ------
@@ -215,7 +215,7 @@ def source_files(names: Mapping[str, Any]) -> dict[str, str]:
     left = [] if file is None else [(str(names["__name__"]), str(file), "__path__" in names)]
     while left:
         name, path, is_package = left.pop()
-        if name in found:
+        if name in found or name in known:
             continue
         tree = _tree(name, path)
         found[name] = hashlib.sha256(ast.dump(tree).encode()).hexdigest()
