@@ -64,6 +64,9 @@ def measure(response, factor=$):
 #### keyword's default
 def measure(response, *, factor=$):
     return factor
+#### default of an attribute by literal names
+def measure(response):
+    return getattr(getattr(response, 'time'), 'first', $)
 #### constant of the module
 FACTOR = $
 def measure(response):

@@ -27,6 +27,9 @@ HIDING = {"globals", "__globals__", "f_globals", "__builtins__", "__import__", "
 HIDING_FUNCTIONS = {"eval", "exec"}
 """The same as names of the module alone: many objects have a method `eval`."""
 
+CALL = "PRECALL" if "PRECALL" in dis.opmap else "CALL"
+"""Step before which a function and its arguments lie on the stack."""
+
 HEAP_TYPE = 1 << 9
 """Flag of a class that is not one of the interpreter's own, nor of C."""
 
@@ -141,7 +144,10 @@ def _takes_literal(steps: list[dis.Instruction]) -> bool:
     for step in steps:
         if step.opname == "PUSH_NULL" and not made:
             continue
-        if step.opname in ("PRECALL", "CALL") and step.arg == len(made):
+        if step.opcode in dis.hasjrel:
+            # one of two values
+            return False
+        if step.opname == CALL and step.arg == len(made):
             return len(made) > 1 and made[1].opname.startswith("LOAD_CONST") and isinstance(made[1].argval, str)
         effect = dis.stack_effect(step.opcode, step.arg, jump=False)
         if effect > 0:
