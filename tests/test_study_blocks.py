@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from dataclasses import replace
 from pathlib import Path
 from types import FunctionType
@@ -125,10 +126,25 @@ def test_functions_that_take_one_another_and_those_of_libraries_have_a_key():
 
 
 def test_a_function_that_takes_what_cannot_be_compared_asks_for_a_version(tmp_path):
-    measure = of_module(TEXT, FACTOR=object())
+    measure = of_module(TEXT, FACTOR=threading.Lock())
     assert isinstance(measure, FunctionType)
     with pytest.raises(fi.InputError, match=r"measure.*: uses values that cannot be compared .*: give version="):
         small(tmp_path, measures=[measure])
+
+
+def test_a_class_that_has_changed_is_named_where_its_numbers_are_kept(tmp_path):
+    class Steel:
+        strength = 50e6
+
+        def __call__(self, response):
+            return self.strength * response.time[-1]
+
+    first = small(tmp_path, measures=[Steel()])
+    np.testing.assert_array_equal(small(tmp_path, measures=[Steel()])["Steel"], first["Steel"])
+    Steel.strength = 100e6
+    told = r"another study: measures\[0\].class.attributes.strength is 50000000.0 there, 100000000.0 here"
+    with pytest.raises(fi.InputError, match=told):
+        small(tmp_path, measures=[Steel()])
 
 
 def test_the_key_of_a_function_is_the_same_in_every_process(tmp_path):

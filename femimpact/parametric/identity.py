@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import builtins
+import copyreg
 import dataclasses
-import dis
 import hashlib
 import inspect
 import json
+import sys
 import types
-from collections.abc import Mapping
-from functools import cache
+import weakref
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +23,20 @@ import scipy
 import scipy.sparse as sparse
 
 from femimpact.core.binary import build_words
-from femimpact.errors import InputError, require
+from femimpact.errors import Fault, InputError
 from femimpact.parametric.definition import ParameterStudy
+from femimpact.parametric.own_code import (
+    NotComparableError,
+    check_open,
+    code_hash,
+    global_names,
+    imported_modules,
+    is_library,
+    is_library_file,
+    is_library_module,
+    named,
+    source_files,
+)
 from femimpact.study.study import Study
 from femimpact.system.system import System
 
@@ -62,25 +79,25 @@ def plain_study(study: ParameterStudy) -> dict[str, Any]:
     """
     given: Any = study.study
     axes = {
-        place.path: [_plain(value, study.version) for value in levels]
+        place.path: [_compared(value, study.version) for value in levels]
         for place, levels in zip(study.table.places, study.table.levels, strict=True)
     }
     return {
-        "study": _plain(given, study.version),
-        "mesh": None if study.systems.mesh is None else _plain(study.systems.mesh, None),
+        "study": _compared(given, study.version),
+        "mesh": None if study.systems.mesh is None else _compared(study.systems.mesh, None),
         "axes": axes,
         # in which the cases are counted
         "order": list(axes),
         "cases": "grid" if study.table.is_grid else [_digest(codes) for codes in study.table.codes],
         "measures": [
-            item.name if item.function is None else _plain(item.function, study.version) for item in study.chosen
+            item.name if item.function is None else _compared(item.function, study.version) for item in study.chosen
         ],
         "starts": study.starts,
         "seed": study.seed if study.starts > 1 else None,
         "cycles": study.dwell,
         "base": study.base,
         "at": study.observed,
-        "method": _plain(study.method, None),
+        "method": _compared(study.method, study.version),
         **({} if isinstance(given, (Study, System)) else {"elements": study.elements, "modes": study.modes}),
     }
 
@@ -116,126 +133,331 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def _plain(value: Any, version: str | None) -> Any:
+@dataclass(frozen=True)
+class _Walk:
+    """What is known on the way from a value to all that it takes.
+
+    Parameters
+    ----------
+    version : str, optional
+        In place of the code of functions.
+    home : mapping
+        What the module of the first function holds: its file does not count, but what is taken from it.
+    above : tuple
+        Functions, lists and modules that hold the value: one that holds itself is not looked at again.
+    seen : dict
+        Numbers of the objects and classes that were met, and of functions of other modules, by their id.
+    files : dict
+        Hashes of the files that were met, by the names of their modules.
+    """
+
+    version: str | None = None
+    home: Mapping[str, Any] = field(default_factory=dict)
+    above: tuple[Any, ...] = ()
+    seen: dict[int, tuple[int, Any]] = field(default_factory=dict)
+    files: dict[str, str] = field(default_factory=dict)
+
+    def into(self, value: Any) -> _Walk:
+        """The way on from a value."""
+        return replace(self, above=(*self.above, value))
+
+    def is_above(self, value: Any) -> bool:
+        return any(item is value for item in self.above)
+
+
+SCALARS = (type(None), bool, int, str)
+
+COMPILED_PLAINLY = {"nopython": True, "boundscheck": None}
+"""Options of a function that Numba has compiled, where none is given."""
+
+OF_INTERPRETER = {
+    "__dict__", "__weakref__", "__doc__", "__module__", "__firstlineno__", "__static_attributes__",
+    "__annotations_cache__", "__slotnames__", "_abc_impl", "_value2member_map_",
+}  # fmt: skip
+"""Attributes of a class that do not decide what it does, or that are filled while it is used."""
+
+
+def _compared(value: Any, version: str | None) -> Any:
+    """A value in what JSON has."""
+    try:
+        return _plain(value, _Walk(version))
+    except Exception as error:
+        # also one that an object of the user's own raises when it is looked at
+        what = "too many that hold one another" if isinstance(error, RecursionError) else error
+        name = str(getattr(value, "__qualname__", type(value).__name__))
+        allowed = f"uses values that cannot be compared with those of another call ({what}): give version='...'"
+        raise InputError([Fault("study", name, "", allowed)]) from None
+
+
+def _plain(value: Any, walk: _Walk) -> Any:
     """A value in what JSON has: nouns by their fields, arrays by their content, functions by their code."""
-    if value is None or isinstance(value, (bool, int, str)):
+    if type(value) in SCALARS:
+        return value
+    if walk.version is None and not isinstance(value, type) and not is_library(type(value)):
+        return _once(value, _object, walk)
+    if isinstance(value, (bool, int, str)):
         return value
     if isinstance(value, float):
         return value if np.isfinite(value) else repr(value)
     if isinstance(value, (np.integer, np.floating, np.bool_)):
-        return _plain(value.item(), version)
-    if isinstance(value, np.ndarray):
-        return {"shape": list(value.shape), "content": _digest(value)}
+        return _plain(value.item(), walk)
+    if isinstance(value, np.ndarray) and not isinstance(value, np.ma.MaskedArray):
+        content = _plain(value.ravel().tolist(), walk) if value.dtype.hasobject else _digest(value)
+        return {"shape": list(value.shape), "content": content}
     if sparse.issparse(value):
         matrix: Any = value
         rows = matrix.tocoo()
         return {"shape": list(rows.shape), "content": _digest(*rows.coords, rows.data)}
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item, version) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item, version) for item in value]
-    if isinstance(value, (set, frozenset)):
-        # in the same order in every process
-        return {"set": sorted(json.dumps(_plain(item, version), sort_keys=True) for item in value)}
     if isinstance(value, bytes):
         return hashlib.sha256(value).hexdigest()
+    if isinstance(value, (Mapping, list, tuple, set, frozenset)):
+        return "itself" if walk.is_above(value) else _container(value, walk.into(value))
     if isinstance(value, types.ModuleType):
-        return {"module": value.__name__}
+        return _module(value, set(), walk)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         left_out = WITHOUT if isinstance(value, Study) else ("computed_together",)
         found = {
-            item.name: _plain(getattr(value, item.name), version)
+            item.name: _plain(getattr(value, item.name), walk)
             for item in dataclasses.fields(value)
             if item.name not in left_out
         }
         return {"noun": type(value).__name__, **found}
+    if isinstance(value, (property, cached_property, staticmethod, classmethod)):
+        inner = [getattr(value, name, None) for name in ("fget", "fset", "fdel", "func", "__func__")]
+        return {"noun": type(value).__name__, "of": _plain(inner, walk)}
     if callable(value):
-        return _function(value, version)
-    allowed = f"holds a {type(value).__name__}, which cannot be compared with that of another call: give version='...'"
-    require(version is not None, "study", type(value).__name__, "", allowed)
-    return {"noun": type(value).__name__, "version": version}
+        return _function(value, walk)
+    return {"noun": type(value).__name__, "version": walk.version} if walk.version is not None else _copied(value, walk)
 
 
-def _function(value: Any, version: str | None, above: tuple[Any, ...] = ()) -> Any:
-    """A function by its code, constants, defaults and what it takes from where it was made.
+def _container(value: Any, walk: _Walk) -> Any:
+    """Lists and mappings by their items; a set in the same order in every process."""
+    if isinstance(value, weakref.WeakKeyDictionary):
+        # what a function with an overload for each type has found
+        return {}
+    if isinstance(value, Mapping):
+        found: Any = {str(key): _plain(item, walk) for key, item in value.items()}
+        if not all(map(_is_data, value)):
+            found = {"keys": [_plain(key, walk) for key in value], "items": [*found.values()]}
+        made = getattr(value, "default_factory", None) if isinstance(value, defaultdict) else None
+        return found if made is None else {"items": found, "default": _plain(made, walk)}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item, walk) for item in value]
+    # each as if it were the first
+    alone = (_plain(item, replace(walk, seen=dict(walk.seen), files=dict(walk.files))) for item in value)
+    return {"set": sorted(json.dumps(item, sort_keys=True) for item in alone)}
 
-    `above` are the functions that take this one: one that takes itself is not looked at again.
-    """
-    name = str(getattr(value, "__qualname__", type(value).__name__))
-    if version is not None:
-        return {"function": name, "version": version}
-    if hasattr(value, "func") and hasattr(value, "keywords"):
-        # of functools.partial
-        return {"partial": _function(value.func, None), "given": _plain([*value.args, value.keywords], None)}
-    if hasattr(value, "__func__"):
-        return {"method": _function(value.__func__, None), "of": _plain(vars(value.__self__), None)}
-    value = _unwrapped(value)
-    if not hasattr(value, "__code__"):
-        allowed = "has no code that could be compared with that of another call: give version='...'"
-        require(not _is_compiled(value), "study", name, "", allowed)
-        return {"object": _function(type(value).__call__, None, above), "of": _plain(vars(value), None)}
-    cells = [cell.cell_contents for cell in value.__closure__ or ()]
-    given = {"defaults": [list(value.__defaults__ or ()), dict(value.__kwdefaults__ or {})], "cells": cells}
+
+def _is_data(key: Any) -> bool:
+    """Whether a key of a mapping is known by its text."""
+    if isinstance(key, type):
+        return is_library(key)
+    inner = key if isinstance(key, (tuple, frozenset)) else ()
+    return is_library(type(key)) and not isinstance(key, types.FunctionType) and all(map(_is_data, inner))
+
+
+def _once(value: Any, described: Callable[[Any, _Walk], Any], walk: _Walk) -> Any:
+    """What is said of a value where it is met first; its number where it is met again."""
+    if id(value) in walk.seen:
+        return {"again": walk.seen[id(value)][0]}
+    walk.seen[id(value)] = len(walk.seen), value
+    return described(value, walk)
+
+
+def _of_file(names: Mapping[str, Any], walk: _Walk) -> dict[str, Any]:
+    """The files of a module of the user's own that were not met yet, unless the first function is from it."""
+    own = names is walk.home or names.get("__name__") in ("__main__", walk.home.get("__name__"))
+    files = {} if own or is_library_module(names) else source_files(names, walk.files)
+    walk.files.update(files)
+    return {"files": files} if files else {}
+
+
+def _object(value: Any, walk: _Walk) -> Any:
+    """An object of a class of the user's own, by its class and by all that it holds; no property is called."""
+    kind = type(value)
+    kept = {name for base in kind.__mro__ for name, item in vars(base).items() if isinstance(item, cached_property)}
+
+    def lasting(state: Any) -> Any:
+        # what a property has kept follows from the rest
+        return {name: state[name] for name in state if name not in kept} if isinstance(state, dict) else state
+
+    walk = _at_home(vars(sys.modules[kind.__module__]) if kind.__module__ in sys.modules else {}, walk)
+    held: Any = object.__getstate__(value)
+    every = [lasting(item or {}) for item in (held if isinstance(held, tuple) else (held,))]
+    found = {"noun": kind.__name__, "class": _plain(kind, walk), "holds": _plain(every, walk)}
+    _, arguments, state, items, pairs = _parts(value)
+    own = any(
+        getattr(kind, name) is not getattr(object, name) for name in ("__reduce__", "__reduce_ex__", "__getstate__")
+    )
+    # a list or an array holds more than its attributes
+    more = [arguments[1:], lasting(state) if own else None, items, pairs]
+    return found | ({"parts": _plain(more, walk)} if own or any(more) else {})
+
+
+def _copied(value: Any, walk: _Walk) -> Any:
+    """An object of a library, by what a copy of it is made from."""
+    top = type(value).__module__.partition(".")[0]
+    if top not in sys.stdlib_module_names and top not in ("numpy", "scipy", "femimpact"):
+        raise NotComparableError(f"a {type(value).__name__}")
+    made_by, *parts = _parts(value)
+    return {"noun": type(value).__name__, "made_by": _name(made_by), "parts": _plain(parts, walk)}
+
+
+def _parts(value: Any) -> list[Any]:
+    """What makes a copy of an object, with its arguments, its state, its items and its pairs of key and value."""
+    kind: Any = type(value)
+    copied: Any = copyreg.dispatch_table.get(kind)
     try:
-        taken = _plain(given, None) | {"names": _taken_names(value, (*above, value))}
-    except (InputError, RecursionError):
-        allowed = "uses values that cannot be compared with those of another call: give version='...'"
-        require(False, "study", name, "", allowed)
-    return {"function": name, "code": _code(value.__code__), "taken": taken}
+        parts = copied(value) if copied else kind.__reduce_ex__(value, 2)
+    except Exception:
+        raise NotComparableError(f"a {kind.__name__}") from None
+    if isinstance(parts, str):
+        # a variable of a type decides no number
+        if getattr(builtins, parts, None) is not value and kind.__module__ != "typing":
+            raise NotComparableError(f"{parts}, which has no code in Python")
+        return [parts]
+    made_by, arguments, state, items, pairs = (*parts, None, None, None)[:5]
+    return [made_by, arguments, state, list(items or ()), list(pairs or ())]
 
 
-def _taken_names(function: Any, above: tuple[Any, ...]) -> dict[str, Any]:
-    """What a function takes by name from its module: values, and functions of that module by their code."""
+def _at_home(names: Mapping[str, Any], walk: _Walk) -> _Walk:
+    """The way on, which began in the module that holds these names if it has just begun."""
+    return walk if walk.home else replace(walk, home=names)
+
+
+def _class(value: Any, walk: _Walk) -> Any:
+    """A class of the user's own, by its bases and all its attributes."""
+    names = vars(sys.modules[value.__module__]) if value.__module__ in sys.modules else {}
+    walk = _at_home(names, walk)
+    return {
+        "class": value.__qualname__,
+        "made_by": _plain(type(value), walk),
+        "bases": [_plain(base, walk) for base in value.__bases__],
+        "attributes": {
+            name: _plain(item, walk) for name, item in sorted(vars(value).items()) if name not in OF_INTERPRETER
+        },
+        **_of_file(names, walk),
+    }
+
+
+def _module(value: types.ModuleType, used: set[str], walk: _Walk) -> Any:
+    """A module of a library by its name, one of the user's own by its file and by what is used of it."""
+    names, found = vars(value), {"module": value.__name__}
+    if walk.is_above(value):
+        return found
+    library, inner = is_library_module(names), walk.into(value)
+    if not library and (value.__name__ == "__main__" or not ({"__file__", "__path__"} & names.keys())):
+        raise NotComparableError(f"the module {value.__name__} as a whole")
+    taken = {
+        name: _module(item, used, inner) if isinstance(item, types.ModuleType) else _plain(item, inner)
+        for name, item in sorted(names.items())
+        # of a library what the user's own module has put there
+        if name in used and not name.startswith("__") and (not library or _is_at_home(item, walk))
+    }
+    files = {} if library else _of_file(names, walk)
+    return found | files | ({"taken": taken} if taken else {})
+
+
+def _is_at_home(value: Any, walk: _Walk) -> bool:
+    """Whether a function or a class is from the module in which the way began."""
+    if isinstance(value, types.FunctionType):
+        return value.__globals__ is walk.home
+    return isinstance(value, type) and value.__module__ == walk.home.get("__name__")
+
+
+def _name(value: Any) -> str:
+    return str(getattr(value, "__qualname__", getattr(value, "__name__", type(value).__name__)))
+
+
+def _function(value: Any, walk: _Walk) -> Any:
+    """A callable: of Python by its code, of a library by its name, any other by what it is made from."""
+    if walk.version is not None:
+        return {"function": str(getattr(value, "__qualname__", type(value).__name__)), "version": walk.version}
+    if isinstance(value, type):
+        return {"name": value.__qualname__} if is_library(value) else _once(value, _class, walk)
+    if isinstance(value, partial):
+        return {"partial": _function(value.func, walk), "given": _plain([*value.args, value.keywords], walk)}
+    if isinstance(value, types.MethodType):
+        of: Any = value.__self__
+        held = vars(of) if is_library(type(of)) and not isinstance(of, type) and hasattr(of, "__dict__") else of
+        return {"method": _function(value.__func__, walk), "of": _plain(held, walk)}
+    inner = _unwrapped(value)
+    if isinstance(inner, types.FunctionType):
+        if walk.is_above(inner):
+            return "itself"
+        walk = _at_home(inner.__globals__, walk)
+        once = inner.__globals__ is not walk.home and not is_library_file(inner.__code__.co_filename)
+        found = _once(inner, _of_python, walk) if once else _of_python(inner, walk)
+        options = getattr(value, "targetoptions", COMPILED_PLAINLY)
+        return found if options == COMPILED_PLAINLY else {"compiled": found, "options": _plain(options, walk)}
+    if is_library(inner):
+        return {"name": _name(inner)}
+    if hasattr(type(inner).__call__, "__code__") and hasattr(inner, "__dict__"):
+        return {"object": _function(type(inner).__call__, walk), "of": _plain(vars(inner), walk)}
+    return _copied(inner, walk)
+
+
+def _of_python(value: types.FunctionType, walk: _Walk) -> dict[str, Any]:
+    """A function by its code, constants, defaults and what it takes from where it was made."""
+    library = is_library_file(value.__code__.co_filename)
+    if not library:
+        check_open(value.__code__)
+    cells = [_content(cell) for cell in value.__closure__ or ()]
+    given: dict[str, Any] = {
+        "defaults": [list(value.__defaults__ or ()), dict(value.__kwdefaults__ or {})],
+        "cells": cells,
+    }
+    own = (
+        {}
+        if library
+        else {
+            name: item
+            for name, item in vars(value).items()
+            if name != "unit" and not any(item is cell for cell in cells)
+        }
+    )
+    if own:
+        given["attributes"] = own
+    walk = walk.into(value)
+    taken = _plain(given, walk) | {"names": _taken_names(value, walk)}
+    if not library:
+        used = named(value.__code__)
+        imported = {
+            item.__name__: _module(item, used, walk) for item in imported_modules(value.__code__, value.__globals__)
+        }
+        taken |= {"imported": imported} if imported else {}
+    found = {"function": value.__qualname__, "code": code_hash(value.__code__), "taken": taken}
+    return found | ({} if library else _of_file(value.__globals__, walk))
+
+
+def _content(cell: types.CellType) -> Any:
+    """What a cell of a closure holds; nothing where it has not been filled."""
+    try:
+        return cell.cell_contents
+    except ValueError:
+        return None
+
+
+def _taken_names(function: types.FunctionType, walk: _Walk) -> dict[str, Any]:
+    """What a function takes by name from its module: of a library by its name, anything else by what it is."""
+    names, used = function.__globals__, named(function.__code__)
     found: dict[str, Any] = {}
-    names = function.__globals__
-    for name in sorted(_global_names(function.__code__) & names.keys()):
-        item = _unwrapped(names[name])
-        if isinstance(item, types.FunctionType) and item.__globals__ is names:
-            found[name] = "itself" if item in above else _function(item, None, above)
-        elif isinstance(item, (type, types.FunctionType)) or _is_compiled(item):
-            # of a library: its name
-            found[name] = {"name": str(getattr(item, "__qualname__", type(item).__name__))}
-        else:
-            found[name] = _plain(item, None)
+    for name in sorted(global_names(function.__code__) & names.keys()):
+        item = names[name]
+        if isinstance(item, types.ModuleType):
+            found[name] = _module(item, used, walk)
+            continue
+        inner = _unwrapped(item)
+        beside = isinstance(inner, types.FunctionType) and inner.__globals__ is names
+        by_name = callable(inner) and not beside and is_library(inner)
+        found[name] = {"name": _name(inner)} if by_name else _plain(item, walk)
     return found
 
 
 def _unwrapped(value: Any) -> Any:
-    """The function within one that keeps or compiles it."""
-    return value if hasattr(value, "__code__") or isinstance(value, type) else inspect.unwrap(value)
-
-
-def _is_compiled(value: Any) -> bool:
-    """Whether it is called, but has no code of Python's."""
-    return callable(value) and not hasattr(type(value).__call__, "__code__")
-
-
-def _global_names(code: types.CodeType) -> set[str]:
-    """Names that code takes from its module, those within it included."""
-    found = {
-        str(step.argval) for step in dis.get_instructions(code) if step.opname in ("LOAD_GLOBAL", "LOAD_NAME")
-    }  # fmt: skip
-    for item in code.co_consts:
-        if isinstance(item, types.CodeType):
-            found |= _global_names(item)
-    return found
-
-
-def _code(code: types.CodeType) -> str:
-    """Hash of compiled code, its names and constants; not of where it stands."""
-    names = [*code.co_names, *code.co_varnames, *code.co_freevars]
-    return hashlib.sha256(repr((code.co_code, _constant(code.co_consts), names)).encode()).hexdigest()
-
-
-def _constant(value: Any) -> Any:
-    """A constant of code in a form that reads alike in every process."""
-    if isinstance(value, types.CodeType):
-        return _code(value)
-    if isinstance(value, tuple):
-        return [_constant(item) for item in value]
-    if isinstance(value, frozenset):
-        return {"set": sorted(repr(_constant(item)) for item in value)}
-    return repr(value)
+    """The function within an object of a library that keeps or compiles it."""
+    plain = isinstance(value, (type, types.FunctionType, types.ModuleType)) or not is_library(type(value))
+    return value if plain or not callable(value) else inspect.unwrap(value)
 
 
 def _digest(*arrays: Any) -> str:
