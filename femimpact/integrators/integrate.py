@@ -13,6 +13,7 @@ from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
 from femimpact.integrators.memory import check_memory, memory_needed
 from femimpact.integrators.methods import Method, require_method
+from femimpact.integrators.record_reading import record_warnings
 from femimpact.integrators.threads import run_each, workers_of
 from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.channels import Motion, resolve_channels
@@ -126,6 +127,7 @@ def integrate(
         response = _without_cycles(method.run(system, drive, duration, recorder, start, report))
         warnings = motion_warnings(drive, system.length)
         warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)
+        warnings += record_warnings(system, drive, start.time + duration)
         warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
         notes = (*motion_notes(drive, system.length, start.time + duration), *_stops_not_met(response))
         if not (warnings or notes):
