@@ -131,7 +131,7 @@ def _pieces(step: float, end: float) -> Iterator[Array]:
     """Instants (s) from 0 up to a time, some at once."""
     count = max(math.ceil(end / step - 1e-6), 1)
     for first in range(0, count, PIECE):
-        yield step * np.arange(first, min(first + PIECE, count))
+        yield np.asarray(step * np.arange(first, min(first + PIECE, count)))
 
 
 def _beside_lines(line: BrokenLine, time: Array) -> Array:
@@ -159,4 +159,4 @@ def _recurrence(factor: complex, added: NDArray[np.complex128], before: complex)
     for row, end in enumerate(rows[:, -1]):
         starts[row] = before
         before = powers[-1] * before + end
-    return (rows + powers * starts[:, None]).ravel()[: added.size]
+    return np.asarray((rows + powers * starts[:, None]).ravel()[: added.size])
