@@ -218,7 +218,7 @@ def test_a_changed_record_is_written_anew_and_read_as_the_same_study(tmp_path, s
     ("find", "put", "words"),
     [
         ('"shaker.csv"', '"nowhere.csv"', "nowhere.csv': must be a text file of columns: No such file"),
-        ('"shaker.csv"', '"damaged.csv"', "damaged.csv': line 3, column 1: 'x' is no finite number"),
+        ('"shaker.csv"', '"damaged.csv"', "damaged.csv': line 3, column 1: a text is no finite number"),
         ('"shaker.csv"', '"binary.csv"', "binary.csv': must be a text file of columns: is no text"),
         ('"shaker.csv"', '"uneven.csv"', "uneven.csv, steps of 0.1 to 0.2 s': must have evenly spaced times"),
         ('"shaker.csv"', '"a\\u0000b"', "must be the path of a text file"),

@@ -93,9 +93,13 @@ class Drive:
         if self.is_sine:
             wave = self.sine
             return np.asarray(wave.amplitude * np.sin(wave.omega * time + wave.phase))
-        if self.line is not None:
-            knots = self.line.interval * np.arange(self.line.samples.size)
-            return np.asarray(np.interp(time, knots, self.line.samples, right=0.0))
+        if self.line is not None and np.size(time):
+            # of a long record the samples around the times alone
+            h, most = self.line.interval, self.line.samples.size - 1
+            first = min(max(int(np.min(time) / h) - 1, 0), most)
+            last = min(max(int(np.max(time) / h) + 2, first), most)
+            knots = h * np.arange(first, last + 1)
+            return np.asarray(np.interp(time, knots, self.line.samples[first : last + 1], right=0.0))
         if self.pieces is not None:
             return self.pieces.value(time)
         allowed = f"must give {np.size(time)} finite numbers for as many times"
