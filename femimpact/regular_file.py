@@ -10,12 +10,12 @@ import os
 import stat
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 if TYPE_CHECKING:
     from io import BufferedReader
 
-__all__ = ["check_regular", "open_regular", "read_regular"]
+__all__ = ["check_regular", "open_regular", "read_now", "read_regular"]
 
 KINDS = ((stat.S_ISDIR, "a directory"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISCHR, "a device"),
          (stat.S_ISBLK, "a device"), (stat.S_ISSOCK, "a socket"))  # fmt: skip
@@ -82,9 +82,24 @@ def read_regular(path: str | Path, most: int) -> bytes:
         As of `open_regular`.
     """
     with open_regular(path, most) as file:
-        content = file.read(most + 1)
+        content = read_now(file, most + 1)
     if len(content) > most:
         raise _too_large(path, len(content), most)
+    return content
+
+
+def read_now(file: BinaryIO, most: int) -> bytes:
+    """The next bytes of an open file, up to a number of them, without waiting for any.
+
+    Raises
+    ------
+    OSError
+        If it would have to be waited for, as for the messages of the kernel.
+    """
+    # not bytes: there are none yet, and the file has not ended
+    content: bytes | None = file.read(most)
+    if content is None:
+        raise OSError(errno.EAGAIN, "has nothing to read now, as a pipe or a device has, no regular file", file.name)
     return content
 
 

@@ -51,7 +51,7 @@ def test_every_way_of_writing_gives_the_same_samples(tmp_path, monkeypatch, way,
 def test_what_is_no_decimal_number_is_refused_with_its_line(cell, mark):
     lines = [f"{t}{mark}{a}" for t, a in ROWS]
     lines[30] = f"{ROWS[30][0]}{mark}{cell}"
-    with pytest.raises(fi.InputError, match=rf"line 31, column 1: {cell!r} is no finite number"):
+    with pytest.raises(fi.InputError, match=r"line 31, column 1: [a-z ]+ is no finite number"):
         fi.RecordedBase.from_text("\n".join(lines))
 
 

@@ -12,7 +12,7 @@ import sys
 import pytest
 
 from femimpact.export.tables import read_csv
-from femimpact.regular_file import check_regular, open_regular, read_regular
+from femimpact.regular_file import check_regular, open_regular, read_now, read_regular
 from femimpact.study.demo import paper_study_text
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes on this system")
@@ -133,3 +133,11 @@ def test_a_large_file_is_refused_without_being_read(tmp_path):
     lines = _told(*((READERS[suffix], path) for suffix, path in paths.items()))
     assert len(lines) == len(paths)
     assert all("has 100,000,000,000 bytes, of which at most" in line for line in lines)
+
+
+def test_what_has_nothing_to_read_yet_is_refused_and_not_waited_for():
+    # as /proc/kmsg, whose name is that of a regular file
+    ends = os.pipe()
+    os.set_blocking(ends[0], False)
+    with open(ends[0], "rb") as file, open(ends[1], "wb"), pytest.raises(OSError, match="nothing to read now"):
+        read_now(file, 10)

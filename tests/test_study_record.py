@@ -218,7 +218,7 @@ def test_a_changed_record_is_written_anew_and_read_as_the_same_study(tmp_path, s
     ("find", "put", "words"),
     [
         ('"shaker.csv"', '"nowhere.csv"', "nowhere.csv': must be a text file of columns: No such file"),
-        ('"shaker.csv"', '"damaged.csv"', "damaged.csv': line 3, column 1: 'x' is no finite number"),
+        ('"shaker.csv"', '"damaged.csv"', "damaged.csv': line 3, column 1: a text is no finite number"),
         ('"shaker.csv"', '"binary.csv"', "binary.csv': must be a text file of columns: is no text"),
         ('"shaker.csv"', '"uneven.csv"', "uneven.csv, steps of 0.1 to 0.2 s': must have evenly spaced times"),
         ('"shaker.csv"', '"a\\u0000b"', "must be the path of a text file"),
@@ -267,3 +267,37 @@ def test_the_plan_says_that_a_record_drives_the_history(tmp_path, shaker):
     (line,) = [line for line in plan_lines(study) if line.startswith("history: ")]
     assert "3.995 s of the record 'shaker.csv' (800 samples, 0.005 s apart; a cycle is that of its largest" in line
     assert BaseMotion(1e-4, 5.0, 4.0).words == "4 s at 5 Hz"
+
+
+def test_a_check_that_takes_long_shows_that_it_goes_on(tmp_path, shaker, capsys, monkeypatch):
+    path = written(tmp_path, BEAM + BALL + BASE)
+    for wait, shown in ((0.0, True), (1000.0, False)):
+        monkeypatch.setattr("femimpact.cli.UNTIL_BAR", wait)
+        app(["check", str(path)], result_action="return_value")
+        out, err = capsys.readouterr()
+        assert ("check" in err) == shown
+        assert "of the record 'shaker.csv'" in out
+
+
+def test_a_record_outside_the_folder_of_its_study_is_named(tmp_path, shaker, capsys):
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (inner / "link.csv").symlink_to(tmp_path / "shaker.csv")
+    plain = "\n".join(plan_lines(load_study(written(tmp_path, BEAM + BASE))))
+    assert "outside the folder" not in plain
+    for name in ("../shaker.csv", "link.csv", str(tmp_path / "shaker.csv")):
+        lines = plan_lines(load_study(written(inner, (BEAM + BASE).replace("shaker.csv", name))))
+        (line,) = [text for text in lines if "outside the folder" in text]
+        assert line.startswith(f"note: base.record = {name!r} is outside the folder of the study file: ")
+        assert line.endswith(str((tmp_path / "shaker.csv").resolve()))
+
+
+def test_a_fault_of_a_text_that_is_no_record_does_not_show_it(tmp_path):
+    secret = "root:x:0:0:root:/root:/bin/bash"
+    for text in (f"{secret}\n", f"1,2\n{secret},{secret}\n", f"a,b\n\n{secret} {secret}\n", f"{secret},1\0\n"):
+        for columns in ("", '\ncolumns = ["t", "a"]'):
+            (tmp_path / "shaker.csv").write_text(text, encoding="utf-8")
+            with pytest.raises(fi.InputError) as told:
+                load_study(written(tmp_path, BEAM + BASE + columns))
+            assert "root" not in str(told.value)
+            assert " line " in str(told.value)

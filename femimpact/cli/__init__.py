@@ -30,6 +30,9 @@ __all__ = ["app", "main"]
 LEAST_MEMORY = 1e9
 """Address space in bytes in which every command was run."""
 
+UNTIL_BAR = 2.0
+"""Seconds after which a bar shows that a study is still read."""
+
 app = App(
     name="femimpact",
     help="Vibro-impact dynamics of beams, and the design of impact dampers on them.",
@@ -209,8 +212,10 @@ def check(study: Path) -> None:
     from femimpact.study.plan import plan_lines
     from femimpact.study.study_file import load_study
 
-    plan = load_study(study)
-    for line in plan_lines(plan):
+    with _waiting("check", quiet=False):
+        plan = load_study(study)
+        lines = plan_lines(plan)
+    for line in lines:
         print(line)
     if plan.plan is not None:
         from femimpact.parametric.study_command import plan_lines as study_lines
@@ -436,7 +441,8 @@ def _run(
     from femimpact.study.study import sine_of
     from femimpact.study.study_file import load_study
 
-    study = load_study(path)
+    with _waiting("read", quiet):
+        study = load_study(path)
     if frequency is not None:
         study = replace(study, base=replace(sine_of(study, "frequency", frequency, "Hz"), frequency=frequency))
     if parts == ("sweep",):
@@ -572,6 +578,35 @@ def _study_progress(quiet: bool) -> Iterator[Callable[[StudyProgress], None] | N
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task("study", total=1.0)
         yield lambda now: bar.update(task, completed=now.share, description=str(now))
+
+
+@contextmanager
+def _waiting(what: str, quiet: bool) -> Iterator[None]:
+    """A bar without shares and the time that has passed, for what takes some seconds, as a long record does."""
+    from threading import Timer
+
+    drawn: list[Any] = []
+
+    def begin() -> None:
+        from femimpact.progress import bars as new_bars
+
+        drawn.append(new_bars())
+        drawn[0].add_task(what, total=None)
+        drawn[0].start()
+
+    timer = Timer(UNTIL_BAR, begin)
+    timer.daemon = True
+    if not quiet:
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        if not quiet:
+            # it may be about to draw
+            timer.join()
+        for bar in drawn:
+            bar.stop()
 
 
 @contextmanager

@@ -108,7 +108,12 @@ class BrokenLine:
         """
         a = np.asarray(self.samples, dtype=float)
         along = np.linspace(-1.0, 1.0, a.size)
-        rest = a - a.mean() - along * (along @ a) / (along @ along)
+        # in place: each of these arrays is 80 MB of a long record
+        rest, onto, size = a - a.mean(), along @ a, along @ along
+        along *= onto
+        along /= size
+        rest -= along
+        del along
         frequency = np.asarray(np.fft.rfftfreq(a.size, self.interval))
         if np.abs(rest).max() <= ROUNDING * np.abs(a).max():
             return frequency, np.zeros_like(frequency)

@@ -7,7 +7,7 @@ import io
 import math
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
-from functools import partial
+from operator import methodcaller
 from pathlib import Path
 from typing import BinaryIO
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from femimpact.decimal_number import decimal_number
 from femimpact.errors import Fault, InputError, checked, choice, instance, quantity, require, require_path
 from femimpact.errors import text as a_text
-from femimpact.regular_file import open_regular
+from femimpact.regular_file import open_regular, read_now
 
 __all__ = ["record_text", "samples_of"]
 
@@ -34,6 +34,9 @@ MOST_BYTES = 600_000_000
 
 PIECE = 1 << 23
 """Bytes of a file, or letters of a text, that are gone through at once."""
+
+SHOWN = 4
+"""Cells of a line that is no row, of which a fault says what kind they are."""
 
 MARKS = ";\t,"
 """What stands between cells: the first of these that a line has, or spaces."""
@@ -62,7 +65,8 @@ def record_text(path: str | Path) -> str:
 
 
 def _pieces(file: BinaryIO) -> Iterator[bytes]:
-    return iter(partial(file.read, PIECE), b"")
+    while piece := read_now(file, PIECE):
+        yield piece
 
 
 def _line_count(file: BinaryIO) -> int:
@@ -174,10 +178,13 @@ def _cells(lines: Iterable[str], number: int) -> Iterator[tuple[int, list[str]]]
 
 def _plain_values(lines: Sequence[str], places: tuple[int, ...], width: int) -> Array | None:
     """What `_values` finds in lines that are all written in the same plain way; None where they are not."""
-    lines = [line for line in lines if (begin := line.lstrip()) and begin[0] != "#"]
+    block = "\n".join(lines)
+    # few files have lines to leave out, and what is asked of each line takes as long as its numbers
+    if "#" in block or not all(lines) or any(map(str.isspace, lines)):
+        lines = [line for line in lines if (begin := line.lstrip()) and begin[0] != "#"]
+        block = "\n".join(lines)
     if not lines:
         return np.zeros((0, len(places)))
-    block = "\n".join(lines)
     mark = _mark(lines[0])
     # a line without the mark has no second cell
     others = MARKS.partition(mark)[0] if mark else MARKS
@@ -187,7 +194,7 @@ def _plain_values(lines: Sequence[str], places: tuple[int, ...], width: int) -> 
         block = "\n".join(lines)
     if any(sign in block for sign in others + '"') or max(places) == 0:
         return None
-    if mark == "," and any(line.count(",") != width - 1 for line in lines):
+    if mark == "," and set(map(methodcaller("count", ","), lines)) != {width - 1}:
         return None
     if mark in (";", "\t") and "," in block:
         lines = block.replace(",", ".").split("\n")
@@ -208,18 +215,19 @@ def _values(cells: Iterable[tuple[int, list[str]]], places: tuple[int, ...], wid
         require(more is None, "path", str(path), "", allowed)
         row = []
         for place in places:
-            cell = fields[place] if place < len(fields) else "nothing"
-            value = _number(cell)
-            require(
-                math.isfinite(value), "path", str(path), "", f"line {i}, column {place}: {cell!r} is no finite number"
-            )
+            value = _number(fields[place]) if place < len(fields) else math.nan
+            allowed = f"line {i}, column {place}: {_kind(fields, place)} is no finite number"
+            require(math.isfinite(value), "path", str(path), "", allowed)
             row.append(value)
         rows.append(row)
     return np.array(rows, dtype=float).reshape(-1, len(places))
 
 
 def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tuple[int, ...], int]:
-    """Numbers of the two columns, and of the line from which on there are rows."""
+    """Numbers of the two columns, and of the line from which on there are rows.
+
+    A fault does not show what stands in the file, which may be no record at all but something secret.
+    """
     names = [column for column in columns if isinstance(column, str)]
     begin = "is empty"
     for i, fields in (cells for number, lines in _blocks(text) for cells in _cells(lines, number)):
@@ -229,9 +237,18 @@ def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tupl
         if not names and len(numbers) == 2 and not any(math.isnan(_number(fields[place])) for place in numbers):
             return (numbers[0], numbers[1]), i
         if begin == "is empty":
-            begin = f"begins with {', '.join(map(repr, fields))}"
+            kinds = ", ".join(_kind(fields, place) for place in range(min(len(fields), SHOWN)))
+            more = ", ..." if len(fields) > SHOWN else ""
+            begin = f"begins at line {i} with {len(fields)} cell{'s' * (len(fields) != 1)}: {kinds}{more}"
     allowed = f"must be two columns of numbers in {path.name}, by number from 0 or by name of its header; it {begin}"
     raise InputError([Fault("columns", list(columns), "", allowed)])
+
+
+def _kind(fields: Sequence[str], place: int) -> str:
+    """What kind of cell stands at a place of a line, without what it holds."""
+    if place >= len(fields) or not fields[place]:
+        return "nothing"
+    return "a text" if decimal_number(fields[place].replace(",", ".")) is None else "a number"
 
 
 def _mark(line: str) -> str | None:

@@ -20,6 +20,9 @@ __all__ = ["RecordedBase"]
 
 Array = NDArray[np.float64]
 
+LEAKAGE = 2
+"""Lines on either side of one that a sine between them has 95 % of its energy in, all five together."""
+
 
 @dataclass(frozen=True, eq=False)
 class RecordedBase:
@@ -231,6 +234,18 @@ class RecordedBase:
         """
         _, lines = self.closed_form.spectrum
         return float(max(np.argmax(lines), 1) / (self.samples.size * self.interval))
+
+    @cached_property
+    def has_cycle(self) -> bool:
+        """Whether half of the energy of the samples is in the largest line of the spectrum and the two on either side.
+
+        That of a recorded sine is; noise, a pulse and a chirp have no cycle after which anything could repeat. What is
+        said of `frequency` holds here: without the line of least squares, and with 2 cycles or more in the record.
+        """
+        energy = self.closed_form.spectrum[1] ** 2
+        largest = int(np.argmax(energy))
+        near = energy[max(largest - LEAKAGE, 0) : largest + LEAKAGE + 1].sum()
+        return largest >= 2 and bool(near >= 0.5 * energy.sum())
 
     @property
     def phase(self) -> float:

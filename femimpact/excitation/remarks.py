@@ -11,6 +11,7 @@ from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.excitation import BrokenLine, Excitation
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.random_base import RandomBase
+from femimpact.excitation.sums import Sum
 
 __all__ = ["drive_warnings", "frequency_warnings", "is_pulse", "motion_notes", "motion_warnings"]
 
@@ -58,7 +59,8 @@ def motion_warnings(excitation: Excitation, length: float) -> tuple[str, ...]:
     Parameters
     ----------
     excitation : Excitation
-        Of one whose closed form is a `BrokenLine` the mean of its samples is named.
+        Of one whose closed form is a `BrokenLine` the mean of its samples is named. Of a sum each part is looked at,
+        and then what those that are no pulses move together.
     length : float, m
         0 for a structure without one, beside which nothing is far.
 
@@ -66,7 +68,11 @@ def motion_warnings(excitation: Excitation, length: float) -> tuple[str, ...]:
     -------
     tuple of str
     """
-    line, far = getattr(excitation, "closed_form", None), float(excitation.amplitude)
+    if isinstance(excitation, Sum):
+        found = [text for part in excitation.parts for text in motion_warnings(part, length)]
+        if found:
+            return tuple(dict.fromkeys(found))
+    line, far = getattr(excitation, "closed_form", None), _distance(excitation)
     if isinstance(line, BrokenLine) and getattr(excitation, "at", None) is None:
         removed = _removed_of_pulse(line)
         if removed or is_pulse(line.samples):
@@ -81,6 +87,14 @@ def motion_warnings(excitation: Excitation, length: float) -> tuple[str, ...]:
         f"{moved}: the mean acceleration of its record is {mean:.3g} m/s^2; remove offset and drift first, as "
         'RecordedBase.from_csv(..., detrend="line") does; is the record in m/s^2?',
     )
+
+
+def _distance(excitation: Excitation) -> float:
+    """How far the base moves at most (m), in a sum by the parts whose record is no pulse."""
+    if not isinstance(excitation, Sum):
+        return float(excitation.amplitude)
+    forms = [(part, getattr(part, "closed_form", None)) for part in excitation.parts]
+    return sum(_distance(part) for part, form in forms if not (isinstance(form, BrokenLine) and is_pulse(form.samples)))
 
 
 def _removed_of_pulse(line: BrokenLine) -> tuple[str, ...]:

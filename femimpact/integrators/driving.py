@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import real_array, require
 from femimpact.excitation import BrokenLine, Excitation, Harmonic, PiecewisePolynomial, require_excitation
+from femimpact.excitation.excitation import AT_SAMPLE
 from femimpact.excitation.piecewise_polynomial import pieces_of
 from femimpact.structure.structure import Position
 from femimpact.system.system import System
@@ -19,6 +20,9 @@ from femimpact.system.system import System
 __all__ = ["Drive", "drive_of"]
 
 Array = NDArray[np.float64]
+
+JUMP = 1e-6
+"""Share of the largest value of a history above which two pieces of it do not meet: those made of sines do to 1e-9."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,15 +94,59 @@ class Drive:
         if self.is_sine:
             wave = self.sine
             return np.asarray(wave.amplitude * np.sin(wave.omega * time + wave.phase))
-        if self.line is not None:
-            knots = self.line.interval * np.arange(self.line.samples.size)
-            return np.asarray(np.interp(time, knots, self.line.samples, right=0.0))
+        if self.line is not None and np.size(time):
+            # of a long record the samples around the times alone
+            h, most = self.line.interval, self.line.samples.size - 1
+            first = min(max(int(np.min(time) / h) - 1, 0), most)
+            last = min(max(int(np.max(time) / h) + 2, first), most)
+            knots = h * np.arange(first, last + 1)
+            return np.asarray(np.interp(time, knots, self.line.samples[first : last + 1], right=0.0))
         if self.pieces is not None:
             return self.pieces.value(time)
         allowed = f"must give {np.size(time)} finite numbers for as many times"
         values = real_array("excitation", self.history(time), "m/s^2 or N", allowed)
         require(values.shape == np.shape(time), "excitation", f"array of shape {values.shape}", "m/s^2 or N", allowed)
         return values
+
+    def value_at_steps(self, time: Array) -> Array:
+        """s(t) at the even times (s) of steps, with what keeps a method of order 2 at that order where s(t) jumps.
+
+        Trapezoids between the steps miss a share of the impulse of a jump, up to half a step of it. At the step nearest
+        to a jump, the jumps of s(t) and of its slope count by the shares with which the two trapezoids beside that step
+        have their impulses. What does not jump there is read as it is, so that the values of a sum are the sums of
+        those of its parts. So is a history without a closed form.
+        """
+        values, h = self.value(time), float(time[1] - time[0])
+        read = values.copy()
+        for jump, left, size, bend in self._jumps:
+            # steps to the first one are read as the run has begun there
+            i = max(round((jump - time[0]) / h), 1)
+            if jump > time[0] and i < time.size:
+                after = time[i] - jump
+                # at the jump itself rounding decides on which side the history is read
+                beyond = after > 0.0 if abs(after) > AT_SAMPLE * h else abs(read[i] - left) > 0.5 * abs(size)
+                values[i] += size * (after / h + 0.5 - beyond)
+                values[i] += bend * (0.5 * after * (1.0 + after / h) - max(after, 0.0))
+        return values
+
+    @cached_property
+    def _jumps(self) -> Array:
+        """Times (s) at which s(t) jumps in a closed form, its values before, its changes and its slope's: (n, 4)."""
+        if self.line is not None:
+            samples, h = self.line.samples, self.line.interval
+            last, largest = float(samples[-1]), float(np.abs(samples).max())
+            found = np.array([[h * (samples.size - 1), last, -last, (samples[-2] - last) / h]])
+        elif self.pieces is not None:
+            h, table, c = np.diff(self.pieces.knots), self.pieces.table, self.pieces.coefficients
+            before = np.zeros((table.shape[0], 2))
+            for n in range(self.pieces.degree, -1, -1):
+                before[1:, 1] = before[1:, 1] * h + before[1:, 0]
+                before[1:, 0] = before[1:, 0] * h + c[:, n]
+            found = np.column_stack([self.pieces.knots, before[:, 0], table[:, 2:4] - before])
+            largest = float(np.abs(before[:, 0]).max())
+        else:
+            return np.zeros((0, 4))
+        return np.asarray(found[np.abs(found[:, 2]) > JUMP * largest])
 
 
 def drive_of(system: System, excitation: Excitation) -> Drive:

@@ -7,12 +7,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, cast, overload
 
+import numpy as np
+
 from femimpact.errors import in_range, quantity, require, require_type
 from femimpact.excitation import Excitation, PointForce, Sum, require_excitation
 from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
 from femimpact.integrators.memory import check_memory, memory_needed
 from femimpact.integrators.methods import Method, require_method
+from femimpact.integrators.record_reading import record_warnings
 from femimpact.integrators.threads import run_each, workers_of
 from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.channels import Motion, resolve_channels
@@ -22,6 +25,9 @@ from femimpact.system.state import State
 from femimpact.system.system import System
 
 __all__ = ["check_memory", "integrate", "memory_needed"]
+
+ROUNDED = 1e-3
+"""Share of its length by which a run may end elsewhere than was asked for, without a word."""
 
 
 @overload
@@ -127,8 +133,13 @@ def integrate(
         response = _without_cycles(method.run(system, drive, duration, recorder, start, report))
         warnings = motion_warnings(drive, system.length)
         warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)
+        warnings += record_warnings(system, drive, start.time + duration)
         warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
-        notes = (*motion_notes(drive, system.length, start.time + duration), *_stops_not_met(response))
+        notes = (
+            *motion_notes(drive, system.length, start.time + duration),
+            *_other_end(response, start.time + duration),
+            *_stops_not_met(response),
+        )
         if not (warnings or notes):
             return response
         return replace(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))
@@ -138,11 +149,23 @@ def integrate(
 
 
 def _without_cycles(response: Response) -> Response:
-    """The same with no impacts per cycle where the excitation has no cycle."""
+    """The same with no impacts per cycle where the excitation has no cycle, and the rms of the whole last third."""
     if has_cycle(response.base):
         return response
+    values = response.channels.get(response.system.default_place)
+    if values is not None:
+        last = values[response.time >= response.window[0]]
+        response = replace(response, steady=replace(response.steady, rms=np.array([np.sqrt(np.mean(last**2))])))
     none = {name: replace(item, impacts_per_cycle=math.nan) for name, item in response.statistics_of.items()}
     return replace(response, statistics=replace(response.statistics, impacts_per_cycle=math.nan), statistics_of=none)
+
+
+def _other_end(response: Response, asked: float) -> tuple[str, ...]:
+    """A note on a run whose end (s), at a whole step or reading, is another one than was asked for."""
+    end = asked if response.final_state is None else response.final_state.time
+    if abs(end - asked) <= ROUNDED * (asked - response.start):
+        return ()
+    return (f"the run ends at {end:.6g} s, at a whole step or reading, and not at {asked:.6g} s",)
 
 
 def _stops_not_met(response: Response) -> list[str]:

@@ -206,7 +206,8 @@ class Response:
     statistics_of : mapping of str to ImpactStatistics
         The same for each ball.
     steady : SteadyMotion
-        Of the tip over the last third of the run's whole base cycles, arrays of one entry.
+        Of the tip over the last third of the run's whole base cycles, arrays of one entry. Where the excitation has no
+        cycle its rms is that of the samples kept of the last third, if the tip is recorded.
     energy : EnergyLedger or None
         Of a streamed run, the few samples that decide the residual of all: the first, those of the
         largest imbalance and of the largest work, the last.

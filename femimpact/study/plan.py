@@ -69,8 +69,21 @@ def plan_lines(study: Study) -> list[str]:
     mesh = mesh_memory(full.nodes.size - 1, small.dofs if study.reduction else None)
     lines.append(f"mesh and modes: take about {max(mesh.values()) / 1e6:.3g} MB")
     lines.append("besides: some 200 MB for the libraries")
-    lines += [f"note: {text}" for text in method.notes(small)]
+    lines += [f"note: {text}" for text in (*method.notes(small), *_files_elsewhere(study))]
     return lines + [f"warning: {text}" for text in prepared.warnings]
+
+
+def _files_elsewhere(study: Study) -> list[str]:
+    """Notes on files that a study reads from outside its folder: it cannot be handed on with that alone."""
+    folder = study.path.parent.resolve()
+    named = {"base.record": getattr(study.base, "record", None), "mesh.file": study.mesh.file}
+    # links are followed
+    places = {key: (name, (folder / name).resolve()) for key, name in named.items() if name}
+    return [
+        f"{key} = {name!r} is outside the folder of the study file: {place}"
+        for key, (name, place) in places.items()
+        if not place.is_relative_to(folder)
+    ]
 
 
 def _clearance(gaps: tuple[float, float]) -> str:

@@ -12,6 +12,7 @@ from femimpact.excitation.remarks import drive_warnings, frequency_warnings, mot
 from femimpact.fem.mesh import Mesh
 from femimpact.integrators.memory import check_memory
 from femimpact.integrators.methods import Method
+from femimpact.integrators.record_reading import record_warnings
 from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder
 from femimpact.study.cost import check_mesh, check_sweep
@@ -102,7 +103,7 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     prepared = PreparedStudy(
         study, mesh, full, small, bare, method, method_for(study, bare), record=record,
         warnings=(*warnings, *_coarse_history(study, small, method), *_empty_sweep(study, bare, parts),
-                  *motion_warnings(study.excitation, small.length), *_fast_drives(study, small, parts)),
+                  *motion_warnings(study.excitation, small.length), *_drives_not_followed(study, small, parts)),
     )  # fmt: skip
     _check_drives(prepared, parts)
     return prepared
@@ -189,11 +190,12 @@ def _empty_sweep(study: Study, bare: System, parts: tuple[str, ...]) -> tuple[st
     )
 
 
-def _fast_drives(study: Study, small: System, parts: tuple[str, ...]) -> tuple[str, ...]:
-    """Warnings where the history or the sweep is driven above the modes that are kept."""
+def _drives_not_followed(study: Study, small: System, parts: tuple[str, ...]) -> tuple[str, ...]:
+    """Warnings where the history or the sweep is driven above the modes that are kept, or by a coarse record."""
     kept, found = (small.highest_kept, small.first_left_out), list[str]()
     if "simulate" in parts:
         found += drive_warnings(study.excitation, *kept)
+        found += record_warnings(small, study.excitation, study.base.history_duration)
     if "sweep" in parts and study.sweep is not None:
         found += [f"sweep.stop: {text}" for text in frequency_warnings(study.sweep.stop, *kept)]
     return tuple(found)

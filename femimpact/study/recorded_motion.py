@@ -85,9 +85,10 @@ class RecordedMotion:
     def words(self) -> str:
         """How long the history is, and what drives it."""
         base = self.excitation
+        cycle = "a cycle is that of its largest line" if base.has_cycle else "no cycle; its largest line is at"
         return (
             f"{self.history_duration:g} s of the record {self.record!r} ({base.samples.size} samples, "
-            f"{base.interval:.6g} s apart; a cycle is that of its largest line, {base.frequency:.4g} Hz)"
+            f"{base.interval:.6g} s apart; {cycle}{',' * base.has_cycle} {base.frequency:.4g} Hz)"
         )
 
 

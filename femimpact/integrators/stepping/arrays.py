@@ -278,7 +278,15 @@ def _table(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod) -> A
     if all(drive.is_sine for drive in drives):
         return np.zeros((0, len(drives)))
     time = inputs.beginning.times(max(inputs.steps), method)
-    return np.ascontiguousarray(np.array([drive.value(time) for drive in drives]).T)
+    return np.ascontiguousarray(np.array([_at_steps(drive, time, method.refine) for drive in drives]).T)
+
+
+def _at_steps(drive: Drive, time: Array, refine: int) -> Array:
+    """Values of a drive at all fine steps; those at whole steps are made for these."""
+    values = drive.value_at_steps(time)
+    if refine > 1:
+        values[::refine] = drive.value_at_steps(time[::refine])
+    return values
 
 
 def _travel(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod, obstacles: int) -> Array:

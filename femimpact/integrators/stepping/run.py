@@ -13,7 +13,7 @@ from femimpact import core
 from femimpact.contact.callback import speed_note
 from femimpact.contact.formulas import RIGID
 from femimpact.errors import DivergenceError, in_range, quantity, require
-from femimpact.excitation import Excitation
+from femimpact.excitation import Excitation, PointForce, Sum
 from femimpact.integrators.channel_rows import channel_rows, reaction_notes
 from femimpact.integrators.driving import drive_of
 from femimpact.integrators.stepping.block import Block, Inputs, check_laws, prepare, run_block
@@ -64,6 +64,9 @@ def run_steps(
     warnings, again = check_step(system, method), partial(_again, system, excitation, method, duration, initial)
     largest = LargestValues(partial(find_largest, again, recorder))
     steps = round(duration / method.dt)
+    if isinstance(excitation, Sum | PointForce):
+        # the sines of a sum go on behind the last step, which may be half a step after the end
+        excitation = excitation.until(initial.time + duration + 2.0 * method.dt)
     channels, drive = resolve_channels(system, recorder.channels), drive_of(system, excitation)
     rows = channel_rows(system, drive, channels, springs_apart=False)
     beginning, recorder = beginning_of(initial, system, excitation, method), recorder.seen_from(initial.time)
