@@ -56,7 +56,8 @@ def test_a_block_under_the_name_of_another_studys_is_run_again(tmp_path):
     (one,), (other,) = (list((tmp_path / name / BLOCKS).glob("*.block")) for name in ("one", "other"))
     expected = fi.load_parameter_study(tmp_path / "other")["peak"].to_numpy()
     other.write_bytes(one.read_bytes())
-    assert not fi.load_parameter_study(tmp_path / "other")["finished"].any()
+    with pytest.warns(fi.InputWarning, match=r"block is damaged \(it belongs to another study\)"):
+        assert not fi.load_parameter_study(tmp_path / "other")["finished"].any()
     again = small(tmp_path / "other", axes={**AXES, "base.amplitude": [2e-4]})
     np.testing.assert_array_equal(again["peak"], expected)
 
