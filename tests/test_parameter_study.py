@@ -917,6 +917,38 @@ def test_a_cluster_that_drops_the_work_is_one_line():
         small(client=Dropping({}))
 
 
+NO_SCHEDULER = {
+    "text": ("hello", "the file is not JSON"),
+    "empty": ("", "the file is not JSON"),
+    "nested": ("[" * 100_000, "the file is not JSON"),
+    "without address": ('{"id": "x"}', "the file has no address"),
+    "a list": ('["tcp://127.0.0.1:1"]', "the file has no address"),
+    "a number": ('{"address": 8786}', "the address in the file has no port"),
+    "without port": ('{"address": "host"}', "the address in the file has no port"),
+}
+
+
+@pytest.mark.parametrize("kind", [*NO_SCHEDULER, "missing", "folder", "pipe"])
+def test_a_scheduler_file_that_is_none_is_one_line(kind, tmp_path):
+    pytest.importorskip("distributed")
+    from femimpact.parametric.cluster import connected
+
+    path, (text, words) = tmp_path / "scheduler.json", NO_SCHEDULER.get(kind, (None, "no port, and as a file: "))
+    if text is not None:
+        path.write_text(text)
+    elif kind == "folder":
+        path.mkdir()
+    elif kind == "pipe":
+        if not hasattr(os, "mkfifo"):
+            pytest.skip("no pipes with names")
+        os.mkfifo(path)
+    with pytest.raises(fi.InputError) as caught, connected(str(path)):
+        pass
+    (line,) = str(caught.value).splitlines()
+    assert line.startswith(f"scheduler = {str(path)!r}: must be the address of a running scheduler")
+    assert f"or its scheduler file: {words}" in line
+
+
 def test_workers_without_femimpact_or_none_at_all_are_refused():
     class Bare(Cluster):
         def run(self, function):

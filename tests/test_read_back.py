@@ -82,14 +82,16 @@ def crafted_blocks(content: bytes) -> Iterator[tuple[str, bytes]]:
     count = periodic.size
     failed = {**words, "failures": ["why", *words["failures"][1:]]}
     others = {
-        "cases": [cases + 10**6, cases - 10**6, -cases - 1, cases * 0, cases.astype(float), cases.astype(np.int32), cases[:0],
-                  cases[:-1], cases[::-1], np.append(cases, 99), cases[:, None], cases.astype("U9"), np.int64(3),
+        "cases": [cases + 10**6, cases - 10**6, -cases - 1, cases * 0, cases.astype(float), cases.astype(np.int32),
+                  cases[:0], cases[:1], cases[::-1], np.append(cases, 99), cases[:, None], np.int64(3),
+                  cases.astype("U9"),
                   cases.astype("datetime64[s]"), cases.astype(complex), cases.astype(np.uint64), cases > 0,
                   cases.astype(">i8")],
         "values": [values[0], values[:-1], values[:, :1], values[:, :, :1], values.astype(np.float32), values.T,
-                   np.nan_to_num(values).astype(int), values.astype(complex), values.astype("U30"), values.astype(">f8"), values[None],
-                   np.concatenate([values, values], axis=2), np.zeros_like(values), values.astype("S9"), np.float64(1.0),
-                   np.zeros(values.shape, dtype=[("a", float)]), values[:0]],
+                   np.nan_to_num(values).astype(int), values.astype(complex), values.astype("U30"), values[None],
+                   np.concatenate([values, values], axis=2), np.zeros_like(values), values.astype("S9"),
+                   values[:, :, :0],
+                   np.float64(1.0), values.astype(">f8"), np.zeros(values.shape, dtype=[("a", float)]), values[:0]],
         "periodic": [periodic.astype(int), periodic.astype(float), periodic[0], periodic[:, :1], periodic[None],
                      periodic.astype("U5"), ~periodic[:-1], np.bool_(True), periodic.ravel()],
     }  # fmt: skip
@@ -152,7 +154,7 @@ def test_a_block_with_a_right_checksum_and_a_wrong_content_is_named_and_run_agai
         assert len(lines[0].splitlines()) == 1, label
         assert f"{block} is damaged (" in lines[0], label
         # what is refused is run again: of some of them it is seen that the bits are the same
-        if number % 10 == 0:
+        if number % 30 == 0:
             capfd.readouterr()
             assert run(directory, axes).identical(dataset), label
             said = capfd.readouterr().err.splitlines()
@@ -201,14 +203,14 @@ def crafted_manifests(plain: dict[str, Any]) -> Iterator[tuple[str, bytes]]:
     ]  # fmt: skip
     if not plain["table"]["is_grid"]:
         paths.append(("table", "axes", 0, "codes", 0))
-    for path in paths:
+    for number, path in enumerate(paths):
         old = plain
         for key in path:
             old = old[key]
         # any text may be a name or a unit
         words = path[-1] in ("unit", "words", "distribution") and path[1] != "attributes"
         code = path[-2:-1] == ("codes",)
-        for value in (*WRONG, ...):
+        for value in (*WRONG[number % 4 :: 4], ...):
             same = type(value) is type(old) and value == old
             if same or (words and isinstance(value, str)) or (code and type(value) is int and value in (0, 1)):
                 continue
@@ -254,7 +256,7 @@ def test_a_study_file_with_a_right_checksum_and_a_wrong_content_is_named_and_wri
             fi.load_parameter_study(directory)
         (line,) = str(caught.value).splitlines()
         assert f"directory = {str(directory)!r}: holds a {BLOCKS}/{MANIFEST} that is damaged (" in line, label
-        if number % 20 == 0:
+        if number % 40 == 0:
             capfd.readouterr()
             assert run(directory, axes).identical(dataset), label
             said = capfd.readouterr().err.splitlines()
@@ -286,9 +288,10 @@ def test_every_flipped_bit_of_the_study_file_is_found_or_changes_nothing(copied)
         flipped[place] ^= 1 << bit
         manifest.write_bytes(flipped)
         try:
-            assert fi.load_parameter_study(directory).identical(dataset)
-        except fi.InputError as error:
-            assert len(str(error).splitlines()) == 1
+            found = fi.load_parameter_study(directory)
+        except fi.InputError:
+            continue
+        assert found.identical(dataset), place
 
 
 def test_a_directory_of_an_earlier_version_has_no_checksum_and_gains_one(copied):
@@ -301,7 +304,7 @@ def test_a_directory_of_an_earlier_version_has_no_checksum_and_gains_one(copied)
     assert not lines
     # the table is held to the study beside it
     manifest.write_text(json.dumps(changed(plain, ("table", "axes", 0, "levels", 0), 2.5e-3)))
-    with pytest.raises(fi.InputError, match="damaged .table has other axes than study"):
+    with pytest.raises(fi.InputError, match=r"damaged \(table has other axes than study"):
         fi.load_parameter_study(directory)
     assert run(directory, axes).identical(dataset)
     assert manifest.read_bytes() == content
@@ -311,6 +314,6 @@ def test_a_damaged_study_file_with_blocks_of_another_study_is_left_as_it_is(copi
     directory, axes, _ = copied
     manifest = directory / BLOCKS / MANIFEST
     manifest.write_text("{}")
-    with pytest.raises(fi.InputError, match="damaged .the file must have key, study, table alone"):
+    with pytest.raises(fi.InputError, match=r"damaged \(the file must have key, study, table alone"):
         fi.parameter_study(study(), axes, ["rms"], cycles=3, directory=directory)
     assert manifest.read_text() == "{}"

@@ -7,7 +7,6 @@ there: its block is run again. What a file may hold is checked in `read_back`.
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import json
 import os
