@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import numbers
 from collections.abc import Iterable, Mapping
@@ -171,7 +172,9 @@ def axis_from(key: str, given: Any) -> AxisValues | Distribution:
         return Distribution(str(given.dist.name), tuple(float(value) for value in numbers_of), given)
     if isinstance(given, (str, bytes)) or not isinstance(given, Iterable):
         raise InputError([Fault(key, given, "", AXIS)])
-    values = tuple(_value(key, value) for value in given)
+    values = tuple(_value(key, value) for value in itertools.islice(given, MOST_POINTS + 1))
+    if len(values) > MOST_POINTS:
+        raise InputError([Fault(key, given, "", f"must have {MOST_POINTS} values or fewer")])
     if not values:
         raise InputError([Fault(key, "no value", "", "must have one value or more")])
     known = set[Any]()
