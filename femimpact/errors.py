@@ -59,6 +59,9 @@ LONGEST_SHOWN = 200
 
 _BRACKETS = {list: "[]", tuple: "()", dict: "{}", set: "{}"}
 
+LONGEST_NAME = 255
+"""Characters of the name of a file or a folder, on the usual file systems."""
+
 MOST_AXES = 32
 
 MOST_LAZY = 10**8
@@ -665,7 +668,8 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 def require_path(value: object, key: str, of: str) -> None:
     """Raise `InputError` unless the value can be the path of something, as "a file": text or a path, without null."""
     text = isinstance(value, (str, Path))
-    require(text and "\0" not in str(value), key, value if text else kind_of(value), "", f"must be the path of {of}")
+    usable = text and "\0" not in str(value) and all(len(part) <= LONGEST_NAME for part in Path(str(value)).parts)
+    require(usable, key, value if text else kind_of(value), "", f"must be the path of {of}")
 
 
 def require_name(name: str, known: Iterable[str], key: str) -> None:
