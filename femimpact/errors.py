@@ -57,7 +57,7 @@ R = TypeVar("R")
 LONGEST_SHOWN = 200
 """Characters of a value that a line shows."""
 
-_BRACKETS = {list: "[]", tuple: "()", dict: "{}", set: "{}"}
+_BRACKETS: dict[type, tuple[str, str]] = {list: ("[", "]"), tuple: ("(", ")"), dict: ("{", "}"), set: ("{", "}")}
 
 LONGEST_NAME = 255
 """Characters of the name of a file or a folder, on the usual file systems."""
