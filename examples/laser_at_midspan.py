@@ -5,8 +5,9 @@ What does a laser at mid-beam say of the tip? The published sweep without and wi
 
 .. math:: w_\mathrm{tip} = w_\mathrm{mid} \, \phi_1(\mathrm{tip})/\phi_1(\mathrm{mid})
 
-The laser stands at mid-beam, for its range of 20 mm to either side does not hold the tip, and the first mode carries its
-reading there. Without the ball only that mode moves; with it impacts excite the others, which the factor multiplies too.
+The laser stands at mid-beam, for its range of 20 mm to either side does not hold the tip, and the first mode carries
+its reading there. Without the ball only that mode moves; with it impacts excite the others, which the factor
+multiplies too.
 """
 
 import matplotlib.pyplot as plt
