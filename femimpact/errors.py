@@ -65,7 +65,7 @@ LONGEST_NAME = 255
 MOST_AXES = 32
 
 MOST_LAZY = 10**8
-"""Entries of a range that are made, and memory that is taken for them."""
+"""Entries of a range, or of a list with the same rows many times, for which memory is taken."""
 
 MOST_ARGUMENTS = 3
 """Arguments of a call that a line names."""
@@ -431,7 +431,7 @@ def _unmasked(value: Any) -> NDArray[Any]:
 
     if type(value) is np.ndarray:
         return value
-    if _contains_itself(value, ()) or _is_masked(value):
+    if _is_endless(value) or _is_masked(value):
         raise _Refused
     if isinstance(value, range) and not -MOST_LAZY <= (value.stop - value.start) // value.step <= MOST_LAZY:
         raise _Refused
@@ -442,13 +442,20 @@ def _unmasked(value: Any) -> NDArray[Any]:
         raise _Refused from None
 
 
-def _contains_itself(value: Any, above: tuple[int, ...]) -> bool:
-    """Whether a list contains itself, or lies too deep for an array."""
-    if not isinstance(value, (list, tuple)):
-        return False
-    inside = (*above, id(value))
-    deep = id(value) in above or len(inside) > MOST_AXES
-    return deep or any(_contains_itself(entry, inside) for entry in value if isinstance(entry, (list, tuple)))
+def _is_endless(value: Any) -> bool:
+    """Whether a list contains itself, lies too deep for an array, or has more entries than memory is taken for."""
+    known: dict[int, float] = {}
+
+    def size(rows: Any, above: tuple[int, ...]) -> float:
+        """Entries of a list, of one that is there many times counted once and added as often."""
+        if id(rows) in above or len(above) == MOST_AXES:
+            return math.inf
+        if id(rows) not in known:
+            inner = [entry for entry in rows if isinstance(entry, (list, tuple))]
+            known[id(rows)] = len(rows) + sum(size(entry, (*above, id(rows))) for entry in inner)
+        return known[id(rows)]
+
+    return isinstance(value, (list, tuple)) and size(value, ()) > MOST_LAZY
 
 
 def _is_masked(value: Any) -> bool:
@@ -470,7 +477,7 @@ def real_array(key: str, value: Any, unit: str, allowed: str, *, finite: bool = 
     """
     import numpy as np
 
-    if not _contains_itself(value, ()) and _is_masked(value):
+    if not _is_endless(value) and _is_masked(value):
         require(False, key, "masked entries", unit, f"{allowed}; fill or drop what is masked")
     try:
         given = _unmasked(value)

@@ -33,11 +33,11 @@ def cyclic(kind):
     return (1.0, inner) if kind == "tuple" else inner
 
 
-def deep(levels):
+def deep(levels, times=1):
     """A list in a list, and so on."""
     found = [1.0]
     for _ in range(levels):
-        found = [found]
+        found = [found] * times
     return found
 
 
@@ -109,6 +109,8 @@ NOTHING_SOUND = {
     "list of what raises": [Raises()],
     "count": itertools.count(),
     "deep": deep(100),
+    "the same twice, 60 levels deep": deep(60, times=2),
+    "the same twice, 28 levels deep": deep(28, times=2),
     "another noun": fi.Material(70e9, 0.3),
 }
 """What next to no argument may be."""
