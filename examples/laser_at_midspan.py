@@ -5,8 +5,9 @@ What does a laser at mid-beam say of the tip? The published sweep without and wi
 
 .. math:: w_\mathrm{tip} = w_\mathrm{mid} \, \phi_1(\mathrm{tip})/\phi_1(\mathrm{mid})
 
-The laser stands at mid-beam, for its range does not hold the tip, and the first mode carries its reading there. Without
-the ball only that mode moves; with it impacts excite the others, which the factor multiplies too.
+The laser stands at mid-beam, for its range of 20 mm to either side does not hold the tip, and the first mode carries
+its reading there. Without the ball only that mode moves; with it impacts excite the others, which the factor
+multiplies too.
 """
 
 import matplotlib.pyplot as plt
@@ -18,7 +19,7 @@ BEAM = fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_mod
 BALL = fi.Impactor("ball", "tip", 3.43e-3, 4e-3, fi.KelvinVoigt(restitution=0.78, contact_time=2e-3))
 BOX, DAMPING = fi.PointMass("box", "tip", 0.02290976), fi.Rayleigh(ratio=0.0029, modes=(1, 2))
 FREQUENCIES = np.linspace(4.6, 5.6, 21)
-LASER = fi.Laser("mid", range=30e-3, noise=10e-6, sample_rate=1000.0)
+LASER = fi.Laser("mid", range=40e-3, noise=10e-6, sample_rate=1000.0)
 
 
 def main(frequencies=FREQUENCIES, cycles=600, laser=LASER):

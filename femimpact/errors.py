@@ -57,6 +57,16 @@ R = TypeVar("R")
 LONGEST_SHOWN = 200
 """Characters of a value that a line shows."""
 
+_BRACKETS: dict[type, tuple[str, str]] = {list: ("[", "]"), tuple: ("(", ")"), dict: ("{", "}"), set: ("{", "}")}
+
+LONGEST_NAME = 255
+"""Characters of the name of a file or a folder, on the usual file systems."""
+
+MOST_AXES = 32
+
+MOST_LAZY = 10**8
+"""Entries of a range, or of a list with the same rows many times, for which memory is taken."""
+
 MOST_ARGUMENTS = 3
 """Arguments of a call that a line names."""
 
@@ -90,7 +100,35 @@ class _Shown(str):
 
 
 def _shown(value: object) -> str:
-    """A value in one short line."""
+    """A value in one short line, whatever it raises when it is asked."""
+    try:
+        return _in_words(value)
+    except Exception:
+        # Python shows no whole number of more than some thousand digits, and a class may raise anything
+        return f"a {type(value).__name__} that cannot be shown"
+
+
+def _beginning(value: object, room: int) -> str:
+    """How a value is shown, to some characters at least: what is large, or contains itself, is not shown to its end."""
+    kind = type(value)
+    if kind in (str, bytes, bytearray):
+        return repr(value[: room + 1])  # type: ignore[index]
+    if room <= 0 or kind not in _BRACKETS or not value:
+        return repr(value) if room > 0 or kind not in _BRACKETS else "..."
+    opening, closing = _BRACKETS[kind]
+    shown = ""
+    for entry in value:  # type: ignore[attr-defined]
+        inner = room - len(shown) - len(opening)
+        if inner <= 0:
+            break
+        words = _beginning(entry, inner)
+        if kind is dict:
+            words += f": {_beginning(value[entry], inner - len(words))}"  # type: ignore[index]
+        shown += f", {words}" if shown else words
+    return f"{opening}{shown}{',' if kind is tuple and len(value) == 1 else ''}{closing}"  # type: ignore[arg-type]
+
+
+def _in_words(value: object) -> str:
     if isinstance(value, numbers.Number) and hasattr(value, "item"):
         # a number of numpy's own would show its type
         value = value.item()
@@ -100,11 +138,7 @@ def _shown(value: object) -> str:
         return f"the class {value.__name__} (did you mean {_call_of(value)}?)"
     if isinstance(value, types.FunctionType) and value.__name__.isidentifier():
         return f"the function {value.__name__} (did you mean {_call_of(value)}?)"
-    try:
-        words = " ".join(repr(value).split())
-    except ValueError:
-        # Python shows no whole number of more than some thousand digits
-        words = f"a {type(value).__name__} too long to show"
+    words = " ".join(_beginning(value, LONGEST_SHOWN).split())
     return words if len(words) <= LONGEST_SHOWN else f"{words[: LONGEST_SHOWN - 3]}..."
 
 
@@ -302,9 +336,13 @@ def _number(value: Any, bounds: Mapping[str, float], integer: bool, finite: bool
     # the usual type first: what a number is takes longer to find out than all the rest
     if type(value) is not float and (isinstance(value, bool) or not isinstance(value, numbers.Real)):
         raise _Refused
+    if getattr(getattr(value, "dtype", None), "kind", "f") not in "iuf":
+        # numpy counts a duration among its whole numbers
+        raise _Refused
     try:
         number = float(value)
-    except OverflowError:
+    except Exception:
+        # too large, or of a class that is no number although it says so
         raise _Refused from None
     if not math.isfinite(number):
         if finite or integer:
@@ -393,12 +431,31 @@ def _unmasked(value: Any) -> NDArray[Any]:
 
     if type(value) is np.ndarray:
         return value
-    if _is_masked(value):
+    if _is_endless(value) or _is_masked(value):
+        raise _Refused
+    if isinstance(value, range) and not -MOST_LAZY <= (value.stop - value.start) // value.step <= MOST_LAZY:
         raise _Refused
     try:
         return np.asarray(value)
-    except (ValueError, TypeError, OverflowError):
+    except Exception:
+        # rows of several lengths, no memory, or whatever an object of another library raises
         raise _Refused from None
+
+
+def _is_endless(value: Any) -> bool:
+    """Whether a list contains itself, lies too deep for an array, or has more entries than memory is taken for."""
+    known: dict[int, float] = {}
+
+    def size(rows: Any, above: tuple[int, ...]) -> float:
+        """Entries of a list, of one that is there many times counted once and added as often."""
+        if id(rows) in above or len(above) == MOST_AXES:
+            return math.inf
+        if id(rows) not in known:
+            inner = [entry for entry in rows if isinstance(entry, (list, tuple))]
+            known[id(rows)] = len(rows) + sum(size(entry, (*above, id(rows))) for entry in inner)
+        return known[id(rows)]
+
+    return isinstance(value, (list, tuple)) and size(value, ()) > MOST_LAZY
 
 
 def _is_masked(value: Any) -> bool:
@@ -420,7 +477,7 @@ def real_array(key: str, value: Any, unit: str, allowed: str, *, finite: bool = 
     """
     import numpy as np
 
-    if _is_masked(value):
+    if not _is_endless(value) and _is_masked(value):
         require(False, key, "masked entries", unit, f"{allowed}; fill or drop what is masked")
     try:
         given = _unmasked(value)
@@ -618,7 +675,8 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 def require_path(value: object, key: str, of: str) -> None:
     """Raise `InputError` unless the value can be the path of something, as "a file": text or a path, without null."""
     text = isinstance(value, (str, Path))
-    require(text and "\0" not in str(value), key, value if text else kind_of(value), "", f"must be the path of {of}")
+    usable = text and "\0" not in str(value) and all(len(part) <= LONGEST_NAME for part in Path(str(value)).parts)
+    require(usable, key, value if text else kind_of(value), "", f"must be the path of {of}")
 
 
 def require_name(name: str, known: Iterable[str], key: str) -> None:

@@ -395,6 +395,68 @@ def test_starts_from_the_static_state_lie_in_the_gap_of_the_structure_that_sags(
     assert len(places) == starts
 
 
+@pytest.mark.parametrize("base", ["sine", "sine by steps", "chirp"])
+def test_a_ball_at_zero_is_at_zero_and_one_without_a_place_lies_where_it_lies(base):
+    # 0.5 mm of sag in gaps of 4 mm
+    sagging = replace(study().structure, gravity=0.5)
+    position = "start.ball.position"
+    if base == "chirp":
+        given = replace(chirped(structure=sagging), base=replace(chirped().base, initial="static"))
+    else:
+        more = {"method": {"name": "moreau-jean", "dt": 5e-4}} if base == "sine by steps" else {}
+        given = study(structure=sagging, base=replace(study().base, start="static"), **more)
+    cycles = {} if base == "chirp" else {"cycles": 3}
+    places = [0.0, 1e-3, -1e-3]
+    placed = fi.ParameterStudy(given, {position: places}, ["peak"], **cycles)
+    lying = fi.ParameterStudy(given, {"start.ball.speed": [0.0, 1e-3]}, ["peak"], **cycles)
+    record = fi.Recorder(("ball", "tip"))
+    displacement, balls = fi.static_state(placed.nominal)
+    for case, place in enumerate(places):
+        run = fi.run_case(placed, case, record=record)
+        assert run["ball"][0] == place
+        # another basis of the modes rounds otherwise
+        assert run["tip"][0] == pytest.approx(float(placed.nominal.point_row("tip") @ displacement), rel=1e-9)
+        assert abs(run["tip"][0]) > 1e-4
+    run = fi.run_case(lying, 0, record=record)
+    assert run["ball"][0] == pytest.approx(float(balls[0]), rel=1e-9)
+    assert abs(run["ball"][0]) > 1e-3
+    # one compiled call has what each has alone
+    found = evaluated(placed, np.arange(3))
+    assert not any(found.failures)
+    assert found.values[0, 0, 0] != evaluated(lying, np.arange(1)).values[0, 0, 0]
+    alone = fi.ParameterStudy(given, {position: [0.0]}, ["peak"], **cycles)
+    np.testing.assert_array_equal(evaluated(alone, np.arange(1)).values[0], found.values[0])
+
+
+def test_of_two_balls_the_one_without_a_place_lies_where_it_lies():
+    two = replace(study().structure, gravity=0.5)
+    two = replace(two, impactors=(*two.impactors, replace(two.impactors[0], name="other")))
+    given = study(structure=two, base=replace(study().base, start="static"))
+    placed = fi.ParameterStudy(given, {"start.other.position": [0.0, 1e-3]}, ["peak"], cycles=3)
+    own, other = fi.static_state(placed.nominal)[1]
+    for case, place in enumerate([0.0, 1e-3]):
+        run = fi.run_case(placed, case, record=fi.Recorder(("ball", "other")))
+        assert run["ball"][0] == pytest.approx(float(own), rel=1e-9)
+        assert run["other"][0] == place != other
+    assert not any(evaluated(placed, np.arange(2)).failures)
+
+
+@pytest.mark.parametrize("method", [fi.EventDriven(), fi.MoreauJean(dt=5e-4)])
+def test_a_sweep_from_the_static_state_has_a_ball_at_zero_where_it_is_given(method):
+    structure = replace(study().structure, gravity=0.5)
+    system = fi.reduce(fi.assemble(structure, 6), 2)
+    displacement, _ = fi.static_state(system)
+
+    def peaks(start):
+        return fi.frequency_sweep(
+            system, 0.2037e-3, [4.9], method=method, cycles=3, initial=start, ledger=False
+        )["peak"]  # fmt: skip
+
+    zero = peaks(fi.State(ball_displacement=[0.0], equilibrium=True))
+    np.testing.assert_array_equal(zero, peaks(fi.State(displacement=displacement, ball_displacement=[0.0])))
+    assert zero != peaks(fi.State.static())
+
+
 @pytest.mark.parametrize("n", [5, 6, 8, 13, 40])
 def test_the_interval_of_the_median_holds_it_with_90_percent_and_no_narrower_one_does(n):
     def covered(k):
@@ -915,6 +977,38 @@ def test_a_cluster_that_drops_the_work_is_one_line():
 
     with pytest.raises(fi.InputError, match="client = 'Dropping': has dropped the work: its scheduler must be running"):
         small(client=Dropping({}))
+
+
+NO_SCHEDULER = {
+    "text": ("hello", "the file is not JSON"),
+    "empty": ("", "the file is not JSON"),
+    "nested": ("[" * 100_000, "the file is not JSON"),
+    "without address": ('{"id": "x"}', "the file has no address"),
+    "a list": ('["tcp://127.0.0.1:1"]', "the file has no address"),
+    "a number": ('{"address": 8786}', "the address in the file has no port"),
+    "without port": ('{"address": "host"}', "the address in the file has no port"),
+}
+
+
+@pytest.mark.parametrize("kind", [*NO_SCHEDULER, "missing", "folder", "pipe"])
+def test_a_scheduler_file_that_is_none_is_one_line(kind, tmp_path):
+    pytest.importorskip("distributed")
+    from femimpact.parametric.cluster import connected
+
+    path, (text, words) = tmp_path / "scheduler.json", NO_SCHEDULER.get(kind, (None, "no port, and as a file: "))
+    if text is not None:
+        path.write_text(text)
+    elif kind == "folder":
+        path.mkdir()
+    elif kind == "pipe":
+        if not hasattr(os, "mkfifo"):
+            pytest.skip("no pipes with names")
+        os.mkfifo(path)
+    with pytest.raises(fi.InputError) as caught, connected(str(path)):
+        pass
+    (line,) = str(caught.value).splitlines()
+    assert line.startswith(f"scheduler = {str(path)!r}: must be the address of a running scheduler")
+    assert f"or its scheduler file: {words}" in line
 
 
 def test_workers_without_femimpact_or_none_at_all_are_refused():

@@ -13,6 +13,7 @@ from types import FunctionType
 import numpy as np
 import pytest
 from builders import with_ball
+from wrong import NOTHING_SOUND, NUMBERS_AND_WORDS
 
 import femimpact as fi
 from femimpact.export.files import atomic_path
@@ -57,7 +58,8 @@ def test_a_block_under_the_name_of_another_studys_is_run_again(tmp_path):
     (one,), (other,) = (list((tmp_path / name / BLOCKS).glob("*.block")) for name in ("one", "other"))
     expected = fi.load_parameter_study(tmp_path / "other")["peak"].to_numpy()
     other.write_bytes(one.read_bytes())
-    assert not fi.load_parameter_study(tmp_path / "other")["finished"].any()
+    with pytest.warns(fi.InputWarning, match=r"block is damaged \(it belongs to another study\)"):
+        assert not fi.load_parameter_study(tmp_path / "other")["finished"].any()
     again = small(tmp_path / "other", axes={**AXES, "base.amplitude": [2e-4]})
     np.testing.assert_array_equal(again["peak"], expected)
 
@@ -163,3 +165,18 @@ def test_the_key_of_a_function_is_the_same_in_every_process(tmp_path):
         told = subprocess.run([sys.executable, script], env=found, check=True, capture_output=True, text=True)
         keys.add(told.stdout)
     assert len(keys) == 1
+
+
+# ---- values of axes --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("label", [*NUMBERS_AND_WORDS, *NOTHING_SOUND])
+def test_whatever_an_axis_is_given_is_taken_or_refused_in_one_line(label):
+    value = {**NUMBERS_AND_WORDS, **NOTHING_SOUND}[label]
+    for axes in ({GAP: value}, {GAP: [2e-3, value]}, {GAP: {"from": value, "to": 1.0, "points": 3}}, [{GAP: value}]):
+        try:
+            fi.ParameterStudy(study(), axes, ["peak"], cycles=3)
+        except fi.InputError as error:
+            (line,) = str(error).splitlines()
+            # what is large is cut, and so is what has no end
+            assert len(line) < 700

@@ -108,7 +108,8 @@ class SineCases:
     initial : State
         What all cases start from, at t = 0.
     ball_displacement, ball_velocity : ndarray (n, balls)
-        In place of those of the initial state, and in its frame, m and m/s.
+        In place of those of the initial state, and in its frame, m and m/s. Of a case whose displacements are not
+        numbers the balls are where the initial state has them.
     cycles, measured : ndarray (n,) of int
         Whole base cycles run, and how many of them at the end are measured.
     systems : tuple of tuple of System and ndarray (dofs,)

@@ -31,8 +31,9 @@ def start_of(cases: SineCases, case: int) -> State:
     """The start of a case."""
     given: dict[str, Any] = {}
     # what is not given may be that of the static state
-    for name in ("ball_displacement", "ball_velocity"):
-        values = getattr(cases, name)[case]
-        if np.any(values):
-            given[name] = values
+    placed = cases.ball_displacement[case]
+    if placed.size and not np.isnan(placed).any():
+        given["ball_displacement"] = placed
+    if np.any(cases.ball_velocity[case]):
+        given["ball_velocity"] = cases.ball_velocity[case]
     return replace(cases.initial, **given)

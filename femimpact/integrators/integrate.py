@@ -119,10 +119,12 @@ def integrate(
     share_done = check_progress(progress)
     workers = workers_of(threads)
     several = isinstance(excitation, Sequence) and not isinstance(excitation, (str, bytes))
-    drives: tuple[Any, ...] = tuple(cast(Sequence[Any], excitation)) if several else (excitation,)
-    require(len(drives) > 0, "excitation", None, "", "must be one or more")
-    for drive in drives:
+    drives = list[Any]()
+    for drive in cast(Sequence[Any], excitation) if several else (excitation,):
+        # each before the next: of a long range none is made
         require_excitation(drive)
+        drives.append(drive)
+    require(len(drives) > 0, "excitation", None, "", "must be one or more")
     alone = recorder.sink is None or len(drives) == 1
     require(alone, "record.sink", None, "", "must serve one run: pieces of several could not be distinguished")
 

@@ -1,28 +1,28 @@
 """Finished blocks of a study on disk: each a file that is there whole or not at all, named by its key.
 
-DIR/blocks holds `study.json`, what the study is, and one file for each finished block: a line with the hash of the
-rest, then arrays as numpy writes them. A damaged file is one that is not there.
+DIR/blocks holds `study.json`, what the study is, with a hash of the rest, and one file for each finished block: a line
+with the hash of the rest, then arrays as numpy writes them. A damaged file is named, and counts as one that is not
+there: its block is run again. What a file may hold is checked in `read_back`.
 """
 
 from __future__ import annotations
 
-import errno
 import hashlib
-import io
 import json
 import os
 import re
-import zipfile
-from collections.abc import Iterator, Mapping
+import warnings
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from femimpact.errors import Fault, InputError, require
+from femimpact.errors import Fault, InputError, InputWarning, require
 from femimpact.export.files import atomic_write, to_disk
 from femimpact.parametric.evaluation import BlockValues
 from femimpact.parametric.identity import first_difference
+from femimpact.parametric.read_back import DamagedFileError, block_content, block_of, manifest_content, manifest_of
 from femimpact.regular_file import read_regular
 from femimpact.study.result_files import FILES, OTHER_FILES, REPORT, STUDY_BLOCKS, earlier_files
 
@@ -42,6 +42,9 @@ MOST_BYTES = 2_000_000_000
 class BlockFolder:
     """The finished blocks of one study in a directory.
 
+    A directory with a block of this study is this study's, whatever its `study.json` says by now: it is written anew
+    where it is not what it should be, as where an earlier version has written it without a checksum.
+
     Parameters
     ----------
     directory : Path
@@ -50,51 +53,67 @@ class BlockFolder:
         The study in plain data, with `table`, what a partial result is labelled by.
     key : str
         Of the study and the code.
+    say : callable, optional
+        Told of each damaged file in a line.
 
     Raises
     ------
     InputError
-        If the directory holds another study, or something that is not a study.
+        If the directory holds another study, a damaged one of which no block is this study's, or something that is
+        not a study.
     """
 
-    def __init__(self, directory: Path, plain: Mapping[str, Any], key: str) -> None:
-        self.folder, self.key = directory / BLOCKS, key
-        manifest = self.folder / MANIFEST
-        earlier = read_manifest(directory)
-        if earlier is not None:
-            difference = first_difference(earlier.get("study"), json.loads(json.dumps(plain["study"])))
-            allowed = f"holds another study: {difference}; choose another directory"
-            if difference:
-                raise InputError([Fault("directory", str(directory), "", allowed)])
-        else:
+    def __init__(
+        self, directory: Path, plain: Mapping[str, Any], key: str, say: Callable[[str], None] | None = None
+    ) -> None:
+        self.folder, self.key, self.table = directory / BLOCKS, key, plain["table"]
+        self.say = say or (lambda line: None)
+        content = manifest_content({"key": key, **plain})
+        now = json.loads(content)
+        earlier = self._earlier(directory, now["study"])
+        self.folder.mkdir(parents=True, exist_ok=True)
+        if earlier != now:
+            atomic_write(self.folder / MANIFEST, content)
+
+    def _earlier(self, directory: Path, study: Any) -> dict[str, Any] | None:
+        """What the directory holds, refused where it is not this study."""
+        keys = {matched[1] for matched in map(NAME.fullmatch, _names(self.folder)) if matched}
+        is_own = self.key[:16] in keys
+        try:
+            earlier = _manifest(directory)
+        except DamagedFileError as error:
+            if keys and not is_own:
+                raise _damaged(directory, error) from None
+            self.say(f"{BLOCKS}/{MANIFEST} is damaged ({error}): it is written again")
+            return None
+        if earlier is None:
             other = next((name for name in earlier_files(directory) if name not in OWN), None)
             allowed = f"holds results of another kind ({other}): choose another directory"
             require(other is None, "directory", str(directory), "", allowed)
-        self.folder.mkdir(parents=True, exist_ok=True)
-        if earlier is None or earlier.get("key") != key:
-            atomic_write(manifest, json.dumps({"key": key, **plain}))
+            return None
+        difference = "" if is_own else first_difference(earlier["study"], study)
+        allowed = f"holds another study: {difference}; choose another directory"
+        require(not difference, "directory", str(directory), "", allowed)
+        return earlier
 
     def path(self, cases: np.ndarray[Any, np.dtype[np.int64]]) -> Path:
         """The file of a block by its cases."""
-        block = hashlib.sha256(np.ascontiguousarray(cases, dtype="<i8").tobytes()).hexdigest()
-        return self.folder / f"{self.key[:16]}-{block[:16]}.block"
+        return self.folder / _name(self.key, cases)
 
-    def finished(self, cases: np.ndarray[Any, np.dtype[np.int64]], shape: tuple[int, int]) -> BlockValues | None:
-        """A block of these cases and shape (starts, measures) that is on disk whole; None where there is none."""
-        found = _read(self.path(cases), self.key)
-        if found is None or found.values.shape != (cases.size, *shape) or not np.array_equal(found.cases, cases):
+    def finished(self, cases: np.ndarray[Any, np.dtype[np.int64]]) -> BlockValues | None:
+        """A block of these cases that is on disk whole; None where there is none."""
+        path = self.path(cases)
+        try:
+            return _read(path, self.key, self.table)
+        except FileNotFoundError:
             return None
-        return found
+        except DamagedFileError as error:
+            self.say(f"{BLOCKS}/{path.name} is damaged ({error}): its cases are run again")
+            return None
 
     def write(self, block: BlockValues) -> None:
         """Put a block on disk: written whole, synced, then named."""
-        payload = io.BytesIO()
-        of_words = {name: list(rows) for name, rows in block.words.items()}
-        words = {"key": self.key, "failures": list(block.failures), "words": of_words}
-        text = np.frombuffer(json.dumps(words).encode(), dtype=np.uint8)
-        np.savez(payload, cases=block.cases, values=block.values, periodic=block.periodic, words=text)
-        content = payload.getvalue()
-        atomic_write(self.path(block.cases), hashlib.sha256(content).hexdigest().encode() + b"\n" + content)
+        atomic_write(self.path(block.cases), block_content(block, self.key))
         to_disk(self.folder)
 
     def remove_unfinished(self) -> None:
@@ -113,24 +132,40 @@ def read_manifest(directory: Path) -> dict[str, Any] | None:
     InputError
         If the file is damaged.
     """
+    try:
+        return _manifest(directory)
+    except DamagedFileError as error:
+        raise _damaged(directory, error) from None
+
+
+def _damaged(directory: Path, error: DamagedFileError) -> InputError:
+    advice = f"run the same study again to write it anew, remove {BLOCKS}, or choose another directory"
+    allowed = f"holds a {BLOCKS}/{MANIFEST} that is damaged ({error}): {advice}"
+    return InputError([Fault("directory", str(directory), "", allowed)])
+
+
+def _manifest(directory: Path) -> dict[str, Any] | None:
     path = directory / BLOCKS / MANIFEST
     try:
-        found = json.loads(read_regular(path, MOST_BYTES))
-        if isinstance(found, dict) and isinstance(found.get("key"), str) and "study" in found and "table" in found:
-            return found
+        return manifest_of(read_regular(path, MOST_BYTES))
     except FileNotFoundError:
         return None
-    except (ValueError, RecursionError):
-        pass
     except OSError as error:
-        if error.errno != errno.ENOTDIR:
-            raise InputError([Fault("directory", str(path), "", f"must be readable: {error.strerror}")]) from None
-    allowed = f"holds a {BLOCKS}/{MANIFEST} that is damaged: remove {BLOCKS}, or choose another directory"
-    raise InputError([Fault("directory", str(directory), "", allowed)])
+        raise InputError([Fault("directory", str(path), "", f"must be readable: {error.strerror}")]) from None
 
 
-def blocks_of(directory: Path, key: str) -> Iterator[BlockValues]:
-    """All blocks of a study that are on disk whole.
+def _names(folder: Path) -> list[str]:
+    """What is in the folder of blocks, where there is one."""
+    try:
+        return sorted(os.listdir(folder))
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    except OSError as error:
+        raise InputError([Fault("directory", str(folder), "", f"must be readable: {error.strerror}")]) from None
+
+
+def blocks_of(directory: Path, key: str, table: Mapping[str, Any]) -> Iterator[BlockValues]:
+    """All blocks of a study that are on disk whole; a warning names each that is damaged.
 
     Raises
     ------
@@ -138,34 +173,33 @@ def blocks_of(directory: Path, key: str) -> Iterator[BlockValues]:
         If the folder cannot be listed.
     """
     folder = directory / BLOCKS
-    try:
-        names = sorted(os.listdir(folder))
-    except OSError as error:
-        raise InputError([Fault("directory", str(folder), "", f"must be readable: {error.strerror}")]) from None
-    for name in names:
+    for name in _names(folder):
         matched = NAME.fullmatch(name)
-        if matched and matched[1] == key[:16]:
-            found = _read(folder / name, key)
-            if found is not None:
-                yield found
+        if not matched or matched[1] != key[:16]:
+            continue
+        try:
+            yield _read(folder / name, key, table)
+        except FileNotFoundError:
+            continue
+        except DamagedFileError as error:
+            text = f"{folder / name} is damaged ({error}): its cases count as not finished"
+            warnings.warn(text, InputWarning, stacklevel=3)
 
 
-def _read(path: Path, key: str) -> BlockValues | None:
-    """A block of a study, by its key; None where the file is missing, is damaged, or belongs to another study."""
+def _name(key: str, cases: np.ndarray[Any, np.dtype[np.int64]]) -> str:
+    block = hashlib.sha256(np.ascontiguousarray(cases, dtype="<i8").tobytes()).hexdigest()
+    return f"{key[:16]}-{block[:16]}.block"
+
+
+def _read(path: Path, key: str, table: Mapping[str, Any]) -> BlockValues:
+    """A block of a study, by its key."""
     try:
-        digest, _, content = read_regular(path, MOST_BYTES).partition(b"\n")
-        if hashlib.sha256(content).hexdigest().encode() != digest:
-            return None
-        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            text = json.loads(arrays["words"].tobytes())
-            if text["key"] != key:
-                return None
-            return BlockValues(
-                cases=arrays["cases"],
-                values=arrays["values"],
-                periodic=arrays["periodic"],
-                failures=tuple(text["failures"]),
-                words={name: tuple(rows) for name, rows in text["words"].items()},
-            )
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
-        return None
+        content = read_regular(path, MOST_BYTES)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise DamagedFileError(f"it cannot be read: {error.strerror}") from None
+    found = block_of(content, key, table)
+    if path.name != _name(key, found.cases):
+        raise DamagedFileError("it holds other cases than its name says")
+    return found

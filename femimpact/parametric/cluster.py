@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import platform
 import warnings
 from collections.abc import Iterator, Mapping
@@ -19,6 +21,7 @@ from femimpact.errors import Fault, InputError, InputWarning, kind_of, require
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.evaluation import BlockValues, evaluated
 from femimpact.parametric.identity import sources_key
+from femimpact.regular_file import read_regular
 
 __all__ = ["check_client", "check_workers", "cluster_executor", "connected", "evaluated_there"]
 
@@ -27,6 +30,11 @@ NEEDED = ("get_executor", "submit", "run", "nthreads")
 
 TIMEOUT = "10s"
 """For which a scheduler is waited for."""
+
+SCHEDULER = "must be the address of a running scheduler, as tcp://host:8786, or its scheduler file"
+
+MOST_BYTES = 10_000_000
+"""Of a scheduler file."""
 
 
 def check_client(client: object) -> None:
@@ -49,16 +57,34 @@ def connected(scheduler: str) -> Iterator[Any]:
     except ImportError:
         allowed = "needs the library distributed: pip install 'femimpact[cluster]'"
         raise InputError([Fault("scheduler", scheduler, "", allowed)]) from None
+    address = _address_of(scheduler)
     make: Any = Client
-    given = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {"address": scheduler}
     try:
-        client = make(**given, timeout=TIMEOUT)
+        client = make(address, timeout=TIMEOUT)
     except (OSError, ValueError, TypeError) as error:
         words = " ".join(str(error).split()) or type(error).__name__
-        allowed = f"must be the address of a running scheduler, or its scheduler file: {words}"
-        raise InputError([Fault("scheduler", scheduler, "", allowed)]) from None
+        raise InputError([Fault("scheduler", scheduler, "", f"{SCHEDULER}: {words}")]) from None
     with client:
         yield client
+
+
+def _address_of(scheduler: str) -> str:
+    """An address as it is, since it has a port; of a scheduler file the one that is written there."""
+    if ":" in scheduler and not os.path.lexists(scheduler):
+        return scheduler
+    try:
+        address = json.loads(read_regular(scheduler, MOST_BYTES))["address"]
+    except OSError as error:
+        words = f"no port, and as a file: {error.strerror}"
+    except (ValueError, RecursionError):
+        words = "the file is not JSON"
+    except (KeyError, TypeError, IndexError):
+        words = "the file has no address"
+    else:
+        if isinstance(address, str) and ":" in address:
+            return address
+        words = "the address in the file has no port"
+    raise InputError([Fault("scheduler", scheduler, "", f"{SCHEDULER}: {words}")])
 
 
 def worker_facts() -> dict[str, str]:

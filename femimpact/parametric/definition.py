@@ -133,7 +133,8 @@ class ParameterStudy:
         if isinstance(self.axes, Mapping):
             return None
         rows = self.axes
-        sound = isinstance(rows, Sequence) and not isinstance(rows, (str, bytes)) and len(rows) > 0
+        sound = isinstance(rows, Sequence) and not isinstance(rows, (str, bytes, range))
+        sound = sound and len(rows) > 0
         sound = sound and all(isinstance(row, Mapping) and row and row.keys() == rows[0].keys() for row in rows)
         allowed = "must be values by their paths, or a list of cases that all give the same ones"
         require(bool(sound), "axes", kind_of(self.axes), "", allowed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,7 +21,7 @@ from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.history_cases import history_of_case, value_of_history, values_of_case
 from femimpact.parametric.measures import INSTANTS, Measure, Source, columns_of, of_response
 from femimpact.parametric.paths import Place, Stage
-from femimpact.parametric.starts import scaled_starts, structure_at_balls, unit_draws
+from femimpact.parametric.starts import placed_balls, scaled_starts, structure_at_balls, unit_draws
 from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder, Response
 from femimpact.system.computed import with_checked_pairs
@@ -190,8 +191,7 @@ def _groups(study: ParameterStudy, cases: Numbers, answers: _Answers) -> Iterato
                 runs = _runs(study, system, cases[members[chosen]], laws, law_of[chosen], values)
                 if len(alike.systems) > 1:
                     runs = _with_systems(study, alike.systems, alike.system_of[chosen], runs)
-                if study.starts > 1:
-                    runs = _about_structure(runs, system)
+                runs = _about_structure(runs, system) if study.starts > 1 else _with_all_placed(runs, system)
                 yield _Group(values, system, method, members[chosen], runs)
 
 
@@ -280,6 +280,19 @@ def _about_structure(runs: SineCases, common: System) -> SineCases:
                 # the run itself says why
                 known[key] = 0.0
         places[run] += known[key]
+    return replace(runs, ball_displacement=places)
+
+
+def _with_all_placed(runs: SineCases, common: System) -> SineCases:
+    """The runs, those of which axes place some of the balls with the others where they lie."""
+    places = runs.ball_displacement.copy()
+    left = np.isnan(places)
+    for run in np.flatnonzero(left.any(axis=1) & ~left.all(axis=1)).tolist():
+        base = Sine(float(runs.amplitude[run]), float(runs.frequency[run]), float(runs.phase[run]))
+        # a static state that cannot be found is what the run itself fails with
+        with suppress(FemimpactError):
+            system = with_contacts_of(runs.system(run, common), runs, run)
+            places[run] = placed_balls(places[run], system, runs.initial, base)
     return replace(runs, ball_displacement=places)
 
 
@@ -415,10 +428,11 @@ def _runs(
     else:
         placed, moving = (
             np.stack(
-                [_column(study, f"start.{pair.name}.{name}", cases, 0.0) for pair in system.balls]
+                [_column(study, f"start.{pair.name}.{name}", cases, none) for pair in system.balls]
                 or [np.zeros(cases.size)], axis=1,
             )[:, None, :balls]
-            for name in ("position", "speed")
+            # where no axis places a ball it is where the initial state has it
+            for name, none in (("position", np.nan), ("speed", 0.0))
         )  # fmt: skip
     return SineCases(
         frequency=np.repeat(frequency, starts),

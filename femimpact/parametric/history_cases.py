@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.measures import Measure
 from femimpact.parametric.paths import Place, Stage, study_with
-from femimpact.parametric.starts import scaled_starts, structure_at_balls, unit_draws
+from femimpact.parametric.starts import placed_balls, scaled_starts, structure_at_balls, unit_draws
 from femimpact.response.response import Recorder, Response
 from femimpact.study.study import Study
 from femimpact.system.computed import with_checked_pairs
@@ -119,7 +119,6 @@ def _start(study: ParameterStudy, system: System, changed: Study, values: dict[P
     """The start of a case: that of its base, with the balls where the axes or the draws have them."""
     balls, frame = len(system.balls), changed.base.start
     state = State.static() if frame == "static" else State.at_rest(frame)
-    names = ("position", "speed")
     if study.starts > 1:
         gaps = np.array([[pair.gaps for pair in system.balls]], dtype=float).reshape(1, balls, 2)
         draws = unit_draws(study.starts, balls, study.seed)
@@ -129,11 +128,13 @@ def _start(study: ParameterStudy, system: System, changed: Study, values: dict[P
     else:
         by_path = {place.path: value for place, value in values.items()}
         placed, moving = (
-            np.array([float(by_path.get(f"start.{pair.name}.{name}", 0.0)) for pair in system.balls]) for name in names
+            np.array([float(by_path.get(f"start.{pair.name}.{name}", none)) for pair in system.balls])
+            for name, none in (("position", np.nan), ("speed", 0.0))
         )
-    given = {"ball_displacement": placed, "ball_velocity": moving}
+        placed = placed_balls(placed, system, state, changed.base.excitation)
     # what is not given may be that of the static state
-    return replace(state, **{name: own for name, own in given.items() if np.any(own)})
+    given = {"ball_displacement": placed} if placed.size and not np.isnan(placed).any() else {}
+    return replace(state, **given, **({"ball_velocity": moving} if np.any(moving) else {}))
 
 
 def _largest_speed(changed: Study) -> Array:

@@ -37,6 +37,6 @@ def load_parameter_study(directory: str | Path) -> xarray.Dataset:
     require(found is not None, "directory", str(directory), "", "must hold a parameter study")
     manifest = found or {}
     columns = Columns(manifest["table"])
-    for block in blocks_of(Path(directory), manifest["key"]):
+    for block in blocks_of(Path(directory), manifest["key"], manifest["table"]):
         columns.add(block)
     return dataset_of(columns)

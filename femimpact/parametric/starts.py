@@ -9,7 +9,7 @@ from femimpact.excitation import Excitation
 from femimpact.system.state import State
 from femimpact.system.system import System
 
-__all__ = ["scaled_starts", "structure_at_balls", "unit_draws"]
+__all__ = ["placed_balls", "scaled_starts", "structure_at_balls", "unit_draws"]
 
 Array = NDArray[np.float64]
 
@@ -43,3 +43,24 @@ def structure_at_balls(system: System, initial: State, base: Excitation) -> Arra
     """Displacement (m) of the structure at each ball where a run starts, (balls,): of a static state it is not zero."""
     u, *_ = initial.relative_to_base(system, base)
     return np.array([pair.direction @ u for pair in system.balls])
+
+
+def placed_balls(given: Array, system: System, initial: State, base: Excitation) -> Array:
+    """Displacements (m) of the balls, (balls,), those that are not given where they lie; all not given stay so.
+
+    Parameters
+    ----------
+    given : ndarray (balls,), m
+        Not a number where no axis places a ball; zero is a place as any other.
+    system : System
+    initial : State
+        From which the run starts.
+    base : Excitation
+    """
+    left = np.isnan(given)
+    if left.all() or not left.any():
+        return given
+    if not initial.is_static_on(system):
+        return np.where(left, 0.0, given)
+    *_, other, _ = initial.relative_to_base(system, base)
+    return np.where(left, other[: given.size], given)

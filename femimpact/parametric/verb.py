@@ -129,7 +129,7 @@ def run_parameter_study(
     require(not target.exists() or target.is_dir(), "directory", str(directory), "", "must be a directory")
     plain = plain_study(study)
     with locked(target):
-        folder = BlockFolder(target, {"study": plain, "table": labels}, study_key(plain))
+        folder = BlockFolder(target, {"study": plain, "table": labels}, study_key(plain), say)
         folder.remove_unfinished()
         _run(study, columns, blocks, folder, workers, client, progress, say)
         dataset = dataset_of(columns)
@@ -152,10 +152,9 @@ def _run(
     client: Any, progress: Callable[[StudyProgress], None] | None, say: Callable[[str], None] | None,
 ) -> None:  # fmt: skip
     """Fill the columns from the blocks on disk, then from those that are run now."""
-    shape = study.starts, len(study.chosen)
     left, begun = [], time.monotonic()
     for cases in blocks:
-        known = None if folder is None else folder.finished(cases, shape)
+        known = None if folder is None else folder.finished(cases)
         if known is None:
             left.append(cases)
         else:

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-import math
+import itertools
 import numbers
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sized
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from femimpact.errors import Fault, InputError, check_fields, checked, choice, instance, optional, quantity, text
+from femimpact.errors import (
+    Fault,
+    InputError,
+    check_fields,
+    checked,
+    choice,
+    in_range,
+    instance,
+    optional,
+    quantity,
+    text,
+)
 
 __all__ = ["DISTRIBUTIONS", "AxisValues", "Distribution", "ParameterPlan", "SamplePlan", "axis_from"]
 
@@ -18,6 +29,8 @@ MOST_POINTS = 10_000_000
 """Of an axis or of a sample; more is taken for a mistake."""
 
 MOST_STARTS = 100_000
+
+NUMBER = quantity("1")
 
 DISTRIBUTIONS: Mapping[str, tuple[str, str]] = {
     "uniform": ("lowest", "highest"),
@@ -171,7 +184,7 @@ def axis_from(key: str, given: Any) -> AxisValues | Distribution:
         return Distribution(str(given.dist.name), tuple(float(value) for value in numbers_of), given)
     if isinstance(given, (str, bytes)) or not isinstance(given, Iterable):
         raise InputError([Fault(key, given, "", AXIS)])
-    values = tuple(_value(key, value) for value in given)
+    values = tuple(_value(key, value) for value in _entries(key, given))
     if not values:
         raise InputError([Fault(key, "no value", "", "must have one value or more")])
     known = set[Any]()
@@ -182,6 +195,19 @@ def axis_from(key: str, given: Any) -> AxisValues | Distribution:
             raise InputError([Fault(key, value, "", "is given twice: the values of an axis must be distinct")])
         known.add(same)
     return AxisValues(values)
+
+
+def _entries(key: str, given: Iterable[Any]) -> list[Any]:
+    """The values as a list, of which no endless one is made."""
+    try:
+        size = len(given) if isinstance(given, Sized) else 0
+        found = list(itertools.islice(given, MOST_POINTS + 1)) if size <= MOST_POINTS else []
+    except Exception:
+        # an object of another library may raise anything
+        raise InputError([Fault(key, given, "", AXIS)]) from None
+    if max(size, len(found)) > MOST_POINTS:
+        raise InputError([Fault(key, given, "", f"must have {MOST_POINTS} values or fewer")])
+    return found
 
 
 def _axis_of_table(key: str, given: Mapping[str, Any]) -> AxisValues | Distribution:
@@ -221,14 +247,6 @@ def _number(key: str, value: Any) -> float:
     return float(checked(key, value, quantity("1")))
 
 
-def _is_finite(value: numbers.Real) -> bool:
-    """Whether a number is finite as a float."""
-    try:
-        return math.isfinite(value)
-    except OverflowError:
-        return False
-
-
 def _value(key: str, value: Any) -> Any:
     """One value of an axis: a number, a pair of numbers or a name."""
     if isinstance(value, str):
@@ -237,6 +255,6 @@ def _value(key: str, value: Any) -> Any:
         pair = tuple(_number(key, entry) for entry in value)
         if len(pair) == 2:
             return pair
-    elif isinstance(value, numbers.Real) and not isinstance(value, bool) and _is_finite(value):
+    elif in_range(value, NUMBER):
         return int(value) if isinstance(value, numbers.Integral) else float(value)
     raise InputError([Fault(key, value, "", "must be finite numbers, pairs of them (gaps), or names")])

@@ -83,12 +83,12 @@ def cases_of(system: System, dwells: SineDwells, state: State, acceleration: flo
     amplitude = np.full(count, dwells.amplitude)
     if acceleration is not None:
         amplitude = acceleration / (2.0 * np.pi * dwells.frequency) ** 2
-    own = {name: getattr(state, name) for name in ("ball_displacement", "ball_velocity")}
-    # of another size than there are balls: refused with the first start
-    moved: dict[str, Any] = {
-        name: np.tile(np.zeros(balls) if values is None or values.shape != (balls,) else values, (count, 1))
-        for name, values in own.items()
-    }
+    moved: dict[str, Any] = {}
+    for name, none in (("ball_displacement", np.nan), ("ball_velocity", 0.0)):
+        values = getattr(state, name)
+        # of another size than there are balls: refused with the first start
+        fits = values is not None and values.shape == (balls,)
+        moved[name] = np.tile(values if fits else np.full(balls, none), (count, 1))
     return SineCases(
         frequency=dwells.frequency,
         amplitude=amplitude,

@@ -38,8 +38,8 @@ def event_driven_dwells(
 ) -> SineDwellResults:  # fmt: skip
     """Dwells event-driven; see `Method.run_dwells`."""
     count, balls = dwells.frequency.size, len(system.balls)
-    given = (initial.ball_displacement, initial.ball_velocity)
-    moved = [np.zeros(balls) if values is None else np.asarray(values) for values in given]
+    given = ((initial.ball_displacement, np.nan), (initial.ball_velocity, 0.0))
+    moved = [np.full(balls, none) if values is None else np.asarray(values) for values, none in given]
     # of another size than there are balls: refused with the first start
     fits = all(values.shape == (balls,) for values in moved)
     displacement, velocity = (np.tile(values if fits else np.zeros(balls), (count, 1)) for values in moved)
@@ -172,7 +172,7 @@ def _starts_of(system: System, cases: SineCases) -> tuple[Array, Array]:
         return _starts_one_by_one(system, cases)
     count, n = cases.frequency.size, system.dofs
     position, velocity = (np.zeros((count, n + len(system.balls))) for _ in range(2))
-    position[:, n:], velocity[:, n:] = cases.ball_displacement, cases.ball_velocity
+    position[:, n:], velocity[:, n:] = np.nan_to_num(cases.ball_displacement), cases.ball_velocity
     if cases.initial.frame == "space":
         rigid = np.append(system.rigid_translation, np.ones(len(system.balls)))
         scale = cases.amplitude * (2.0 * np.pi * cases.frequency)
@@ -200,7 +200,7 @@ def _starts_one_by_one(system: System, cases: SineCases) -> tuple[Array, Array]:
             for pair, gap, law in zip(system.contacts, gaps, laws, strict=True)
         )
         alike = all(one is other for one, other in zip(contacts, system.contacts, strict=True))
-        placed = not own.is_static_on(system) or np.any(cases.ball_displacement[c])
+        placed = not np.isnan(cases.ball_displacement[c]).any()
         start = replace(own, ball_velocity=cases.ball_velocity[c])
         if placed and balls:
             start = replace(start, ball_displacement=cases.ball_displacement[c])
