@@ -156,6 +156,28 @@ def check_rigid(run, pair, own):
             assert np.any(end >= last)
 
 
+@pytest.mark.parametrize("seed", range(10, 30))
+def test_a_small_table_holds_the_first_rows_of_a_large_one(seed):
+    """What happens after the last kept row, the capture of a pair that it is of too, changes none."""
+    run, case = run_of(seed), case_of(seed)
+    if run is None or not len(run.impacts):
+        return
+    captured = np.flatnonzero(run.impacts.rebound_speed == 0.0)
+    # up to just before an impact whose rebound is taken: the kept rows of that pair must stay
+    for rows in {5, *(int(row) for row in captured[[0, captured.size // 2]] if row)} if captured.size else {5}:
+        record = fi.Recorder((), impacts=rows)
+        small = fi.integrate(case.system, case.excitation, fi.EventDriven(), case.duration, record, case.initial)
+        kept = min(rows, len(run.impacts))
+        assert (len(small.impacts), small.impacts.dropped) == (kept, len(run.impacts) - kept)
+        assert any("not in the table" in text for text in small.warnings) == (kept < len(run.impacts))
+        ended = min(rows, int(np.count_nonzero(np.isfinite(run.sticking.end))))
+        for few, many, count in ((small.impacts, run.impacts, kept), (small.sticking, run.sticking, ended)):
+            for item in fields(few):
+                if isinstance(getattr(few, item.name), np.ndarray):
+                    own, first = getattr(few, item.name)[:count], getattr(many, item.name)[:count]
+                    np.testing.assert_array_equal(own, first, err_msg=item.name)
+
+
 def test_the_seeds_are_as_busy_and_as_mixed_as_they_are_said_to_be():
     cases = [case_of(seed) for seed in SEEDS]
     counts = np.array([len(run_of(seed).impacts) for seed in SEEDS if run_of(seed)])
