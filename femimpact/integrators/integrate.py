@@ -128,6 +128,7 @@ def integrate(
         warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)
         warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
         notes = (*motion_notes(drive, system.length, start.time + duration), *_stops_not_met(response))
+        notes += _begins_within(system, drive, start)
         if not (warnings or notes):
             return response
         return replace(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))
@@ -142,6 +143,20 @@ def _without_cycles(response: Response) -> Response:
         return response
     none = {name: replace(item, impacts_per_cycle=math.nan) for name, item in response.statistics_of.items()}
     return replace(response, statistics=replace(response.statistics, impacts_per_cycle=math.nan), statistics_of=none)
+
+
+def _begins_within(system: System, drive: Excitation, start: State) -> tuple[str, ...]:
+    """Notes on compliant walls that a start made by hand lies beyond: that may be a wrong unit."""
+    if start.continuation is not None or start.is_static_on(system):
+        return ()
+    u, _, y, _ = start.relative_to_base(system, drive)
+    notes = list[str]()
+    for j, pair in enumerate(system.contacts):
+        x = float(y[j] - pair.direction @ u)
+        side, depth = ("+", x - pair.gaps[0]) if x > 0.0 else ("-", -x - pair.gaps[1])
+        if depth > 0.0 and not pair.parameters.is_rigid:
+            notes.append(f"{pair.name} starts in contact, {depth:.3g} m beyond its {side} wall")
+    return tuple(notes)
 
 
 def _stops_not_met(response: Response) -> list[str]:
