@@ -18,7 +18,7 @@ from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.channels import Motion, resolve_channels
 from femimpact.response.remarks import deflection_warnings
 from femimpact.response.response import Recorder, Response
-from femimpact.system.state import State
+from femimpact.system.state import ROUNDED, State
 from femimpact.system.system import System
 
 __all__ = ["check_memory", "integrate", "memory_needed"]
@@ -154,7 +154,7 @@ def _begins_within(system: System, drive: Excitation, start: State) -> tuple[str
     for j, pair in enumerate(system.contacts):
         x = float(y[j] - pair.direction @ u)
         side, depth = ("+", x - pair.gaps[0]) if x > 0.0 else ("-", -x - pair.gaps[1])
-        if depth > 0.0 and not pair.parameters.is_rigid:
+        if depth > ROUNDED and not pair.parameters.is_rigid:
             notes.append(f"{pair.name} starts in contact, {depth:.3g} m beyond its {side} wall")
     return tuple(notes)
 
