@@ -361,3 +361,17 @@ def test_a_run_in_steps_has_its_largest_value_at_one_of_them(excitation, law, me
     for name, found in zip(names, few.largest_of(names), strict=True):
         best = int(np.abs(every[name]).argmax())
         assert (found.value, found.time) == (every[name][best], every.time[best]), name
+
+
+@pytest.mark.impacts
+@pytest.mark.parametrize(("density", "seed"), [(0.05, 4), (0.2, 4), (0.2, 5)])
+def test_after_hundreds_of_impacts_it_is_still_that_of_the_run(density, seed):
+    """Impacts enlarge the least difference: a run with another last bit was 5 % off in the first of these."""
+    law = fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)
+    system = reduced(with_ball(REFERENCE, contact=law, gap=2e-3), 8, 12)
+    base = fi.RandomBase([(2.0, density), (60.0, density)], 8.0, seed=seed)
+    run = fi.integrate(system, base, fi.EventDriven(), 8.0, fi.Recorder(("tip", "mid"), ledger=False))
+    assert len(run.impacts) > 100
+    found = run.largest("tip")
+    # 20 readings in the period of the highest mode, of which the motion has little
+    assert CubicSpline(run.time, run["tip"])(found.time) == pytest.approx(found.value, rel=2e-9)

@@ -275,12 +275,14 @@ class FormStore:
         count, modes, first = len(items), made.modes, self.count
         self._enlarge((modes.exponent.shape[1], made.rigid_body_drive.shape[1], len(modes.blocks)), count)
         outputs = _stacked_outputs([self.sources[item.system].outputs for item in items])
-        watched = _stacked_rows(gap_rows(whole, made.position, OF_DISPLACEMENT), made.contact_force)
-        read = _output_rows(outputs, made, active)
-        rows, driven = _stacked_rows(watched, read), driven_entries(modes, self.rate)
-        # apart: the rounding of a matrix product depends on its shape, and events must not depend on what is read
-        of_watched, of_read, position, velocity = (
-            followed(own, modes, made.load, driven) for own in (watched, read, made.position, made.velocity)
+        rows = _stacked_rows(
+            gap_rows(whole, made.position, OF_DISPLACEMENT),
+            made.contact_force,
+            _output_rows(outputs, made, active),
+        )
+        driven = driven_entries(modes, self.rate)
+        follow, position, velocity = (
+            followed(own, modes, made.load, driven) for own in (rows, made.position, made.velocity)
         )
         earlier = [self.last.get(item.parameters, (-1, -1)) for item in items]
         values: dict[str, Any] = {
@@ -292,8 +294,7 @@ class FormStore:
             "size": modes.size, "rigid_body_given": made.rigid_body_given,
             "rigid_body_drive": made.rigid_body_drive, "weight": rows.weight, "weight_size": np.abs(rows.weight),
             "rigid_body_weight": rows.rigid_body, "rigid_body_rate_weight": rows.rigid_body_rate,
-            "constant": rows.constant, "through": rows.through,
-            "follow": np.concatenate([of_watched, of_read], axis=2), "driven": driven,
+            "constant": rows.constant, "through": rows.through, "follow": follow, "driven": driven,
             "shape": made.position.weight, "shape_rate": made.velocity.weight,
             "rigid_body_shape": made.rigid_body_shape, "static": made.position.constant,
             "position_through": made.position.through[:, 2], "position_follow": position, "velocity_follow": velocity,
