@@ -56,7 +56,8 @@ def compare(
     run = fi.integrate(system, excitation, fi.EventDriven(), span, fi.Recorder(names, interval=interval), initial)
     stride = max(run.time.size // (2 * samples), 1)
     reference = reference_motion(system, excitation, run.time[::stride], initial, most_touches, most_steps)
-    end = min([reference.end, *run.sticking.start])
+    # the reference knows of sticking phases those from the start on
+    end = min([reference.end, *run.sticking.start[run.sticking.start > 0.0]])
     kept = reference.time <= end
     rows = np.zeros((len(names), system.dofs + len(system.balls)))
     rows[: len(places), : system.dofs] = [system.point_row(name) for name in places]
