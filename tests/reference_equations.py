@@ -19,7 +19,7 @@ STEPS_PER_PERIOD = 4
 """Steps in the fastest period of a tuple of contact states."""
 
 FREE, PRESSED, SEPARATING, RESTING = range(4)
-"""Contact states; a rigid pair is free, or rests at its wall from the start on."""
+"""Contact states; a rigid pair is free, or rests at its wall."""
 
 
 @dataclass(frozen=True, eq=False)

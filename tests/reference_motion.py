@@ -5,9 +5,9 @@ equations with femimpact, and none of its closed forms, searches or rules: a rig
 (1 + e) v/(1/m + b^T M^-1 b), one after another and the fastest first at one instant; a Kelvin-Voigt pair pushes
 with k p + c p' from its touch until that is zero, and then separates without force until p = 0.
 
-A pair that rests at its wall at the start is held there until the force for that would pull, or an impact elsewhere
-moves its wall. Of other sticking phases it knows none, and ends before the first one: at an impact too slow, or a touch
-too slight, to be sure of.
+A pair that rests at its wall at the start, or is stopped there by a restitution of 0, is held until the force for that
+would pull, or an impact elsewhere moves its wall. Of other sticking phases it knows none, and ends before the first
+one: at an impact too slow, or a touch too slight, to be sure of.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class _Ends(Exception):  # noqa: N818 - how a run ends, and no error
 class Reference:
     """Positions (m) of structure and balls at times (s) up to the end, the touches before it, and why it ended.
 
-    `touches` holds time, pair and approach speed (m/s) of each.
+    `touches` holds time, pair and approach speed (m/s) of each, `rests` the times from which pairs rest at walls.
     """
 
     time: Real
@@ -70,6 +70,7 @@ class Reference:
     touches: tuple[tuple[float, int, float], ...]
     end: float
     why: str
+    rests: tuple[float, ...]
 
 
 @dataclass(eq=False)
@@ -85,6 +86,7 @@ class _Motion:
     fresh: set[tuple[int, int, int]] = field(default_factory=set)
     let_go: tuple[int, int, int] | None = None
     touches: list[tuple[float, int, float]] = field(default_factory=list)
+    rests: list[float] = field(default_factory=list)
     known: dict[tuple[tuple[int, int], ...], Equations] = field(default_factory=dict)
     largest: float = 0.0
     fastest: float = 0.0
@@ -137,7 +139,7 @@ def reference_motion(
             kept.append(motion.z[: motion.size].copy())
     except _Ends as end:
         why = str(end)
-    return Reference(times[: len(kept)], np.array(kept), tuple(motion.touches), motion.time, why)
+    return Reference(times[: len(kept)], np.array(kept), tuple(motion.touches), motion.time, why, tuple(motion.rests))
 
 
 # ---- steps ----------------------------------------------------------------------------------------
@@ -297,6 +299,7 @@ def _begin(motion: _Motion) -> None:
                 if rate != 0.0 or any(state == RESTING for state, _ in motion.states):
                     raise _Ends("on a wall")
                 motion.states[j] = (RESTING, side)
+                motion.rests.append(motion.time)
                 continue
             if approaches:
                 motion.states[j] = (PRESSED, side)
@@ -351,7 +354,9 @@ def _collide(motion: _Motion) -> None:
         motion.z[d:] -= inverse @ rows[j] * side * impulse
         motion.touches.append((motion.time, j, speeds[fastest]))
         hit.add(j)
-    if any(side * float(rows[j] @ motion.z[d:]) > -SLOW * motion.fastest for j, side, _ in walls):
+    stopped = [(j, side) for j, side, e in walls if j in hit and e == 0.0]
+    left = [(j, side) for j, side, _ in walls if (j, side) not in stopped]
+    if any(side * float(rows[j] @ motion.z[d:]) > -SLOW * motion.fastest for j, side in left) or len(stopped) > 1:
         raise _Ends("sticks")
     motion.fresh = {m for m in motion.fresh if m[0] not in hit} | {(j, side, PRESSED) for j, side, _ in walls}
     for j, (state, side) in enumerate(motion.states):
@@ -366,3 +371,11 @@ def _collide(motion: _Motion) -> None:
             push = pair.parameters.stiffness * depth + pair.parameters.damping * rate
             motion.states[j] = (PRESSED if push > 0.0 else SEPARATING, side)
             motion.fresh = {m for m in motion.fresh if m[0] != j}
+    for j, side in stopped:
+        # without a rebound, and pressed by what follows
+        e = motion.equations()
+        rate = e.A @ motion.z + e.constant + e.drive * motion.history(motion.time)
+        if side * float(rows[j] @ rate[d:]) <= 0.0:
+            raise _Ends("sticks")
+        motion.states[j] = (RESTING, side)
+        motion.rests.append(motion.time)
