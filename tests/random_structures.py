@@ -133,7 +133,9 @@ def resting_case(seed: int) -> RandomCase:
         impactors=balls,
     )  # fmt: skip
     words = "struck" if struck else "the base leaves"
-    return RandomCase(fi.reduce(whole, modes=count), fi.Sine(amplitude, drive), 3.0 / drive, start, f"{seed}: {words}")
+    # some impacts of the striking ball, or some cycles of the base
+    duration = (0.5 if struck else 3.0) / drive
+    return RandomCase(fi.reduce(whole, modes=count), fi.Sine(amplitude, drive), duration, start, f"{seed}: {words}")
 
 
 def _law_words(pair: fi.ContactPair) -> str:
