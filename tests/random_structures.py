@@ -92,6 +92,52 @@ def random_case(seed: int) -> RandomCase:
     return RandomCase(whole, excitation, duration, initial, f"{description}; {start}")
 
 
+def resting_case(seed: int) -> RandomCase:
+    """A ball that lies on its wall under a constant force, until the wall leaves it.
+
+    In even cases the sine of the base accelerates the wall away, in odd ones another ball strikes it away. The balls
+    are rigid with restitution 0.3 to 0.8, of half of the striking ones 0, on a chain of 1 to 3 masses, and meet no
+    other wall.
+
+    Parameters
+    ----------
+    seed : int
+
+    Returns
+    -------
+    RandomCase
+    """
+    rng = np.random.default_rng([seed, 20261])
+    count, side, amplitude = int(rng.integers(1, 4)), float(rng.choice([-1.0, 1.0])), _log_uniform(rng, 1e-4, 1e-3)
+    mass, frequency = _log_uniform(rng, 0.1, 1.0), _log_uniform(rng, 5.0, 30.0)
+    stiffness = np.diag(np.full(count, 2.0)) - np.diag(np.ones(count - 1), 1) - np.diag(np.ones(count - 1), -1)
+    softest = float(np.linalg.eigvalsh(stiffness)[0])
+    stiffness *= mass * (2.0 * math.pi * frequency) ** 2 / softest
+    # the force on the ball against what the base's acceleration makes of it
+    struck, drive = seed % 2 == 1, float(rng.uniform(0.2, 0.5)) * frequency
+    pressing = amplitude * (2.0 * math.pi * drive) ** 2 * (10.0 if struck else float(rng.uniform(0.2, 0.6)))
+    gap, far = amplitude, 1e3 * amplitude
+    laws = [fi.Rigid(float(rng.uniform(0.3, 0.8))) for _ in range(2)]
+    lying = (gap, far) if side > 0.0 else (far, gap)
+    balls = [fi.Impactor("lying", "m1", mass * _log_uniform(rng, 0.05, 0.5), lying, laws[0], 0.0, side * pressing)]
+    start = fi.State(ball_displacement=[side * gap])
+    if struck:
+        # a blow on the wall of the same side moves the structure away from what lies there
+        speed = side * amplitude * 2.0 * math.pi * drive * float(rng.uniform(2.0, 5.0))
+        law = fi.Rigid(0.0) if seed % 4 == 1 else laws[1]
+        balls.append(fi.Impactor("striking", "m1", mass * _log_uniform(rng, 0.1, 1.0), lying, law))
+        start = fi.State(ball_displacement=[side * gap, 0.0], ball_velocity=[0.0, speed])
+    whole = fi.System.from_matrices(
+        mass * np.eye(count), 0.02 * stiffness / (2.0 * math.pi * frequency), stiffness,
+        points={f"m{i + 1}": row for i, row in enumerate(np.eye(count))}, base_load=np.full(count, mass),
+        impactors=balls,
+    )  # fmt: skip
+    words = "struck" if struck else "the base leaves"
+    # some impacts of the striking ball, or some cycles of the base
+    duration = (0.5 if struck else 3.0) / drive
+    return RandomCase(fi.reduce(whole, modes=count), fi.Sine(amplitude, drive), duration, start, f"{seed}: {words}")
+
+
 def _law_words(pair: fi.ContactPair) -> str:
     return f"{pair.law.name} e={pair.parameters.restitution:.3g} gaps {pair.gaps[0]:.3g}/{pair.gaps[1]:.3g}"
 

@@ -18,15 +18,16 @@ Excitation = fi.Sine | fi.PointForce | fi.RecordedBase
 STEPS_PER_PERIOD = 4
 """Steps in the fastest period of a tuple of contact states."""
 
-FREE, PRESSED, SEPARATING = range(3)
-"""Contact states; a rigid pair is always free."""
+FREE, PRESSED, SEPARATING, RESTING = range(4)
+"""Contact states; a rigid pair is free, or rests at its wall."""
 
 
 @dataclass(frozen=True, eq=False)
 class Equations:
     """z' = A z + constant + drive s(t) of one tuple of contact states, z = (q, q'), and its event functions.
 
-    An event is a rise of `rows` z + `offset` through zero; `meaning` has pair, side and the state that follows.
+    An event is a rise of `rows` z + `offset` + `pull` s(t) through zero; `meaning` has pair, side and the state that
+    follows.
     """
 
     A: Real
@@ -34,6 +35,7 @@ class Equations:
     drive: Real
     rows: Real
     offset: Real
+    pull: Real
     meaning: tuple[tuple[int, int, int], ...]
     longest_step: float
 
@@ -98,17 +100,28 @@ def equations_of(system: fi.System, load: Real, states: list[tuple[int, int]]) -
             events.extend([np.concatenate([-depth, none]), np.concatenate([k * depth, c * depth])])
             offset.extend([gap, -k * gap])
             meaning.extend([(j, side, FREE), (j, side, PRESSED)])
-        else:
+        elif state == FREE:
             for own, wall in zip((1, -1), pair.gaps, strict=True):
                 if math.isfinite(wall):
                     events.append(np.concatenate([own * rows[j], none]))
                     offset.append(-wall)
                     meaning.append((j, own, PRESSED))
     A = np.block([[np.zeros((d, d)), np.eye(d)], [-inverse @ K, -inverse @ C]])
-    still = np.zeros(d)
+    still, rate = np.zeros(d), np.hstack([-inverse @ K, -inverse @ C])
+    constant, drive, pull = inverse @ given, inverse @ load, [0.0] * len(events)
+    for j, (_, side) in ((j, own) for j, own in enumerate(states) if own[0] == RESTING):
+        # the force that leaves the pair no acceleration; the event is its end
+        push = -side / float(rows[j] @ inverse @ rows[j])
+        events.append(push * rows[j] @ rate)
+        offset.append(push * float(rows[j] @ constant))
+        pull.append(push * float(rows[j] @ drive))
+        meaning.append((j, side, FREE))
+        held = np.eye(d) - np.outer(inverse @ rows[j], rows[j]) / float(rows[j] @ inverse @ rows[j])
+        rate, constant, drive = held @ rate, held @ constant, held @ drive
+    A[d:] = rate
     speed = float(np.max(np.abs(np.linalg.eigvals(A))))
     longest = 2.0 * math.pi / (STEPS_PER_PERIOD * speed) if speed > 0.0 else math.inf
     return Equations(
-        A, np.concatenate([still, inverse @ given]), np.concatenate([still, inverse @ load]),
-        np.array(events).reshape(-1, 2 * d), np.array(offset), tuple(meaning), longest,
+        A, np.concatenate([still, constant]), np.concatenate([still, drive]),
+        np.array(events).reshape(-1, 2 * d), np.array(offset), np.array(pull), tuple(meaning), longest,
     )  # fmt: skip

@@ -5,7 +5,9 @@ equations with femimpact, and none of its closed forms, searches or rules: a rig
 (1 + e) v/(1/m + b^T M^-1 b), one after another and the fastest first at one instant; a Kelvin-Voigt pair pushes
 with k p + c p' from its touch until that is zero, and then separates without force until p = 0.
 
-It knows no sticking phase, and ends before the first one: at an impact too slow, or a touch too slight, to be sure of.
+A pair that rests at its wall at the start, or is stopped there by a restitution of 0, is held until the force for that
+would pull, or an impact elsewhere moves its wall. Of other sticking phases it knows none, and ends before the first
+one: at an impact too slow, or a touch too slight, to be sure of.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import numpy as np
 from reference_equations import (
     FREE,
     PRESSED,
+    RESTING,
     SEPARATING,
     Equations,
     Excitation,
@@ -59,7 +62,7 @@ class _Ends(Exception):  # noqa: N818 - how a run ends, and no error
 class Reference:
     """Positions (m) of structure and balls at times (s) up to the end, the touches before it, and why it ended.
 
-    `touches` holds time, pair and approach speed (m/s) of each.
+    `touches` holds time, pair and approach speed (m/s) of each, `rests` the times from which pairs rest at walls.
     """
 
     time: Real
@@ -67,6 +70,7 @@ class Reference:
     touches: tuple[tuple[float, int, float], ...]
     end: float
     why: str
+    rests: tuple[float, ...]
 
 
 @dataclass(eq=False)
@@ -80,7 +84,9 @@ class _Motion:
     z: Real
     states: list[tuple[int, int]]
     fresh: set[tuple[int, int, int]] = field(default_factory=set)
+    let_go: tuple[int, int, int] | None = None
     touches: list[tuple[float, int, float]] = field(default_factory=list)
+    rests: list[float] = field(default_factory=list)
     known: dict[tuple[tuple[int, int], ...], Equations] = field(default_factory=dict)
     largest: float = 0.0
     fastest: float = 0.0
@@ -133,7 +139,7 @@ def reference_motion(
             kept.append(motion.z[: motion.size].copy())
     except _Ends as end:
         why = str(end)
-    return Reference(times[: len(kept)], np.array(kept), tuple(motion.touches), motion.time, why)
+    return Reference(times[: len(kept)], np.array(kept), tuple(motion.touches), motion.time, why, tuple(motion.rests))
 
 
 # ---- steps ----------------------------------------------------------------------------------------
@@ -187,7 +193,7 @@ def _advance(motion: _Motion, until: float, most_touches: int) -> None:
 def _note_leaving(motion: _Motion, e: Equations, time: float, z: Real) -> None:
     """Forget which event functions were at zero just now, where they have left it by this time (s)."""
     if time - motion.time >= TOO_SHORT * e.longest_step:
-        values = e.rows @ z + e.offset
+        values = e.rows @ z + e.offset + e.pull * motion.history(time)
         motion.fresh -= {meaning for meaning, value in zip(e.meaning, values, strict=True) if value < 0.0}
 
 
@@ -202,7 +208,7 @@ def _first_event(
     if motion.fresh:
         # what has just met its bound must first be seen to leave it
         times = np.unique(np.concatenate([times, start + span * 0.5 ** np.arange(4, 25)]))
-    values = e.rows @ dense(times) + e.offset[:, None]
+    values = e.rows @ dense(times) + e.offset[:, None] + np.outer(e.pull, [motion.history(float(t)) for t in times])
     first: tuple[int, float] | None = None
     for i, h in enumerate(values):
         time = _rise(motion, e, i, times, h, dense)
@@ -218,14 +224,21 @@ def _rise(motion: _Motion, e: Equations, i: int, times: Real, h: Real, dense: Ca
         negative = np.flatnonzero(h[1:] < 0.0)
         if times[-1] - times[0] < TOO_SHORT * e.longest_step:
             return None
+        slow = motion.let_go == e.meaning[i]
+        if slow:
+            # a force that ends lets go without a jump, so that the pair leaves with the third power of the time
+            negative = np.flatnonzero(h[1:] < -AT_WALL * motion.largest)
+            if not negative.size:
+                return None
         if not negative.size:
             raise _Ends("leaves too slowly")
         begin = 1 + int(negative[0])
+        h = np.where(slow & (np.arange(h.size) < begin), 0.0, h)
         if np.any(h[1:begin] > 0.0) and np.max(h[1:begin]) > 1e-9 * abs(h[begin]):
             raise _Ends("does not leave at once")
 
     def value(t: float) -> float:
-        return float(e.rows[i] @ dense(t) + e.offset[i])
+        return float(e.rows[i] @ dense(t) + e.offset[i] + e.pull[i] * motion.history(t))
 
     for k in range(begin, len(times)):
         if h[k] >= 0.0:
@@ -256,7 +269,10 @@ def _polished(motion: _Motion, e: Equations, number: int, time: float) -> tuple[
                 raise _Ends(f"solver: {message}")
         z = solver.y.copy()
         rate = e.rows[number] @ (e.A @ z + e.constant + e.drive * motion.history(time))
-        change = -(e.rows[number] @ z + e.offset[number]) / rate
+        # a slope that is somewhat off takes a step more
+        beside = 1e-6 * e.longest_step
+        rate += e.pull[number] * (motion.history(time + beside) - motion.history(time - beside)) / (2.0 * beside)
+        change = -(e.rows[number] @ z + e.offset[number] + e.pull[number] * motion.history(time)) / rate
         if abs(change) <= 4e-16 * time:
             break
         time += float(change)
@@ -280,7 +296,11 @@ def _begin(motion: _Motion) -> None:
                 raise _Ends("at a wall, at rest")
             approaches = rate > 0.0 or (rate == 0.0 and press > 0.0)
             if isinstance(pair.law, fi.Rigid) and approaches:
-                raise _Ends("on a wall")
+                if rate != 0.0 or any(state == RESTING for state, _ in motion.states):
+                    raise _Ends("on a wall")
+                motion.states[j] = (RESTING, side)
+                motion.rests.append(motion.time)
+                continue
             if approaches:
                 motion.states[j] = (PRESSED, side)
                 motion.touches.append((0.0, j, rate))
@@ -293,6 +313,7 @@ def _pass_event(motion: _Motion, meaning: tuple[int, int, int], most_touches: in
     j, side, after = meaning
     state = motion.states[j][0]
     if state != FREE:
+        motion.let_go = (j, side, PRESSED) if state == RESTING else None
         motion.states[j] = (after, side if after != FREE else 0)
         # the same function, or its negative, is at zero now
         follows = {SEPARATING: [(j, side, PRESSED)], PRESSED: [(j, side, SEPARATING)], FREE: [(j, side, PRESSED)]}
@@ -333,11 +354,16 @@ def _collide(motion: _Motion) -> None:
         motion.z[d:] -= inverse @ rows[j] * side * impulse
         motion.touches.append((motion.time, j, speeds[fastest]))
         hit.add(j)
-    if any(side * float(rows[j] @ motion.z[d:]) > -SLOW * motion.fastest for j, side, _ in walls):
+    stopped = [(j, side) for j, side, e in walls if j in hit and e == 0.0]
+    left = [(j, side) for j, side, _ in walls if (j, side) not in stopped]
+    if any(side * float(rows[j] @ motion.z[d:]) > -SLOW * motion.fastest for j, side in left) or len(stopped) > 1:
         raise _Ends("sticks")
     motion.fresh = {m for m in motion.fresh if m[0] not in hit} | {(j, side, PRESSED) for j, side, _ in walls}
     for j, (state, side) in enumerate(motion.states):
-        if state != FREE:
+        if state == RESTING:
+            # it was at its wall among the others, and has left it
+            motion.states[j] = (FREE, 0)
+        elif state != FREE:
             # a jump of p' may end a push, or begin one again
             pair = system.contacts[j]
             depth = side * float(rows[j] @ motion.z[:d]) - pair.gaps[0 if side > 0 else 1]
@@ -345,3 +371,11 @@ def _collide(motion: _Motion) -> None:
             push = pair.parameters.stiffness * depth + pair.parameters.damping * rate
             motion.states[j] = (PRESSED if push > 0.0 else SEPARATING, side)
             motion.fresh = {m for m in motion.fresh if m[0] != j}
+    for j, side in stopped:
+        # without a rebound, and pressed by what follows
+        e = motion.equations()
+        rate = e.A @ motion.z + e.constant + e.drive * motion.history(motion.time)
+        if side * float(rows[j] @ rate[d:]) <= 0.0:
+            raise _Ends("sticks")
+        motion.states[j] = (RESTING, side)
+        motion.rests.append(motion.time)

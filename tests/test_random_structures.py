@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from random_structures import random_case
+from random_structures import random_case, resting_case
 from table_sums import loss_left, momentum_left
 
 import femimpact as fi
@@ -17,8 +17,13 @@ from femimpact.integrators.event_driven.equations import equations_of, stacked
 
 pytestmark = pytest.mark.impacts
 
-SEEDS = (*range(100), 229)
+MIXED = (*range(100), 229)
 """229: a pair that sticks beside another is let go, and is left with a rate of rounding."""
+
+RESTING = range(-16, 0)
+"""A ball lies on its wall at the start, and is left by it; see `resting_case`."""
+
+SEEDS = (*MIXED, *RESTING)
 
 UNUSUAL = ("the base moves by up to", "where no mode is kept", "the record is coarse")
 """Of records that drift further than half the beam's length or have few samples in a period, and of one mode that is
@@ -33,7 +38,7 @@ PHYSICAL = {
 
 @cache
 def case_of(seed):
-    return random_case(seed)
+    return resting_case(-seed) if seed < 0 else random_case(seed)
 
 
 @cache
@@ -42,7 +47,8 @@ def run_of(seed):
     case = case_of(seed)
     channels = tuple(f"{pair.name}.gap" for pair in case.system.contacts)
     places = (case.system.default_place, *(pair.name for pair in case.system.balls))
-    record = fi.Recorder((*channels, *places), impacts=1_000_000)
+    speeds = tuple(f"{pair.name}.absolute_velocity" for pair in case.system.balls)
+    record = fi.Recorder((*channels, *places, *speeds), impacts=1_000_000)
     try:
         return fi.integrate(case.system, case.excitation, fi.EventDriven(), case.duration, record, case.initial)
     except (fi.InputError, fi.DivergenceError) as refusal:
@@ -156,9 +162,45 @@ def check_rigid(run, pair, own):
             assert np.any(end >= last)
 
 
+@pytest.mark.parametrize("seed", range(10, 30))
+def test_a_small_table_holds_the_first_rows_of_a_large_one(seed):
+    """What happens after the last kept row, the capture of a pair that it is of too, changes none."""
+    run, case = run_of(seed), case_of(seed)
+    if run is None or not len(run.impacts):
+        return
+    captured = np.flatnonzero(run.impacts.rebound_speed == 0.0)
+    # up to just before an impact whose rebound is taken: the kept rows of that pair must stay
+    for rows in {5, *(int(row) for row in captured[[0, captured.size // 2]] if row)} if captured.size else {5}:
+        record = fi.Recorder((), impacts=rows)
+        small = fi.integrate(case.system, case.excitation, fi.EventDriven(), case.duration, record, case.initial)
+        kept = min(rows, len(run.impacts))
+        assert (len(small.impacts), small.impacts.dropped) == (kept, len(run.impacts) - kept)
+        assert any("not in the table" in text for text in small.warnings) == (kept < len(run.impacts))
+        ended = min(rows, int(np.count_nonzero(np.isfinite(run.sticking.end))))
+        for few, many, count in ((small.impacts, run.impacts, kept), (small.sticking, run.sticking, ended)):
+            for item in fields(few):
+                if isinstance(getattr(few, item.name), np.ndarray):
+                    own, first = getattr(few, item.name)[:count], getattr(many, item.name)[:count]
+                    np.testing.assert_array_equal(own, first, err_msg=item.name)
+
+
+@pytest.mark.parametrize("seed", RESTING)
+def test_a_wall_only_pushes_the_ball_that_lies_on_it(seed):
+    """Beside one wall alone the velocity that its constant force has not made changes away from that wall only."""
+    run = run_of(seed)
+    for pair in run.system.balls:
+        side = 1.0 if pair.gaps[0] < pair.gaps[1] else -1.0
+        pushed = run[f"{pair.name}.absolute_velocity"] - pair.acceleration * run.time
+        assert np.all(side * np.diff(pushed) <= 1e-12 * np.abs(pushed).max()), pair.name
+    # it does not stay where it was put
+    lying, start = run.sticking.impactor == "lying", run.sticking.start == 0.0
+    assert run.sticking.end[lying & start].size == 1
+    assert run.sticking.end[lying & start][0] < run.time[-1]
+
+
 def test_the_seeds_are_as_busy_and_as_mixed_as_they_are_said_to_be():
-    cases = [case_of(seed) for seed in SEEDS]
-    counts = np.array([len(run_of(seed).impacts) for seed in SEEDS if run_of(seed)])
+    cases = [case_of(seed) for seed in MIXED]
+    counts = np.array([len(run_of(seed).impacts) for seed in MIXED if run_of(seed)])
     assert np.count_nonzero((counts >= 50) & (counts <= 3000)) >= 0.6 * counts.size
     assert np.median(counts) > 100
     pairs = [pair for case in cases for pair in case.system.contacts]

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from random_structures import random_case
+from random_structures import random_case, resting_case
 from reference_comparison import Comparison, compare
 from reference_motion import reference_motion
 
@@ -30,6 +30,14 @@ def test_positions_are_those_of_the_reference_up_to_the_fifth_touch(seed):
 
 def test_most_seeds_are_compared_through_three_touches_or_more():
     assert sum(compared(seed).touches >= 3 for seed in SEEDS) >= 20
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_a_ball_that_lies_on_its_wall_goes_where_the_reference_says_when_the_wall_leaves_it(seed):
+    case = resting_case(seed)
+    found = compare(case.system, case.excitation, case.duration, case.initial, most_touches=4)
+    assert found.touches >= 1
+    assert found.difference < 1e-8, case.description
 
 
 # ---- the reference itself -------------------------------------------------------------------------

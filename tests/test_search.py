@@ -15,8 +15,8 @@ from femimpact.integrators.event_driven.block import Inputs, case_numbers, new_b
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
 
-HIT = 1
-"""How a search ends at a wall that is met at speed."""
+HIT, STUCK = 1, 4
+"""How a search ends at a wall that is met at speed, and where it finds no end."""
 
 SPAN = 200
 """Instants of a fine scan that share the exponentials of the first of them."""
@@ -129,6 +129,24 @@ def test_no_crossing_is_missed_in_thousands_of_random_motions(modes, cases):
             x = scalars.upper[0] if space.search.at_wall[0] > 0 else scalars.lower[0]
             assert abs(value_now(scalars, motion) - x) < 1e-12 * (abs(x) + scale + 1)
     assert met > cases / 4
+
+
+@pytest.mark.parametrize("size", [-1e13, -1e15, 1e30, -1e200])
+@pytest.mark.parametrize("horizon", [0.05, 1e9])
+def test_a_sine_far_larger_than_its_gap_ends_the_search(size, horizon):
+    """Both walls lie within the rounding of such a motion, and no time between them can be told from the next one."""
+    system = reduced(with_ball(REFERENCE, contact=fi.Rigid(restitution=0.7)), 4)
+    drive = drive_of(system, fi.Sine(1e-4, 5.0, 0.3))
+    scalars, space, _ = free_motion(system, drive)
+    entries = scalars.exponent.size
+    motion = motion_alone(space.trial, entries, scalars.rigid_body_given.size)
+    search = space.search._replace(
+        size=np.zeros(entries), drift=np.zeros((2, entries)), power=np.zeros((3, entries), dtype=complex)
+    )
+    motion.entry[:], motion.rigid_body[:], motion.rigid_body_rate[:] = 0.0, 0.0, 0.0
+    motion.clock[:] = 0.0, drive.sine.phase
+    scalars.sine[0] = size
+    assert core.next_event((scalars.handed, motion, search), horizon) in (HIT, STUCK)
 
 
 def value_now(scalars, motion):

@@ -398,17 +398,19 @@ def test_a_static_start_is_one_relative_to_the_base():
         fi.State.at_rest("space").relative_to_base(preloaded, STILL)
 
 
-def test_a_start_inside_a_wall_is_refused_beyond_the_static_penetration():
-    preloaded = sprung(stops=[fi.Stop("wall", "mass", (-1e-3, math.inf), SOFT)])
-    rest = fi.static_state(preloaded)[0]
-    fi.State(displacement=rest, equilibrium=True).relative_to_base(preloaded, STILL)
-    for start in (fi.State(displacement=rest), fi.State(displacement=0.9 * rest, equilibrium=True)):
-        with pytest.raises(
-            fi.InputError, match=r"initial\.wall\.gap = .* must start between its walls, -inf to -0\.001"
-        ):
-            start.relative_to_base(preloaded, STILL)
-    with pytest.raises(fi.InputError, match=r"initial\.wall\.gap"):
-        fi.State(displacement=[0.0]).relative_to_base(preloaded, STILL)
+def test_a_start_inside_a_rigid_wall_is_refused_and_inside_a_soft_one_is_taken():
+    for law, refused in ((SOFT, False), (fi.Rigid(0.5), True)):
+        preloaded = sprung(stops=[fi.Stop("wall", "mass", (-1e-3, math.inf), law)])
+        rest = fi.static_state(preloaded)[0]
+        fi.State(displacement=rest, equilibrium=True).relative_to_base(preloaded, STILL)
+        for start in (fi.State(displacement=0.9 * rest), fi.State(displacement=[0.0])):
+            if refused:
+                with pytest.raises(
+                    fi.InputError, match=r"initial\.wall\.gap = .* must start between its walls, -inf to -0\.001"
+                ):
+                    start.relative_to_base(preloaded, STILL)
+            else:
+                start.relative_to_base(preloaded, STILL)
 
 
 def test_a_constant_load_may_be_replaced_and_must_fit():

@@ -21,12 +21,12 @@ from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.channels import Motion, resolve_channels
 from femimpact.response.remarks import deflection_warnings
 from femimpact.response.response import Recorder, Response
-from femimpact.system.state import State
+from femimpact.system.state import ROUNDED, State
 from femimpact.system.system import System
 
 __all__ = ["check_memory", "integrate", "memory_needed"]
 
-ROUNDED = 1e-3
+OTHER_END = 1e-3
 """Share of its length by which a run may end elsewhere than was asked for, without a word."""
 
 
@@ -141,6 +141,7 @@ def integrate(
             *motion_notes(drive, system.length, start.time + duration),
             *_other_end(response, start.time + duration),
             *_stops_not_met(response),
+            *_begins_within(system, drive, start),
         )
         if not (warnings or notes):
             return response
@@ -168,6 +169,20 @@ def _other_end(response: Response, asked: float) -> tuple[str, ...]:
     if abs(end - asked) <= ROUNDED * (asked - response.start):
         return ()
     return (f"the run ends at {end:.6g} s, at a whole step or reading, and not at {asked:.6g} s",)
+
+
+def _begins_within(system: System, drive: Excitation, start: State) -> tuple[str, ...]:
+    """Notes on compliant walls that a start made by hand lies beyond: that may be a wrong unit."""
+    if start.continuation is not None or start.is_static_on(system):
+        return ()
+    u, _, y, _ = start.relative_to_base(system, drive)
+    notes = list[str]()
+    for j, pair in enumerate(system.contacts):
+        x = float(y[j] - pair.direction @ u)
+        side, depth = ("+", x - pair.gaps[0]) if x > 0.0 else ("-", -x - pair.gaps[1])
+        if depth > ROUNDED and not pair.parameters.is_rigid:
+            notes.append(f"{pair.name} starts in contact, {depth:.3g} m beyond its {side} wall")
+    return tuple(notes)
 
 
 def _stops_not_met(response: Response) -> list[str]:

@@ -59,6 +59,12 @@ class State:
     Where a stop is preloaded (a negative gap), a start without `displacement` is the static state: undeformed, the
     structure would be inside the stop.
 
+    A start may lie beyond a compliant wall, as a state within a contact does. The contact is then in progress: its law
+    pushes from the start on, or the pair leaves without force where k p + c p' of `KelvinVoigt` would pull, and the
+    energy V(p) of the wall is there at the start. A law that takes the approach speed v0 of its contact takes
+    sqrt(p'^2 + 2 V(p)/m), with which a pair of the effective mass m would have met the wall without loss. The row of
+    that contact in the table of impacts counts from the start on.
+
     Parameters
     ----------
     displacement, velocity : array_like (dofs,), optional
@@ -155,7 +161,7 @@ class State:
         Parameters
         ----------
         system : System
-            Its contacts do not act: a run refuses a start beyond their gaps.
+            Its contacts do not act: a run refuses a start beyond rigid walls.
         force : float, N
             Along the deflection.
         at : str or float, optional
@@ -233,14 +239,13 @@ class State:
         """u, u', y, y' at the start relative to the base (m and m/s), checked for size and gaps.
 
         y and y' have one entry for each contact pair: zero for stops that are fixed to the base, ub and ub' for
-        those fixed in space. Rigid contacts start between their walls, to 1e-12 m; compliant ones no deeper than
-        in the static state where the start refers to it (`State`). Where a run has left it
-        a contact may be anywhere.
+        those fixed in space. Rigid contacts start between their walls, to 1e-12 m, but where a run has left them;
+        compliant ones anywhere (`State`).
 
         Raises
         ------
         InputError
-            If values are not one for each dof or ball, or a contact starts beyond a wall.
+            If values are not one for each dof or ball, or a contact starts beyond a rigid wall.
         """
         balls, stops = len(system.balls), system.contacts[len(system.balls) :]
         rest = self.static_contacts(system, base)
@@ -259,10 +264,11 @@ class State:
         if self._left_there(system, base) is not None:
             return u, v, y, y_rate
         for j, pair in enumerate(system.contacts):
+            if not pair.parameters.is_rigid:
+                continue
             x = float(y[j] - pair.direction @ u)
             allowed = f"must start between its walls, {-pair.gaps[1]:g} to {pair.gaps[0]:g} m"
-            deep = 0.0 if rest is None else (1.0 + ROUNDED) * float(np.copysign(rest.depth[j], rest.normal[j]))
-            inside = min(deep, 0.0) - pair.gaps[1] - ROUNDED <= x <= pair.gaps[0] + max(deep, 0.0) + ROUNDED
+            inside = -pair.gaps[1] - ROUNDED <= x <= pair.gaps[0] + ROUNDED
             require(inside, f"initial.{pair.name}.gap", x, "m", allowed)
         return u, v, y, y_rate
 

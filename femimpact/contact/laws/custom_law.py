@@ -21,12 +21,12 @@ class CustomLaw:
     ----------
     force : callable or scipy.LowLevelCallable
         Function of three floats, penetration (m), its rate (m/s) and the approach speed at the start of the contact
-        (m/s), to the normal force (N). Its elastic part is force(depth, 0, approach_speed). The loop over steps calls
-        it as a C function: a function of Python is compiled by numba where that is installed (the extra `laws`),
-        else each call is one of Python, some 0.2 us. C functions are taken as they are: of ctypes with three
-        c_double and a c_double returned, of numba.cfunc, or a scipy.LowLevelCallable of
-        "double (double, double, double)". A function of Python that raises ends the run with its error; a C function
-        cannot raise, and ends the run only by a force that is no finite number.
+        (m/s; see `State` where a run starts within it), to the normal force (N). Its elastic part is
+        force(depth, 0, approach_speed). The loop over steps calls it as a C function: a function of Python is compiled
+        by numba where that is installed (the extra `laws`), else each call is one of Python, some 0.2 us. C functions
+        are taken as they are: of ctypes with three c_double and a c_double returned, of numba.cfunc, or a
+        scipy.LowLevelCallable of "double (double, double, double)". A function of Python that raises ends the run with
+        its error; a C function cannot raise, and ends the run only by a force that is no finite number.
     name : str
     reference_speed : float, m/s
         At which the contact time of step recommendations is taken.

@@ -43,6 +43,8 @@ LOSS_FACTORS: Mapping[str, Callable[[float], float]] = {
 class PowerLaw:
     """Force N = k p^n max(0, 1 + d p'/v0), v0 the approach speed at the start of each contact.
 
+    Of a contact that a run starts within, v0 is given by the energy of the start; see `State`.
+
     The common form of Hertz's law and of those that add damping in proportion to its force. They
     differ in nothing but the loss factor d that each author takes for a restitution e:
 

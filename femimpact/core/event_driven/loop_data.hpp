@@ -503,10 +503,11 @@ struct Space {
     Search search;
     Bounds bounds;
     Products products;
-    ComplexArray turn; // (K,) growth of the entries between two samples
-    Array impulse;     // (R,)
-    Array samples;     // (S,) w of the cycle that goes on, as far as it is read
-    Array extremes;    // (8,) extremes of a contact force and their times, as in a row of `Grid.cycles`
+    ComplexArray turn;  // (K,) growth of the entries between two samples
+    Array impulse;      // (R,)
+    View<Index, 1> row; // (R,) in the table, or behind it, of the last impact of each pair
+    Array samples;      // (S,) w of the cycle that goes on, as far as it is read
+    Array extremes;     // (8,) extremes of a contact force and their times, as in a row of `Grid.cycles`
 
     template <class Visitor> void fields(Visitor &visit) {
         visit.group("motion", motion);
@@ -520,6 +521,7 @@ struct Space {
         visit.group("products", products);
         visit("turn", turn, "K");
         visit("impulse", impulse, "R");
+        visit("row", row, "R");
         visit("samples", samples, "S");
         visit("extremes", extremes, "8");
     }

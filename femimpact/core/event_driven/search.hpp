@@ -11,6 +11,9 @@ enum : Index { END, HIT, REST, RELEASE, STUCK };
 
 constexpr Index MOST_ADVANCES = 10'000'000;
 
+// Advances in a row that are too short to change the time; a sine that stands with it is never past its wall.
+constexpr Index MOST_STANDING = 10'000;
+
 // Share of the largest entry below which one has decayed, and is left out from then on.
 constexpr double NEGLIGIBLE_SHARE = 1e-24;
 
@@ -116,7 +119,8 @@ constexpr double PI = 3.141592653589793;
 // Moves to the first event or to `until`: END, HIT, REST or RELEASE, the pair and side in `event`.
 [[gnu::noinline]] inline Index next_event(const Scalars &scalars, const Motion &motion, double until,
                                           const Search &search) {
-    for (Index advance = 0; advance < MOST_ADVANCES; advance++) {
+    Index standing = 0;
+    for (Index advance = 0; advance < MOST_ADVANCES && standing < MOST_STANDING; advance++) {
         Complex phase = unit_phase(scalars.omega, motion.clock);
         double remaining = until - motion.clock(0);
         measure(scalars, motion, larger(remaining, 0.0), search);
@@ -152,6 +156,7 @@ constexpr double PI = 3.141592653589793;
             motion.clock(0) = until;
             return END;
         }
+        standing = motion.clock(0) + safe == motion.clock(0) ? standing + 1 : 0;
         move(scalars, motion, safe);
     }
     return STUCK;

@@ -186,15 +186,17 @@ namespace FEMIMPACT_TARGET {
     if (start > time)
         start = time - c.touch(LASTED, j);
     Index row = tables.number(1);
-    if (row < tables.sticking.shape[0])
-        for (Index before = row - 1; before > larger(row - 1 - c.state.size(), Index(-1)); before--) {
-            Array out = tables.sticking.row(before);
-            if (out(0) == double(j) && out(1) == side && out(3) >= start) {
-                out(3) = time;
-                out(4) = out(4) + impulse;
-                return;
-            }
+    for (Index before = row - 1; before > larger(row - 1 - c.state.size(), Index(-1)); before--) {
+        // a full table may hold the phase that goes on
+        if (before >= tables.sticking.shape[0])
+            continue;
+        Array out = tables.sticking.row(before);
+        if (out(0) == double(j) && out(1) == side && out(3) >= start) {
+            out(3) = time;
+            out(4) = out(4) + impulse;
+            return;
         }
+    }
     if (time > start || impulse != 0.0) {
         if (row < tables.sticking.shape[0]) {
             Array out = tables.sticking.row(row);

@@ -63,6 +63,7 @@ constexpr double ROUNDING_SHARE = 1e-12;
     Array velocity = space.products.after.row(1);
     Index row = tables.number(0);
     tables.number(0) = row + 1;
+    space.row(r) = row;
     if (row < tables.impacts.shape[0]) {
         Array out = tables.impacts.row(row);
         out(0) = space.motion.clock(0);
@@ -305,19 +306,18 @@ constexpr double ROUNDING_SHARE = 1e-12;
     double back = rebound / -pairs.mobility(r, r);
     impulse(r) = -search.at_wall(r) * back;
     add_impulses(form, space);
-    // the last impact of a pair that sticks ends without rebound
-    for (Index row = smaller(tables.number(0), tables.impacts.shape[0]) - 1; row >= 0; row--)
-        if (tables.impacts(row, 1) == double(r)) {
-            tables.impacts(row, 4) = 0.0;
-            tables.impacts(row, 5) -= back;
-            tables.impacts(row, 8) += 0.5 * back * rebound;
-            Array velocity = space.products.after.row(1);
-            for (Index i = 0; b && i < b->loss_of_mode.shape[1]; i++) {
-                double own = pairs.direction(r, i) * impulse(r);
-                tables.impacts(row, 9 + i) += own * (velocity(i) + 0.5 * own / b->mass(i));
-            }
-            break;
+    // the last impact of a pair that sticks ends without rebound, be it in the table or not
+    Index row = space.row(r);
+    if (row < tables.impacts.shape[0]) {
+        tables.impacts(row, 4) = 0.0;
+        tables.impacts(row, 5) -= back;
+        tables.impacts(row, 8) += 0.5 * back * rebound;
+        Array velocity = space.products.after.row(1);
+        for (Index i = 0; b && i < b->loss_of_mode.shape[1]; i++) {
+            double own = pairs.direction(r, i) * impulse(r);
+            tables.impacts(row, 9 + i) += own * (velocity(i) + 0.5 * own / b->mass(i));
         }
+    }
     correct_impulse(r, space.motion.clock(0), -back, c);
     search.leaving(r) = 0.0;
 }

@@ -488,9 +488,10 @@ def working_space(block: Block, forms: Forms) -> Space:
         moments=np.zeros((entries, HIGHEST_DEGREE + 1), dtype=complex),
         rates=np.zeros((d, SERIES_TERMS)),
     )
-    rest: list[NDArray[np.float64 | np.complex128]] = [
+    rest: list[NDArray[np.float64 | np.complex128 | np.int64]] = [
         np.zeros(entries, dtype=complex),
         np.zeros(pairs),
+        np.zeros(pairs, dtype=np.int64),
         np.zeros(math.ceil(block.grid.per_cycle) + 1),
         np.zeros(len(CYCLE_COLUMNS) + EXTREMES),
     ]

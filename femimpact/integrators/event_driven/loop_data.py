@@ -264,6 +264,7 @@ class Space(NamedTuple):
     products: Products
     turn: Complex  # (K,) growth of the entries between two samples
     impulse: Array  # (R,)
+    row: Indices  # (R,) in the table, or behind it, of the last impact of each pair
     samples: Array  # (per_cycle + 1,) w of the cycle that goes on, as far as it is read
     extremes: Array  # (8,) extremes of a contact force and their times, as in a row of `Grid.cycles`
 

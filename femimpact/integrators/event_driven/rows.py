@@ -138,6 +138,7 @@ def _followed(rows: Rows, rate: Complex, load: Complex, driven: int) -> Array:
         own = load[2 - order, fast] if order < 3 else 0.0
         before = scipy.linalg.solve_triangular(rate[fast, fast], before - own) if before.size else before
         response[order, fast] = before
-    follow = (response @ rows.weight.T).real
+    # each row by itself: the rounding of a matrix product depends on its shape, and events not on what else is read
+    follow = np.sum(response[:, None, :] * rows.weight, axis=2).real
     follow[:3] += rows.through[::-1]
     return np.asarray(follow)

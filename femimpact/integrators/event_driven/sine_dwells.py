@@ -179,6 +179,8 @@ def _starts_of(system: System, cases: SineCases) -> tuple[Array, Array]:
         position -= np.outer(cases.amplitude * np.sin(cases.phase), rigid)
         velocity -= np.outer(scale * np.cos(cases.phase), rigid)
     for j, pair in enumerate(system.contacts):
+        if not pair.parameters.is_rigid:
+            continue
         other = 0.0 if pair.is_stop else position[:, n + j]
         x = other - position[:, :n] @ pair.direction
         inside = (x >= -cases.gaps[:, j, 1] - ROUNDED) & (x <= cases.gaps[:, j, 0] + ROUNDED)

@@ -216,13 +216,49 @@ def _placed(values: Array, place: int) -> Array:
 def _contacts_at_start(
     system: System, inputs: Inputs, pairs: layout.Pairs, ball: Array, touch: Array
 ) -> Array:  # fmt: skip
-    """Contacts that a static start is in: they are open from the start on. Returns the forces (N) of compliant ones.
+    """Contacts that a start is in: they are open from the start on. Returns the forces (N) of compliant ones.
 
-    The wall of a rigid one is moved to the start, less than rounding may: impulses look at whether a gap is closed.
+    The wall of a rigid one, in a static start, is moved to the start, less than rounding may: impulses look at whether
+    a gap is closed.
     """
     pushes = np.zeros(ball.shape[1:])
-    if not inputs.initial.is_static_on(system):
-        return pushes
+    if inputs.initial.is_static_on(system):
+        _static_contacts_at_start(system, inputs, pairs, ball, touch, pushes)
+    gaps = pairs.constants[[layout.GAP_PLUS, layout.GAP_MINUS]]
+    over = np.stack([ball[layout.X], -ball[layout.X]]) - gaps
+    within = (over.max(axis=0) > ROUNDED) & (touch[layout.OPEN] == 0.0) & (pairs.kind != RIGID)[:, None]
+    for j, c in np.argwhere(within).tolist():
+        pair = (inputs.each[c][0] if inputs.each else system).contacts[j]
+        side, depth = (1.0, float(over[0, j, c])) if over[0, j, c] > 0.0 else (-1.0, float(over[1, j, c]))
+        rate, x = side * float(ball[layout.RATE, j, c]), float(ball[layout.X, j, c])
+        speed = _approach_within(pair, depth, rate)
+        if pairs.kind[j] == SWITCHING_SPRING:
+            # its force is that of a spring from the centre on
+            force = elastic = pair.parameters.stiffness * abs(x)
+            pushes[j, c] = side * force - pairs.constants[layout.FREE_STIFFNESS, j, c] * x
+        else:
+            force, elastic = (pair.law.normal_force(depth, p, speed, pair.effective_mass) for p in (rate, 0.0))
+            pushes[j, c] = side * force
+        touch[layout.BUSY, j, c] = touch[layout.OPEN, j, c] = 1.0
+        touch[layout.SIDE, j, c], touch[layout.APPROACH, j, c] = side, speed
+        touch[layout.NORMAL, j, c] = touch[layout.PEAK, j, c] = force
+        touch[layout.DISSIPATIVE, j, c] = force - elastic
+    return pushes
+
+
+def _approach_within(pair: ContactPair, depth: float, rate: float) -> float:
+    """Approach speed (m/s) of a contact that a run starts in, at a depth (m) and its rate; see `State`."""
+    if pair.parameters.kind in (KELVIN_VOIGT, SWITCHING_SPRING):
+        return max(rate, 0.0)
+    # of a law of one's own the energy may depend on the speed itself
+    stored = pair.law.potential(depth, pair.effective_mass, abs(rate) or 1.0)
+    return math.sqrt(rate**2 + 2.0 * stored / pair.effective_mass)
+
+
+def _static_contacts_at_start(
+    system: System, inputs: Inputs, pairs: layout.Pairs, ball: Array, touch: Array, pushes: Array
+) -> None:  # fmt: skip
+    """Those of them that a static start is in, with their forces (N) in `pushes`."""
     found: dict[float, Any] = {}
     for c, excitation in enumerate(inputs.excitations):
         at = float(excitation.displacement(inputs.initial.time))
@@ -251,7 +287,6 @@ def _contacts_at_start(
             touch[layout.SIDE, j, c], touch[layout.APPROACH, j, c] = side, 0.0
             touch[layout.NORMAL, j, c] = touch[layout.PEAK, j, c] = force
             pushes[j, c] += side * force
-    return pushes
 
 
 def _drive(drives: Sequence[Drive], inputs: Inputs, dt: float) -> Array:
