@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import csv
+import hashlib
 import os
 import re
 import shutil
@@ -18,13 +21,14 @@ import pytest
 
 from femimpact import core
 from femimpact.core import compilation, compilers
-from femimpact.core.binary import source_hash
+from femimpact.core.binary import record_of, record_text, source_hash
 from femimpact.study.demo import paper_study_text
 
 ROOT = Path(__file__).parents[1]
 CORE = ROOT / "femimpact" / "core"
 SOURCES = {path.relative_to(ROOT).as_posix() for path in CORE.rglob("*.[ch]pp")}
 BINARY = compilation._binary_name()
+RECORD = record_of(Path(BINARY)).name
 
 ENVIRONMENT = {name: value for name, value in os.environ.items() if name not in ("FEMIMPACT_BUILD", "FEMIMPACT_CORE")}
 
@@ -54,7 +58,8 @@ def unpacked(sdist, tmp_path_factory):
         archive.extractall(folder, filter="data")
     root = next(folder.iterdir())
     if core.build_info()["kind"] == "release":
-        shutil.copy2(ROOT / "femimpact" / BINARY, root / "femimpact" / BINARY)
+        for name in (BINARY, RECORD):
+            shutil.copy2(ROOT / "femimpact" / name, root / "femimpact" / name)
     return root
 
 
@@ -71,9 +76,17 @@ def checkout(tmp_path):
     """What loads the core and its sources, in a separate place."""
     package = tmp_path / "femimpact"
     shutil.copytree(CORE, package / "core", ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("__init__.py", "errors.py", BINARY):
+    for name in ("__init__.py", "errors.py", "regular_file.py", BINARY, RECORD):
         shutil.copy2(ROOT / "femimpact" / name, package / name)
     return tmp_path
+
+
+def placed(checkout, content):
+    """The binary of a checkout, with this content and the record of it."""
+    binary = checkout / "femimpact" / BINARY
+    binary.write_bytes(content)
+    record_of(binary).write_bytes(record_text(content))
+    return binary
 
 
 # ---- wheel and sdist ------------------------------------------------------------------------------
@@ -93,7 +106,7 @@ def test_an_sdist_holds_every_source_and_no_binary(sdist):
 def test_a_wheel_holds_the_binary_and_nothing_of_its_build(wheel):
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
-    assert f"femimpact/{BINARY}" in names
+    assert {f"femimpact/{BINARY}", f"femimpact/{RECORD}"} <= set(names)
     core_files = sorted(Path(name).name for name in names if name.startswith("femimpact/core/"))
     assert core_files == ["__init__.py", "__init__.pyi", "binary.py"]
     # all else of the package is there: what git ignores is left out of a wheel without a word
@@ -117,6 +130,41 @@ def test_the_binary_of_a_wheel_is_loaded_without_sources_beside_it(wheel, tmp_pa
     code = "import sys; sys.path.insert(0, ''); from femimpact import core; print(core.build_info()['sources'])"
     done = ran("-I", "-c", code, cwd=tmp_path)
     assert done.stdout.strip() == source_hash(), done.stderr
+
+
+def test_a_wheel_whose_binary_a_repair_has_changed_gets_another_record(wheel, tmp_path):
+    repaired, folder = tmp_path / "repaired", tmp_path / "installed"
+    repaired.mkdir()
+    with zipfile.ZipFile(wheel) as old, zipfile.ZipFile(repaired / wheel.name, "w") as new:
+        for entry in old.infolist():
+            # as auditwheel, delocate and strip do; what follows the end of a library is not read
+            more = b"repaired" if entry.filename == f"femimpact/{BINARY}" else b""
+            new.writestr(entry, old.read(entry) + more)
+    done = ran(str(ROOT / ".ci" / "wheel_record.py"), str(repaired), cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    with zipfile.ZipFile(repaired / wheel.name) as archive:
+        archive.extractall(folder)
+        names = archive.namelist()
+        about = next(name for name in names if name.endswith(".dist-info/RECORD"))
+        rows = list(csv.reader(archive.read(about).decode().splitlines()))
+    with zipfile.ZipFile(wheel) as archive:
+        assert names == archive.namelist()
+    # what an installer compares: of the binary itself the repair writes it
+    (row,) = [row for row in rows if row[0] == f"femimpact/{RECORD}"]
+    content = (folder / row[0]).read_bytes()
+    digest = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).decode().rstrip("=")
+    assert row[1:] == [f"sha256={digest}", str(len(content))]
+    assert len(rows) == len(names)
+    assert content == record_text((folder / "femimpact" / BINARY).read_bytes())
+    if sys.platform == "linux":
+        assert ran("-I", "-c", LOAD, cwd=folder).stdout.strip() in compilers.targets_here()
+
+
+def test_the_record_of_a_wheel_is_written_after_its_repair_on_every_platform():
+    table = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["cibuildwheel"]
+    last = [step for step in table["overrides"] if "repair-wheel-command" in step]
+    assert [(step["select"], step["inherit"]["repair-wheel-command"]) for step in last] == [("*", "append")]
+    assert last[0]["repair-wheel-command"] == "python {project}/.ci/wheel_record.py {dest_dir}"
 
 
 @pytest.mark.parametrize("kind", ["checked", "sanitized", "fast"])
@@ -147,11 +195,15 @@ def test_an_unchanged_build_is_skipped(checkout, monkeypatch):
     lines = []
     monkeypatch.setattr(compilation, "find_compiler", lambda kind: release())
     key = compilation.build_key(checkout, release(), "release")
-    binary = checkout / "femimpact" / BINARY
-    binary.write_bytes(b"\x7fELF femimpact build key " + key.encode() + b"\0")
+    binary = placed(checkout, b"\x7fELF femimpact build key " + key.encode() + b"\0")
     assert not compilation.build(checkout, "release", lines.append)
     assert "up to date" in lines[0]
     assert not compilation.needs_zig(checkout, "release")
+    # one that is not that of its record is built again
+    binary.write_bytes(binary.read_bytes() + b"\0")
+    assert not compilation._is_built(checkout, key)
+    record_of(binary).unlink()
+    assert not compilation._is_built(checkout, key)
 
 
 def test_sources_compiler_and_flags_each_make_another_build(checkout, monkeypatch):
@@ -190,7 +242,8 @@ def test_a_binary_that_is_in_use_stays_whole(checkout, monkeypatch):
         assert compilation.build(checkout, "release", lambda line: None)
         assert in_use.read() == earlier
     assert binary.read_bytes() == b"new"
-    assert sorted(path.name for path in (checkout / "femimpact").glob("_core*")) == [BINARY]
+    assert record_of(binary).read_bytes() == record_text(b"new")
+    assert sorted(path.name for path in (checkout / "femimpact").glob("_core*")) == [BINARY, RECORD]
 
 
 def test_a_build_that_fails_leaves_the_binary(checkout, monkeypatch):
@@ -214,7 +267,32 @@ def test_a_binary_that_cannot_be_written_is_one_line(checkout, monkeypatch):
     monkeypatch.setattr(compilation.os, "replace", refuses)
     with pytest.raises(compilers.CompilationError, match=r"^.*: cannot be written: Permission denied$"):
         compilation.build(checkout, "release", lambda line: None)
-    assert sorted(path.name for path in (checkout / "femimpact").glob("_core*")) == [BINARY]
+    assert sorted(path.name for path in (checkout / "femimpact").glob("_core*")) == [BINARY, RECORD]
+
+
+FULL = """
+import resource, sys
+from pathlib import Path
+sys.path.insert(0, "")
+from femimpact.core import compilation, compilers
+made = Path("made")
+made.write_bytes(bytes(5000))
+compilation.find_compiler = lambda kind: compilers.Compiler("gcc 12.2.0", ("c++",), ("c++",))
+compilation._compile = lambda *arguments: made
+resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))
+compilation.main()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits of a process")
+def test_a_disk_without_room_is_one_line_with_the_file_that_was_to_be_written(checkout):
+    files = {name: (checkout / "femimpact" / name).read_bytes() for name in (BINARY, RECORD)}
+    done = ran("-I", "-c", FULL, cwd=checkout)
+    assert done.returncode == 1
+    path = re.escape(str(checkout / "femimpact" / BINARY))
+    assert re.fullmatch(f"femimpact: {path}: cannot be written: .*\n", done.stderr)
+    found = {path.name: path.read_bytes() for path in (checkout / "femimpact").glob("_core*")}
+    assert found == files
 
 
 def test_a_compiler_is_called_without_a_shell_in_a_directory_of_its_own(no_compiler, monkeypatch, tmp_path):
@@ -265,9 +343,19 @@ def test_each_platform_has_its_flags_name_and_tag(monkeypatch, system, machine, 
 
 def test_a_path_of_windows_keeps_its_backslashes(monkeypatch):
     monkeypatch.setattr(sys, "platform", "win32")
-    given = compilers.given_words(r'"C:\Program Files\LLVM\bin\clang++.exe" -target x86_64-windows-gnu')
+    monkeypatch.setenv("CXX", r'"C:\Program Files\LLVM\bin\clang++.exe" -target x86_64-windows-gnu')
+    given = compilers.given_words("CXX")
     assert given == (r"C:\Program Files\LLVM\bin\clang++.exe", "-target", "x86_64-windows-gnu")
-    assert compilers.given_words(None) == ()
+    monkeypatch.delenv("CXX")
+    assert compilers.given_words("CXX") == ()
+
+
+@pytest.mark.parametrize("variable", ["CXX", "CXXFLAGS", "LDFLAGS"])
+@pytest.mark.parametrize("text", ["-DNAME='a", '"', "-O2 \\"])
+def test_a_quotation_mark_that_is_not_closed_is_one_line(checkout, variable, text):
+    done = ran("-m", "femimpact.core.compilation", cwd=checkout, **{variable: text})
+    assert done.returncode == 1
+    assert re.fullmatch(f"femimpact: {variable} = .*: cannot be read as words of a shell: .*\n", done.stderr)
 
 
 def test_the_pages_name_the_versions_that_the_build_asks_for():
@@ -317,6 +405,72 @@ def test_a_program_that_takes_no_new_language_is_passed_over(no_compiler, monkey
         monkeypatch.setenv("PATH", "")
         monkeypatch.setenv(variable, str(old))
     assert compilers.find_compiler("release").is_zig
+
+
+@pytest.fixture(scope="module")
+def compiler():
+    """The system's compiler."""
+    found = compilers.find_compiler("release")
+    if found.is_zig:
+        pytest.skip("no compiler of the system")
+    return found
+
+
+@pytest.mark.parametrize(
+    ("variable", "text", "said"),
+    [
+        ("CXXFLAGS", "-fno-such-flag", "-fno-such-flag"),
+        ("CXXFLAGS", "-include no_such_file.hpp", "no_such_file.hpp"),
+        ("LDFLAGS", "-lno_such_library", "no_such_library"),
+    ],
+)
+def test_flags_that_a_compiler_refuses_are_named_with_its_words(compiler, monkeypatch, variable, text, said):
+    monkeypatch.setenv(variable, text)
+    with pytest.raises(compilers.CompilationError) as refused:
+        compilers.find_compiler("release")
+    cause, command, words = str(refused.value).split("\n", 2)
+    assert cause.startswith(f"{variable} = '{text}': {compiler.name} ")
+    assert command.startswith("the compiler failed: ")
+    assert said in words
+
+
+def test_words_after_a_compiler_that_it_refuses_are_named(compiler, monkeypatch):
+    monkeypatch.setenv("CXX", f"{compiler.command[0]} -fno-such-flag")
+    with pytest.raises(compilers.CompilationError, match=r"^.* -fno-such-flag: the compiler fails with these words\n"):
+        compilers.find_compiler("release")
+
+
+def test_flags_are_not_blamed_for_what_fails_without_them(compiler, monkeypatch, tmp_path):
+    real, fails = compilers.run_compiler, []
+
+    def run(command, directory):
+        if "-c" in command:
+            fails.append(command)
+            raise compilers.CompilationError("the compiler failed: c++\nno room")
+        return real(command, directory)
+
+    monkeypatch.setattr(compilers, "run_compiler", run)
+    monkeypatch.setenv("CXXFLAGS", "-O2")
+    with pytest.raises(
+        compilers.CompilationError, match=r"^.* cannot build in .*\nthe compiler failed: c\+\+\nno room$"
+    ):
+        compilers.find_compiler("release")
+    assert len(fails) == 1
+
+
+def test_a_temporary_directory_that_cannot_be_written_is_not_the_compilers(compiler, monkeypatch, tmp_path):
+    # gcc takes a directory that it may not write in as one that it may where it runs as root
+    monkeypatch.setenv("TMPDIR", "/proc" if sys.platform == "linux" else str(tmp_path / "missing"))
+    assert compilers.find_compiler("release") == compiler
+
+
+def test_without_any_temporary_directory_one_line_says_so(monkeypatch):
+    def refuses(**options):
+        raise FileNotFoundError(2, "No usable temporary directory found in ['/tmp']")
+
+    monkeypatch.setattr(compilers.tempfile, "TemporaryDirectory", refuses)
+    with pytest.raises(compilers.CompilationError, match=r"^TMPDIR: cannot be written: No usable temporary .*$"):
+        compilers.find_compiler("release")
 
 
 def test_machines_without_a_target_are_one_line(monkeypatch):
@@ -409,9 +563,64 @@ def test_a_core_of_other_sources_is_one_line_with_the_command(checkout):
 
 
 def test_a_core_that_is_no_library_is_one_line(checkout):
-    (checkout / "femimpact" / BINARY).write_bytes(b"nothing")
+    placed(checkout, b"nothing")
     done = ran("-I", "-c", LOAD, cwd=checkout)
     assert re.fullmatch("REFUSED the compiled core cannot be loaded: .*\n", done.stdout), done.stderr
+
+
+def cut(binary):
+    binary.write_bytes(binary.read_bytes()[:100_000])
+
+
+def one_bit(binary):
+    content = bytearray(binary.read_bytes())
+    content[len(content) // 2] ^= 1
+    binary.write_bytes(content)
+
+
+def other_size(binary):
+    record_of(binary).write_bytes(b"1" + record_of(binary).read_bytes())
+
+
+def other_digest(binary):
+    text = record_of(binary).read_bytes()
+    record_of(binary).write_bytes(text[:-2] + (b"0\n" if text[-2:] != b"0\n" else b"1\n"))
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (cut, r"has 100,000 bytes of [\d,]+ \(.*\)"),
+        (one_bit, r"is not the file that was built: its SHA-256 is another \(.*\)"),
+        (lambda binary: binary.write_bytes(b""), r"has 0 bytes of [\d,]+ \(.*\)"),
+        (lambda binary: binary.write_bytes(binary.read_bytes() + b"\0"), r"has [\d,]+ bytes of [\d,]+ \(.*\)"),
+        (lambda binary: record_of(binary).unlink(), r"has no record of its size and SHA-256 \(.*\.record\)"),
+        (lambda binary: record_of(binary).write_bytes(b""), "has a record .* that is damaged .*"),
+        (lambda binary: record_of(binary).write_bytes(b"\xff" * 87), "has a record .* that is damaged .*"),
+        (lambda binary: record_of(binary).write_bytes(bytes(10**6)), r"cannot be read \(.*\.record: .*\)"),
+        (other_size, r"has [\d,]+ bytes of 1[\d,]+ \(.*\)"),
+        (other_digest, "is not the file that was built: .*"),
+    ],
+    ids=[
+        "cut",
+        "one bit",
+        "empty",
+        "longer",
+        "no record",
+        "record empty",
+        "record of bytes",
+        "record large",
+        "size",
+        "digest",
+    ],
+)
+def test_a_core_that_is_not_that_of_its_record_is_one_line_with_the_command(checkout, damage, words):
+    damage(checkout / "femimpact" / BINARY)
+    # in another process: one that loads a library that is cut short ends by a signal
+    done = ran("-I", "-c", LOAD, cwd=checkout)
+    command = re.escape(f"{sys.executable} -m pip install -e {checkout}")
+    assert re.fullmatch(f"REFUSED the compiled core {words}: run {command}\n", done.stdout), done.stdout + done.stderr
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def level():

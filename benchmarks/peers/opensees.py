@@ -6,6 +6,8 @@ except that it may pull at the end of a contact, which the problem rules out: no
 
 from __future__ import annotations
 
+import ctypes
+import importlib
 import importlib.util
 import tempfile
 from pathlib import Path
@@ -24,6 +26,15 @@ def missing() -> str:
     return "" if importlib.util.find_spec("openseespy") else "openseespy is not installed (extra peers)"
 
 
+def _opensees():
+    """OpenSees as a module."""
+    # its package for Linux brings liblapack, which does not find the libblas beside it
+    for package in filter(None, [importlib.util.find_spec("openseespylinux")]):
+        for library in Path(package.origin).parent.glob("lib/libblas.so.*"):
+            ctypes.CDLL(str(library))
+    return importlib.import_module("openseespy.opensees")
+
+
 def usual(task) -> float:
     """Step that the task asks for, s."""
     return task.dt
@@ -31,8 +42,7 @@ def usual(task) -> float:
 
 def history(problem, task, frequency, duration, setting):
     """The tip after every step of `setting` seconds, as its recorder writes it."""
-    import openseespy.opensees as ops
-
+    ops = _opensees()
     data = problem.data
     beam, count = data["beam"], data["elements"][0]
     area = beam["width"] * beam["thickness"]

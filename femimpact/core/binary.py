@@ -1,10 +1,16 @@
-"""The binary of the core: loaded once, where it fits this processor and comes of the sources beside it."""
+"""The binary of the core: loaded once, where it is whole, fits this processor and comes of the sources beside it.
+
+The build writes its size and SHA-256 into a file beside it. Both are compared before it is loaded, since a library that
+is cut short ends the process at the first read beyond its end.
+"""
 
 from __future__ import annotations
 
 import functools
 import hashlib
 import importlib
+import importlib.util
+import re
 import shlex
 import sys
 import sysconfig
@@ -12,10 +18,14 @@ from pathlib import Path
 from types import ModuleType
 
 from femimpact.errors import CoreError
+from femimpact.regular_file import read_regular
 
-__all__ = ["build_words", "loaded", "source_hash"]
+__all__ = ["build_words", "differs", "loaded", "record_of", "record_text", "source_hash"]
 
 HERE = Path(__file__).parent
+
+RECORD = re.compile(rb"([0-9]{1,12}) bytes, SHA-256 ([0-9a-f]{64})\n")
+"""All that the file beside the binary holds."""
 
 
 def source_hash(directory: Path = HERE) -> str:
@@ -29,6 +39,36 @@ def source_hash(directory: Path = HERE) -> str:
         found.update(f"{name}\0{len(contents)}\0".encode())
         found.update(contents)
     return found.hexdigest()
+
+
+def record_of(binary: Path) -> Path:
+    """The file beside a binary that says its size and SHA-256."""
+    return binary.with_name(f"{binary.name}.record")
+
+
+def record_text(content: bytes) -> bytes:
+    """What the record of a binary with this content says."""
+    return f"{len(content)} bytes, SHA-256 {hashlib.sha256(content).hexdigest()}\n".encode()
+
+
+def differs(binary: Path) -> str:
+    """In what a binary is not the file of its record, in words; "" where it is."""
+    record = record_of(binary)
+    try:
+        stated = RECORD.fullmatch(read_regular(record, 100))
+        if stated is None:
+            return f"has a record of its size and SHA-256 that is damaged ({record})"
+        size, found = int(stated[1]), binary.stat().st_size
+        if found != size:
+            return f"has {found:,} bytes of {size:,} ({binary})"
+        if record_text(read_regular(binary, size)) != stated[0]:
+            return f"is not the file that was built: its SHA-256 is another ({binary})"
+    except FileNotFoundError as error:
+        what = "record of its size and SHA-256" if error.filename == str(record) else "file"
+        return f"has no {what} ({error.filename})"
+    except OSError as error:
+        return f"cannot be read ({error.filename or binary}: {error.strerror or error})"
+    return ""
 
 
 def build_words() -> str:
@@ -54,10 +94,14 @@ def loaded() -> ModuleType:
     """
     if sysconfig.get_config_var("Py_GIL_DISABLED"):
         raise CoreError("the compiled core is not made for free-threaded Python: use a build of Python with its lock")
+    found = importlib.util.find_spec("femimpact._core")
+    if found is None or found.origin is None:
+        raise CoreError(f"the compiled core is missing: {_rebuild()}")
+    fault = differs(Path(found.origin))
+    if fault:
+        raise CoreError(f"the compiled core {fault}: {_rebuild()}")
     try:
         module = importlib.import_module("femimpact._core")
-    except ModuleNotFoundError:
-        raise CoreError(f"the compiled core is missing: {_rebuild()}") from None
     except ImportError as error:
         # of the binary itself, or of the loader, which may take several lines
         raise CoreError(f"the compiled core cannot be loaded: {' '.join(str(error).split())}") from None

@@ -12,15 +12,14 @@ import os
 import platform
 import re
 import shlex
-import shutil
 import sys
 import sysconfig
-import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
-from femimpact.core.binary import source_hash
+from femimpact.core.binary import differs, record_of, record_text, source_hash
 from femimpact.core.compilers import (
     KINDS,
     ZIG,
@@ -31,6 +30,7 @@ from femimpact.core.compilers import (
     link_command,
     run_compiler,
     targets_here,
+    temporary_directory,
 )
 
 __all__ = ["asked_kind", "build", "build_key", "needs_zig", "wheel_tag", "zig_requirement"]
@@ -82,7 +82,7 @@ def needs_zig(root: Path, kind: str) -> bool:
 
 def _is_built(root: Path, key: str) -> bool:
     binary = root / "femimpact" / _binary_name()
-    return binary.is_file() and f"femimpact build key {key}".encode() in binary.read_bytes()
+    return not differs(binary) and f"femimpact build key {key}".encode() in binary.read_bytes()
 
 
 def build(root: Path, kind: str, say: Callable[[str], None] = print) -> bool:
@@ -119,19 +119,25 @@ def build(root: Path, kind: str, say: Callable[[str], None] = print) -> bool:
             "--no-build-isolation"
         )
     say(f"compiling the core with {compiler.name} ({kind})")
+    with temporary_directory() as directory:
+        content = _compile(root, compiler, kind, key, directory).read_bytes()
     binary = root / "femimpact" / _binary_name()
-    # beside it and renamed: a process that has the earlier one open goes on with it
-    part = binary.with_name(f"{binary.name}.{os.getpid()}")
-    try:
-        with tempfile.TemporaryDirectory(prefix="femimpact-") as directory:
-            made = _compile(root, compiler, kind, key, directory)
-            shutil.copyfile(made, part)
-        os.replace(part, binary)
-    except OSError as error:
-        raise CompilationError(f"{error.filename or binary}: cannot be written: {error.strerror or error}") from None
-    finally:
-        part.unlink(missing_ok=True)
+    _write(binary, content)
+    _write(record_of(binary), record_text(content))
     return True
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file whole: beside it and renamed, so that a process that has the earlier one open goes on with it."""
+    part = path.with_name(f"{path.name}.{os.getpid()}")
+    try:
+        part.write_bytes(content)
+        os.replace(part, path)
+    except OSError as error:
+        raise CompilationError(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        with suppress(OSError):
+            part.unlink()
 
 
 def _compile(root: Path, compiler: Compiler, kind: str, key: str, directory: str) -> Path:

@@ -12,7 +12,8 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,6 +28,7 @@ __all__ = [
     "link_command",
     "run_compiler",
     "targets_here",
+    "temporary_directory",
 ]
 
 ZIG = "0.17.1"
@@ -119,10 +121,16 @@ def _machine() -> str:
 
 
 def find_compiler(kind: str) -> Compiler:
-    """The system's compiler, or zig where there is none that takes C++20 or where the kind is "zig"."""
+    """The system's compiler, or zig where there is none that takes C++20 or where the kind is "zig".
+
+    Raises
+    ------
+    CompilationError
+        If the system's compiler takes C++20 and cannot build for another reason: which, and what it says.
+    """
     if kind != "zig":
-        for words in (os.environ.get("CXX"), os.environ.get("CC"), "c++", "g++", "clang++"):
-            found = _system_compiler(given_words(words), kind)
+        for name in ("CXX", "CC", "c++", "g++", "clang++"):
+            found = _system_compiler(given_words(name) if name.isupper() else (name,), kind)
             if found is not None:
                 return found
     if kind == "sanitized":
@@ -130,33 +138,75 @@ def find_compiler(kind: str) -> Compiler:
     return _zig()
 
 
-def given_words(text: str | None) -> tuple[str, ...]:
+def given_words(variable: str) -> tuple[str, ...]:
     """Words of a variable of the environment; of a path of Windows the backslashes stay."""
-    if sys.platform != "win32":
-        return tuple(shlex.split(text or ""))
-    return tuple(word.strip('"') for word in shlex.split(text or "", posix=False))
+    text = os.environ.get(variable) or ""
+    try:
+        if sys.platform != "win32":
+            return tuple(shlex.split(text))
+        return tuple(word.strip('"') for word in shlex.split(text, posix=False))
+    except ValueError as error:
+        # a quotation mark that is not closed, or a backslash at the end
+        raise CompilationError(f"{variable} = {text!r}: cannot be read as words of a shell: {error}") from None
 
 
 def _system_compiler(command: tuple[str, ...], kind: str) -> Compiler | None:
-    """The compiler of a command, if it is there and takes the flags of a build."""
+    """The compiler of a command, if it is there and takes what it is given by us."""
     program = shutil.which(command[0]) if command else None
     # Microsoft's, and clang in its place, have other options
     if program is None or Path(program).stem.lower() in ("cl", "clang-cl"):
         return None
     command = (str(Path(program).absolute()), *command[1:])
-    with tempfile.TemporaryDirectory(prefix="femimpact-") as directory:
+    with temporary_directory() as directory:
         source = Path(directory, "test.cpp")
         source.write_text(C20_TEST, encoding="utf-8")
         try:
             macros = run_compiler([*command, "-dM", "-E", str(source)], directory)
-            compiler = Compiler(_name_of(macros), command, command)
-            flags = compile_flags(compiler, kind, targets_here()[-1])
-            run_compiler([*command, *flags, "-c", str(source), "-o", "test.o"], directory)
-            run_compiler(link_command(compiler, kind, ["test.o"], "test.so"), directory)
+        except CompilationError as error:
+            if len(command) == 1 or _system_compiler(command[:1], kind) is None:
+                return None
+            raise CompilationError(f"{shlex.join(command)}: the compiler fails with these words\n{error}") from None
+        # some other program may end well whatever it is told
+        if "__GNUC__" not in macros:
+            return None
+        compiler = Compiler(_name_of(macros), command, command)
+        ours = compile_flags(compiler, kind, targets_here()[-1], given=())
+        try:
+            # nothing is written: what it refuses here is newer than it
+            run_compiler([*command, *ours, "-fsyntax-only", str(source)], directory)
         except CompilationError:
             return None
-        # some other program may end well whatever it is told
-        return compiler if Path(directory, "test.so").is_file() else None
+        _check_given(compiler, kind, source)
+    return compiler
+
+
+def _check_given(compiler: Compiler, kind: str, source: Path) -> None:
+    """Refuse what keeps a compiler from building that takes our flags: those of the environment, or else the system."""
+    target = targets_here()[-1]
+
+    def compiling(given: Sequence[str]) -> list[str]:
+        flags = compile_flags(compiler, kind, target, given)
+        return [*compiler.command, *flags, "-c", str(source), "-o", "test.o"]
+
+    def linking(given: Sequence[str]) -> list[str]:
+        return link_command(compiler, kind, ["test.o"], "test.so", given)
+
+    given = {name: given_words(name) for name in ("CXXFLAGS", "LDFLAGS")}
+    steps: list[tuple[list[str], list[str]]] = [([], compiling(())), ([], linking(()))]
+    if any(given.values()):
+        # a linker may refuse what was compiled with other flags
+        steps += [(["CXXFLAGS"], compiling(given["CXXFLAGS"])), ([*given], linking(given["LDFLAGS"]))]
+    directory = str(source.parent)
+    for names, command in steps:
+        try:
+            run_compiler(command, directory)
+        except CompilationError as error:
+            flags = " and ".join(f"{name} = {os.environ[name]!r}" for name in names if given[name])
+            cause = f"{flags}: {compiler.name} builds without this, and fails with it"
+            if not names:
+                other = "CXX=... or FEMIMPACT_BUILD=zig takes another compiler"
+                cause = f"{compiler.name} cannot build in {directory}; {other}"
+            raise CompilationError(f"{cause}\n{error}") from None
 
 
 def _name_of(macros: str) -> str:
@@ -190,8 +240,8 @@ def _zig() -> Compiler:
 # ---- flags ----------------------------------------------------------------------------------------
 
 
-def compile_flags(compiler: Compiler, kind: str, target: str) -> list[str]:
-    """Flags of one object; `common` is what every processor runs."""
+def compile_flags(compiler: Compiler, kind: str, target: str, given: Sequence[str] | None = None) -> list[str]:
+    """Flags of one object, after those of CXXFLAGS or others; `common` is what every processor runs."""
     ours = list(COMMON_FLAGS + KIND_FLAGS["release" if kind == "zig" else kind])
     if compiler.is_zig:
         ours.append("-fno-sanitize=undefined")
@@ -203,12 +253,14 @@ def compile_flags(compiler: Compiler, kind: str, target: str) -> list[str]:
         ours.append("-mcpu=baseline")
     if sys.platform == "darwin":
         ours.append("-mmacosx-version-min=11.0")
-    return [*given_words(os.environ.get("CXXFLAGS")), *ours, f"-DFEMIMPACT_TARGET={target}"]
+    return [*(given_words("CXXFLAGS") if given is None else given), *ours, f"-DFEMIMPACT_TARGET={target}"]
 
 
-def link_command(compiler: Compiler, kind: str, objects: Sequence[str], binary: str) -> list[str]:
-    """Command of a shared library that needs no library of C++."""
-    given = given_words(os.environ.get("LDFLAGS"))
+def link_command(
+    compiler: Compiler, kind: str, objects: Sequence[str], binary: str, given: Sequence[str] | None = None
+) -> list[str]:
+    """Command of a shared library that needs no library of C++, with the words of LDFLAGS or others."""
+    given = given_words("LDFLAGS") if given is None else given
     # of the sanitizers' libraries those that the driver adds
     sanitizers = [flag for flag in KIND_FLAGS.get(kind, ()) if flag.startswith("-fsanitize")]
     ours = ["-shared", "-fno-lto", "-fno-fast-math", *sanitizers]
@@ -228,13 +280,26 @@ def link_command(compiler: Compiler, kind: str, objects: Sequence[str], binary: 
     return [*compiler.link, *given, *ours[:1], *objects, "-o", binary, *ours[1:], "-lm"]
 
 
+@contextmanager
+def temporary_directory() -> Iterator[str]:
+    """An empty directory, for as long as it is used; what cannot be written in it is one line."""
+    where = "TMPDIR"
+    try:
+        with tempfile.TemporaryDirectory(prefix="femimpact-") as directory:
+            where = directory
+            yield directory
+    except OSError as error:
+        raise CompilationError(f"{error.filename or where}: cannot be written: {error.strerror or error}") from None
+
+
 def run_compiler(command: Sequence[str], directory: str) -> str:
     """What a compiler prints that is run in a directory, without a shell."""
-    # what zig keeps from one call to the next goes with the directory
-    caches = dict.fromkeys(("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"), str(Path(directory, "zig-cache")))
+    # what zig keeps from one call to the next goes with the directory, and so do a compiler's temporary files
+    places = dict.fromkeys(("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"), str(Path(directory, "zig-cache")))
+    places |= dict.fromkeys(("TMPDIR", "TMP", "TEMP"), directory)
     try:
         done = subprocess.run(
-            command, cwd=directory, env=os.environ | caches, capture_output=True, text=True, errors="replace"
+            command, cwd=directory, env=os.environ | places, capture_output=True, text=True, errors="replace"
         )
     except OSError as error:
         raise CompilationError(f"{command[0]}: {error.strerror or error}") from None
