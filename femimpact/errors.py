@@ -18,38 +18,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = [
-    "CoreError",
-    "DivergenceError",
-    "Fault",
-    "FemimpactError",
-    "InputError",
-    "InputWarning",
-    "allowed_range",
-    "check_fields",
-    "checked",
-    "choice",
-    "column",
-    "field_faults",
-    "having",
-    "in_range",
-    "instance",
-    "items",
-    "kind_of",
-    "optional",
-    "place",
-    "quantity",
-    "real_array",
-    "require",
-    "require_name",
-    "require_path",
-    "require_type",
-    "rising_numbers",
-    "suggestion",
-    "takes",
-    "text",
-    "truth",
-]
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -1,12 +1,10 @@
-"""The one place that opens files for reading: regular files only, whose size is looked at before.
-
-A pipe would be waited for without end, and a device such as /dev/zero has no end.
-"""
+"""Files that are read: regular files only, within a limit of size; and the decimal numbers that stand in their text."""
 
 from __future__ import annotations
 
 import errno
 import os
+import re
 import stat
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,7 +13,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from io import BufferedReader
 
-__all__ = ["check_regular", "open_regular", "read_regular"]
+DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+
+
+def decimal_number(text: str) -> float | None:
+    """The number that a text is, with white space around it at most; None where it is not a number."""
+    return float(text) if DECIMAL.fullmatch(text.strip()) else None
+
 
 KINDS = ((stat.S_ISDIR, "a directory"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISCHR, "a device"),
          (stat.S_ISBLK, "a device"), (stat.S_ISSOCK, "a socket"))  # fmt: skip

@@ -12,21 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import require_name
-from femimpact.svg.chart import notebook_markup
+from femimpact.svg import notebook_markup
 
 if TYPE_CHECKING:
     import pandas
 
-__all__ = [
-    "Head",
-    "column_units",
-    "flat_columns",
-    "frame_of",
-    "head_of_columns",
-    "head_of_values",
-    "named_column",
-    "short_repr",
-]
 
 WIDTH = 80
 """Characters of a line of text."""

@@ -11,8 +11,6 @@ import numpy as np
 from femimpact.contact.restitution import EFFECTIVE_MASS
 from femimpact.errors import check_fields, checked, quantity, require
 
-__all__ = ["Collision", "collision_of", "crest", "integrated_collision", "mass_and_speed"]
-
 
 @dataclass(frozen=True)
 class Collision:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from typing import Any, Protocol, runtime_checkable
 
-from femimpact.contact.callback import ForceFunction, is_force
 from femimpact.contact.collision import Collision, mass_and_speed
-from femimpact.contact.formulas import CUSTOM, KELVIN_VOIGT, POWER, RIGID, SWITCHING_SPRING
-from femimpact.contact.parameters import ContactParameters
-from femimpact.contact.restitution import EFFECTIVE_MASS
+from femimpact.contact.custom_law import ForceFunction, is_force
+from femimpact.contact.laws import ContactParameters
+from femimpact.contact.restitution import CUSTOM, EFFECTIVE_MASS, KELVIN_VOIGT, POWER, RIGID, SWITCHING_SPRING
 from femimpact.errors import checked, having, quantity, require
-
-__all__ = ["ContactLaw", "a_law", "collide", "contact_force", "contact_potential", "require_law", "resolve"]
 
 KINDS = (KELVIN_VOIGT, SWITCHING_SPRING, POWER, CUSTOM, RIGID)
 

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.convergence.orders import extrapolated, fitted_order
+from femimpact.arrays import Array
+from femimpact.convergence.table import extrapolated, fitted_order
 from femimpact.errors import check_fields, checked, column, quantity, require_type, rising_numbers, text
 from femimpact.excitation import Sine
 from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import MOST_ELEMENTS, Mesh, uniform_mesh
-from femimpact.integrators.integrate import integrate
+from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.response.response import Recorder
 from femimpact.structure.structure import Structure
@@ -26,9 +27,6 @@ from femimpact.table import flat_columns, frame_of, named_column
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["MeshConvergence", "StepConvergence", "converge_elements", "converge_step"]
-
-Array = NDArray[np.float64]
 
 ASSEMBLED_STIFFNESS_FLOOR = 4.0
 """Rounding of an assembled Hermite stiffness shifts the first frequency by about this times eps N^4 / sqrt(N)."""

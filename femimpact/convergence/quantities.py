@@ -7,22 +7,14 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from femimpact.convergence.cases import Case
-from femimpact.convergence.harmonic import newmark_frequency, time_factors
+from femimpact.arrays import Array
+from femimpact.convergence.cases import Case, newmark_frequency, time_factors
 from femimpact.errors import check_fields, checked, optional, place, quantity, require, text
 from femimpact.structure.structure import Position
 from femimpact.system.hermite import hermite_rows, place_in_element
 from femimpact.system.matrices import Matrix
 from femimpact.system.system import System
-
-__all__ = [
-    "BendingMoment", "Frequencies", "ModeShapes", "Reading", "SteadyResponse", "SupportReaction", "SurfaceStress",
-    "Watched",
-]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 
 class Reading(NamedTuple):

@@ -13,8 +13,6 @@ from types import ModuleType
 
 from femimpact.errors import CoreError
 
-__all__ = ["build_words", "loaded", "source_hash"]
-
 HERE = Path(__file__).parent
 
 

@@ -9,17 +9,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femimpact.arrays import Array
 from femimpact.errors import check_fields, quantity, real_array, require
 from femimpact.excitation.excitation import AT_SAMPLE, BrokenLine, times
-
-__all__ = [
-    "HIGHEST_DEGREE", "NODES", "ORDERS", "PiecewisePolynomial", "coefficients_through", "fitted", "motion_at",
-    "piece_at", "pieces_of",
-]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 HIGHEST_DEGREE = 5
 """Of a piece."""

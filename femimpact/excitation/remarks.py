@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from femimpact.excitation.chirp import Chirp
+from femimpact.arrays import Array
 from femimpact.excitation.excitation import BrokenLine, Excitation
+from femimpact.excitation.harmonic import Chirp
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.random_base import RandomBase
-
-__all__ = ["drive_warnings", "frequency_warnings", "is_pulse", "motion_notes", "motion_warnings"]
-
-Array = NDArray[np.float64]
 
 FAR = 0.5
 """Displacement of the base over the length of the beam beyond which a wrong unit, or an offset, is likely."""

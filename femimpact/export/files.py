@@ -14,8 +14,6 @@ from typing import Any
 
 from femimpact.errors import require, require_path
 
-__all__ = ["GuardedFile", "atomic_path", "atomic_write", "file_path", "to_disk"]
-
 NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EROFS)
 """What a file system that cannot do it answers."""
 

@@ -11,14 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.export.figures.drawing import BLUE, DARK, GREY, ORANGE, STYLE, name_at
-from femimpact.export.scene import BALL, BEAM, BOX, Scene, ball_radius
-from femimpact.export.scene_pieces import CONTACT_POINT, STOP
+from femimpact.export.scene import BALL, BEAM, BOX, CONTACT_POINT, STOP, Scene, ball_radius
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
 from femimpact.system.hermite import hermite_rows
-
-__all__ = ["HEIGHT", "VIEWS", "WIDTH", "Film", "sheets"]
 
 WIDTH, HEIGHT = 1280, 720
 """Pixels; multiples of 16, or the encoder would resize."""

@@ -24,9 +24,7 @@ from femimpact.export.files import atomic_write, to_disk
 from femimpact.parametric.evaluation import BlockValues
 from femimpact.parametric.identity import first_difference
 from femimpact.regular_file import read_regular
-from femimpact.study.result_files import FILES, OTHER_FILES, REPORT, STUDY_BLOCKS, earlier_files
-
-__all__ = ["BLOCKS", "BlockFolder", "blocks_of", "read_manifest"]
+from femimpact.study.result_directory import FILES, OTHER_FILES, REPORT, STUDY_BLOCKS, earlier_files
 
 BLOCKS = STUDY_BLOCKS
 MANIFEST = "study.json"

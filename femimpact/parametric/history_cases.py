@@ -7,21 +7,16 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.measures import Measure
-from femimpact.parametric.paths import Place, Stage, study_with
-from femimpact.parametric.starts import scaled_starts, structure_at_balls, unit_draws
+from femimpact.parametric.paths import Place, Stage, scaled_starts, structure_at_balls, study_with, unit_draws
 from femimpact.response.response import Recorder, Response
 from femimpact.study.study import Study
-from femimpact.system.computed import with_checked_pairs
+from femimpact.system.modes import with_checked_pairs
 from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
-
-__all__ = ["history_of_case", "value_of_history", "values_of_case"]
-
-Array = NDArray[np.float64]
 
 INSTANTS = 4096
 """Of a motion at which its largest speed is looked for, which scales the speeds of starts."""

@@ -23,8 +23,6 @@ from femimpact.parametric.definition import ParameterStudy
 from femimpact.study.study import Study
 from femimpact.system.system import System
 
-__all__ = ["code_key", "first_difference", "plain_study", "sources_key", "study_key"]
-
 NUMERICAL = ("contact", "excitation", "fem", "integrators", "response", "structure", "system", "parametric")
 """Folders whose sources decide the numbers."""
 

@@ -11,17 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, require, suggestion
-from femimpact.export.study_columns import BESIDE, STATISTICS
-from femimpact.integrators.answers import SineDwellResults
+from femimpact.export.tables import BESIDE, STATISTICS
+from femimpact.integrators.cases import SineDwellResults
 from femimpact.response.channels import resolve_channels
 from femimpact.response.impacts import statistics_of_cases
 from femimpact.response.response import Response
 from femimpact.system.system import System
-
-__all__ = ["MEASURES", "Measure", "Source", "check_names", "columns_of", "measures_of", "of_response"]
-
-Array = NDArray[np.float64]
 
 
 class Source(Enum):

@@ -1,4 +1,4 @@
-"""Values of a study by their paths: which there are, in which unit, what a change of each asks for, and the change."""
+"""Where the balls of a case start: the same unit draws for every case, scaled to its gaps and its base."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
 
-from femimpact.errors import Fault, InputError, suggestion
-from femimpact.integrators.methods import METHODS
-from femimpact.study.signal_motion import SignalMotion
-from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Reduction, Study
-from femimpact.system.system import System
+import numpy as np
 
-__all__ = [
-    "Place", "Stage", "damping_with", "paths_of_function", "paths_of_study", "paths_of_system", "study_with",
-    "unknown_path",
-]  # fmt: skip
+from femimpact.arrays import Array
+from femimpact.errors import Fault, InputError, suggestion
+from femimpact.excitation import Excitation
+from femimpact.integrators.methods import METHODS
+from femimpact.study.base_motion import SignalMotion
+from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Reduction, Study
+from femimpact.system.state import State
+from femimpact.system.system import System
 
 
 class Stage(IntEnum):
@@ -252,3 +252,34 @@ def unknown_path(path: str, known: Mapping[str, Place], of_system: bool) -> Faul
     if of_system and path.partition(".")[0] in parts:
         return Fault(path, None, "", f"{FIXED}: give a Study, or a function that returns a structure")
     return Fault(path, None, "", suggestion(path, known))
+
+
+def unit_draws(starts: int, balls: int, seed: int) -> Array:
+    """Numbers (starts, balls, 2) from 0 to 1, for the place and the speed of each ball; those of fewer starts first."""
+    return np.random.default_rng(seed).random((starts, balls, 2))
+
+
+def scaled_starts(draws: Array, gaps: Array, speed: Array) -> tuple[Array, Array]:
+    """Places of balls uniform in their gaps, speeds uniform within +- a speed, relative to the state of the structure.
+
+    Parameters
+    ----------
+    draws : ndarray (starts, balls, 2)
+    gaps : ndarray (cases, balls, 2), m
+        To the + and to the - side.
+    speed : ndarray (cases,), m/s
+        Amplitude times angular frequency of the base.
+
+    Returns
+    -------
+    displacement, velocity : ndarray (cases, starts, balls), m and m/s
+    """
+    plus, minus = gaps[:, None, :, 0], gaps[:, None, :, 1]
+    displacement = -minus + (plus + minus) * draws[None, :, :, 0]
+    return displacement, speed[:, None, None] * (2.0 * draws[None, :, :, 1] - 1.0)
+
+
+def structure_at_balls(system: System, initial: State, base: Excitation) -> Array:
+    """Displacement (m) of the structure at each ball where a run starts, (balls,): of a static state it is not zero."""
+    u, *_ = initial.relative_to_base(system, base)
+    return np.array([pair.direction @ u for pair in system.balls])

@@ -13,24 +13,21 @@ import numpy as np
 from femimpact.errors import Fault, InputError, require
 from femimpact.export import figures, tables
 from femimpact.export.files import atomic_write
-from femimpact.export.study_columns import measure_names, value_words
-from femimpact.parametric.cluster import connected
+from femimpact.export.tables import measure_names, value_words
 from femimpact.parametric.definition import ParameterStudy
-from femimpact.parametric.progress import StudyProgress
-from femimpact.parametric.statistics_over_starts import over_starts
-from femimpact.parametric.verb import run_parameter_study, to_stderr
-from femimpact.parametric.workers import block_cases
+from femimpact.parametric.labelled import over_starts
+from femimpact.parametric.verb import StudyProgress, run_parameter_study, to_stderr
+from femimpact.parametric.workers import block_cases, connected
 from femimpact.response.response import Recorder
 from femimpact.study.cost import START, history_cost
-from femimpact.study.result_files import FILES, OTHER_FILES
-from femimpact.study.result_report import add_report
+from femimpact.study.result_directory import FILES, OTHER_FILES
+from femimpact.study.result_page import add_report
 from femimpact.study.study import Study
-from femimpact.study.study_text import study_text
+from femimpact.study.study_file import study_text
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["definition_of", "plan_lines", "summary_lines", "write_parameter_study"]
 
 SECONDS_OF_MODES = 0.006
 """Making the system of a case whose modes are its own, s."""
@@ -174,7 +171,7 @@ def plan_lines(study: Study) -> list[str]:
     InputError
         As of `definition_of`.
     """
-    from femimpact.integrators.threads import cores
+    from femimpact.integrators.cases import cores
     from femimpact.parametric.measures import Source
     from femimpact.parametric.paths import Stage
 

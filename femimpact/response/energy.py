@@ -6,17 +6,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import check_fields, column
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["BALANCED", "CLOSED", "EnergyLedger", "energy_residual", "largest_input", "residual_warnings", "unbalanced"]
-
-Array = NDArray[np.float64]
 
 CLOSED = 1e-9
 """Residual that rounding leaves of a ledger in closed form, unless contacts are so stiff that it leaves more."""

@@ -9,21 +9,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import check_fields, column, quantity, require_type, text
-from femimpact.svg.axis import axis_of
-from femimpact.svg.chart import Chart, Line
+from femimpact.svg import Chart, Line, axis_of
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
-__all__ = [
-    "IMPACT_UNITS", "STICKING_UNITS", "ImpactStatistics", "Impacts", "StickingPhases", "impact_columns",
-    "impact_statistics", "statistics_of_cases",
-]  # fmt: skip
+# the first two are extremes of the motion, the others sums over samples; see signals.CycleStatistics
+CYCLE_COLUMNS = ("maximum", "minimum", "square", "sine", "cosine", "samples")
+MAXIMUM, MINIMUM = range(2)
+ENERGY_COLUMNS = ("kinetic", "strain", "ball", "contact", "work", "structure_loss", "contact_loss")
+IMPACT_COLUMNS = (
+    "time", "pair", "side", "approach_speed", "rebound_speed", "impulse", "peak_force", "duration", "energy_loss",
+)  # fmt: skip
+TOTAL_COLUMNS = ("count", "approach_speed", "approach_speed_max", "impulse", "peak_force", "force_time")
+COUNT, APPROACH_SUM, LARGEST_APPROACH, IMPULSE_SUM, PEAK_FORCE, FORCE_TIME = range(6)
+# the first four count impacts that end within the window; the last two every force in it, sticking included
 
-Array = NDArray[np.float64]
 
 MOST_DRAWN = 6
 """Balls and stops whose impacts a notebook shows."""

@@ -8,13 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import check_fields, checked, choice, kind_of, quantity, require, require_type, text
 from femimpact.response.impacts import Impacts, StickingPhases
-
-__all__ = ["Regime", "RegimeCriteria", "classify", "impacts_per_cycle", "significant", "without_cycle"]
-
-Array = NDArray[np.float64]
-
 
 MOST_CYCLES = 1e8
 """Of a window; more is taken for a mistake."""

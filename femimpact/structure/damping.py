@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import check_fields, checked, quantity, real_array, require
 
-__all__ = ["ModalDamping", "Rayleigh", "rayleigh_coefficients", "realised_damping_ratio"]
-
 
 @dataclass(frozen=True)
 class Rayleigh:

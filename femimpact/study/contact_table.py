@@ -13,12 +13,9 @@ from femimpact.contact import ContactLaw, collide
 from femimpact.errors import require
 from femimpact.export import figures, tables
 from femimpact.integrators.methods import Method
-from femimpact.study.result_directory import prepare_directory
-from femimpact.study.result_files import FILES, OTHER_FILES
+from femimpact.study.result_directory import FILES, OTHER_FILES, prepare_directory
 from femimpact.study.study import Study, build_systems, method_for, read_mesh_of
 from femimpact.system.contact_pair import ContactPair
-
-__all__ = ["UNITS", "approach_speeds", "contact_table", "write_contact_table"]
 
 SPEEDS = 7
 UNITS = {

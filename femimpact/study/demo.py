@@ -20,9 +20,8 @@ from femimpact.errors import Fault, InputError
 from femimpact.export import figures, tables
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.study.prepared import PreparedStudy, prepare, with_base
-from femimpact.study.result_directory import prepare_directory
-from femimpact.study.result_files import OTHER_FILES
-from femimpact.study.result_report import add_report
+from femimpact.study.result_directory import OTHER_FILES, prepare_directory
+from femimpact.study.result_page import add_report
 from femimpact.study.results import StudyResults, load
 from femimpact.study.run import (
     Found,
@@ -41,8 +40,6 @@ from femimpact.study.study_file import load_study
 from femimpact.study.summary import Spread, SweepPair, spread_of, summary_of
 from femimpact.sweep import FrequencyResponse, frequency_sweep
 from femimpact.system.state import State
-
-__all__ = ["PUBLISHED", "Demo", "ScanPlan", "median_scan", "paper_study", "paper_study_text", "run_demo"]
 
 PUBLISHED: Mapping[str, float] = {
     "frequency_empty_theory": 5.30,

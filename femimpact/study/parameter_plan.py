@@ -12,8 +12,6 @@ import numpy as np
 
 from femimpact.errors import Fault, InputError, check_fields, checked, choice, instance, optional, quantity, text
 
-__all__ = ["DISTRIBUTIONS", "AxisValues", "Distribution", "ParameterPlan", "SamplePlan", "axis_from"]
-
 MOST_POINTS = 10_000_000
 """Of an axis or of a sample; more is taken for a mistake."""
 

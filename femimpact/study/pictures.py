@@ -20,11 +20,8 @@ from typing import IO, Any
 
 from femimpact.errors import Fault, InputError, require
 from femimpact.study.picture_data import read_bands, read_curves, read_film, read_last_cycles, read_mode_shapes
-from femimpact.study.result_directory import update_results
-from femimpact.study.result_files import FILES
+from femimpact.study.result_directory import FILES, update_results
 from femimpact.study.results import read_summary, write_summary
-
-__all__ = ["KINDS", "child", "draw", "draw_again", "draw_in_child", "with_pictures"]
 
 KINDS = ("figures", "movie")
 """In the order in which they are drawn: what fails most comes last."""

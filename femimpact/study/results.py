@@ -16,25 +16,20 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.export import tables
 from femimpact.regular_file import check_regular, open_regular
-from femimpact.study.result_directory import ResultsWarning, unfinished_state
-from femimpact.study.result_files import FILES, OTHER_FILES, SUMMARY, replaced_by, result_files
+from femimpact.study.result_directory import (
+    FILES,
+    OTHER_FILES,
+    SUMMARY,
+    ResultsWarning,
+    replaced_by,
+    result_files,
+    unfinished_state,
+)
 from femimpact.table import Head, head_of_values, short_repr
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = [
-    "STICKING_FILE",
-    "StudyResults",
-    "checksum",
-    "load",
-    "read_dataset",
-    "read_json",
-    "read_sticking",
-    "read_summary",
-    "read_table",
-    "write_summary",
-]
 
 STICKING_FILE = OTHER_FILES["sticking"]
 

@@ -25,13 +25,11 @@ from femimpact.identification import (
 )
 from femimpact.integrators.methods import Method
 from femimpact.response.response import Response
+from femimpact.study.cost import finer_grid_words
 from femimpact.study.prepared import PreparedStudy
-from femimpact.study.sweep_grid import finer_grid_words
 from femimpact.sweep import FrequencyResponse, on_grid
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import Modes
-
-__all__ = ["Spread", "SweepPair", "contacts_of", "library_versions", "spread_of", "summary_of"]
 
 RESTITUTION_MISSED = 0.1
 """Difference between a law's restitution and the median seen in a run that is warned of."""

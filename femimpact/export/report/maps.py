@@ -10,16 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.export.report.blocks import Section
-from femimpact.export.study_columns import axis_words, measure_names, single_samples, unsure_cells, value_words
-from femimpact.svg.axis import Axis, axis_of, number_text
-from femimpact.svg.chart import GRID, Band, Chart, Line, chart_element
-from femimpact.svg.elements import Element, element
+from femimpact.export.report.page import Section
+from femimpact.export.tables import axis_words, measure_names, single_samples, unsure_cells, value_words
+from femimpact.svg import GRID, Axis, Band, Chart, Element, Line, axis_of, chart_element, element, number_text
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["maps_section"]
 
 MOST_CELLS = 4000
 """Cells of one map; of a finer one every second, third, ... is drawn."""

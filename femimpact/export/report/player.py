@@ -16,21 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.export.report.structure_parts import Finder, body_side
-from femimpact.export.scene import thinned
-from femimpact.export.scene_pieces import ball_radius
+from femimpact.arrays import Array
+from femimpact.export.report.structure_drawing import Finder, body_side
+from femimpact.export.scene import ball_radius, thinned
 from femimpact.response.history import Snapshots
 from femimpact.response.impacts import Impacts
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
-from femimpact.svg.axis import TIMES, axis_of
-from femimpact.svg.chart import Band, Chart, Line, chart_element
-from femimpact.svg.elements import Element, data_element, element
+from femimpact.svg import TIMES, Band, Chart, Element, Line, axis_of, chart_element, data_element, element
 from femimpact.system.hermite import hermite_rows
-
-__all__ = ["Frames", "frames_of", "player_element"]
-
-Array = NDArray[np.float64]
 
 MOST_SNAPSHOTS, MOST_IMPACTS = 600, 600
 """Frames on the grid of the snapshots, and at impacts."""

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact import core
+from femimpact.arrays import Array
 from femimpact.errors import require
 from femimpact.excitation import PiecewisePolynomial
 from femimpact.excitation.piecewise_polynomial import HIGHEST_DEGREE, ORDERS, motion_at, piece_at
-from femimpact.integrators.driving import Drive
+from femimpact.integrators.channel_rows import Drive
 from femimpact.integrators.event_driven.continued import Held, resumed
 from femimpact.integrators.event_driven.equations import Equations
 from femimpact.integrators.event_driven.loop_data import (
@@ -26,6 +27,7 @@ from femimpact.integrators.event_driven.loop_data import (
     STARTING,
     Bounds,
     Cases,
+    EventSettings,
     Forms,
     Grid,
     Job,
@@ -39,18 +41,10 @@ from femimpact.integrators.event_driven.loop_data import (
     Tables,
     Task,
 )
-from femimpact.integrators.event_driven.settings import EventSettings
 from femimpact.integrators.event_driven.store import FormStore, WantedForm
-from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
+from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.system import System
-
-__all__ = [
-    "Block", "CaseNumbers", "Inputs", "case_numbers", "new_block", "no_cycles", "no_snapshots", "run_block",
-    "share_block", "working_space",
-]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 SERIES_TERMS = 24
 """Of a driven entry, at most."""

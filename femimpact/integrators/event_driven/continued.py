@@ -9,17 +9,12 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.contact.formulas import RIGID
+from femimpact.arrays import Array, Complex
+from femimpact.contact.restitution import RIGID
 from femimpact.excitation import Excitation
 from femimpact.integrators.event_driven.loop_data import BEGUN, FREE, RESUMED, STARTED, Cases, Forms
-from femimpact.system.continuation import Continuation
-from femimpact.system.state import State
+from femimpact.system.state import Continuation, State
 from femimpact.system.system import System
-
-__all__ = ["Held", "Sampling", "final_state", "held_by", "resumed", "sampling_from", "touching"]
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 Number = TypeVar("Number", np.float64, np.complex128)
 

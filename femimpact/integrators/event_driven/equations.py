@@ -10,14 +10,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import require
-from femimpact.integrators.driving import Drive
-from femimpact.integrators.event_driven.alike import alike, part_of, stack
+from femimpact.integrators.channel_rows import Drive
+from femimpact.integrators.event_driven.complex_modes import alike, part_of, stack
 from femimpact.system.system import System
-
-__all__ = ["Equations", "equations_of", "require_met", "stacked", "undamped_modes", "wall_offsets"]
-
-Array = NDArray[np.float64]
 
 RIGID = 1e-14
 """Eigenvalues below this share of the largest are rigid motions, where the stiffness is singular."""

@@ -10,20 +10,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import require
 from femimpact.excitation.piecewise_polynomial import ORDERS
-from femimpact.integrators.channel_rows import ChannelRows
-from femimpact.integrators.driving import Drive
-from femimpact.integrators.event_driven.alike import part_of, stack
-from femimpact.integrators.event_driven.closed_form import ClosedForms, closed_forms
+from femimpact.integrators.channel_rows import ChannelRows, Drive
+from femimpact.integrators.event_driven.closed_form import (
+    OF_DISPLACEMENT,
+    ClosedForms,
+    Rows,
+    closed_forms,
+    driven_entries,
+    followed,
+    gap_rows,
+)
+from femimpact.integrators.event_driven.complex_modes import part_of, stack
 from femimpact.integrators.event_driven.equations import Equations, stacked
 from femimpact.integrators.event_driven.loop_data import Forms
-from femimpact.integrators.event_driven.rows import OF_DISPLACEMENT, Rows, driven_entries, followed, gap_rows
 from femimpact.system.system import System
-
-__all__ = ["FormStore", "Outputs", "WantedForm", "outputs_alone", "outputs_of"]
-
-Array = NDArray[np.float64]
 
 CONTACT_NUMBERS = ("stiffness", "damping")
 """Fields of a wanted form that differ among systems."""

@@ -10,23 +10,19 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 import scipy.sparse.linalg
-from numpy.typing import NDArray
 
-from femimpact.contact.callback import ForcePointer, force_pointer
-from femimpact.contact.formulas import KELVIN_VOIGT, RIGID, SWITCHING_SPRING, kelvin_voigt_force, power_force
+from femimpact.arrays import Array
+from femimpact.contact.custom_law import ForcePointer, force_pointer
+from femimpact.contact.restitution import KELVIN_VOIGT, RIGID, SWITCHING_SPRING, kelvin_voigt_force, power_force
 from femimpact.excitation import Excitation
-from femimpact.integrators.driving import Drive
+from femimpact.integrators.channel_rows import Drive
 from femimpact.integrators.stepping import layout
 from femimpact.integrators.stepping.continued import Beginning, resume_contacts
-from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
-from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, MAXIMUM, MINIMUM, TOTAL_COLUMNS
+from femimpact.integrators.stepping.operators import SteppingMethod, scheme_of
+from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, MAXIMUM, MINIMUM, TOTAL_COLUMNS
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.state import ROUNDED, State
 from femimpact.system.system import System
-
-__all__ = ["Inputs", "cycles_of", "empty_record", "forces_of", "limits_of", "motion_of", "pairs_of"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

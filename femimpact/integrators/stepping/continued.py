@@ -9,16 +9,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.excitation import Excitation
 from femimpact.integrators.stepping import layout
-from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
-from femimpact.system.continuation import Continuation
-from femimpact.system.state import State
+from femimpact.integrators.stepping.operators import SteppingMethod, scheme_of
+from femimpact.system.state import Continuation, State
 from femimpact.system.system import System
-
-__all__ = ["Beginning", "Held", "beginning_of", "final_state", "go_on", "resume_contacts"]
-
-Array = NDArray[np.float64]
 
 Kind = TypeVar("Kind", np.float64, np.int64)
 
