@@ -149,10 +149,8 @@ class RestitutionScan:
 def with_restitution(structure: Structure, restitution: float) -> Structure:
     """The same structure with another restitution in every contact.
 
-    Raises
-    ------
-    InputError
-        If a contact cannot be given one: it is neither `Rigid` nor a `KelvinVoigt` that was given a restitution.
+    Raises `InputError` if a contact cannot be given one: it is neither `Rigid` nor a `KelvinVoigt` that was given a
+    restitution.
     """
     require_type(structure, Structure, "structure")
     impactors = []

@@ -44,18 +44,15 @@ def console() -> Console:
     return Console(highlight=False, width=None if sys.stdout.isatty() else PIPE)
 
 
-def print_table(where: Console, header: Iterable[Any], rows: Iterable[Sequence[Any]], title: str) -> None:
+def print_table(
+    where: Console,
+    header: Iterable[Any],
+    rows: Iterable[Sequence[Any]],  # numbers, texts, or None
+    title: str,
+) -> None:
     """Print a table; where it is too wide it goes on below with its next columns beside the first one.
 
     Columns of several rows that say the same in each are one line under the title.
-
-    Parameters
-    ----------
-    where : Console
-    header : iterable of str
-    rows : iterable of sequences
-        Numbers, texts, or None.
-    title : str
     """
     names = [str(name).replace("_", " ") for name in header]
     columns = [list(map(_cell, column)) for column in zip(*rows, strict=True)]

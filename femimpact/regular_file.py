@@ -25,19 +25,14 @@ KINDS = ((stat.S_ISDIR, "a directory"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISCHR
          (stat.S_ISBLK, "a device"), (stat.S_ISSOCK, "a socket"))  # fmt: skip
 
 
-def check_regular(path: str | Path, most: int | None = None) -> None:
+def check_regular(
+    path: str | Path,
+    most: int | None = None,  # bytes that the file may have
+) -> None:
     """Refuse what is no regular file, before a library opens it by its name.
 
-    Parameters
-    ----------
-    path : str or Path
-    most : int, optional
-        Bytes that the file may have.
-
-    Raises
-    ------
-    OSError
-        If it does not exist, is a directory, a pipe, a device or a socket, or larger; `strerror` says which.
+    Raises `OSError` if it does not exist, is a directory, a pipe, a device or a socket, or larger; `strerror` says
+    which.
     """
     try:
         found = os.stat(path)
@@ -47,19 +42,13 @@ def check_regular(path: str | Path, most: int | None = None) -> None:
     _check(found, path, most)
 
 
-def open_regular(path: str | Path, most: int | None = None) -> BufferedReader:
+def open_regular(
+    path: str | Path,
+    most: int | None = None,  # bytes that the file may have
+) -> BufferedReader:
     """The open file of a path, to read bytes from.
 
-    Parameters
-    ----------
-    path : str or Path
-    most : int, optional
-        Bytes that the file may have.
-
-    Raises
-    ------
-    OSError
-        As of `check_regular`, or if it cannot be opened.
+    Raises `OSError` as of `check_regular`, or if it cannot be opened.
     """
     # first by its name: to open a device can change it
     check_regular(path, most)
@@ -71,19 +60,13 @@ def open_regular(path: str | Path, most: int | None = None) -> BufferedReader:
     return file
 
 
-def read_regular(path: str | Path, most: int) -> bytes:
+def read_regular(
+    path: str | Path,
+    most: int,  # bytes that it may hold, whatever size it states
+) -> bytes:
     """What a file holds that is read in one piece.
 
-    Parameters
-    ----------
-    path : str or Path
-    most : int
-        Bytes that it may hold, whatever size it states.
-
-    Raises
-    ------
-    OSError
-        As of `open_regular`.
+    Raises `OSError` as of `open_regular`.
     """
     with open_regular(path, most) as file:
         content = file.read(most + 1)

@@ -59,32 +59,19 @@ def is_force(force: object) -> bool:
 def as_function(force: ForceFunction) -> Callable[[float, float, float], float]:
     """The function for Python to call.
 
-    Raises
-    ------
-    InputError
-        If it is no force, or a pointer of another signature.
+    Raises `InputError` if it is no force, or a pointer of another signature.
     """
     plain: Any = getattr(force, "py_func", force)
     function: Callable[[float, float, float], float] = plain if _is_plain(plain) else force_pointer(force).function
     return function
 
 
-def force_pointer(force: ForceFunction) -> ForcePointer:
+def force_pointer(
+    force: ForceFunction,  # of penetration (m), its rate (m/s) and the approach speed (m/s) to the normal force (N)
+) -> ForcePointer:
     """The C function of a law's force; the same for the same function.
 
-    Parameters
-    ----------
-    force : callable or scipy.LowLevelCallable
-        Of penetration (m), its rate (m/s) and the approach speed (m/s) to the normal force (N).
-
-    Returns
-    -------
-    ForcePointer
-
-    Raises
-    ------
-    InputError
-        If it is no force, or a pointer of another signature.
+    Raises `InputError` if it is no force, or a pointer of another signature.
     """
     if not is_force(force):
         raise _refused(force)
@@ -97,21 +84,16 @@ def force_pointer(force: ForceFunction) -> ForcePointer:
     return _of_pointer(force)
 
 
-def law_error(name: str, pointer: ForcePointer, depth: float, rate: float, approach_speed: float) -> BaseException:
+def law_error(
+    name: str,  # of the contact pair
+    pointer: ForcePointer,
+    depth: float,  # m
+    rate: float,  # m/s
+    approach_speed: float,  # m/s
+) -> BaseException:
     """The error that ends a run whose custom law gave no finite force for these numbers.
 
-    Parameters
-    ----------
-    name : str
-        Of the contact pair.
-    pointer : ForcePointer
-    depth : float, m
-    rate, approach_speed : float, m/s
-
-    Returns
-    -------
-    BaseException
-        With what the function raised as its cause; an interrupt itself.
+    Returns: with what the function raised as its cause; an interrupt itself.
     """
     cause: BaseException | None = getattr(pointer.raised, "error", None)
     pointer.raised.error = None

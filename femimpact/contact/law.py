@@ -82,10 +82,7 @@ def a_law() -> dict[str, Any]:
 def require_law(law: object, key: str = "law") -> None:
     """Refuse what is no contact law, and name what a user's law misses.
 
-    Raises
-    ------
-    InputError
-        If the value is no contact law.
+    Raises `InputError` if the value is no contact law.
     """
     missing = [name for name in VALUES if not hasattr(law, name)]
     missing += [f"{name}()" for name in METHODS if not callable(getattr(law, name, None))]

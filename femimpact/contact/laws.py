@@ -201,10 +201,7 @@ class KelvinVoigt:
 def spring_and_dashpot(law: KelvinVoigt, effective_mass: float) -> tuple[float, float]:
     """Stiffness (N/m) and damping (N s/m) of any of the three complete pairs of a Kelvin-Voigt law.
 
-    Raises
-    ------
-    InputError
-        If the law is of another kind, or the mass is not > 0.
+    Raises `InputError` if the law is of another kind, or the mass is not > 0.
     """
     require_type(law, KelvinVoigt, "law")
     effective_mass = checked("effective_mass", effective_mass, EFFECTIVE_MASS)
@@ -378,10 +375,7 @@ def GonthierCarvalhoMartins(  # noqa: N802
 def loss_factor(law: PowerLaw) -> float:
     """Loss factor d (1) of a power law, by its author's formula.
 
-    Raises
-    ------
-    InputError
-        If the law is of another kind.
+    Raises `InputError` if the law is of another kind.
     """
     require_type(law, PowerLaw, "law")
     return LOSS_FACTORS[law.loss](law.restitution)

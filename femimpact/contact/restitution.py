@@ -108,23 +108,15 @@ def linear_angle(damping_ratio: float) -> float:
     return math.acosh(z) / math.sqrt(z * z - 1.0)
 
 
-def restitution_of_damping_ratio(damping_ratio: float) -> float:
+def restitution_of_damping_ratio(
+    damping_ratio: float,  # z of the contact, >= 0
+) -> float:
     """Restitution of a Kelvin-Voigt contact that ends at zero force.
 
     e = exp(-2 z acos(z)/sqrt(1 - z^2)), z = c/(2 sqrt(k m_eff)); for z > 1 with acosh.
 
-    Parameters
-    ----------
-    damping_ratio : float, 1
-        z of the contact, >= 0.
+    Returns 1: rebound speed over approach speed, from 1 (z = 0) towards 0.
 
-    Returns
-    -------
-    float, 1
-        Rebound speed over approach speed, from 1 (z = 0) towards 0.
-
-    Notes
-    -----
     From m x'' + c x' + k x = 0, x(0) = 0, left at the first zero of k x + c x'
     (derived here; the same condition as Schwager and Poeschel, 2007).
     """
@@ -154,23 +146,15 @@ def contact_time_of(stiffness: float, damping: float, effective_mass: float) -> 
     return 2.0 * linear_angle(damping / (2.0 * math.sqrt(stiffness * effective_mass))) / omega
 
 
-def restitution_of_loss_factor(loss: float) -> float:
+def restitution_of_loss_factor(
+    loss: float,  # d >= 0
+) -> float:
     """Restitution of a force k p^n (1 + d p'/v0), whatever k, n and the mass.
 
     d (1 + e) = ln[(1 + d)/(1 - e d)]
 
-    Parameters
-    ----------
-    loss : float, 1
-        d >= 0.
+    Returns 1: from 1 (d = 0) towards 0, always below 1/d.
 
-    Returns
-    -------
-    float, 1
-        From 1 (d = 0) towards 0, always below 1/d.
-
-    Notes
-    -----
     m v dv/(1 + d v/v0) = -k p^n dp over loading (v0 to 0) and unloading (0 to -e v0) gives both
     sides of the same work. (Derived here; the relation of Gonthier et al., 2004.)
     """

@@ -98,29 +98,14 @@ def steady_amplitude(system: System, base: Sine, step: Newmark | None = None) ->
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One system of a study, with what its quantities are read of.
+    """One system of a study, with what its quantities are read of."""
 
-    Parameters
-    ----------
-    axis : str
-        "mesh", "step" or "modes": what the study goes over.
-    system : System
-        Of which the linear quantities are read.
-    integrated : System
-        That runs with contacts integrate.
-    base : Sine or None
-    step : Newmark or None
-        None where time is exact.
-    is_limit : bool
-        Whether the case is no row but what the rows tend to.
-    """
-
-    axis: str
-    system: System
-    integrated: System
+    axis: str  # "mesh", "step" or "modes": what the study goes over
+    system: System  # of which the linear quantities are read
+    integrated: System  # that runs with contacts integrate
     base: Sine | None
-    step: Newmark | None = None
-    is_limit: bool = False
+    step: Newmark | None = None  # none where time is exact
+    is_limit: bool = False  # whether the case is no row but what the rows tend to
 
     @cached_property
     def steady(self) -> NDArray[np.complex128]:

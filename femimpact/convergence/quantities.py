@@ -18,28 +18,15 @@ from femimpact.system.system import System
 
 
 class Reading(NamedTuple):
-    """One value of a case.
+    """One value of a case."""
 
-    Parameters
-    ----------
-    name : str
-        Of the quantity.
-    unit : str
-    value : float
-    order : float
-        Exponent of the axis's size with which the error is expected to fall; not a number where none is known.
-    is_distance : bool
-        Whether the value is itself a distance from the finest case.
-    scatter : float
-        Standard error of a value of statistics.
-    """
-
-    name: str
+    name: str  # of the quantity
     unit: str
     value: float
+    # exponent of the axis's size with which the error is expected to fall; not a number where none is known
     order: float
-    is_distance: bool = False
-    scatter: float = 0.0
+    is_distance: bool = False  # whether the value is itself a distance from the finest case
+    scatter: float = 0.0  # standard error of a value of statistics
 
 
 @runtime_checkable

@@ -45,10 +45,7 @@ def build_words() -> str:
 def loaded() -> ModuleType:
     """The binary, once it is known to fit.
 
-    Raises
-    ------
-    CoreError
-        One line: why it cannot be loaded, and the command that mends it.
+    Raises `CoreError` one line: why it cannot be loaded, and the command that mends it.
     """
     if sysconfig.get_config_var("Py_GIL_DISABLED"):
         raise CoreError("the compiled core is not made for free-threaded Python: use a build of Python with its lock")

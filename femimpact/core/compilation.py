@@ -71,18 +71,10 @@ class CompilationError(Exception):
 
 @dataclass(frozen=True)
 class Compiler:
-    """A compiler and its name.
+    """A compiler and its name."""
 
-    Parameters
-    ----------
-    name : str
-        With the version, such as "gcc 12.2.0".
-    command, link : tuple of str
-        Words that compile a C++ file and that link; empty where it is not here yet.
-    """
-
-    name: str
-    command: tuple[str, ...]
+    name: str  # with the version, such as "gcc 12.2.0"
+    command: tuple[str, ...]  # words that compile a C++ file and that link; empty where it is not here yet
     link: tuple[str, ...]
 
     @property

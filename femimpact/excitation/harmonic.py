@@ -23,10 +23,7 @@ def level_of(
 ) -> tuple[float | None, str | None]:
     """The level and the name of what was given: exactly one of amplitude and acceleration, or level and `by`.
 
-    Raises
-    ------
-    InputError
-        If both or none of them are given.
+    Raises `InputError` if both or none of them are given.
     """
     given = {"amplitude": amplitude, "acceleration": acceleration}
     named = [name for name, value in given.items() if value is not None]

@@ -52,10 +52,8 @@ MARKS = ";\t,"
 def record_text(path: str | Path) -> str:
     """What the file of a record holds.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read, is no regular file or no text, or, before it is read, has too many bytes or lines.
+    Raises `InputError` if it cannot be read, is no regular file or no text, or, before it is read, has too many
+    bytes or lines.
     """
     require_path(path, "path", "a text file")
     try:
@@ -101,18 +99,12 @@ def samples_of(
 ) -> tuple[Array, float]:
     """Samples and interval of what `record_text` read from a path; see `RecordedBase.from_csv`.
 
-    Returns
-    -------
-    samples : ndarray (n,)
-        The second column times the scale, without its mean or its line of least squares where that is asked.
-    interval : float, s
-        Between samples, from the first and the last time.
+    `samples` (n,): the second column times the scale, without its mean or its line of least squares where that is
+    asked.
+    `interval` s: between samples, from the first and the last time.
 
-    Raises
-    ------
-    InputError
-        If an argument is out of range, or the text lacks a column, holds what is not a finite number or fewer than two
-        samples, its times are not evenly spaced, or all its accelerations are zero.
+    Raises `InputError` if an argument is out of range, or the text lacks a column, holds what is not a finite
+    number or fewer than two samples, its times are not evenly spaced, or all its accelerations are zero.
     """
     checked("text", text, a_text())
     checked("path", path, instance(str, Path))

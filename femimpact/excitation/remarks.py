@@ -47,21 +47,13 @@ ENERGY_ABOVE = 0.01
 # ---- how far the base moves ----------------------------------------------------------------------
 
 
-def motion_warnings(excitation: Excitation, length: float) -> tuple[str, ...]:
+def motion_warnings(
+    excitation: Excitation,  # of one whose closed form is a `BrokenLine` the mean of its samples is named
+    length: float,  # m: 0 for a structure without one, beside which nothing is far
+) -> tuple[str, ...]:
     """A warning where the base moves further than half the length of the beam, or a pulse lacks its mean.
 
     A pulse that moves the base away has a note instead (`motion_notes`).
-
-    Parameters
-    ----------
-    excitation : Excitation
-        Of one whose closed form is a `BrokenLine` the mean of its samples is named.
-    length : float, m
-        0 for a structure without one, beside which nothing is far.
-
-    Returns
-    -------
-    tuple of str
     """
     line, far = getattr(excitation, "closed_form", None), float(excitation.amplitude)
     if isinstance(line, BrokenLine):
@@ -157,7 +149,9 @@ def _levels_of_ends(samples: Array) -> tuple[float, float]:
     return float(samples[:few].mean()), float(samples[-few:].mean())
 
 
-def is_pulse(samples: Array) -> bool:
+def is_pulse(
+    samples: Array,  # (n,) m/s^2
+) -> bool:
     """Whether a record of accelerations is a pulse, whose change of velocity is true, and no offset or drift.
 
     Of 50 equal parts of the record, the 12 with the largest changes of velocity are where the pulse is. It is one if
@@ -167,14 +161,6 @@ def is_pulse(samples: Array) -> bool:
     of all samples, and |integral of a| is at least half of the integral of |a|: an offset does not begin at zero, and
     an oscillation is of both signs. Where |integral of a| is below 1/1000 of the integral of |a| nothing has
     changed the velocity.
-
-    Parameters
-    ----------
-    samples : ndarray (n,), m/s^2
-
-    Returns
-    -------
-    bool
     """
     total, size = abs(_total(samples)), float(np.abs(samples).sum())
     if total <= LEAST_CHANGE * size:
@@ -195,26 +181,19 @@ def _changes_at_once(samples: Array) -> bool:
 # ---- what the kept modes cannot follow -----------------------------------------------------------
 
 
-def drive_warnings(excitation: Excitation, highest: float, left_out: float) -> tuple[str, ...]:
+def drive_warnings(
+    excitation: Excitation,
+    highest: float,  # Hz: of the modes kept
+    # Hz: the lowest natural frequency that is left out; infinite where none is, which gives no warning. Below a quarter
+    # of it that mode follows as if at rest, and nothing is said, nor up to 10 % above the highest mode kept where the
+    # next one is farther from the drive.
+    left_out: float,
+) -> tuple[str, ...]:
     """A warning where a drive has frequencies that the kept modes do not follow.
 
     A sine, and what else has no closed form by samples, is compared by its frequency, a record by the share of the
     energy of its acceleration, or force, above the limit: 1 % is warned of. Its line of least squares is no part of it.
     Of a chirp that is the share of its time, of a random motion that of its mean square.
-
-    Parameters
-    ----------
-    excitation : Excitation
-    highest : float, Hz
-        Of the modes kept.
-    left_out : float, Hz
-        The lowest natural frequency that is left out; infinite where none is, which gives no warning. Below a quarter
-        of it that mode follows as if at rest, and nothing is said, nor up to 10 % above the highest mode kept where the
-        next one is farther from the drive.
-
-    Returns
-    -------
-    tuple of str
     """
     line = getattr(excitation, "closed_form", None)
     limit = _limit(highest, left_out)

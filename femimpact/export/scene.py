@@ -48,27 +48,18 @@ def ball_radius(mass: float) -> float:
 
 @dataclass
 class Pieces:
-    """What is collected while a scene is built, one entry for each piece or each point.
+    """What is collected while a scene is built, one entry for each piece or each point."""
 
-    Parameters
-    ----------
-    points : list of ndarray (k, 3), m
-    axis : list of ndarray (k,), m
-        x of the section that moves each point; not a number where none does.
-    ball : list of ndarray (k,)
-        Number of the ball that carries each point, -1 otherwise.
-    in_space : list of ndarray (k,)
-        Whether a point is fixed in space, not with the base.
-    cells : list of (type, points, part, pair)
-    marks : list of (point, pair, side, reaction)
-        Points of contact: side +1 or -1, and whether what is shown there is the force on the other body.
-    """
-
-    points: list[Array] = field(default_factory=list)
+    points: list[Array] = field(default_factory=list)  # (k, 3) m
+    # (k,) m: x of the section that moves each point; not a number where none does
     axis: list[Array] = field(default_factory=list)
+    # (k,) number of the ball that carries each point, -1 otherwise
     ball: list[NDArray[np.int64]] = field(default_factory=list)
+    # (k,) whether a point is fixed in space, not with the base
     in_space: list[NDArray[np.bool_]] = field(default_factory=list)
-    cells: list[tuple[int, list[int], int, int]] = field(default_factory=list)
+    cells: list[tuple[int, list[int], int, int]] = field(default_factory=list)  # (type, points, part, pair)
+    # (point, pair, side, reaction) points of contact: side +1 or -1, and whether what is shown there is the force on
+    # the other body
     marks: list[tuple[int, int, int, bool]] = field(default_factory=list)
     count: int = 0
 
@@ -113,19 +104,15 @@ def _block(low: tuple[float, float, float], high: tuple[float, float, float]) ->
     return np.array(lower + [(x, y, z1) for x, y, _ in lower])
 
 
-def stretches_of(nodes: Array, cuts: Any, subdivisions: int = 1) -> tuple[Array, ...]:
+def stretches_of(
+    nodes: Array,  # (n,) m
+    cuts: Any,  # m: where a section jumps or a force acts
+    subdivisions: int = 1,  # cells for each element, at least
+) -> tuple[Array, ...]:
     """Positions (m) of sections along the beam, stretch by stretch: a cut belongs to both stretches beside it.
 
     Every node of the mesh is among them, and sections between, so that there are at least 120 cells; of a mesh with
     more than 2000 elements not every node is.
-
-    Parameters
-    ----------
-    nodes : ndarray (n,), m
-    cuts : iterable of float, m
-        Where a section jumps or a force acts.
-    subdivisions : int
-        Cells for each element, at least.
     """
     start, end = float(nodes[0]), float(nodes[-1])
     slack = SAME * (end - start)
@@ -209,20 +196,16 @@ def add_body(pieces: Pieces, x: float, offset: float, width: float, mass: float)
     pieces.add(corners, x, [(HEXAHEDRON, BLOCK)], BODY, -1)
 
 
-def add_support(pieces: Pieces, kind: str, x: float, length: float, section: tuple[float, float]) -> None:
+def add_support(
+    pieces: Pieces,
+    kind: str,  # of `Support`
+    x: float,  # m: place, and length of the beam
+    length: float,  # m
+    section: tuple[float, float],  # pair of float, m: width and thickness of the beam there
+) -> None:
     """A block that holds the beam; one that only holds the slope is a sleeve which moves along with the beam.
 
     A pinned support is a thin block.
-
-    Parameters
-    ----------
-    pieces : Pieces
-    kind : str
-        Of `Support`.
-    x, length : float, m
-        Place, and length of the beam.
-    section : pair of float, m
-        Width and thickness of the beam there.
     """
     thick, width = (0.004 if kind == "pinned" else 0.02) * length, 1.2 * section[0]
     high = 0.5 * section[1] + (0.015 if kind == "guided" else 0.05) * length
@@ -280,55 +263,34 @@ class Scene:
 
     x runs along the beam, y is the direction of motion, z the beam's width. The slope turns a
     cross-section or a box as a rigid body, to first order.
-
-    Parameters
-    ----------
-    points : ndarray (points, 3), m
-        At rest; clearances already exaggerated. Those of the beam come first, four for each section.
-    connectivity, offsets, types : ndarray
-        Cells in VTK's form: points of all, the end of each among these, and its type.
-    part, pair : ndarray (cells,)
-        Number in `PARTS`; number of the contact pair, -1 where there is none.
-    deflection, slope : csr_array (points, 2 nodes)
-        Rows that read w and dw/dx at each point's section.
-    arm : ndarray (points, 2), m
-        Offset (x, y) of each point from the axis point that it is fixed to.
-    carried : csr_array (points, balls)
-        1 where a point belongs to a ball.
-    in_space : ndarray (points,)
-        Whether a point is fixed in space.
-    stretches : tuple of ndarray, m
-        Positions of the beam's sections; a jump of the section or a force lies between two stretches.
-    marks : ndarray (marks, 4)
-        Points of contact: point, pair, side, and 1 where the force on the ball or the stop is shown.
-    exaggeration : float, 1
     """
 
+    # (points, 3) m: at rest; clearances already exaggerated. Those of the beam come first, four for each section.
     points: Array
-    connectivity: NDArray[np.int64]
+    connectivity: NDArray[np.int64]  # cells in VTK's form: points of all, the end of each among these, and its type
     offsets: NDArray[np.int64]
     types: NDArray[np.uint8]
-    part: NDArray[np.int32]
-    pair: NDArray[np.int32]
-    deflection: Matrix
-    slope: Matrix
-    arm: Array
-    carried: Matrix
-    in_space: NDArray[np.bool_]
+    part: NDArray[np.int32]  # (cells,) number in `PARTS`; number of the contact pair, -1 where there is none
+    pair: NDArray[np.int32]  # (cells,)
+    deflection: Matrix  # csr_array (points, 2 nodes) rows that read w and dw/dx at each point's section
+    slope: Matrix  # csr_array (points, 2 nodes)
+    arm: Array  # (points, 2) m: offset (x, y) of each point from the axis point that it is fixed to
+    carried: Matrix  # csr_array (points, balls) 1 where a point belongs to a ball
+    in_space: NDArray[np.bool_]  # (points,) whether a point is fixed in space
+    # m: positions of the beam's sections; a jump of the section or a force lies between two stretches
     stretches: tuple[Array, ...]
+    # (marks, 4) points of contact: point, pair, side, and 1 where the force on the ball or the stop is shown
     marks: NDArray[np.int64]
     exaggeration: float
 
-    def motion(self, nodal: Array, balls: Array, base: float = 0.0, space: float = 0.0) -> Array:
-        """Displacements (or velocities) of all points, ndarray (points, 3), without exaggeration.
-
-        Parameters
-        ----------
-        nodal, balls : ndarray
-            Relative to the base.
-        base, space : float
-            Motion of the base, and of what is fixed in space, in the frame that is drawn.
-        """
+    def motion(
+        self,
+        nodal: Array,  # relative to the base
+        balls: Array,
+        base: float = 0.0,  # motion of the base, and of what is fixed in space, in the frame that is drawn
+        space: float = 0.0,
+    ) -> Array:
+        """Displacements (or velocities) of all points, ndarray (points, 3), without exaggeration."""
         slope = self.slope @ nodal
         result = np.zeros_like(self.points)
         result[:, 0] = -self.arm[:, 1] * slope
@@ -347,21 +309,12 @@ class Scene:
         return self.exaggeration * self.motion(nodal, balls, base, space)
 
 
-def build_scene(structure: Structure, system: System, exaggeration: float = 1.0) -> Scene:
-    """The beam of its real cross-section, a box and a ball for each impactor, and the stops: what a movie shows.
-
-    Parameters
-    ----------
-    structure : Structure
-    system : System
-        Gives nodes and contact pairs.
-    exaggeration : float, 1
-        Scales motion and clearance together, so that a ball stays in its box.
-
-    Returns
-    -------
-    Scene
-    """
+def build_scene(
+    structure: Structure,
+    system: System,  # gives nodes and contact pairs
+    exaggeration: float = 1.0,  # scales motion and clearance together, so that a ball stays in its box
+) -> Scene:
+    """The beam of its real cross-section, a box and a ball for each impactor, and the stops: what a movie shows."""
     pieces = Pieces()
     stretches = stretches_of(system.nodes, _cuts(structure, system))
     add_beam(pieces, structure, stretches)
@@ -379,21 +332,13 @@ def build_scene(structure: Structure, system: System, exaggeration: float = 1.0)
     return _scene(pieces, system, stretches, exaggeration)
 
 
-def build_whole_scene(structure: Structure, system: System, exaggeration: float = 1.0, subdivisions: int = 1) -> Scene:
-    """The same with supports, bodies, springs, dashpots and points of contact of the balls.
-
-    Parameters
-    ----------
-    structure : Structure
-    system : System
-    exaggeration : float, 1
-    subdivisions : int
-        Cells of the beam for each element, at least.
-
-    Returns
-    -------
-    Scene
-    """
+def build_whole_scene(
+    structure: Structure,
+    system: System,
+    exaggeration: float = 1.0,
+    subdivisions: int = 1,  # cells of the beam for each element, at least
+) -> Scene:
+    """The same with supports, bodies, springs, dashpots and points of contact of the balls."""
     pieces, length = Pieces(), structure.beam.length
     stretches = stretches_of(system.nodes, _cuts(structure, system), subdivisions)
     add_beam(pieces, structure, stretches)

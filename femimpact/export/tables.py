@@ -38,14 +38,10 @@ STATISTICS = ("_low", "_high", "_median_low", "_median_high", "_quantile_5", "_q
 """Endings of what is known of a measure beside its median."""
 
 
-def measure_names(dataset: xarray.Dataset) -> list[str]:
-    """Names of the measures that are numbers and have a value somewhere, without their statistics.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        Of `parameter_study`, or any other: then every variable of numbers.
-    """
+def measure_names(
+    dataset: xarray.Dataset,  # xarray.Dataset: of `parameter_study`, or any other: then every variable of numbers
+) -> list[str]:
+    """Names of the measures that are numbers and have a value somewhere, without their statistics."""
     everything = {str(name) for name in dataset.data_vars}
 
     def is_statistic(name: str) -> bool:

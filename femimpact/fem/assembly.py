@@ -48,17 +48,11 @@ def inertia(u: Any, v: Any, w: Any) -> Any:
 
 
 class Entries(NamedTuple):
-    """Entries of a matrix over all dofs of a basis, held ones included; those at one place are summed.
+    """Entries of a matrix over all dofs of a basis, held ones included; those at one place are summed."""
 
-    Parameters
-    ----------
-    row, column : ndarray (entries,)
-    value : ndarray (entries,)
-    """
-
-    row: NDArray[np.integer[Any]]
-    column: NDArray[np.integer[Any]]
-    value: Array
+    row: NDArray[np.integer[Any]]  # (entries,)
+    column: NDArray[np.integer[Any]]  # (entries,)
+    value: Array  # (entries,)
 
     def times(self, vector: Array) -> Array:
         """The matrix times a vector (dofs,)."""
@@ -118,21 +112,13 @@ def _integrals(form: Any, name: str, basis: Any, power: int) -> Entries:
     return entries
 
 
-def stiffness_factor(grid: Discretisation) -> Matrix:
+def stiffness_factor(grid: Discretisation) -> Matrix:  # csr_array (2 elements, dofs) sqrt(N m) per unit of a dof
     """G with K = G^T G over all dofs: sqrt(weight) w'' at two points of every element.
 
     The energy of an element is the integral of EI w''^2 with w'' linear. The two Gauss points of the weight EI itself
     integrate any cubic times EI exactly, so that G has two rows for each element whether it tapers or not, and K is
     that of the weak form to rounding. Where EI is constant they are the usual Gauss points. More of those would be
     exact too, as the degree of EI w''^2 is 6 (four points), with twice the rows for the same rank.
-
-    Parameters
-    ----------
-    grid : Discretisation
-
-    Returns
-    -------
-    csr_array (2 elements, dofs), sqrt(N m) per unit of a dof
     """
     nodes, sections = grid.mesh.nodes, grid.sections
     lengths = np.diff(nodes)

@@ -120,21 +120,11 @@ def _rounded_down(value: float) -> float:
 
 @dataclass(frozen=True)
 class PeakResolution:
-    """How well a grid of frequencies resolves one resonance.
+    """How well a grid of frequencies resolves one resonance."""
 
-    Parameters
-    ----------
-    frequency : float, Hz
-        The point of the grid beside which the steps are read.
-    step : float, Hz
-        The larger of the two steps beside it.
-    width : float, Hz
-        Half-power width of the resonance.
-    """
-
-    frequency: float
-    step: float
-    width: float
+    frequency: float  # Hz: the point of the grid beside which the steps are read
+    step: float  # Hz: the larger of the two steps beside it
+    width: float  # Hz: half-power width of the resonance
 
     @property
     def resolved(self) -> bool:
@@ -156,22 +146,12 @@ class PeakResolution:
         return self.width / RESOLVED
 
 
-def peak_resolution(frequency: ArrayLike, near: float, width: float) -> PeakResolution:
-    """Resolution of a resonance by a grid of frequencies.
-
-    Parameters
-    ----------
-    frequency : array_like (n,), Hz
-        n >= 2, ascending.
-    near : float, Hz
-        The resonance: steps are read beside the point of the grid next to it.
-    width : float, Hz
-        Its half-power width, 2 zeta f0 where the damping ratio zeta is small.
-
-    Returns
-    -------
-    PeakResolution
-    """
+def peak_resolution(
+    frequency: ArrayLike,  # (n,) Hz: n >= 2, ascending
+    near: float,  # Hz: the resonance: steps are read beside the point of the grid next to it
+    width: float,  # Hz: its half-power width, 2 zeta f0 where the damping ratio zeta is small
+) -> PeakResolution:
+    """Resolution of a resonance by a grid of frequencies."""
     f = real_array("frequency", frequency, "Hz", "must be finite numbers")
     near = checked("near", near, quantity("Hz", above=0.0))
     width = checked("width", width, quantity("Hz", above=0.0))

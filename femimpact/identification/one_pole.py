@@ -30,26 +30,18 @@ INDEPENDENT = 1e-8
 """Share of a shape beyond what the fit follows below which it is rounding."""
 
 
-def pattern_in(misfit: Array, tangents: Array, shapes: Mapping[str, Array]) -> str:
+def pattern_in(
+    misfit: Array,  # (n,) by rising frequency
+    tangents: Array,  # (n, parameters) jacobian of the fit
+    # what a further term of the model, by its name, adds per unit of each of its k parameters
+    shapes: Mapping[str, Array],
+) -> str:
     """What is seen in the misfits of a least-squares fit that noise seldom shows, in words; nothing otherwise.
 
     Seldom is in 1 of 200 curves or fewer with independent noise of one size at all points, for each of
 
     - the correlation of neighbours, sum r_i r_(i+1) / sum r_i^2, which smooth misfits make large;
     - the largest share of sum r_i^2 that one of the shapes takes away.
-
-    Parameters
-    ----------
-    misfit : ndarray (n,)
-        By rising frequency.
-    tangents : ndarray (n, parameters)
-        Jacobian of the fit.
-    shapes : mapping of str to ndarray (n, k)
-        What a further term of the model, by its name, adds per unit of each of its k parameters.
-
-    Returns
-    -------
-    str
     """
     own, _ = np.linalg.qr(tangents)
     bases = [_beyond(own, shape) for shape in shapes.values()]
@@ -117,27 +109,17 @@ class _Fit:
         return float(self.fun @ self.fun)
 
 
-def one_pole_amplitude(frequency: ArrayLike, scale: float, natural_frequency: float, ratio: float) -> Array:
+def one_pole_amplitude(
+    frequency: ArrayLike,  # Hz
+    scale: float,  # m: base amplitude times participation factor times the mode's displacement
+    natural_frequency: float,  # Hz
+    ratio: float,
+) -> Array:  # m
     """Relative displacement amplitude of one mode under a sine of the base.
 
     |X| = scale f^2 / sqrt((f0^2 - f^2)^2 + (2 zeta f0 f)^2)
 
-    Parameters
-    ----------
-    frequency : array_like, Hz
-    scale : float, m
-        Base amplitude times participation factor times the mode's displacement.
-    natural_frequency : float, Hz
-    ratio : float, 1
-
-    Returns
-    -------
-    ndarray, m
-
-    Raises
-    ------
-    InputError
-        If a number is not finite, or natural frequency or ratio are not > 0.
+    Raises `InputError` if a number is not finite, or natural frequency or ratio are not > 0.
     """
     f = real_array("frequency", frequency, "Hz", "must be finite numbers")
     scale = checked("scale", scale, quantity("m"))

@@ -56,88 +56,44 @@ class AchievedRestitution:
 
 @dataclass(frozen=True)
 class MethodCost:
-    """What one base cycle of one case takes, roughly, on one core of a 2024 server.
+    """What one base cycle of one case takes, roughly, on one core of a 2024 server."""
 
-    Parameters
-    ----------
-    history_seconds, sweep_seconds : float, s
-        Of a run alone; of a case of a sweep, with what the sweep without balls takes beside it.
-    sweep_memory : float, bytes
-        Kept of a base cycle of a case of a sweep.
-    cases_at_once : int
-        Cases of a sweep that are in memory together on each thread.
-    """
-
-    history_seconds: float
-    sweep_seconds: float
-    sweep_memory: float
-    cases_at_once: int
+    history_seconds: float  # s: of a run alone; of a case of a sweep, with what the sweep without balls takes beside it
+    sweep_seconds: float  # s
+    sweep_memory: float  # bytes: kept of a base cycle of a case of a sweep
+    cases_at_once: int  # cases of a sweep that are in memory together on each thread
 
 
 @dataclass(frozen=True, eq=False)
 class SineDwells:
-    """Dwells under sine motions of the base, each a separate case from the same state.
+    """Dwells under sine motions of the base, each a separate case from the same state."""
 
-    Parameters
-    ----------
-    amplitude : float, m
-        Of the base.
-    frequency : ndarray (n,), Hz
-    cycles : ndarray (n,) of int
-        Whole base cycles run.
-    measured : ndarray (n,) of int
-        Of these at the end.
-    phase : float, rad
-        Of the base at t = 0.
-    """
-
-    amplitude: float
-    frequency: Array
-    cycles: NDArray[np.int64]
-    measured: NDArray[np.int64]
-    phase: float = 0.0
+    amplitude: float  # m: of the base
+    frequency: Array  # (n,) Hz
+    cycles: NDArray[np.int64]  # (n,) whole base cycles run
+    measured: NDArray[np.int64]  # (n,) of these at the end
+    phase: float = 0.0  # rad: of the base at t = 0
 
 
 @dataclass(frozen=True, eq=False)
 class SineCases:
-    """Dwells of one system under sine motions of the base, each with its own numbers.
+    """Dwells of one system under sine motions of the base, each with its own numbers."""
 
-    Parameters
-    ----------
-    frequency, amplitude, phase : ndarray (n,)
-        Of the base: Hz, m and rad.
-    gaps : ndarray (n, pairs, 2), m
-        To the + and to the - side, in the order of `System.contacts`.
-    laws : tuple of tuple of ContactLaw
-        Sets of one law for each pair.
-    law_of : ndarray (n,) of int
-        Which set a case has.
-    initial : State
-        What all cases start from, at t = 0.
-    ball_displacement, ball_velocity : ndarray (n, balls)
-        In place of those of the initial state, and in its frame, m and m/s.
-    cycles, measured : ndarray (n,) of int
-        Whole base cycles run, and how many of them at the end are measured.
-    systems : tuple of tuple of System and ndarray (dofs,)
-        Systems in place of the common one, with the row of the observed place of each: alike in the number of dofs,
-        and in their pairs but for numbers. For methods with a member `run_cases`; none for the common one.
-    system_of : ndarray (n,) of int, optional
-        Which of them a case has.
-    """
-
-    frequency: Array
-    amplitude: Array
-    phase: Array
-    gaps: Array
-    laws: tuple[tuple[ContactLaw, ...], ...]
-    law_of: NDArray[np.int64]
-    initial: State
-    ball_displacement: Array
-    ball_velocity: Array
-    cycles: NDArray[np.int64]
-    measured: NDArray[np.int64]
+    frequency: Array  # (n,) of the base: Hz, m and rad
+    amplitude: Array  # (n,)
+    phase: Array  # (n,)
+    gaps: Array  # (n, pairs, 2) m: to the + and to the - side, in the order of `System.contacts`
+    laws: tuple[tuple[ContactLaw, ...], ...]  # sets of one law for each pair
+    law_of: NDArray[np.int64]  # (n,) which set a case has
+    initial: State  # what all cases start from, at t = 0
+    ball_displacement: Array  # (n, balls) in place of those of the initial state, and in its frame, m and m/s
+    ball_velocity: Array  # (n, balls)
+    cycles: NDArray[np.int64]  # (n,) whole base cycles run, and how many of them at the end are measured
+    measured: NDArray[np.int64]  # (n,)
+    # (dofs,) systems in place of the common one, with the row of the observed place of each: alike in the number of
+    # dofs, and in their pairs but for numbers. For methods with a member `run_cases`; none for the common one.
     systems: tuple[tuple[System, Array], ...] = ()
-    system_of: NDArray[np.int64] | None = None
+    system_of: NDArray[np.int64] | None = None  # (n,) which of them a case has
 
     def of(self, members: NDArray[np.intp]) -> SineCases:
         """Some of the cases."""
@@ -157,39 +113,21 @@ def _no_values() -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SineDwellResults:
-    """Results of dwells, measured at their ends.
+    """Results of dwells, measured at their ends."""
 
-    Parameters
-    ----------
-    motion : SteadyMotion
-        Of the observed place, arrays (n,).
-    totals : ndarray (6, pairs, n)
-        Sums over the measured time; see `columns.TOTAL_COLUMNS`. The peak force of a rigid pair is not a number.
-    duration : ndarray (n,), s
-        Of the measured time.
-    residual : ndarray (n,), 1
-        Largest energy residual; not a number without a ledger.
-    bound : ndarray (n,), 1
-        Of the residual, beyond which it is warned of.
-    failures : tuple of str (n,)
-        Why a case has no results, with its frequency; empty where it has.
-    warnings : tuple of str
-        Of the method on the system.
-    loss : ndarray (n,) or (0,), J
-        Of structure and contacts in the measured time; not a number without a ledger, no entry of a method that does
-        not sum it up.
-    stored : ndarray (n,) or (0,), J
-        Largest of all energy stored at the instants of the ledger in the measured time.
-    """
-
-    motion: SteadyMotion
+    motion: SteadyMotion  # of the observed place, arrays (n,)
+    # (6, pairs, n) sums over the measured time; see `columns.TOTAL_COLUMNS`. The peak force of a rigid pair is not a
+    # number.
     totals: Array
-    duration: Array
-    residual: Array
-    bound: Array
-    failures: tuple[str, ...]
-    warnings: tuple[str, ...] = ()
+    duration: Array  # (n,) s: of the measured time
+    residual: Array  # (n,) largest energy residual; not a number without a ledger
+    bound: Array  # (n,) of the residual, beyond which it is warned of
+    failures: tuple[str, ...]  # (n,) why a case has no results, with its frequency; empty where it has
+    warnings: tuple[str, ...] = ()  # of the method on the system
+    # (n,) J: of structure and contacts in the measured time; not a number without a ledger, no entry of a method that
+    # does not sum it up
     loss: Array = field(default_factory=_no_values)
+    # (n,) J: largest of all energy stored at the instants of the ledger in the measured time
     stored: Array = field(default_factory=_no_values)
 
 
@@ -302,24 +240,12 @@ def workers_of(threads: int | None) -> int:
 
 
 def run_each(
-    run: Callable[[Case, Progress | None], Result], cases: Sequence[Case], workers: int, progress: Progress | None
+    run: Callable[[Case, Progress | None], Result],  # of a case and of what it calls with the share of it that is done
+    cases: Sequence[Case],
+    workers: int,  # threads at most
+    progress: Progress | None,  # called with the share done of all, by one thread at a time
 ) -> tuple[Result, ...]:
-    """Results of all cases in their order; of several that fail, the first raises.
-
-    Parameters
-    ----------
-    run : callable
-        Of a case and of what it calls with the share of it that is done.
-    cases : sequence
-    workers : int
-        Threads at most.
-    progress : callable, optional
-        Called with the share done of all, by one thread at a time.
-
-    Returns
-    -------
-    tuple
-    """
+    """Results of all cases in their order; of several that fail, the first raises."""
     if len(cases) == 1:
         return (run(cases[0], progress),)
     stop, lock, shares = threading.Event(), threading.Lock(), [0.0] * len(cases)

@@ -22,30 +22,14 @@ from femimpact.system.system import System
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """M u'' + C u' + K u = load s(t) + contacts, y'' = g - share s(t) + contacts.
+    """M u'' + C u' + K u = load s(t) + contacts, y'' = g - share s(t) + contacts."""
 
-    Parameters
-    ----------
-    load : ndarray (dofs,)
-        -base_load (kg) where s is the base's acceleration, b (1) where it is a force.
-    share : float, 1
-        1 where s is the base's acceleration, 0 where it is a force.
-    omega : float, rad/s
-        Of what counts as a cycle.
-    history : callable
-        s (m/s^2 or N) at times in s.
-    closed_form : Harmonic, BrokenLine, PiecewisePolynomial or None
-        Of s(t), where it has one.
-    at : str, float or None
-        Place of a force; None where the base moves.
-    """
-
-    load: Array
-    share: float
-    omega: float
-    history: Callable[[Array], ArrayLike]
-    closed_form: Harmonic | BrokenLine | PiecewisePolynomial | None
-    at: Position | None = None
+    load: Array  # (dofs,) -base_load (kg) where s is the base's acceleration, b (1) where it is a force
+    share: float  # 1 where s is the base's acceleration, 0 where it is a force
+    omega: float  # rad/s: of what counts as a cycle
+    history: Callable[[Array], ArrayLike]  # s (m/s^2 or N) at times in s
+    closed_form: Harmonic | BrokenLine | PiecewisePolynomial | None  # of s(t), where it has one
+    at: Position | None = None  # place of a force; None where the base moves
 
     @property
     def sine(self) -> Harmonic:
@@ -81,10 +65,7 @@ class Drive:
     def value(self, time: Array) -> Array:
         """s(t) at times in s.
 
-        Raises
-        ------
-        InputError
-            If the history of a user's excitation is not of finite numbers, one for each time.
+        Raises `InputError` if the history of a user's excitation is not of finite numbers, one for each time.
         """
         if self.is_sine:
             wave = self.sine
@@ -103,10 +84,7 @@ class Drive:
 def drive_of(system: System, excitation: Excitation) -> Drive:
     """The right-hand side of an excitation on a system.
 
-    Raises
-    ------
-    InputError
-        If the place of a force is unknown, or the value is no excitation.
+    Raises `InputError` if the place of a force is unknown, or the value is no excitation.
     """
     require_excitation(excitation)
     # the two members that a user's excitation may lack
@@ -124,34 +102,17 @@ NEGLIGIBLE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class ChannelRows:
-    """R channels of a system with n dofs and B pairs under a drive s(t), free of accelerations.
+    """R channels of a system with n dofs and B pairs under a drive s(t), free of accelerations."""
 
-    Parameters
-    ----------
-    displacement, velocity : ndarray (R, n)
-        Of u and u'.
-    ball_displacement, ball_velocity : ndarray (R, B)
-        Of y and y'; zero for stops.
-    contact_force : ndarray (R, B)
-        Of the forces of contact on the structure along b_j.
-    pair_force : ndarray (R, B)
-        Of the same with those of centring springs; zero where the time loop holds these apart.
-    base : ndarray (R, 3)
-        Of ub, ub' and ub''.
-    drive : ndarray (R,)
-        Of s(t).
-    constant : ndarray (R,)
-    """
-
-    displacement: Array
-    velocity: Array
-    ball_displacement: Array
-    ball_velocity: Array
-    contact_force: Array
-    pair_force: Array
-    base: Array
-    drive: Array
-    constant: Array
+    displacement: Array  # (R, n) of u and u'
+    velocity: Array  # (R, n)
+    ball_displacement: Array  # (R, B) of y and y'; zero for stops
+    ball_velocity: Array  # (R, B)
+    contact_force: Array  # (R, B) of the forces of contact on the structure along b_j
+    pair_force: Array  # (R, B) of the same with those of centring springs; zero where the time loop holds these apart
+    base: Array  # (R, 3) of ub, ub' and ub''
+    drive: Array  # (R,) of s(t)
+    constant: Array  # (R,)
 
     def of_time(self, channel: int, time: Array, excitation: Excitation, drive: Drive) -> Array | float:
         """The part of a channel that the state has no share in, at times in s: base, drive and constant."""
@@ -165,21 +126,15 @@ class ChannelRows:
         return total
 
 
-def channel_rows(system: System, drive: Drive, channels: tuple[Channel, ...], *, springs_apart: bool) -> ChannelRows:
-    """Rows of channels; the accelerations are M^-1 (load s + constant load - C u' - K u + sum_j b_j F_j) and so on.
-
-    Parameters
-    ----------
-    system : System
-    drive : Drive
-    channels : tuple of Channel
-    springs_apart : bool
-        Whether the time loop holds no forces of pairs with those of their centring springs, k0 x_j, in them.
-
-    Returns
-    -------
-    ChannelRows
-    """
+def channel_rows(
+    system: System,
+    drive: Drive,
+    channels: tuple[Channel, ...],
+    *,
+    # whether the time loop holds no forces of pairs with those of their centring springs, k0 x_j, in them
+    springs_apart: bool,
+) -> ChannelRows:
+    """Rows of channels; the accelerations are M^-1 (load s + constant load - C u' - K u + sum_j b_j F_j) and so on."""
     readings = [_free_of_reactions(system, drive, channel.reading(system)) for channel in channels]
     rows = [_row(system, drive, reading, springs_apart) for reading in readings]
     n, pairs = system.dofs, len(system.contacts)

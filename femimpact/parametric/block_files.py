@@ -106,10 +106,7 @@ class BlockFolder:
 def read_manifest(directory: Path) -> dict[str, Any] | None:
     """What the study in a directory is; None where there is none.
 
-    Raises
-    ------
-    InputError
-        If the file is damaged.
+    Raises `InputError` if the file is damaged.
     """
     path = directory / BLOCKS / MANIFEST
     try:
@@ -130,10 +127,7 @@ def read_manifest(directory: Path) -> dict[str, Any] | None:
 def blocks_of(directory: Path, key: str) -> Iterator[BlockValues]:
     """All blocks of a study that are on disk whole.
 
-    Raises
-    ------
-    InputError
-        If the folder cannot be listed.
+    Raises `InputError` if the folder cannot be listed.
     """
     folder = directory / BLOCKS
     try:

@@ -33,24 +33,12 @@ MOST_CASES = 100_000_000
 
 @dataclass(frozen=True, eq=False)
 class CaseTable:
-    """Values of all cases: of each axis its levels, and the number of the level that a case has.
-
-    Parameters
-    ----------
-    places : tuple of Place
-    levels : tuple of tuple
-        Values of each axis.
-    codes : tuple of ndarray (cases,) of int
-        Which of them a case has.
-    shape : tuple of int
-        Of a grid the number of values of each axis, of a list or a sample the number of cases.
-    is_grid : bool
-    """
+    """Values of all cases: of each axis its levels, and the number of the level that a case has."""
 
     places: tuple[Place, ...]
-    levels: tuple[tuple[Any, ...], ...]
-    codes: tuple[NDArray[np.int64], ...]
-    shape: tuple[int, ...]
+    levels: tuple[tuple[Any, ...], ...]  # values of each axis
+    codes: tuple[NDArray[np.int64], ...]  # (cases,) which of them a case has
+    shape: tuple[int, ...]  # of a grid the number of values of each axis, of a list or a sample the number of cases
     is_grid: bool
 
     @property
@@ -82,10 +70,7 @@ class CaseTable:
 def full_grid(places: Sequence[Place], axes: Mapping[str, AxisValues | Distribution]) -> CaseTable:
     """Every value of every axis with every value of the others.
 
-    Raises
-    ------
-    InputError
-        If an axis is a distribution, or there are more cases than anyone means.
+    Raises `InputError` if an axis is a distribution, or there are more cases than anyone means.
     """
     levels = []
     for place in places:
@@ -181,21 +166,11 @@ def default_method(system: System) -> Method:
 
 @dataclass(eq=False)
 class CaseSystems:
-    """Makes the systems of cases from what a study is given.
+    """Makes the systems of cases from what a study is given."""
 
-    Parameters
-    ----------
-    given : Study, System or callable
-        Of a callable its arguments are values of the case.
-    method : Method or None
-        For all cases; None takes that of the study, or the one that suits the system.
-    elements, modes : int
-        Of the structures that a function returns.
-    """
-
-    given: Study | System | Callable[..., Any]
-    method: Method | None
-    elements: int
+    given: Study | System | Callable[..., Any]  # of a callable its arguments are values of the case
+    method: Method | None  # for all cases; None takes that of the study, or the one that suits the system
+    elements: int  # of the structures that a function returns
     modes: int
     mesh: Mesh | None = None
     made: dict[tuple[Any, ...], System] = field(default_factory=dict)
@@ -217,10 +192,7 @@ class CaseSystems:
     def of(self, values: Values) -> System:
         """The system of a case, for its values before `Stage.METHOD`.
 
-        Raises
-        ------
-        InputError
-            If there is no such system.
+        Raises `InputError` if there is no such system.
         """
         key = tuple((place.path, values[place]) for place in values if place.stage < Stage.METHOD)
         with self.lock:
@@ -268,10 +240,7 @@ class CaseSystems:
     def method_of(self, system: System, values: Values) -> Method:
         """The method for a system with the contacts of a case.
 
-        Raises
-        ------
-        InputError
-            If it does not take the system.
+        Raises `InputError` if it does not take the system.
         """
         if self.method is not None:
             self.method.check(system)

@@ -29,27 +29,14 @@ from femimpact.system.system import System, without_impactors
 
 @dataclass(frozen=True, eq=False)
 class BlockValues:
-    """What was found of some cases.
+    """What was found of some cases."""
 
-    Parameters
-    ----------
-    cases : ndarray (n,) of int
-        Their numbers in the study.
-    values : ndarray (n, starts, measures)
-        Not a number where a start failed, or where the measure is a word.
-    periodic : ndarray (n, starts) of bool
-        Whether the motion repeats, or has no impacts: another start then has the same values.
-    failures : tuple of str (n starts,)
-        Why a start has no values; empty where it has.
-    words : mapping of str to tuple of str (n starts,)
-        By measure.
-    """
-
-    cases: Integers
-    values: Array
+    cases: Integers  # (n,) their numbers in the study
+    values: Array  # (n, starts, measures) not a number where a start failed, or where the measure is a word
+    # (n, starts) whether the motion repeats, or has no impacts: another start then has the same values
     periodic: NDArray[np.bool_]
-    failures: tuple[str, ...]
-    words: dict[str, tuple[str, ...]]
+    failures: tuple[str, ...]  # (n starts,) why a start has no values; empty where it has
+    words: dict[str, tuple[str, ...]]  # by measure
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,21 +87,14 @@ class _Answers:
         return BlockValues(self.cases, self.values, self.periodic, tuple(self.failures), words)
 
 
-def evaluated(study: ParameterStudy, cases: Integers) -> BlockValues:
+def evaluated(
+    study: ParameterStudy,
+    cases: Integers,  # (n,) their numbers
+) -> BlockValues:
     """What the study measures of some of its cases.
 
     A case has the same bits whatever cases stand beside it. A case that cannot be run has a reason in place of
     values; an error that femimpact does not raise itself is not caught.
-
-    Parameters
-    ----------
-    study : ParameterStudy
-    cases : ndarray (n,) of int
-        Their numbers.
-
-    Returns
-    -------
-    BlockValues
     """
     answers = _Answers(study, cases)
     if not study.has_cycle:

@@ -62,17 +62,12 @@ def history_of_case(
     return method.run(system, changed.base.excitation, changed.base.history_duration, record, state)
 
 
-def value_of_history(measure: Measure, response: Response, observed: Any) -> float:
-    """A measure of a whole run.
-
-    Parameters
-    ----------
-    measure : Measure
-        One that needs no cycle.
-    response : Response
-        With the channel of the observed place.
-    observed : str or float
-    """
+def value_of_history(
+    measure: Measure,  # one that needs no cycle
+    response: Response,  # with the channel of the observed place
+    observed: Any,
+) -> float:
+    """A measure of a whole run."""
     if measure.function is not None:
         return float(measure.function(response))
     if measure.channel:

@@ -53,10 +53,7 @@ def code_key() -> str:
 def plain_study(study: ParameterStudy) -> dict[str, Any]:
     """The study in what JSON has; two that are equal give the same results with the same code.
 
-    Raises
-    ------
-    InputError
-        If a function has no code that could be compared, and there is no version.
+    Raises `InputError` if a function has no code that could be compared, and there is no version.
     """
     given: Any = study.study
     axes = {

@@ -39,17 +39,14 @@ BESIDE = 2
 """Starts on each side of it at least."""
 
 
-def median_ranks(starts: int) -> tuple[int, int]:
+def median_ranks(
+    starts: int,  # at least `LEAST_FOR_INTERVAL`
+) -> tuple[int, int]:
     """Numbers from 0 of the sorted values between which the median lies with a probability of at least 90 %.
 
     The interval from the k-th smallest to the k-th largest of n values holds the median with the probability
     1 - 2 P(B < k), B binomial of n and 1/2; k is the largest for which that is at least 0.9. (David and Nagaraja,
     2003.)
-
-    Parameters
-    ----------
-    starts : int
-        At least `LEAST_FOR_INTERVAL`.
     """
     from scipy.stats import binom
 
@@ -59,20 +56,16 @@ def median_ranks(starts: int) -> tuple[int, int]:
     return k - 1, starts - k
 
 
-def over_starts(values: Array) -> dict[str, Array]:
+def over_starts(
+    values: Array,  # (cases, starts)
+) -> dict[str, Array]:
     """Columns (cases,) by the end of their names, from values (cases, starts); "" is the median.
 
     What is not a number is left out; a case without numbers has none.
 
-    Parameters
-    ----------
-    values : ndarray (cases, starts)
-
-    Returns
-    -------
-    dict of str to ndarray (cases,)
-        `_low` and `_high` the extremes; `_median_low` and `_median_high` the 90 % interval of the median from 5 starts
-        on; `_quantile_5` and `_quantile_95` from 40 on; `_groups` 1, or 2 where the sorted values lie in two groups.
+    Returns (cases,): `_low` and `_high` the extremes; `_median_low` and `_median_high` the 90 % interval of the median
+    from 5 starts on; `_quantile_5` and `_quantile_95` from 40 on; `_groups` 1, or 2 where the sorted values lie in two
+    groups.
     """
     cases, starts = values.shape
     if starts == 1:
@@ -240,18 +233,10 @@ class Columns:
         return self.numbers.setdefault(name, np.full(self.cases, np.nan))
 
 
-def dataset_of(columns: Columns) -> xarray.Dataset:
-    """The labelled dataset: axes as coordinates, measures with their statistics over the starts as variables.
-
-    Parameters
-    ----------
-    columns : Columns
-        Cases without values are not-a-numbers.
-
-    Returns
-    -------
-    xarray.Dataset
-    """
+def dataset_of(
+    columns: Columns,  # cases without values are not-a-numbers
+) -> xarray.Dataset:  # xarray.Dataset
+    """The labelled dataset: axes as coordinates, measures with their statistics over the starts as variables."""
     import xarray
 
     labels = columns.labels

@@ -32,25 +32,13 @@ class Stage(IntEnum):
 
 @dataclass(frozen=True)
 class Place:
-    """A value of a study.
-
-    Parameters
-    ----------
-    path : str
-    unit : str
-    stage : Stage
-    owner : str
-        Name of the table of the study, or of the argument, in which it stands.
-    part : str
-        Name of the body, segment or contact; empty where there is one only.
-    field : str
-    """
+    """A value of a study."""
 
     path: str
     unit: str
     stage: Stage
-    owner: str
-    part: str
+    owner: str  # name of the table of the study, or of the argument, in which it stands
+    part: str  # name of the body, segment or contact; empty where there is one only
     field: str
 
 
@@ -175,10 +163,7 @@ def _law_of(owner: str, part: str, law: Any) -> Iterator[Place]:
 def study_with(study: Study, values: Mapping[Place, Any]) -> Study:
     """The study with some of its values changed; those of the start of the balls stay what they were.
 
-    Raises
-    ------
-    InputError
-        If a value is out of range, or does not fit the others.
+    Raises `InputError` if a value is out of range, or does not fit the others.
     """
     found: dict[str, Any] = {"structure": study.structure}
     for place, value in values.items():
@@ -259,21 +244,12 @@ def unit_draws(starts: int, balls: int, seed: int) -> Array:
     return np.random.default_rng(seed).random((starts, balls, 2))
 
 
-def scaled_starts(draws: Array, gaps: Array, speed: Array) -> tuple[Array, Array]:
-    """Places of balls uniform in their gaps, speeds uniform within +- a speed, relative to the state of the structure.
-
-    Parameters
-    ----------
-    draws : ndarray (starts, balls, 2)
-    gaps : ndarray (cases, balls, 2), m
-        To the + and to the - side.
-    speed : ndarray (cases,), m/s
-        Amplitude times angular frequency of the base.
-
-    Returns
-    -------
-    displacement, velocity : ndarray (cases, starts, balls), m and m/s
-    """
+def scaled_starts(
+    draws: Array,  # (starts, balls, 2)
+    gaps: Array,  # (cases, balls, 2) m: to the + and to the - side
+    speed: Array,  # (cases,) m/s: amplitude times angular frequency of the base
+) -> tuple[Array, Array]:  # (cases, starts, balls) m and m/s
+    """Places of balls, uniform in their gaps, and speeds, uniform within +- a speed, relative to the structure."""
     plus, minus = gaps[:, None, :, 0], gaps[:, None, :, 1]
     displacement = -minus + (plus + minus) * draws[None, :, :, 0]
     return displacement, speed[:, None, None] * (2.0 * draws[None, :, :, 1] - 1.0)

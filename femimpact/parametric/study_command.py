@@ -57,10 +57,7 @@ RUN_FACTOR = 2.5
 def definition_of(study: Study) -> ParameterStudy:
     """The parameter study of a study file.
 
-    Raises
-    ------
-    InputError
-        If the file has none, or a path or a measure in it is unknown.
+    Raises `InputError` if the file has none, or a path or a measure in it is unknown.
     """
     require(study.plan is not None, "study", None, "", "table [study] is missing from the study")
     plan: Any = study.plan
@@ -119,14 +116,10 @@ def write_parameter_study(
     return dataset
 
 
-def table_of(dataset: xarray.Dataset) -> tuple[dict[str, Any], dict[str, str]]:
-    """A row for every case: values of the axes, then of the measures; and units.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        Of `parameter_study`.
-    """
+def table_of(
+    dataset: xarray.Dataset,  # xarray.Dataset: of `parameter_study`
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """A row for every case: values of the axes, then of the measures; and units."""
     shape = dataset["finished"].shape
     columns: dict[str, Any] = {}
     units: dict[str, str] = {}
@@ -166,10 +159,7 @@ def _drawn(dataset: xarray.Dataset, name: str) -> Any:
 def plan_lines(study: Study) -> list[str]:
     """What the parameter study of a study file would take: cases, time, memory and disk.
 
-    Raises
-    ------
-    InputError
-        As of `definition_of`.
+    Raises `InputError` as of `definition_of`.
     """
     from femimpact.integrators.cases import cores
     from femimpact.parametric.measures import Source

@@ -38,10 +38,7 @@ def check_client(client: object) -> None:
 def connected(scheduler: str) -> Iterator[Any]:
     """A client of the scheduler at an address, or of the one that a scheduler file names.
 
-    Raises
-    ------
-    InputError
-        If there is none, or `distributed` is not installed.
+    Raises `InputError` if there is none, or `distributed` is not installed.
     """
     try:
         from distributed import Client
@@ -83,10 +80,8 @@ def _model() -> str:
 def check_workers(client: Any) -> None:
     """Refuse workers of another version, and warn of processors of several kinds.
 
-    Raises
-    ------
-    InputError
-        If there is no worker, or one that has no femimpact, other sources or other versions of numpy and scipy.
+    Raises `InputError` if there is no worker, or one that has no femimpact, other sources or other versions of
+    numpy and scipy.
     """
     try:
         found: dict[str, dict[str, str]] = client.run(worker_facts)
@@ -115,10 +110,7 @@ def _check_versions(worker: str, facts: Mapping[str, str], expected: Mapping[str
 def cluster_executor(client: Any, study: ParameterStudy) -> Iterator[tuple[Executor, Any, int]]:
     """An executor on the workers, the study as `evaluated_there` takes it, and the number of threads of all workers.
 
-    Raises
-    ------
-    InputError
-        If a worker is refused, or the cluster drops the work.
+    Raises `InputError` if a worker is refused, or the cluster drops the work.
     """
     check_workers(client)
     # a task, whose result is made anew where the worker that had it is lost
@@ -142,10 +134,7 @@ def _received(study: ParameterStudy, versions: dict[str, str]) -> tuple[Paramete
 def evaluated_there(sent: tuple[ParameterStudy, dict[str, str]], cases: NDArray[np.int64]) -> BlockValues:
     """`evaluated` on a worker, which may have come after the others were checked.
 
-    Raises
-    ------
-    InputError
-        If the worker has another version than the process of the client.
+    Raises `InputError` if the worker has another version than the process of the client.
     """
     study, versions = sent
     _check_versions(f"worker {platform.node()}", _versions(), versions, "the process with the client")

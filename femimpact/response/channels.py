@@ -41,37 +41,24 @@ class Reading:
     u and y are relative to the base, F_j acts on the structure along the direction b_j of its pair. Change a
     `zero_reading` with `dataclasses.replace`.
 
-    Parameters
-    ----------
-    displacement, velocity, acceleration : ndarray (dofs,)
-    ball_displacement, ball_velocity, ball_acceleration : ndarray (pairs,)
-        Entries of stops are without effect: a stop does not move by itself.
-    base : ndarray (3,)
-        Of the base's displacement (m), velocity (m/s) and acceleration (m/s^2).
-    contact_force : ndarray (pairs,)
-        Per newton of each F_j, centring springs left out. Of a rigid pair this is the force while it sticks; an
-        impact is an impulse, which no instant shows.
-    reaction : ndarray (reactions,)
-        Per unit of each of `System.reactions`, in their order.
-    point_force : float
-        Per newton of the force that drives, where one does.
-    constant : float
-
-    Raises
-    ------
-    InputError
-        If a row is not one of finite numbers.
+    Raises `InputError` if a row is not one of finite numbers.
     """
 
-    displacement: NDArray[np.float64] = field(metadata=column("1", "dofs", finite=True))
-    velocity: NDArray[np.float64] = field(metadata=column("1", "dofs", finite=True))
-    acceleration: NDArray[np.float64] = field(metadata=column("1", "dofs", finite=True))
+    displacement: NDArray[np.float64] = field(metadata=column("1", "dofs", finite=True))  # (dofs,)
+    velocity: NDArray[np.float64] = field(metadata=column("1", "dofs", finite=True))  # (dofs,)
+    acceleration: NDArray[np.float64] = field(metadata=column("1", "dofs", finite=True))  # (dofs,)
+    # (pairs,) entries of stops are without effect: a stop does not move by itself
     ball_displacement: NDArray[np.float64] = field(metadata=column("1", "pairs", finite=True))
-    ball_velocity: NDArray[np.float64] = field(metadata=column("1", "pairs", finite=True))
-    ball_acceleration: NDArray[np.float64] = field(metadata=column("1", "pairs", finite=True))
+    ball_velocity: NDArray[np.float64] = field(metadata=column("1", "pairs", finite=True))  # (pairs,)
+    ball_acceleration: NDArray[np.float64] = field(metadata=column("1", "pairs", finite=True))  # (pairs,)
+    # (3,) of the base's displacement (m), velocity (m/s) and acceleration (m/s^2)
     base: NDArray[np.float64] = field(metadata=column("1", 3, finite=True))
+    # (pairs,) per newton of each F_j, centring springs left out. Of a rigid pair this is the force while it sticks; an
+    # impact is an impulse, which no instant shows.
     contact_force: NDArray[np.float64] = field(metadata=column("1/N", "pairs", finite=True))
+    # (reactions,) per unit of each of `System.reactions`, in their order
     reaction: NDArray[np.float64] = field(metadata=column("1", "reactions", finite=True))
+    # per newton of the force that drives, where one does
     point_force: float = field(default=0.0, metadata=quantity("1"))
     constant: float = field(default=0.0, metadata=quantity("1"))
 
@@ -124,18 +111,10 @@ class Gap:
 
     At a stop fixed in space it is the absolute deflection.
 
-    Parameters
-    ----------
-    pair : str, optional
-        Name of a ball or a stop; None is the only one.
-
-    Raises
-    ------
-    InputError
-        If the value is no name; when it is read, if there is no such pair.
+    Raises `InputError` if the value is no name; when it is read, if there is no such pair.
     """
 
-    pair: str | None = field(default=None, metadata=optional(text()))
+    pair: str | None = field(default=None, metadata=optional(text()))  # name of a ball or a stop; None is the only one
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -165,18 +144,10 @@ class ContactForce:
 
     With Moreau-Jean and with an energy-consistent contact it is the mean over a step.
 
-    Parameters
-    ----------
-    pair : str, optional
-        Name of a ball or a stop; None is the only one.
-
-    Raises
-    ------
-    InputError
-        If the value is no name; when it is read, if there is no such pair.
+    Raises `InputError` if the value is no name; when it is read, if there is no such pair.
     """
 
-    pair: str | None = field(default=None, metadata=optional(text()))
+    pair: str | None = field(default=None, metadata=optional(text()))  # name of a ball or a stop; None is the only one
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -209,23 +180,13 @@ class Motion:
     The acceleration is the one that the equations of motion give at the instant of the sample, for every method.
     Beside rigid contacts it is that between impacts, whose share is an impulse.
 
-    Parameters
-    ----------
-    at : str or float
-        A place of the structure, metres from the root, or a ball's name.
-    derivative : int, 1
-        0 for the displacement (m), 1 for the velocity (m/s), 2 for the acceleration (m/s^2).
-    absolute : bool
-        In the inertial frame; otherwise relative to the moving base.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range; when it is read, if the place is unknown.
+    Raises `InputError` if a value is out of range; when it is read, if the place is unknown.
     """
 
-    at: Position = field(metadata=place())
+    at: Position = field(metadata=place())  # a place of the structure, metres from the root, or a ball's name
+    # 0 for the displacement (m), 1 for the velocity (m/s), 2 for the acceleration (m/s^2)
     derivative: int = field(default=0, metadata=quantity("1", at_least=0, at_most=2, integer=True))
+    # in the inertial frame; otherwise relative to the moving base
     absolute: bool = field(default=False, metadata=truth())
 
     def __post_init__(self) -> None:
@@ -261,18 +222,10 @@ class Motion:
 class Rotation:
     """Slope w'(x, t) of the deflection at a place on the beam, 1.
 
-    Parameters
-    ----------
-    at : str or float
-        A named place, or metres from the root.
-
-    Raises
-    ------
-    InputError
-        If the value is no place; when it is read, if the place is unknown or lies on no beam.
+    Raises `InputError` if the value is no place; when it is read, if the place is unknown or lies on no beam.
     """
 
-    at: Position = field(metadata=place())
+    at: Position = field(metadata=place())  # a named place, or metres from the root
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -313,22 +266,15 @@ class SectionReading:
       element's length, and of the second in its middle; one value in an element of constant section;
     - surface_strain -h/2 w'' (1) and surface_stress -E h/2 w'' (Pa) of the surface on the side of +w.
 
-    Parameters
-    ----------
-    at : str or float
-        A named place, or metres from the root.
-    quantity : {"curvature", "bending_moment", "shear_force", "surface_strain", "surface_stress"}
-    side : {"right", "left"}
-        Which element is read at a node: towards the tip, or towards the root. They differ where the section jumps.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range; when it is read, if the place is unknown, or no section is known there.
+    Raises `InputError` if a value is out of range; when it is read, if the place is unknown, or no section is known
+    there.
     """
 
-    at: Position = field(metadata=place())
+    at: Position = field(metadata=place())  # a named place, or metres from the root
+    # {"curvature", "bending_moment", "shear_force", "surface_strain", "surface_stress"}
     quantity: str = field(metadata=choice(*SECTION_UNITS))
+    # {"right", "left"}: which element is read at a node: towards the tip, or towards the root. They differ where the
+    # section jumps.
     side: str = field(default="right", metadata=choice("right", "left"))
 
     def __post_init__(self) -> None:
@@ -453,10 +399,7 @@ class ShakerForce:
 def channel_key(name: Position, key: str = "channel") -> str:
     """The name under which a channel is kept: a text as it is, metres from the root as they are written.
 
-    Raises
-    ------
-    InputError
-        If it is neither.
+    Raises `InputError` if it is neither.
     """
     fits = isinstance(name, str) or in_range(name, quantity("m"))
     require(fits, key, name, "", "must be the name of a channel, or metres from the root")
@@ -504,26 +447,16 @@ def _metres(text: str) -> float | None:
     return value if value is not None and in_range(value, quantity("m")) else None
 
 
-def channel_of(shown: Any, channel: Position | Channel) -> Channel:
+def channel_of(
+    shown: Any,  # or what else has `points` and `contacts`
+    # a place ("tip", a point of the mesh, metres from the root) or a ball, with what is read of it behind a dot (see
+    # `QUANTITIES`); "gap" and "contact_force" alone belong to the only contact; "shaker_force" is the force that moves
+    # the base
+    channel: Position | Channel,
+) -> Channel:
     """The channel that a name stands for.
 
-    Parameters
-    ----------
-    shown : System
-        Or what else has `points` and `contacts`.
-    channel : str, float or Channel
-        A place ("tip", a point of the mesh, metres from the root) or a ball, with what is read of it behind a dot
-        (see `QUANTITIES`); "gap" and "contact_force" alone belong to the only contact; "shaker_force" is the force that
-        moves the base.
-
-    Returns
-    -------
-    Channel
-
-    Raises
-    ------
-    InputError
-        Naming the unknown name and the known ones.
+    Raises `InputError` naming the unknown name and the known ones.
     """
     if not isinstance(channel, (str, float, int)):
         return channel

@@ -40,26 +40,17 @@ if TYPE_CHECKING:
 class Snapshots:
     """Whole deflections, relative to the base.
 
-    Parameters
-    ----------
-    time : ndarray (snapshots,), s
-    displacement, velocity : ndarray (snapshots, 2 nodes), m and 1; m/s and 1/s
-        (w1, w1', w2, w2', ...) at the nodes.
-    ball_displacement, ball_velocity : ndarray (snapshots, balls), m and m/s
-    contact_force : ndarray (snapshots, pairs), N
-        On the beam, balls first, then stops.
-
-    Raises
-    ------
-    InputError
-        If an array does not have one row for each snapshot, or a time is not finite.
+    Raises `InputError` if an array does not have one row for each snapshot, or a time is not finite.
     """
 
-    time: Array = field(metadata=column("s", "snapshots", finite=True))
+    time: Array = field(metadata=column("s", "snapshots", finite=True))  # (snapshots,) s
+    # (snapshots, 2 nodes) m and 1; m/s and 1/s: (w1, w1', w2, w2', ...) at the nodes
     displacement: Array = field(metadata=column("m", "snapshots", "nodal values"))
+    # (snapshots, 2 nodes) m and 1; m/s and 1/s
     velocity: Array = field(metadata=column("m/s", "snapshots", "nodal values"))
-    ball_displacement: Array = field(metadata=column("m", "snapshots", "balls"))
-    ball_velocity: Array = field(metadata=column("m/s", "snapshots", "balls"))
+    ball_displacement: Array = field(metadata=column("m", "snapshots", "balls"))  # (snapshots, balls) m and m/s
+    ball_velocity: Array = field(metadata=column("m/s", "snapshots", "balls"))  # (snapshots, balls) m and m/s
+    # (snapshots, pairs) N: on the beam, balls first, then stops
     contact_force: Array = field(metadata=column("N", "snapshots", "pairs"))
 
     def __post_init__(self) -> None:
@@ -157,20 +148,13 @@ def history_dataset(
     return xarray.Dataset(data, coords={"time": coordinate}, attrs=attributes)
 
 
-def deciding_rows(before: EnergyLedger | None, piece: EnergyLedger) -> EnergyLedger:
+def deciding_rows(
+    before: EnergyLedger | None,  # those of all the pieces before
+    piece: EnergyLedger,  # with one sample or more
+) -> EnergyLedger:
     """The few rows of a ledger in pieces that give its residual: first, largest imbalance, largest work, last.
 
-    Parameters
-    ----------
-    before : EnergyLedger or None
-        Those of all the pieces before.
-    piece : EnergyLedger
-        With one sample or more.
-
-    Returns
-    -------
-    EnergyLedger
-        At most 4 samples; its residual is the one of all samples so far, to the last bit.
+    Returns: at most 4 samples; its residual is the one of all samples so far, to the last bit.
     """
     first = piece if before is None else before
     rows = _take(piece, _extremes(piece, first))
@@ -199,21 +183,12 @@ def _take(ledger: EnergyLedger, rows: list[int]) -> EnergyLedger:
 
 @dataclass(eq=False)
 class Stream:
-    """Where the history of a run goes: piece by piece to a sink, or as a whole to the response.
+    """Where the history of a run goes: piece by piece to a sink, or as a whole to the response."""
 
-    Parameters
-    ----------
-    read : callable
-        What the run holds now, given how many samples and snapshots were taken from it before.
-    clear : callable
-        Empties the run of that.
-    sink : callable or None
-        As of `Recorder`.
-    """
-
+    # what the run holds now, given how many samples and snapshots were taken from it before
     read: Callable[[int, int], HistoryPiece]
-    clear: Callable[[], None]
-    sink: Callable[[HistoryPiece], None] | None
+    clear: Callable[[], None]  # empties the run of that
+    sink: Callable[[HistoryPiece], None] | None  # as of `Recorder`
     samples: int = 0
     snapshots: int = 0
     deciding: EnergyLedger | None = None

@@ -27,27 +27,16 @@ class CycleStatistics:
     the motion before it, so that they are of the order of the method: 2 for smooth motion, where the cubic alone
     has order 4, and 1 after rigid impacts with `MoreauJean`. The sums are over samples.
 
-    Parameters
-    ----------
-    maximum, minimum : ndarray (cycles, cases), m
-    square : ndarray (cycles, cases), m^2
-        Sum of w^2 over the samples.
-    sine, cosine : ndarray (cycles, cases), m
-        Sums of w sin(phase) and w cos(phase), phase being that of the base.
-    samples : ndarray (cycles, cases), 1
-
-    Raises
-    ------
-    InputError
-        If the arrays are not all of one shape (cycles, cases).
+    Raises `InputError` if the arrays are not all of one shape (cycles, cases).
     """
 
-    maximum: Array = field(metadata=column("m", "cycles", "cases"))
-    minimum: Array = field(metadata=column("m", "cycles", "cases"))
-    square: Array = field(metadata=column("m^2", "cycles", "cases"))
+    maximum: Array = field(metadata=column("m", "cycles", "cases"))  # (cycles, cases) m
+    minimum: Array = field(metadata=column("m", "cycles", "cases"))  # (cycles, cases) m
+    square: Array = field(metadata=column("m^2", "cycles", "cases"))  # (cycles, cases) m^2: sum of w^2 over the samples
+    # (cycles, cases) m: sums of w sin(phase) and w cos(phase), phase being that of the base
     sine: Array = field(metadata=column("m", "cycles", "cases"))
-    cosine: Array = field(metadata=column("m", "cycles", "cases"))
-    samples: Array = field(metadata=column("1", "cycles", "cases"))
+    cosine: Array = field(metadata=column("m", "cycles", "cases"))  # (cycles, cases) m
+    samples: Array = field(metadata=column("1", "cycles", "cases"))  # (cycles, cases)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -97,11 +86,11 @@ class SteadyMotion:
 
 def steady_motion(
     cycles: CycleStatistics,
-    window: NDArray[np.int64],
+    window: NDArray[np.int64],  # (cases,) how many cycles at the end are measured
     periodic_tolerance: float = 1e-3,
-    statistical_tolerance: float = 0.05,
-    standard_errors: float = 3.0,
-    longest_period: int = 4,
+    statistical_tolerance: float = 0.05,  # 1
+    standard_errors: float = 3.0,  # 1
+    longest_period: int = 4,  # cycles
 ) -> SteadyMotion:
     """Amplitudes and steadiness over the last cycles of a run.
 
@@ -110,22 +99,7 @@ def steady_motion(
     agree within `statistical_tolerance`, or when their mean squares differ by fewer than
     `standard_errors` of the scatter between the window's eight parts; else "transient".
 
-    Parameters
-    ----------
-    cycles : CycleStatistics
-    window : ndarray (cases,) of int
-        How many cycles at the end are measured.
-    periodic_tolerance, statistical_tolerance, standard_errors : float, 1
-    longest_period : int, cycles
-
-    Returns
-    -------
-    SteadyMotion
-
-    Raises
-    ------
-    InputError
-        If an argument is of the wrong kind or out of range.
+    Raises `InputError` if an argument is of the wrong kind or out of range.
     """
     require_type(cycles, CycleStatistics, "cycles")
     cases = cycles.samples.shape[1]
@@ -264,17 +238,11 @@ class LargestSample:
 
 @dataclass(frozen=True, eq=False)
 class LargestValues:
-    """Largest values of the channels of a run, found when they are first asked for and then known.
+    """Largest values of the channels of a run, found when they are first asked for and then known."""
 
-    Parameters
-    ----------
-    find : callable
-        From channels to the largest value of each, found by computing the run once more.
-    known : list of (Channel, Largest)
-    """
-
+    # from channels to the largest value of each, found by computing the run once more
     find: Callable[[tuple[Channel, ...]], tuple[Largest, ...]] = field(repr=False)
-    known: list[tuple[Channel, Largest]] = field(default_factory=list, repr=False)
+    known: list[tuple[Channel, Largest]] = field(default_factory=list, repr=False)  # (Channel, Largest)
 
     def of(self, channels: tuple[Channel, ...]) -> tuple[Largest, ...]:
         """The largest value of each channel."""
@@ -292,24 +260,16 @@ LARGE = 0.1
 """Largest deflection over the length of the beam that is not warned of: a cantilever's is exact to 1 % there."""
 
 
-def deflection_warnings(deflection: ArrayLike, length: float) -> tuple[str, ...]:
+def deflection_warnings(
+    deflection: ArrayLike,  # m: largest absolute values, of places or of runs; what is not a number does not count
+    length: float,  # m: 0 for a structure without a beam, which has no warning
+) -> tuple[str, ...]:
     """A warning where the beam deflects by more than a tenth of its length.
 
     What linear theory neglects goes as (w/L)^2. Of a cantilever under a transverse end load P the exact elastica,
     EI theta'' = -P cos(theta), has w/L = a/3 (1 - 4/35 a^2 + ...) with a = P L^2/(EI): the linear deflection w is too
     large by 36/35 (w/L)^2 of itself, 1.0 % at w/L = 0.1 and 4.3 % at 0.2. The tip moves towards the root by
     3/5 (w/L)^2 of the length.
-
-    Parameters
-    ----------
-    deflection : array_like, m
-        Largest absolute values, of places or of runs; what is not a number does not count.
-    length : float, m
-        0 for a structure without a beam, which has no warning.
-
-    Returns
-    -------
-    tuple of str
     """
     largest = float(np.fmax.reduce(np.ravel(deflection), initial=0.0))
     if not 0.0 < LARGE * length < largest:

@@ -470,16 +470,7 @@ HEAVY_BODY = 100.0
 
 
 def unusual_numbers(structure: Structure) -> list[str]:
-    """A line for every number that may be in another unit: its path, its value, its unit and what is usual.
-
-    Parameters
-    ----------
-    structure : Structure
-
-    Returns
-    -------
-    list of str
-    """
+    """A line for every number that may be in another unit: its path, its value, its unit and what is usual."""
     return [*_of_sections(structure), *_of_gaps(structure), *_of_masses(structure)]
 
 

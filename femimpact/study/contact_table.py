@@ -34,10 +34,7 @@ UNITS = {
 def approach_speeds(speed_min: float, speed_max: float) -> NDArray[np.float64]:
     """Approach speeds (m/s) of the table, even on a logarithmic axis.
 
-    Raises
-    ------
-    InputError
-        Unless 0 < speed_min < speed_max, both finite.
+    Raises `InputError` unless 0 < speed_min < speed_max, both finite.
     """
     sound = math.isfinite(speed_min) and speed_min > 0.0
     require(sound, "speed_min", speed_min, "m/s", "must be a finite number > 0 m/s")

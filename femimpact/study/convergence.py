@@ -66,25 +66,12 @@ COARSEST_STEPS = 40
 
 @dataclass(frozen=True, eq=False)
 class WrittenConvergence:
-    """What a convergence study found, and where its files are.
+    """What a convergence study found, and where its files are."""
 
-    Parameters
-    ----------
-    tables : ConvergenceStudy
-        Over the mesh and the modes, and over the step where the study's method is Newmark's.
-    statistics : ConvergenceTable or None
-        Of event-driven runs with contacts over the mesh.
-    mesh : MeshConvergence
-    step : StepConvergence or None
-        Of runs in Newmark's steps, to shortly after the first impact.
-    notes : tuple of str
-    directory : Path
-    """
-
-    tables: ConvergenceStudy
-    statistics: ConvergenceTable | None
+    tables: ConvergenceStudy  # over the mesh and the modes, and over the step where the study's method is Newmark's
+    statistics: ConvergenceTable | None  # of event-driven runs with contacts over the mesh
     mesh: MeshConvergence
-    step: StepConvergence | None
+    step: StepConvergence | None  # of runs in Newmark's steps, to shortly after the first impact
     notes: tuple[str, ...]
     directory: Path
 

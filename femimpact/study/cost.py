@@ -33,22 +33,15 @@ def even_grid(plan: SweepPlan) -> NDArray[np.float64]:
     return np.linspace(plan.start, plan.stop, plan.points)
 
 
-def refined_grid(plan: SweepPlan, bare: System, peak_with_ball: float | None) -> NDArray[np.float64]:
+def refined_grid(
+    plan: SweepPlan,
+    bare: System,  # without balls
+    peak_with_ball: float | None,  # Hz: on the even grid; None without a ball
+) -> NDArray[np.float64]:
     """All frequencies (Hz) of a sweep, ascending.
 
-    Parameters
-    ----------
-    plan : SweepPlan
-    bare : System
-        Without balls.
-    peak_with_ball : float or None, Hz
-        On the even grid; None without a ball.
-
-    Returns
-    -------
-    ndarray (n,), Hz
-        The even grid, `plan.refine` points around the first natural frequency and as many around the peak with ball,
-        and that natural frequency itself: the largest point of a linear curve is then its peak.
+    Returns (n,) Hz: the even grid, `plan.refine` points around the first natural frequency and as many around the peak
+    with ball, and that natural frequency itself: the largest point of a linear curve is then its peak.
     """
     even = even_grid(plan)
     if not plan.refine:
@@ -131,15 +124,11 @@ def picture_seconds(study: Study) -> float:
     return (FIGURES if output.figures else 0.0) + filmed
 
 
-def mesh_memory(elements: int, modes: int | None) -> dict[str, float]:
-    """Bytes at the peak of making the matrices of a mesh, and of solving for its modes.
-
-    Parameters
-    ----------
-    elements : int
-    modes : int or None
-        Of the reduction; None where the physical dofs are integrated.
-    """
+def mesh_memory(
+    elements: int,
+    modes: int | None,  # of the reduction; None where the physical dofs are integrated
+) -> dict[str, float]:
+    """Bytes at the peak of making the matrices of a mesh, and of solving for its modes."""
     dofs, count = 2 * elements, max(modes or 0, 4)
     kept = ELEMENT_KEPT * elements
     if dofs <= DENSE_LIMIT or count > dofs // 4:
@@ -153,10 +142,7 @@ def mesh_memory(elements: int, modes: int | None) -> dict[str, float]:
 def check_mesh(study: Study, elements: int) -> None:
     """Refuse a mesh or a number of modes that does not fit, before anything is assembled.
 
-    Raises
-    ------
-    InputError
-        Naming what takes how much.
+    Raises `InputError` naming what takes how much.
     """
     parts = mesh_memory(elements, study.reduction.modes if study.reduction else None)
     limit, needed = study.output.memory_limit, max(parts.values())
@@ -168,10 +154,7 @@ def check_mesh(study: Study, elements: int) -> None:
 def check_sweep(study: Study, small: System, method: Method) -> None:
     """Refuse a sweep that does not fit.
 
-    Raises
-    ------
-    InputError
-        Naming what it takes.
+    Raises `InputError` naming what it takes.
     """
     limit, needed = study.output.memory_limit, sweep_cost(study, small, method).memory
     allowed = f"must be >= {needed:.3g}, what the sweep takes: take fewer points or cycles, or raise it"

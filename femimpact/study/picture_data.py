@@ -76,24 +76,13 @@ class DrawnContact:
 
 @dataclass(frozen=True, eq=False)
 class DrawnSystem:
-    """What pictures show of a system, under the same names: places, contacts, and curves between the nodes.
+    """What pictures show of a system, under the same names: places, contacts, and curves between the nodes."""
 
-    Parameters
-    ----------
-    nodes : ndarray (n,), m
-    points : mapping of str to float, m
-    contacts : tuple of DrawnContact
-        Balls first, then stops.
-    total_mass : float, kg
-    first_frequency : float, Hz
-        Not a number where it was not kept.
-    """
-
-    nodes: Array
-    points: Mapping[str, float]
-    contacts: tuple[DrawnContact, ...] = ()
-    total_mass: float = math.nan
-    first_frequency: float = math.nan
+    nodes: Array  # (n,) m
+    points: Mapping[str, float]  # m
+    contacts: tuple[DrawnContact, ...] = ()  # balls first, then stops
+    total_mass: float = math.nan  # kg
+    first_frequency: float = math.nan  # Hz: not a number where it was not kept
 
     @property
     def dofs(self) -> int:
@@ -248,18 +237,13 @@ def write_snapshots(path: Path, structure: Structure, response: Response, exagge
     _write(path, data, snapshots.time)
 
 
-def write_last_cycles(path: Path, structure: Structure, response: Response, end: Response) -> None:
-    """Write the channels of the last cycles of a run at every step.
-
-    Parameters
-    ----------
-    path : Path
-    structure : Structure
-    response : Response
-        The whole run.
-    end : Response
-        Its last cycles.
-    """
+def write_last_cycles(
+    path: Path,
+    structure: Structure,
+    response: Response,  # the whole run
+    end: Response,  # its last cycles
+) -> None:
+    """Write the channels of the last cycles of a run at every step."""
     data: dict[str, Any] = {name: ("time", np.array(values), {"units": end.units[name]}) for name, values in
                             end.channels.items()}  # fmt: skip
     data |= _base_arrays(response)

@@ -46,34 +46,17 @@ USUAL_STRIDE = 10
 
 @dataclass(frozen=True, eq=False)
 class PreparedStudy:
-    """A study with all that its run is made of.
-
-    Parameters
-    ----------
-    study : Study
-    mesh : Mesh or None
-        Of the study's file; None where it gives a number of elements.
-    full, small : System
-        That of the mesh, and the one that is integrated.
-    bare : System
-        The one that is integrated, without its balls.
-    method, bare_method : Method
-        With the steps for `small` and `bare`.
-    record : Recorder
-        What the history keeps.
-    warnings : tuple of str
-        Of the method on the system.
-    """
+    """A study with all that its run is made of."""
 
     study: Study
-    mesh: Mesh | None
-    full: System
+    mesh: Mesh | None  # of the study's file; None where it gives a number of elements
+    full: System  # that of the mesh, and the one that is integrated
     small: System
-    bare: System
-    method: Method
+    bare: System  # the one that is integrated, without its balls
+    method: Method  # with the steps for `small` and `bare`
     bare_method: Method
-    record: Recorder
-    warnings: tuple[str, ...]
+    record: Recorder  # what the history keeps
+    warnings: tuple[str, ...]  # of the method on the system
 
 
 def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
@@ -151,10 +134,7 @@ def last_cycles_start(study: Study) -> float:
 def _grid(study: Study, small: System, method: Method) -> float:
     """Time (s) between instants at which the history can be read.
 
-    Raises
-    ------
-    InputError
-        If the study gives an interval that the method does not take.
+    Raises `InputError` if the study gives an interval that the method does not take.
     """
     try:
         asked = Recorder(interval=study.output.interval)
@@ -233,10 +213,7 @@ def _check_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> None:
 def plan_lines(study: Study) -> list[str]:
     """What would run: dofs, step, contact time, number of steps, memory and time.
 
-    Raises
-    ------
-    InputError
-        For everything that would stop the run before it starts.
+    Raises `InputError` for everything that would stop the run before it starts.
     """
     prepared = prepare(study)
     full, small, method = prepared.full, prepared.small, prepared.method

@@ -32,21 +32,11 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class ResultReading:
-    """A directory of results while it is read.
+    """A directory of results while it is read."""
 
-    Parameters
-    ----------
-    folder : Path
-        With the files.
-    summary : dict
-        Empty where there is none.
-    missing : list of str
-        What could not be read, and why.
-    """
-
-    folder: Path
-    summary: dict[str, Any]
-    missing: list[str] = field(default_factory=list)
+    folder: Path  # with the files
+    summary: dict[str, Any]  # empty where there is none
+    missing: list[str] = field(default_factory=list)  # what could not be read, and why
 
     def attempt(self, what: str, make: Callable[[], T]) -> T | None:
         """What `make` returns; None, and a line of what is missing, where it fails."""
@@ -295,16 +285,11 @@ def _energy(summary: Mapping[str, Any]) -> list[Conclusion]:
     ]
 
 
-def convergence_conclusions(columns: Mapping[str, Any] | None, accuracy: Any = None) -> tuple[Conclusion, ...]:
-    """The numbers with which every quantity that has an order is accurate, over each axis.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray, or None
-        As of `convergence_summary.csv`.
-    accuracy : float, optional
-        Relative error that was asked for.
-    """
+def convergence_conclusions(
+    columns: Mapping[str, Any] | None,  # or None: as of `convergence_summary.csv`
+    accuracy: Any = None,  # relative error that was asked for
+) -> tuple[Conclusion, ...]:
+    """The numbers with which every quantity that has an order is accurate, over each axis."""
     if columns is None or not {"axis", "quantity", "recommended", "expected_order"} <= set(columns):
         return ()
     words = {"mesh": "elements", "step": "steps in the first period", "modes": "modes"}

@@ -224,10 +224,7 @@ def _open_lock(running: Path, create: int = 0) -> int:
 def _lock_file(file: int) -> None:
     """Lock an open file without waiting.
 
-    Raises
-    ------
-    BlockingIOError
-        If another process holds it.
+    Raises `BlockingIOError` if another process holds it.
     """
     try:
         import fcntl
@@ -273,18 +270,10 @@ class _Left(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Staging:
-    """The place of a run that is not done.
+    """The place of a run that is not done."""
 
-    Parameters
-    ----------
-    target : Path
-        As the user named it.
-    folder : Path
-        Where the files of a part go until it is finished.
-    """
-
-    target: Path
-    folder: Path
+    target: Path  # as the user named it
+    folder: Path  # where the files of a part go until it is finished
 
     @property
     def finished(self) -> Path:
@@ -300,22 +289,16 @@ class Staging:
 
 
 @contextmanager
-def prepare_directory(directory: str | Path, force: bool = False) -> Iterator[Staging]:
+def prepare_directory(
+    directory: str | Path,
+    force: bool = False,  # take a directory that is not empty: earlier results are replaced, other files stay
+) -> Iterator[Staging]:
     """A place whose files become the results in a directory when the block ends well.
 
     When it does not, parts that were finished stay in DIR/.running, and a note of the error says so;
     without any, nothing stays.
 
-    Parameters
-    ----------
-    directory : str or Path
-    force : bool
-        Take a directory that is not empty: earlier results are replaced, other files stay.
-
-    Raises
-    ------
-    InputError
-        If the directory cannot be taken, or another run writes into it.
+    Raises `InputError` if the directory cannot be taken, or another run writes into it.
     """
     target = Path(directory)
     with _named(target, "output"):
@@ -345,14 +328,7 @@ def update_results(directory: str | Path) -> Iterator[Staging]:
 
     Finished parts of a run that was ended stay.
 
-    Parameters
-    ----------
-    directory : str or Path
-
-    Raises
-    ------
-    InputError
-        If the directory cannot be taken, or a run writes into it.
+    Raises `InputError` if the directory cannot be taken, or a run writes into it.
     """
     target = Path(directory)
     with _taken(target, True) as running:
@@ -370,24 +346,15 @@ def update_results(directory: str | Path) -> Iterator[Staging]:
             _move_noted(target, running)
 
 
-def finish_results(directory: str | Path, force: bool = False) -> tuple[str, ...]:
+def finish_results(
+    directory: str | Path,
+    force: bool = False,  # put parts of a run in the place of earlier results
+) -> tuple[str, ...]:
     """Put what an ended run finished into its directory, or finish a move that was ended.
 
-    Parameters
-    ----------
-    directory : str or Path
-    force : bool
-        Put parts of a run in the place of earlier results.
+    Returns: the parts of the run that were finished.
 
-    Returns
-    -------
-    tuple of str
-        The parts of the run that were finished.
-
-    Raises
-    ------
-    InputError
-        If there is nothing to finish, a run is still at work, or earlier results would go.
+    Raises `InputError` if there is nothing to finish, a run is still at work, or earlier results would go.
     """
     target = Path(directory)
     running, state = target / RUNNING, unfinished_state(target)

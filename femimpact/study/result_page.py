@@ -156,16 +156,12 @@ def study_versions(data: xarray.Dataset) -> dict[str, Any]:
     return {"versions": versions, "seeds": "; ".join(seeds)}
 
 
-def page_of(folder: Path, directory: Path) -> Page:
-    """The report of results.
-
-    Parameters
-    ----------
-    folder : Path
-        That holds their files.
-    directory : Path
-        The one that the user knows: that folder, or the one in which it stands while a run is not finished.
-    """
+def page_of(
+    folder: Path,  # that holds their files
+    # the one that the user knows: that folder, or the one in which it stands while a run is not finished
+    directory: Path,
+) -> Page:
+    """The report of results."""
     results = ResultReading(folder, {})
     if (folder / SUMMARY).exists():
         results.summary.update(results.attempt(SUMMARY, lambda: read_summary(folder)) or {})
@@ -301,26 +297,16 @@ def _lead(study: Study | None, summary: Mapping[str, Any], written: Mapping[str,
     return [text for text in said if text]
 
 
-def write_report(directory: str | Path, path: str | Path | None = None) -> Path:
+def write_report(
+    directory: str | Path,
+    path: str | Path | None = None,  # of the file; `report.html` beside the results without one
+) -> Path:
     """Write the report of a directory of results.
 
     Results of an earlier version, damaged ones and the finished parts of a run that was ended make a report that says
     what is missing.
 
-    Parameters
-    ----------
-    directory : str or Path
-    path : str or Path, optional
-        Of the file; `report.html` beside the results without one.
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    InputError
-        If the directory holds no results, a run writes into it, or the file cannot be there.
+    Raises `InputError` if the directory holds no results, a run writes into it, or the file cannot be there.
     """
     require_path(directory, "directory", "a directory")
     folder = Path(directory)

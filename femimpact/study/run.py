@@ -150,17 +150,9 @@ def _structure_only(state: State) -> State:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a run has found so far; None where it has not, or will not.
+    """What a run has found so far; None where it has not, or will not."""
 
-    Parameters
-    ----------
-    modes : (Modes, Modes or None), optional
-        As of `run_modes`.
-    response : Response, optional
-    sweeps : SweepPair, optional
-    """
-
-    modes: tuple[Modes, Modes | None] | None = None
+    modes: tuple[Modes, Modes | None] | None = None  # (Modes, Modes or None) as of `run_modes`
     response: Response | None = None
     sweeps: SweepPair | None = None
 
@@ -278,19 +270,9 @@ def keep_pictures(
     prepared: PreparedStudy,
     found: Found,
     report: Report = _silent,
-    more: Mapping[str, Any] | None = None,
+    more: Mapping[str, Any] | None = None,  # what the summary says besides
 ) -> None:
-    """Write what the figures show besides, draw, and write the summary of it all.
-
-    Parameters
-    ----------
-    staging : Staging
-    prepared : PreparedStudy
-    found : Found
-    report : callable, optional
-    more : mapping, optional
-        What the summary says besides.
-    """
+    """Write what the figures show besides, draw, and write the summary of it all."""
     folder, study, output = staging.folder, prepared.study, prepared.study.output
     summary = summary_of(prepared, found.modes, found.response, found.sweeps) | dict(more or {})
     if output.figures and found.response is not None and found.response.system.contacts:

@@ -48,10 +48,7 @@ def study_schema() -> dict[str, Any]:
 
     Every key has its type and range, a `description`, and as `x-unit` and `x-range` its unit and range in words.
 
-    Returns
-    -------
-    dict
-        Of what `json.dump` writes.
+    Returns: of what `json.dump` writes.
     """
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

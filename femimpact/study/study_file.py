@@ -90,23 +90,13 @@ def load_study(path: str | Path) -> Study:
     return read_study(text.replace("\r\n", "\n").replace("\r", "\n"), path)
 
 
-def read_study(text: str, path: Path) -> Study:
+def read_study(
+    text: str,
+    path: Path,  # of the file: a mesh file and a record are looked for beside it
+) -> Study:
     """Validate the text of a study file.
 
-    Parameters
-    ----------
-    text : str
-    path : Path
-        Of the file: a mesh file and a record are looked for beside it.
-
-    Returns
-    -------
-    Study
-
-    Raises
-    ------
-    InputError
-        As of `load_study`.
+    Raises `InputError` as of `load_study`.
     """
     try:
         data = tomllib.loads(text)
@@ -427,15 +417,8 @@ RECORD_LINE = re.compile(r"""^(\s*record\s*=\s*)("[^"\n]*"|'[^'\n]*')""", re.MUL
 def study_text(study: Study) -> str:
     """A study file that gives this study.
 
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    str
-        The text that the study was read from, with its comments, unless the study was changed since. A contact law
-        that has no name in study files is named in a comment; such a file cannot be loaded, and says where.
+    Returns: the text that the study was read from, with its comments, unless the study was changed since. A contact law
+    that has no name in study files is named in a comment; such a file cannot be loaded, and says where.
     """
     try:
         if same_study(read_study(study.text, study.path), study):

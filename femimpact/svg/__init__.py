@@ -28,23 +28,15 @@ RAW = frozenset({"script", "style"})
 """Elements whose text a browser reads as it stands."""
 
 
-def element(kind: str, /, *children: Child, **attributes: Any) -> Element:
-    """An element of HTML or SVG.
-
-    Parameters
-    ----------
-    kind : str
-        Name of the element, and behind dots those of its classes: "p.lead".
-    *children : Element, str or None
-        In their order; None is left out.
-    **attributes : value
-        An underscore stands for a hyphen, one at the end for nothing (`for_`). None and False are left out, True is
-        an attribute without a value.
-
-    Returns
-    -------
-    Element
-    """
+def element(
+    kind: str,  # name of the element, and behind dots those of its classes: "p.lead"
+    /,
+    *children: Child,  # in their order; None is left out
+    # value: an underscore stands for a hyphen, one at the end for nothing (`for_`). None and False are left out, True
+    # is an attribute without a value.
+    **attributes: Any,
+) -> Element:
+    """An element of HTML or SVG."""
     tag, *classes = kind.split(".")
     made = Element(tag, {"class": " ".join(classes)} if classes else {})
     for key, value in attributes.items():
@@ -73,10 +65,7 @@ def data_element(data: Any) -> Element:
 def markup(root: Element) -> str:
     """An element as text of HTML.
 
-    Raises
-    ------
-    ValueError
-        If the text of a script or a style would end it.
+    Raises `ValueError` if the text of a script or a style would end it.
     """
     for found in root.iter():
         if found.tag in RAW and f"</{found.tag}" in (found.text or "").lower():
@@ -103,17 +92,9 @@ MARGIN = 0.04
 
 @dataclass(frozen=True)
 class Axis:
-    """A range of values and how it is divided.
+    """A range of values and how it is divided."""
 
-    Parameters
-    ----------
-    label : str
-        Quantity with its unit.
-    low, high : float
-    logarithmic : bool
-    """
-
-    label: str
+    label: str  # quantity with its unit
     low: float
     high: float
     logarithmic: bool = False
@@ -136,19 +117,14 @@ class Axis:
         return _log_ticks(self) if self.logarithmic else _linear_ticks(self)
 
 
-def axis_of(label: str, *values: ArrayLike, logarithmic: bool = False, tight: bool = False, zero: bool = False) -> Axis:
-    """The axis on which all finite values have a place.
-
-    Parameters
-    ----------
-    label : str
-    *values : array_like
-    logarithmic : bool
-    tight : bool
-        Whether it ends with the values, without a margin.
-    zero : bool
-        Whether 0 is on it.
-    """
+def axis_of(
+    label: str,
+    *values: ArrayLike,
+    logarithmic: bool = False,
+    tight: bool = False,  # whether it ends with the values, without a margin
+    zero: bool = False,  # whether 0 is on it
+) -> Axis:
+    """The axis on which all finite values have a place."""
     found = [np.asarray(one, dtype=float).ravel() for one in values]
     array = np.concatenate([*found, np.zeros(1 if zero and not logarithmic else 0)])
     array = array[np.isfinite(array) & ((array > 0.0) | (not logarithmic))]
@@ -169,17 +145,12 @@ def axis_of(label: str, *values: ArrayLike, logarithmic: bool = False, tight: bo
     return Axis(label, max(low if zero and low == 0.0 else low - margin, -most), min(high + margin, most))
 
 
-def number_text(value: float, digits: int = 4, zeros: bool = False) -> str:
-    """A number for the eye, with a minus sign and without a power of ten where that is readable.
-
-    Parameters
-    ----------
-    value : float
-    digits : int
-        That count.
-    zeros : bool
-        Whether zeros at its end stay: they say how exact it is.
-    """
+def number_text(
+    value: float,
+    digits: int = 4,  # that count
+    zeros: bool = False,  # whether zeros at its end stay: they say how exact it is
+) -> str:
+    """A number for the eye, with a minus sign and without a power of ten where that is readable."""
     if math.isnan(value):
         return NO_NUMBER
     if math.isinf(value):
@@ -243,23 +214,16 @@ MOST_POINTS = 2000
 """Points of a line that are drawn at most."""
 
 
-def thinned_line(values: NDArray[np.float64], most: int = MOST_POINTS) -> NDArray[np.int64]:
+def thinned_line(
+    values: NDArray[np.float64],  # (n,) what is not a number is drawn only where no stretch is cut
+    most: int = MOST_POINTS,  # at least 4
+) -> NDArray[np.int64]:
     """Numbers of the points of a line that are drawn, in their order.
 
     The line is cut into stretches of equally many points, and of each the lowest and the highest stay: the largest and
     the smallest value of all among them, and both ends.
 
-    Parameters
-    ----------
-    values : ndarray (n,)
-        What is not a number is drawn only where no stretch is cut.
-    most : int
-        At least 4.
-
-    Returns
-    -------
-    ndarray (m,)
-        m <= most.
+    Returns (m,): m <= most.
     """
     count = values.size
     if count <= most:
@@ -284,28 +248,14 @@ COLOURS = 6
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """One line of a chart.
+    """One line of a chart."""
 
-    Parameters
-    ----------
-    name : str
-        Without one it has no place in the legend.
-    x, y : ndarray (n,)
-        What is not a number is a gap.
-    colour : int
-        Number, from 1; 0 is that of what is beside the matter.
-    style : {"line", "dots", "thin", "dashed", "none"}
-        Of "none" the marked points alone are drawn.
-    marked : ndarray (n,) of bool, optional
-        Points that have a dot besides.
-    """
-
-    name: str
-    x: Array
-    y: Array
-    colour: int = 1
-    style: str = "line"
-    marked: NDArray[np.bool_] | None = None
+    name: str  # without one it has no place in the legend
+    x: Array  # (n,) what is not a number is a gap
+    y: Array  # (n,)
+    colour: int = 1  # number, from 1; 0 is that of what is beside the matter
+    style: str = "line"  # {"line", "dots", "thin", "dashed", "none"}: of "none" the marked points alone are drawn
+    marked: NDArray[np.bool_] | None = None  # (n,) points that have a dot besides
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,31 +271,17 @@ class Band:
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Lines over an axis.
-
-    Parameters
-    ----------
-    title : str
-    x, y : Axis
-    lines : tuple of Line
-    bands : tuple of Band
-        Below the lines.
-    levels : tuple of (str, float)
-        Words and value of y of lines across the chart.
-    places : tuple of (str, float)
-        Words and value of x of lines from its lower to its upper edge.
-    note : str
-        Below the chart.
-    """
+    """Lines over an axis."""
 
     title: str
     x: Axis
     y: Axis
     lines: tuple[Line, ...]
-    bands: tuple[Band, ...] = ()
-    levels: tuple[tuple[str, float], ...] = ()
+    bands: tuple[Band, ...] = ()  # below the lines
+    levels: tuple[tuple[str, float], ...] = ()  # (str, float) words and value of y of lines across the chart
+    # (str, float) words and value of x of lines from its lower to its upper edge
     places: tuple[tuple[str, float], ...] = ()
-    note: str = ""
+    note: str = ""  # below the chart
 
 
 def chart_element(chart: Chart, most: int = MOST_POINTS) -> Element:

@@ -76,18 +76,13 @@ IMPACT_NAMES = (
 """Those of them that are statistics of impacts."""
 
 
-def on_grid(frequency: ArrayLike, grid: ArrayLike) -> NDArray[np.bool_]:
+def on_grid(
+    frequency: ArrayLike,  # (n,) Hz
+    grid: ArrayLike,  # (m,) Hz
+) -> NDArray[np.bool_]:
     """Which frequencies are points of a grid, (n,) of bool.
 
-    Parameters
-    ----------
-    frequency : array_like (n,), Hz
-    grid : array_like (m,), Hz
-
-    Raises
-    ------
-    InputError
-        If one of them holds anything but finite numbers.
+    Raises `InputError` if one of them holds anything but finite numbers.
     """
     wanted, points = (
         real_array(key, values, "Hz", "must be finite numbers")
@@ -312,10 +307,7 @@ TRANSIENT_LEFT = 0.03
 def columns_of_dwells(found: SineDwellResults, f: Array, ledger: bool) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """Columns of all cases that have come to their end, and warnings of those that have not.
 
-    Raises
-    ------
-    DivergenceError
-        If none has.
+    Raises `DivergenceError` if none has.
     """
     columns: dict[str, NDArray[Any]] = {name: np.full(f.size, np.nan) for name in SWEEP_UNITS}
     columns["steadiness"] = np.full(f.size, "failed", dtype="<U11")

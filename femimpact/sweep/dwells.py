@@ -33,29 +33,18 @@ ROUNDING_OF_CYCLES = 1e-9
 """Of a number of cycles: 4.1 Hz for 10 s are 41 of them."""
 
 
-def dwells_of(amplitude: float, frequencies: ArrayLike, cycles: Any, duration: Any, window: Any) -> SineDwells:
+def dwells_of(
+    amplitude: float,  # m: of the base
+    frequencies: ArrayLike,  # (n,) Hz
+    cycles: Any,  # the last third is measured
+    duration: Any,  # s: the window is the last third of the duration by default
+    window: Any,  # s
+) -> SineDwells:
     """Dwells from a number of cycles, or from a duration and the window at its end.
 
     Of a duration the whole cycles from t = 0 are run, of a window those that lie within the last of it.
 
-    Parameters
-    ----------
-    amplitude : float, m
-        Of the base.
-    frequencies : array_like (n,), Hz
-    cycles : int or None
-        The last third is measured.
-    duration, window : float or None, s
-        The window is the last third of the duration by default.
-
-    Returns
-    -------
-    SineDwells
-
-    Raises
-    ------
-    InputError
-        If neither or both ways are taken, or less than one whole cycle would be measured.
+    Raises `InputError` if neither or both ways are taken, or less than one whole cycle would be measured.
     """
     allowed = "must be one or more numbers > 0"
     f = np.atleast_1d(real_array("frequencies", frequencies, "Hz", allowed))
@@ -117,28 +106,13 @@ ROUNDING = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class DwellRun:
-    """What one dwell gives.
+    """What one dwell gives."""
 
-    Parameters
-    ----------
-    motion : SteadyMotion or None
-        Of the channel over the measured cycles; None of a dwell that failed.
-    statistics : ImpactStatistics or None
-        Over the measured cycles.
-    residual : float, 1
-        Largest energy residual; not a number without a ledger.
-    end : State
-        At its end; of a dwell that failed, that at its start.
-    failure : str
-        Empty where it has come to its end.
-    warnings : tuple of str
-    """
-
-    motion: SteadyMotion | None
-    statistics: ImpactStatistics | None
-    residual: float
-    end: State
-    failure: str = ""
+    motion: SteadyMotion | None  # of the channel over the measured cycles; None of a dwell that failed
+    statistics: ImpactStatistics | None  # over the measured cycles
+    residual: float  # largest energy residual; not a number without a ledger
+    end: State  # at its end; of a dwell that failed, that at its start
+    failure: str = ""  # empty where it has come to its end
     warnings: tuple[str, ...] = ()
 
 

@@ -39,23 +39,16 @@ DERIVATIVE = quantity("1", at_least=0, at_most=3, integer=True)
 """Orders of derivative that a cubic has."""
 
 
-def shape_functions(s: ArrayLike, derivative: int = 0) -> Array:
+def shape_functions(
+    s: ArrayLike,  # shape (...) position inside the element, 0 at its first node and 1 at its second
+    derivative: int = 0,  # order of the derivative by s, 0 to 3
+) -> Array:
     """Cubic Hermite shape functions of (w1, h w1', w2, h w2') or a derivative of them by s.
 
     w(s) = H1 w1 + H2 h w1' + H3 w2 + H4 h w2', with s = (x - x1)/h.
 
-    Parameters
-    ----------
-    s : array_like, shape (...), 1
-        Position inside the element, 0 at its first node and 1 at its second.
-    derivative : int
-        Order of the derivative by s, 0 to 3.
-
-    Returns
-    -------
-    ndarray, shape (4, ...), 1
-        Values; multiply rows 1 and 3 by the element length for dofs (w, dw/dx),
-        and divide all by its `derivative`-th power for derivatives by x.
+    Returns shape (4, ...) 1: values; multiply rows 1 and 3 by the element length for dofs (w, dw/dx), and divide all by
+    its `derivative`-th power for derivatives by x.
     """
     s = real_array("s", s, "1", "must be finite numbers")
     return np.array(_SHAPES[checked("derivative", derivative, DERIVATIVE)](s))
@@ -95,25 +88,15 @@ def place_in_element(nodes: Array, positions: Array, side: str) -> tuple[NDArray
     return element, np.asarray(np.clip(s, 0.0, 1.0))
 
 
-def hermite_rows(nodes: Array, positions: ArrayLike, derivative: int = 0, side: str = "right") -> Matrix:
+def hermite_rows(
+    nodes: Array,  # (n,) m
+    positions: ArrayLike,  # (k,) m
+    derivative: int = 0,
+    side: str = "right",  # {"left", "right"}: which element is read at a node, where curvature and its slope jump
+) -> Matrix:  # csr_array (k, 2 n)
     """Sparse rows from nodal (w, w') pairs to the deflection, or a derivative of it, at positions.
 
-    Parameters
-    ----------
-    nodes : ndarray (n,), m
-    positions : array_like (k,), m
-    derivative : int
-    side : {"left", "right"}
-        Which element is read at a node, where curvature and its slope jump.
-
-    Returns
-    -------
-    csr_array (k, 2 n)
-
-    Raises
-    ------
-    InputError
-        If a position lies off the nodes, or a cubic has no such derivative.
+    Raises `InputError` if a position lies off the nodes, or a cubic has no such derivative.
     """
     x = np.atleast_1d(positions_on_beam(nodes, positions, "positions"))
     require(x.ndim == 1, "positions", f"array of shape {x.shape}", "m", "must be one place or a row of them")
@@ -131,27 +114,15 @@ def hermite_rows(nodes: Array, positions: ArrayLike, derivative: int = 0, side: 
 class Section:
     """The section at one position of a beam.
 
-    Parameters
-    ----------
-    bending_stiffness : float, N m^2
-        E I: a bending moment is this times the curvature w''.
-    half_height : float, m
-        From the neutral axis to the surface: a surface strain is -+ this times the curvature.
-    young_modulus : float, Pa
-        A stress is this times the strain.
-    region : str
-        Name of the segment.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
+    Raises `InputError` if a value is out of range.
     """
 
+    # N m^2: E I: a bending moment is this times the curvature w''
     bending_stiffness: float = field(metadata=quantity("N m^2", above=0.0))
+    # m: from the neutral axis to the surface: a surface strain is -+ this times the curvature
     half_height: float = field(metadata=quantity("m", above=0.0))
-    young_modulus: float = field(metadata=quantity("Pa", above=0.0))
-    region: str = field(metadata=text())
+    young_modulus: float = field(metadata=quantity("Pa", above=0.0))  # Pa: a stress is this times the strain
+    region: str = field(metadata=text())  # name of the segment
 
     def __post_init__(self) -> None:
         check_fields(self)

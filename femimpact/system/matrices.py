@@ -18,18 +18,13 @@ FREE = 1e-9
 """Share of a strain's terms below which it is rounding."""
 
 
-def rigid_motions(system: Any) -> NDArray[np.float64]:
+def rigid_motions(
+    # of a beam as `assemble` gives it, or on coordinates whose matrices are diagonal. Of others none are known.
+    system: Any,
+) -> NDArray[np.float64]:
     """Motions without strain: K r = 0, r^T M r = 1.
 
-    Parameters
-    ----------
-    system : System
-        Of a beam as `assemble` gives it, or on coordinates whose matrices are diagonal. Of others none are known.
-
-    Returns
-    -------
-    ndarray (dofs, k), kg^-0.5
-        Orthonormal with M, computed once for a system; k = 0 where all is held.
+    Returns (dofs, k) kg^-0.5: orthonormal with M, computed once for a system; k = 0 where all is held.
     """
     kept = system.derived_undamped
     if "rigid motions" not in kept:
@@ -98,10 +93,7 @@ MOST_FULL = 20_000
 def checked_matrix(name: str, value: Any) -> Matrix:
     """A square, symmetric, finite matrix as csr_array (dofs, dofs).
 
-    Raises
-    ------
-    InputError
-        Naming the matrix and what is wrong with it.
+    Raises `InputError` naming the matrix and what is wrong with it.
     """
     given: Any = value
     if sparse.issparse(value):
@@ -124,10 +116,8 @@ def checked_matrix(name: str, value: Any) -> Matrix:
 def sound_sparse(name: str, value: Any) -> Any:
     """A sparse matrix of two dimensions whose indices lie within its shape: compiled code follows them unasked.
 
-    Raises
-    ------
-    InputError
-        Naming the matrix and what is wrong with it, before anything as large as its shape is allocated.
+    Raises `InputError` naming the matrix and what is wrong with it, before anything as large as its shape is
+    allocated.
     """
     sized = len(value.shape) == 2 and max(value.shape) <= MOST_DOFS
     require(sized, name, tuple(value.shape), "", f"must be a matrix of at most {MOST_DOFS:,} rows and columns")
@@ -166,10 +156,7 @@ def checked_row(key: str, value: ArrayLike, dofs: int) -> Array:
 def checked_shapes(nodes: ArrayLike | None, expansion: Any, dofs: int) -> tuple[Array, Matrix]:
     """Nodes (n,) and the matrix (2 n, dofs) that reads w and w' there; none of either where none is given.
 
-    Raises
-    ------
-    InputError
-        If one is given without the other, or they do not fit.
+    Raises `InputError` if one is given without the other, or they do not fit.
     """
     both = (nodes is None) == (expansion is None)
     require(both, "nodes", None, "m", "must be given with expansion, the rows that read w and w' there")
@@ -192,10 +179,7 @@ def checked_shapes(nodes: ArrayLike | None, expansion: Any, dofs: int) -> tuple[
 def definite_factor(name: str, matrix: Array, strictly: bool = False) -> tuple[Array, int]:
     """G (dofs, dofs) with A = G^T G, and the rank of A.
 
-    Raises
-    ------
-    InputError
-        If A has a negative eigenvalue, or, strictly, one that is zero.
+    Raises `InputError` if A has a negative eigenvalue, or, strictly, one that is zero.
     """
     values, vectors = scipy.linalg.eigh(matrix)
     largest = float(np.max(np.abs(values)))

@@ -34,10 +34,7 @@ UNDAMPED = ("M", "K", "stiffness_factor", "nodes", "expansion", "sections")
 def computed_system(**values: Any) -> System:
     """The system with these fields, all but `computed_together`, as they follow from sound input.
 
-    Raises
-    ------
-    InputError
-        If a number is infinite.
+    Raises `InputError` if a number is infinite.
     """
     system = object.__new__(System)
     system.__dict__.update(values)
@@ -49,10 +46,7 @@ def computed_system(**values: Any) -> System:
 def with_checked_fields(system: System, **changes: Any) -> System:
     """The same system with other fields that were computed together.
 
-    Raises
-    ------
-    InputError
-        If a number is infinite.
+    Raises `InputError` if a number is infinite.
     """
     _require_finite(changes.items())
     origin = system.computed_together
@@ -168,10 +162,7 @@ def require_modes_of(dofs: int, modes: Modes) -> None:
 def mode_count(system: System, count: int, key: str = "count") -> int:
     """How many modes of a system are asked for: a whole number up to that of its dofs.
 
-    Raises
-    ------
-    InputError
-        If it is out of range, or the system is not a `System`.
+    Raises `InputError` if it is out of range, or the system is not a `System`.
     """
     require_type(system, System, "system")
     within = in_range(count, quantity("modes", at_least=1, at_most=system.dofs, integer=True))
@@ -227,10 +218,7 @@ def solve_modes(system: System, count: int) -> Modes:
 def _vectors(system: System, count: int, rigid: Array) -> tuple[Array, Array]:
     """Normalised modes (dofs, count), the rigid motions first, and their angular frequencies (rad/s).
 
-    Raises
-    ------
-    InputError
-        If they are not numbers.
+    Raises `InputError` if they are not numbers.
     """
     elastic = count - rigid.shape[1]
     try:
@@ -263,20 +251,14 @@ def _dense_modes(system: System, count: int, rigid: Array) -> Array:
     return np.asarray(scipy.linalg.solve_triangular(lower, right.T, lower=True, trans="T"))
 
 
-def solve_stiffness(system: System, loads: Array) -> Array:
+def solve_stiffness(
+    system: System,
+    loads: Array,  # (dofs, k) N
+) -> Array:  # (dofs, k) m
     """Static displacements K^-1 f, with K applied through its factor G.
 
     K x = f is solved as the stable mixed problem [s I, G; G^T, 0] [-G x / s; x] = [0; f] / s
     (the augmented system of Bjoerck, 1967): its rounding grows like the condition of G, the root of K's.
-
-    Parameters
-    ----------
-    system : System
-    loads : ndarray (dofs, k), N
-
-    Returns
-    -------
-    ndarray (dofs, k), m
     """
     require_type(system, System, "system")
     allowed = f"must hold finite numbers, {system.dofs} for each load"

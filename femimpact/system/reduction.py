@@ -66,16 +66,12 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     return _on_modes(system, found, found.damping_ratio, count, static_correction)
 
 
-def reduced_on(system: System, found: Modes, modes: int) -> System:
-    """The system on the lowest of some modes that were found before, perhaps with another damping; see `reduce`.
-
-    Parameters
-    ----------
-    system : System
-    found : Modes
-        Of its mass and stiffness, one more than are kept unless there is none.
-    modes : int
-    """
+def reduced_on(
+    system: System,
+    found: Modes,  # of its mass and stiffness, one more than are kept unless there is none
+    modes: int,
+) -> System:
+    """The system on the lowest of some modes that were found before, perhaps with another damping; see `reduce`."""
     ratio = _damping_ratio(system, found.vectors, 2.0 * math.pi * found.natural_frequency)
     return _on_modes(system, found, ratio, modes, False)
 

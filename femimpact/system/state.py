@@ -35,31 +35,17 @@ from femimpact.system.system import System
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """What a method needs of a run to go on with it; opaque to all others.
+    """What a method needs of a run to go on with it; opaque to all others."""
 
-    Parameters
-    ----------
-    kind : object
-        Equal for methods that can go on from `held`.
-    held : object
-        Arrays of the method's own.
-    displacements, velocities : pair of ndarray
-        Of the dofs (dofs,) and of the balls (balls,) relative to the base at that time, m and m/s.
-    time : float, s
-    system : System
-    excitation : Excitation
-    touching : tuple of str
-        Names of the contacts in progress, sticking ones included.
-    """
-
-    kind: object
-    held: Any
+    kind: object  # equal for methods that can go on from `held`
+    held: Any  # arrays of the method's own
+    # pair of ndarray: of the dofs (dofs,) and of the balls (balls,) relative to the base at that time, m and m/s
     displacements: tuple[Array, Array]
-    velocities: tuple[Array, Array]
-    time: float
+    velocities: tuple[Array, Array]  # pair of ndarray
+    time: float  # s
     system: Any
     excitation: Excitation
-    touching: tuple[str, ...] = ()
+    touching: tuple[str, ...] = ()  # names of the contacts in progress, sticking ones included
 
     def has_contacts_of(self, system: Any, excitation: Excitation, time: float) -> bool:
         """Whether contacts in progress are those of a system under an excitation from a time (s) on.

@@ -365,10 +365,7 @@ def _forces_of_laws(walls: list[_Wall], compliance: Array, free: Array, names: s
 def _complementary(compliance: Array, own: Array, free: Array, names: str) -> Array:
     """F >= 0 with (A + diag c) F >= q and equality where F > 0.
 
-    Raises
-    ------
-    InputError
-        If there is none: rigid walls that leave the structure no place.
+    Raises `InputError` if there is none: rigid walls that leave the structure no place.
     """
     whole = compliance + np.diag(own)
     scale = np.sqrt(np.maximum(np.diag(whole), 0.0))

@@ -158,20 +158,11 @@ class TaperedCantilever:
     w = x^(-n/2) F_n(2 k sqrt(x)) with F = J, Y and F = I, K. A derivative of x^(-m/2) F_m by x is
     -k x^(-(m+1)/2) F_(m+1), with + for I, and one of x^(m/2) F_m is k x^((m-1)/2) F_(m-1), with - for K. So
     w'' = k^2 x^(-n/2-1) F_(n+2), and (x^(n+2) w'')' = k^3 x^((n+1)/2) F_(n+1).
-
-    Parameters
-    ----------
-    ratio : float, 1
-        Size of the section at the tip over that at the root; above 1 the tip is the thick end.
-    both : bool
-        Whether the width tapers too.
-    body : float, 1
-        Mass at the tip over rho A c of the root.
     """
 
-    ratio: float
-    both: bool = False
-    body: float = 0.0
+    ratio: float  # size of the section at the tip over that at the root; above 1 the tip is the thick end
+    both: bool = False  # whether the width tapers too
+    body: float = 0.0  # mass at the tip over rho A c of the root
 
     @property
     def power(self) -> int:

@@ -88,10 +88,7 @@ def last_cycles(response: Response, cycles: float) -> tuple[float, str]:
 def panel(ax: Axes | OffScreen | None, width: float, height: float) -> Axes:
     """The axes to draw on: those given, or those of a new figure of this size (inches).
 
-    Raises
-    ------
-    InputError
-        If `ax` is neither axes, nor `OffScreen`, nor None.
+    Raises `InputError` if `ax` is neither axes, nor `OffScreen`, nor None.
     """
     if ax is None or isinstance(ax, OffScreen):
         made: Axes = panels(ax, width, height)[0, 0]
@@ -114,10 +111,7 @@ def panels(
 
     Without a figure it is one of pyplot's, which a notebook shows.
 
-    Raises
-    ------
-    InputError
-        If `figure` is neither a figure, nor `OffScreen`, nor None.
+    Raises `InputError` if `figure` is neither a figure, nor `OffScreen`, nor None.
     """
     import matplotlib
     from matplotlib.figure import Figure, FigureBase
@@ -181,16 +175,12 @@ def plain_log_ticks(axis: Any) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def legend_above(axis: Axes, *groups: Sequence[Any]) -> None:
-    """Name the curves between the axes and their left title: inside, no corner is free for every result.
-
-    Parameters
-    ----------
-    axis : Axes
-        With its title.
-    *groups : sequence of Artist
-        Entries, by their labels, each group on a separate row; all labelled artists of the axes by default.
-    """
+def legend_above(
+    axis: Axes,  # with its title
+    # entries, by their labels, each group on a separate row; all labelled artists of the axes by default
+    *groups: Sequence[Any],
+) -> None:
+    """Name the curves between the axes and their left title: inside, no corner is free for every result."""
     from matplotlib.transforms import ScaledTranslation
 
     if (drawn_before := axis.get_legend()) is not None:
@@ -275,10 +265,7 @@ def channel_name(response: Response, channel: Position | None) -> str:
 def rows_of(key: str, given: object, **metadata: Mapping[str, Any]) -> list[tuple[Any, ...]]:
     """Rows of an argument that is a list of tuples, each entry in the type that its metadata allows.
 
-    Raises
-    ------
-    InputError
-        If it is no list, or an entry is not what it must be, which is named.
+    Raises `InputError` if it is no list, or an entry is not what it must be, which is named.
     """
     allowed = f"must be a list of ({', '.join(metadata)})"
     require(isinstance(given, (list, tuple)), key, given, "", allowed)
@@ -320,10 +307,7 @@ def name_at(system: System, position: float) -> str | None:
 def beam_at(response: Response, pair: Any) -> NDArray[np.float64]:
     """Displacement (m) of the beam where a pair is, from its channel or from ball and gap.
 
-    Raises
-    ------
-    InputError
-        If neither was recorded.
+    Raises `InputError` if neither was recorded.
     """
     place = place_of(response, pair)
     if place is not None:
@@ -341,18 +325,13 @@ TURNS = 6
 """Of a zigzag."""
 
 
-def draw_connection(axis: Any, item: Spring | Dashpot, ends: tuple[Point, Point], across: Point) -> None:
-    """A spring or a dashpot between two points of a figure, with its name for the legend.
-
-    Parameters
-    ----------
-    axis : Axes
-    item : Spring or Dashpot
-    ends : pair of (x, y)
-        In units of the axes.
-    across : (x, y)
-        From the line between the ends to the corners of a zigzag.
-    """
+def draw_connection(
+    axis: Any,
+    item: Spring | Dashpot,
+    ends: tuple[Point, Point],  # pair of (x, y) in units of the axes
+    across: Point,  # (x, y) from the line between the ends to the corners of a zigzag
+) -> None:
+    """A spring or a dashpot between two points of a figure, with its name for the legend."""
     damps = isinstance(item, Dashpot)
     points = np.array(ends, dtype=float) if damps else _zigzag(np.array(ends, dtype=float), np.array(across))
     label, line = f"{item.name} ({'dashpot' if damps else 'spring'})", "--" if damps else "-"

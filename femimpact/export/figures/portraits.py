@@ -43,22 +43,16 @@ POINTS = 1024
 """Of a base cycle, at least: pieces of a curve that fills a picture of 1000 pixels are then some 2 pixels long."""
 
 
-def corners_of(response: Response, pair: str) -> Corners:
+def corners_of(
+    response: Response,
+    pair: str,  # name of the ball
+) -> Corners:
     """Instants (s) at which a ball touches a wall of its box; its place there (m), its rate (m/s) before and after.
 
     The table of impacts holds both speeds. After the touch of a compliant contact the rate is as before it; how deep
     the ball is when that contact ends is not in the table.
 
-    Parameters
-    ----------
-    response : Response
-    pair : str
-        Name of the ball.
-
-    Returns
-    -------
-    tuple of four ndarray (n,)
-        In the order of time.
+    Returns (n,): in the order of time.
     """
     impacts = response.impacts
     (contact,) = [one for one in response.system.contacts if one.name == pair]
@@ -79,31 +73,21 @@ def changes_of_contact(response: Response) -> Array:
 
 
 def phase_curve(
-    time: Array, value: Array, rate: Array, changes: Array, corners: Corners | None = None, points: int = 1
+    time: Array,  # (n,) s: ascending
+    value: Array,  # (n,)
+    rate: Array,  # (n,) 1/s
+    changes: Array,  # (k,) s: as of `changes_of_contact`
+    corners: Corners | None = None,  # (m,) as of `corners_of`, in units of the value
+    points: int = 1,  # points in each interval
 ) -> tuple[Array, Array, Array]:
     """Points of the curve through samples of a value and its rate.
 
     Between two samples it is the cubic that has the value and the rate of both, and its derivative. Where a contact
     begins or ends between them it is a straight line, unless that is one of the corners.
 
-    Parameters
-    ----------
-    time : ndarray (n,), s
-        Ascending.
-    value : ndarray (n,)
-    rate : ndarray (n,), 1/s
-    changes : ndarray (k,), s
-        As of `changes_of_contact`.
-    corners : tuple of four ndarray (m,), optional
-        As of `corners_of`, in units of the value.
-    points : int
-        Points in each interval.
-
-    Returns
-    -------
-    time : ndarray (p,), s
-    value : ndarray (p,)
-    rate : ndarray (p,), 1/s
+    `time` (p,) s
+    `value` (p,)
+    `rate` (p,) 1/s
     """
     if corners is not None:
         time, value, rate, changes = _with_corners(time, value, rate, changes, corners)

@@ -235,10 +235,7 @@ def study_scatter(
 def _values(dataset: xarray.Dataset, measure: str, axes: int | None) -> Array:
     """Values of a measure, over as many axes.
 
-    Raises
-    ------
-    InputError
-        If the dataset is not that of a study, has another number of axes, or no such measure.
+    Raises `InputError` if the dataset is not that of a study, has another number of axes, or no such measure.
     """
     import xarray
 

@@ -32,17 +32,11 @@ def curves_section(
     curves: Mapping[str, FrequencyResponse],
     key: str = "response",
     heading: str = "Response over frequency",
+    # (str, ndarray, ndarray, ndarray) words, frequencies (Hz), and the smallest and the largest peaks (of the unit of
+    # the curves) of several starts
     bands: Sequence[tuple[str, Array, Array, Array]] = (),
 ) -> Section:
-    """Response curves by their names.
-
-    Parameters
-    ----------
-    curves : mapping of str to FrequencyResponse
-    key, heading : str
-    bands : sequence of (str, ndarray, ndarray, ndarray)
-        Words, frequencies (Hz), and the smallest and the largest peaks (of the unit of the curves) of several starts.
-    """
+    """Response curves by their names."""
     first = next(iter(curves.values()))
     relative = ", relative to the base" if first.unit == "m" else ""
     peak = chart_of(
@@ -312,20 +306,12 @@ BINS = 30
 
 
 def impacts_section(
-    columns: Mapping[str, Any], units: Mapping[str, str], file: str = "", more: tuple[Element, ...] = ()
+    columns: Mapping[str, Any],  # as of `impacts.csv`
+    units: Mapping[str, str],
+    file: str = "",  # that holds all of them
+    more: tuple[Element, ...] = (),  # charts besides
 ) -> Section | None:
-    """Impulse over the phase, approach speeds, impulse over time, and the last impacts; None without impacts.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray (n,)
-        As of `impacts.csv`.
-    units : mapping of str to str
-    file : str
-        That holds all of them.
-    more : tuple of Element
-        Charts besides.
-    """
+    """Impulse over the phase, approach speeds, impulse over time, and the last impacts; None without impacts."""
     needed = ("time", "impactor", "side", "impulse", "approach_speed")
     if any(name not in columns for name in needed) or not len(columns["time"]):
         return None
@@ -414,16 +400,12 @@ STATIONS = 201
 MOST = 4
 
 
-def modes_section(system: Any, modes: Any, table: Table | None = None) -> Section:
-    """Shapes of the lowest modes, each with its largest deflection 1, and a table.
-
-    Parameters
-    ----------
-    system : System
-        Or what a picture knows of one: `nodes` and `deflection_rows`.
-    modes : Modes
-    table : Table, optional
-    """
+def modes_section(
+    system: Any,  # or what a picture knows of one: `nodes` and `deflection_rows`
+    modes: Any,
+    table: Table | None = None,
+) -> Section:
+    """Shapes of the lowest modes, each with its largest deflection 1, and a table."""
     content: list[Element] = []
     nodes = np.asarray(system.nodes, dtype=float)
     if nodes.size >= 2:
@@ -472,20 +454,13 @@ FAMILIES = 6
 
 
 def axis_section(
-    axis: str, columns: Mapping[str, Any], units: Mapping[str, str], file: str = "", statistics: bool = False
+    axis: str,  # {"mesh", "step", "modes"}
+    columns: Mapping[str, Any],  # as of `ConvergenceTable.columns`
+    units: Mapping[str, str],
+    file: str = "",
+    statistics: bool = False,  # whether the values are means over starts, which scatter
 ) -> Section | None:
-    """Relative errors over one axis, and the values behind them; None of a table without errors.
-
-    Parameters
-    ----------
-    axis : {"mesh", "step", "modes"}
-    columns : mapping of str to ndarray (cases,)
-        As of `ConvergenceTable.columns`.
-    units : mapping of str to str
-    file : str
-    statistics : bool
-        Whether the values are means over starts, which scatter.
-    """
+    """Relative errors over one axis, and the values behind them; None of a table without errors."""
     names = [name.removesuffix("_error") for name in columns if name.endswith("_error")]
     if not names or "number" not in columns:
         return None

@@ -35,64 +35,32 @@ SHORT = 22
 
 @dataclass(frozen=True)
 class Conclusion:
-    """A number that a run has found.
-
-    Parameters
-    ----------
-    label, value, unit : str
-    scatter : str
-        Its range over several starts, or its interval, in words.
-    one_sample : bool
-        Whether another start would have another value.
-    note : str
-        What it is of.
-    """
+    """A number that a run has found."""
 
     label: str
     value: str
     unit: str = ""
-    scatter: str = ""
-    one_sample: bool = False
-    note: str = ""
+    scatter: str = ""  # its range over several starts, or its interval, in words
+    one_sample: bool = False  # whether another start would have another value
+    note: str = ""  # what it is of
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Rows of cells.
-
-    Parameters
-    ----------
-    title : str
-    header : tuple of str
-        Names, with their units.
-    rows : tuple of tuple
-        Numbers, texts, or None.
-    file : str
-        The file that holds all rows, or nothing.
-    total : int or None
-        How many rows there are, where these are not all.
-    """
+    """Rows of cells."""
 
     title: str
-    header: tuple[str, ...]
-    rows: tuple[tuple[Any, ...], ...]
-    file: str = ""
-    total: int | None = None
+    header: tuple[str, ...]  # names, with their units
+    rows: tuple[tuple[Any, ...], ...]  # numbers, texts, or None
+    file: str = ""  # the file that holds all rows, or nothing
+    total: int | None = None  # how many rows there are, where these are not all
 
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """A part of a report with a heading.
+    """A part of a report with a heading."""
 
-    Parameters
-    ----------
-    key : str
-        Letters and hyphens, by which the table of contents leads to it.
-    heading : str
-    content : tuple of Element
-    """
-
-    key: str
+    key: str  # letters and hyphens, by which the table of contents leads to it
     heading: str
     content: tuple[Element, ...] = field(default=())
 
@@ -140,16 +108,7 @@ def list_element(texts: Sequence[str], kind: str) -> Element:
 def table_of(
     title: str, columns: Mapping[str, Any], units: Mapping[str, str], file: str = "", most: int = MOST_ROWS
 ) -> Table:
-    """The first rows of columns as a table.
-
-    Parameters
-    ----------
-    title : str
-    columns : mapping of str to array_like (n,)
-    units : mapping of str to str
-    file : str
-    most : int
-    """
+    """The first rows of columns as a table."""
     header = tuple(_headed(name, units.get(name, "")) for name in columns)
     arrays = [np.asarray(values) for values in columns.values()]
     count = min((array.shape[0] for array in arrays), default=0)
@@ -274,23 +233,11 @@ SCRIPTS = ("charts.js", "tables.js", "player.js")
 
 @dataclass(frozen=True, eq=False)
 class Page:
-    """What a report says, from top to bottom.
-
-    Parameters
-    ----------
-    title : str
-    lead : tuple of str
-        What was computed, in sentences.
-    drawing : Element or None
-        The structure.
-    conclusions : tuple of Conclusion
-    missing, warnings, notes : tuple of str
-    sections : tuple of Section
-    """
+    """What a report says, from top to bottom."""
 
     title: str
-    lead: tuple[str, ...] = ()
-    drawing: Element | None = None
+    lead: tuple[str, ...] = ()  # what was computed, in sentences
+    drawing: Element | None = None  # the structure
     conclusions: tuple[Conclusion, ...] = ()
     missing: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()

@@ -52,27 +52,15 @@ WANTED = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """The motion in frames.
+    """The motion in frames."""
 
-    Parameters
-    ----------
-    time : ndarray (frames,), s
-    stations : ndarray (stations,), m
-    deflection, slope : ndarray (frames, stations), m and 1
-        Relative to the base.
-    balls : ndarray (frames, balls), m
-    space : ndarray (frames,), m
-        Of what is fixed in space, relative to the base.
-    impacts : tuple of (frame, contact, side)
-    """
-
-    time: Array
-    stations: Array
-    deflection: Array
-    slope: Array
-    balls: Array
-    space: Array
-    impacts: tuple[tuple[int, int, int], ...]
+    time: Array  # (frames,) s
+    stations: Array  # (stations,) m
+    deflection: Array  # (frames, stations) m and 1: relative to the base
+    slope: Array  # (frames, stations) m and 1
+    balls: Array  # (frames, balls) m
+    space: Array  # (frames,) m: of what is fixed in space, relative to the base
+    impacts: tuple[tuple[int, int, int], ...]  # (frame, contact, side)
 
 
 def frames_of(response: Response) -> Frames | None:
@@ -154,19 +142,12 @@ def _between(snapshots: Snapshots, times: Array) -> Array:
 
 
 def player_element(
-    response: Response, structure: Structure, position: Finder, exaggeration: float | None
+    response: Response,
+    structure: Structure,
+    position: Finder,  # metres from the root of a place of the structure
+    exaggeration: float | None,  # by which motion and gaps are drawn larger; chosen for None
 ) -> Element | None:
-    """The player of a response's snapshots, with its data; None where it has none.
-
-    Parameters
-    ----------
-    response : Response
-    structure : Structure
-    position : callable
-        Metres from the root of a place of the structure.
-    exaggeration : float or None
-        By which motion and gaps are drawn larger; chosen for None.
-    """
+    """The player of a response's snapshots, with its data; None where it has none."""
     frames = frames_of(response)
     if frames is None:
         return None

@@ -18,26 +18,14 @@ Finder = Callable[[Position], float]
 
 @dataclass(frozen=True)
 class PlacedContact:
-    """What is drawn of a ball or a stop.
-
-    Parameters
-    ----------
-    name : str
-    position : float, m
-    mass : float, kg
-        Infinite for a stop.
-    gaps : pair of float, m
-    fixed_to : str
-    law : str
-        In words; empty where it is not known.
-    """
+    """What is drawn of a ball or a stop."""
 
     name: str
-    position: float
-    mass: float
-    gaps: tuple[float, float]
+    position: float  # m
+    mass: float  # kg: infinite for a stop
+    gaps: tuple[float, float]  # pair of float, m
     fixed_to: str = "base"
-    law: str = ""
+    law: str = ""  # in words; empty where it is not known
 
     @property
     def is_stop(self) -> bool:
@@ -45,15 +33,11 @@ class PlacedContact:
         return math.isinf(self.mass)
 
 
-def place_finder(structure: Structure, points: Any = None) -> Finder:
-    """A function that gives the metres from the root of a place of a structure.
-
-    Parameters
-    ----------
-    structure : Structure
-    points : mapping of str to float, optional
-        Places that a mesh or a system names.
-    """
+def place_finder(
+    structure: Structure,
+    points: Any = None,  # places that a mesh or a system names
+) -> Finder:
+    """A function that gives the metres from the root of a place of a structure."""
     length = structure.beam.length
     known = {"root": 0.0, "tip": length, "mid": 0.5 * length, **dict(points or {})}
 
@@ -170,17 +154,12 @@ STATIONS = 33
 """Of the outline of a segment whose section changes."""
 
 
-def structure_element(structure: Structure, position: Finder, contacts: Sequence[Any]) -> Element:
-    """The whole structure at one scale, each ball in its box larger, and the parts in words.
-
-    Parameters
-    ----------
-    structure : Structure
-    position : callable
-        As of `place_finder`.
-    contacts : sequence
-        With the fields of `PlacedContact`.
-    """
+def structure_element(
+    structure: Structure,
+    position: Finder,  # as of `place_finder`
+    contacts: Sequence[Any],  # with the fields of `PlacedContact`
+) -> Element:
+    """The whole structure at one scale, each ball in its box larger, and the parts in words."""
     balls = [one for one in contacts if not one.is_stop]
     letters = _letters(structure, contacts)
     whole = element("figure.drawing", _whole(structure, position, contacts, letters))

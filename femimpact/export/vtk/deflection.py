@@ -32,38 +32,21 @@ from femimpact.structure.structure import Structure
 
 @dataclass(frozen=True)
 class Instant:
-    """An instant that is shown.
+    """An instant that is shown."""
 
-    Parameters
-    ----------
-    time : float, s
-    what : str
-        In words; "" for one of the even grid.
-    pair : int
-        Number of the contact, -1 for none.
-    impulse : float, N s
-        On the beam, of the impact that begins here; 0 for none.
-    """
-
-    time: float
-    what: str
-    pair: int = -1
-    impulse: float = 0.0
+    time: float  # s
+    what: str  # in words; "" for one of the even grid
+    pair: int = -1  # number of the contact, -1 for none
+    impulse: float = 0.0  # N s: on the beam, of the impact that begins here; 0 for none
 
 
 @dataclass(eq=False)
 class ContactRecord:
-    """Impacts and sticking phases that have to do with a stretch of time.
-
-    Parameters
-    ----------
-    response : Response
-    start, end : float, s
-    """
+    """Impacts and sticking phases that have to do with a stretch of time."""
 
     response: Response
-    start: float
-    end: float
+    start: float  # s
+    end: float  # s
     names: list[str] = field(init=False)
     rows: NDArray[np.intp] = field(init=False)
     phases: NDArray[np.intp] = field(init=False)
@@ -193,41 +176,22 @@ SAME_TIME = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """States that are shown, in the order of time.
-
-    Parameters
-    ----------
-    snapshots : Snapshots
-    what : tuple of str
-        What happens at each; "" on the grid.
-    impulse : ndarray (frames, pairs), N s
-        On the beam, of the impact at this frame, of the sign of `Snapshots.contact_force`; else 0.
-    touching : ndarray (frames, pairs)
-        Whether the pair is in contact.
-    mismatch : float, 1
-        Largest share of the largest displacement by which states at impacts, taken on, miss the next snapshot.
-    """
+    """States that are shown, in the order of time."""
 
     snapshots: Snapshots
-    what: tuple[str, ...]
+    what: tuple[str, ...]  # what happens at each; "" on the grid
+    # (frames, pairs) N s: on the beam, of the impact at this frame, of the sign of `Snapshots.contact_force`; else 0
     impulse: Array
-    touching: NDArray[np.bool_]
+    touching: NDArray[np.bool_]  # (frames, pairs) whether the pair is in contact
+    # largest share of the largest displacement by which states at impacts, taken on, miss the next snapshot
     mismatch: float
 
 
-def frames_of(response: Response, most: int) -> Frames:
+def frames_of(
+    response: Response,  # with snapshots
+    most: int,  # at most so many frames. Impacts have at most half of them, evenly spread where there are more.
+) -> Frames:
     """States of a run on an even grid and at every impact.
-
-    Parameters
-    ----------
-    response : Response
-        With snapshots.
-    most : int
-        At most so many frames. Impacts have at most half of them, evenly spread where there are more.
-
-    Returns
-    -------
-    Frames
 
     Warns
     -----

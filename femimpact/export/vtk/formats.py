@@ -27,45 +27,25 @@ Value = float | Sequence[float] | str
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """What changes from frame to frame.
+    """What changes from frame to frame."""
 
-    Parameters
-    ----------
-    fields : mapping of str to number, numbers or text
-    points : mapping of str to ndarray (points,) or (points, 3)
-    cells : mapping of str to ndarray (cells,)
-    """
-
-    fields: Mapping[str, Value]
+    fields: Mapping[str, Value]  # numbers or text
     points: Mapping[str, NDArray[np.float64]]
     cells: Mapping[str, NDArray[np.float64 | np.int32]]
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Frames on one grid, each made when it is needed.
+    """Frames on one grid, each made when it is needed."""
 
-    Parameters
-    ----------
-    points : ndarray (points, 3), m
-    connectivity, offsets, types : ndarray
-        Cells in VTK's form: points of all, the end of each among these, and its type.
-    times : sequence of float
-    names : sequence of str
-        Of every frame.
-    frame : callable of int to Frame
-    coloured_by : str
-        Array at points that ParaView colours by when it opens the file; "" for none.
-    """
-
-    points: NDArray[np.float64]
-    connectivity: NDArray[np.int64]
+    points: NDArray[np.float64]  # (points, 3) m
+    connectivity: NDArray[np.int64]  # cells in VTK's form: points of all, the end of each among these, and its type
     offsets: NDArray[np.int64]
     types: NDArray[np.uint8]
     times: Sequence[float]
-    names: Sequence[str]
+    names: Sequence[str]  # of every frame
     frame: Callable[[int], Frame]
-    coloured_by: str = ""
+    coloured_by: str = ""  # array at points that ParaView colours by when it opens the file; "" for none
 
     def timed_frames(self) -> Iterator[tuple[float, Frame]]:
         """Every frame with its time."""
@@ -193,19 +173,11 @@ COMPRESSION: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "sh
 VERSION = (2, 0)
 
 
-def write_vtkhdf(path: Path, series: Series) -> Path:
-    """Write a series, whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-        Ends in `.vtkhdf`.
-    series : Series
-
-    Returns
-    -------
-    Path
-    """
+def write_vtkhdf(
+    path: Path,  # ends in `.vtkhdf`
+    series: Series,
+) -> Path:
+    """Write a series, whole or not at all."""
     import h5py
 
     with atomic_path(path) as temporary, GuardedFile(temporary) as guarded, h5py.File(guarded, "w") as file:

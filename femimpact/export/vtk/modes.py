@@ -89,21 +89,12 @@ class BeamFields:
         return values
 
 
-def beam_fields(scene: Scene, structure: Structure, system: System) -> BeamFields:
-    """Readings on the sections of a scene.
-
-    Parameters
-    ----------
-    scene : Scene
-    structure : Structure
-        Whose rectangles are drawn.
-    system : System
-        Gives nodes, and the constants of the section in every element where it has them.
-
-    Returns
-    -------
-    BeamFields
-    """
+def beam_fields(
+    scene: Scene,
+    structure: Structure,  # whose rectangles are drawn
+    system: System,  # gives nodes, and the constants of the section in every element where it has them
+) -> BeamFields:
+    """Readings on the sections of a scene."""
     x = np.concatenate(scene.stretches)
     sizes = [stations.size for stations in scene.stretches]
     last = np.cumsum(sizes) - 1

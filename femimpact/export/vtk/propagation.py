@@ -47,15 +47,9 @@ class Touching:
 
 @dataclass(eq=False)
 class Transition:
-    """Matrices of a system with its balls, for the state (u, y, u', y', two of the excitation, 1).
+    """Matrices of a system with its balls, for the state (u, y, u', y', two of the excitation, 1)."""
 
-    Parameters
-    ----------
-    response : Response
-        Of a system whose matrices are small enough to be dense.
-    """
-
-    response: Response
+    response: Response  # of a system whose matrices are small enough to be dense
     system: System = field(init=False)
     drive: Drive = field(init=False)
     inverse: Array = field(init=False)

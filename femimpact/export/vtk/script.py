@@ -272,25 +272,14 @@ WITHOUT_FIELDS = "'time value %.6g' % t_value"
 
 @dataclass(frozen=True)
 class View:
-    """What a script shows: its words, and what its text at the top is made of.
+    """What a script shows: its words, and what its text at the top is made of."""
 
-    Parameters
-    ----------
-    title : str
-        Of the docstring.
-    text : str
-        Expression of ParaView's Python annotation, on the field data.
-    stress : tuple of str
-        Array that colours the beam, the expression of ParaView's calculator that makes it, and the title of its bar, in
-        which `{mode}` is the number of the mode.
-    each : bool
-        Whether every frame has a separate colour bar, not all frames the same.
-    """
-
-    title: str
-    text: str
+    title: str  # of the docstring
+    text: str  # expression of ParaView's Python annotation, on the field data
+    # array that colours the beam, the expression of ParaView's calculator that makes it, and the title of its bar, in
+    # which `{mode}` is the number of the mode
     stress: tuple[str, str, str]
-    each: bool = False
+    each: bool = False  # whether every frame has a separate colour bar, not all frames the same
 
 
 OF_MODE = ("share_of_stress", RELATIVE_STRESS, "axial stress, as a share of the largest of mode {mode:.0f}")
@@ -316,22 +305,12 @@ DEFLECTION = View(
 
 @dataclass(frozen=True, eq=False)
 class FrameSummary:
-    """What a script needs of one frame.
-
-    Parameters
-    ----------
-    time : float
-    mode : float
-        Its number; 0 of a deflection.
-    peaks : mapping of str to float
-        Largest axial stress (Pa), contact force (N) and impulse (N s), 0 where there is none.
-    pressed : int
-        Number of the contact with the largest impulse, or the largest force where there is no impulse; -1 for none.
-    """
+    """What a script needs of one frame."""
 
     time: float
-    mode: float
-    peaks: Mapping[str, float]
+    mode: float  # its number; 0 of a deflection
+    peaks: Mapping[str, float]  # largest axial stress (Pa), contact force (N) and impulse (N s), 0 where there is none
+    # number of the contact with the largest impulse, or the largest force where there is no impulse; -1 for none
     pressed: int
 
 
@@ -412,23 +391,13 @@ def script_path(path: Path) -> Path:
     return path.with_name(f"{path.stem}_paraview.py")
 
 
-def write_script(path: Path, view: View, summary: SeriesSummary, names: Sequence[str] = ()) -> Path:
-    """Write the script of a series.
-
-    Parameters
-    ----------
-    path : Path
-        Of the series.
-    view : View
-    summary : SeriesSummary
-        Of the series that was written.
-    names : sequence of str
-        Of the contacts that a second view may show; none for no second view.
-
-    Returns
-    -------
-    Path
-    """
+def write_script(
+    path: Path,  # of the series
+    view: View,
+    summary: SeriesSummary,  # of the series that was written
+    names: Sequence[str] = (),  # of the contacts that a second view may show; none for no second view
+) -> Path:
+    """Write the script of a series."""
     size = float(summary.whole.high[0] - summary.whole.low[0])
     first, why = _first(summary)
     longest = size * max((share for name, (_, _, share, _) in ARROWS.items() if summary.peak(name) > 0.0), default=0.0)

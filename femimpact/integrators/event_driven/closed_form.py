@@ -42,27 +42,14 @@ SLOW = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Scalars read from a motion: R of them, of F systems.
+    """Scalars read from a motion: R of them, of F systems."""
 
-    Parameters
-    ----------
-    weight : ndarray (F, R, K), complex
-        Of the entries H.
-    rigid_body, rigid_body_rate : ndarray (F, R, P)
-        Of the rigid-body coordinates and their rates.
-    constant : ndarray (F, R, 1 + pairs)
-        Of constant loads, and per metre of each wall.
-    through : ndarray (F, 3, R)
-        Directly of s, ub' and ub, beside the response of the entries to them.
-    follow : ndarray (F, 8, R)
-        Steady, per unit of ub, ub', s and the derivatives of s to the fifth, under a polynomial s(t).
-    """
-
-    weight: Complex
-    rigid_body: Array
-    rigid_body_rate: Array
-    constant: Array
-    through: Array
+    weight: Complex  # (F, R, K) of the entries H
+    rigid_body: Array  # (F, R, P) of the rigid-body coordinates and their rates
+    rigid_body_rate: Array  # (F, R, P)
+    constant: Array  # (F, R, 1 + pairs) of constant loads, and per metre of each wall
+    through: Array  # (F, 3, R) directly of s, ub' and ub, beside the response of the entries to them
+    # (F, 8, R) steady, per unit of ub, ub', s and the derivatives of s to the fifth, under a polynomial s(t)
     follow: Array
 
 
@@ -92,17 +79,12 @@ def scaled_sum(rows: Rows, factor: Array, also: Rows, by: Array) -> Rows:
     )
 
 
-def gap_rows(whole: Equations, rows: Rows, base: tuple[int, int]) -> Rows:
-    """Rows of x_j = -P_j p - in_space_j ub, or of x_j'.
-
-    Parameters
-    ----------
-    whole : Equations
-    rows : Rows
-        Of all coordinates, or their rates.
-    base : tuple of int
-        Which of the inputs in `through` and in `follow` is the base's motion: ub, or ub'.
-    """
+def gap_rows(
+    whole: Equations,
+    rows: Rows,  # of all coordinates, or their rates
+    base: tuple[int, int],  # which of the inputs in `through` and in `follow` is the base's motion: ub, or ub'
+) -> Rows:
+    """Rows of x_j = -P_j p - in_space_j ub, or of x_j'."""
     P = -whole.force.mT
     through, follow = rows.through @ P.mT, rows.follow @ P.mT
     through[:, base[0]] -= whole.in_space
@@ -110,17 +92,14 @@ def gap_rows(whole: Equations, rows: Rows, base: tuple[int, int]) -> Rows:
     return Rows(P @ rows.weight, P @ rows.rigid_body, P @ rows.rigid_body_rate, P @ rows.constant, through, follow)
 
 
-def driven_entries(modes: ComplexModes, rate: float | None) -> NDArray[np.int64]:
+def driven_entries(
+    modes: ComplexModes,
+    rate: float | None,  # 1/s: of the polynomials; none of a sine or of straight lines is driven
+) -> NDArray[np.int64]:
     """Number (F,) of the entries, the slowest ones, that are advanced with their whole response to polynomials.
 
     The response of a fast entry is a polynomial itself, beside the exponential: a sum of derivatives of s over powers
     of lambda, which for a slow one are large and cancel the exponential.
-
-    Parameters
-    ----------
-    modes : ComplexModes
-    rate : float or None, 1/s
-        Of the polynomials; none of a sine or of straight lines is driven.
     """
     size = modes.size
     if not rate:
@@ -167,49 +146,28 @@ UNMET = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class ClosedForms:
-    """Closed forms of F systems, one set of pairs in contact: K entries, P rigid-body coordinates, p of size d.
-
-    Parameters
-    ----------
-    modes : ComplexModes
-    rigid_body_shape : ndarray (F, d, P)
-    rigid_body_given : ndarray (F, P, 1 + pairs)
-        Accelerations of constant loads, and per metre of each wall.
-    rigid_body_drive : ndarray (F, P)
-        Acceleration per unit of s(t).
-    position, velocity : Rows
-        Of all coordinates.
-    contact_force : Rows
-        Force on the structure at each pair (N): of compliant pairs as if they were in contact, of rigid ones that
-        stick; zero for others.
-    load : ndarray (F, 3, K), complex
-        What s, ub' and ub add to H'.
-    to_entry_u, to_entry_v : ndarray (F, K, d)
-        H = to_entry_u p + to_entry_v p', steady parts taken off.
-    to_rigid_body : ndarray (F, P, d)
-    impulse_entry : ndarray (F, K, pairs), impulse_rigid_body : ndarray (F, P, pairs)
-        Change of H and of the rates by a unit impulse on the structure at each pair.
-    reaction : ndarray (F, pairs, pairs)
-        Impulses on the structure at the pairs that stick (rows; zero for others) by a unit one at each other pair.
-    unheld : ndarray (F, 2) of bool
-        Whether a constant load, and whether s(t), drives a motion that is braked but not pulled back: neither it nor
-        a polynomial s(t) has a steady response.
-    """
+    """Closed forms of F systems, one set of pairs in contact: K entries, P rigid-body coordinates, p of size d."""
 
     modes: ComplexModes
-    rigid_body_shape: Array
-    rigid_body_given: Array
-    rigid_body_drive: Array
-    position: Rows
+    rigid_body_shape: Array  # (F, d, P)
+    rigid_body_given: Array  # (F, P, 1 + pairs) accelerations of constant loads, and per metre of each wall
+    rigid_body_drive: Array  # (F, P) acceleration per unit of s(t)
+    position: Rows  # of all coordinates
     velocity: Rows
+    # force on the structure at each pair (N): of compliant pairs as if they were in contact, of rigid ones that stick;
+    # zero for others
     contact_force: Rows
-    load: Complex
-    to_entry_u: Complex
-    to_entry_v: Complex
-    to_rigid_body: Array
-    impulse_entry: Complex
+    load: Complex  # (F, 3, K) what s, ub' and ub add to H'
+    to_entry_u: Complex  # (F, K, d) H = to_entry_u p + to_entry_v p', steady parts taken off
+    to_entry_v: Complex  # (F, K, d)
+    to_rigid_body: Array  # (F, P, d)
+    impulse_entry: Complex  # (F, K, pairs) change of H and of the rates by a unit impulse on the structure at each pair
     impulse_rigid_body: Array
+    # (F, pairs, pairs) impulses on the structure at the pairs that stick (rows; zero for others) by a unit one at each
+    # other pair
     reaction: Array
+    # (F, 2) whether a constant load, and whether s(t), drives a motion that is braked but not pulled back: neither it
+    # nor a polynomial s(t) has a steady response
     unheld: NDArray[np.bool_]
 
 
@@ -267,28 +225,17 @@ class _UndampedMotions:
 
 
 def closed_forms(
-    whole: Equations, active: NDArray[np.bool_], rigid: NDArray[np.bool_], stiffness: Array, damping: Array
+    whole: Equations,  # of F systems; see `equations.stacked`
+    active: NDArray[np.bool_],  # (pairs,) in contact; whether a pair then sticks
+    rigid: NDArray[np.bool_],  # (pairs,)
+    stiffness: Array,  # (F, pairs) of compliant pairs, N/m and N s/m
+    damping: Array,  # (F, pairs)
 ) -> list[tuple[Integers, ClosedForms]]:
     """Closed forms of the motion while exactly these pairs are in contact.
 
-    Parameters
-    ----------
-    whole : Equations
-        Of F systems; see `equations.stacked`.
-    active, rigid : ndarray (pairs,) of bool
-        In contact; whether a pair then sticks.
-    stiffness, damping : ndarray (F, pairs)
-        Of compliant pairs, N/m and N s/m.
+    Returns (ndarray of int, ClosedForms): numbers of systems with as many entries, and their closed forms.
 
-    Returns
-    -------
-    list of (ndarray of int, ClosedForms)
-        Numbers of systems with as many entries, and their closed forms.
-
-    Raises
-    ------
-    InputError
-        If the pairs that stick leave one another no motion to be met with, in any of the systems.
+    Raises `InputError` if the pairs that stick leave one another no motion to be met with, in any of the systems.
     """
     contact = _Contact(active, rigid, stiffness, damping)
     found = []

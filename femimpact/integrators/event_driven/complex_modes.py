@@ -28,18 +28,12 @@ from femimpact.errors import DivergenceError
 T = TypeVar("T")
 
 
-def alike(*marks: NDArray[np.bool_ | np.int64]) -> list[NDArray[np.intp]]:
+def alike(
+    *marks: NDArray[np.bool_ | np.int64],  # (F, ...) of each of F items, as which of its coordinates are coupled
+) -> list[NDArray[np.intp]]:
     """Numbers of the items that have the same marks, group by group.
 
-    Parameters
-    ----------
-    *marks : ndarray (F, ...)
-        Of each of F items, as which of its coordinates are coupled.
-
-    Returns
-    -------
-    list of ndarray of int
-        Each number once; rising within a group.
+    Returns: each number once; rising within a group.
     """
     count = marks[0].shape[0]
     if count == 1:
@@ -51,16 +45,11 @@ def alike(*marks: NDArray[np.bool_ | np.int64]) -> list[NDArray[np.intp]]:
     return [np.flatnonzero(kind.reshape(-1) == number) for number in range(kinds.shape[0])]
 
 
-def part_of(items: T, members: NDArray[np.intp] | int) -> T:
-    """Some of the items of a dataclass of arrays (F, ...), or one of them without the axis.
-
-    Parameters
-    ----------
-    items : dataclass
-        Fields that its attribute `COMMON` names are the same for all items.
-    members : ndarray of int, or int
-        Rising, each once. Of all items the dataclass itself is returned.
-    """
+def part_of(
+    items: T,  # dataclass: fields that its attribute `COMMON` names are the same for all items
+    members: NDArray[np.intp] | int,  # or int: rising, each once. Of all items the dataclass itself is returned.
+) -> T:
+    """Some of the items of a dataclass of arrays (F, ...), or one of them without the axis."""
     given: Any = items
     common = getattr(given, "COMMON", ())
     own = {item.name: getattr(given, item.name) for item in fields(given) if item.name not in common}
@@ -176,29 +165,17 @@ COMPLETE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ComplexModes:
-    """u(t) = Re(shape e^{(diag(exponent) + coupling) t} H) of F structures, with n coordinates and K entries of H each.
-
-    Parameters
-    ----------
-    exponent : ndarray (F, K), 1/s
-        lambda, the slow ones first; Re <= 0.
-    coupling : ndarray (F, K, K), 1/s
-        Above the diagonal of the blocks; zero elsewhere.
-    blocks : ndarray (B, 2) of int
-        First entry and number of entries of each block that is not diagonal, the same for all.
-    shape : ndarray (F, n, K)
-    from_u, from_v : ndarray (F, K, n)
-        H = from_u u + from_v u'.
-    """
+    """u(t) = Re(shape e^{(diag(exponent) + coupling) t} H) of F structures: n coordinates, K entries of H each."""
 
     COMMON: ClassVar = ("blocks",)
 
-    exponent: Complex
-    coupling: Complex
+    exponent: Complex  # (F, K) 1/s: lambda, the slow ones first; Re <= 0
+    coupling: Complex  # (F, K, K) 1/s: above the diagonal of the blocks; zero elsewhere
+    # (B, 2) first entry and number of entries of each block that is not diagonal, the same for all
     blocks: NDArray[np.int64]
-    shape: Complex
-    from_u: Complex
-    from_v: Complex
+    shape: Complex  # (F, n, K)
+    from_u: Complex  # (F, K, n) H = from_u u + from_v u'
+    from_v: Complex  # (F, K, n)
 
     @property
     def size(self) -> Array:
@@ -256,25 +233,15 @@ SWINGING, CREEPING, CRITICAL, COUPLED = range(4)
 """How a coordinate moves: with an entry, with two real ones, with a block, or with others."""
 
 
-def complex_modes(omega_squared: Array, damping: Array) -> list[tuple[NDArray[np.intp], ComplexModes]]:
+def complex_modes(
+    omega_squared: Array,  # (F, n) 1/s^2: omega^2, >= 0
+    damping: Array,  # (F, n, n) 1/s: D, symmetric, positive semidefinite
+) -> list[tuple[NDArray[np.intp], ComplexModes]]:
     """Closed forms of u'' + D u' + Omega^2 u = 0 of F structures.
 
-    Parameters
-    ----------
-    omega_squared : ndarray (F, n), 1/s^2
-        Omega^2, >= 0.
-    damping : ndarray (F, n, n), 1/s
-        D, symmetric, positive semidefinite.
+    Returns (ndarray of int, ComplexModes): numbers of structures whose entries are alike, and theirs.
 
-    Returns
-    -------
-    list of (ndarray of int, ComplexModes)
-        Numbers of structures whose entries are alike, and theirs.
-
-    Raises
-    ------
-    DivergenceError
-        If the modes do not give back displacements and velocities: they span too many decades.
+    Raises `DivergenceError` if the modes do not give back displacements and velocities: they span too many decades.
     """
     coupled = _coupled_coordinates(damping)
     alone = _kinds(omega_squared, np.diagonal(damping, axis1=1, axis2=2))

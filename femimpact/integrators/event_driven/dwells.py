@@ -59,62 +59,31 @@ class DwellSystem:
 
 @dataclass(frozen=True, eq=False)
 class DwellCases:
-    """Cases that run through whole cycles of a sine.
+    """Cases that run through whole cycles of a sine."""
 
-    Parameters
-    ----------
-    drive : Drive
-        Of the first case: all are sines of one kind, at one place.
-    numbers : CaseNumbers
-        Frequency, amplitude, phase, gaps and contact parameters of each case's own.
-    position, velocity : ndarray (cases, d)
-        Structure and balls at t = 0 relative to the base, m and m/s.
-    cycles, measured : ndarray (cases,) of int
-        Of the base: the whole dwell, and how many at its end are measured.
-    systems : sequence of DwellSystem
-        In place of the common system and its drive, alike in coordinates, outputs and pairs; none for the common one.
-    system_of : ndarray (cases,) of int, optional
-        Which of them a case has.
-    """
-
-    drive: Drive
-    numbers: CaseNumbers
-    position: Array
-    velocity: Array
-    cycles: NDArray[np.int64]
-    measured: NDArray[np.int64]
+    drive: Drive  # of the first case: all are sines of one kind, at one place
+    numbers: CaseNumbers  # frequency, amplitude, phase, gaps and contact parameters of each case's own
+    position: Array  # (cases, d) structure and balls at t = 0 relative to the base, m and m/s
+    velocity: Array  # (cases, d)
+    cycles: NDArray[np.int64]  # (cases,) of the base: the whole dwell, and how many at its end are measured
+    measured: NDArray[np.int64]  # (cases,)
+    # in place of the common system and its drive, alike in coordinates, outputs and pairs; none for the common one
     systems: Sequence[DwellSystem] = ()
-    system_of: NDArray[np.int64] | None = None
+    system_of: NDArray[np.int64] | None = None  # (cases,) which of them a case has
 
 
 @dataclass(frozen=True, eq=False)
 class DwellStatistics:
-    """Statistics of many cases.
+    """Statistics of many cases."""
 
-    Parameters
-    ----------
-    cycles : CycleStatistics
-        Of the observed place, arrays (measured cycles, cases).
-    totals : ndarray (6, pairs, cases)
-        Sums over the measured cycles; see `columns.TOTAL_COLUMNS`.
-    residual : ndarray (cases,), 1
-        Largest at the start and the ends of measured cycles; not a number without a ledger.
-    bound : ndarray (cases,), 1
-        What rounding may make of it.
-    unending : ndarray (cases,), s
-        When events did not end; infinite where they did.
-    loss : ndarray (cases,), J
-        Of structure and contacts in the measured cycles; not a number without a ledger.
-    stored : ndarray (cases,), J
-        Largest of kinetic, strain, ball and contact energy together at the instants of the ledger in these cycles.
-    """
-
-    cycles: CycleStatistics
-    totals: Array
-    residual: Array
-    bound: Array
-    unending: Array
-    loss: Array
+    cycles: CycleStatistics  # of the observed place, arrays (measured cycles, cases)
+    totals: Array  # (6, pairs, cases) sums over the measured cycles; see `columns.TOTAL_COLUMNS`
+    residual: Array  # (cases,) largest at the start and the ends of measured cycles; not a number without a ledger
+    bound: Array  # (cases,) what rounding may make of it
+    unending: Array  # (cases,) s: when events did not end; infinite where they did
+    loss: Array  # (cases,) J: of structure and contacts in the measured cycles; not a number without a ledger
+    # (cases,) J: largest of kinetic, strain, ball and contact energy together at the instants of the ledger in these
+    # cycles
     stored: Array
 
 

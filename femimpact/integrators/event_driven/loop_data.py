@@ -40,10 +40,8 @@ class EventSettings(Protocol):
 def check_events(system: System) -> None:
     """Refuse what the method cannot compute exactly, and say what does.
 
-    Raises
-    ------
-    InputError
-        If the system is not on its modes, or a contact is neither rigid nor Kelvin-Voigt, or leaves no clearance.
+    Raises `InputError` if the system is not on its modes, or a contact is neither rigid nor Kelvin-Voigt, or leaves
+    no clearance.
     """
     allowed = "must be on its normal modes for EventDriven: use reduce(system, modes=n)"
     require(system.is_diagonal, "system", f"{system.dofs} coupled dofs", "", allowed)
@@ -71,28 +69,22 @@ WHOLE = 1e-9
 
 @dataclass(frozen=True)
 class ReadingGrid:
-    """Instants at which a run is read.
+    """Instants at which a run is read."""
 
-    Parameters
-    ----------
-    interval : float, s
-    per_cycle : float
-        Samples in what counts as a base cycle: those of a period of a sine, which need not be a whole number; under a
-        drive by samples `LEAST_SAMPLES` or more.
-    follows_cycles : bool
-        Whether there are `EventSettings.samples_per_cycle` in each.
-    chosen : tuple of str
-        A note on how the interval was chosen where the drive is given by samples.
-    """
-
-    interval: float
+    interval: float  # s
+    # samples in what counts as a base cycle: those of a period of a sine, which need not be a whole number; under a
+    # drive by samples `LEAST_SAMPLES` or more
     per_cycle: float
-    follows_cycles: bool = False
-    chosen: tuple[str, ...] = ()
+    follows_cycles: bool = False  # whether there are `EventSettings.samples_per_cycle` in each
+    chosen: tuple[str, ...] = ()  # a note on how the interval was chosen where the drive is given by samples
 
 
 def reading_grid(
-    system: System, excitation: Excitation, method: EventSettings, duration: float, recorder: Recorder
+    system: System,  # on its modes
+    excitation: Excitation,
+    method: EventSettings,
+    duration: float,  # s
+    recorder: Recorder,
 ) -> ReadingGrid:
     """The instants at which a run is read: as the recorder has them, or as they suit the drive.
 
@@ -100,23 +92,7 @@ def reading_grid(
     at their interval, or at 1/20 of the period of the highest kept mode if that is less, and at no more than 10^6
     instants.
 
-    Parameters
-    ----------
-    system : System
-        On its modes.
-    excitation : Excitation
-    method : EventSettings
-    duration : float, s
-    recorder : Recorder
-
-    Returns
-    -------
-    ReadingGrid
-
-    Raises
-    ------
-    InputError
-        If the interval of the recorder leaves fewer than 8 readings in a cycle of a sine.
+    Raises `InputError` if the interval of the recorder leaves fewer than 8 readings in a cycle of a sine.
     """
     drive, chosen = drive_of(system, excitation), tuple[str, ...]()
     if not drive.in_pieces and recorder.interval is None:

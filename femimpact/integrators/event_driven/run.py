@@ -80,10 +80,7 @@ SAMPLES_AT_ONCE = 2**17
 def closed_drive(system: System, excitation: Excitation) -> Drive:
     """The right-hand side of an excitation that has a closed form.
 
-    Raises
-    ------
-    InputError
-        If it has none.
+    Raises `InputError` if it has none.
     """
     drive = drive_of(system, excitation)
     allowed = "must have a closed_form for EventDriven: sample it into a RecordedBase, or take Newmark"
@@ -283,13 +280,10 @@ def run_events(
 ) -> Response:
     """Event-driven motion of structure and balls; see `integrate`.
 
-    Raises
-    ------
-    InputError
-        If the system is not on its modes, a contact is neither rigid nor Kelvin-Voigt, or an argument is out of
-        range.
-    DivergenceError
-        If events do not end.
+    Raises `InputError` if the system is not on its modes, a contact is neither rigid nor Kelvin-Voigt, or an
+    argument is out of range.
+
+    Raises `DivergenceError` if events do not end.
     """
     check_events(system)
     asked, grid = recorder, reading_grid(system, excitation, method, duration, recorder)
@@ -423,10 +417,7 @@ def peaks_of_forces(totals: Array, rigid: NDArray[np.bool_]) -> Array:
 def _require_finite(values: Array, time: float) -> None:
     """Stop a run whose readings are no numbers.
 
-    Raises
-    ------
-    DivergenceError
-        Naming the time (s) until which they were read.
+    Raises `DivergenceError` naming the time (s) until which they were read.
     """
     if not np.all(np.isfinite(values)):
         raise DivergenceError(not_finite(f" before t = {time:.4g} s"))

@@ -71,19 +71,12 @@ def _stacked_outputs(items: Sequence[Outputs]) -> Outputs:
     return Outputs(*(stack([getattr(each, item.name) for each in items]) for item in fields(Outputs)))
 
 
-def outputs_of(system: System, observed: Array, rows: ChannelRows | None = None) -> Outputs:
-    """Rows of the observed place, then those of the channels.
-
-    Parameters
-    ----------
-    system : System
-    observed : ndarray (dofs,)
-    rows : ChannelRows, optional
-
-    Returns
-    -------
-    Outputs
-    """
+def outputs_of(
+    system: System,
+    observed: Array,  # (dofs,)
+    rows: ChannelRows | None = None,
+) -> Outputs:
+    """Rows of the observed place, then those of the channels."""
     n, balls, count = system.dofs, len(system.balls), 0 if rows is None else rows.drive.size
     position, rate = (np.zeros((1 + count, n + balls)) for _ in range(2))
     force = np.zeros((1 + count, len(system.contacts)))
@@ -159,10 +152,7 @@ class FormStore:
 
         Those that are missing are made together where the same pairs are in contact.
 
-        Raises
-        ------
-        InputError
-            If one has no steady response to the loads.
+        Raises `InputError` if one has no steady response to the loads.
         """
         with self.lock:
             missing: dict[int, dict[bytes, WantedForm]] = {}

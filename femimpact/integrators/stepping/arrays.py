@@ -27,28 +27,17 @@ from femimpact.system.system import System
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What each case of a block is given; all excitations act along one load.
-
-    Parameters
-    ----------
-    excitations : sequence of Excitation
-    steps : sequence of int
-        Length of each case; the block runs to the longest, and what a case does after its own end does not count.
-    window_start : sequence of int
-        Step after the beginning from which impacts are counted, to the case's own end.
-    initial : State
-    beginning : Beginning
-        Of one case alone it may be within the run that it goes on from.
-    each : sequence of tuple of System and State
-        The system with the gaps and laws of each case, and its start, where these differ; laws of the same kinds
-        that have compiled branches, and no static start. None for those of all cases.
-    """
+    """What each case of a block is given; all excitations act along one load."""
 
     excitations: Sequence[Excitation]
+    # length of each case; the block runs to the longest, and what a case does after its own end does not count
     steps: Sequence[int]
-    window_start: Sequence[int]
+    window_start: Sequence[int]  # step after the beginning from which impacts are counted, to the case's own end
     initial: State = field(default_factory=State)
+    # of one case alone it may be within the run that it goes on from
     beginning: Beginning = field(default_factory=Beginning)
+    # the system with the gaps and laws of each case, and its start, where these differ; laws of the same kinds that
+    # have compiled branches, and no static start. None for those of all cases.
     each: Sequence[tuple[System, State]] = ()
 
 

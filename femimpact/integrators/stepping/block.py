@@ -216,10 +216,7 @@ def prepare(
 def check_laws(block: Block) -> None:
     """Raise what a custom law has raised, or that its force was no finite number.
 
-    Raises
-    ------
-    InputError
-        With the name of the pair, and what the law was given.
+    Raises `InputError` with the name of the pair, and what the law was given.
     """
     for j in np.flatnonzero(block.pairs.refused[:, 0]):
         force = block.forces[j]
@@ -227,17 +224,12 @@ def check_laws(block: Block) -> None:
             raise law_error(block.names[j], force, *(float(value) for value in block.pairs.refused[j]))
 
 
-def run_block(block: Block, progress: Progress | None = None, stop: threading.Event | None = None) -> None:
-    """Run a block to its end, in pieces: between them come progress, interrupts and the check for divergence.
-
-    Parameters
-    ----------
-    block : Block
-    progress : callable, optional
-        Called with the share of the block that is done, 0 to 1.
-    stop : threading.Event, optional
-        Ends the run early once set.
-    """
+def run_block(
+    block: Block,
+    progress: Progress | None = None,  # called with the share of the block that is done, 0 to 1
+    stop: threading.Event | None = None,  # threading.Event: ends the run early once set
+) -> None:
+    """Run a block to its end, in pieces: between them come progress, interrupts and the check for divergence."""
     lanes, dofs = block.motion.q.shape[1], block.motion.q.shape[0]
     handed = block.handed()
     piece = max(1000, STEPS_BETWEEN_CHECKS // (lanes * dofs))
@@ -276,23 +268,12 @@ def history_of(
     block: Block,
     system: System,
     recorded: Recorded,
-    samples_before: int,
+    samples_before: int,  # what was taken out of the record earlier
     snapshots_before: int,
 ) -> HistoryPiece:
     """All samples and snapshots that the record of a block holds now.
 
-    Parameters
-    ----------
-    block : Block
-    system : System
-    recorded : Recorded
-    samples_before, snapshots_before : int
-        What was taken out of the record earlier.
-
-    Returns
-    -------
-    HistoryPiece
-        Of copies where the record is filled again, otherwise of its arrays.
+    Returns: of copies where the record is filled again, otherwise of its arrays.
     """
     record, dt, origin = block.record, block.scheme.dt, block.beginning.origin
     samples, snapshots = int(record.tally[1]), int(record.tally[2])

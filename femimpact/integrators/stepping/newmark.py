@@ -41,26 +41,15 @@ from femimpact.system.system import System
 
 
 def stepped_restitution(
-    pair: ContactPair, method: SteppingMethod, approach_speed: float, phases: int
+    pair: ContactPair,
+    method: SteppingMethod,
+    approach_speed: float,  # m/s
+    phases: int,  # at how many instants within a step the touch is tried
 ) -> AchievedRestitution:
     """Send the pair's effective mass against a wall with the method's own step, and look at the rebound.
 
-    Parameters
-    ----------
-    pair : ContactPair
-    method : SteppingMethod
-    approach_speed : float, m/s
-    phases : int
-        At how many instants within a step the touch is tried.
-
-    Returns
-    -------
-    AchievedRestitution
-
-    Raises
-    ------
-    InputError
-        If a collision does not end with this step, or a custom law gives a force that is not finite.
+    Raises `InputError` if a collision does not end with this step, or a custom law gives a force that is not
+    finite.
     """
     scheme = scheme_of(method, method.dt / method.refine)
     law, force = pair.parameters, pair.law.force_function(pair.effective_mass)

@@ -130,11 +130,8 @@ def recommended_step(system: System, refine: int = 1) -> float:
 def check_step(system: System, method: SteppingMethod) -> tuple[str, ...]:
     """Warnings of a step that was let through; an error for one that does not resolve the contact.
 
-    Raises
-    ------
-    InputError
-        If the step in contact exceeds T_c/10 and the method does not allow it, the scheme is
-        unstable at dt, or the method is not made for a contact's law.
+    Raises `InputError` if the step in contact exceeds T_c/10 and the method does not allow it, the scheme is
+    unstable at dt, or the method is not made for a contact's law.
     """
     _check_laws(system, method)
     if math.isfinite(method.stability_limit):
@@ -218,24 +215,16 @@ def _widened(band: Array, width: int) -> Array:
     return np.vstack([band, np.zeros((width - band.shape[0], band.shape[1]))])
 
 
-def operator_of(system: System, s: Scheme, observed: Array, load: Array) -> Operator:
+def operator_of(
+    system: System,
+    s: Scheme,
+    observed: Array,  # (dofs,) row read every step
+    load: Array,  # (dofs,) of the drive
+) -> Operator:
     """Operator of a system for a scheme.
 
     S = (1 - alpha_m) M + (1 - alpha_f)(correct_v C + correct_u K), S a1 = load s - K u0
     - [C + (1 - alpha_f) dt K] v0 - [alpha_m M + (1 - alpha_f)(predict_v C + predict_u K)] a0.
-
-    Parameters
-    ----------
-    system : System
-    s : Scheme
-    observed : ndarray (dofs,)
-        Row read every step.
-    load : ndarray (dofs,)
-        Of the drive.
-
-    Returns
-    -------
-    Operator
     """
     M, C, K, felt = system.M, system.C, system.K, 1.0 - s.alpha_f
     effective = bands((1.0 - s.alpha_m) * M + felt * (s.correct_v * C + s.correct_u * K))

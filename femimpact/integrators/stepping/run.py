@@ -63,22 +63,11 @@ NO_LIMIT = 1e30
 
 
 def find_largest(
-    run: Callable[[Recorder], Any], recorder: Recorder, channels: tuple[Channel, ...]
+    run: Callable[[Recorder], Any],  # the run, with what it is to keep: its steps have the same bits whatever that is
+    recorder: Recorder,  # of the run before
+    channels: tuple[Channel, ...],
 ) -> tuple[Largest, ...]:
-    """Largest values of channels over all steps of a run.
-
-    Parameters
-    ----------
-    run : callable
-        The run, with what it is to keep: its steps have the same bits whatever that is.
-    recorder : Recorder
-        Of the run before.
-    channels : tuple of Channel
-
-    Returns
-    -------
-    tuple of Largest
-    """
+    """Largest values of channels over all steps of a run."""
     found = [LargestSample() for _ in channels]
 
     def take(piece: HistoryPiece) -> None:
@@ -106,13 +95,10 @@ def run_steps(
 ) -> Response:
     """Stepped motion of structure and balls; see `integrate`.
 
-    Raises
-    ------
-    InputError
-        If the step does not resolve the contact, the run would keep too much, or an argument is
-        out of range.
-    DivergenceError
-        If the motion is not finite or grows without bound.
+    Raises `InputError` if the step does not resolve the contact, the run would keep too much, or an argument is out
+    of range.
+
+    Raises `DivergenceError` if the motion is not finite or grows without bound.
     """
     check_recorder(recorder)
     fits = in_range(duration, quantity("s", at_least=method.dt))
