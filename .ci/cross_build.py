@@ -21,8 +21,8 @@ from unittest.mock import patch
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from femimpact.core import compilation, compilers  # noqa: E402
-from femimpact.core.compilers import CompilationError, Compiler, run_compiler  # noqa: E402
+from femimpact.core import compilation  # noqa: E402
+from femimpact.core.compilation import CompilationError, Compiler, run_compiler  # noqa: E402
 
 PLATFORMS = {
     "x86_64-windows-gnu": ("win32", "AMD64", b"MZ"),
@@ -53,7 +53,7 @@ def import_library(zig: str, folder: Path) -> None:
 def built(target: str, zig: str, to: Path) -> Path:
     """The linked binary for a platform."""
     system, machine, magic = PLATFORMS[target]
-    compiler = Compiler(f"zig {compilers.ZIG}", (zig, "c++", "-target", target), (zig, "cc", "-target", target))
+    compiler = Compiler(f"zig {compilation.ZIG}", (zig, "c++", "-target", target), (zig, "cc", "-target", target))
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         # known before this process takes itself for another platform
         sysconfig.get_config_vars()
@@ -78,7 +78,7 @@ def main() -> None:
     parser.add_argument("directory", type=Path)
     parser.add_argument("target", nargs="*", default=list(PLATFORMS))
     options = parser.parse_args()
-    words = compilers._zig().command
+    words = compilation._zig().command
     if not words:
         sys.exit(f"needs {compilation.zig_requirement()}")
     failed = []

@@ -16,7 +16,8 @@ import numpy as np
 import scipy.linalg
 
 import femimpact as fi
-from femimpact.integrators.stepping.block import Inputs, prepare, run_block
+from femimpact.integrators.stepping.arrays import Inputs
+from femimpact.integrators.stepping.block import prepare, run_block
 from femimpact.integrators.stepping.operators import bands
 from femimpact.study.demo import paper_study
 from femimpact.study.study import build

@@ -20,7 +20,7 @@ from unittest.mock import patch
 
 import report
 
-from femimpact.core import compilation, compilers
+from femimpact.core import compilation
 from femimpact.core.binary import record_of, record_text
 
 HERE = Path(__file__).parent
@@ -53,13 +53,13 @@ def built_with_lines(folder: Path) -> Path:
     """The binary of a copy of the package, of the usual flags and with names and lines."""
     root = HERE.parent
     shutil.copytree(root / "femimpact", folder / "femimpact", ignore=shutil.ignore_patterns("__pycache__", "_core*"))
-    unstripped = lambda *given: [word for word in compilers.link_command(*given) if word != "-s"]  # noqa: E731
+    unstripped = lambda *given: [word for word in compilation.link_command(*given) if word != "-s"]  # noqa: E731
     with (
         tempfile.TemporaryDirectory() as work,
         patch.dict(os.environ, CXXFLAGS="-g"),
         patch.object(compilation, "link_command", unstripped),
     ):
-        compiler = compilers.find_compiler("release")
+        compiler = compilation.find_compiler("release")
         made = compilation._compile(root, compiler, "release", "none", work)
         content = made.read_bytes()
     binary = folder / "femimpact" / made.name

@@ -18,7 +18,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from problem import load_problem
 
 import femimpact as fi
-from femimpact.integrators.stepping.block import Inputs, prepare, run_block
+from femimpact.integrators.stepping.arrays import Inputs
+from femimpact.integrators.stepping.block import prepare, run_block
 
 PROBLEM = load_problem()
 pytestmark = pytest.mark.benchmark(timer=time.process_time)

@@ -80,15 +80,15 @@ if TYPE_CHECKING:
     from femimpact.identification import amplitude_ratio_damping as amplitude_ratio_damping
     from femimpact.identification import fit_one_pole as fit_one_pole
     from femimpact.identification import half_power as half_power
-    from femimpact.integrators.collision import achieved_restitution as achieved_restitution
     from femimpact.integrators.event_driven import EventDriven as EventDriven
-    from femimpact.integrators.integrate import integrate as integrate
+    from femimpact.integrators.runs import achieved_restitution as achieved_restitution
+    from femimpact.integrators.runs import integrate as integrate
     from femimpact.integrators.stepping.newmark import HHT as HHT
     from femimpact.integrators.stepping.newmark import WBZ as WBZ
     from femimpact.integrators.stepping.newmark import GeneralizedAlpha as GeneralizedAlpha
     from femimpact.integrators.stepping.newmark import MoreauJean as MoreauJean
     from femimpact.integrators.stepping.newmark import Newmark as Newmark
-    from femimpact.integrators.stepping.step_size import recommended_step as recommended_step
+    from femimpact.integrators.stepping.operators import recommended_step as recommended_step
     from femimpact.laser import Laser as Laser
     from femimpact.laser import LaserReading as LaserReading
     from femimpact.laser import extrapolate as extrapolate
@@ -99,20 +99,20 @@ if TYPE_CHECKING:
     from femimpact.parametric import run_case as run_case
     from femimpact.response.energy import EnergyLedger as EnergyLedger
     from femimpact.response.history import HistoryPiece as HistoryPiece
+    from femimpact.response.history import StroboscopicSection as StroboscopicSection
     from femimpact.response.impacts import Impacts as Impacts
     from femimpact.response.impacts import ImpactStatistics as ImpactStatistics
-    from femimpact.response.largest import Largest as Largest
     from femimpact.response.response import Recorder as Recorder
     from femimpact.response.response import Response as Response
-    from femimpact.response.sections import StroboscopicSection as StroboscopicSection
+    from femimpact.response.signals import Largest as Largest
     from femimpact.structure.beam import Beam as Beam
     from femimpact.structure.beam import Segment as Segment
     from femimpact.structure.damping import ModalDamping as ModalDamping
     from femimpact.structure.damping import Rayleigh as Rayleigh
-    from femimpact.structure.springs import Dashpot as Dashpot
-    from femimpact.structure.springs import Spring as Spring
+    from femimpact.structure.structure import Dashpot as Dashpot
     from femimpact.structure.structure import Impactor as Impactor
     from femimpact.structure.structure import PointMass as PointMass
+    from femimpact.structure.structure import Spring as Spring
     from femimpact.structure.structure import Stop as Stop
     from femimpact.structure.structure import Structure as Structure
     from femimpact.structure.structure import Support as Support
@@ -125,12 +125,12 @@ if TYPE_CHECKING:
     from femimpact.sweep import FrequencyResponse as FrequencyResponse
     from femimpact.sweep import frequency_sweep as frequency_sweep
     from femimpact.system.contact_pair import ContactPair as ContactPair
-    from femimpact.system.damped import with_damping as with_damping
+    from femimpact.system.hermite import Reaction as Reaction
     from femimpact.system.matrix_files import read_matrix as read_matrix
     from femimpact.system.modes import Modes as Modes
     from femimpact.system.modes import solve_modes as solve_modes
+    from femimpact.system.modes import with_damping as with_damping
     from femimpact.system.own_terms import add_terms as add_terms
-    from femimpact.system.reactions import Reaction as Reaction
     from femimpact.system.reduction import reduce as reduce
     from femimpact.system.reduction import truncation_notes as truncation_notes
     from femimpact.system.state import State as State
@@ -140,13 +140,12 @@ if TYPE_CHECKING:
     from femimpact.versions import show_versions as show_versions
 
 _MODULES = {
-    "fem.assembly": ("assemble",),
-    "fem.discretisation": ("Discretisation", "discretise"),
-    "calibration": ("RestitutionScan", "scan_restitution"),
-    "laser": ("Laser", "LaserReading", "extrapolate"),
+    "calibration": (
+        "RestitutionScan",
+        "scan_restitution",
+    ),
     "contact": (
         "ALUMINIUM",
-        "STEEL",
         "Collision",
         "ContactLaw",
         "ContactParameters",
@@ -160,6 +159,7 @@ _MODULES = {
         "Material",
         "PowerLaw",
         "Rigid",
+        "STEEL",
         "SwitchingSpring",
         "collide",
         "contact_force",
@@ -186,10 +186,12 @@ _MODULES = {
         "convergence_study",
         "mode_convergence",
     ),
-    "structure.beam": ("Beam", "Segment"),
-    "structure.damping": ("ModalDamping", "Rayleigh"),
-    "response.energy": ("EnergyLedger",),
-    "errors": ("DivergenceError", "FemimpactError", "InputError", "InputWarning"),
+    "errors": (
+        "DivergenceError",
+        "FemimpactError",
+        "InputError",
+        "InputWarning",
+    ),
     "excitation": (
         "Chirp",
         "HammerBlow",
@@ -204,37 +206,111 @@ _MODULES = {
     ),
     "export.report.script_page": ("report",),
     "export.vtk.notebook": ("to_pyvista",),
-    "response.history": ("HistoryPiece",),
-    "identification": ("DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power"),
-    "response.impacts": ("ImpactStatistics", "Impacts"),
-    "integrators.collision": ("achieved_restitution",),
-    "integrators.event_driven": ("EventDriven",),
-    "integrators.integrate": ("integrate",),
-    "integrators.stepping.newmark": ("HHT", "WBZ", "GeneralizedAlpha", "MoreauJean", "Newmark"),
-    "integrators.stepping.step_size": ("recommended_step",),
-    "fem.mesh": ("Mesh", "graded_mesh", "random_mesh", "uniform_mesh"),
+    "fem.assembly": ("assemble",),
+    "fem.discretisation": (
+        "Discretisation",
+        "discretise",
+    ),
+    "fem.mesh": (
+        "Mesh",
+        "graded_mesh",
+        "random_mesh",
+        "uniform_mesh",
+    ),
     "fem.mesh_files": ("read_mesh",),
-    "parametric": ("ParameterStudy", "StudyProgress", "load_parameter_study", "parameter_study", "run_case"),
-    "system.damped": ("with_damping",),
-    "system.matrix_files": ("read_matrix",),
-    "system.modes": ("Modes", "solve_modes"),
-    "system.reduction": ("reduce", "truncation_notes"),
-    "response.largest": ("Largest",),
-    "response.response": ("Recorder", "Response"),
-    "response.sections": ("StroboscopicSection",),
-    "system.own_terms": ("add_terms",),
-    "system.reactions": ("Reaction",),
-    "system.static": ("static_state",),
-    "structure.springs": ("Dashpot", "Spring"),
-    "structure.structure": ("Impactor", "PointMass", "Stop", "Structure", "Support", "glue_impactors"),
-    "study.results": ("StudyResults", "load"),
+    "identification": (
+        "DampingEstimate",
+        "amplitude_ratio_damping",
+        "fit_one_pole",
+        "half_power",
+    ),
+    "integrators.event_driven": ("EventDriven",),
+    "integrators.runs": (
+        "achieved_restitution",
+        "integrate",
+    ),
+    "integrators.stepping.newmark": (
+        "GeneralizedAlpha",
+        "HHT",
+        "MoreauJean",
+        "Newmark",
+        "WBZ",
+    ),
+    "integrators.stepping.operators": ("recommended_step",),
+    "laser": (
+        "Laser",
+        "LaserReading",
+        "extrapolate",
+    ),
+    "parametric": (
+        "ParameterStudy",
+        "StudyProgress",
+        "load_parameter_study",
+        "parameter_study",
+        "run_case",
+    ),
+    "response.energy": ("EnergyLedger",),
+    "response.history": (
+        "HistoryPiece",
+        "StroboscopicSection",
+    ),
+    "response.impacts": (
+        "ImpactStatistics",
+        "Impacts",
+    ),
+    "response.response": (
+        "Recorder",
+        "Response",
+    ),
+    "response.signals": ("Largest",),
+    "structure.beam": (
+        "Beam",
+        "Segment",
+    ),
+    "structure.damping": (
+        "ModalDamping",
+        "Rayleigh",
+    ),
+    "structure.structure": (
+        "Dashpot",
+        "Impactor",
+        "PointMass",
+        "Spring",
+        "Stop",
+        "Structure",
+        "Support",
+        "glue_impactors",
+    ),
+    "study.results": (
+        "StudyResults",
+        "load",
+    ),
     "study.run": ("run_study",),
     "study.study": ("Study",),
     "study.study_file": ("load_study",),
-    "sweep": ("FrequencyResponse", "frequency_sweep"),
+    "sweep": (
+        "FrequencyResponse",
+        "frequency_sweep",
+    ),
     "system.contact_pair": ("ContactPair",),
+    "system.hermite": ("Reaction",),
+    "system.matrix_files": ("read_matrix",),
+    "system.modes": (
+        "Modes",
+        "solve_modes",
+        "with_damping",
+    ),
+    "system.own_terms": ("add_terms",),
+    "system.reduction": (
+        "reduce",
+        "truncation_notes",
+    ),
     "system.state": ("State",),
-    "system.system": ("System", "without_impactors"),
+    "system.static": ("static_state",),
+    "system.system": (
+        "System",
+        "without_impactors",
+    ),
     "versions": ("show_versions",),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}

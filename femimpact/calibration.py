@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.contact.formulas import KELVIN_VOIGT, RIGID
+from femimpact.arrays import Array
+from femimpact.contact.restitution import KELVIN_VOIGT, RIGID
 from femimpact.errors import (
     Fault,
     InputError,
@@ -29,11 +30,11 @@ from femimpact.identification import amplitude_ratio_damping
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.newmark import Newmark
-from femimpact.integrators.stepping.step_size import recommended_step
+from femimpact.integrators.stepping.operators import recommended_step
 from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.structure.structure import Structure
 from femimpact.sweep import FrequencyResponse, peak_curves
-from femimpact.system.computed import with_checked_pairs
+from femimpact.system.modes import with_checked_pairs
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
 from femimpact.system.system import System
@@ -42,9 +43,6 @@ from femimpact.table import flat_columns, frame_of, named_column
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["RestitutionScan", "scan_restitution", "with_restitution"]
-
-Array = NDArray[np.float64]
 
 LEAST_POINTS = 4
 """Frequencies of a sweep that the fit of a resonance needs."""
@@ -151,10 +149,8 @@ class RestitutionScan:
 def with_restitution(structure: Structure, restitution: float) -> Structure:
     """The same structure with another restitution in every contact.
 
-    Raises
-    ------
-    InputError
-        If a contact cannot be given one: it is neither `Rigid` nor a `KelvinVoigt` that was given a restitution.
+    Raises `InputError` if a contact cannot be given one: it is neither `Rigid` nor a `KelvinVoigt` that was given a
+    restitution.
     """
     require_type(structure, Structure, "structure")
     impactors = []

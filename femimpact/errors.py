@@ -18,38 +18,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = [
-    "CoreError",
-    "DivergenceError",
-    "Fault",
-    "FemimpactError",
-    "InputError",
-    "InputWarning",
-    "allowed_range",
-    "check_fields",
-    "checked",
-    "choice",
-    "column",
-    "field_faults",
-    "having",
-    "in_range",
-    "instance",
-    "items",
-    "kind_of",
-    "optional",
-    "place",
-    "quantity",
-    "real_array",
-    "require",
-    "require_name",
-    "require_path",
-    "require_type",
-    "rising_numbers",
-    "suggestion",
-    "takes",
-    "text",
-    "truth",
-]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -469,11 +437,8 @@ def _is_masked(value: Any) -> bool:
 def real_array(key: str, value: Any, unit: str, allowed: str, *, finite: bool = True) -> NDArray[np.float64]:
     """A new array of float, of any shape.
 
-    Raises
-    ------
-    InputError
-        If the value holds anything but real numbers, finite ones where they must be: text, truth values,
-        nothing, masked entries, rows of several lengths.
+    Raises `InputError` if the value holds anything but real numbers, finite ones where they must be: text, truth
+    values, nothing, masked entries, rows of several lengths.
     """
     import numpy as np
 
@@ -506,10 +471,7 @@ def in_range(value: object, metadata: Mapping[str, Any]) -> bool:
 def checked(key: str, value: object, metadata: Mapping[str, Any]) -> Any:
     """The value in the one type that its metadata allows, as float(5) for 5.
 
-    Raises
-    ------
-    InputError
-        Naming the key, the value and what is allowed.
+    Raises `InputError` naming the key, the value and what is allowed.
     """
     try:
         return metadata["take"](value)
@@ -630,10 +592,7 @@ def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[
 def rising_numbers(key: str, values: Any, most: int) -> NDArray[np.int64]:
     """Three or more increasing whole numbers from 1, as a study of convergence goes through them.
 
-    Raises
-    ------
-    InputError
-        If they are not, or the last is beyond `most`.
+    Raises `InputError` if they are not, or the last is beyond `most`.
     """
     allowed = f"must be three or more increasing numbers, whole and 1 to {most}"
     given = real_array(key, values, "", allowed)

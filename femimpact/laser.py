@@ -5,19 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from femimpact.arrays import Array
 from femimpact.errors import InputError, check_fields, column, instance, optional, place, quantity, require, takes, text
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
 from femimpact.structure.structure import Position
 from femimpact.system.modes import mode_count, solve_modes
 from femimpact.system.system import System
-
-__all__ = ["Laser", "LaserReading", "extrapolate"]
-
-Array = NDArray[np.float64]
 
 STILL = 1e-9
 """Share of the largest motion of a mode below which a place is at rest in it, but for rounding."""

@@ -11,8 +11,6 @@ from typing import Any, ParamSpec, TypeVar
 
 from femimpact.errors import kind_of, require
 
-__all__ = ["Progress", "bars", "check_progress", "draws_progress"]
-
 P = ParamSpec("P")
 R = TypeVar("R")
 Progress = Callable[[float], None]

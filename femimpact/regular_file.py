@@ -1,12 +1,10 @@
-"""The one place that opens files for reading: regular files only, whose size is looked at before.
-
-A pipe would be waited for without end, and a device such as /dev/zero has no end.
-"""
+"""Files that are read: regular files only, within a limit of size; and the decimal numbers that stand in their text."""
 
 from __future__ import annotations
 
 import errno
 import os
+import re
 import stat
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,25 +13,26 @@ from typing import TYPE_CHECKING, BinaryIO
 if TYPE_CHECKING:
     from io import BufferedReader
 
-__all__ = ["check_regular", "open_regular", "read_now", "read_regular"]
+DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+
+
+def decimal_number(text: str) -> float | None:
+    """The number that a text is, with white space around it at most; None where it is not a number."""
+    return float(text) if DECIMAL.fullmatch(text.strip()) else None
+
 
 KINDS = ((stat.S_ISDIR, "a directory"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISCHR, "a device"),
          (stat.S_ISBLK, "a device"), (stat.S_ISSOCK, "a socket"))  # fmt: skip
 
 
-def check_regular(path: str | Path, most: int | None = None) -> None:
+def check_regular(
+    path: str | Path,
+    most: int | None = None,  # bytes that the file may have
+) -> None:
     """Refuse what is no regular file, before a library opens it by its name.
 
-    Parameters
-    ----------
-    path : str or Path
-    most : int, optional
-        Bytes that the file may have.
-
-    Raises
-    ------
-    OSError
-        If it does not exist, is a directory, a pipe, a device or a socket, or larger; `strerror` says which.
+    Raises `OSError` if it does not exist, is a directory, a pipe, a device or a socket, or larger; `strerror` says
+    which.
     """
     try:
         found = os.stat(path)
@@ -43,19 +42,13 @@ def check_regular(path: str | Path, most: int | None = None) -> None:
     _check(found, path, most)
 
 
-def open_regular(path: str | Path, most: int | None = None) -> BufferedReader:
+def open_regular(
+    path: str | Path,
+    most: int | None = None,  # bytes that the file may have
+) -> BufferedReader:
     """The open file of a path, to read bytes from.
 
-    Parameters
-    ----------
-    path : str or Path
-    most : int, optional
-        Bytes that the file may have.
-
-    Raises
-    ------
-    OSError
-        As of `check_regular`, or if it cannot be opened.
+    Raises `OSError` as of `check_regular`, or if it cannot be opened.
     """
     # first by its name: to open a device can change it
     check_regular(path, most)
@@ -67,19 +60,13 @@ def open_regular(path: str | Path, most: int | None = None) -> BufferedReader:
     return file
 
 
-def read_regular(path: str | Path, most: int) -> bytes:
+def read_regular(
+    path: str | Path,
+    most: int,  # bytes that it may hold, whatever size it states
+) -> bytes:
     """What a file holds that is read in one piece.
 
-    Parameters
-    ----------
-    path : str or Path
-    most : int
-        Bytes that it may hold, whatever size it states.
-
-    Raises
-    ------
-    OSError
-        As of `open_regular`.
+    Raises `OSError` as of `open_regular`.
     """
     with open_regular(path, most) as file:
         content = read_now(file, most + 1)
@@ -91,10 +78,7 @@ def read_regular(path: str | Path, most: int) -> bytes:
 def read_now(file: BinaryIO, most: int) -> bytes:
     """The next bytes of an open file, up to a number of them, without waiting for any.
 
-    Raises
-    ------
-    OSError
-        If it would have to be waited for, as for the messages of the kernel.
+    Raises `OSError` if it would have to be waited for, as for the messages of the kernel.
     """
     # not bytes: there are none yet, and the file has not ended
     content: bytes | None = file.read(most)

@@ -12,21 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import require_name
-from femimpact.svg.chart import notebook_markup
+from femimpact.svg import notebook_markup
 
 if TYPE_CHECKING:
     import pandas
 
-__all__ = [
-    "Head",
-    "column_units",
-    "flat_columns",
-    "frame_of",
-    "head_of_columns",
-    "head_of_values",
-    "named_column",
-    "short_repr",
-]
 
 WIDTH = 80
 """Characters of a line of text."""
@@ -48,42 +38,29 @@ def column_units(table: Any) -> dict[str, str]:
     return {item.name: item.metadata["unit"] for item in arrays if item.metadata["axes"][0] == rows}
 
 
-def named_column(table: Any, name: str, units: Mapping[str, str] | None = None) -> NDArray[Any]:
+def named_column(
+    table: Any,  # dataclass
+    name: str,
+    units: Mapping[str, str] | None = None,  # its columns and their units, where they are not those of `column_units`
+) -> NDArray[Any]:
     """The column of a record that has this name.
 
-    Parameters
-    ----------
-    table : dataclass
-    name : str
-    units : mapping of str to str, optional
-        Its columns and their units, where they are not those of `column_units`.
+    Returns (n, ...): the very array that the record holds.
 
-    Returns
-    -------
-    ndarray (n, ...)
-        The very array that the record holds.
-
-    Raises
-    ------
-    InputError
-        If there is no such column, with the closest name.
+    Raises `InputError` if there is no such column, with the closest name.
     """
     require_name(name, column_units(table) if units is None else units, "column")
     values: NDArray[Any] = getattr(table, name)
     return values
 
 
-def flat_columns(table: Any) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+def flat_columns(
+    table: Any,  # dataclass
+) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
     """Columns of a record and their units, those of two axes as many, numbered from 1: error_1, error_2.
 
-    Parameters
-    ----------
-    table : dataclass
-
-    Returns
-    -------
-    columns : dict of str to ndarray (n,)
-    units : dict of str to str
+    `columns` (n,)
+    `units`
     """
     columns: dict[str, NDArray[Any]] = {}
     units: dict[str, str] = {}
@@ -95,21 +72,14 @@ def flat_columns(table: Any) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
     return columns, units
 
 
-def frame_of(columns: Mapping[str, Any], units: Mapping[str, str], index: str | None = None) -> pandas.DataFrame:
+def frame_of(
+    columns: Mapping[str, Any],
+    units: Mapping[str, str],  # of every column, the index among them; "" for text
+    index: str | None = None,  # the column that becomes the index; the rows are numbered without one
+) -> pandas.DataFrame:
     """Columns as a pandas frame.
 
-    Parameters
-    ----------
-    columns : mapping of str to array_like (n,)
-    units : mapping of str to str
-        Of every column, the index among them; "" for text.
-    index : str, optional
-        The column that becomes the index; the rows are numbered without one.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Copies of the columns; `attrs["units"]` holds the units by name.
+    Returns pandas.DataFrame: copies of the columns; `attrs["units"]` holds the units by name.
     """
     import pandas
 
@@ -121,20 +91,11 @@ def frame_of(columns: Mapping[str, Any], units: Mapping[str, str], index: str | 
 
 
 class Head(NamedTuple):
-    """What the repr of a table, or of a few named values, shows.
-
-    Parameters
-    ----------
-    title : str
-    rows : tuple of tuple of str
-        Cells, equally many in every row.
-    headings : int
-        How many of the rows are headings: 0 of named values, else the names and the units of columns.
-    """
+    """What the repr of a table, or of a few named values, shows."""
 
     title: str
-    rows: tuple[tuple[str, ...], ...]
-    headings: int
+    rows: tuple[tuple[str, ...], ...]  # cells, equally many in every row
+    headings: int  # how many of the rows are headings: 0 of named values, else the names and the units of columns
 
     @property
     def text(self) -> str:
@@ -188,24 +149,10 @@ def _html(record: Any) -> str:
 def head_of_columns(
     title: str,
     columns: Mapping[str, NDArray[Any]],
-    units: Mapping[str, str],
-    marks: Mapping[str, NDArray[np.bool_]] | None = None,
+    units: Mapping[str, str],  # of the columns; "" for text
+    marks: Mapping[str, NDArray[np.bool_]] | None = None,  # of some columns, the values that have a star behind them
 ) -> Head:
-    """The first three and the last two rows of a table, or all where they are six or fewer.
-
-    Parameters
-    ----------
-    title : str
-    columns : mapping of str to ndarray (n,)
-    units : mapping of str to str
-        Of the columns; "" for text.
-    marks : mapping of str to ndarray (n,) of bool, optional
-        Of some columns, the values that have a star behind them.
-
-    Returns
-    -------
-    Head
-    """
+    """The first three and the last two rows of a table, or all where they are six or fewer."""
     given = marks or {}
     count = min((values.shape[0] for values in columns.values()), default=0)
     whole = count <= FIRST + LAST + 1

@@ -7,8 +7,6 @@ import re
 import sys
 from importlib import metadata
 
-__all__ = ["show_versions"]
-
 OWN = "femimpact"
 
 

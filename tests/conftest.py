@@ -21,7 +21,7 @@ from builders import REFERENCE, SMALL_STUDY, reduced, with_ball
 
 import femimpact as fi
 import femimpact.system.modes
-from femimpact.integrators import threads
+from femimpact.integrators import cases
 
 LAST_BITS = 1e-15
 """Relative: a few units in the last place, as far as another linear-algebra kernel moves a mode."""
@@ -34,7 +34,7 @@ MOST_PROCESSES = 8
 """Each takes some 500 MB."""
 
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-"""Variables by which linear algebra is told its number of threads, before it is loaded."""
+"""Variables by which linear algebra is told its number of cases, before it is loaded."""
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -58,7 +58,7 @@ def processes_for(args, folder, alone: bool) -> int:
     """Processes of tests for the arguments of a command line: none beside its own for a few files."""
     named = {word.partition("::")[0] for word in args}
     few = len(named) <= FEW_FILES and all(Path(folder, name).is_file() for name in named)
-    return 0 if few or alone else min(threads.cores(), MOST_PROCESSES)
+    return 0 if few or alone else min(cases.cores(), MOST_PROCESSES)
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -70,7 +70,7 @@ def pytest_xdist_setupnodes(config, specs):
 
 def share_of_cores(processes: int) -> int:
     """Threads of each of so many processes."""
-    return max(threads.cores() // processes, 1)
+    return max(cases.cores() // processes, 1)
 
 
 def pytest_addoption(parser):
@@ -140,7 +140,7 @@ def _shared_cores():
     share = share_of_cores(processes)
     with pytest.MonkeyPatch.context() as patch:
         if processes > 1:
-            patch.setattr(threads, "cores", lambda: share)
+            patch.setattr(cases, "cores", lambda: share)
         yield
 
 

@@ -22,7 +22,7 @@ from femimpact.convergence.cases import Axis
 from femimpact.convergence.quantities import Watched
 from femimpact.export import vtk
 from femimpact.integrators.methods import CaseMethod, Method
-from femimpact.integrators.stepping.scheme import SteppingMethod
+from femimpact.integrators.stepping.operators import SteppingMethod
 
 plt = pytest.importorskip("matplotlib.pyplot")
 

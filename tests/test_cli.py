@@ -45,7 +45,7 @@ def test_init_then_check(tmp_path):
 
 
 def test_run_leaves_every_file_and_load_reads_it_back(ran):
-    from femimpact.study.result_files import FILES
+    from femimpact.study.result_directory import FILES
 
     missing = [name for name in FILES.values() if not (ran / name).exists() and name != FILES["movie"]]
     assert missing == []

@@ -11,12 +11,12 @@ from builders import REFERENCE, oscillator
 from scipy.interpolate import CubicSpline
 
 import femimpact as fi
-from femimpact.excitation.piecewise_motion import PiecewiseMotion
+from femimpact.excitation.harmonic import PiecewiseMotion
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.integrators.record_reading import record_warnings
+from femimpact.study.base_motion import RecordedMotion
 from femimpact.study.demo import paper_study
 from femimpact.study.prepared import prepare
-from femimpact.study.recorded_motion import RecordedMotion
 
 FULL = fi.assemble(REFERENCE, elements=20)
 BARE = fi.without_impactors(FULL)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.integrators.driving import drive_of
+from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.block import case_numbers
 from femimpact.integrators.event_driven.dwells import DwellCases, run_dwells
 

@@ -11,12 +11,12 @@ from builders import REFERENCE, reduced, with_ball
 from random_structures import random_case
 
 import femimpact as fi
-from femimpact.integrators.driving import drive_of
+from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.block import Inputs, case_numbers, new_block, run_block
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop_data import DONE, PUSHED
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
-from femimpact.response.columns import TOTAL_COLUMNS
+from femimpact.response.impacts import TOTAL_COLUMNS
 
 pytestmark = pytest.mark.impacts
 

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.convergence.harmonic import newmark_frequency, steady_amplitude
-from femimpact.convergence.measure import run_statistics
-from femimpact.convergence.orders import (
+from femimpact.convergence.cases import newmark_frequency, run_statistics, steady_amplitude
+from femimpact.convergence.table import (
     extrapolated,
     fitted_order,
     local_orders,
@@ -20,10 +19,9 @@ from femimpact.convergence.orders import (
     observed_order,
     rounding_floor,
 )
-from femimpact.convergence.orders import usable_rows as usable
+from femimpact.convergence.table import usable_rows as usable
 from femimpact.export import tables
-from femimpact.study.convergence import stresses_at_jumps, write_convergence
-from femimpact.study.convergence_text import convergence_lines
+from femimpact.study.convergence import convergence_lines, stresses_at_jumps, write_convergence
 
 MESHES = Path(__file__).parents[1] / "meshes"
 BEAM = fi.Beam.uniform(length=0.23, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)

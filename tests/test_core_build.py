@@ -20,7 +20,7 @@ from pathlib import Path
 import pytest
 
 from femimpact import core
-from femimpact.core import compilation, compilers
+from femimpact.core import compilation
 from femimpact.core.binary import record_of, record_text, source_hash
 from femimpact.study.demo import paper_study_text
 
@@ -157,7 +157,7 @@ def test_a_wheel_whose_binary_a_repair_has_changed_gets_another_record(wheel, tm
     assert len(rows) == len(names)
     assert content == record_text((folder / "femimpact" / BINARY).read_bytes())
     if sys.platform == "linux":
-        assert ran("-I", "-c", LOAD, cwd=folder).stdout.strip() in compilers.targets_here()
+        assert ran("-I", "-c", LOAD, cwd=folder).stdout.strip() in compilation.targets_here()
 
 
 def test_the_record_of_a_wheel_is_written_after_its_repair_on_every_platform():
@@ -188,7 +188,7 @@ def test_the_python_that_is_named_in_the_tag_is_the_lowest_that_is_allowed():
 
 def release():
     """A compiler that is never called."""
-    return compilers.Compiler("gcc 12.2.0", ("c++",), ("c++",))
+    return compilation.Compiler("gcc 12.2.0", ("c++",), ("c++",))
 
 
 def test_an_unchanged_build_is_skipped(checkout, monkeypatch):
@@ -211,7 +211,7 @@ def test_sources_compiler_and_flags_each_make_another_build(checkout, monkeypatc
     keys = [compilation.build_key(checkout, release(), "release")]
     assert compilation.build_key(checkout, release(), "release") == keys[0]
     keys.append(compilation.build_key(checkout, release(), "checked"))
-    keys.append(compilation.build_key(checkout, compilers.Compiler("gcc 13.1.0", ("c++",), ("c++",)), "release"))
+    keys.append(compilation.build_key(checkout, compilation.Compiler("gcc 13.1.0", ("c++",), ("c++",)), "release"))
     with monkeypatch.context() as changed:
         changed.setenv("CXXFLAGS", "-g")
         keys.append(compilation.build_key(checkout, release(), "release"))
@@ -224,7 +224,7 @@ def test_sources_compiler_and_flags_each_make_another_build(checkout, monkeypatc
 def test_zig_is_the_same_wherever_it_lies(checkout):
     # every build from pip has it in another temporary directory
     places = [("/a/zig", "c++"), ("/b/zig", "c++"), ()]
-    keys = {compilation.build_key(checkout, compilers.Compiler("zig 0.17.1", at, at), "zig") for at in places}
+    keys = {compilation.build_key(checkout, compilation.Compiler("zig 0.17.1", at, at), "zig") for at in places}
     assert len(keys) == 1
 
 
@@ -248,12 +248,12 @@ def test_a_binary_that_is_in_use_stays_whole(checkout, monkeypatch):
 
 def test_a_build_that_fails_leaves_the_binary(checkout, monkeypatch):
     def fails(*arguments):
-        raise compilers.CompilationError("the compiler failed")
+        raise compilation.CompilationError("the compiler failed")
 
     monkeypatch.setattr(compilation, "find_compiler", lambda kind: release())
     monkeypatch.setattr(compilation, "_compile", fails)
     earlier = (checkout / "femimpact" / BINARY).read_bytes()
-    with pytest.raises(compilers.CompilationError):
+    with pytest.raises(compilation.CompilationError):
         compilation.build(checkout, "release", lambda line: None)
     assert (checkout / "femimpact" / BINARY).read_bytes() == earlier
 
@@ -265,7 +265,7 @@ def test_a_binary_that_cannot_be_written_is_one_line(checkout, monkeypatch):
     monkeypatch.setattr(compilation, "find_compiler", lambda kind: release())
     monkeypatch.setattr(compilation, "_compile", lambda *arguments: checkout / "femimpact" / "errors.py")
     monkeypatch.setattr(compilation.os, "replace", refuses)
-    with pytest.raises(compilers.CompilationError, match=r"^.*: cannot be written: Permission denied$"):
+    with pytest.raises(compilation.CompilationError, match=r"^.*: cannot be written: Permission denied$"):
         compilation.build(checkout, "release", lambda line: None)
     assert sorted(path.name for path in (checkout / "femimpact").glob("_core*")) == [BINARY, RECORD]
 
@@ -277,7 +277,7 @@ sys.path.insert(0, "")
 from femimpact.core import compilation, compilers
 made = Path("made")
 made.write_bytes(bytes(5000))
-compilation.find_compiler = lambda kind: compilers.Compiler("gcc 12.2.0", ("c++",), ("c++",))
+compilation.find_compiler = lambda kind: compilation.Compiler("gcc 12.2.0", ("c++",), ("c++",))
 compilation._compile = lambda *arguments: made
 resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))
 compilation.main()
@@ -299,15 +299,15 @@ def test_a_compiler_is_called_without_a_shell_in_a_directory_of_its_own(no_compi
     done = tmp_path / "done"
     # words of a shell are arguments of the program, which is no compiler; what is left in its directory goes with it
     monkeypatch.setenv("CXX", f'{sys.executable} -c \'open("done", "w")\' ; touch {done} $(touch {done})')
-    assert compilers.find_compiler("release").is_zig
+    assert compilation.find_compiler("release").is_zig
     assert not done.exists()
     assert not Path("done").exists()
 
 
 def test_our_flags_come_after_those_of_the_environment(monkeypatch):
     monkeypatch.setenv("CXXFLAGS", "-Ofast -ffp-contract=fast -fopenmp")
-    for compiler in (release(), compilers.Compiler("zig 0.17.1", ("zig", "c++"), ("zig", "cc"))):
-        flags = compilers.compile_flags(compiler, "release", "common")
+    for compiler in (release(), compilation.Compiler("zig 0.17.1", ("zig", "c++"), ("zig", "cc"))):
+        flags = compilation.compile_flags(compiler, "release", "common")
         assert flags[:3] == ["-Ofast", "-ffp-contract=fast", "-fopenmp"]
         assert {"-O3", "-fno-fast-math", "-ffp-contract=off", "-fno-tree-vectorize"} <= set(flags[3:])
         # what every processor runs is not made for the one that compiles
@@ -326,28 +326,28 @@ def test_our_flags_come_after_those_of_the_environment(monkeypatch):
 )
 def test_each_platform_has_its_flags_name_and_tag(monkeypatch, system, machine, name, tag, linked, not_linked):
     monkeypatch.setattr(sys, "platform", system)
-    monkeypatch.setattr(compilers.platform, "machine", lambda: machine)
+    monkeypatch.setattr(compilation.platform, "machine", lambda: machine)
     monkeypatch.setattr(sysconfig, "get_platform", lambda: {"win32": "win-amd64"}.get(system, f"{system}-{machine}"))
     assert compilation._binary_name() == name
     assert compilation.wheel_tag() == f"cp311-abi3-{tag}"
-    words = compilers.link_command(release(), "release", ["a.o"], name)
+    words = compilation.link_command(release(), "release", ["a.o"], name)
     assert set(linked.split()) <= set(words)
     assert not set(not_linked.split()) & set(words)
     # of the Python that runs, not of an environment in it
     assert (f"-L{Path(sys.base_prefix, 'libs')}" in words) == (system == "win32")
     targets = ("arm64",) if machine in ("arm64", "aarch64") else ("v2", "v3", "v4")
-    assert compilers.targets_here() == targets
-    level = [word for word in compilers.compile_flags(release(), "release", targets[-1]) if word.startswith("-march")]
+    assert compilation.targets_here() == targets
+    level = [word for word in compilation.compile_flags(release(), "release", targets[-1]) if word.startswith("-march")]
     assert level == ([] if targets == ("arm64",) else ["-march=x86-64-v4"])
 
 
 def test_a_path_of_windows_keeps_its_backslashes(monkeypatch):
     monkeypatch.setattr(sys, "platform", "win32")
     monkeypatch.setenv("CXX", r'"C:\Program Files\LLVM\bin\clang++.exe" -target x86_64-windows-gnu')
-    given = compilers.given_words("CXX")
+    given = compilation.given_words("CXX")
     assert given == (r"C:\Program Files\LLVM\bin\clang++.exe", "-target", "x86_64-windows-gnu")
     monkeypatch.delenv("CXX")
-    assert compilers.given_words("CXX") == ()
+    assert compilation.given_words("CXX") == ()
 
 
 @pytest.mark.parametrize("variable", ["CXX", "CXXFLAGS", "LDFLAGS"])
@@ -363,34 +363,34 @@ def test_the_pages_name_the_versions_that_the_build_asks_for():
     (backend,) = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]["requires"]
     assert set(re.findall(r"ziglang==[\d.]+", text)) == {compilation.zig_requirement()}
     assert set(re.findall(r"hatchling>=[\d.,<]+", text)) == {backend}
-    assert f"zig {compilers.ZIG.rpartition('.')[0]} " in text
+    assert f"zig {compilation.ZIG.rpartition('.')[0]} " in text
 
 
 @pytest.fixture
 def no_compiler(monkeypatch, tmp_path):
-    """A PATH without compilers, and no zig."""
+    """A PATH without compilation, and no zig."""
     for name in ("CC", "CXX"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr(compilers.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(compilation.importlib.util, "find_spec", lambda name: None)
 
 
 def test_without_a_compiler_the_index_is_asked_for_zig(no_compiler, checkout):
-    assert compilers.find_compiler("release").is_zig
-    assert compilation.zig_requirement() == f"ziglang=={compilers.ZIG}"
+    assert compilation.find_compiler("release").is_zig
+    assert compilation.zig_requirement() == f"ziglang=={compilation.ZIG}"
     (checkout / "femimpact" / BINARY).unlink()
     assert compilation.needs_zig(checkout, "release")
 
 
 def test_with_neither_compiler_nor_zig_one_line_says_what_to_do(no_compiler, checkout):
     (checkout / "femimpact" / BINARY).unlink()
-    with pytest.raises(compilers.CompilationError, match=r"^no compiler of C\+\+20 .* ziglang==.*isolation$"):
+    with pytest.raises(compilation.CompilationError, match=r"^no compiler of C\+\+20 .* ziglang==.*isolation$"):
         compilation.build(checkout, "release")
 
 
 def test_a_sanitized_build_takes_no_zig(no_compiler):
-    with pytest.raises(compilers.CompilationError, match="'sanitized': needs gcc or clang"):
-        compilers.find_compiler("sanitized")
+    with pytest.raises(compilation.CompilationError, match="'sanitized': needs gcc or clang"):
+        compilation.find_compiler("sanitized")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a program that is a script of the shell")
@@ -404,13 +404,13 @@ def test_a_program_that_takes_no_new_language_is_passed_over(no_compiler, monkey
     if variable != "PATH":
         monkeypatch.setenv("PATH", "")
         monkeypatch.setenv(variable, str(old))
-    assert compilers.find_compiler("release").is_zig
+    assert compilation.find_compiler("release").is_zig
 
 
 @pytest.fixture(scope="module")
 def compiler():
     """The system's compiler."""
-    found = compilers.find_compiler("release")
+    found = compilation.find_compiler("release")
     if found.is_zig:
         pytest.skip("no compiler of the system")
     return found
@@ -426,8 +426,8 @@ def compiler():
 )
 def test_flags_that_a_compiler_refuses_are_named_with_its_words(compiler, monkeypatch, variable, text, said):
     monkeypatch.setenv(variable, text)
-    with pytest.raises(compilers.CompilationError) as refused:
-        compilers.find_compiler("release")
+    with pytest.raises(compilation.CompilationError) as refused:
+        compilation.find_compiler("release")
     cause, command, words = str(refused.value).split("\n", 2)
     assert cause.startswith(f"{variable} = '{text}': {compiler.name} ")
     assert command.startswith("the compiler failed: ")
@@ -436,65 +436,67 @@ def test_flags_that_a_compiler_refuses_are_named_with_its_words(compiler, monkey
 
 def test_words_after_a_compiler_that_it_refuses_are_named(compiler, monkeypatch):
     monkeypatch.setenv("CXX", f"{compiler.command[0]} -fno-such-flag")
-    with pytest.raises(compilers.CompilationError, match=r"^.* -fno-such-flag: the compiler fails with these words\n"):
-        compilers.find_compiler("release")
+    with pytest.raises(
+        compilation.CompilationError, match=r"^.* -fno-such-flag: the compiler fails with these words\n"
+    ):
+        compilation.find_compiler("release")
 
 
 def test_flags_are_not_blamed_for_what_fails_without_them(compiler, monkeypatch, tmp_path):
-    real, fails = compilers.run_compiler, []
+    real, fails = compilation.run_compiler, []
 
     def run(command, directory):
         if "-c" in command:
             fails.append(command)
-            raise compilers.CompilationError("the compiler failed: c++\nno room")
+            raise compilation.CompilationError("the compiler failed: c++\nno room")
         return real(command, directory)
 
-    monkeypatch.setattr(compilers, "run_compiler", run)
+    monkeypatch.setattr(compilation, "run_compiler", run)
     monkeypatch.setenv("CXXFLAGS", "-O2")
     with pytest.raises(
-        compilers.CompilationError, match=r"^.* cannot build in .*\nthe compiler failed: c\+\+\nno room$"
+        compilation.CompilationError, match=r"^.* cannot build in .*\nthe compiler failed: c\+\+\nno room$"
     ):
-        compilers.find_compiler("release")
+        compilation.find_compiler("release")
     assert len(fails) == 1
 
 
 def test_a_temporary_directory_that_cannot_be_written_is_not_the_compilers(compiler, monkeypatch, tmp_path):
     # gcc takes a directory that it may not write in as one that it may where it runs as root
     monkeypatch.setenv("TMPDIR", "/proc" if sys.platform == "linux" else str(tmp_path / "missing"))
-    assert compilers.find_compiler("release") == compiler
+    assert compilation.find_compiler("release") == compiler
 
 
 def test_without_any_temporary_directory_one_line_says_so(monkeypatch):
     def refuses(**options):
         raise FileNotFoundError(2, "No usable temporary directory found in ['/tmp']")
 
-    monkeypatch.setattr(compilers.tempfile, "TemporaryDirectory", refuses)
-    with pytest.raises(compilers.CompilationError, match=r"^TMPDIR: cannot be written: No usable temporary .*$"):
-        compilers.find_compiler("release")
+    monkeypatch.setattr(compilation.tempfile, "TemporaryDirectory", refuses)
+    with pytest.raises(compilation.CompilationError, match=r"^TMPDIR: cannot be written: No usable temporary .*$"):
+        compilation.find_compiler("release")
 
 
 def test_machines_without_a_target_are_one_line(monkeypatch):
-    monkeypatch.setattr(compilers.platform, "machine", lambda: "riscv64")
-    with pytest.raises(compilers.CompilationError, match=r"^the compiled core is made for .* not for 'riscv64'$"):
-        compilers.targets_here()
+    monkeypatch.setattr(compilation.platform, "machine", lambda: "riscv64")
+    with pytest.raises(compilation.CompilationError, match=r"^the compiled core is made for .* not for 'riscv64'$"):
+        compilation.targets_here()
 
 
 def test_free_threaded_python_is_one_line(monkeypatch):
     monkeypatch.setattr(sysconfig, "get_config_var", lambda name: int(name == "Py_GIL_DISABLED"))
-    with pytest.raises(compilers.CompilationError, match=r"^the compiled core .* free-threaded Python$"):
-        compilers.targets_here()
+    with pytest.raises(compilation.CompilationError, match=r"^the compiled core .* free-threaded Python$"):
+        compilation.targets_here()
 
 
 def test_the_declarations_of_pythons_limited_api_are_pythons(tmp_path):
     headers = Path(sysconfig.get_path("include"))
-    compiler = compilers.find_compiler("release")
+    compiler = compilation.find_compiler("release")
     if not (headers / "Python.h").is_file() or not compiler.command:
         pytest.skip("Python.h or a compiler is missing")
     source = tmp_path / "both.cpp"
     # what is declared twice must be the same; layouts and numbers are asserted below the declarations
     source.write_text('#include <Python.h>\n#include "limited_api.hpp"\n', encoding="utf-8")
     flags = ["-std=c++20", "-DPy_LIMITED_API=0x030b0000", f"-I{headers}", f"-I{CORE}", "-fsyntax-only"]
-    compilers.run_compiler([*compiler.command, *flags, str(source)], str(tmp_path))
+    compilation.run_compiler([*compiler.command, *flags, str(source)], str(tmp_path))
 
 
 def test_the_binary_needs_no_library_of_cpp():
@@ -510,7 +512,7 @@ def test_the_binary_needs_no_library_of_cpp():
 def test_the_core_says_what_it_was_made_of():
     info = core.build_info()
     assert info["sources"] == source_hash()
-    assert info["target"] in info["targets"] == compilers.targets_here()
+    assert info["target"] in info["targets"] == compilation.targets_here()
     assert re.fullmatch(r"(gcc|clang|zig) \d+\.\d+\.\d+", info["compiler"])
     assert info["kind"] in ("release", "checked", "sanitized")
 
@@ -639,7 +641,7 @@ def level():
     return found
 
 
-of_x86 = pytest.mark.skipif(compilers.targets_here()[0] != "v2", reason="x86-64 alone has several targets")
+of_x86 = pytest.mark.skipif(compilation.targets_here()[0] != "v2", reason="x86-64 alone has several targets")
 
 
 @of_x86

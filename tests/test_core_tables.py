@@ -16,10 +16,10 @@ from femimpact import core
 from femimpact.integrators.event_driven import block, loop_data
 from femimpact.integrators.stepping import block as stepping_block
 from femimpact.integrators.stepping import layout
-from femimpact.response import columns
+from femimpact.response import impacts
 
 TYPES = {
-    "Array": "float64", "Complex": "complex128", "Indices": "int64", "NDArray[np.bool_]": "bool",
+    "Array": "float64", "Complex": "complex128", "Integers": "int64", "NDArray[np.bool_]": "bool",
     "int": "int", "float": "float", "bool": "bool number",
 }  # fmt: skip
 
@@ -91,10 +91,10 @@ def test_columns_of_tables_have_the_same_order_on_both_sides():
     cycle, totals = enumerations("columns.hpp")
     assert cycle[:2] == ["MAXIMUM", "MINIMUM"]
     assert cycle[-1] == "CYCLE_COLUMNS"
-    assert len(cycle) - 1 == len(columns.CYCLE_COLUMNS)
-    assert [getattr(columns, name) for name in totals] == list(range(len(columns.TOTAL_COLUMNS)))
+    assert len(cycle) - 1 == len(impacts.CYCLE_COLUMNS)
+    assert [getattr(impacts, name) for name in totals] == list(range(len(impacts.TOTAL_COLUMNS)))
     for name in ("ENERGY_COLUMNS", "IMPACT_COLUMNS"):
-        assert f"{name} = {len(getattr(columns, name))};" in text
+        assert f"{name} = {len(getattr(impacts, name))};" in text
 
 
 # ---- what is refused -------------------------------------------------------------------------------

@@ -13,8 +13,7 @@ import femimpact as fi
 from femimpact.cli import app
 from femimpact.excitation.remarks import drive_warnings
 from femimpact.study.demo import paper_study
-from femimpact.study.plan import plan_lines
-from femimpact.study.prepared import prepare
+from femimpact.study.prepared import plan_lines, prepare
 from femimpact.study.study import Output, Reduction, SweepPlan
 
 FULL = fi.without_impactors(fi.assemble(REFERENCE, elements=20))

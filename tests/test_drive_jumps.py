@@ -7,7 +7,7 @@ import pytest
 from builders import REFERENCE, oscillator
 
 import femimpact as fi
-from femimpact.integrators.driving import drive_of
+from femimpact.integrators.channel_rows import drive_of
 
 SMALL = fi.reduce(fi.without_impactors(fi.assemble(REFERENCE, elements=20)), 2)
 END, KEPT = 0.4, 8e-4

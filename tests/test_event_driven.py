@@ -8,7 +8,7 @@ import pytest
 from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
-from femimpact.integrators.driving import drive_of
+from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.closed_form import closed_forms
 from femimpact.integrators.event_driven.equations import equations_of, stacked
 

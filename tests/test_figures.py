@@ -12,7 +12,7 @@ import pytest
 from builders import reduced, with_ball
 
 import femimpact as fi
-from femimpact.export.figures.phase_curve import changes_of_contact, corners_of, phase_curve
+from femimpact.export.figures.portraits import changes_of_contact, corners_of, phase_curve
 from femimpact.study.demo import median_scan
 
 plt = pytest.importorskip("matplotlib.pyplot")

@@ -6,8 +6,8 @@ from builders import stepped_structure
 from skfem import Basis, ElementLineHermite, MeshLine
 
 import femimpact as fi
-from femimpact.fem.assembly import ElementLineHermiteReference
-from femimpact.fem.element_matrices import bending, inertia
+from femimpact.fem.assembly import bending, inertia
+from femimpact.fem.discretisation import ElementLineHermiteReference
 from femimpact.system.hermite import shape_functions
 
 

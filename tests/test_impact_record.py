@@ -178,7 +178,7 @@ def test_figures_of_a_run_without_impacts(light):
 @pytest.mark.parametrize("run", ["response", "event_driven"])
 def test_a_study_leaves_the_record_and_sticking_only_where_something_stuck(run, request, tmp_path):
     from femimpact.study import run as running
-    from femimpact.study.result_files import FILES
+    from femimpact.study.result_directory import FILES
     from femimpact.study.results import STICKING_FILE
 
     result = request.getfixturevalue(run)

@@ -11,7 +11,7 @@ import pytest
 from scipy import LowLevelCallable
 
 import femimpact as fi
-from femimpact.contact import callback
+from femimpact.contact import custom_law
 
 pytestmark = pytest.mark.impacts
 
@@ -57,10 +57,10 @@ class Linear:
 @pytest.fixture
 def without_numba(monkeypatch):
     """Functions of Python are called as such."""
-    callback._of_python.cache_clear()
-    monkeypatch.setattr(callback, "_compiled", lambda force: None)
+    custom_law._of_python.cache_clear()
+    monkeypatch.setattr(custom_law, "_compiled", lambda force: None)
     yield
-    callback._of_python.cache_clear()
+    custom_law._of_python.cache_clear()
 
 
 def system_of(law):
@@ -95,7 +95,7 @@ def test_every_kind_of_function_is_the_same_law(kind):
 
 def test_without_numba_the_run_is_the_same_and_a_note_says_what_would_be_faster(without_numba):
     slow = collision(linear)
-    callback._of_python.cache_clear()
+    custom_law._of_python.cache_clear()
     assert [note for note in slow.notes if "called as a function of Python" in note]
     assert not [note for note in collision(PROTOTYPE(linear)).notes if "called as a function of Python" in note]
 

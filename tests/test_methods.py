@@ -9,8 +9,8 @@ from builders import oscillator, reduced, with_ball
 
 import femimpact as fi
 from femimpact.integrators.methods import ANSWERS, METHODS, require_method
-from femimpact.integrators.stepping.answers import SteppingAnswers
-from femimpact.integrators.stepping.scheme import family_scheme, scheme_of
+from femimpact.integrators.stepping.newmark import SteppingAnswers
+from femimpact.integrators.stepping.operators import family_scheme, scheme_of
 
 pytestmark = pytest.mark.impacts
 

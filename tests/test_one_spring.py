@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import femimpact as fi
-from femimpact.system.rigid_motions import rigid_motions
+from femimpact.system.matrices import rigid_motions
 
 pytestmark = pytest.mark.impacts
 

@@ -21,20 +21,19 @@ from builders import REFERENCE, with_ball
 import femimpact as fi
 from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.maps import maps_section
-from femimpact.export.study_columns import unsure_cells
+from femimpact.export.tables import unsure_cells
 from femimpact.parametric import evaluation
 from femimpact.parametric.block_files import BLOCKS
 from femimpact.parametric.evaluation import evaluated
+from femimpact.parametric.labelled import median_ranks, over_starts
 from femimpact.parametric.paths import study_with
-from femimpact.parametric.statistics_over_starts import median_ranks, over_starts
 from femimpact.parametric.study_command import definition_of, summary_lines, table_of
 from femimpact.parametric.workers import block_cases
+from femimpact.study.base_motion import SignalMotion
 from femimpact.study.demo import paper_study, paper_study_text
-from femimpact.study.parameter_words import study_conclusions, study_lead
-from femimpact.study.signal_motion import SignalMotion
-from femimpact.study.study_file import read_study
-from femimpact.study.study_text import study_text
-from femimpact.svg.elements import markup
+from femimpact.study.result_page import study_conclusions, study_lead
+from femimpact.study.study_file import read_study, study_text
+from femimpact.svg import markup
 
 pytestmark = pytest.mark.impacts
 
@@ -993,7 +992,7 @@ NO_SCHEDULER = {
 @pytest.mark.parametrize("kind", [*NO_SCHEDULER, "missing", "folder", "pipe"])
 def test_a_scheduler_file_that_is_none_is_one_line(kind, tmp_path):
     pytest.importorskip("distributed")
-    from femimpact.parametric.cluster import connected
+    from femimpact.parametric.workers import connected
 
     path, (text, words) = tmp_path / "scheduler.json", NO_SCHEDULER.get(kind, (None, "no port, and as a file: "))
     if text is not None:

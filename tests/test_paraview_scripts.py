@@ -13,7 +13,7 @@ from grids import points_of
 
 import femimpact as fi
 from femimpact.export import vtk
-from femimpact.export.scene_pieces import BALL, BEAM, CONTACT_POINT, STOP
+from femimpact.export.scene import BALL, BEAM, CONTACT_POINT, STOP
 from femimpact.export.vtk.script import script_path
 
 TWO = dataclasses.replace(

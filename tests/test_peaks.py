@@ -8,7 +8,8 @@ import pytest
 from builders import oscillator
 
 import femimpact as fi
-from femimpact.integrators.stepping.block import Inputs, prepare, run_block
+from femimpact.integrators.stepping.arrays import Inputs
+from femimpact.integrators.stepping.block import prepare, run_block
 
 pytestmark = pytest.mark.impacts
 

@@ -25,7 +25,7 @@ from femimpact.study.picture_data import (
     write_mode_shapes,
 )
 from femimpact.study.prepared import prepare
-from femimpact.study.result_files import FILES, replaced_by
+from femimpact.study.result_directory import FILES, replaced_by
 from femimpact.study.results import read_summary
 from femimpact.study.run import run_simulation, run_study, run_sweep
 from femimpact.study.study_file import load_study

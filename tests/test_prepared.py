@@ -17,13 +17,11 @@ from femimpact.study import run as runs
 from femimpact.study import study as studies
 from femimpact.study.demo import paper_study
 from femimpact.study.parameter_plan import AxisValues, ParameterPlan
-from femimpact.study.plan import plan_lines
-from femimpact.study.prepared import prepare, with_base
-from femimpact.study.result_files import FILES, OTHER_FILES
+from femimpact.study.prepared import plan_lines, prepare, with_base
+from femimpact.study.result_directory import FILES, OTHER_FILES
 from femimpact.study.run import last_cycles, run_simulation, run_study
 from femimpact.study.study import Gravity, MeshChoice, Output, Reduction, SweepPlan
-from femimpact.study.study_file import LAWS, TABLES, load_study, read_study
-from femimpact.study.study_text import same_study, study_text
+from femimpact.study.study_file import LAWS, TABLES, load_study, read_study, same_study, study_text
 from femimpact.study.summary import contacts_of, summary_of
 
 

@@ -19,7 +19,7 @@ from conftest import (
     share_of_cores,
 )
 
-import femimpact.integrators.threads as threads
+import femimpact.integrators.cases as threads
 
 CHECKOUT = Path(__file__).parents[1]
 

@@ -8,7 +8,7 @@ import femimpact as fi
 from femimpact.cli import app
 from femimpact.response.channels import channel_of
 from femimpact.response.impacts import IMPACT_UNITS, STICKING_UNITS
-from femimpact.study.result_files import FILES, OTHER_FILES
+from femimpact.study.result_directory import FILES, OTHER_FILES
 from femimpact.sweep import SWEEP_UNITS
 
 NAMES = """

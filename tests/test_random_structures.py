@@ -10,9 +10,9 @@ from random_structures import random_case, resting_case
 from table_sums import loss_left, momentum_left
 
 import femimpact as fi
-from femimpact.integrators.driving import drive_of
-from femimpact.integrators.event_driven.alike import part_of
+from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.closed_form import closed_forms
+from femimpact.integrators.event_driven.complex_modes import part_of
 from femimpact.integrators.event_driven.equations import equations_of, stacked
 
 pytestmark = pytest.mark.impacts

@@ -11,7 +11,7 @@ import pytest
 
 import femimpact as fi
 from femimpact.convergence.cases import Case
-from femimpact.convergence.orders import agrees, number_of_case
+from femimpact.convergence.table import agrees, number_of_case
 
 MATERIAL = {"young_modulus": 70e9, "density": 2700.0}
 ACCURACIES = (1e-2, 1e-3, 1e-4)

@@ -14,7 +14,7 @@ from nouns import BASE, LAW, NOUNS, STRUCTURE, oscillators, response, small, sys
 
 import femimpact as fi
 from femimpact.errors import Fault, InputError
-from femimpact.system.consistency import TOGETHER
+from femimpact.system.static import TOGETHER
 
 SYSTEMS = {"physical": system, "reduced": small, "matrices": oscillators}
 

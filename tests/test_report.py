@@ -17,9 +17,8 @@ from test_svg import HOSTILE, Parsed
 import femimpact as fi
 from femimpact.cli import app
 from femimpact.export.report.player import FULL, frames_of
-from femimpact.study.directory_lock import RUNNING
-from femimpact.study.result_directory import ResultsWarning
-from femimpact.study.result_report import write_report
+from femimpact.study.result_directory import RUNNING, ResultsWarning
+from femimpact.study.result_page import write_report
 from femimpact.study.run import run_study
 
 pytestmark = pytest.mark.impacts
@@ -143,7 +142,7 @@ def test_a_report_that_fails_is_a_warning_and_the_results_stand(tmp_path, monkey
     def fails(*_):
         raise RuntimeError("no page")
 
-    monkeypatch.setattr("femimpact.study.result_report.page_of", fails)
+    monkeypatch.setattr("femimpact.study.result_page.page_of", fails)
     with pytest.warns(ResultsWarning, match=r"report not written: no page; 'femimpact report .*out' writes it"):
         found = run_study(short_study(0.5, **NO_PICTURES), tmp_path / "out", parts=("modes",))
     assert found.modes is not None
@@ -384,7 +383,7 @@ def test_a_map_has_a_cell_of_the_right_colour_at_every_place():
     import xarray
 
     from femimpact.export.report.maps import LEVELS, maps_section
-    from femimpact.svg.chart import GRID
+    from femimpact.svg import GRID
 
     values = np.array([[0.0, 1.0, 2.0], [3.0, np.nan, 15.0]])
     # places in any order, and none evenly spaced
@@ -436,7 +435,7 @@ def test_a_notebook_shows_small_charts_in_which_texts_stay_texts(run):
     ],
 )
 def test_numbers_of_a_column_stand_below_one_another(values, texts):
-    from femimpact.export.report.blocks import Table, table_element
+    from femimpact.export.report.page import Table, table_element
 
     cells = table_element(Table("t", ("x",), tuple((value,) for value in values))).iter("td")
     shown, data = zip(*((cell.text, cell.get("data-value")) for cell in cells), strict=True)

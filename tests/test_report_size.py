@@ -9,13 +9,11 @@ import pytest
 from builders import REFERENCE, reduced
 
 import femimpact as fi
-from femimpact.export.report.blocks import Section
-from femimpact.export.report.page import MOST_BYTES, Page, page_bytes
+from femimpact.export.report.page import MOST_BYTES, Page, Section, page_bytes
 from femimpact.export.report.player import player_element
-from femimpact.export.report.size import bounded_page, thinned_path
-from femimpact.export.report.structure_parts import place_finder
-from femimpact.svg.chart import path_of
-from femimpact.svg.elements import element
+from femimpact.export.report.script_page import bounded_page, thinned_path
+from femimpact.export.report.structure_drawing import place_finder
+from femimpact.svg import element, path_of
 
 
 @pytest.fixture(scope="module")

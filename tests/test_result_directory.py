@@ -15,10 +15,10 @@ import pytest
 import femimpact as fi
 from femimpact.export import files, tables
 from femimpact.export.files import atomic_write
-from femimpact.export.vtk import xml
-from femimpact.study import directory_lock, result_directory
-from femimpact.study.directory_lock import Lock
+from femimpact.export.vtk import formats
+from femimpact.study import result_directory
 from femimpact.study.result_directory import (
+    Lock,
     ResultsWarning,
     finish_results,
     prepare_directory,
@@ -37,7 +37,7 @@ def write_results(staging, value):
         tables.write_csv(folder / name, {"value": [value]}, {})
     # more frames before than after
     texts = (f"{value}" for _ in range(2 if value == NEW else 4))
-    xml.write_frames(folder / "modes.pvd", range(2 if value == NEW else 4), texts)
+    formats.write_frames(folder / "modes.pvd", range(2 if value == NEW else 4), texts)
     write_summary(folder, {"value": value})
     staging.finish_part("modes")
 
@@ -536,7 +536,7 @@ def test_the_lock_ends_with_its_process(tmp_path):
 
 
 def test_a_lock_that_was_removed_between_opening_and_locking_is_taken_anew(tmp_path, monkeypatch):
-    lock_file = directory_lock._lock_file
+    lock_file = result_directory._lock_file
     calls = []
 
     def removed(file):
@@ -547,7 +547,7 @@ def test_a_lock_that_was_removed_between_opening_and_locking_is_taken_anew(tmp_p
             (tmp_path / ".running").rmdir()
         lock_file(file)
 
-    monkeypatch.setattr(directory_lock, "_lock_file", removed)
+    monkeypatch.setattr(result_directory, "_lock_file", removed)
     run(tmp_path, NEW)
     assert len(calls) == 2
     assert value_of(tmp_path) == NEW

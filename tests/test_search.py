@@ -10,7 +10,7 @@ from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
 from femimpact import core
-from femimpact.integrators.driving import drive_of
+from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.block import Inputs, case_numbers, new_block, run_block, working_space
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.store import FormStore, outputs_of

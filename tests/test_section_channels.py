@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.integrators.channel_rows import channel_rows
-from femimpact.integrators.driving import drive_of
+from femimpact.integrators.channel_rows import channel_rows, drive_of
 from femimpact.response.channels import resolve_channels
 
 pytestmark = pytest.mark.impacts

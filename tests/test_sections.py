@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.response.sections import stroboscopic
+from femimpact.response.history import stroboscopic
 
 pytestmark = pytest.mark.impacts
 

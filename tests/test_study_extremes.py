@@ -12,7 +12,7 @@ from command import femimpact
 import femimpact as fi
 from femimpact.errors import FemimpactError, InputWarning
 from femimpact.study.demo import paper_study_text
-from femimpact.study.plan import plan_lines
+from femimpact.study.prepared import plan_lines
 from femimpact.study.study_file import read_study
 
 TEXT = paper_study_text()

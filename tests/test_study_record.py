@@ -14,13 +14,10 @@ from femimpact.cli import app
 from femimpact.study.convergence import write_convergence
 from femimpact.study.picture_data import read_film, read_last_cycles
 from femimpact.study.pictures import draw_again
-from femimpact.study.plan import plan_lines
-from femimpact.study.prepared import prepare
-from femimpact.study.result_directory import ResultsWarning
-from femimpact.study.result_files import OTHER_FILES
+from femimpact.study.prepared import plan_lines, prepare
+from femimpact.study.result_directory import OTHER_FILES, ResultsWarning
 from femimpact.study.study import BaseMotion
-from femimpact.study.study_file import load_study
-from femimpact.study.study_text import same_study, study_text
+from femimpact.study.study_file import load_study, same_study, study_text
 
 pytestmark = pytest.mark.impacts
 

@@ -17,13 +17,13 @@ from test_svg import Parsed
 
 import femimpact as fi
 from femimpact.export.report.maps import maps_section
-from femimpact.export.study_columns import measure_names, unsure_cells
+from femimpact.export.tables import measure_names, unsure_cells
 from femimpact.parametric.study_command import plan_lines, write_parameter_study
 from femimpact.study.demo import paper_study, paper_study_text
 from femimpact.study.result_directory import ResultsWarning
-from femimpact.study.result_report import write_report
+from femimpact.study.result_page import write_report
 from femimpact.study.study_file import read_study
-from femimpact.svg.elements import markup
+from femimpact.svg import markup
 
 pytestmark = pytest.mark.impacts
 
@@ -106,7 +106,7 @@ def test_a_report_that_fails_is_a_warning_and_the_study_stands(tmp_path, monkeyp
     def fails(folder, directory):
         raise RuntimeError("no page")
 
-    monkeypatch.setattr("femimpact.study.result_report.page_of", fails)
+    monkeypatch.setattr("femimpact.study.result_page.page_of", fails)
     with pytest.warns(ResultsWarning, match=r"report not written: no page; 'femimpact report"):
         data = write_parameter_study(study(TABLE.replace("starts = 5", "starts = 1")), tmp_path)
     with xarray.open_dataset(tmp_path / "study.nc") as again:

@@ -8,11 +8,10 @@ import pytest
 from builders import UNDRAWN_STUDY
 
 import femimpact as fi
+from femimpact.study.base_motion import numbers_of_signal, signal_of_numbers
 from femimpact.study.picture_data import _base
 from femimpact.study.run import run_study
-from femimpact.study.signal_motion import numbers_of_signal, signal_of_numbers
-from femimpact.study.study_file import read_study
-from femimpact.study.study_text import study_text
+from femimpact.study.study_file import read_study, study_text
 
 pytestmark = pytest.mark.impacts
 

@@ -8,8 +8,7 @@ import pytest
 
 import femimpact as fi
 from femimpact.study.prepared import prepare
-from femimpact.study.study_file import read_study
-from femimpact.study.study_text import same_study, study_text
+from femimpact.study.study_file import read_study, same_study, study_text
 
 TEXT = """
 [beam]

@@ -10,10 +10,22 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from femimpact.svg.axis import Axis, axis_of, number_text
-from femimpact.svg.chart import GRID, Band, Chart, Line, chart_element, notebook_markup
-from femimpact.svg.elements import data_element, element, markup
-from femimpact.svg.thinning import MOST_POINTS, thinned_line
+from femimpact.svg import (
+    GRID,
+    MOST_POINTS,
+    Axis,
+    Band,
+    Chart,
+    Line,
+    axis_of,
+    chart_element,
+    data_element,
+    element,
+    markup,
+    notebook_markup,
+    number_text,
+    thinned_line,
+)
 
 HOSTILE = ("<script>alert(1)</script>", '" onload="alert(1)', "</style><b>", "a & b", "\0\x1b\ud800", "]]>", "<!--")
 

@@ -8,11 +8,11 @@ import pytest
 
 import femimpact as fi
 from femimpact.identification import UNRESOLVED, one_pole_amplitude, peak_resolution
+from femimpact.study.cost import finer_grid_words, most_frequencies, refined_grid
 from femimpact.study.demo import paper_study
 from femimpact.study.prepared import prepare
 from femimpact.study.run import run_sweep
 from femimpact.study.summary import summary_of
-from femimpact.study.sweep_grid import finer_grid_words, most_frequencies, refined_grid
 
 F0, RATIO = 5.3, 0.0029
 WIDTH = 2.0 * RATIO * F0

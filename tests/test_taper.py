@@ -12,17 +12,15 @@ from numpy.polynomial import Polynomial
 from scipy.integrate import quad
 
 import femimpact as fi
-from femimpact.export.scene import build_scene
-from femimpact.export.scene_pieces import BEAM
+from femimpact.export.scene import BEAM, build_scene
 from femimpact.export.vtk import write_modes
-from femimpact.export.vtk.fields import beam_fields
-from femimpact.response.channels.section import SectionReading
+from femimpact.export.vtk.modes import beam_fields
+from femimpact.response.channels import SectionReading
 from femimpact.study.demo import paper_study, paper_study_text
-from femimpact.study.study_file import read_study
-from femimpact.study.study_text import same_study, study_text
+from femimpact.study.study_file import read_study, same_study, study_text
 from femimpact.system.hermite import shape_functions
 from femimpact.system.modes import solve_stiffness
-from femimpact.validation.tapers import TaperedCantilever
+from femimpact.validation.beams import TaperedCantilever
 
 LENGTH, WIDTH, THICKNESS = 0.3, 0.02, 4e-3
 MATERIAL = {"young_modulus": 70e9, "density": 2700.0}
@@ -121,8 +119,7 @@ def test_matrices_of_an_element_are_the_integrals_of_polynomials(tapers):
     heavy = MATERIAL["density"] * width * thickness
     K = [[integral(stiff * a.deriv(2) * b.deriv(2)) / LENGTH**4 for a in shapes] for b in shapes]
     M = [[integral(heavy * a * b) for a in shapes] for b in shapes]
-    from femimpact.fem.element_matrices import bending, inertia
-    from femimpact.fem.stiffness_factor import stiffness_factor
+    from femimpact.fem.assembly import bending, inertia, stiffness_factor
 
     found = bending.assemble(grid.basis, bending_stiffness=grid.bending_stiffness).toarray()
     np.testing.assert_allclose(found, K, atol=1e-13 * np.abs(K).max())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from femimpact.cli.tables import print_table
+from femimpact.cli import print_table
 
 
 def printed(header, rows, width=80):

@@ -13,12 +13,11 @@ from grids import points_of
 
 import femimpact as fi
 from femimpact.export import vtk
-from femimpact.export.scene import BALL, BEAM, BOX, ball_radius
-from femimpact.export.scene_pieces import BODY, CONNECTION, CONTACT_POINT, SUPPORT
-from femimpact.export.vtk import deflection, xml
-from femimpact.export.vtk.instants import frames_of
+from femimpact.export.scene import BALL, BEAM, BODY, BOX, CONNECTION, CONTACT_POINT, SUPPORT, ball_radius
+from femimpact.export.vtk import deflection, formats
+from femimpact.export.vtk.deflection import frames_of
 from femimpact.export.vtk.script import script_path
-from femimpact.study.result_files import FILES
+from femimpact.study.result_directory import FILES
 
 pytestmark = pytest.mark.impacts
 
@@ -290,7 +289,7 @@ def test_what_stood_there_survives_a_failed_attempt(tmp_path, response, referenc
     def full(*_arguments):
         raise OSError("disk full")
 
-    monkeypatch.setattr(xml, "atomic_write", full)
+    monkeypatch.setattr(formats, "atomic_write", full)
     for name in ("a.pvd", "new.pvd"):
         with pytest.raises(OSError, match="disk full"):
             vtk.write_deflection(tmp_path / name, response, reference, exaggeration=2.0)

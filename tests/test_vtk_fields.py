@@ -9,7 +9,7 @@ import pytest
 from grids import points_of
 
 import femimpact as fi
-from femimpact.export.scene_pieces import BEAM
+from femimpact.export.scene import BEAM
 from femimpact.export.vtk import write_deflection, write_modes
 from femimpact.system.hermite import hermite_rows
 

@@ -11,9 +11,9 @@ from builders import REFERENCE, reduced, with_ball
 from grids import points_of
 
 import femimpact as fi
-from femimpact.export.scene_pieces import BALL, BOX, CONTACT_POINT, STOP
-from femimpact.export.vtk import instants, write_deflection
-from femimpact.export.vtk.instants import frames_of
+from femimpact.export.scene import BALL, BOX, CONTACT_POINT, STOP
+from femimpact.export.vtk import deflection, write_deflection
+from femimpact.export.vtk.deflection import frames_of
 
 pytestmark = pytest.mark.impacts
 
@@ -214,7 +214,7 @@ def test_a_state_that_misses_the_next_snapshot_is_not_shown(run):
 
 def test_a_large_system_has_the_even_grid_only(monkeypatch, run):
     _, response = run
-    monkeypatch.setattr(instants, "MOST_DOFS", 8)
+    monkeypatch.setattr(deflection, "MOST_DOFS", 8)
     with pytest.warns(UserWarning, match="no impact has a frame: the system has 9 dofs"):
         frames = frames_of(response, 600)
     np.testing.assert_array_equal(frames.snapshots.time, response.snapshots.time)

@@ -9,9 +9,9 @@ import pytest
 from builders import REFERENCE
 
 import femimpact as fi
+from femimpact.study.base_motion import RecordedMotion
 from femimpact.study.demo import paper_study
 from femimpact.study.prepared import prepare
-from femimpact.study.recorded_motion import RecordedMotion
 from femimpact.study.summary import summary_of
 
 SMALL = fi.reduce(fi.assemble(REFERENCE, elements=20), 2)

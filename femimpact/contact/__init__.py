@@ -1,22 +1,23 @@
 """Contact of one scalar pair: when a ball touches, which wall, with what force, and how fast it rebounds."""
 
 from femimpact.contact.collision import Collision, integrated_collision
+from femimpact.contact.custom_law import CustomLaw
 from femimpact.contact.law import ContactLaw, a_law, collide, contact_force, contact_potential, require_law, resolve
-from femimpact.contact.laws.custom_law import CustomLaw
-from femimpact.contact.laws.kelvin_voigt import KelvinVoigt, spring_and_dashpot
-from femimpact.contact.laws.power_law import (
+from femimpact.contact.laws import (
+    ContactParameters,
     Flores,
     GonthierCarvalhoMartins,
     Hertz,
     HuntCrossley,
+    KelvinVoigt,
     LankaraniNikravesh,
     PowerLaw,
+    Rigid,
+    SwitchingSpring,
     loss_factor,
+    spring_and_dashpot,
 )
-from femimpact.contact.laws.rigid import Rigid
-from femimpact.contact.laws.switching_spring import SwitchingSpring
-from femimpact.contact.material import ALUMINIUM, STEEL, Material, hertz_stiffness
-from femimpact.contact.parameters import ContactParameters
+from femimpact.contact.restitution import ALUMINIUM, STEEL, Material, hertz_stiffness
 
 __all__ = [
     "ALUMINIUM",

@@ -11,8 +11,6 @@ import numpy as np
 from femimpact.contact.restitution import EFFECTIVE_MASS
 from femimpact.errors import check_fields, checked, quantity, require
 
-__all__ = ["Collision", "collision_of", "crest", "integrated_collision", "mass_and_speed"]
-
 
 @dataclass(frozen=True)
 class Collision:
@@ -49,10 +47,7 @@ class Collision:
 def mass_and_speed(effective_mass: object, approach_speed: object) -> tuple[float, float]:
     """Mass (kg) and speed (m/s) of a collision, both > 0.
 
-    Raises
-    ------
-    InputError
-        If they are not, or beyond numbers.
+    Raises `InputError` if they are not, or beyond numbers.
     """
     mass = float(checked("effective_mass", effective_mass, EFFECTIVE_MASS))
     speed = float(checked("approach_speed", approach_speed, quantity("m/s", above=0.0)))

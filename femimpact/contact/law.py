@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from typing import Any, Protocol, runtime_checkable
 
-from femimpact.contact.callback import ForceFunction, is_force
 from femimpact.contact.collision import Collision, mass_and_speed
-from femimpact.contact.formulas import CUSTOM, KELVIN_VOIGT, POWER, RIGID, SWITCHING_SPRING
-from femimpact.contact.parameters import ContactParameters
-from femimpact.contact.restitution import EFFECTIVE_MASS
+from femimpact.contact.custom_law import ForceFunction, is_force
+from femimpact.contact.laws import ContactParameters
+from femimpact.contact.restitution import CUSTOM, EFFECTIVE_MASS, KELVIN_VOIGT, POWER, RIGID, SWITCHING_SPRING
 from femimpact.errors import checked, having, quantity, require
-
-__all__ = ["ContactLaw", "a_law", "collide", "contact_force", "contact_potential", "require_law", "resolve"]
 
 KINDS = (KELVIN_VOIGT, SWITCHING_SPRING, POWER, CUSTOM, RIGID)
 
@@ -85,10 +82,7 @@ def a_law() -> dict[str, Any]:
 def require_law(law: object, key: str = "law") -> None:
     """Refuse what is no contact law, and name what a user's law misses.
 
-    Raises
-    ------
-    InputError
-        If the value is no contact law.
+    Raises `InputError` if the value is no contact law.
     """
     missing = [name for name in VALUES if not hasattr(law, name)]
     missing += [f"{name}()" for name in METHODS if not callable(getattr(law, name, None))]

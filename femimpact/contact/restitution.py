@@ -1,21 +1,98 @@
-"""Restitution of a law in closed form: that of a damping ratio or of a loss factor, and the reverse."""
+"""The restitution of contact laws in closed form, and the stiffness of Hertz from two materials."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from typing import Any
 
-from femimpact.errors import checked, quantity
+from femimpact import core
+from femimpact.errors import check_fields, checked, quantity, require_type
 
-__all__ = [
-    "EFFECTIVE_MASS",
-    "contact_time_of",
-    "damping_ratio_for_restitution",
-    "linear_angle",
-    "loss_factor_for_restitution",
-    "restitution_of_damping_ratio",
-    "restitution_of_loss_factor",
-]
+KELVIN_VOIGT, SWITCHING_SPRING, POWER, CUSTOM, RIGID = range(5)
+
+
+def kelvin_voigt_force(depth: float, rate: float, stiffness: float, damping: float) -> float:
+    """Normal force max(0, k p + c p') in N while the pair touches: the wall never pulls."""
+    return core.kelvin_voigt_force(depth, rate, stiffness, damping)
+
+
+def spring_potential(depth: float, stiffness: float) -> float:
+    """Energy k p^2 / 2 (J) stored by a linear spring."""
+    return core.spring_potential(depth, stiffness)
+
+
+def switching_potential(x: float, gap_plus: float, gap_minus: float, free_stiffness: float, stiffness: float) -> float:
+    """Work (J) that the force k(x) x does from the centre to x: the law's own potential."""
+    return core.switching_potential(x, gap_plus, gap_minus, free_stiffness, stiffness)
+
+
+def power_force(
+    depth: float, rate: float, stiffness: float, exponent: float, loss: float, approach_speed: float
+) -> float:
+    """Normal force k p^n max(0, 1 + d p'/v0) in N of Hertz and of the laws that add damping to it."""
+    return core.power_force(depth, rate, stiffness, exponent, loss, approach_speed)
+
+
+def power_potential(depth: float, stiffness: float, exponent: float) -> float:
+    """Energy k p^(n + 1)/(n + 1) (J) stored by the elastic part."""
+    return core.power_potential(depth, stiffness, exponent)
+
+
+@dataclass(frozen=True)
+class Material:
+    """Elastic constants of a body in contact.
+
+    Parameters
+    ----------
+    young_modulus : float, Pa
+    poisson_ratio : float, 1
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+    """
+
+    young_modulus: float = field(metadata=quantity("Pa", above=0.0))
+    poisson_ratio: float = field(metadata=quantity("1", above=-1.0, at_most=0.5))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+STEEL = Material(210e9, 0.30)
+ALUMINIUM = Material(70e9, 0.33)
+
+
+def hertz_stiffness(radius: float, ball: Material, wall: Material) -> float:
+    """Stiffness (N/m^1.5) of a sphere on a flat wall: k = 4/3 E* sqrt(R), 1/E* = sum of (1 - nu^2)/E.
+
+    Parameters
+    ----------
+    radius : float, m
+        Of the ball.
+    ball, wall : Material
+
+    Returns
+    -------
+    float, N/m^1.5
+
+    Raises
+    ------
+    InputError
+        If the radius is not > 0, or a body is no material.
+
+    Notes
+    -----
+    Hertz (1882); Johnson, Contact Mechanics (1985).
+    """
+    size = checked("radius", radius, quantity("m", above=0.0))
+    for key, body in (("ball", ball), ("wall", wall)):
+        require_type(body, Material, key)
+    compliance = sum((1.0 - body.poisson_ratio**2) / body.young_modulus for body in (ball, wall))
+    return 4.0 / 3.0 / compliance * math.sqrt(size)
+
 
 EFFECTIVE_MASS: Any = quantity("kg", above=0.0, at_most=1e15)
 """Of a contact; a heavier one has stiffnesses and energies beyond those of numbers."""
@@ -31,23 +108,15 @@ def linear_angle(damping_ratio: float) -> float:
     return math.acosh(z) / math.sqrt(z * z - 1.0)
 
 
-def restitution_of_damping_ratio(damping_ratio: float) -> float:
+def restitution_of_damping_ratio(
+    damping_ratio: float,  # z of the contact, >= 0
+) -> float:
     """Restitution of a Kelvin-Voigt contact that ends at zero force.
 
     e = exp(-2 z acos(z)/sqrt(1 - z^2)), z = c/(2 sqrt(k m_eff)); for z > 1 with acosh.
 
-    Parameters
-    ----------
-    damping_ratio : float, 1
-        z of the contact, >= 0.
+    Returns 1: rebound speed over approach speed, from 1 (z = 0) towards 0.
 
-    Returns
-    -------
-    float, 1
-        Rebound speed over approach speed, from 1 (z = 0) towards 0.
-
-    Notes
-    -----
     From m x'' + c x' + k x = 0, x(0) = 0, left at the first zero of k x + c x'
     (derived here; the same condition as Schwager and Poeschel, 2007).
     """
@@ -77,23 +146,15 @@ def contact_time_of(stiffness: float, damping: float, effective_mass: float) -> 
     return 2.0 * linear_angle(damping / (2.0 * math.sqrt(stiffness * effective_mass))) / omega
 
 
-def restitution_of_loss_factor(loss: float) -> float:
+def restitution_of_loss_factor(
+    loss: float,  # d >= 0
+) -> float:
     """Restitution of a force k p^n (1 + d p'/v0), whatever k, n and the mass.
 
     d (1 + e) = ln[(1 + d)/(1 - e d)]
 
-    Parameters
-    ----------
-    loss : float, 1
-        d >= 0.
+    Returns 1: from 1 (d = 0) towards 0, always below 1/d.
 
-    Returns
-    -------
-    float, 1
-        From 1 (d = 0) towards 0, always below 1/d.
-
-    Notes
-    -----
     m v dv/(1 + d v/v0) = -k p^n dp over loading (v0 to 0) and unloading (0 to -e v0) gives both
     sides of the same work. (Derived here; the relation of Gonthier et al., 2004.)
     """

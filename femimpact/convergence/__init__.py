@@ -1,8 +1,9 @@
 """What the mesh, the step and the number of kept modes do to a result."""
 
 from femimpact.convergence.axes import OverMeshes, OverModes, OverSteps
+from femimpact.convergence.cases import ModeConvergence
 from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence, converge_elements, converge_step
-from femimpact.convergence.over_modes import mode_convergence
+from femimpact.convergence.over_modes import ContactStatistics, mode_convergence
 from femimpact.convergence.quantities import (
     BendingMoment,
     Frequencies,
@@ -11,8 +12,6 @@ from femimpact.convergence.quantities import (
     SupportReaction,
     SurfaceStress,
 )
-from femimpact.convergence.result import ModeConvergence
-from femimpact.convergence.statistics import ContactStatistics
 from femimpact.convergence.study import convergence_study
 from femimpact.convergence.table import ConvergenceStudy, ConvergenceTable
 

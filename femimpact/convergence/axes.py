@@ -33,8 +33,6 @@ from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.reduction import reduce
 from femimpact.system.system import System
 
-__all__ = ["OverMeshes", "OverModes", "OverSteps"]
-
 MOST_CHECKED = 1024
 """Elements of a mesh on which a recommended number is checked; a larger one follows from the order alone."""
 

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.convergence.orders import extrapolated, fitted_order
+from femimpact.arrays import Array
+from femimpact.convergence.table import extrapolated, fitted_order
 from femimpact.errors import check_fields, checked, column, quantity, require_type, rising_numbers, text
 from femimpact.excitation import Sine
 from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import MOST_ELEMENTS, Mesh, uniform_mesh
-from femimpact.integrators.integrate import integrate
+from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.response.response import Recorder
 from femimpact.structure.structure import Structure
@@ -26,9 +27,6 @@ from femimpact.table import flat_columns, frame_of, named_column
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["MeshConvergence", "StepConvergence", "converge_elements", "converge_step"]
-
-Array = NDArray[np.float64]
 
 ASSEMBLED_STIFFNESS_FLOOR = 4.0
 """Rounding of an assembled Hermite stiffness shifts the first frequency by about this times eps N^4 / sqrt(N)."""
@@ -44,32 +42,18 @@ class MeshConvergence:
 
     `convergence["error"]` reads a column.
 
-    Parameters
-    ----------
-    elements : ndarray (n,)
-    natural_frequency : ndarray (n, modes), Hz
-    error : ndarray (n, modes), 1
-        Relative, against the reference.
-    order : ndarray (modes,), 1
-        Fitted exponent of the error in the element length, above the floor.
-    reference : ndarray (modes,), Hz
-        Extrapolated from the two finest meshes that still converge.
-    floor : ndarray (modes,), 1
-        Relative error below which rounding, not the mesh, decides.
-    notes : tuple of str
-
-    Raises
-    ------
-    InputError
-        If the arrays do not have one row for each mesh and one column for each mode, or a number of elements
-        is not whole.
+    Raises `InputError` if the arrays do not have one row for each mesh and one column for each mode, or a number of
+    elements is not whole.
     """
 
-    elements: NDArray[np.int64] = field(metadata=column("1", "meshes", of="whole number"))
-    natural_frequency: Array = field(metadata=column("Hz", "meshes", "modes"))
-    error: Array = field(metadata=column("1", "meshes", "modes"))
+    elements: NDArray[np.int64] = field(metadata=column("1", "meshes", of="whole number"))  # (n,)
+    natural_frequency: Array = field(metadata=column("Hz", "meshes", "modes"))  # (n, modes) Hz
+    error: Array = field(metadata=column("1", "meshes", "modes"))  # (n, modes) relative, against the reference
+    # (modes,) fitted exponent of the error in the element length, above the floor
     order: Array = field(metadata=column("1", "modes"))
+    # (modes,) Hz: extrapolated from the two finest meshes that still converge
     reference: Array = field(metadata=column("Hz", "modes"))
+    # (modes,) relative error below which rounding, not the mesh, decides
     floor: Array = field(metadata=column("1", "modes"))
     notes: tuple[str, ...] = field(metadata=text(several=True))
 
@@ -152,35 +136,20 @@ class StepConvergence:
 
     `convergence["linear_error"]` reads a column.
 
-    Parameters
-    ----------
-    dt : ndarray (n,), s
-    linear_error : ndarray (n,), 1
-        Of the tip without balls over a few base cycles, relative to the largest tip displacement.
-    linear_order : float, 1
-    first_impact_error : ndarray (n,), 1
-        Of the tip and the balls shortly after the first impact, relative to their largest displacement;
-        root mean square over 8 phases of the base, since where in a step the touch falls is chance.
-    first_impact_order : float, 1
-    energy_residual : ndarray (n,), 1
-        Of these short runs, root mean square.
-    impacts : int
-        First impacts that were compared; later chaos makes histories incomparable.
-    notes : tuple of str
-
-    Raises
-    ------
-    InputError
-        If the columns do not have one value for each step, a step is not finite, or `impacts` is no whole
-        number from 0.
+    Raises `InputError` if the columns do not have one value for each step, a step is not finite, or `impacts` is no
+    whole number from 0.
     """
 
-    dt: Array = field(metadata=column("s", "steps", finite=True))
+    dt: Array = field(metadata=column("s", "steps", finite=True))  # (n,) s
+    # (n,) of the tip without balls over a few base cycles, relative to the largest tip displacement
     linear_error: Array = field(metadata=column("1", "steps"))
     linear_order: float = field(metadata=quantity("1", finite=False))
+    # (n,) of the tip and the balls shortly after the first impact, relative to their largest displacement; root mean
+    # square over 8 phases of the base, since where in a step the touch falls is chance
     first_impact_error: Array = field(metadata=column("1", "steps"))
     first_impact_order: float = field(metadata=quantity("1", finite=False))
-    energy_residual: Array = field(metadata=column("1", "steps"))
+    energy_residual: Array = field(metadata=column("1", "steps"))  # (n,) of these short runs, root mean square
+    # first impacts that were compared; later chaos makes histories incomparable
     impacts: int = field(metadata=quantity("1", at_least=0, integer=True))
     notes: tuple[str, ...] = field(metadata=text(several=True))
 

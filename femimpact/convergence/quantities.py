@@ -7,47 +7,26 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from femimpact.convergence.cases import Case
-from femimpact.convergence.harmonic import newmark_frequency, time_factors
+from femimpact.arrays import Array
+from femimpact.convergence.cases import Case, newmark_frequency, time_factors
 from femimpact.errors import check_fields, checked, optional, place, quantity, require, text
 from femimpact.structure.structure import Position
 from femimpact.system.hermite import hermite_rows, place_in_element
 from femimpact.system.matrices import Matrix
 from femimpact.system.system import System
 
-__all__ = [
-    "BendingMoment", "Frequencies", "ModeShapes", "Reading", "SteadyResponse", "SupportReaction", "SurfaceStress",
-    "Watched",
-]  # fmt: skip
-
-Array = NDArray[np.float64]
-
 
 class Reading(NamedTuple):
-    """One value of a case.
+    """One value of a case."""
 
-    Parameters
-    ----------
-    name : str
-        Of the quantity.
-    unit : str
-    value : float
-    order : float
-        Exponent of the axis's size with which the error is expected to fall; not a number where none is known.
-    is_distance : bool
-        Whether the value is itself a distance from the finest case.
-    scatter : float
-        Standard error of a value of statistics.
-    """
-
-    name: str
+    name: str  # of the quantity
     unit: str
     value: float
+    # exponent of the axis's size with which the error is expected to fall; not a number where none is known
     order: float
-    is_distance: bool = False
-    scatter: float = 0.0
+    is_distance: bool = False  # whether the value is itself a distance from the finest case
+    scatter: float = 0.0  # standard error of a value of statistics
 
 
 @runtime_checkable

@@ -1,30 +1,245 @@
-"""The results of a convergence study: one table for each axis."""
+"""Tables of a convergence study: fitted orders, the limit, what an accuracy takes; as records and as text."""
 
 from __future__ import annotations
 
 import html
 import math
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.convergence.orders import agrees
-from femimpact.convergence.text import COUNTED, table_lines
+from femimpact.arrays import Array
 from femimpact.errors import check_fields, choice, column, quantity, require, require_name, require_type, text
-from femimpact.svg.axis import axis_of
-from femimpact.svg.chart import COLOURS, Chart, Line, notebook_markup
+from femimpact.svg import COLOURS, Chart, Line, axis_of, notebook_markup
 from femimpact.table import frame_of
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
-__all__ = ["ConvergenceStudy", "ConvergenceTable"]
+ROUNDED = 1e-6
+"""Relative difference of two rows below which a stall is taken for rounding; above it, for a coarse mesh."""
 
-Array = NDArray[np.float64]
+SMALLEST = 1e-14
+"""Relative difference that is rounding whatever the others are."""
+
+FALL = 1e-4
+"""Share of itself by which a size has to fall for a row to be finer than the one before."""
+
+AGREED = 0.3
+"""Difference of a found order from the expected one up to which the term of that order is taken to be the only one."""
+
+ABOVE_FLOOR = 10.0
+"""Times the floor that an error must be for an order to be read of it."""
+
+
+def agrees(found: float, expected: float) -> bool:
+    """Whether a found order is the expected one, so that errors between the rows and beyond follow from it."""
+    return bool(abs(found - expected) <= AGREED)
+
+
+def extrapolated(coarse: float, fine: float, ratio: float, order: float) -> float:
+    """Richardson's value from two sizes, coarse over fine = `ratio`, whose error is C size^order."""
+    return float(fine + (fine - coarse) / (ratio**order - 1.0))
+
+
+def is_finer(size: Array) -> NDArray[np.bool_]:
+    """Whether each row has a smaller size than the one before, (n - 1,)."""
+    return np.asarray(size[1:] < (1.0 - FALL) * size[:-1])
+
+
+def usable_rows(size: Array, value: Array, order: float) -> int:
+    """How many leading rows (n,) converge; in those behind, rounding decides.
+
+    Rounding is taken to begin where a relative difference below 1e-6 has not fallen by at least the root of what
+    follows from the order.
+    """
+    scale = abs(float(value[-1])) or 1.0
+    change = np.abs(np.diff(value)) / scale
+    for i in range(change.size):
+        if change[i] <= SMALLEST:
+            return max(i + 1, 2)
+        if i > 0 and change[i] < ROUNDED and change[i] > change[i - 1] * (size[i + 1] / size[i]) ** (0.5 * order):
+            return max(i + 1, 2)
+    return value.size
+
+
+def rounding_floor(value: Array, usable: int) -> float:
+    """Relative differences (largest) among the rows in which rounding decides; not a number where there are none."""
+    left = np.abs(np.diff(value[usable - 1 :])) / (abs(float(value[usable - 1])) or 1.0)
+    return float(left.max()) if left.size else math.nan
+
+
+def observed_order(size: Array, value: Array) -> float:
+    """Order p with (v1 - v2)/(v2 - v3) = (h1^p - h2^p)/(h2^p - h3^p) of the last three rows; else not a number."""
+    from scipy.optimize import brentq
+
+    if value.size < 3:
+        return math.nan
+    (h1, h2, h3), (v1, v2, v3) = size[-3:], value[-3:]
+    if v2 == v3 or (v1 - v2) / (v2 - v3) <= 0.0:
+        return math.nan
+
+    def miss(p: float) -> float:
+        return float(math.log((v1 - v2) / (v2 - v3)) - math.log((h1**p - h2**p) / (h2**p - h3**p)))
+
+    low, high = 0.1, 14.0
+    return float(brentq(miss, low, high)) if miss(low) * miss(high) < 0.0 else math.nan
+
+
+def local_orders(size: Array, error: Array, floor: float) -> Array:
+    """Order between each row and the one before, (n,).
+
+    Not a number at the first, where the floor decides, and where the size does not fall.
+    """
+    found = np.full(error.size, np.nan)
+    rows = np.flatnonzero(np.isfinite(error) & (error > 0.0))
+    for before, row in pairwise(rows):
+        if min(error[before], error[row]) > ABOVE_FLOOR * floor and is_finer(size[[before, row]])[0]:
+            found[row] = math.log(error[before] / error[row]) / math.log(size[before] / size[row])
+    return found
+
+
+def fitted_order(size: Array, error: Array, floor: float) -> float:
+    """Slope of log(error) over log(size) where the error is above a floor; the coarsest row is left out of three.
+
+    Not a number where the size does not fall from row to row: it is then no measure of how fine a row is.
+    """
+    usable = np.isfinite(error) & (error > floor)
+    if np.count_nonzero(usable) > 2:
+        usable[np.flatnonzero(usable)[0]] = False
+    if np.count_nonzero(usable) < 2 or not np.all(is_finer(size[usable])):
+        return math.nan
+    return float(np.polyfit(np.log(size[usable]), np.log(error[usable]), 1)[0])
+
+
+def number_for(number: Array, error: Array, order: float, accuracy: float, floor: float) -> float:
+    """Number (of elements, steps, modes) from which on the error is at most an accuracy.
+
+    Between the last row that misses it and the next one the error is taken to fall with the order, or as from one to
+    the other where that is slower, and behind the last row with the order; without an order (not a number) it is the
+    number of a row. Not a number where the accuracy is below the floor, or no row meets it and there is no order.
+    """
+    known = np.flatnonzero(np.isfinite(error))
+    missing = known[error[known] > accuracy]
+    if known.size == 0 or accuracy < floor:
+        return math.nan
+    if missing.size == 0:
+        return float(number[known[0]])
+    last = missing[-1]
+    after = known[known > last]
+    enough = float(number[after[0]]) if after.size else math.inf
+    if after.size and error[after[0]] > 0.0 and enough > number[last]:
+        between = math.log(error[last] / error[after[0]]) / math.log(enough / float(number[last]))
+        order = min(order, between) if order > 0.0 else order
+    found = math.ceil(float(number[last]) * (error[last] / accuracy) ** (1.0 / order)) if order > 0.0 else math.inf
+    best = min(enough, float(found))
+    return best if math.isfinite(best) else math.nan
+
+
+def number_of_case(number: Array, error: Array, doubt: float, accuracy: float) -> float:
+    """Number of the first row from which on the error, and a doubt (of the reference) with it, is at most an accuracy.
+
+    It needs no order. Not a number where the last row does not meet the accuracy.
+    """
+    known = np.flatnonzero(np.isfinite(error))
+    missing = known[~(error[known] + doubt <= accuracy)]
+    after = known[known > missing[-1]] if missing.size else known
+    return float(number[after[0]]) if after.size else math.nan
+
+
+WIDTH = 80
+"""Characters of a line."""
+
+NAME, CELL = 25, 9
+"""Characters of a quantity's name, or more where one is longer, and of a number."""
+
+WIDTHS = (7, 9, 9, 11)
+"""Of a row of orders."""
+
+COUNTED = {"mesh": "elements", "step": "steps in a first period", "modes": "modes"}
+
+
+def table_lines(table: ConvergenceTable) -> list[str]:
+    """Lines of at most 80 columns: the problem, relative errors, their orders, and notes."""
+    width = max([NAME, *(len(str(name)) + 1 for name in table.name)])
+    return [
+        *textwrap.wrap(table.problem, WIDTH), *_errors(table, width), *_reasons(table), "",
+        *_orders(table, width), *note_lines(table.notes),
+    ]  # fmt: skip
+
+
+def row_line(name: str, cells: Iterable[str], width: int = NAME) -> str:
+    """A name and cells under those of the lines around it."""
+    return f"{name:<{width}}{''.join(f'{entry:>{CELL}}' for entry in cells)}"[:WIDTH].rstrip()
+
+
+def cell(value: Any, form: str = ".1e") -> str:
+    """A number; a dash where there is none."""
+    return "-" if math.isnan(value) else format(value, form)
+
+
+def note_lines(notes: Iterable[str]) -> list[str]:
+    """Notes, each from a dash on."""
+    return [line for note in notes for line in textwrap.wrap(f"- {note}", WIDTH, subsequent_indent="  ")]
+
+
+def _shown_cases(table: ConvergenceTable, most: int) -> tuple[list[int], int]:
+    """Cases that have values, thinned evenly to those that fit, and how many they are unthinned."""
+    known = np.flatnonzero(np.any(np.isfinite(table.value), axis=1))
+    few = np.unique(np.linspace(0, known.size - 1, min(most, known.size)).round().astype(int))
+    return [int(i) for i in known[few]], known.size
+
+
+def _errors(table: ConvergenceTable, width: int) -> list[str]:
+    shown, count = _shown_cases(table, (WIDTH - width) // CELL)
+    statistics = bool(np.all(table.is_statistic))
+    title = f"Over the {table.axis}: " + ("differences from the finest" if statistics else "relative errors")
+    if len(shown) < count:
+        title += f", {len(shown)} of {count} cases"
+    if np.any(table.is_statistic):
+        title += " (* beyond the scatter)"
+    lines = [title, row_line(COUNTED[table.axis][:NAME], [f"{table.number[i]:.4g}" for i in shown], width)]
+    meaningful = table.meaningful
+    for j, name in enumerate(table.name):
+        marks = ["*" if table.is_statistic[j] and meaningful[i, j] else "" for i in shown]
+        cells = [cell(table.error[i, j]) + mark for i, mark in zip(shown, marks, strict=True)]
+        lines.append(row_line(str(name), cells, width))
+    return lines
+
+
+def _reasons(table: ConvergenceTable) -> list[str]:
+    """Why cases have no values."""
+    failed = [(label, reason) for label, reason in zip(table.label, table.failure, strict=True) if reason]
+    return [
+        line for label, reason in failed for line in textwrap.wrap(f"{label}: {reason}", WIDTH, subsequent_indent="  ")
+    ]
+
+
+def _orders(table: ConvergenceTable, width: int) -> list[str]:
+    """Orders, floors, recommended numbers and limits of what does not scatter."""
+    shown = np.flatnonzero(~table.is_statistic)
+    if shown.size == 0:
+        return []
+    lines = [_wide("", ["order", "expected", "floor", f"for {100.0 * table.accuracy:g} %"], "  limit", width)]
+    for j in shown:
+        orders = [cell(table.fitted_order[j], ".2f"), cell(table.expected_order[j], "g")]
+        number = ("<= " if table.recommended_is_bound[j] else "") + cell(table.recommended[j], ".5g")
+        unit = "" if table.unit[j] == "1" else f" {table.unit[j]}"
+        limit = "" if math.isnan(table.reference[j]) else f"  {table.reference[j]:.7g}{unit}"
+        lines.append(_wide(str(table.name[j]), [*orders, cell(table.floor[j]), number], limit, width))
+    return [*lines, ""]
+
+
+def _wide(name: str, cells: Sequence[str], end: str, width: int) -> str:
+    columns = "".join(f"{entry:>{places}}" for entry, places in zip(cells, WIDTHS, strict=True))
+    return f"{name:<{width - 2}}{columns}{end}"[:WIDTH].rstrip()
+
 
 MEANINGFUL = 3.0
 """Standard errors beyond which a difference of two means is taken to mean something."""

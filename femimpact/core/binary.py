@@ -20,8 +20,6 @@ from types import ModuleType
 from femimpact.errors import CoreError
 from femimpact.regular_file import read_regular
 
-__all__ = ["build_words", "differs", "loaded", "record_of", "record_text", "source_hash"]
-
 HERE = Path(__file__).parent
 
 RECORD = re.compile(rb"([0-9]{1,12}) bytes, SHA-256 ([0-9a-f]{64})\n")
@@ -87,10 +85,7 @@ def build_words() -> str:
 def loaded() -> ModuleType:
     """The binary, once it is known to fit.
 
-    Raises
-    ------
-    CoreError
-        One line: why it cannot be loaded, and the command that mends it.
+    Raises `CoreError` one line: why it cannot be loaded, and the command that mends it.
     """
     if sysconfig.get_config_var("Py_GIL_DISABLED"):
         raise CoreError("the compiled core is not made for free-threaded Python: use a build of Python with its lock")

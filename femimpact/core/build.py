@@ -13,11 +13,9 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from femimpact.core import compilation  # noqa: E402
-from femimpact.core.compilers import CompilationError  # noqa: E402
+from femimpact.core.compilation import CompilationError  # noqa: E402
 
 sys.path.remove(str(ROOT))
-
-__all__ = ["CustomBuildHook"]
 
 
 class CustomBuildHook(BuildHookInterface[Any]):

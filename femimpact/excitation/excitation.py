@@ -13,17 +13,10 @@ from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femimpact.arrays import Array
 from femimpact.errors import kind_of, real_array, require
-
-__all__ = [
-    "MEMBERS", "BrokenLine", "Excitation", "Harmonic", "has_cycle", "require_excitation", "times",
-    "words_of",
-]  # fmt: skip
-
-Array = NDArray[np.float64]
-
 
 ROUNDING = 1e-12
 """Share of the largest sample that is rounding beside a straight record."""

@@ -9,17 +9,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femimpact.arrays import Array
 from femimpact.errors import check_fields, quantity, real_array, require
 from femimpact.excitation.excitation import AT_SAMPLE, BrokenLine, times
-
-__all__ = [
-    "HIGHEST_DEGREE", "NODES", "ORDERS", "PiecewisePolynomial", "coefficients_through", "fitted", "motion_at",
-    "piece_at", "pieces_of",
-]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 HIGHEST_DEGREE = 5
 """Of a piece."""
@@ -198,26 +192,16 @@ def motion_at(pieces: PiecewisePolynomial, time: float) -> Array:
 
 
 def fitted(
-    history: Callable[[Array], Array], knots: Array, starts: Array | None = None, initial: tuple[float, float] = (0, 0)
+    history: Callable[[Array], Array],  # s (m/s^2 or N) at times (pieces, 6) in s
+    knots: Array,  # (n + 1,) s
+    starts: Array | None = None,  # (n + 1, 2) as of `PiecewisePolynomial`
+    # velocity (m/s) and displacement (m) at the first knot, where there are no starts
+    initial: tuple[float, float] = (0, 0),
 ) -> PiecewisePolynomial:
     """The polynomials of degree 5 through a history at the 6 Gauss points of each piece.
 
     Their integrals over a piece are those of the history to the order 12, so that velocity and displacement do not
     drift. The error of a sine of amplitude a is a (omega h)^6/(720 924) in pieces of length h, at their ends.
-
-    Parameters
-    ----------
-    history : callable
-        s (m/s^2 or N) at times (pieces, 6) in s.
-    knots : ndarray (n + 1,), s
-    starts : ndarray (n + 1, 2), optional
-        As of `PiecewisePolynomial`.
-    initial : tuple of float
-        Velocity (m/s) and displacement (m) at the first knot, where there are no starts.
-
-    Returns
-    -------
-    PiecewisePolynomial
     """
     h = np.diff(knots)
     values = np.asarray(history(knots[:-1, None] + 0.5 * h[:, None] * (1.0 + NODES)))

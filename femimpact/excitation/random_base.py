@@ -8,19 +8,15 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import check_fields, choice, quantity, real_array, require
-from femimpact.excitation.piecewise_motion import PiecewiseMotion
+from femimpact.excitation.harmonic import PiecewiseMotion
 from femimpact.excitation.piecewise_polynomial import (
     NODES,
     PiecewisePolynomial,
     coefficients_through,
 )
-
-__all__ = ["RandomBase"]
-
-Array = NDArray[np.float64]
 
 PIECES = 23.0
 """Polynomials of degree 5 in a cycle of a single line: within 1e-9 of the largest value, with half as much to spare."""

@@ -5,17 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from femimpact.excitation.chirp import Chirp
+from femimpact.arrays import Array
 from femimpact.excitation.excitation import BrokenLine, Excitation
+from femimpact.excitation.harmonic import Chirp
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.sums import Sum
-
-__all__ = ["drive_warnings", "frequency_warnings", "is_pulse", "motion_notes", "motion_warnings"]
-
-Array = NDArray[np.float64]
 
 FAR = 0.5
 """Displacement of the base over the length of the beam beyond which a wrong unit, or an offset, is likely."""
@@ -51,22 +48,15 @@ ENERGY_ABOVE = 0.01
 # ---- how far the base moves ----------------------------------------------------------------------
 
 
-def motion_warnings(excitation: Excitation, length: float) -> tuple[str, ...]:
+def motion_warnings(
+    # of one whose closed form is a `BrokenLine` the mean of its samples is named. Of a sum each part is looked at, and
+    # then what those that are no pulses move together.
+    excitation: Excitation,
+    length: float,  # m: 0 for a structure without one, beside which nothing is far
+) -> tuple[str, ...]:
     """A warning where the base moves further than half the length of the beam, or a pulse lacks its mean.
 
     A pulse that moves the base away has a note instead (`motion_notes`).
-
-    Parameters
-    ----------
-    excitation : Excitation
-        Of one whose closed form is a `BrokenLine` the mean of its samples is named. Of a sum each part is looked at,
-        and then what those that are no pulses move together.
-    length : float, m
-        0 for a structure without one, beside which nothing is far.
-
-    Returns
-    -------
-    tuple of str
     """
     if isinstance(excitation, Sum):
         found = [text for part in excitation.parts for text in motion_warnings(part, length)]
@@ -180,7 +170,9 @@ def _levels_of_ends(samples: Array) -> tuple[float, float]:
     return float(samples[:few].mean()), float(samples[-few:].mean())
 
 
-def is_pulse(samples: Array) -> bool:
+def is_pulse(
+    samples: Array,  # (n,) m/s^2
+) -> bool:
     """Whether a record of accelerations is a pulse, whose change of velocity is true, and no offset or drift.
 
     Of 50 equal parts of the record, the 12 with the largest changes of velocity are where the pulse is. It is one if
@@ -190,14 +182,6 @@ def is_pulse(samples: Array) -> bool:
     of all samples, and |integral of a| is at least half of the integral of |a|: an offset does not begin at zero, and
     an oscillation is of both signs. Where |integral of a| is below 1/1000 of the integral of |a| nothing has
     changed the velocity.
-
-    Parameters
-    ----------
-    samples : ndarray (n,), m/s^2
-
-    Returns
-    -------
-    bool
     """
     total, size = abs(_total(samples)), float(np.abs(samples).sum())
     if total <= LEAST_CHANGE * size:
@@ -218,26 +202,19 @@ def _changes_at_once(samples: Array) -> bool:
 # ---- what the kept modes cannot follow -----------------------------------------------------------
 
 
-def drive_warnings(excitation: Excitation, highest: float, left_out: float) -> tuple[str, ...]:
+def drive_warnings(
+    excitation: Excitation,
+    highest: float,  # Hz: of the modes kept
+    # Hz: the lowest natural frequency that is left out; infinite where none is, which gives no warning. Below a quarter
+    # of it that mode follows as if at rest, and nothing is said, nor up to 10 % above the highest mode kept where the
+    # next one is farther from the drive.
+    left_out: float,
+) -> tuple[str, ...]:
     """A warning where a drive has frequencies that the kept modes do not follow.
 
     A sine, and what else has no closed form by samples, is compared by its frequency, a record by the share of the
     energy of its acceleration, or force, above the limit: 1 % is warned of. Its line of least squares is no part of it.
     Of a chirp that is the share of its time, of a random motion that of its mean square.
-
-    Parameters
-    ----------
-    excitation : Excitation
-    highest : float, Hz
-        Of the modes kept.
-    left_out : float, Hz
-        The lowest natural frequency that is left out; infinite where none is, which gives no warning. Below a quarter
-        of it that mode follows as if at rest, and nothing is said, nor up to 10 % above the highest mode kept where the
-        next one is farther from the drive.
-
-    Returns
-    -------
-    tuple of str
     """
     line = getattr(excitation, "closed_form", None)
     limit = _limit(highest, left_out)

@@ -6,18 +6,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, choice, quantity, truth
-from femimpact.excitation.piecewise_motion import PiecewiseMotion
+from femimpact.excitation.harmonic import PiecewiseMotion
 from femimpact.excitation.piecewise_polynomial import (
     PiecewisePolynomial,
     fitted,
 )
-
-__all__ = ["Shock"]
-
-Array = NDArray[np.float64]
 
 PIECES = 12
 """Polynomials of degree 5 in half a sine."""

@@ -10,15 +10,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femimpact.arrays import Array
 from femimpact.errors import check_fields, items, optional, quantity, require
 from femimpact.excitation.excitation import MEMBERS, BrokenLine, Harmonic, require_excitation
 from femimpact.excitation.piecewise_polynomial import PHASE_OF_PIECE, PiecewisePolynomial, fitted, pieces_of
-
-__all__ = ["Sum", "added", "force_form_of", "parts_of"]
-
-Array = NDArray[np.float64]
 
 Form = Harmonic | BrokenLine | PiecewisePolynomial
 

@@ -14,8 +14,6 @@ from typing import Any
 
 from femimpact.errors import require, require_path
 
-__all__ = ["GuardedFile", "atomic_path", "atomic_write", "file_path", "to_disk"]
-
 NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EROFS)
 """What a file system that cannot do it answers."""
 
@@ -23,10 +21,7 @@ NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EROFS)
 def file_path(path: str | Path) -> Path:
     """The path of a file, which need not exist.
 
-    Raises
-    ------
-    InputError
-        If it is no path: neither text nor a `Path`, no name, or a null character in it.
+    Raises `InputError` if it is no path: neither text nor a `Path`, no name, or a null character in it.
     """
     require_path(path, "path", "a file")
     require(bool(Path(path).name), "path", str(path), "", "must be the path of a file")
@@ -34,23 +29,14 @@ def file_path(path: str | Path) -> Path:
 
 
 @contextmanager
-def atomic_path(path: str | Path) -> Iterator[Path]:
+def atomic_path(
+    path: str | Path,  # in an existing directory
+) -> Iterator[Path]:
     """A temporary sibling that becomes `path` when the block ends well, and vanishes when it does not.
 
-    Parameters
-    ----------
-    path : str or Path
-        In an existing directory.
+    Yields: where to write; it has the suffix of `path`.
 
-    Yields
-    ------
-    Path
-        Where to write; it has the suffix of `path`.
-
-    Raises
-    ------
-    OSError
-        With the name of `path`, never with the temporary one.
+    Raises `OSError` with the name of `path`, never with the temporary one.
     """
     target = file_path(path)
     require(target.parent.is_dir(), "path", str(path), "", "must be in an existing directory")

@@ -20,8 +20,17 @@ from femimpact.errors import choice, instance, optional, quantity, require, take
 from femimpact.excitation.excitation import words_of
 from femimpact.export.figures.drawing import BLUE, DARK, ORANGE
 from femimpact.export.files import atomic_path, file_path
-from femimpact.export.scene import BALL, BEAM, BOX, EXAGGERATION, ball_radius, build_scene, snapshots_of, thinned
-from femimpact.export.scene_pieces import section_at
+from femimpact.export.scene import (
+    BALL,
+    BEAM,
+    BOX,
+    EXAGGERATION,
+    ball_radius,
+    build_scene,
+    section_at,
+    snapshots_of,
+    thinned,
+)
 from femimpact.export.sheet import HEIGHT, VIEWS, WIDTH, Film, sheets
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response

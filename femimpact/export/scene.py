@@ -2,33 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, quantity
-from femimpact.export.scene_pieces import (
-    BALL,
-    BALL_DENSITY,
-    BEAM,
-    BOX,
-    Pieces,
-    add_ball,
-    add_beam,
-    add_body,
-    add_box,
-    add_connection,
-    add_stop,
-    add_support,
-    add_tie,
-    ball_radius,
-    section_at,
-    stretches_of,
-)
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Position, Structure
@@ -36,12 +20,238 @@ from femimpact.system.hermite import hermite_rows
 from femimpact.system.matrices import Matrix
 from femimpact.system.system import System
 
-__all__ = [
-    "BALL", "BALL_DENSITY", "BEAM", "BOX", "EXAGGERATION", "Scene", "ball_radius", "build_scene", "build_whole_scene",
-    "snapshots_of", "thinned",
-]  # fmt: skip
+BALL_DENSITY = 7850.0
+"""kg/m^3. The model has no ball radius; a steel sphere of the ball's mass is drawn, and a steel cube of a body's."""
 
-Array = NDArray[np.float64]
+BEAM, BOX, BALL, SUPPORT, BODY, STOP, CONTACT_POINT, CONNECTION = range(8)
+PARTS = ("beam", "box", "ball", "support", "body", "stop", "contact point", "spring or dashpot")
+"""Names of the values of the cell array `part`."""
+
+VERTEX, LINE, TRIANGLE, QUAD, HEXAHEDRON = 1, 3, 5, 9, 12
+
+STATIONS = 120
+"""Cells along the beam, at least."""
+
+MOST_STATIONS = 2000
+"""Cells along the beam beyond which not every node of the mesh has a separate section."""
+
+SAME = 1e-9
+"""Share of the beam's length within which two positions are one."""
+
+BLOCK = list(range(8))
+
+
+def ball_radius(mass: float) -> float:
+    """Radius (m) of the steel sphere that is drawn for a ball of this mass (kg)."""
+    return float((3.0 * mass / (4.0 * math.pi * BALL_DENSITY)) ** (1.0 / 3.0))
+
+
+@dataclass
+class Pieces:
+    """What is collected while a scene is built, one entry for each piece or each point."""
+
+    points: list[Array] = field(default_factory=list)  # (k, 3) m
+    # (k,) m: x of the section that moves each point; not a number where none does
+    axis: list[Array] = field(default_factory=list)
+    # (k,) number of the ball that carries each point, -1 otherwise
+    ball: list[NDArray[np.int64]] = field(default_factory=list)
+    # (k,) whether a point is fixed in space, not with the base
+    in_space: list[NDArray[np.bool_]] = field(default_factory=list)
+    cells: list[tuple[int, list[int], int, int]] = field(default_factory=list)  # (type, points, part, pair)
+    # (point, pair, side, reaction) points of contact: side +1 or -1, and whether what is shown there is the force on
+    # the other body
+    marks: list[tuple[int, int, int, bool]] = field(default_factory=list)
+    count: int = 0
+
+    def add(
+        self, points: Array, axis: Any, cells: list[tuple[int, list[int]]], part: int, pair: int, ball: int = -1,
+        in_space: bool = False,
+    ) -> None:  # fmt: skip
+        """Add points that move alike, and the cells between them."""
+        first, size = self.count, len(points)
+        self.points.append(points)
+        self.axis.append(np.broadcast_to(np.asarray(axis, dtype=float), size))
+        self.ball.append(np.full(size, ball))
+        self.in_space.append(np.full(size, in_space))
+        self.cells += [(kind, [first + i for i in nodes], part, pair) for kind, nodes in cells]
+        self.count += size
+
+    def mark(
+        self, point: Any, axis: float, pair: int, side: int, reaction: bool, ball: int = -1, in_space: bool = False
+    ) -> None:
+        """Add a point of contact."""
+        self.marks.append((self.count, pair, side, reaction))
+        self.add(np.array([point]), axis, [(VERTEX, [0])], CONTACT_POINT, pair, ball, in_space)
+
+
+def section_at(structure: Structure, position: float) -> tuple[float, float]:
+    """Width and thickness (m) of the beam at a position; at a joint, those towards the tip."""
+    return structure.beam.rectangle_at(position)
+
+
+def sections_along(structure: Structure, stations: Array) -> Array:
+    """Width and thickness (m) at the stations of one stretch, (stations, 2): all of the segment that holds it."""
+    beam, middle = structure.beam, 0.5 * float(stations[0] + stations[-1])
+    i = beam.segment_index_at(middle)
+    segment, start = beam.segments[i], beam.joints[i]
+    return np.array([segment.rectangle_at(float(x) - start) for x in stations])
+
+
+def _block(low: tuple[float, float, float], high: tuple[float, float, float]) -> Array:
+    """Corners of a box in VTK's order of a hexahedron."""
+    (x0, y0, z0), (x1, y1, z1) = low, high
+    lower = [(x0, y0, z0), (x1, y0, z0), (x1, y1, z0), (x0, y1, z0)]
+    return np.array(lower + [(x, y, z1) for x, y, _ in lower])
+
+
+def stretches_of(
+    nodes: Array,  # (n,) m
+    cuts: Any,  # m: where a section jumps or a force acts
+    subdivisions: int = 1,  # cells for each element, at least
+) -> tuple[Array, ...]:
+    """Positions (m) of sections along the beam, stretch by stretch: a cut belongs to both stretches beside it.
+
+    Every node of the mesh is among them, and sections between, so that there are at least 120 cells; of a mesh with
+    more than 2000 elements not every node is.
+    """
+    start, end = float(nodes[0]), float(nodes[-1])
+    slack = SAME * (end - start)
+    inner = [x for x in sorted(float(cut) for cut in cuts) if start + slack < x < end - slack]
+    bounds = [start]
+    bounds += [x for i, x in enumerate(inner) if i == 0 or x - inner[i - 1] > slack]
+    return tuple(_stations(nodes, a, b, subdivisions, slack) for a, b in itertools.pairwise([*bounds, end]))
+
+
+def _stations(nodes: Array, start: float, end: float, subdivisions: int, slack: float) -> Array:
+    share = (end - start) / (nodes[-1] - nodes[0])
+    between = nodes[(nodes > start + slack) & (nodes < end - slack)]
+    most = max(math.ceil(MOST_STATIONS * share), 2)
+    if between.size >= most:
+        between = between[np.linspace(0, between.size - 1, most - 1).round().astype(int)]
+    knots = np.concatenate([[start], between, [end]])
+    elements = knots.size - 1
+    pieces = max(min(max(subdivisions, math.ceil(STATIONS * share / elements)), most // elements), 1)
+    inner = [np.linspace(a, b, pieces, endpoint=False) for a, b in itertools.pairwise(knots)]
+    return np.concatenate([*inner, knots[-1:]])
+
+
+def add_beam(pieces: Pieces, structure: Structure, stretches: tuple[Array, ...]) -> None:
+    """Hexahedra between sections of four points; each stretch has its own, so that steps of the section show.
+
+    Along a linear taper the faces are plane, and the cells have the volume of the beam.
+    """
+    for stations in stretches:
+        signs = 0.5 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+        corners = sections_along(structure, stations)[:, None, ::-1] * signs
+        points = np.concatenate([np.repeat(stations, 4)[:, None], corners.reshape(-1, 2)], axis=1)
+        cells = [
+            (HEXAHEDRON, [4 * i + c for c in range(4)] + [4 * i + 4 + c for c in range(4)])
+            for i in range(len(stations) - 1)
+        ]
+        pieces.add(points, points[:, 0], cells, BEAM, -1)
+
+
+def add_box(
+    pieces: Pieces, j: int, x: float, width: float, radius: float, gaps: tuple[float, float], exaggeration: float
+) -> None:
+    """Two end walls and a floor on the beam's upper edge; the inner faces stop the ball's surface."""
+    wall = 0.3 * radius
+    floor = 0.5 * width
+    inner = (exaggeration * gaps[0] + radius, -exaggeration * gaps[1] - radius)
+    left, right, top = x - radius - wall, x + radius + wall, floor + wall + 2.0 * radius
+    blocks = [
+        _block((left, inner[0], floor), (right, inner[0] + wall, top)),
+        _block((left, inner[1] - wall, floor), (right, inner[1], top)),
+        _block((left, inner[1], floor), (right, inner[0], floor + wall)),
+    ]
+    for corners in blocks:
+        pieces.add(corners, x, [(HEXAHEDRON, BLOCK)], BOX, j)
+
+
+def add_ball(pieces: Pieces, j: int, x: float, width: float, radius: float, rings: int = 10, around: int = 20) -> Array:
+    """A sphere of quadrilaterals with triangles at its poles; its centre (3,) in m."""
+    centre = np.array([x, 0.0, 0.5 * width + 0.3 * radius + radius])
+    polar = np.pi * np.arange(1, rings) / rings
+    turn = 2.0 * np.pi * np.arange(around) / around
+    belt = np.array([(np.sin(p) * np.cos(t), np.sin(p) * np.sin(t), np.cos(p)) for p in polar for t in turn])
+    points = centre + radius * np.vstack([belt, [(0, 0, 1), (0, 0, -1)]])
+    north, south = len(belt), len(belt) + 1
+    cells: list[tuple[int, list[int]]] = []
+    for i in range(around):
+        k = (i + 1) % around
+        cells.append((TRIANGLE, [north, i, k]))
+        last = (rings - 2) * around
+        cells.append((TRIANGLE, [south, last + k, last + i]))
+        for r in range(rings - 2):
+            cells.append((QUAD, [r * around + i, (r + 1) * around + i, (r + 1) * around + k, r * around + k]))
+    pieces.add(points, math.nan, cells, BALL, j, ball=j)
+    return centre
+
+
+def add_body(pieces: Pieces, x: float, offset: float, width: float, mass: float) -> None:
+    """A steel cube of a body's mass below the beam's lower edge; the section at x carries it."""
+    side, centre = (mass / BALL_DENSITY) ** (1.0 / 3.0), x + offset
+    low, high = -0.5 * width - side, -0.5 * width
+    corners = _block((centre - 0.5 * side, -0.5 * side, low), (centre + 0.5 * side, 0.5 * side, high))
+    pieces.add(corners, x, [(HEXAHEDRON, BLOCK)], BODY, -1)
+
+
+def add_support(
+    pieces: Pieces,
+    kind: str,  # of `Support`
+    x: float,  # m: place, and length of the beam
+    length: float,  # m
+    section: tuple[float, float],  # pair of float, m: width and thickness of the beam there
+) -> None:
+    """A block that holds the beam; one that only holds the slope is a sleeve which moves along with the beam.
+
+    A pinned support is a thin block.
+    """
+    thick, width = (0.004 if kind == "pinned" else 0.02) * length, 1.2 * section[0]
+    high = 0.5 * section[1] + (0.015 if kind == "guided" else 0.05) * length
+    # at an end the beam comes out of it
+    centre = x - 0.5 * thick if x <= SAME * length else x + 0.5 * thick if x >= (1.0 - SAME) * length else x
+    corners = _block((centre - 0.5 * thick, -high, -0.5 * width), (centre + 0.5 * thick, high, 0.5 * width))
+    pieces.add(corners, x if kind == "guided" else math.nan, [(HEXAHEDRON, BLOCK)], SUPPORT, -1)
+
+
+def add_tie(pieces: Pieces, places: tuple[float, float], length: float, level: int) -> None:
+    """Lines from the beam's axis at two places (m) to beside it, and between these, for a spring or a dashpot.
+
+    The beam is straight at rest, and would hide a line from place to place. The sections carry their legs. Those of
+    one level are equally long.
+    """
+    leg = (0.04 + 0.015 * level) * length
+    for x in places:
+        pieces.add(np.array([(x, 0.0, 0.0), (x, -leg, 0.0)]), x, [(LINE, [0, 1])], CONNECTION, -1)
+    # the lower ends of both legs
+    pieces.cells.append((LINE, [pieces.count - 3, pieces.count - 1], CONNECTION, -1))
+
+
+def add_connection(pieces: Pieces, x: float, length: float) -> None:
+    """A line from the beam's axis to the base, for a spring or a dashpot."""
+    pieces.add(np.array([(x, 0.0, 0.0)]), x, [], CONNECTION, -1)
+    # -1 is the point before
+    pieces.add(np.array([(x, -0.1 * length, 0.0)]), math.nan, [(LINE, [-1, 0])], CONNECTION, -1)
+
+
+def add_stop(
+    pieces: Pieces, j: int, x: float, length: float, section: tuple[float, float], gaps: tuple[float, float],
+    exaggeration: float, in_space: bool,
+) -> None:  # fmt: skip
+    """A block on each closed side, whose face the beam's surface touches, with the points of contact of both."""
+    half, thick, width = 0.5 * section[1], 0.02 * length, 1.2 * section[0]
+    for side, gap in ((1, gaps[0]), (-1, gaps[1])):
+        if not math.isfinite(gap):
+            continue
+        face = exaggeration * gap + half
+        low, high = sorted((side * face, side * (face + thick)))
+        corners = _block((x - 0.5 * thick, low, -0.5 * width), (x + 0.5 * thick, high, 0.5 * width))
+        pieces.add(corners, math.nan, [(HEXAHEDRON, BLOCK)], STOP, j, in_space=in_space)
+        # in front of the stop, or it would hide the arrows that begin there
+        pieces.mark((x, side * half, 0.6 * width), x, j, side, False)
+        pieces.mark((x, side * face, 0.6 * width), math.nan, j, side, True, in_space=in_space)
+
 
 EXAGGERATION: Any = quantity("1", above=0.0, at_most=1e9)
 """By which motion and clearance are drawn larger."""
@@ -53,55 +263,34 @@ class Scene:
 
     x runs along the beam, y is the direction of motion, z the beam's width. The slope turns a
     cross-section or a box as a rigid body, to first order.
-
-    Parameters
-    ----------
-    points : ndarray (points, 3), m
-        At rest; clearances already exaggerated. Those of the beam come first, four for each section.
-    connectivity, offsets, types : ndarray
-        Cells in VTK's form: points of all, the end of each among these, and its type.
-    part, pair : ndarray (cells,)
-        Number in `PARTS`; number of the contact pair, -1 where there is none.
-    deflection, slope : csr_array (points, 2 nodes)
-        Rows that read w and dw/dx at each point's section.
-    arm : ndarray (points, 2), m
-        Offset (x, y) of each point from the axis point that it is fixed to.
-    carried : csr_array (points, balls)
-        1 where a point belongs to a ball.
-    in_space : ndarray (points,)
-        Whether a point is fixed in space.
-    stretches : tuple of ndarray, m
-        Positions of the beam's sections; a jump of the section or a force lies between two stretches.
-    marks : ndarray (marks, 4)
-        Points of contact: point, pair, side, and 1 where the force on the ball or the stop is shown.
-    exaggeration : float, 1
     """
 
+    # (points, 3) m: at rest; clearances already exaggerated. Those of the beam come first, four for each section.
     points: Array
-    connectivity: NDArray[np.int64]
+    connectivity: NDArray[np.int64]  # cells in VTK's form: points of all, the end of each among these, and its type
     offsets: NDArray[np.int64]
     types: NDArray[np.uint8]
-    part: NDArray[np.int32]
-    pair: NDArray[np.int32]
-    deflection: Matrix
-    slope: Matrix
-    arm: Array
-    carried: Matrix
-    in_space: NDArray[np.bool_]
+    part: NDArray[np.int32]  # (cells,) number in `PARTS`; number of the contact pair, -1 where there is none
+    pair: NDArray[np.int32]  # (cells,)
+    deflection: Matrix  # csr_array (points, 2 nodes) rows that read w and dw/dx at each point's section
+    slope: Matrix  # csr_array (points, 2 nodes)
+    arm: Array  # (points, 2) m: offset (x, y) of each point from the axis point that it is fixed to
+    carried: Matrix  # csr_array (points, balls) 1 where a point belongs to a ball
+    in_space: NDArray[np.bool_]  # (points,) whether a point is fixed in space
+    # m: positions of the beam's sections; a jump of the section or a force lies between two stretches
     stretches: tuple[Array, ...]
+    # (marks, 4) points of contact: point, pair, side, and 1 where the force on the ball or the stop is shown
     marks: NDArray[np.int64]
     exaggeration: float
 
-    def motion(self, nodal: Array, balls: Array, base: float = 0.0, space: float = 0.0) -> Array:
-        """Displacements (or velocities) of all points, ndarray (points, 3), without exaggeration.
-
-        Parameters
-        ----------
-        nodal, balls : ndarray
-            Relative to the base.
-        base, space : float
-            Motion of the base, and of what is fixed in space, in the frame that is drawn.
-        """
+    def motion(
+        self,
+        nodal: Array,  # relative to the base
+        balls: Array,
+        base: float = 0.0,  # motion of the base, and of what is fixed in space, in the frame that is drawn
+        space: float = 0.0,
+    ) -> Array:
+        """Displacements (or velocities) of all points, ndarray (points, 3), without exaggeration."""
         slope = self.slope @ nodal
         result = np.zeros_like(self.points)
         result[:, 0] = -self.arm[:, 1] * slope
@@ -120,21 +309,12 @@ class Scene:
         return self.exaggeration * self.motion(nodal, balls, base, space)
 
 
-def build_scene(structure: Structure, system: System, exaggeration: float = 1.0) -> Scene:
-    """The beam of its real cross-section, a box and a ball for each impactor, and the stops: what a movie shows.
-
-    Parameters
-    ----------
-    structure : Structure
-    system : System
-        Gives nodes and contact pairs.
-    exaggeration : float, 1
-        Scales motion and clearance together, so that a ball stays in its box.
-
-    Returns
-    -------
-    Scene
-    """
+def build_scene(
+    structure: Structure,
+    system: System,  # gives nodes and contact pairs
+    exaggeration: float = 1.0,  # scales motion and clearance together, so that a ball stays in its box
+) -> Scene:
+    """The beam of its real cross-section, a box and a ball for each impactor, and the stops: what a movie shows."""
     pieces = Pieces()
     stretches = stretches_of(system.nodes, _cuts(structure, system))
     add_beam(pieces, structure, stretches)
@@ -152,21 +332,13 @@ def build_scene(structure: Structure, system: System, exaggeration: float = 1.0)
     return _scene(pieces, system, stretches, exaggeration)
 
 
-def build_whole_scene(structure: Structure, system: System, exaggeration: float = 1.0, subdivisions: int = 1) -> Scene:
-    """The same with supports, bodies, springs, dashpots and points of contact of the balls.
-
-    Parameters
-    ----------
-    structure : Structure
-    system : System
-    exaggeration : float, 1
-    subdivisions : int
-        Cells of the beam for each element, at least.
-
-    Returns
-    -------
-    Scene
-    """
+def build_whole_scene(
+    structure: Structure,
+    system: System,
+    exaggeration: float = 1.0,
+    subdivisions: int = 1,  # cells of the beam for each element, at least
+) -> Scene:
+    """The same with supports, bodies, springs, dashpots and points of contact of the balls."""
     pieces, length = Pieces(), structure.beam.length
     stretches = stretches_of(system.nodes, _cuts(structure, system), subdivisions)
     add_beam(pieces, structure, stretches)

@@ -11,14 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.export.figures.drawing import BLUE, DARK, GREY, ORANGE, STYLE, name_at
-from femimpact.export.scene import BALL, BEAM, BOX, Scene, ball_radius
-from femimpact.export.scene_pieces import CONTACT_POINT, STOP
+from femimpact.export.scene import BALL, BEAM, BOX, CONTACT_POINT, STOP, Scene, ball_radius
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
 from femimpact.system.hermite import hermite_rows
-
-__all__ = ["HEIGHT", "VIEWS", "WIDTH", "Film", "sheets"]
 
 WIDTH, HEIGHT = 1280, 720
 """Pixels; multiples of 16, or the encoder would resize."""
@@ -33,28 +30,15 @@ Draw = Callable[[int], None]
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """What every renderer needs: the chosen snapshots, the scene, and which contact is closed when.
-
-    Parameters
-    ----------
-    response : Response
-    structure : Structure
-    snapshots : Snapshots
-        Of the response.
-    chosen : ndarray (frames,)
-        Numbers of the snapshots that are shown.
-    scene : Scene
-    caption : str
-    touched : ndarray (frames, contacts)
-        Side of the wall that a ball touches, or of a stop that the beam touches; 0 without contact.
-    """
+    """What every renderer needs: the chosen snapshots, the scene, and which contact is closed when."""
 
     response: Response
     structure: Structure
-    snapshots: Snapshots
-    chosen: NDArray[np.int64]
+    snapshots: Snapshots  # of the response
+    chosen: NDArray[np.int64]  # (frames,) numbers of the snapshots that are shown
     scene: Scene
     caption: str
+    # (frames, contacts) side of the wall that a ball touches, or of a stop that the beam touches; 0 without contact
     touched: NDArray[np.int64]
 
     def touches(self, i: int, pair: int, side: int) -> bool:
@@ -95,19 +79,13 @@ class Film:
         return max(float(np.abs(self.moved(i)[shown, 1]).max()) for i in range(self.chosen.size))
 
 
-def sheets(film: Film, plane: bool) -> Callable[[int], NDArray[np.uint8]]:
+def sheets(
+    film: Film,
+    plane: bool,  # whether to draw the two views as well, in the plane of motion, or to leave their rows white
+) -> Callable[[int], NDArray[np.uint8]]:
     """A function that draws frame i as pixels; what does not move is drawn once.
 
-    Parameters
-    ----------
-    film : Film
-    plane : bool
-        Whether to draw the two views as well, in the plane of motion, or to leave their rows white.
-
-    Returns
-    -------
-    callable of int to ndarray (HEIGHT, WIDTH, 4) of uint8
-        Red, green, blue, and a byte that is not read.
+    Returns (HEIGHT, WIDTH, 4): red, green, blue, and a byte that is not read.
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -5,33 +5,154 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
+from skfem import BilinearForm
+from skfem.helpers import dd, ddot
 
+from femimpact.arrays import Array
 from femimpact.errors import InputWarning
-from femimpact.fem.discretisation import Discretisation, ElementLineHermiteReference, discretise, kind_of
-from femimpact.fem.element_matrices import Entries, beam_matrices, joined
+from femimpact.fem.discretisation import Discretisation, discretise, kind_of
 from femimpact.fem.mesh import Mesh
-from femimpact.fem.stiffness_factor import stiffness_factor
-from femimpact.structure.springs import Dashpot, Spring
-from femimpact.structure.structure import SUPPORTS, Impactor, Stop, Structure
-from femimpact.structure.unusual import unusual_numbers
-from femimpact.system.computed import computed_system, with_checked_fields
+from femimpact.structure.structure import SUPPORTS, Dashpot, Impactor, Spring, Stop, Structure, unusual_numbers
 from femimpact.system.contact_pair import ContactPair, contact_pair
-from femimpact.system.damped import damped_with_modes
-from femimpact.system.hermite import hermite_rows
+from femimpact.system.hermite import Reaction, hermite_rows
 from femimpact.system.matrices import Matrix
-from femimpact.system.modes import Modes, first_elastic_frequency, first_mode_at, flexibility
+from femimpact.system.modes import (
+    Modes,
+    computed_system,
+    damped_with_modes,
+    first_elastic_frequency,
+    first_mode_at,
+    flexibility,
+    with_checked_fields,
+)
 from femimpact.system.own_terms import add_terms
-from femimpact.system.reactions import Reaction
 from femimpact.system.system import System
 
-__all__ = ["ElementLineHermiteReference", "assemble", "assembled_with_modes"]
 
-Array = NDArray[np.float64]
+@BilinearForm  # type: ignore[untyped-decorator]
+def bending(u: Any, v: Any, w: Any) -> Any:
+    """Integral of EI u'' v''."""
+    return w.bending_stiffness * ddot(dd(u), dd(v))
+
+
+@BilinearForm  # type: ignore[untyped-decorator]
+def inertia(u: Any, v: Any, w: Any) -> Any:
+    """Integral of rho A u v."""
+    return w.mass_per_length * u * v
+
+
+class Entries(NamedTuple):
+    """Entries of a matrix over all dofs of a basis, held ones included; those at one place are summed."""
+
+    row: NDArray[np.integer[Any]]  # (entries,)
+    column: NDArray[np.integer[Any]]  # (entries,)
+    value: Array  # (entries,)
+
+    def times(self, vector: Array) -> Array:
+        """The matrix times a vector (dofs,)."""
+        return np.asarray(np.bincount(self.row, self.value * vector[self.column], vector.size), dtype=float)
+
+    def row_of(self, dof: int, dofs: int) -> Array:
+        """One row of the matrix, (dofs,)."""
+        own = self.row == dof
+        return np.asarray(np.bincount(self.column[own], self.value[own], dofs), dtype=float)
+
+    def on(self, free: NDArray[np.int64], dofs: int) -> Matrix:
+        """The matrix on the free ones of so many dofs."""
+        number = np.full(dofs, -1)
+        number[free] = np.arange(free.size)
+        row, column = number[self.row], number[self.column]
+        inside = (row >= 0) & (column >= 0)
+        places = row[inside], column[inside]
+        block: Matrix = sparse.csr_array((self.value[inside], places), shape=(free.size, free.size))
+        block.eliminate_zeros()
+        return block
+
+
+def joined(*parts: Entries) -> Entries:
+    """Entries of the sum of matrices."""
+    return Entries(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+
+
+def beam_matrices(grid: Discretisation) -> tuple[Entries, Entries]:
+    """K and M of the bare beam over all dofs."""
+    sections, basis = grid.sections, grid.basis
+    stiffness = sections.bending_stiffness * sections.bending_polynomial
+    mass = sections.mass_per_length * sections.mass_polynomial
+    return _weighted(bending, "bending_stiffness", basis, stiffness), _weighted(inertia, "mass_per_length", basis, mass)
+
+
+def _weighted(form: Any, name: str, basis: Any, coefficients: Array) -> Entries:
+    """A form whose coefficient is a polynomial in every element: (powers, elements), by powers of x = 2 s - 1."""
+    powers = [power for power, coefficient in enumerate(coefficients) if coefficient.any()]
+    parts = [_integrals(form, name, basis, power) for power in powers]
+    row, column, _ = parts[0]
+    value = sum(coefficients[power] * part.value for power, part in zip(powers, parts, strict=True))
+    return Entries(row, column, np.ravel(value))
+
+
+@lru_cache(maxsize=16)
+def _integrals(form: Any, name: str, basis: Any, power: int) -> Entries:
+    """Entries of a form whose coefficient is x^power, with x from -1 to 1 in every element.
+
+    Their value is (16, elements): a coefficient of each element may multiply it. Structures on one mesh share them.
+    """
+    x = 2.0 * basis.X[0] - 1.0 + basis.zero_w()
+    found = form.coo_data(basis, **{name: x**power})
+    row, column = found.indices
+    entries = Entries(row, column, found.data.reshape(-1, basis.nelems))
+    for array in entries:
+        array.setflags(write=False)
+    return entries
+
+
+def stiffness_factor(grid: Discretisation) -> Matrix:  # csr_array (2 elements, dofs) sqrt(N m) per unit of a dof
+    """G with K = G^T G over all dofs: sqrt(weight) w'' at two points of every element.
+
+    The energy of an element is the integral of EI w''^2 with w'' linear. The two Gauss points of the weight EI itself
+    integrate any cubic times EI exactly, so that G has two rows for each element whether it tapers or not, and K is
+    that of the weak form to rounding. Where EI is constant they are the usual Gauss points. More of those would be
+    exact too, as the degree of EI w''^2 is 6 (four points), with twice the rows for the same rank.
+    """
+    nodes, sections = grid.mesh.nodes, grid.sections
+    lengths = np.diff(nodes)
+    places, shares = _gauss_points(sections.bending_polynomial)
+    weight = np.sqrt(lengths[:, None] * sections.bending_stiffness[:, None] * shares)
+    middles = 0.5 * (nodes[1:] + nodes[:-1])
+    points = middles[:, None] + lengths[:, None] * places / (2.0 * math.sqrt(3.0))
+    curvature = hermite_rows(nodes, points.ravel(), derivative=2)
+    # four entries in each row
+    curvature.data *= np.repeat(weight.ravel(), 4)
+    return curvature
+
+
+def _gauss_points(polynomial: Array) -> tuple[Array, Array]:
+    """Two Gauss points of half a polynomial (5, elements) in x = -1 to 1, and their weights, (elements, 2) each.
+
+    It is the weight, positive and 1 at x = 0.
+
+    The points are in 1/sqrt(3), so that those of a constant weight are -1 and 1 to the last bit. They are the
+    eigenvalues of the Jacobi matrix of the first two orthogonal polynomials, and the weights are the squared first
+    components of its eigenvectors times the integral of the weight (Golub and Welsch, 1969).
+    """
+    _, c1, c2, c3, c4 = polynomial
+    m0, m1 = 1.0 + c2 / 3.0 + c4 / 5.0, c1 / 3.0 + c3 / 5.0
+    m2, m3 = 1.0 / 3.0 + c2 / 5.0 + c4 / 7.0, c1 / 5.0 + c3 / 7.0
+    first = m1 / m0
+    variance = m2 / m0 - first**2
+    second = (m3 - 2.0 * first * m2 + first**2 * m1) / (m0 * variance)
+    half = 0.5 * (second - first)
+    spread = np.sqrt(1.0 + 3.0 * (half**2 + (variance - 1.0 / 3.0)))
+    middle, lean = math.sqrt(3.0) * 0.5 * (first + second), math.sqrt(3.0) * half / spread
+    places = np.stack([middle - spread, middle + spread], axis=1)
+    return places, 0.5 * m0[:, None] * np.stack([1.0 + lean, 1.0 - lean], axis=1)
+
 
 HEAVY = 1e3
 """Mass of a beam (kg) above which millimetres may have been typed as metres."""
@@ -78,7 +199,7 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     Sections: Hermite cubic interpolation, K = int EI w'' v'', M = int rho A w v + lumped terms
     m N N^T + J N' N'^T, with N + e N' for N where a body's centre is offset by e; rotary inertia of the beam and
     shear are left out, as in the paper. Both integrals are exact along a linear taper too (see `Discretisation`), so
-    that frequencies keep order 4 in the element length; `femimpact.validation.tapers` has the exact ones of wedges.
+    that frequencies keep order 4 in the element length; `femimpact.validation.beams` has the exact ones of wedges.
     Gravity is a constant acceleration of every mass: constant_load = base_load gravity.
     """
     return assembled_with_modes(structure, elements, mesh, 1)[0]

@@ -14,6 +14,7 @@ from skfem import Basis, ElementLineHermite, MeshLine
 from skfem.assembly import CellBasis
 from skfem.element import DiscreteField
 
+from femimpact.arrays import Array
 from femimpact.errors import (
     Fault,
     InputError,
@@ -30,13 +31,9 @@ from femimpact.errors import (
     suggestion,
 )
 from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
-from femimpact.structure.structure import SUPPORTS, Beam, Impactor, Position, Segment, Stop, Structure, Support
-from femimpact.system.hermite import shape_functions
-from femimpact.system.sections import SectionFields
-
-__all__ = ["Discretisation", "ElementLineHermiteReference", "discretise", "kind_of"]
-
-Array = NDArray[np.float64]
+from femimpact.structure.beam import Beam, Segment
+from femimpact.structure.structure import SUPPORTS, Impactor, Position, Stop, Structure, Support
+from femimpact.system.hermite import SectionFields, shape_functions
 
 OFF_MESH = 1e-6
 """Share of the beam's length by which it and a mesh of single precision may differ."""

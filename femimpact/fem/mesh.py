@@ -9,13 +9,10 @@ from heapq import heapify, heapreplace
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, checked, quantity, real_array, require, require_type
 from femimpact.structure.structure import Structure
 from femimpact.table import Head, head_of_values, short_repr
-
-__all__ = ["Mesh", "graded_mesh", "random_mesh", "uniform_mesh"]
-
-Array = NDArray[np.float64]
 
 SAME_PLACE = 1e-9
 """Two positions closer than this share of the beam's length are one place."""

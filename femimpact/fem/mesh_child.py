@@ -21,7 +21,6 @@ import numpy as np
 MOST_NODES = 1_000_000
 """Of a mesh file; no beam has as many."""
 
-__all__ = ["format_of", "plain_mesh", "read_plainly"]
 
 MOST_VALUES = 64
 """Distinct values of an array of whole numbers up to which they are tags; more are numbers of cells."""

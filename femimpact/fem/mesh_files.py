@@ -17,13 +17,10 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.fem.mesh import MOST_ELEMENTS, SAME_PLACE, Mesh
 from femimpact.regular_file import check_regular
-
-__all__ = ["read_mesh", "read_outcomes"]
-
-Array = NDArray[np.float64]
 
 TIME_LIMIT = 30.0
 """Seconds for one file; a beam of 100,000 elements takes two."""

@@ -1,9 +1,15 @@
 """Damping and frequency from a response curve: arrays in, estimates out, measured or simulated alike."""
 
-from femimpact.identification.bandwidth import half_power
-from femimpact.identification.estimate import DampingEstimate, amplitude_ratio_damping
+from femimpact.identification.bandwidth import (
+    UNRESOLVED,
+    DampingEstimate,
+    PeakResolution,
+    amplitude_ratio_damping,
+    half_power,
+    peak_resolution,
+    resolution_warnings,
+)
 from femimpact.identification.one_pole import fit_one_pole, one_pole_amplitude
-from femimpact.identification.resolution import UNRESOLVED, PeakResolution, peak_resolution, resolution_warnings
 
 __all__ = [
     "UNRESOLVED", "DampingEstimate", "PeakResolution", "amplitude_ratio_damping", "fit_one_pole", "half_power",

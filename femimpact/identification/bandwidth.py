@@ -1,16 +1,175 @@
-"""Damping from the half-power bandwidth."""
+"""The half-power bandwidth of a response curve, whether its points resolve a peak, and the estimate of damping."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from femimpact.identification.estimate import DampingEstimate, checked_curve
-from femimpact.identification.resolution import peak_resolution, resolution_warnings
+from femimpact.arrays import Array
+from femimpact.errors import check_fields, checked, quantity, real_array, require, require_type, text
 
-__all__ = ["half_power"]
+
+@dataclass(frozen=True)
+class DampingEstimate:
+    """Damping ratio of one resonance, how it was found and how sure it is.
+
+    Parameters
+    ----------
+    ratio : float, 1
+        Not a number where the method found none.
+    frequency : float, Hz
+        Natural frequency (fit) or frequency of the peak (half-power); not a number where no curve was read.
+    interval : pair of float, 1
+        95 % confidence interval of the fit's ratio, not a number where the misfit is no noise; for half-power,
+        what the grid leaves open.
+    method : str
+    warnings : tuple of str
+
+    Raises
+    ------
+    InputError
+        If the ratio is negative, the frequency is not > 0, or the interval is not two numbers, the lower one
+        first.
+    """
+
+    ratio: float = field(metadata=quantity("1", at_least=0.0, finite=False))
+    frequency: float = field(metadata=quantity("Hz", above=0.0, finite=False))
+    interval: tuple[float, float] = field(metadata=quantity("1", finite=False, several=True))
+    method: str = field(metadata=text())
+    warnings: tuple[str, ...] = field(default=(), metadata=text(several=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        two = isinstance(self.interval, tuple) and len(self.interval) == 2 and not self.interval[0] > self.interval[1]
+        require(two, "interval", self.interval, "1", "must be two numbers, the lower one first")
+
+    def __repr__(self) -> str:
+        return f"DampingEstimate: {self}"
+
+    def __str__(self) -> str:
+        low, high = self.interval
+        interval = f"{low:.4g} to {high:.4g}" if math.isfinite(low + high) else "no interval"
+        ratio = f"{self.ratio:.4g} ({interval})" if math.isfinite(self.ratio) else "no damping ratio"
+        text = f"{ratio} at {self.frequency:.6g} Hz by {self.method}"
+        return text + "".join(f"\n  warning: {warning}" for warning in self.warnings)
+
+
+def checked_curve(frequency: ArrayLike, amplitude: ArrayLike, least: int) -> tuple[Array, Array]:
+    """Finite points of a curve by rising frequency (Hz), and their amplitudes (m), checked."""
+    # a case that failed is not a number and left out; why a masked one is masked is unknown
+    f = real_array("frequency", frequency, "Hz", "must be a row of numbers", finite=False)
+    x = real_array("amplitude", amplitude, "m", "must be a row of numbers", finite=False)
+    same = f.ndim == 1 and f.shape == x.shape
+    require(same, "amplitude", x.shape, "", f"must be as long as frequency, shape {f.shape}")
+    usable = np.isfinite(f) & np.isfinite(x)
+    f, x = f[usable], x[usable]
+    order = np.argsort(f)
+    f, x = f[order], x[order]
+    require(f.size >= least, "frequency", f.size, "points", f"must hold at least {least} finite points")
+    require(bool(np.all(f > 0)), "frequency", float(f.min()), "Hz", "must be > 0")
+    require(bool(np.all(np.diff(f) > 0)), "frequency", None, "Hz", "must not repeat")
+    require(bool(np.all(x >= 0) and np.any(x > 0)), "amplitude", None, "m", "must be >= 0 and not all zero")
+    return f, x
+
+
+def amplitude_ratio_damping(reference: DampingEstimate, reference_peak: float, peak: float) -> DampingEstimate:
+    """Equivalent damping from the drop of the largest peak: zeta_eq = zeta_ref X_ref/X.
+
+    Parameters
+    ----------
+    reference : DampingEstimate
+        Of the structure without balls.
+    reference_peak, peak : float, m
+        Largest peaks without and with balls.
+
+    Returns
+    -------
+    DampingEstimate
+        At the reference's frequency; the interval scales with the reference's.
+
+    Raises
+    ------
+    InputError
+        If the reference is not an estimate, or a peak is not > 0.
+    """
+    require_type(reference, DampingEstimate, "reference")
+    reference_peak = checked("reference_peak", reference_peak, quantity("m", above=0.0))
+    peak = checked("peak", peak, quantity("m", above=0.0))
+    drop = reference_peak / peak
+    low, high = reference.interval
+    return DampingEstimate(
+        reference.ratio * drop, reference.frequency, (low * drop, high * drop), "amplitude ratio", reference.warnings
+    )
+
+
+RESOLVED = 4.0
+"""A half-power width counts as resolved when it holds this many frequency steps: the peak is then 3 % low at most."""
+
+UNRESOLVED = "does not resolve the half-power width"
+"""Words of every warning that a grid is too coarse, by which it is known."""
+
+
+def _rounded_down(value: float) -> float:
+    """The value, > 0, to two digits and not above it."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.floor(value / unit) * unit
+
+
+@dataclass(frozen=True)
+class PeakResolution:
+    """How well a grid of frequencies resolves one resonance."""
+
+    frequency: float  # Hz: the point of the grid beside which the steps are read
+    step: float  # Hz: the larger of the two steps beside it
+    width: float  # Hz: half-power width of the resonance
+
+    @property
+    def resolved(self) -> bool:
+        """Whether the width holds enough steps for a damping ratio and a peak."""
+        return self.width >= RESOLVED * self.step
+
+    @property
+    def largest_miss(self) -> float:
+        """Share by which the largest point of the grid may be below the peak: 1 - 1/sqrt(1 + (step/width)^2).
+
+        Near a resonance at f0 the amplitude is that of the peak over sqrt(1 + (2 (f - f0)/width)^2), and a point of the
+        grid lies within half a step of f0. (Derived here.)
+        """
+        return 1.0 - 1.0 / math.hypot(1.0, self.step / self.width)
+
+    @property
+    def step_needed(self) -> float:
+        """Largest step (Hz) that resolves the width."""
+        return self.width / RESOLVED
+
+
+def peak_resolution(
+    frequency: ArrayLike,  # (n,) Hz: n >= 2, ascending
+    near: float,  # Hz: the resonance: steps are read beside the point of the grid next to it
+    width: float,  # Hz: its half-power width, 2 zeta f0 where the damping ratio zeta is small
+) -> PeakResolution:
+    """Resolution of a resonance by a grid of frequencies."""
+    f = real_array("frequency", frequency, "Hz", "must be finite numbers")
+    near = checked("near", near, quantity("Hz", above=0.0))
+    width = checked("width", width, quantity("Hz", above=0.0))
+    require(f.ndim == 1 and f.size >= 2, "frequency", f.size, "points", "must hold at least 2")
+    top = int(np.argmin(np.abs(f - near)))
+    return PeakResolution(float(f[top]), float(np.max(np.diff(f[max(top - 1, 0) : top + 2]))), width)
+
+
+def resolution_warnings(found: PeakResolution, *, of_peak: bool = True) -> tuple[str, ...]:
+    """A warning where a grid is too coarse for a resonance; `of_peak` says too how low the peak may be read."""
+    if found.resolved:
+        return ()
+    low = f"the peak may be read up to {100 * found.largest_miss:.2g} % too low (1 - 1/sqrt(1 + (step/width)^2)); "
+    return (
+        f"the frequency step of {found.step:.3g} Hz {UNRESOLVED} of {found.width:.3g} Hz "
+        f"(at least {RESOLVED:g} steps are needed): {low if of_peak else ''}"
+        f"take frequencies at most {_rounded_down(found.step_needed):.2g} Hz apart around {found.frequency:.4g} Hz",
+    )
 
 
 def half_power(frequency: ArrayLike, amplitude: ArrayLike) -> DampingEstimate:

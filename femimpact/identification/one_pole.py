@@ -3,20 +3,78 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import checked, quantity, real_array
-from femimpact.identification.estimate import DampingEstimate, checked_curve
-from femimpact.identification.misfit import pattern_in
-from femimpact.identification.resolution import peak_resolution, resolution_warnings
+from femimpact.identification.bandwidth import DampingEstimate, checked_curve, peak_resolution, resolution_warnings
 
-__all__ = ["fit_one_pole", "one_pole_amplitude"]
+LEVEL = 0.005
+"""Share of curves of one pole and noise in which each of two patterns is seen."""
 
-Array = NDArray[np.float64]
+DRAWS = 1999
+"""Simulated curves of noise."""
+
+SEED = 20240607
+"""Of the simulated noise: the same misfits are judged alike in every call."""
+
+BLOCK = 2_000_000
+"""Numbers that are drawn at a time."""
+
+INDEPENDENT = 1e-8
+"""Share of a shape beyond what the fit follows below which it is rounding."""
+
+
+def pattern_in(
+    misfit: Array,  # (n,) by rising frequency
+    tangents: Array,  # (n, parameters) jacobian of the fit
+    # what a further term of the model, by its name, adds per unit of each of its k parameters
+    shapes: Mapping[str, Array],
+) -> str:
+    """What is seen in the misfits of a least-squares fit that noise seldom shows, in words; nothing otherwise.
+
+    Seldom is in 1 of 200 curves or fewer with independent noise of one size at all points, for each of
+
+    - the correlation of neighbours, sum r_i r_(i+1) / sum r_i^2, which smooth misfits make large;
+    - the largest share of sum r_i^2 that one of the shapes takes away.
+    """
+    own, _ = np.linalg.qr(tangents)
+    bases = [_beyond(own, shape) for shape in shapes.values()]
+    correlation, share, which = (float(x[0]) for x in _read(misfit[:, None] - own @ (own.T @ misfit[:, None]), bases))
+    random, counts = np.random.default_rng(SEED), np.zeros(2)
+    block = max(1, BLOCK // misfit.size)
+    for first in range(0, DRAWS, block):
+        noise = random.standard_normal((misfit.size, min(block, DRAWS - first)))
+        alike, taken, _ = _read(noise - own @ (own.T @ noise), bases)
+        counts += np.sum(alike >= correlation), np.sum(taken >= share)
+    seldom = (1.0 + counts) / (1.0 + DRAWS) <= LEVEL
+    found = []
+    if seldom[0]:
+        found.append(f"neighbouring misfits are alike (correlation {correlation:.2f})")
+    if seldom[1]:
+        found.append(f"{list(shapes)[int(which)]} beside the first would take {100.0 * share:.0f} % of their square")
+    return " and ".join(found)
+
+
+def _beyond(own: Array, shape: Array) -> Array:
+    """Orthonormal columns (n, k or fewer) of what a shape has beyond the fit's own tangents."""
+    left = shape - own @ (own.T @ shape)
+    columns, size, _ = np.linalg.svd(left, full_matrices=False)
+    return np.asarray(columns[:, size > INDEPENDENT * np.linalg.norm(shape)])
+
+
+def _read(misfit: Array, bases: Sequence[Array]) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Correlation of neighbours, the largest share that a shape takes, and which one, of each column of misfits."""
+    size = np.sum(misfit**2, axis=0)
+    alike = np.sum(misfit[1:] * misfit[:-1], axis=0) / size
+    taken = [np.sum((basis.T @ misfit) ** 2, axis=0) for basis in bases]
+    return alike, np.max(taken, axis=0) / size, np.argmax(taken, axis=0)
+
 
 ENOUGH_POINTS = 15
 """From so many points on, without noise, a second pole of a tenth of the first is seen half a width away or more."""
@@ -51,27 +109,17 @@ class _Fit:
         return float(self.fun @ self.fun)
 
 
-def one_pole_amplitude(frequency: ArrayLike, scale: float, natural_frequency: float, ratio: float) -> Array:
+def one_pole_amplitude(
+    frequency: ArrayLike,  # Hz
+    scale: float,  # m: base amplitude times participation factor times the mode's displacement
+    natural_frequency: float,  # Hz
+    ratio: float,
+) -> Array:  # m
     """Relative displacement amplitude of one mode under a sine of the base.
 
     |X| = scale f^2 / sqrt((f0^2 - f^2)^2 + (2 zeta f0 f)^2)
 
-    Parameters
-    ----------
-    frequency : array_like, Hz
-    scale : float, m
-        Base amplitude times participation factor times the mode's displacement.
-    natural_frequency : float, Hz
-    ratio : float, 1
-
-    Returns
-    -------
-    ndarray, m
-
-    Raises
-    ------
-    InputError
-        If a number is not finite, or natural frequency or ratio are not > 0.
+    Raises `InputError` if a number is not finite, or natural frequency or ratio are not > 0.
     """
     f = real_array("frequency", frequency, "Hz", "must be finite numbers")
     scale = checked("scale", scale, quantity("m"))
@@ -108,7 +156,7 @@ def fit_one_pole(
         With the 95 % interval of the linearised fit for independent noise of one size at all points. There is none
         where fewer than 15 points are fitted, or the misfit shows a pattern that such noise shows in at most 1 of 100
         curves: neighbours alike, or a second pole or a constant beside the first that would take much of it away
-        (see `femimpact.identification.misfit`). There is no ratio where the points do not determine it or the largest
+        (see `femimpact.identification.one_pole`). There is no ratio where the points do not determine it or the largest
         amplitude is at an end of the grid.
 
     Raises

@@ -1,18 +1,136 @@
-"""One of many cases: its system with its gaps and laws, and its start."""
+"""What a method returns, and the cases that it is handed: starts, contacts, memory, threads."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
+import math
+import os
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from femimpact.integrators.answers import SineCases
-from femimpact.system.computed import with_checked_pairs
+from femimpact.arrays import Array
+from femimpact.contact import ContactLaw
+from femimpact.errors import check_fields, in_range, quantity, require
+from femimpact.progress import Progress
+from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
+from femimpact.response.response import Recorder
+from femimpact.response.signals import SteadyMotion
+from femimpact.system.modes import with_checked_pairs
 from femimpact.system.state import State
 from femimpact.system.system import System
 
-__all__ = ["start_of", "with_contacts_of"]
+
+@dataclass(frozen=True)
+class AchievedRestitution:
+    """Restitution of one collision, in continuous time and with a step.
+
+    Parameters
+    ----------
+    exact : float, 1
+        Of the law, in continuous time.
+    mean, lowest, highest : float, 1
+        With the step, over the instants within a step at which the touch can fall.
+    peak_force : float, N
+        Largest with the step, at the approach speed given.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+    """
+
+    exact: float = field(metadata=quantity("1", at_least=0.0, finite=False))
+    mean: float = field(metadata=quantity("1", finite=False))
+    lowest: float = field(metadata=quantity("1", finite=False))
+    highest: float = field(metadata=quantity("1", finite=False))
+    peak_force: float = field(metadata=quantity("N", at_least=0.0, finite=False))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True)
+class MethodCost:
+    """What one base cycle of one case takes, roughly, on one core of a 2024 server."""
+
+    history_seconds: float  # s: of a run alone; of a case of a sweep, with what the sweep without balls takes beside it
+    sweep_seconds: float  # s
+    sweep_memory: float  # bytes: kept of a base cycle of a case of a sweep
+    cases_at_once: int  # cases of a sweep that are in memory together on each thread
+
+
+@dataclass(frozen=True, eq=False)
+class SineDwells:
+    """Dwells under sine motions of the base, each a separate case from the same state."""
+
+    amplitude: float  # m: of the base
+    frequency: Array  # (n,) Hz
+    cycles: NDArray[np.int64]  # (n,) whole base cycles run
+    measured: NDArray[np.int64]  # (n,) of these at the end
+    phase: float = 0.0  # rad: of the base at t = 0
+
+
+@dataclass(frozen=True, eq=False)
+class SineCases:
+    """Dwells of one system under sine motions of the base, each with its own numbers."""
+
+    frequency: Array  # (n,) of the base: Hz, m and rad
+    amplitude: Array  # (n,)
+    phase: Array  # (n,)
+    gaps: Array  # (n, pairs, 2) m: to the + and to the - side, in the order of `System.contacts`
+    laws: tuple[tuple[ContactLaw, ...], ...]  # sets of one law for each pair
+    law_of: NDArray[np.int64]  # (n,) which set a case has
+    initial: State  # what all cases start from, at t = 0
+    # (n, balls) in place of those of the initial state, and in its frame, m and m/s. Of a case whose displacements are
+    # not numbers the balls are where the initial state has them.
+    ball_displacement: Array
+    ball_velocity: Array  # (n, balls)
+    cycles: NDArray[np.int64]  # (n,) whole base cycles run, and how many of them at the end are measured
+    measured: NDArray[np.int64]  # (n,)
+    # (dofs,) systems in place of the common one, with the row of the observed place of each: alike in the number of
+    # dofs, and in their pairs but for numbers. For methods with a member `run_cases`; none for the common one.
+    systems: tuple[tuple[System, Array], ...] = ()
+    system_of: NDArray[np.int64] | None = None  # (n,) which of them a case has
+
+    def of(self, members: NDArray[np.intp]) -> SineCases:
+        """Some of the cases."""
+        common = ("laws", "initial", "systems")
+        own = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in common}
+        return replace(self, **{name: values[members] for name, values in own.items() if values is not None})
+
+    def system(self, case: int, common: System) -> System:
+        """That of a case."""
+        return self.systems[int(self.system_of[case])][0] if self.system_of is not None else common
+
+
+def _no_values() -> Array:
+    """An array of no entry, for what a method does not sum up."""
+    return np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
+class SineDwellResults:
+    """Results of dwells, measured at their ends."""
+
+    motion: SteadyMotion  # of the observed place, arrays (n,)
+    # (6, pairs, n) sums over the measured time; see `columns.TOTAL_COLUMNS`. The peak force of a rigid pair is not a
+    # number.
+    totals: Array
+    duration: Array  # (n,) s: of the measured time
+    residual: Array  # (n,) largest energy residual; not a number without a ledger
+    bound: Array  # (n,) of the residual, beyond which it is warned of
+    failures: tuple[str, ...]  # (n,) why a case has no results, with its frequency; empty where it has
+    warnings: tuple[str, ...] = ()  # of the method on the system
+    # (n,) J: of structure and contacts in the measured time; not a number without a ledger, no entry of a method that
+    # does not sum it up
+    loss: Array = field(default_factory=_no_values)
+    # (n,) J: largest of all energy stored at the instants of the ledger in the measured time
+    stored: Array = field(default_factory=_no_values)
 
 
 def with_contacts_of(system: System, cases: SineCases, case: int) -> System:
@@ -37,3 +155,123 @@ def start_of(cases: SineCases, case: int) -> State:
     if np.any(cases.ball_velocity[case]):
         given["ball_velocity"] = cases.ball_velocity[case]
     return replace(cases.initial, **given)
+
+
+def memory_needed(
+    system: System, recorder: Recorder, channels: int, steps: int, dt: float, frequency: float, drive: int = 0
+) -> dict[str, int]:
+    """Bytes that a run will keep: channels, energies, snapshots, impacts, cycle statistics, values of the drive.
+
+    With a sink these are channels, energies and snapshots of one piece.
+    """
+    samples, snapshots = kept_rows(recorder, steps, dt)
+    width = 2 * (system.dofs + len(system.contacts)) + len(system.contacts)
+    cycles, modes = int(steps * dt * frequency) + 2, modes_kept(system, recorder)
+    return {
+        "channels": 8 * samples * channels,
+        "energies": 8 * samples * (len(ENERGY_COLUMNS) + modes) * recorder.ledger,
+        # in dofs while running, at the nodes afterwards
+        "snapshots": 8 * snapshots * (width + 4 * system.nodes.size),
+        "impacts": 8 * recorder.impacts * (len(IMPACT_COLUMNS) + modes) * bool(system.contacts),
+        "cycles": 8 * cycles * (len(CYCLE_COLUMNS) + len(ENERGY_COLUMNS)),
+        "drive": 8 * drive,
+    }
+
+
+def modes_kept(system: System, recorder: Recorder) -> int:
+    """For how many modes the energies are kept separately: all of a system on its modes, with a ledger."""
+    return system.dofs if recorder.ledger and system.is_diagonal else 0
+
+
+def check_memory(
+    system: System, recorder: Recorder, channels: int, steps: int, dt: float, frequency: float,
+    key: str = "record.memory_limit", drive: int = 0,
+) -> int:  # fmt: skip
+    """Bytes that a run will keep; an error when they are more than the recorder allows.
+
+    Raises
+    ------
+    InputError
+        Naming what takes how much.
+    """
+    parts = memory_needed(system, recorder, channels, steps, dt, frequency, drive)
+    needed = sum(parts.values())
+    shares = ", ".join(f"{name} {size / 1e6:.3g} MB" for name, size in parts.items() if size > 1e6)
+    allowed = (
+        f"must be >= {needed:.3g}, what this run keeps ({shares}): keep less (a larger stride every or interval, fewer "
+        "snapshots, a shorter duration), give the recorder a sink, or raise it"
+    )
+    require(needed <= recorder.memory_limit, key, recorder.memory_limit, "bytes", allowed)
+    return needed
+
+
+def kept_rows(recorder: Recorder, steps: int, dt: float) -> tuple[int, int]:
+    """Rows for samples and snapshots: of the whole run, or of the largest piece of it."""
+    first, first_field = first_steps(recorder, steps, dt)
+    samples = (steps - first) // recorder.every + 1
+    snapshots = (steps - first_field) // recorder.snapshots + 1 if recorder.snapshots else 0
+    if recorder.sink is None:
+        return samples, snapshots
+    piece = recorder.piece_samples * recorder.every
+    return min(samples, recorder.piece_samples), min(snapshots, math.ceil(piece / max(recorder.snapshots, 1)))
+
+
+def first_steps(recorder: Recorder, steps: int, dt: float) -> tuple[int, int]:
+    """Steps of the first sample and of the first snapshot."""
+    start, start_field = (round(min(t / dt, steps)) for t in (recorder.start, recorder.snapshots_start))
+    return start, start_field
+
+
+Case = TypeVar("Case")
+Result = TypeVar("Result")
+
+
+class _Stopped(Exception):  # noqa: N818 - no error: the caller no longer waits for this run
+    """Ends a run whose result is no longer wanted."""
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def workers_of(threads: int | None) -> int:
+    """Number of threads to use: all cores by default."""
+    positive = threads is None or in_range(threads, quantity("1", at_least=1, integer=True))
+    require(positive, "threads", threads, "", "must be a whole number >= 1")
+    return cores() if threads is None else int(threads)
+
+
+def run_each(
+    run: Callable[[Case, Progress | None], Result],  # of a case and of what it calls with the share of it that is done
+    cases: Sequence[Case],
+    workers: int,  # threads at most
+    progress: Progress | None,  # called with the share done of all, by one thread at a time
+) -> tuple[Result, ...]:
+    """Results of all cases in their order; of several that fail, the first raises."""
+    if len(cases) == 1:
+        return (run(cases[0], progress),)
+    stop, lock, shares = threading.Event(), threading.Lock(), [0.0] * len(cases)
+
+    def report(index: int, share: float) -> None:
+        # runs report now and then: the only place where one can be ended
+        if stop.is_set():
+            raise _Stopped
+        with lock:
+            shares[index] = share
+            if progress is not None:
+                progress(sum(shares) / len(shares))
+
+    def one(index: int) -> Result:
+        report(index, 0.0)
+        return run(cases[index], lambda share: report(index, share))
+
+    if workers == 1:
+        return tuple(one(index) for index in range(len(cases)))
+    with ThreadPoolExecutor(min(workers, len(cases))) as pool:
+        futures = [pool.submit(one, index) for index in range(len(cases))]
+        try:
+            return tuple(future.result() for future in futures)
+        finally:
+            # after an error or an interrupt the others are not waited for
+            stop.set()

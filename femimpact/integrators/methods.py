@@ -10,16 +10,14 @@ from numpy.typing import NDArray
 
 from femimpact.errors import kind_of, require
 from femimpact.excitation import Excitation
-from femimpact.integrators.answers import AchievedRestitution, MethodCost, SineCases, SineDwellResults, SineDwells
+from femimpact.integrators.cases import AchievedRestitution, MethodCost, SineCases, SineDwellResults, SineDwells
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.stepping.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
-from femimpact.integrators.threads import Progress
+from femimpact.progress import Progress
 from femimpact.response.response import Recorder, Response
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.state import State
 from femimpact.system.system import System
-
-__all__ = ["METHODS", "CaseMethod", "Method", "require_method"]
 
 
 class Method(Protocol):

@@ -10,15 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import InputError
 from femimpact.excitation import BrokenLine, Excitation
-from femimpact.integrators.driving import Drive, drive_of
+from femimpact.integrators.channel_rows import Drive, drive_of
 from femimpact.system.modes import solve_modes
 from femimpact.system.system import System
-
-__all__ = ["record_warnings"]
-
-Array = NDArray[np.float64]
 
 DIFFERENCE = 0.01
 """Of the peak by straight lines from that by a cubic spline, as a share of the latter, which is warned of."""
@@ -41,23 +38,17 @@ STIFF = 0.7
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
-def record_warnings(system: System, excitation: Excitation, end: float) -> tuple[str, ...]:
+def record_warnings(
+    system: System,
+    # a record, as a motion of the base or a force, or a sum with one; nothing is said of others, nor where the
+    # structure has no such modes
+    excitation: Excitation,
+    end: float,  # s
+) -> tuple[str, ...]:
     """A warning where a cubic spline through a record gives another peak than straight lines do, by more than 1 %.
 
     Compared is the default place's peak up to a time, from rest at t = 0, of the structure without contacts in its
     first mode, and the second one if that is below half the sampling rate.
-
-    Parameters
-    ----------
-    system : System
-    excitation : Excitation
-        A record, as a motion of the base or a force, or a sum with one; nothing is said of others, nor where the
-        structure has no such modes.
-    end : float, s
-
-    Returns
-    -------
-    tuple of str
     """
     records = _records_of(excitation)
     if not records or end <= 0.0:

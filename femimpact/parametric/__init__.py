@@ -2,8 +2,6 @@
 
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.evaluation import run_case
-from femimpact.parametric.partial_results import load_parameter_study
-from femimpact.parametric.progress import StudyProgress
-from femimpact.parametric.verb import parameter_study
+from femimpact.parametric.verb import StudyProgress, load_parameter_study, parameter_study
 
 __all__ = ["ParameterStudy", "StudyProgress", "load_parameter_study", "parameter_study", "run_case"]

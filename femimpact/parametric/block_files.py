@@ -24,9 +24,7 @@ from femimpact.parametric.evaluation import BlockValues
 from femimpact.parametric.identity import first_difference
 from femimpact.parametric.read_back import DamagedFileError, block_content, block_of, manifest_content, manifest_of
 from femimpact.regular_file import read_regular
-from femimpact.study.result_files import FILES, OTHER_FILES, REPORT, STUDY_BLOCKS, earlier_files
-
-__all__ = ["BLOCKS", "BlockFolder", "blocks_of", "read_manifest"]
+from femimpact.study.result_directory import FILES, OTHER_FILES, REPORT, STUDY_BLOCKS, earlier_files
 
 BLOCKS = STUDY_BLOCKS
 MANIFEST = "study.json"
@@ -127,10 +125,7 @@ class BlockFolder:
 def read_manifest(directory: Path) -> dict[str, Any] | None:
     """What the study in a directory is; None where there is none.
 
-    Raises
-    ------
-    InputError
-        If the file is damaged.
+    Raises `InputError` if the file is damaged.
     """
     try:
         return _manifest(directory)
@@ -167,10 +162,7 @@ def _names(folder: Path) -> list[str]:
 def blocks_of(directory: Path, key: str, table: Mapping[str, Any]) -> Iterator[BlockValues]:
     """All blocks of a study that are on disk whole; a warning names each that is damaged.
 
-    Raises
-    ------
-    InputError
-        If the folder cannot be listed.
+    Raises `InputError` if the folder cannot be listed.
     """
     folder = directory / BLOCKS
     for name in _names(folder):

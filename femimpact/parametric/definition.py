@@ -22,8 +22,7 @@ from femimpact.errors import (
 )
 from femimpact.excitation import Sine
 from femimpact.integrators.methods import Method, require_method
-from femimpact.parametric.case_systems import CaseSystems
-from femimpact.parametric.case_table import CaseTable, full_grid, listed_cases, sampled_cases
+from femimpact.parametric.cases import CaseSystems, CaseTable, full_grid, listed_cases, sampled_cases
 from femimpact.parametric.measures import Measure, check_names, measures_of
 from femimpact.parametric.paths import (
     Place,
@@ -35,12 +34,10 @@ from femimpact.parametric.paths import (
     unknown_path,
 )
 from femimpact.structure.structure import Position
+from femimpact.study.base_motion import SignalMotion
 from femimpact.study.parameter_plan import MOST_STARTS, AxisValues, Distribution, SamplePlan, axis_from
-from femimpact.study.signal_motion import SignalMotion
 from femimpact.study.study import BaseMotion, Study
 from femimpact.system.system import System
-
-__all__ = ["ParameterStudy"]
 
 CHECKED = 500
 """Values of an axis up to which each is checked; of more the smallest and the largest."""

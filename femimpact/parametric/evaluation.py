@@ -10,53 +10,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array, Integers
 from femimpact.contact import ContactLaw
 from femimpact.errors import FemimpactError, checked, quantity, require_type
 from femimpact.excitation import Sine
-from femimpact.integrators.answers import SineCases, SineDwellResults
-from femimpact.integrators.cases import start_of, with_contacts_of
-from femimpact.integrators.many_cases import run_cases
+from femimpact.integrators.cases import SineCases, SineDwellResults, start_of, with_contacts_of
 from femimpact.integrators.methods import Method
+from femimpact.integrators.runs import run_cases
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.history_cases import history_of_case, value_of_history, values_of_case
 from femimpact.parametric.measures import INSTANTS, Measure, Source, columns_of, of_response
-from femimpact.parametric.paths import Place, Stage
-from femimpact.parametric.starts import placed_balls, scaled_starts, structure_at_balls, unit_draws
+from femimpact.parametric.paths import Place, Stage, placed_balls, scaled_starts, structure_at_balls, unit_draws
 from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder, Response
-from femimpact.system.computed import with_checked_pairs
+from femimpact.system.modes import with_checked_pairs
 from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
-
-__all__ = ["BlockValues", "evaluated", "run_case"]
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class BlockValues:
-    """What was found of some cases.
+    """What was found of some cases."""
 
-    Parameters
-    ----------
-    cases : ndarray (n,) of int
-        Their numbers in the study.
-    values : ndarray (n, starts, measures)
-        Not a number where a start failed, or where the measure is a word.
-    periodic : ndarray (n, starts) of bool
-        Whether the motion repeats, or has no impacts: another start then has the same values.
-    failures : tuple of str (n starts,)
-        Why a start has no values; empty where it has.
-    words : mapping of str to tuple of str (n starts,)
-        By measure.
-    """
-
-    cases: Numbers
-    values: Array
+    cases: Integers  # (n,) their numbers in the study
+    values: Array  # (n, starts, measures) not a number where a start failed, or where the measure is a word
+    # (n, starts) whether the motion repeats, or has no impacts: another start then has the same values
     periodic: NDArray[np.bool_]
-    failures: tuple[str, ...]
-    words: dict[str, tuple[str, ...]]
+    failures: tuple[str, ...]  # (n starts,) why a start has no values; empty where it has
+    words: dict[str, tuple[str, ...]]  # by measure
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +51,7 @@ class _Group:
     values: dict[Place, Any]
     system: System
     method: Method
-    members: Numbers
+    members: Integers
     runs: SineCases
 
 
@@ -80,14 +61,14 @@ class _Alike:
 
     values: dict[Place, Any]
     systems: tuple[System, ...]
-    members: Numbers
-    system_of: Numbers
+    members: Integers
+    system_of: Integers
 
 
 class _Answers:
     """The values of a block as they are found."""
 
-    def __init__(self, study: ParameterStudy, cases: Numbers) -> None:
+    def __init__(self, study: ParameterStudy, cases: Integers) -> None:
         self.study, self.cases = study, cases
         shape = cases.size, study.starts
         self.values = np.full((*shape, len(study.chosen)), np.nan)
@@ -95,7 +76,7 @@ class _Answers:
         self.failures: list[str] = [""] * (cases.size * study.starts)
         self.words = {item.name: [""] * (cases.size * study.starts) for item in study.chosen if item.is_text}
 
-    def fail(self, runs: Numbers, reason: str) -> None:
+    def fail(self, runs: Integers, reason: str) -> None:
         """Note why some runs, by their numbers in the block, have no values."""
         self.values.reshape(-1, len(self.study.chosen))[runs] = np.nan
         for run in runs.tolist():
@@ -107,21 +88,14 @@ class _Answers:
         return BlockValues(self.cases, self.values, self.periodic, tuple(self.failures), words)
 
 
-def evaluated(study: ParameterStudy, cases: Numbers) -> BlockValues:
+def evaluated(
+    study: ParameterStudy,
+    cases: Integers,  # (n,) their numbers
+) -> BlockValues:
     """What the study measures of some of its cases.
 
     A case has the same bits whatever cases stand beside it. A case that cannot be run has a reason in place of
     values; an error that femimpact does not raise itself is not caught.
-
-    Parameters
-    ----------
-    study : ParameterStudy
-    cases : ndarray (n,) of int
-        Their numbers.
-
-    Returns
-    -------
-    BlockValues
     """
     answers = _Answers(study, cases)
     if not study.has_cycle:
@@ -179,7 +153,7 @@ def _raise_of_case(study: ParameterStudy, case: int) -> None:
 # ---- from cases to runs ----------------------------------------------------------------------------
 
 
-def _groups(study: ParameterStudy, cases: Numbers, answers: _Answers) -> Iterator[_Group]:
+def _groups(study: ParameterStudy, cases: Integers, answers: _Answers) -> Iterator[_Group]:
     """Cases that run together; those that have no system are noted as failures."""
     for alike in _alike(study, cases, answers):
         system, values, members = alike.systems[0], alike.values, alike.members
@@ -195,13 +169,13 @@ def _groups(study: ParameterStudy, cases: Numbers, answers: _Answers) -> Iterato
                 yield _Group(values, system, method, members[chosen], runs)
 
 
-def _alike(study: ParameterStudy, cases: Numbers, answers: _Answers) -> list[_Alike]:
+def _alike(study: ParameterStudy, cases: Integers, answers: _Answers) -> list[_Alike]:
     """Systems with their cases; those that differ in numbers alone together where the method takes them so."""
     table = study.table
     axes = table.axes_before(Stage.CASE)
     frames = [axis for axis, place in enumerate(table.places) if place.path == "base.start"]
     codes = [table.codes[axis][cases] for axis in (*axes, *frames)]
-    found: dict[Any, list[tuple[dict[Place, Any], System, Numbers]]] = {}
+    found: dict[Any, list[tuple[dict[Place, Any], System, Integers]]] = {}
     rows = _equal_rows(codes, cases.size)
     for number, members in enumerate(rows):
         values = values_of_case(study, int(cases[members[0]]))
@@ -251,7 +225,7 @@ def _taken_together(study: ParameterStudy, system: System, values: dict[Place, A
 
 
 def _with_systems(
-    study: ParameterStudy, systems: tuple[System, ...], system_of: Numbers, runs: SineCases
+    study: ParameterStudy, systems: tuple[System, ...], system_of: Integers, runs: SineCases
 ) -> SineCases:  # fmt: skip
     """The runs, each with the system of its case."""
     rows: dict[int, Array] = {}
@@ -296,12 +270,12 @@ def _with_all_placed(runs: SineCases, common: System) -> SineCases:
     return replace(runs, ball_displacement=places)
 
 
-def _runs_of(members: Numbers, starts: int) -> Numbers:
+def _runs_of(members: Integers, starts: int) -> Integers:
     """Numbers in the block of the runs of some cases."""
     return (members[:, None] * starts + np.arange(starts)).reshape(-1)
 
 
-def _equal_rows(codes: Sequence[Numbers], count: int) -> list[Numbers]:
+def _equal_rows(codes: Sequence[Integers], count: int) -> list[Integers]:
     """Members of each group that has the same codes, in the order of the first of each."""
     if not codes:
         return [np.arange(count)]
@@ -312,8 +286,8 @@ def _equal_rows(codes: Sequence[Numbers], count: int) -> list[Numbers]:
 
 
 def _laws(
-    study: ParameterStudy, system: System, cases: Numbers, members: Numbers, answers: _Answers
-) -> tuple[tuple[tuple[ContactLaw, ...], ...], Numbers]:
+    study: ParameterStudy, system: System, cases: Integers, members: Integers, answers: _Answers
+) -> tuple[tuple[tuple[ContactLaw, ...], ...], Integers]:
     """Sets of laws, and which of them each member has; -1 where there is no such law."""
     table, axes = study.table, _axes_of_laws(study)
     nominal = tuple(pair.law for pair in system.contacts)
@@ -356,8 +330,8 @@ def _laws_of(
 
 
 def _methods(
-    study: ParameterStudy, system: System, laws: tuple[tuple[ContactLaw, ...], ...], law_of: Numbers,
-    values: dict[Place, Any], members: Numbers, answers: _Answers,
+    study: ParameterStudy, system: System, laws: tuple[tuple[ContactLaw, ...], ...], law_of: Integers,
+    values: dict[Place, Any], members: Integers, answers: _Answers,
 ) -> list[tuple[Method, NDArray[np.bool_]]]:  # fmt: skip
     """Methods, and which members run by each: a recommended step depends on the contacts."""
     found = list[tuple[Method, NDArray[np.bool_]]]()
@@ -385,7 +359,7 @@ def _methods(
     return found
 
 
-def _column(study: ParameterStudy, path: str, cases: Numbers, default: Any) -> Array:
+def _column(study: ParameterStudy, path: str, cases: Integers, default: Any) -> Array:
     """Values of an axis in some cases, or what stands in its place."""
     table = study.table
     for axis, place in enumerate(table.places):
@@ -398,7 +372,7 @@ def _column(study: ParameterStudy, path: str, cases: Numbers, default: Any) -> A
     return np.full(cases.size, float(default))
 
 
-def _gaps(study: ParameterStudy, system: System, cases: Numbers) -> Array:
+def _gaps(study: ParameterStudy, system: System, cases: Integers) -> Array:
     """Gaps (n, pairs, 2) in m."""
     gaps = np.tile(np.array([pair.gaps for pair in system.contacts], dtype=float).reshape(-1, 2), (cases.size, 1, 1))
     table = study.table
@@ -411,8 +385,8 @@ def _gaps(study: ParameterStudy, system: System, cases: Numbers) -> Array:
 
 
 def _runs(
-    study: ParameterStudy, system: System, cases: Numbers, laws: tuple[tuple[ContactLaw, ...], ...],
-    law_of: Numbers, values: dict[Place, Any],
+    study: ParameterStudy, system: System, cases: Integers, laws: tuple[tuple[ContactLaw, ...], ...],
+    law_of: Integers, values: dict[Place, Any],
 ) -> SineCases:  # fmt: skip
     """The runs of some cases with one system, start by start of each case."""
     base, starts, balls = study.base, study.starts, len(system.balls)
@@ -482,9 +456,9 @@ def _run_group(group: _Group, answers: _Answers) -> None:
 
 
 def _found(
-    system: System, runs: SineCases, method: Method, study: ParameterStudy, instants: int, part: Numbers,
-    answers: _Answers, block_runs: Numbers,
-) -> Iterator[tuple[Numbers, SineDwellResults]]:  # fmt: skip
+    system: System, runs: SineCases, method: Method, study: ParameterStudy, instants: int, part: Integers,
+    answers: _Answers, block_runs: Integers,
+) -> Iterator[tuple[Integers, SineDwellResults]]:  # fmt: skip
     """Dwells of some runs; where one cannot be run at all, those of the two halves, so that the others are."""
     try:
         found = run_cases(system, runs.of(part), method, system.point_row(study.observed), instants)
@@ -526,7 +500,7 @@ def _peaks_without_balls(group: _Group, rows: SineCases, study: ParameterStudy) 
     return np.asarray(found.motion.peak[row]), [found.failures[case] for case in row]
 
 
-def _systems_without_balls(rows: SineCases) -> tuple[tuple[tuple[System, Array], ...], Numbers]:
+def _systems_without_balls(rows: SineCases) -> tuple[tuple[tuple[System, Array], ...], Integers]:
     """The systems of runs without their balls, those with the same matrices once, and which of them each run has."""
     if rows.system_of is None:
         return (), np.zeros(rows.frequency.size, dtype=np.int64)
@@ -544,7 +518,7 @@ def _same_structure(one: System, other: System) -> bool:
     return all(getattr(one, name) is getattr(other, name) for name in ("M", "C", "K", "expansion"))
 
 
-def _read_runs(group: _Group, part: Numbers, own: Numbers, columns: Any, answers: _Answers) -> None:
+def _read_runs(group: _Group, part: Integers, own: Integers, columns: Any, answers: _Answers) -> None:
     """Measures that are read from a separate run of each case."""
     study = answers.study
     asked = [
@@ -569,7 +543,7 @@ def _read_runs(group: _Group, part: Numbers, own: Numbers, columns: Any, answers
             answers.fail(np.array([run]), str(error))
 
 
-def _run_histories(study: ParameterStudy, cases: Numbers, answers: _Answers) -> None:
+def _run_histories(study: ParameterStudy, cases: Integers, answers: _Answers) -> None:
     """Measures of cases whose base has no cycle: of a run of each start over its whole history."""
     ratio = any(item.name == "peak_ratio" for item in study.chosen)
     channels = [str(study.observed), *(item.channel for item in study.chosen if item.channel)]

@@ -7,21 +7,24 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.measures import Measure
-from femimpact.parametric.paths import Place, Stage, study_with
-from femimpact.parametric.starts import placed_balls, scaled_starts, structure_at_balls, unit_draws
+from femimpact.parametric.paths import (
+    Place,
+    Stage,
+    placed_balls,
+    scaled_starts,
+    structure_at_balls,
+    study_with,
+    unit_draws,
+)
 from femimpact.response.response import Recorder, Response
 from femimpact.study.study import Study
-from femimpact.system.computed import with_checked_pairs
+from femimpact.system.modes import with_checked_pairs
 from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
-
-__all__ = ["history_of_case", "value_of_history", "values_of_case"]
-
-Array = NDArray[np.float64]
 
 INSTANTS = 4096
 """Of a motion at which its largest speed is looked for, which scales the speeds of starts."""
@@ -67,17 +70,12 @@ def history_of_case(
     return method.run(system, changed.base.excitation, changed.base.history_duration, record, state)
 
 
-def value_of_history(measure: Measure, response: Response, observed: Any) -> float:
-    """A measure of a whole run.
-
-    Parameters
-    ----------
-    measure : Measure
-        One that needs no cycle.
-    response : Response
-        With the channel of the observed place.
-    observed : str or float
-    """
+def value_of_history(
+    measure: Measure,  # one that needs no cycle
+    response: Response,  # with the channel of the observed place
+    observed: Any,
+) -> float:
+    """A measure of a whole run."""
     if measure.function is not None:
         return float(measure.function(response))
     if measure.channel:

@@ -40,12 +40,10 @@ from femimpact.parametric.own_code import (
 from femimpact.study.study import Study
 from femimpact.system.system import System
 
-__all__ = ["code_key", "first_difference", "plain_study", "sources_key", "study_key"]
-
 NUMERICAL = ("contact", "excitation", "fem", "integrators", "response", "structure", "system", "parametric")
 """Folders whose sources decide the numbers."""
 
-BESIDE = ("study/study.py", "study/parameter_plan.py", "study/signal_motion.py", "study/recorded_motion.py")
+BESIDE = ("study/study.py", "study/parameter_plan.py", "study/base_motion.py")
 
 WITHOUT = ("text", "path", "plan", "output", "sweep")
 """Fields of a study that its cases do not hang on."""
@@ -72,10 +70,7 @@ def code_key() -> str:
 def plain_study(study: ParameterStudy) -> dict[str, Any]:
     """The study in what JSON has; two that are equal give the same results with the same code.
 
-    Raises
-    ------
-    InputError
-        If a function has no code that could be compared, and there is no version.
+    Raises `InputError` if a function has no code that could be compared, and there is no version.
     """
     given: Any = study.study
     axes = {
@@ -135,26 +130,16 @@ def _short(value: Any) -> str:
 
 @dataclass(frozen=True)
 class _Walk:
-    """What is known on the way from a value to all that it takes.
+    """What is known on the way from a value to all that it takes."""
 
-    Parameters
-    ----------
-    version : str, optional
-        In place of the code of functions.
-    home : mapping
-        What the module of the first function holds: its file does not count, but what is taken from it.
-    above : tuple
-        Functions, lists and modules that hold the value: one that holds itself is not looked at again.
-    seen : dict
-        Numbers of the objects and classes that were met, and of functions of other modules, by their id.
-    files : dict
-        Hashes of the files that were met, by the names of their modules.
-    """
-
-    version: str | None = None
+    version: str | None = None  # in place of the code of functions
+    # what the module of the first function holds: its file does not count, but what is taken from it
     home: Mapping[str, Any] = field(default_factory=dict)
+    # functions, lists and modules that hold the value: one that holds itself is not looked at again
     above: tuple[Any, ...] = ()
+    # numbers of the objects and classes that were met, and of functions of other modules, by their id
     seen: dict[int, tuple[int, Any]] = field(default_factory=dict)
+    # hashes of the files that were met, by the names of their modules
     files: dict[str, str] = field(default_factory=dict)
 
     def into(self, value: Any) -> _Walk:

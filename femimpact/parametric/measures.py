@@ -11,17 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, require, suggestion
-from femimpact.export.study_columns import BESIDE, STATISTICS
-from femimpact.integrators.answers import SineDwellResults
+from femimpact.export.tables import BESIDE, STATISTICS
+from femimpact.integrators.cases import SineDwellResults
 from femimpact.response.channels import resolve_channels
 from femimpact.response.impacts import statistics_of_cases
 from femimpact.response.response import Response
 from femimpact.system.system import System
-
-__all__ = ["MEASURES", "Measure", "Source", "check_names", "columns_of", "measures_of", "of_response"]
-
-Array = NDArray[np.float64]
 
 
 class Source(Enum):
@@ -35,28 +32,15 @@ class Source(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Measure:
-    """One number, or one word, of a case.
-
-    Parameters
-    ----------
-    name : str
-    unit : str
-    long_name : str
-    source : Source
-    is_text : bool
-    function : callable, optional
-        The user's own, of a `Response`.
-    channel : str
-        Whose largest value it is; empty for any other.
-    """
+    """One number, or one word, of a case."""
 
     name: str
     unit: str
     long_name: str
     source: Source
     is_text: bool = False
-    function: Callable[[Response], Any] | None = None
-    channel: str = ""
+    function: Callable[[Response], Any] | None = None  # the user's own, of a `Response`
+    channel: str = ""  # whose largest value it is; empty for any other
 
 
 MEASURES = {
@@ -89,20 +73,14 @@ INSTANTS = 16
 """Of a cycle at which the energy stored is read for the damping."""
 
 
-def measures_of(given: Sequence[Any], system: System, without_cycle: str = "") -> tuple[Measure, ...]:
+def measures_of(
+    given: Sequence[Any],
+    system: System,
+    without_cycle: str = "",  # what the base does where it has no cycle; empty where it has
+) -> tuple[Measure, ...]:
     """The measures asked for: by their names, by a channel whose largest value is meant, or functions of a response.
 
-    Parameters
-    ----------
-    given : sequence of str or callable
-    system : System
-    without_cycle : str
-        What the base does where it has no cycle; empty where it has.
-
-    Raises
-    ------
-    InputError
-        If a measure is unknown, asked for twice, or needs a cycle where there is none.
+    Raises `InputError` if a measure is unknown, asked for twice, or needs a cycle where there is none.
     """
     found = tuple(_measure(item, system) for item in given)
     names = [item.name for item in found]
@@ -119,15 +97,11 @@ def measures_of(given: Sequence[Any], system: System, without_cycle: str = "") -
     return found
 
 
-def check_names(measures: Sequence[Measure], axes: Sequence[str]) -> None:
-    """Refuse measures whose variables would have a name that another variable of the dataset, or an axis, has.
-
-    Parameters
-    ----------
-    measures : sequence of Measure
-    axes : sequence of str
-        Paths.
-    """
+def check_names(
+    measures: Sequence[Measure],
+    axes: Sequence[str],  # paths
+) -> None:
+    """Refuse measures whose variables would have a name that another variable of the dataset, or an axis, has."""
     taken = {"case", *BESIDE}
     for path in axes:
         require(path not in taken, path, None, "", "is the name of another variable: give the argument another one")
@@ -182,18 +156,13 @@ def _damping(loss: Any, stored: Any) -> Any:
         return np.where(stored > 0.0, loss / (4.0 * math.pi * stored), 0.0)
 
 
-def of_response(measure: Measure, response: Response, begin: float, cycles: int) -> float | str:
-    """A measure that is read from a run of a case.
-
-    Parameters
-    ----------
-    measure : Measure
-    response : Response
-    begin : float, s
-        From when on is measured.
-    cycles : int
-        Of the base that are measured.
-    """
+def of_response(
+    measure: Measure,
+    response: Response,
+    begin: float,  # s: from when on is measured
+    cycles: int,  # of the base that are measured
+) -> float | str:
+    """A measure that is read from a run of a case."""
     if measure.function is not None:
         return float(measure.function(response))
     if measure.name == "regime":

@@ -16,11 +16,6 @@ from importlib.machinery import ModuleSpec
 from pathlib import Path
 from typing import Any
 
-__all__ = [
-    "NotComparableError", "check_open", "code_hash", "global_names", "imported_modules", "is_library",
-    "is_library_file", "is_library_module", "named", "source_files",
-]  # fmt: skip
-
 HIDING = {"globals", "__globals__", "f_globals", "__builtins__", "__import__", "import_module", "modules"}
 """Names by which code reaches what it does not name."""
 
@@ -211,10 +206,7 @@ def source_files(names: Mapping[str, Any], known: Collection[str] = ()) -> dict[
 
     Comments, docstrings and the form of the text do not count. Modules that are known are left out.
 
-    Raises
-    ------
-    NotComparableError
-        If one of them is not in Python.
+    Raises `NotComparableError` if one of them is not in Python.
     """
     found: dict[str, str] = {}
     file = names.get("__file__")

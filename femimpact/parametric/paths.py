@@ -1,4 +1,4 @@
-"""Values of a study by their paths: which there are, in which unit, what a change of each asks for, and the change."""
+"""Where the balls of a case start: the same unit draws for every case, scaled to its gaps and its base."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
 
-from femimpact.errors import Fault, InputError, suggestion
-from femimpact.integrators.methods import METHODS
-from femimpact.study.signal_motion import SignalMotion
-from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Reduction, Study
-from femimpact.system.system import System
+import numpy as np
 
-__all__ = [
-    "Place", "Stage", "damping_with", "paths_of_function", "paths_of_study", "paths_of_system", "study_with",
-    "unknown_path",
-]  # fmt: skip
+from femimpact.arrays import Array
+from femimpact.errors import Fault, InputError, suggestion
+from femimpact.excitation import Excitation
+from femimpact.integrators.methods import METHODS
+from femimpact.study.base_motion import SignalMotion
+from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Reduction, Study
+from femimpact.system.state import State
+from femimpact.system.system import System
 
 
 class Stage(IntEnum):
@@ -32,25 +32,13 @@ class Stage(IntEnum):
 
 @dataclass(frozen=True)
 class Place:
-    """A value of a study.
-
-    Parameters
-    ----------
-    path : str
-    unit : str
-    stage : Stage
-    owner : str
-        Name of the table of the study, or of the argument, in which it stands.
-    part : str
-        Name of the body, segment or contact; empty where there is one only.
-    field : str
-    """
+    """A value of a study."""
 
     path: str
     unit: str
     stage: Stage
-    owner: str
-    part: str
+    owner: str  # name of the table of the study, or of the argument, in which it stands
+    part: str  # name of the body, segment or contact; empty where there is one only
     field: str
 
 
@@ -175,10 +163,7 @@ def _law_of(owner: str, part: str, law: Any) -> Iterator[Place]:
 def study_with(study: Study, values: Mapping[Place, Any]) -> Study:
     """The study with some of its values changed; those of the start of the balls stay what they were.
 
-    Raises
-    ------
-    InputError
-        If a value is out of range, or does not fit the others.
+    Raises `InputError` if a value is out of range, or does not fit the others.
     """
     found: dict[str, Any] = {"structure": study.structure}
     for place, value in values.items():
@@ -252,3 +237,41 @@ def unknown_path(path: str, known: Mapping[str, Place], of_system: bool) -> Faul
     if of_system and path.partition(".")[0] in parts:
         return Fault(path, None, "", f"{FIXED}: give a Study, or a function that returns a structure")
     return Fault(path, None, "", suggestion(path, known))
+
+
+def unit_draws(starts: int, balls: int, seed: int) -> Array:
+    """Numbers (starts, balls, 2) from 0 to 1, for the place and the speed of each ball; those of fewer starts first."""
+    return np.random.default_rng(seed).random((starts, balls, 2))
+
+
+def scaled_starts(
+    draws: Array,  # (starts, balls, 2)
+    gaps: Array,  # (cases, balls, 2) m: to the + and to the - side
+    speed: Array,  # (cases,) m/s: amplitude times angular frequency of the base
+) -> tuple[Array, Array]:  # (cases, starts, balls) m and m/s
+    """Places of balls, uniform in their gaps, and speeds, uniform within +- a speed, relative to the structure."""
+    plus, minus = gaps[:, None, :, 0], gaps[:, None, :, 1]
+    displacement = -minus + (plus + minus) * draws[None, :, :, 0]
+    return displacement, speed[:, None, None] * (2.0 * draws[None, :, :, 1] - 1.0)
+
+
+def structure_at_balls(system: System, initial: State, base: Excitation) -> Array:
+    """Displacement (m) of the structure at each ball where a run starts, (balls,): of a static state it is not zero."""
+    u, *_ = initial.relative_to_base(system, base)
+    return np.array([pair.direction @ u for pair in system.balls])
+
+
+def placed_balls(
+    given: Array,  # (balls,) m: not a number where no axis places a ball; zero is a place as any other
+    system: System,
+    initial: State,  # from which the run starts
+    base: Excitation,
+) -> Array:
+    """Displacements (m) of the balls, (balls,), those that are not given where they lie; all not given stay so."""
+    left = np.isnan(given)
+    if left.all() or not left.any():
+        return given
+    if not initial.is_static_on(system):
+        return np.where(left, 0.0, given)
+    *_, other, _ = initial.relative_to_base(system, base)
+    return np.where(left, other[: given.size], given)

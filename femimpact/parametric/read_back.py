@@ -17,12 +17,10 @@ from typing import Any
 import numpy as np
 
 from femimpact.errors import InputError
-from femimpact.parametric.case_table import MOST_CASES
+from femimpact.parametric.cases import MOST_CASES
 from femimpact.parametric.evaluation import BlockValues
 from femimpact.parametric.measures import MEASURES, Measure, Source, check_names
 from femimpact.study.parameter_plan import MOST_STARTS
-
-__all__ = ["DamagedFileError", "block_content", "block_of", "manifest_content", "manifest_of"]
 
 Plain = Mapping[str, Any]
 
@@ -78,10 +76,7 @@ def manifest_of(content: bytes) -> dict[str, Any]:
 
     Of a file of an earlier version, without a checksum, the table is held to the study beside it, as of any.
 
-    Raises
-    ------
-    DamagedFileError
-        If it is not what `manifest_content` writes.
+    Raises `DamagedFileError` if it is not what `manifest_content` writes.
     """
     try:
         found = json.loads(content)
@@ -172,15 +167,11 @@ def _check_study(study: Plain, table: Plain) -> None:
 # ---- blocks ----------------------------------------------------------------------------------------
 
 
-def block_content(block: BlockValues, key: str) -> bytes:
-    """A block as bytes with their checksum.
-
-    Parameters
-    ----------
-    block : BlockValues
-    key : str
-        Of the study and the code.
-    """
+def block_content(
+    block: BlockValues,
+    key: str,  # of the study and the code
+) -> bytes:
+    """A block as bytes with their checksum."""
     payload = io.BytesIO()
     of_words = {name: list(rows) for name, rows in block.words.items()}
     words = {"key": key, "failures": list(block.failures), "words": of_words}
@@ -190,21 +181,14 @@ def block_content(block: BlockValues, key: str) -> bytes:
     return hashlib.sha256(content).hexdigest().encode() + b"\n" + content
 
 
-def block_of(content: bytes, key: str, table: Plain) -> BlockValues:
+def block_of(
+    content: bytes,  # bytes
+    key: str,  # of the study and the code
+    table: Plain,  # what the dataset of the study is labelled by
+) -> BlockValues:
     """The block that bytes hold.
 
-    Parameters
-    ----------
-    content : bytes
-    key : str
-        Of the study and the code.
-    table : mapping
-        What the dataset of the study is labelled by.
-
-    Raises
-    ------
-    DamagedFileError
-        If they are not what `block_content` writes of a block of that study.
+    Raises `DamagedFileError` if they are not what `block_content` writes of a block of that study.
     """
     digest, _, payload = content.partition(b"\n")
     _sound(hashlib.sha256(payload).hexdigest().encode() == digest, "its checksum is that of another content")

@@ -13,24 +13,21 @@ import numpy as np
 from femimpact.errors import Fault, InputError, require
 from femimpact.export import figures, tables
 from femimpact.export.files import atomic_write
-from femimpact.export.study_columns import measure_names, value_words
-from femimpact.parametric.cluster import connected
+from femimpact.export.tables import measure_names, value_words
 from femimpact.parametric.definition import ParameterStudy
-from femimpact.parametric.progress import StudyProgress
-from femimpact.parametric.statistics_over_starts import over_starts
-from femimpact.parametric.verb import run_parameter_study, to_stderr
-from femimpact.parametric.workers import block_cases
+from femimpact.parametric.labelled import over_starts
+from femimpact.parametric.verb import StudyProgress, run_parameter_study, to_stderr
+from femimpact.parametric.workers import block_cases, connected
 from femimpact.response.response import Recorder
 from femimpact.study.cost import START, history_cost
-from femimpact.study.result_files import FILES, OTHER_FILES
-from femimpact.study.result_report import add_report
+from femimpact.study.result_directory import FILES, OTHER_FILES
+from femimpact.study.result_page import add_report
 from femimpact.study.study import Study
-from femimpact.study.study_text import study_text
+from femimpact.study.study_file import study_text
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["definition_of", "plan_lines", "summary_lines", "write_parameter_study"]
 
 SECONDS_OF_MODES = 0.006
 """Making the system of a case whose modes are its own, s."""
@@ -60,10 +57,7 @@ RUN_FACTOR = 2.5
 def definition_of(study: Study) -> ParameterStudy:
     """The parameter study of a study file.
 
-    Raises
-    ------
-    InputError
-        If the file has none, or a path or a measure in it is unknown.
+    Raises `InputError` if the file has none, or a path or a measure in it is unknown.
     """
     require(study.plan is not None, "study", None, "", "table [study] is missing from the study")
     plan: Any = study.plan
@@ -122,14 +116,10 @@ def write_parameter_study(
     return dataset
 
 
-def table_of(dataset: xarray.Dataset) -> tuple[dict[str, Any], dict[str, str]]:
-    """A row for every case: values of the axes, then of the measures; and units.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        Of `parameter_study`.
-    """
+def table_of(
+    dataset: xarray.Dataset,  # xarray.Dataset: of `parameter_study`
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """A row for every case: values of the axes, then of the measures; and units."""
     shape = dataset["finished"].shape
     columns: dict[str, Any] = {}
     units: dict[str, str] = {}
@@ -169,12 +159,9 @@ def _drawn(dataset: xarray.Dataset, name: str) -> Any:
 def plan_lines(study: Study) -> list[str]:
     """What the parameter study of a study file would take: cases, time, memory and disk.
 
-    Raises
-    ------
-    InputError
-        As of `definition_of`.
+    Raises `InputError` as of `definition_of`.
     """
-    from femimpact.integrators.threads import cores
+    from femimpact.integrators.cases import cores
     from femimpact.parametric.measures import Source
     from femimpact.parametric.paths import Stage
 

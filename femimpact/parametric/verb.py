@@ -1,4 +1,4 @@
-"""Run a parameter study: blocks of cases, those on disk first, to a labelled dataset."""
+"""The results of a study as far as it is, from its directory, while it runs or after it was ended."""
 
 from __future__ import annotations
 
@@ -6,36 +6,82 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.errors import kind_of, require, require_path
+from femimpact.errors import check_fields, kind_of, quantity, require, require_path
 from femimpact.excitation import Sine
 from femimpact.export.tables import write_netcdf
+from femimpact.integrators.cases import workers_of
 from femimpact.integrators.methods import Method
-from femimpact.integrators.threads import workers_of
-from femimpact.parametric.block_files import BlockFolder
-from femimpact.parametric.cluster import check_client
+from femimpact.parametric.block_files import BlockFolder, blocks_of, read_manifest
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.evaluation import BlockValues
 from femimpact.parametric.identity import plain_study, study_key
 from femimpact.parametric.labelled import Columns, dataset_of, labels_of
-from femimpact.parametric.progress import StudyProgress
-from femimpact.parametric.workers import block_cases, run_blocks
+from femimpact.parametric.workers import block_cases, check_client, run_blocks
 from femimpact.progress import draws_progress
 from femimpact.structure.structure import Position
-from femimpact.study.directory_lock import Lock
 from femimpact.study.parameter_plan import SamplePlan
-from femimpact.study.result_files import OTHER_FILES
+from femimpact.study.result_directory import OTHER_FILES, Lock
 from femimpact.study.study import Study
 from femimpact.system.system import System
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["parameter_study", "run_parameter_study"]
+
+@dataclass(frozen=True)
+class StudyProgress:
+    """How far a study is.
+
+    Parameters
+    ----------
+    cases : int
+    finished : int
+        Those found on disk included.
+    found : int
+        Cases that an earlier call had finished.
+    failed : int
+        Finished cases of which a start has no values.
+    rate : float, 1/s
+        Cases finished in a second by this call.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+    """
+
+    cases: int = field(metadata=quantity("1", at_least=1, integer=True))
+    finished: int = field(metadata=quantity("1", at_least=0, integer=True))
+    found: int = field(metadata=quantity("1", at_least=0, integer=True))
+    failed: int = field(metadata=quantity("1", at_least=0, integer=True))
+    rate: float = field(metadata=quantity("1/s", at_least=0.0))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @property
+    def share(self) -> float:
+        """Share that is done, 0 to 1."""
+        return self.finished / self.cases
+
+    @property
+    def remaining(self) -> float:
+        """Time (s) that the rest takes at this rate; infinite before the first cases."""
+        left = self.cases - self.finished
+        return left / self.rate if self.rate > 0.0 else float("inf") if left else 0.0
+
+    def __float__(self) -> float:
+        return self.share
+
+    def __str__(self) -> str:
+        failed = f", {self.failed} failed" if self.failed else ""
+        return f"{self.finished} of {self.cases} cases, {self.rate:.3g}/s{failed}"
 
 
 @draws_progress
@@ -180,3 +226,30 @@ def keep(block: BlockValues, columns: Columns, folder: BlockFolder | None) -> No
     if folder is not None:
         folder.write(block)
     columns.add(block)
+
+
+def load_parameter_study(directory: str | Path) -> xarray.Dataset:
+    """The dataset of a study from its finished blocks; what is not finished is not a number, and `finished` says so.
+
+    Parameters
+    ----------
+    directory : str or Path
+        That of `parameter_study`, which may be at work.
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    InputError
+        If the directory holds no study, or a damaged one.
+    """
+    require_path(directory, "directory", "a directory")
+    found = read_manifest(Path(directory))
+    require(found is not None, "directory", str(directory), "", "must hold a parameter study")
+    manifest = found or {}
+    columns = Columns(manifest["table"])
+    for block in blocks_of(Path(directory), manifest["key"], manifest["table"]):
+        columns.add(block)
+    return dataset_of(columns)

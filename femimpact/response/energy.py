@@ -6,17 +6,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import check_fields, column
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["BALANCED", "CLOSED", "EnergyLedger", "energy_residual", "largest_input", "residual_warnings", "unbalanced"]
-
-Array = NDArray[np.float64]
 
 CLOSED = 1e-9
 """Residual that rounding leaves of a ledger in closed form, unless contacts are so stiff that it leaves more."""
@@ -25,17 +22,11 @@ BALANCED = 1e-2
 """Residual beyond which a stepped run is warned of, and an event-driven one has failed."""
 
 
-def largest_input(stored: Array, work: Array) -> Array:
-    """Initial energy plus the largest work put in, J: what residuals are shares of.
-
-    Parameters
-    ----------
-    stored, work : ndarray (samples, ...), J
-
-    Returns
-    -------
-    ndarray (...), J
-    """
+def largest_input(
+    stored: Array,  # (samples, ...) J
+    work: Array,  # (samples, ...) J
+) -> Array:  # (...) J
+    """Initial energy plus the largest work put in, J: what residuals are shares of."""
     return np.asarray(stored[0] + np.max(np.abs(work - work[0]), axis=0))
 
 
@@ -67,20 +58,12 @@ def unbalanced(residual: float) -> str:
     )
 
 
-def residual_warnings(frequency: Array, residual: Array, bound: Array) -> list[str]:
-    """One warning for all runs of a sweep whose ledger is off by more than a bound.
-
-    Parameters
-    ----------
-    frequency : ndarray (cases,), Hz
-    residual : ndarray (cases,), 1
-        Not a number where energies are beyond all numbers, which is warned of too.
-    bound : ndarray (cases,), 1
-
-    Returns
-    -------
-    list of str
-    """
+def residual_warnings(
+    frequency: Array,  # (cases,) Hz
+    residual: Array,  # (cases,) not a number where energies are beyond all numbers, which is warned of too
+    bound: Array,  # (cases,)
+) -> list[str]:
+    """One warning for all runs of a sweep whose ledger is off by more than a bound."""
     off = np.flatnonzero(~(residual <= bound))
     if not off.size:
         return []

@@ -1,8 +1,9 @@
-"""Histories: what was kept over time, whole or in the pieces in which a run hands it over."""
+"""Histories: what was kept over time, whole, in pieces, or once per base cycle."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -10,43 +11,46 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import check_fields, checked, column, having, instance, optional, require, require_type
+from femimpact.arrays import Array
+from femimpact.errors import (
+    check_fields,
+    checked,
+    column,
+    having,
+    instance,
+    optional,
+    quantity,
+    real_array,
+    require,
+    require_type,
+    suggestion,
+)
 from femimpact.excitation import Excitation
 from femimpact.excitation.excitation import MEMBERS, has_cycle
+from femimpact.response.channels import channel_key
 from femimpact.response.energy import EnergyLedger
+from femimpact.structure.structure import Position
+from femimpact.table import Head, head_of_columns, short_repr
 
 if TYPE_CHECKING:
     import xarray
-
-__all__ = ["HistoryPiece", "Snapshots", "Stream", "check_histories", "deciding_rows", "history_dataset"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Snapshots:
     """Whole deflections, relative to the base.
 
-    Parameters
-    ----------
-    time : ndarray (snapshots,), s
-    displacement, velocity : ndarray (snapshots, 2 nodes), m and 1; m/s and 1/s
-        (w1, w1', w2, w2', ...) at the nodes.
-    ball_displacement, ball_velocity : ndarray (snapshots, balls), m and m/s
-    contact_force : ndarray (snapshots, pairs), N
-        On the beam, balls first, then stops.
-
-    Raises
-    ------
-    InputError
-        If an array does not have one row for each snapshot, or a time is not finite.
+    Raises `InputError` if an array does not have one row for each snapshot, or a time is not finite.
     """
 
-    time: Array = field(metadata=column("s", "snapshots", finite=True))
+    time: Array = field(metadata=column("s", "snapshots", finite=True))  # (snapshots,) s
+    # (snapshots, 2 nodes) m and 1; m/s and 1/s: (w1, w1', w2, w2', ...) at the nodes
     displacement: Array = field(metadata=column("m", "snapshots", "nodal values"))
+    # (snapshots, 2 nodes) m and 1; m/s and 1/s
     velocity: Array = field(metadata=column("m/s", "snapshots", "nodal values"))
-    ball_displacement: Array = field(metadata=column("m", "snapshots", "balls"))
-    ball_velocity: Array = field(metadata=column("m/s", "snapshots", "balls"))
+    ball_displacement: Array = field(metadata=column("m", "snapshots", "balls"))  # (snapshots, balls) m and m/s
+    ball_velocity: Array = field(metadata=column("m/s", "snapshots", "balls"))  # (snapshots, balls) m and m/s
+    # (snapshots, pairs) N: on the beam, balls first, then stops
     contact_force: Array = field(metadata=column("N", "snapshots", "pairs"))
 
     def __post_init__(self) -> None:
@@ -144,20 +148,13 @@ def history_dataset(
     return xarray.Dataset(data, coords={"time": coordinate}, attrs=attributes)
 
 
-def deciding_rows(before: EnergyLedger | None, piece: EnergyLedger) -> EnergyLedger:
+def deciding_rows(
+    before: EnergyLedger | None,  # those of all the pieces before
+    piece: EnergyLedger,  # with one sample or more
+) -> EnergyLedger:
     """The few rows of a ledger in pieces that give its residual: first, largest imbalance, largest work, last.
 
-    Parameters
-    ----------
-    before : EnergyLedger or None
-        Those of all the pieces before.
-    piece : EnergyLedger
-        With one sample or more.
-
-    Returns
-    -------
-    EnergyLedger
-        At most 4 samples; its residual is the one of all samples so far, to the last bit.
+    Returns: at most 4 samples; its residual is the one of all samples so far, to the last bit.
     """
     first = piece if before is None else before
     rows = _take(piece, _extremes(piece, first))
@@ -186,21 +183,12 @@ def _take(ledger: EnergyLedger, rows: list[int]) -> EnergyLedger:
 
 @dataclass(eq=False)
 class Stream:
-    """Where the history of a run goes: piece by piece to a sink, or as a whole to the response.
+    """Where the history of a run goes: piece by piece to a sink, or as a whole to the response."""
 
-    Parameters
-    ----------
-    read : callable
-        What the run holds now, given how many samples and snapshots were taken from it before.
-    clear : callable
-        Empties the run of that.
-    sink : callable or None
-        As of `Recorder`.
-    """
-
+    # what the run holds now, given how many samples and snapshots were taken from it before
     read: Callable[[int, int], HistoryPiece]
-    clear: Callable[[], None]
-    sink: Callable[[HistoryPiece], None] | None
+    clear: Callable[[], None]  # empties the run of that
+    sink: Callable[[HistoryPiece], None] | None  # as of `Recorder`
     samples: int = 0
     snapshots: int = 0
     deciding: EnergyLedger | None = None
@@ -227,3 +215,138 @@ class Stream:
         if self.sink is None:
             return found
         return dataclasses.replace(found, channels={}, energy=self.deciding, snapshots=None)
+
+
+SAME_INSTANT = 1e-9
+"""Cycles by which an instant may differ from that of a sample and still be it: rounding of long times."""
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class StroboscopicSection:
+    """Channels once per base cycle, at one phase of the base.
+
+    Parameters
+    ----------
+    phase : float, rad
+        Of the base, 0 to 2 pi.
+    time : ndarray (cycles,), s
+    channels : mapping of str to ndarray (cycles,)
+        As `Response.channels` has them; `section["tip"]` reads one.
+    units : mapping of str to str
+
+    Raises
+    ------
+    InputError
+        If the phase is not finite, `time` is no array of finite numbers, or a channel has not its samples or no unit.
+    """
+
+    phase: float = field(metadata=quantity("rad"))
+    time: Array = field(metadata=column("s", "cycles", finite=True))
+    channels: Mapping[str, Array]
+    units: Mapping[str, str]
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        for key, given in (("channels", self.channels), ("units", self.units)):
+            require_type(given, Mapping, key)
+        known = set(self.channels) <= set(self.units)
+        require(known, "units", list(self.units), "", f"must be those of the channels, {list(self.channels)}")
+        for name, values in self.channels.items():
+            array = real_array(f"channels.{name}", values, self.units[name], "must hold numbers", finite=False)
+            fits = array.shape == self.time.shape
+            require(fits, f"channels.{name}", f"array of shape {array.shape}", "", "must have the samples of time")
+
+    @property
+    def _head(self) -> Head:
+        title = f"StroboscopicSection: {self.time.size} cycles, at {self.phase:.5g} rad of the base"
+        return head_of_columns(title, {"time": self.time, **self.channels}, {"time": "s", **self.units})
+
+    def __getitem__(self, name: Position) -> Array:
+        key = channel_key(name)
+        require(key in self.channels, "channel", key, "", suggestion(key, self.channels))
+        return self.channels[key]
+
+
+def stroboscopic(
+    time: Array,
+    channels: Mapping[str, Array],
+    units: Mapping[str, str],
+    base: Excitation,
+    phase: float = 0.0,
+) -> StroboscopicSection:
+    """Channels at the instants at which the base has a phase.
+
+    An instant that is a sample is read from it. Between samples a displacement whose velocity was
+    recorded too is read from the cubic with the values and rates of both neighbours (order 4), every other
+    channel from the straight line between them (order 2). Where an impact lies between the neighbours the
+    error is at most the spacing of samples times the jump of the rate.
+
+    Parameters
+    ----------
+    time : ndarray (samples,), s
+        Ascending.
+    channels : mapping of str to ndarray (samples,)
+    units : mapping of str to str
+    base : Excitation
+        Its `frequency` and `phase` say what a cycle is: 2 pi frequency t + base.phase.
+    phase : float, rad
+
+    Returns
+    -------
+    StroboscopicSection
+        Of all whole cycles between the first and the last sample; none where there is no sample.
+
+    Raises
+    ------
+    InputError
+        If the phase is no finite number, or the base has none, as a record.
+    """
+    taken_at = checked("phase", phase, quantity("rad")) % (2.0 * math.pi)
+    require(
+        math.isfinite(base.phase),
+        "base.phase",
+        base.phase,
+        "rad",
+        "must be finite: no record and nothing without a cycle has one",
+    )
+    instants = _instants(time, base, taken_at)
+    right = np.clip(np.searchsorted(time, instants), 1, max(time.size - 1, 1))
+    read = {}
+    for name, values in channels.items():
+        rate = channels.get(f"{name}.velocity") if units[name] == "m" else None
+        read[name] = _read(time, values, rate, instants, right, SAME_INSTANT / base.frequency)
+    return StroboscopicSection(taken_at, instants, read, dict(units))
+
+
+def _instants(time: Array, base: Excitation, phase: float) -> Array:
+    """Instants (s) at which the base has the phase, within the samples."""
+    if time.size == 0:
+        return np.zeros(0)
+    shift = (phase - base.phase) / (2.0 * math.pi)
+    first = math.ceil(time[0] * base.frequency - shift - SAME_INSTANT)
+    last = math.floor(time[-1] * base.frequency - shift + SAME_INSTANT)
+    return np.clip((np.arange(first, last + 1) + shift) / base.frequency, time[0], time[-1])
+
+
+def _read(
+    time: Array,
+    values: Array,
+    rate: Array | None,
+    instants: Array,
+    right: NDArray[np.int64],
+    same: float,
+) -> Array:
+    """Values at instants from their neighbours, of which `right` is the number of the later one."""
+    if time.size < 2 or instants.size == 0:
+        return np.asarray(values[np.zeros(instants.size, dtype=int)])
+    left = right - 1
+    h = time[right] - time[left]
+    s = np.divide(instants - time[left], h, out=np.zeros_like(h), where=h > 0.0)
+    between = values[left] + s * (values[right] - values[left])
+    if rate is not None:
+        # the cubic that has the values and rates of both neighbours, as its distance from the straight line
+        secant = values[right] - values[left]
+        between += s * (1.0 - s) * ((1.0 - s) * (h * rate[left] - secant) - s * (h * rate[right] - secant))
+    nearest = np.where(s < 0.5, left, right)
+    return np.asarray(np.where(np.abs(time[nearest] - instants) <= same, values[nearest], between))

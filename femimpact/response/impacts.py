@@ -9,21 +9,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import check_fields, column, quantity, require_type, text
-from femimpact.svg.axis import axis_of
-from femimpact.svg.chart import Chart, Line
+from femimpact.svg import Chart, Line, axis_of
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
-__all__ = [
-    "IMPACT_UNITS", "STICKING_UNITS", "ImpactStatistics", "Impacts", "StickingPhases", "impact_columns",
-    "impact_statistics", "statistics_of_cases",
-]  # fmt: skip
+# the first two are extremes of the motion, the others sums over samples; see signals.CycleStatistics
+CYCLE_COLUMNS = ("maximum", "minimum", "square", "sine", "cosine", "samples")
+MAXIMUM, MINIMUM = range(2)
+ENERGY_COLUMNS = ("kinetic", "strain", "ball", "contact", "work", "structure_loss", "contact_loss")
+IMPACT_COLUMNS = (
+    "time", "pair", "side", "approach_speed", "rebound_speed", "impulse", "peak_force", "duration", "energy_loss",
+)  # fmt: skip
+TOTAL_COLUMNS = ("count", "approach_speed", "approach_speed_max", "impulse", "peak_force", "force_time")
+COUNT, APPROACH_SUM, LARGEST_APPROACH, IMPULSE_SUM, PEAK_FORCE, FORCE_TIME = range(6)
+# the first four count impacts that end within the window; the last two every force in it, sticking included
 
-Array = NDArray[np.float64]
 
 MOST_DRAWN = 6
 """Balls and stops whose impacts a notebook shows."""
@@ -203,15 +208,8 @@ class Impacts:
 def impact_columns(impacts: Impacts) -> tuple[dict[str, Any], dict[str, str]]:
     """Columns of the impact table and their units, with one more column for the share of every mode.
 
-    Parameters
-    ----------
-    impacts : Impacts
-
-    Returns
-    -------
-    columns : dict of str to ndarray (n,)
-        Those of `IMPACT_UNITS`, then share_of_mode_1, ... (see `Impacts.mode_share`).
-    units : dict of str to str
+    `columns` (n,): those of `IMPACT_UNITS`, then share_of_mode_1, ... (see `Impacts.mode_share`).
+    `units`
     """
     columns = {name: getattr(impacts, name) for name in IMPACT_UNITS}
     shares = {f"share_of_mode_{k + 1}": share for k, share in enumerate(impacts.mode_share.T)}
@@ -316,43 +314,29 @@ class ImpactStatistics:
         check_fields(self)
 
 
-def impact_statistics(totals: Array, duration: float, frequency: float, law: str) -> ImpactStatistics:
+def impact_statistics(
+    # (6, balls) impacts, sum and largest of the approach speed (m/s), sum of the impulse (N s), largest force (N),
+    # integral of the force (N s); see `columns.TOTAL_COLUMNS`
+    totals: Array,
+    duration: float,  # s: of the window
+    frequency: float,  # Hz: of the base, to count per cycle
+    law: str,
+) -> ImpactStatistics:
     """Statistics from the sums that the time loop keeps over a window.
 
-    Parameters
-    ----------
-    totals : ndarray (6, balls)
-        Impacts, sum and largest of the approach speed (m/s), sum of the impulse (N s), largest
-        force (N), integral of the force (N s); see `columns.TOTAL_COLUMNS`.
-    duration : float, s
-        Of the window.
-    frequency : float, Hz
-        Of the base, to count per cycle.
-    law : str
-
-    Returns
-    -------
-    ImpactStatistics
-        Over all balls given; means over no impact are 0.
+    Returns: over all balls given; means over no impact are 0.
     """
     columns = statistics_of_cases(totals[:, :, None], np.array([duration]), np.array([frequency]))
     count = int(totals[0].sum())
     return ImpactStatistics(count=count, law=law, **{name: float(column[0]) for name, column in columns.items()})
 
 
-def statistics_of_cases(totals: Array, duration: Array, frequency: Array) -> dict[str, Array]:
-    """The same of many cases: columns (cases,) by the names of `ImpactStatistics`.
-
-    Parameters
-    ----------
-    totals : ndarray (6, balls, cases)
-    duration : ndarray (cases,), s
-    frequency : ndarray (cases,), Hz
-
-    Returns
-    -------
-    dict of str to ndarray (cases,)
-    """
+def statistics_of_cases(
+    totals: Array,  # (6, balls, cases)
+    duration: Array,  # (cases,) s
+    frequency: Array,  # (cases,) Hz
+) -> dict[str, Array]:  # (cases,)
+    """The same of many cases: columns (cases,) by the names of `ImpactStatistics`."""
     count = totals[0].sum(axis=0)
     each = 1.0 / np.maximum(count, 1.0)
     return {

@@ -8,13 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import check_fields, checked, choice, kind_of, quantity, require, require_type, text
 from femimpact.response.impacts import Impacts, StickingPhases
-
-__all__ = ["Regime", "RegimeCriteria", "classify", "impacts_per_cycle", "significant", "without_cycle"]
-
-Array = NDArray[np.float64]
-
 
 MOST_CYCLES = 1e8
 """Of a window; more is taken for a mistake."""
@@ -24,37 +20,23 @@ MOST_CYCLES = 1e8
 class RegimeCriteria:
     """What a motion must do to be called by a name.
 
-    Parameters
-    ----------
-    longest_period : int
-        Base cycles after which a motion must repeat to be periodic.
-    repeats : int
-        Repeats after the first period that the window must hold.
-    phase_tolerance : float, rad
-        Of the base phase, between an impact and its counterpart in the window's last period.
-    speed_tolerance : float, 1
-        Of the approach speed, in shares of the counterpart's.
-    significant_share : float, 1
-        Impacts of less than this share of the window's largest impulse are left out of the period.
-    chatter_impacts : int
-        Impacts in a row on one wall, each slower than the one before and sooner after it, that
-        make a chatter.
-    cycle_share : float, 1
-        Share of the cycles in which something must stick, or chatter.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range: periods and repeats are whole numbers from 1, the impacts of a chatter from
-        3, tolerances are not negative, and shares are at most 1.
+    Raises `InputError` if a value is out of range: periods and repeats are whole numbers from 1, the impacts of a
+    chatter from 3, tolerances are not negative, and shares are at most 1.
     """
 
+    # base cycles after which a motion must repeat to be periodic
     longest_period: int = field(default=8, metadata=quantity("1", at_least=1, integer=True))
+    # repeats after the first period that the window must hold
     repeats: int = field(default=4, metadata=quantity("1", at_least=1, integer=True))
+    # rad: of the base phase, between an impact and its counterpart in the window's last period
     phase_tolerance: float = field(default=1e-2, metadata=quantity("rad", at_least=0.0))
+    # of the approach speed, in shares of the counterpart's
     speed_tolerance: float = field(default=1e-2, metadata=quantity("1", at_least=0.0))
+    # impacts of less than this share of the window's largest impulse are left out of the period
     significant_share: float = field(default=0.1, metadata=quantity("1", at_least=0.0, at_most=1.0))
+    # impacts in a row on one wall, each slower than the one before and sooner after it, that make a chatter
     chatter_impacts: int = field(default=4, metadata=quantity("1", at_least=3, integer=True))
+    # share of the cycles in which something must stick, or chatter
     cycle_share: float = field(default=0.5, metadata=quantity("1", above=0.0, at_most=1.0))
 
     def __post_init__(self) -> None:
@@ -145,9 +127,9 @@ def impacts_per_cycle(impacts: Impacts, frequency: float, start: float, end: flo
 def classify(
     impacts: Impacts,
     sticking: StickingPhases,
-    frequency: float,
-    start: float,
-    end: float,
+    frequency: float,  # Hz: of the base
+    start: float,  # s: the window, start <= time < end; the transient should be over
+    end: float,  # s
     criteria: RegimeCriteria | None = None,
 ) -> Regime:
     """Kind of motion that the impacts of a time window show.
@@ -161,24 +143,7 @@ def classify(
     noise look the same. Where the excitation has no phase (`RecordedBase`), 2 pi frequency time takes
     its place. A compliant contact never sticks here: a ball that lies on its wall there is one long contact.
 
-    Parameters
-    ----------
-    impacts : Impacts
-    sticking : StickingPhases
-    frequency : float, Hz
-        Of the base.
-    start, end : float, s
-        The window, start <= time < end; the transient should be over.
-    criteria : RegimeCriteria, optional
-
-    Returns
-    -------
-    Regime
-
-    Raises
-    ------
-    InputError
-        If the window is empty, or the frequency is not positive.
+    Raises `InputError` if the window is empty, or the frequency is not positive.
     """
     _require_table(impacts, Impacts, "impacts")
     _require_table(sticking, StickingPhases, "sticking")

@@ -8,8 +8,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femimpact.arrays import Array
 from femimpact.errors import (
     Fault,
     InputError,
@@ -31,15 +32,19 @@ from femimpact.excitation import Excitation
 from femimpact.excitation.excitation import MEMBERS, has_cycle
 from femimpact.response.channels import Channel, Motion, channel_key, channel_of, resolve_channels
 from femimpact.response.energy import EnergyLedger
-from femimpact.response.history import HistoryPiece, Snapshots, check_histories, history_dataset
+from femimpact.response.history import (
+    HistoryPiece,
+    Snapshots,
+    StroboscopicSection,
+    check_histories,
+    history_dataset,
+    stroboscopic,
+)
 from femimpact.response.impacts import Impacts, ImpactStatistics, StickingPhases
-from femimpact.response.largest import Largest, LargestValues
 from femimpact.response.regimes import Regime, classify, without_cycle
-from femimpact.response.sections import StroboscopicSection, stroboscopic
-from femimpact.response.signals import SteadyMotion
+from femimpact.response.signals import Largest, LargestValues, SteadyMotion
 from femimpact.structure.structure import Position
-from femimpact.svg.axis import axis_of
-from femimpact.svg.chart import Chart, Line
+from femimpact.svg import Chart, Line, axis_of
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.table import Head, frame_of, head_of_values, short_repr
@@ -48,9 +53,6 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-__all__ = ["Recorder", "Response", "Snapshots"]
-
-Array = NDArray[np.float64]
 
 MOST_DRAWN = 3
 """Channels that a notebook shows."""

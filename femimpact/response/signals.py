@@ -1,19 +1,17 @@
-"""What "amplitude" and "steady" mean: statistics of a motion from its base cycles."""
+"""Statistics of a motion: what "amplitude" and "steady" mean, and the largest value of a run."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import check_fields, checked, column, quantity, real_array, require, require_type
+from femimpact.arrays import Array
+from femimpact.errors import check_fields, checked, column, quantity, real_array, require, require_type, text
+from femimpact.response.channels import Channel
 from femimpact.table import Head, column_units, head_of_columns, short_repr
-
-__all__ = ["CycleStatistics", "SteadyMotion", "no_steady_motion", "steady_motion"]
-
-Array = NDArray[np.float64]
-
 
 PARTS = 8
 """Of a window, by whose scatter its two halves are compared."""
@@ -29,27 +27,16 @@ class CycleStatistics:
     the motion before it, so that they are of the order of the method: 2 for smooth motion, where the cubic alone
     has order 4, and 1 after rigid impacts with `MoreauJean`. The sums are over samples.
 
-    Parameters
-    ----------
-    maximum, minimum : ndarray (cycles, cases), m
-    square : ndarray (cycles, cases), m^2
-        Sum of w^2 over the samples.
-    sine, cosine : ndarray (cycles, cases), m
-        Sums of w sin(phase) and w cos(phase), phase being that of the base.
-    samples : ndarray (cycles, cases), 1
-
-    Raises
-    ------
-    InputError
-        If the arrays are not all of one shape (cycles, cases).
+    Raises `InputError` if the arrays are not all of one shape (cycles, cases).
     """
 
-    maximum: Array = field(metadata=column("m", "cycles", "cases"))
-    minimum: Array = field(metadata=column("m", "cycles", "cases"))
-    square: Array = field(metadata=column("m^2", "cycles", "cases"))
+    maximum: Array = field(metadata=column("m", "cycles", "cases"))  # (cycles, cases) m
+    minimum: Array = field(metadata=column("m", "cycles", "cases"))  # (cycles, cases) m
+    square: Array = field(metadata=column("m^2", "cycles", "cases"))  # (cycles, cases) m^2: sum of w^2 over the samples
+    # (cycles, cases) m: sums of w sin(phase) and w cos(phase), phase being that of the base
     sine: Array = field(metadata=column("m", "cycles", "cases"))
-    cosine: Array = field(metadata=column("m", "cycles", "cases"))
-    samples: Array = field(metadata=column("1", "cycles", "cases"))
+    cosine: Array = field(metadata=column("m", "cycles", "cases"))  # (cycles, cases) m
+    samples: Array = field(metadata=column("1", "cycles", "cases"))  # (cycles, cases)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -99,11 +86,11 @@ class SteadyMotion:
 
 def steady_motion(
     cycles: CycleStatistics,
-    window: NDArray[np.int64],
+    window: NDArray[np.int64],  # (cases,) how many cycles at the end are measured
     periodic_tolerance: float = 1e-3,
-    statistical_tolerance: float = 0.05,
-    standard_errors: float = 3.0,
-    longest_period: int = 4,
+    statistical_tolerance: float = 0.05,  # 1
+    standard_errors: float = 3.0,  # 1
+    longest_period: int = 4,  # cycles
 ) -> SteadyMotion:
     """Amplitudes and steadiness over the last cycles of a run.
 
@@ -112,22 +99,7 @@ def steady_motion(
     agree within `statistical_tolerance`, or when their mean squares differ by fewer than
     `standard_errors` of the scatter between the window's eight parts; else "transient".
 
-    Parameters
-    ----------
-    cycles : CycleStatistics
-    window : ndarray (cases,) of int
-        How many cycles at the end are measured.
-    periodic_tolerance, statistical_tolerance, standard_errors : float, 1
-    longest_period : int, cycles
-
-    Returns
-    -------
-    SteadyMotion
-
-    Raises
-    ------
-    InputError
-        If an argument is of the wrong kind or out of range.
+    Raises `InputError` if an argument is of the wrong kind or out of range.
     """
     require_type(cycles, CycleStatistics, "cycles")
     cases = cycles.samples.shape[1]
@@ -219,3 +191,91 @@ def _halves_agree(
     error = np.sqrt((first.var(axis=0, ddof=1) + second.var(axis=0, ddof=1)) / (PARTS // 2))
     scattered = np.abs(first.mean(axis=0) - second.mean(axis=0)) <= standard_errors * error
     return np.asarray((length >= PARTS) & ((high - low <= tolerance * high) | scattered))
+
+
+@dataclass(frozen=True)
+class Largest:
+    """The value of a channel whose size is the largest of a run.
+
+    Parameters
+    ----------
+    value : float
+        With its sign: `abs(value)` is the largest absolute value of the channel. Of two of one size it is the first.
+    time : float, s
+        When the channel has it.
+    unit : str
+        Of the value.
+
+    Raises
+    ------
+    InputError
+        If a field is of the wrong kind.
+    """
+
+    value: float = field(metadata=quantity("", finite=False))
+    time: float = field(metadata=quantity("s", at_least=0.0))
+    unit: str = field(metadata=text())
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(eq=False)
+class LargestSample:
+    """Value and time of the largest size among samples that come one piece after another."""
+
+    value: float = 0.0
+    time: float | None = None
+
+    def add(self, values: Array, times: Array) -> None:
+        """Take in the next samples with their times (s)."""
+        if not values.size:
+            return
+        i = int(np.argmax(np.abs(values)))
+        if self.time is None or abs(float(values[i])) > abs(self.value):
+            self.value, self.time = float(values[i]), float(times[i])
+
+
+@dataclass(frozen=True, eq=False)
+class LargestValues:
+    """Largest values of the channels of a run, found when they are first asked for and then known."""
+
+    # from channels to the largest value of each, found by computing the run once more
+    find: Callable[[tuple[Channel, ...]], tuple[Largest, ...]] = field(repr=False)
+    known: list[tuple[Channel, Largest]] = field(default_factory=list, repr=False)  # (Channel, Largest)
+
+    def of(self, channels: tuple[Channel, ...]) -> tuple[Largest, ...]:
+        """The largest value of each channel."""
+        left = tuple(channel for channel in channels if self._known(channel) is None)
+        if left:
+            self.known.extend(zip(left, self.find(left), strict=True))
+        found = (self._known(channel) for channel in channels)
+        return tuple(one for one in found if one is not None)
+
+    def _known(self, channel: Channel) -> Largest | None:
+        return next((found for other, found in self.known if other is channel or other == channel), None)
+
+
+LARGE = 0.1
+"""Largest deflection over the length of the beam that is not warned of: a cantilever's is exact to 1 % there."""
+
+
+def deflection_warnings(
+    deflection: ArrayLike,  # m: largest absolute values, of places or of runs; what is not a number does not count
+    length: float,  # m: 0 for a structure without a beam, which has no warning
+) -> tuple[str, ...]:
+    """A warning where the beam deflects by more than a tenth of its length.
+
+    What linear theory neglects goes as (w/L)^2. Of a cantilever under a transverse end load P the exact elastica,
+    EI theta'' = -P cos(theta), has w/L = a/3 (1 - 4/35 a^2 + ...) with a = P L^2/(EI): the linear deflection w is too
+    large by 36/35 (w/L)^2 of itself, 1.0 % at w/L = 0.1 and 4.3 % at 0.2. The tip moves towards the root by
+    3/5 (w/L)^2 of the length.
+    """
+    largest = float(np.fmax.reduce(np.ravel(deflection), initial=0.0))
+    if not 0.0 < LARGE * length < largest:
+        return ()
+    share = largest / length
+    return (
+        f"the beam deflects by up to {largest:.4g} m, {share:.3g} of its length, beyond {LARGE:g}: linear beam theory "
+        f"neglects terms of the size of the square of that share, {100.0 * share * share:.2g} %",
+    )

@@ -9,8 +9,6 @@ from dataclasses import dataclass, field
 
 from femimpact.errors import Fault, check_fields, checked, quantity, require, require_type, text
 
-__all__ = ["Beam", "Segment"]
-
 
 @dataclass(frozen=True)
 class Segment:

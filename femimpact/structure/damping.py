@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import check_fields, checked, quantity, real_array, require
 
-__all__ = ["ModalDamping", "Rayleigh", "rayleigh_coefficients", "realised_damping_ratio"]
-
 
 @dataclass(frozen=True)
 class Rayleigh:
@@ -87,25 +85,16 @@ class ModalDamping:
         return self.ratios if isinstance(self.ratios, tuple) else (self.ratios,)
 
 
-def rayleigh_coefficients(omega: tuple[float, float], ratio: tuple[float, float]) -> tuple[float, float]:
+def rayleigh_coefficients(
+    omega: tuple[float, float],  # pair of float, rad/s
+    ratio: tuple[float, float],  # pair of float, 1
+) -> tuple[float, float]:  # 1/s and s
     """Coefficients (alpha in 1/s, beta in s) of C = alpha M + beta K from two target ratios.
 
     ratio_i = alpha/(2 omega_i) + beta omega_i/2 for i = 1, 2 (Clough and Penzien, 2003).
 
-    Parameters
-    ----------
-    omega : pair of float, rad/s
-    ratio : pair of float, 1
-
-    Returns
-    -------
-    alpha, beta : float, 1/s and s
-
-    Raises
-    ------
-    InputError
-        If the targets need a negative coefficient, which would feed energy in elsewhere, or the two
-        frequencies are one.
+    Raises `InputError` if the targets need a negative coefficient, which would feed energy in elsewhere, or the two
+    frequencies are one.
     """
     w1, w2 = _two("omega", omega, quantity("rad/s", above=0.0, several=True))
     z1, z2 = _two("damping.ratio", ratio, quantity("1", several=True))

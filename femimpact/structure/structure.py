@@ -1,10 +1,10 @@
-"""The thing on the shaker: beam, supports, bodies on it and balls in their cavities. No mesh here."""
+"""Numbers of a structure that are allowed, and so unusual that another unit may have been meant."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,30 +15,85 @@ from femimpact.errors import (
     InputError,
     check_fields,
     choice,
+    optional,
     place,
     quantity,
     require,
     require_type,
     text,
 )
-from femimpact.structure.beam import Beam, Segment
+from femimpact.structure.beam import Beam
 from femimpact.structure.damping import ModalDamping, Rayleigh
-from femimpact.structure.springs import Dashpot, Spring
 from femimpact.table import Head, head_of_values, short_repr
 
-__all__ = [
-    "Beam",
-    "Impactor",
-    "PointMass",
-    "Position",
-    "Segment",
-    "Stop",
-    "Structure",
-    "Support",
-    "glue_impactors",
-    "require_preload",
-    "sound_gaps",
-]
+
+@dataclass(frozen=True)
+class Spring:
+    """A linear spring along the deflection, to the moving base or between two places of the beam.
+
+    The force on the beam at `at` is -stiffness (w(at) - w(to)), and the opposite one acts at `to`. A place need not be
+    a node of the mesh: the force acts through the interpolation of its element.
+
+    Parameters
+    ----------
+    name : str
+        A name that no other part of the structure has.
+    at : str or float
+        Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
+    stiffness : float, N/m
+        Force over elongation.
+    to : str or float, optional
+        The other end's place on the beam; None is the base.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or both ends are at one place.
+    """
+
+    name: str = field(metadata=text())
+    at: str | float = field(metadata=place())
+    stiffness: float = field(metadata=quantity("N/m", at_least=0.0))
+    to: str | float | None = field(default=None, metadata=optional(place()))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        require(self.to != self.at, "to", self.to, "", "must be another place than the one at `at`, or None")
+
+
+@dataclass(frozen=True)
+class Dashpot:
+    """A viscous damper along the deflection, to the moving base or between two places of the beam.
+
+    The force on the beam at `at` is -damping (w'(at) - w'(to)) with the velocities w' relative to the base, and the
+    opposite one acts at `to`. The damping no longer decouples on the normal modes (`reduce`), but by chance.
+
+    Parameters
+    ----------
+    name : str
+        A name that no other part of the structure has.
+    at : str or float
+        Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
+    damping : float, N s/m
+        Force over speed.
+    to : str or float, optional
+        The other end's place on the beam; None is the base.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or both ends are at one place.
+    """
+
+    name: str = field(metadata=text())
+    at: str | float = field(metadata=place())
+    damping: float = field(metadata=quantity("N s/m", at_least=0.0))
+    to: str | float | None = field(default=None, metadata=optional(place()))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        require(self.to != self.at, "to", self.to, "", "must be another place than the one at `at`, or None")
+
 
 Position = str | float
 """A place on the beam: "root", "tip", "mid", a name that the mesh gives, a body's name, or metres from the root."""
@@ -402,3 +457,73 @@ def glue_impactors(structure: Structure) -> Structure:
     require_type(structure, Structure, "structure")
     glued = tuple(PointMass(ball.name, ball.at, ball.mass) for ball in structure.impactors)
     return replace(structure, masses=(*structure.masses, *glued), impactors=())
+
+
+USUAL_MODULUS = (1e8, 2e12)
+"""Young's moduli (Pa) of what beams are made of: from soft plastics to diamond. Rubber, from 1e6 Pa, is warned of."""
+
+USUAL_DENSITY = (10.0, 3e4)
+"""Densities (kg/m^3) of what beams are made of: from light foam to osmium, 22,600."""
+
+HEAVY_BODY = 100.0
+"""Mass of a body over that of the beam above which grams may have been typed as kilograms."""
+
+
+def unusual_numbers(structure: Structure) -> list[str]:
+    """A line for every number that may be in another unit: its path, its value, its unit and what is usual."""
+    return [*_of_sections(structure), *_of_gaps(structure), *_of_masses(structure)]
+
+
+def _of_sections(structure: Structure) -> Iterator[str]:
+    beam = structure.beam
+    for segment in beam.segments:
+        path = "beam" if len(beam.segments) == 1 else f"beam.{segment.name}"
+        low, high = USUAL_MODULUS
+        if not low <= segment.young_modulus <= high:
+            usual = f"outside {low:g} to {high:g} Pa (rubber 1e6 to 1e8, aluminium 7e10, steel 2.1e11)"
+            yield f"{path}.young_modulus = {segment.young_modulus:.4g} Pa: {usual}; is it in Pa?"
+        low, high = USUAL_DENSITY
+        if not low <= segment.density <= high:
+            usual = f"outside {low:g} to {high:g} kg/m^3 (aluminium 2700, steel 7850)"
+            yield f"{path}.density = {segment.density:.4g} kg/m^3: {usual}; is it in kg/m^3?"
+        if segment.width is not None and segment.width > beam.length:
+            usual = f"wider than the beam is long, {beam.length:.4g} m, which is no beam"
+            yield f"{path}.width = {segment.width:.4g} m: {usual}; {_in_millimetres(segment.width)}"
+
+
+def _of_gaps(structure: Structure) -> Iterator[str]:
+    length = structure.beam.length
+    pairs = [(f"impactor.{ball.name}", ball.gaps) for ball in structure.impactors]
+    for path, gaps in [*pairs, *((f"stop.{stop.name}", stop.gaps) for stop in structure.stops)]:
+        # one wall out of reach may be meant
+        if length < min(gaps):
+            usual = f"wider than the beam is long, {length:.4g} m"
+            yield f"{path}.gap = {min(gaps):.4g} m: {usual}; {_in_millimetres(min(gaps))}"
+    for body in structure.masses:
+        if length < abs(body.offset):
+            usual = f"longer than the beam, {length:.4g} m"
+            yield f"mass.{body.name}.offset = {body.offset:.4g} m: {usual}; {_in_millimetres(body.offset)}"
+
+
+def _of_masses(structure: Structure) -> Iterator[str]:
+    beam = structure.beam.mass
+    # a density out of range is named already
+    solid = all(USUAL_DENSITY[0] <= segment.density for segment in structure.beam.segments)
+    heavy = [body for body in structure.masses if solid and body.mass > HEAVY_BODY * beam]
+    for body in heavy:
+        usual = f"more than {HEAVY_BODY:g} times the beam's {beam:.4g} kg"
+        yield f"mass.{body.name}.mass = {body.mass:.4g} kg: {usual}; {_in_grams(body.mass)}"
+    # beside a body in grams a ball in grams is not heavy
+    whole = beam + math.fsum(body.mass for body in structure.masses if body not in heavy)
+    for ball in structure.impactors:
+        if ball.mass > whole:
+            usual = f"more than beam and bodies together, {whole:.4g} kg"
+            yield f"impactor.{ball.name}.mass = {ball.mass:.4g} kg: {usual}; {_in_grams(ball.mass)}"
+
+
+def _in_millimetres(metres: float) -> str:
+    return f"is it in metres? {metres:.4g} mm are {1e-3 * metres:.4g} m"
+
+
+def _in_grams(kilograms: float) -> str:
+    return f"is it in kilograms? {kilograms:.4g} g are {1e-3 * kilograms:.4g} kg"

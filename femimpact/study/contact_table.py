@@ -13,12 +13,9 @@ from femimpact.contact import ContactLaw, collide
 from femimpact.errors import require
 from femimpact.export import figures, tables
 from femimpact.integrators.methods import Method
-from femimpact.study.result_directory import prepare_directory
-from femimpact.study.result_files import FILES, OTHER_FILES
+from femimpact.study.result_directory import FILES, OTHER_FILES, prepare_directory
 from femimpact.study.study import Study, build_systems, method_for, read_mesh_of
 from femimpact.system.contact_pair import ContactPair
-
-__all__ = ["UNITS", "approach_speeds", "contact_table", "write_contact_table"]
 
 SPEEDS = 7
 UNITS = {
@@ -37,10 +34,7 @@ UNITS = {
 def approach_speeds(speed_min: float, speed_max: float) -> NDArray[np.float64]:
     """Approach speeds (m/s) of the table, even on a logarithmic axis.
 
-    Raises
-    ------
-    InputError
-        Unless 0 < speed_min < speed_max, both finite.
+    Raises `InputError` unless 0 < speed_min < speed_max, both finite.
     """
     sound = math.isfinite(speed_min) and speed_min > 0.0
     require(sound, "speed_min", speed_min, "m/s", "must be a finite number > 0 m/s")

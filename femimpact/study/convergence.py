@@ -1,4 +1,4 @@
-"""The convergence study of a study file: over its mesh, its step and its modes, with tables and figures."""
+"""What a convergence study prints: its tables and notes, in 80 columns."""
 
 from __future__ import annotations
 
@@ -32,6 +32,7 @@ from femimpact.convergence import (
 from femimpact.convergence.cases import Axis, Case
 from femimpact.convergence.mesh_and_step import converge_meshes
 from femimpact.convergence.quantities import Watched
+from femimpact.convergence.table import cell, note_lines, row_line, table_lines
 from femimpact.errors import FemimpactError, InputError
 from femimpact.export import figures, tables
 from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
@@ -39,15 +40,12 @@ from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.structure import Position
 from femimpact.study.picture_data import structure_parts
-from femimpact.study.result_directory import prepare_directory
-from femimpact.study.result_files import OTHER_FILES
-from femimpact.study.result_report import add_report
+from femimpact.study.result_directory import OTHER_FILES, prepare_directory
+from femimpact.study.result_page import add_report
 from femimpact.study.run import Report
 from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
 from femimpact.study.summary import library_versions
 from femimpact.system.system import System
-
-__all__ = ["WrittenConvergence", "write_convergence"]
 
 MESHES = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 """Elements of uniform meshes."""
@@ -68,25 +66,12 @@ COARSEST_STEPS = 40
 
 @dataclass(frozen=True, eq=False)
 class WrittenConvergence:
-    """What a convergence study found, and where its files are.
+    """What a convergence study found, and where its files are."""
 
-    Parameters
-    ----------
-    tables : ConvergenceStudy
-        Over the mesh and the modes, and over the step where the study's method is Newmark's.
-    statistics : ConvergenceTable or None
-        Of event-driven runs with contacts over the mesh.
-    mesh : MeshConvergence
-    step : StepConvergence or None
-        Of runs in Newmark's steps, to shortly after the first impact.
-    notes : tuple of str
-    directory : Path
-    """
-
-    tables: ConvergenceStudy
-    statistics: ConvergenceTable | None
+    tables: ConvergenceStudy  # over the mesh and the modes, and over the step where the study's method is Newmark's
+    statistics: ConvergenceTable | None  # of event-driven runs with contacts over the mesh
     mesh: MeshConvergence
-    step: StepConvergence | None
+    step: StepConvergence | None  # of runs in Newmark's steps, to shortly after the first impact
     notes: tuple[str, ...]
     directory: Path
 
@@ -301,3 +286,23 @@ def _write_steps(folder: Path, step: StepConvergence) -> None:
     tables.write_csv(folder / OTHER_FILES["step_convergence"], columns, {"dt": "s"})
     drawn = figures.step_convergence(step, slope=None, ax=figures.OffScreen())
     figures.save_figure(drawn, folder / OTHER_FILES["step_convergence_figure"])
+
+
+def convergence_lines(found: WrittenConvergence) -> list[str]:
+    """Lines of at most 80 columns: for each axis the relative errors, and what they say."""
+    lines: list[str] = []
+    for table in [*found.tables.tables.values(), *([found.statistics] if found.statistics is not None else [])]:
+        lines += [*table_lines(table), ""]
+    if found.step is not None:
+        lines += [*_step_lines(found.step), ""]
+    return lines + note_lines([*found.notes, *found.mesh.notes, *(found.step.notes if found.step else ())])
+
+
+def _step_lines(step: StepConvergence) -> list[str]:
+    lines = [
+        f"Runs in steps: relative errors; orders {step.linear_order:.2f} and {step.first_impact_order:.2f}",
+        row_line("dt (s)", ["no ball", "impact", "energy"]),
+    ]
+    for row in zip(step.dt, step.linear_error, step.first_impact_error, step.energy_residual, strict=True):
+        lines.append(row_line(f"{row[0]:.4g}", [cell(value) for value in row[1:]]))
+    return lines

@@ -1,26 +1,84 @@
-"""What a study takes, estimated before it runs: memory of mesh, modes, history and sweep, and time.
-
-The factors were measured on one machine; memory is met within a factor of 2, time on an idle one within 3.
-"""
+"""What a study takes, estimated before it runs: the grid of its sweep, memory and time."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from femimpact.errors import require
-from femimpact.integrators.memory import memory_needed
+from femimpact.identification import PeakResolution
+from femimpact.integrators.cases import memory_needed, workers_of
 from femimpact.integrators.methods import Method
-from femimpact.integrators.threads import workers_of
 from femimpact.response.response import Recorder
-from femimpact.study.study import Study
-from femimpact.study.sweep_grid import most_frequencies
-from femimpact.system.modes import DENSE_LIMIT
+from femimpact.study.study import Study, SweepPlan
+from femimpact.system.modes import DENSE_LIMIT, first_resonance, solve_modes
 from femimpact.system.system import System
 
-__all__ = [
-    "START", "Cost", "check_mesh", "check_sweep", "history_cost", "mesh_memory", "picture_seconds", "sweep_cost",
-]  # fmt: skip
+REACH = 8.0
+"""Half-width of the refined part around the first mode over damping ratio times frequency: 4 half-power widths."""
+
+LEAST_RATIO = 1e-4
+"""Damping ratio that is taken for the reach where the structure has less."""
+
+BESIDE_BALL = 1.5
+"""Half-width of the refined part around the largest peak with ball, in steps of the even grid."""
+
+
+def even_grid(plan: SweepPlan) -> NDArray[np.float64]:
+    """Frequencies (Hz) of the even grid."""
+    return np.linspace(plan.start, plan.stop, plan.points)
+
+
+def refined_grid(
+    plan: SweepPlan,
+    bare: System,  # without balls
+    peak_with_ball: float | None,  # Hz: on the even grid; None without a ball
+) -> NDArray[np.float64]:
+    """All frequencies (Hz) of a sweep, ascending.
+
+    Returns (n,) Hz: the even grid, `plan.refine` points around the first natural frequency and as many around the peak
+    with ball, and that natural frequency itself: the largest point of a linear curve is then its peak.
+    """
+    even = even_grid(plan)
+    if not plan.refine:
+        return even
+    first, reach = _first_mode(bare)
+    parts = [np.linspace(first - reach, first + reach, plan.refine), np.array([first])]
+    if peak_with_ball is not None:
+        around = BESIDE_BALL * float(even[1] - even[0])
+        parts.append(np.linspace(peak_with_ball - around, peak_with_ball + around, plan.refine))
+    inside = [part[(part > plan.start) & (part < plan.stop)] for part in parts]
+    return np.asarray(np.unique(np.round(np.concatenate([even, *inside]), 9)))
+
+
+def most_frequencies(plan: SweepPlan) -> int:
+    """How many frequencies a sweep has at most."""
+    return plan.points + (2 * plan.refine + 1 if plan.refine else 0)
+
+
+def finer_grid_words(plan: SweepPlan, bare: System, found: PeakResolution) -> str:
+    """The key of a study file with the value that makes its sweep resolve a resonance, as "sweep.refine = 33"."""
+    first, reach = _first_mode(bare)
+    if abs(found.frequency - first) <= reach:
+        return f"sweep.refine = {math.ceil(2.0 * reach / found.step_needed) + 1}"
+    return f"sweep.points = {math.ceil((plan.stop - plan.start) / found.step_needed) + 1}"
+
+
+def resonances_in(plan: SweepPlan, system: System) -> tuple[float, ...]:
+    """The lowest natural frequencies (Hz) of a system that lie within a sweep, at most ten."""
+    natural = solve_modes(system, min(10, system.dofs)).natural_frequency
+    return tuple(float(f) for f in natural if plan.start <= f <= plan.stop)
+
+
+def _first_mode(bare: System) -> tuple[float, float]:
+    """First natural frequency (Hz), and how far the refined part reaches to either side of it (Hz)."""
+    first, ratio = first_resonance(bare)
+    return first, REACH * max(ratio, LEAST_RATIO) * first
+
 
 ELEMENT = 4200.0
 """Bytes of an element while the matrices are made."""
@@ -66,15 +124,11 @@ def picture_seconds(study: Study) -> float:
     return (FIGURES if output.figures else 0.0) + filmed
 
 
-def mesh_memory(elements: int, modes: int | None) -> dict[str, float]:
-    """Bytes at the peak of making the matrices of a mesh, and of solving for its modes.
-
-    Parameters
-    ----------
-    elements : int
-    modes : int or None
-        Of the reduction; None where the physical dofs are integrated.
-    """
+def mesh_memory(
+    elements: int,
+    modes: int | None,  # of the reduction; None where the physical dofs are integrated
+) -> dict[str, float]:
+    """Bytes at the peak of making the matrices of a mesh, and of solving for its modes."""
     dofs, count = 2 * elements, max(modes or 0, 4)
     kept = ELEMENT_KEPT * elements
     if dofs <= DENSE_LIMIT or count > dofs // 4:
@@ -88,10 +142,7 @@ def mesh_memory(elements: int, modes: int | None) -> dict[str, float]:
 def check_mesh(study: Study, elements: int) -> None:
     """Refuse a mesh or a number of modes that does not fit, before anything is assembled.
 
-    Raises
-    ------
-    InputError
-        Naming what takes how much.
+    Raises `InputError` naming what takes how much.
     """
     parts = mesh_memory(elements, study.reduction.modes if study.reduction else None)
     limit, needed = study.output.memory_limit, max(parts.values())
@@ -103,10 +154,7 @@ def check_mesh(study: Study, elements: int) -> None:
 def check_sweep(study: Study, small: System, method: Method) -> None:
     """Refuse a sweep that does not fit.
 
-    Raises
-    ------
-    InputError
-        Naming what it takes.
+    Raises `InputError` naming what it takes.
     """
     limit, needed = study.output.memory_limit, sweep_cost(study, small, method).memory
     allowed = f"must be >= {needed:.3g}, what the sweep takes: take fewer points or cycles, or raise it"

@@ -20,9 +20,8 @@ from femimpact.errors import Fault, InputError
 from femimpact.export import figures, tables
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.study.prepared import PreparedStudy, prepare, with_base
-from femimpact.study.result_directory import prepare_directory
-from femimpact.study.result_files import OTHER_FILES
-from femimpact.study.result_report import add_report
+from femimpact.study.result_directory import OTHER_FILES, prepare_directory
+from femimpact.study.result_page import add_report
 from femimpact.study.results import StudyResults, load
 from femimpact.study.run import (
     Found,
@@ -41,8 +40,6 @@ from femimpact.study.study_file import load_study
 from femimpact.study.summary import Spread, SweepPair, spread_of, summary_of
 from femimpact.sweep import FrequencyResponse, frequency_sweep
 from femimpact.system.state import State
-
-__all__ = ["PUBLISHED", "Demo", "ScanPlan", "median_scan", "paper_study", "paper_study_text", "run_demo"]
 
 PUBLISHED: Mapping[str, float] = {
     "frequency_empty_theory": 5.30,
@@ -70,57 +67,31 @@ NEAR = 1.5
 
 @dataclass(frozen=True)
 class ScanPlan:
-    """How the restitution is scanned.
-
-    Parameters
-    ----------
-    restitutions : tuple of float, 1
-    points : int
-        Frequencies of the grid on which peaks are looked for.
-    cycles : int
-        Dwell at each frequency.
-    starts : int
-        Starts in each frame.
-    step : int
-        Every so many-th frequency is swept at any rate, a power of two, and those between only where the largest peak
-        may be: see `calibration.scan_systems`. A peak of the paper's case rises from skirts that are wider than 0.2 Hz.
-    """
+    """How the restitution is scanned."""
 
     restitutions: tuple[float, ...] = (0.3, 0.5, 0.65, 0.7, 0.76, 0.78, 0.8, 0.84, 0.92, 0.96)
-    points: int = 41
-    cycles: int = 450
-    starts: int = 3
+    points: int = 41  # frequencies of the grid on which peaks are looked for
+    cycles: int = 450  # dwell at each frequency
+    starts: int = 3  # starts in each frame
+    # every so many-th frequency is swept at any rate, a power of two, and those between only where the largest peak may
+    # be: see `calibration.scan_systems`. A peak of the paper's case rises from skirts that are wider than 0.2 Hz.
     step: int = 4
 
 
 @dataclass(frozen=True, eq=False)
 class Demo:
-    """Everything the demo found.
-
-    Parameters
-    ----------
-    results : StudyResults
-    comparison : tuple of rows
-        (quantity, unit, paper theory, paper experiment, femimpact from rest relative to the base,
-        from rest in the inertial frame, method): femimpact's in words, a median with its range where the motion is
-        chaotic.
-    scans : mapping of str to RestitutionScan
-        By start: medians over several starts in one frame.
-    scan_rows : tuple of rows
-        (restitution, then peak in Hz and amplitude ratio from rest relative to the base, and from rest in the inertial
-        frame), in words.
-    restitution : float, 1
-        Of the study.
-    remarks : tuple of str
-        Where the paper cannot be met, and why.
-    """
+    """Everything the demo found."""
 
     results: StudyResults
+    # (quantity, unit, paper theory, paper experiment, femimpact from rest relative to the base, from rest in the
+    # inertial frame, method): femimpact's in words, a median with its range where the motion is chaotic
     comparison: tuple[tuple[Any, ...], ...]
-    scans: Mapping[str, RestitutionScan]
+    scans: Mapping[str, RestitutionScan]  # by start: medians over several starts in one frame
+    # (restitution, then peak in Hz and amplitude ratio from rest relative to the base, and from rest in the inertial
+    # frame), in words
     scan_rows: tuple[tuple[str, ...], ...]
-    restitution: float
-    remarks: tuple[str, ...]
+    restitution: float  # of the study
+    remarks: tuple[str, ...]  # where the paper cannot be met, and why
 
 
 def paper_study_text() -> str:
@@ -146,19 +117,7 @@ def free_directory(name: str) -> Path:
 def run_demo(
     directory: str | Path, *, force: bool = False, report: Report | None = None, scan: ScanPlan | None = None
 ) -> Demo:
-    """Run the paper's case and write its results.
-
-    Parameters
-    ----------
-    directory : str or Path
-    force : bool
-    report : callable, optional
-    scan : ScanPlan, optional
-
-    Returns
-    -------
-    Demo
-    """
+    """Run the paper's case and write its results."""
     report = report or (lambda _what, _share: None)
     prepared = prepare(paper_study())
     with prepare_directory(directory, force) as staging:

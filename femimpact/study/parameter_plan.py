@@ -23,8 +23,6 @@ from femimpact.errors import (
     text,
 )
 
-__all__ = ["DISTRIBUTIONS", "AxisValues", "Distribution", "ParameterPlan", "SamplePlan", "axis_from"]
-
 MOST_POINTS = 10_000_000
 """Of an axis or of a sample; more is taken for a mistake."""
 

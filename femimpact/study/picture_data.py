@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femimpact.arrays import Array
 from femimpact.errors import require
 from femimpact.excitation import Excitation, RecordedBase, Sine
 from femimpact.export import tables
@@ -20,11 +21,11 @@ from femimpact.response.history import Snapshots
 from femimpact.response.impacts import IMPACT_UNITS, Impacts, ImpactStatistics, StickingPhases
 from femimpact.response.response import Response
 from femimpact.response.signals import no_steady_motion
-from femimpact.structure.springs import Dashpot, Spring
-from femimpact.structure.structure import Beam, PointMass, Segment, Structure, Support
-from femimpact.study.result_files import FILES, OTHER_FILES
+from femimpact.structure.beam import Beam, Segment
+from femimpact.structure.structure import Dashpot, PointMass, Spring, Structure, Support
+from femimpact.study.base_motion import Signal, numbers_of_signal, signal_of_numbers
+from femimpact.study.result_directory import FILES, OTHER_FILES
 from femimpact.study.results import read_dataset, read_sticking, read_table
-from femimpact.study.signal_motion import Signal, numbers_of_signal, signal_of_numbers
 from femimpact.sweep import SWEEP_UNITS, FrequencyResponse
 from femimpact.system.hermite import hermite_rows
 from femimpact.system.modes import Modes
@@ -33,23 +34,6 @@ from femimpact.system.system import System
 if TYPE_CHECKING:
     import xarray
 
-__all__ = [
-    "DrawnContact",
-    "DrawnSystem",
-    "Film",
-    "read_bands",
-    "read_curves",
-    "read_film",
-    "read_last_cycles",
-    "read_mode_shapes",
-    "read_parts",
-    "structure_parts",
-    "write_last_cycles",
-    "write_mode_shapes",
-    "write_snapshots",
-]
-
-Array = NDArray[np.float64]
 
 ABOUT = "about"
 """Variable that holds, as JSON, everything that is not an array."""
@@ -92,24 +76,13 @@ class DrawnContact:
 
 @dataclass(frozen=True, eq=False)
 class DrawnSystem:
-    """What pictures show of a system, under the same names: places, contacts, and curves between the nodes.
+    """What pictures show of a system, under the same names: places, contacts, and curves between the nodes."""
 
-    Parameters
-    ----------
-    nodes : ndarray (n,), m
-    points : mapping of str to float, m
-    contacts : tuple of DrawnContact
-        Balls first, then stops.
-    total_mass : float, kg
-    first_frequency : float, Hz
-        Not a number where it was not kept.
-    """
-
-    nodes: Array
-    points: Mapping[str, float]
-    contacts: tuple[DrawnContact, ...] = ()
-    total_mass: float = math.nan
-    first_frequency: float = math.nan
+    nodes: Array  # (n,) m
+    points: Mapping[str, float]  # m
+    contacts: tuple[DrawnContact, ...] = ()  # balls first, then stops
+    total_mass: float = math.nan  # kg
+    first_frequency: float = math.nan  # Hz: not a number where it was not kept
 
     @property
     def dofs(self) -> int:
@@ -264,18 +237,13 @@ def write_snapshots(path: Path, structure: Structure, response: Response, exagge
     _write(path, data, snapshots.time)
 
 
-def write_last_cycles(path: Path, structure: Structure, response: Response, end: Response) -> None:
-    """Write the channels of the last cycles of a run at every step.
-
-    Parameters
-    ----------
-    path : Path
-    structure : Structure
-    response : Response
-        The whole run.
-    end : Response
-        Its last cycles.
-    """
+def write_last_cycles(
+    path: Path,
+    structure: Structure,
+    response: Response,  # the whole run
+    end: Response,  # its last cycles
+) -> None:
+    """Write the channels of the last cycles of a run at every step."""
     data: dict[str, Any] = {name: ("time", np.array(values), {"units": end.units[name]}) for name, values in
                             end.channels.items()}  # fmt: skip
     data |= _base_arrays(response)

@@ -20,11 +20,8 @@ from typing import IO, Any
 
 from femimpact.errors import Fault, InputError, require
 from femimpact.study.picture_data import read_bands, read_curves, read_film, read_last_cycles, read_mode_shapes
-from femimpact.study.result_directory import update_results
-from femimpact.study.result_files import FILES
+from femimpact.study.result_directory import FILES, update_results
 from femimpact.study.results import read_summary, write_summary
-
-__all__ = ["KINDS", "child", "draw", "draw_again", "draw_in_child", "with_pictures"]
 
 KINDS = ("figures", "movie")
 """In the order in which they are drawn: what fails most comes last."""
@@ -63,17 +60,12 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def draw(source: Path, target: Path, kind: str) -> str | None:
-    """Draw one kind of pictures; why one failed, or None.
-
-    Parameters
-    ----------
-    source : Path
-        Directory with the files of results.
-    target : Path
-        Where the pictures go.
-    kind : {"figures", "movie"}
-    """
+def draw(
+    source: Path,  # directory with the files of results
+    target: Path,  # where the pictures go
+    kind: str,  # {"figures", "movie"}
+) -> str | None:
+    """Draw one kind of pictures; why one failed, or None."""
     try:
         summary = read_summary(source)
         if kind == "movie":
@@ -152,23 +144,13 @@ def _draw_movie(source: Path, target: Path, summary: Mapping[str, Any]) -> None:
 
 
 def draw_in_child(
-    source: Path, target: Path, kinds: Sequence[str], report: Report, time_limit: float | None = None
+    source: Path,  # directory with the files of results
+    target: Path,  # where the pictures go
+    kinds: Sequence[str],  # of `KINDS`
+    report: Report,  # called with "pictures" and the share that is done
+    time_limit: float | None = None,  # s: for all of them; `TIME_LIMIT` by default
 ) -> dict[str, str | None]:
-    """Draw in a child process; for each kind why it failed, or None.
-
-    Parameters
-    ----------
-    source : Path
-        Directory with the files of results.
-    target : Path
-        Where the pictures go.
-    kinds : sequence of str
-        Of `KINDS`.
-    report : callable
-        Called with "pictures" and the share that is done.
-    time_limit : float, s, optional
-        For all of them; `TIME_LIMIT` by default.
-    """
+    """Draw in a child process; for each kind why it failed, or None."""
     limit = TIME_LIMIT if time_limit is None else time_limit
     found: dict[str, str | None] = {}
     report("pictures", 0.0)
@@ -246,26 +228,17 @@ def with_pictures(summary: Mapping[str, Any], failures: Mapping[str, str | None]
     return {**summary, "pictures": pictures, "warnings": warnings}
 
 
-def draw_again(directory: str | Path, kind: str, report: Report) -> tuple[str, ...]:
+def draw_again(
+    directory: str | Path,  # of results
+    kind: str,  # {"figures", "movie"}
+    report: Report,  # as of `draw_in_child`
+) -> tuple[str, ...]:
     """Draw the figures or the movie of results once more, and put them beside the results.
 
-    Parameters
-    ----------
-    directory : str or Path
-        Of results.
-    kind : {"figures", "movie"}
-    report : callable
-        As of `draw_in_child`.
+    Returns: names of the files.
 
-    Returns
-    -------
-    tuple of str
-        Names of the files.
-
-    Raises
-    ------
-    InputError
-        If the directory holds no results, or something could not be drawn; figures that could are kept.
+    Raises `InputError` if the directory holds no results, or something could not be drawn; figures that could are
+    kept.
     """
     folder = Path(directory)
     read_summary(folder)

@@ -1,18 +1,94 @@
-"""What a summary of results has found, as the conclusions of their report: each number with its scatter, or marked."""
+"""What results have found, as the conclusions of their report; a file that cannot be read is noted."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from femimpact.export.report.blocks import Conclusion
+from femimpact.export import tables
+from femimpact.export.report.page import Conclusion
+from femimpact.structure.structure import Structure
+from femimpact.study.picture_data import read_mode_shapes
+from femimpact.study.result_directory import FILES, OTHER_FILES, ResultsWarning
+from femimpact.study.results import read_dataset, read_table
 from femimpact.study.summary import Spread, contacts_of
-from femimpact.svg.axis import number_text
+from femimpact.svg import number_text
 
-__all__ = ["conclusions_of", "convergence_conclusions"]
+if TYPE_CHECKING:
+    import xarray
+
+    from femimpact.system.modes import Modes
+    from femimpact.system.system import System
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class ResultReading:
+    """A directory of results while it is read."""
+
+    folder: Path  # with the files
+    summary: dict[str, Any]  # empty where there is none
+    missing: list[str] = field(default_factory=list)  # what could not be read, and why
+
+    def attempt(self, what: str, make: Callable[[], T]) -> T | None:
+        """What `make` returns; None, and a line of what is missing, where it fails."""
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            try:
+                found: T | None = make()
+            # what damaged results make a reader raise is without limit, and a report is made of the rest
+            except Exception as error:
+                words = " ".join(str(error).split()) or type(error).__name__
+                self.miss(words if words.startswith(str(self.folder)) else f"{what}: {words}")
+                found = None
+        for one in caught:
+            if issubclass(one.category, ResultsWarning):
+                self.miss(str(one.message))
+        return found
+
+    @cached_property
+    def history(self) -> xarray.Dataset | None:
+        """The history; None where there is none, or it cannot be read."""
+        return self.attempt(FILES["history"], lambda: read_dataset(self.folder, "history", self.summary))
+
+    @cached_property
+    def parameter_study(self) -> xarray.Dataset | None:
+        """The dataset of a parameter study, as the history."""
+        name = OTHER_FILES["parameter_study"]
+        return self.attempt(name, lambda: read_dataset(self.folder, "parameter_study", self.summary))
+
+    @cached_property
+    def modes(self) -> tuple[System, Modes, Structure | None] | None:
+        """The mode shapes, as the history."""
+        return self.attempt(FILES["mode_shapes"], lambda: read_mode_shapes(self.folder, self.summary))
+
+    def miss(self, text: str) -> None:
+        """Note what is missing, with names of files alone: a report does not hang on where its directory is."""
+        plain = text.replace(f"{self.folder}/", "").replace(f"{self.folder}: ", "")[:400]
+        if plain not in self.missing:
+            self.missing.append(plain)
+
+    def table(self, name: str) -> dict[str, Any] | None:
+        """A table of the results by the name of its file; None where there is none, or it cannot be read."""
+        return self.attempt(name, lambda: read_table(self.folder, name, self.summary))
+
+    def units(self, name: str) -> dict[str, str]:
+        """Units of the columns of a table that was read."""
+        return self.attempt(name, lambda: tables.read_units(self.folder / name)) or {}
+
+
+def texts_of(values: Any) -> tuple[str, ...]:
+    """What a summary has for a list of texts, whatever stands there."""
+    return tuple(str(one) for one in values) if isinstance(values, (list, tuple)) else ()
+
 
 FRAMES = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
 
@@ -209,16 +285,11 @@ def _energy(summary: Mapping[str, Any]) -> list[Conclusion]:
     ]
 
 
-def convergence_conclusions(columns: Mapping[str, Any] | None, accuracy: Any = None) -> tuple[Conclusion, ...]:
-    """The numbers with which every quantity that has an order is accurate, over each axis.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray, or None
-        As of `convergence_summary.csv`.
-    accuracy : float, optional
-        Relative error that was asked for.
-    """
+def convergence_conclusions(
+    columns: Mapping[str, Any] | None,  # or None: as of `convergence_summary.csv`
+    accuracy: Any = None,  # relative error that was asked for
+) -> tuple[Conclusion, ...]:
+    """The numbers with which every quantity that has an order is accurate, over each axis."""
     if columns is None or not {"axis", "quantity", "recommended", "expected_order"} <= set(columns):
         return ()
     words = {"mesh": "elements", "step": "steps in the first period", "modes": "modes"}

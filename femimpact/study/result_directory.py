@@ -1,27 +1,14 @@
-"""The directory of results: its lock, the files of a run that is not done, and the move of finished ones.
-
-A run writes into folders of DIR/.running, on the file system of DIR, and holds a lock that ends with its process.
-How far it is stands in the names of these folders alone, which change whole or not at all:
-
-| folder | holds |
-| --- | --- |
-| files | files of the part at work |
-| finished | files of finished parts, and for each part the folder in which they came, with its number and its name |
-| replacing | files of a run that is done, while earlier results that have no successor among them are removed |
-| moving | files of a run that is done, or that are added to results, while they move into DIR, the summary last |
-
-From `replacing` and `moving` the move can be finished by anyone. The old summary goes first and the new one comes
-last, so that a summary always belongs to its files. Nothing is read to find out what moves: the names are those of
-`result_files`, and nothing is written or removed through a link.
-"""
+"""The directory of results: names of its files, its lock, and the move of the files of a finished run."""
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shutil
+import stat
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from enum import Enum
@@ -29,24 +16,237 @@ from pathlib import Path
 
 from femimpact.errors import Fault, InputError, require
 from femimpact.export.files import to_disk
-from femimpact.study.directory_lock import LOCK, RUNNING, Lock, is_ours
-from femimpact.study.result_files import (
-    NAMES,
-    PLACES,
-    REPORT,
-    SUMMARY,
-    earlier_files,
-    is_folder,
-    replaced_by,
-    result_files,
-)
 
-__all__ = [
-    "ResultsWarning", "Staging", "finish_results", "finished_parts", "prepare_directory", "unfinished_state",
-    "update_results",
-]  # fmt: skip
+SUMMARY = "summary.json"
 
-FILES = "files"
+FILES = {
+    "summary": SUMMARY,
+    "study": "study.toml",
+    "modes": "modes.csv",
+    "mode_shapes": "modes.nc",
+    "sweep": "sweep.csv",
+    "sweep_data": "sweep.nc",
+    "history": "history.nc",
+    "impacts": "impacts.csv",
+    "impact_data": "impacts.nc",
+    "snapshots": "snapshots.nc",
+    "last_cycles": "last_cycles.nc",
+    "modes_scene": "modes.pvd",
+    "modes_script": "modes_paraview.py",
+    **{f"mode_{i}_scene": f"mode_{i}.pvd" for i in range(1, 5)},
+    **{f"mode_{i}_script": f"mode_{i}_paraview.py" for i in range(1, 5)},
+    "deflection_scene": "deflection.pvd",
+    "deflection_script": "deflection_paraview.py",
+    "movie": "deflection.mp4",
+    "mode_figure": "modes.png",
+    "response_figure": "response.png",
+    "force_figure": "contact_force.png",
+    "portrait_figure": "phase_portrait.png",
+    "impact_histograms": "impact_histograms.png",
+    "impulse_phase": "impulse_phase.png",
+}
+"""Every file that a study can leave behind."""
+
+OTHER_FILES = {
+    "deflection_hdf": "deflection.vtkhdf",
+    "sticking": "sticking.csv",
+    "old_sticking": "riding.csv",
+    "base_record": "base_record.csv",
+    "contact_table": "contact.csv",
+    "movie_without_encoder": "deflection.gif",
+    "comparison": "comparison.csv",
+    "restitution": "restitution.csv",
+    "restitution_figure": "restitution.png",
+    "response_of_starts": "response_of_starts.png",
+    "curves_of_starts": "curves_of_starts.csv",
+    "mesh_convergence": "mesh_convergence.csv",
+    "mesh_convergence_figure": "mesh_convergence.png",
+    "step_convergence": "step_convergence.csv",
+    "step_convergence_figure": "step_convergence.png",
+    "quantities_over_mesh": "quantities_over_mesh.csv",
+    "quantities_over_mesh_figure": "quantities_over_mesh.png",
+    "quantities_over_step": "quantities_over_step.csv",
+    "quantities_over_step_figure": "quantities_over_step.png",
+    "quantities_over_modes": "quantities_over_modes.csv",
+    "quantities_over_modes_figure": "quantities_over_modes.png",
+    "statistics_over_mesh": "statistics_over_mesh.csv",
+    "convergence_summary": "convergence_summary.csv",
+    "parameter_study": "study.nc",
+    "parameter_table": "study.csv",
+    "convergence_notes": "convergence.json",
+    "report": "report.html",
+}
+"""What is left besides: one file of deflections where the study has `vtkhdf`, what a history leaves in which something
+stuck (and its name in results of earlier versions), the record of the base, what a table of contacts, a movie
+without an encoder, the demo, a convergence study and a parameter study leave, and the report of any of them."""
+
+NAMES = sorted((*FILES.values(), *OTHER_FILES.values()), key=lambda name: (name == SUMMARY, name))
+"""All of them, the summary last."""
+
+SCENES = tuple(name.removesuffix(".pvd") for name in NAMES if name.endswith(".pvd"))
+"""Folders of frames, beside the collections that name them."""
+
+FRAME = re.compile(r"[0-9]{4,}\.vtu")
+
+PLACES = (*NAMES, *(f"{scene}/0000.vtu" for scene in SCENES))
+"""Every name, with one frame of each scene."""
+
+STUDY_BLOCKS = "blocks"
+"""The folder in which a parameter study keeps its finished blocks, from which it goes on."""
+
+STUDY_FIGURE = re.compile(r"study_[\w-]+\.png")
+"""Names of the figures of a parameter study, one for each measure."""
+
+REPORT = OTHER_FILES["report"]
+"""It is made from the other files, and can be made again at any time."""
+
+INPUTS = frozenset({FILES["study"], OTHER_FILES["base_record"]})
+"""What a run is made from: it goes only where another run brings its own, for it may be the user's."""
+
+MOVIES = frozenset({FILES["movie"], OTHER_FILES["movie_without_encoder"]})
+
+
+def result_files(folder: Path) -> list[str]:
+    """Names of the results that stand in a folder as regular files: frames, then what names them, the summary last."""
+    return _standing(folder, stat.S_ISREG)
+
+
+def earlier_files(folder: Path, new: Iterable[str] = ()) -> list[str]:
+    """Names of the results in a folder that new ones supersede, the summary first; links of such a name, too."""
+    found = _standing(folder, lambda mode: stat.S_ISREG(mode) or stat.S_ISLNK(mode))
+    kept = frozenset() if FILES["study"] in new else INPUTS
+    return [name for name in reversed(found) if name not in kept]
+
+
+def replaced_by(added: Iterable[str]) -> frozenset[str]:
+    """Names of results that must be gone before some are added to them: the summary, and the other of two movies."""
+    names = frozenset(added)
+    return names & {SUMMARY} | (MOVIES - names if names & MOVIES else frozenset())
+
+
+def is_file(path: Path) -> bool:
+    """Whether this is a regular file itself, and no link to one."""
+    return stat.S_ISREG(_mode(path))
+
+
+def is_folder(path: Path) -> bool:
+    """Whether this is a folder itself, and no link to one."""
+    return stat.S_ISDIR(_mode(path))
+
+
+def _standing(folder: Path, kind: Callable[[int], bool]) -> list[str]:
+    frames = [
+        f"{scene}/{name}"
+        for scene in SCENES
+        if is_folder(folder / scene)
+        for name in sorted(os.listdir(folder / scene))
+        if FRAME.fullmatch(name)
+    ]
+    return [name for name in (*frames, *NAMES) if kind(_mode(folder / name))]
+
+
+def _mode(path: Path) -> int:
+    """Kind and permissions of what stands there, of a link its own; 0 where nothing does."""
+    try:
+        return path.lstat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return 0
+
+
+RUNNING = ".running"
+LOCK = "lock"
+
+NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)
+"""What a file system without locks answers."""
+
+
+class Lock:
+    """Sole use of a directory for as long as this process runs: DIR/.running with a locked file in it."""
+
+    def __init__(self, target: Path) -> None:
+        self.running = target / RUNNING
+        refused = InputError([Fault("output", str(target), "", "another run is writing into it")])
+        allowed = f"holds a {RUNNING} that no run made: remove it, or choose another"
+        while True:
+            require(is_ours(self.running), "output", str(target), "", allowed)
+            # through a symbolic link to the directory whose end is missing, too
+            Path(os.path.realpath(target), RUNNING).mkdir(parents=True, exist_ok=True)
+            try:
+                self.file = _open_lock(self.running, os.O_CREAT)
+            except FileNotFoundError:
+                continue  # the run before removed the folder just now
+            try:
+                _lock_file(self.file)
+                same = os.path.samestat(os.fstat(self.file), os.lstat(self.running / LOCK))
+            except BlockingIOError:
+                os.close(self.file)
+                raise refused from None
+            except FileNotFoundError:
+                same = False
+            except BaseException:
+                os.close(self.file)
+                raise
+            if same:
+                return
+            os.close(self.file)  # it was removed between opening and locking
+
+    @staticmethod
+    def is_held(running: Path) -> bool:
+        """Whether a living process holds the lock."""
+        try:
+            file = _open_lock(running)
+        except OSError:
+            return False
+        try:
+            _lock_file(file)
+        except BlockingIOError:
+            return True
+        except OSError:
+            return False
+        finally:
+            os.close(file)
+        return False
+
+    def release(self) -> None:
+        """Let others in; the folder goes where it holds nothing else."""
+        with suppress(OSError):
+            if os.listdir(self.running) == [LOCK]:
+                (self.running / LOCK).unlink()
+                self.running.rmdir()
+        os.close(self.file)
+
+
+def _open_lock(running: Path, create: int = 0) -> int:
+    """Open the file of the lock, which is a file itself and no link."""
+    return os.open(running / LOCK, os.O_RDWR | create | getattr(os, "O_NOFOLLOW", 0), 0o666)
+
+
+def _lock_file(file: int) -> None:
+    """Lock an open file without waiting.
+
+    Raises `BlockingIOError` if another process holds it.
+    """
+    try:
+        import fcntl
+    except ImportError:  # no such locks outside POSIX: two runs at once are not found there
+        return
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise
+    except OSError as error:
+        if error.errno not in NO_LOCKS:
+            raise
+
+
+def is_ours(running: Path) -> bool:
+    """Whether there is no folder of that name, or one that a run made: the content of another must not be removed."""
+    if not is_folder(running):
+        return not os.path.lexists(running)
+    return is_file(running / LOCK) or not os.listdir(running)
+
+
+NEW_FILES = "files"
 FINISHED = "finished"
 REPLACING = "replacing"
 MOVING = "moving"
@@ -70,18 +270,10 @@ class _Left(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Staging:
-    """The place of a run that is not done.
+    """The place of a run that is not done."""
 
-    Parameters
-    ----------
-    target : Path
-        As the user named it.
-    folder : Path
-        Where the files of a part go until it is finished.
-    """
-
-    target: Path
-    folder: Path
+    target: Path  # as the user named it
+    folder: Path  # where the files of a part go until it is finished
 
     @property
     def finished(self) -> Path:
@@ -97,22 +289,16 @@ class Staging:
 
 
 @contextmanager
-def prepare_directory(directory: str | Path, force: bool = False) -> Iterator[Staging]:
+def prepare_directory(
+    directory: str | Path,
+    force: bool = False,  # take a directory that is not empty: earlier results are replaced, other files stay
+) -> Iterator[Staging]:
     """A place whose files become the results in a directory when the block ends well.
 
     When it does not, parts that were finished stay in DIR/.running, and a note of the error says so;
     without any, nothing stays.
 
-    Parameters
-    ----------
-    directory : str or Path
-    force : bool
-        Take a directory that is not empty: earlier results are replaced, other files stay.
-
-    Raises
-    ------
-    InputError
-        If the directory cannot be taken, or another run writes into it.
+    Raises `InputError` if the directory cannot be taken, or another run writes into it.
     """
     target = Path(directory)
     with _named(target, "output"):
@@ -123,7 +309,7 @@ def prepare_directory(directory: str | Path, force: bool = False) -> Iterator[St
             _clear_leftovers(target, running, os.listdir(running))
         # a move that was finished just now has filled it
         _check_target(target, force, reported)
-        staging = Staging(target, running / FILES)
+        staging = Staging(target, running / NEW_FILES)
         with _named(target, "output"):
             staging.folder.mkdir()
             staging.finished.mkdir()
@@ -142,20 +328,13 @@ def update_results(directory: str | Path) -> Iterator[Staging]:
 
     Finished parts of a run that was ended stay.
 
-    Parameters
-    ----------
-    directory : str or Path
-
-    Raises
-    ------
-    InputError
-        If the directory cannot be taken, or a run writes into it.
+    Raises `InputError` if the directory cannot be taken, or a run writes into it.
     """
     target = Path(directory)
     with _taken(target, True) as running:
         with _named(target, None):
-            _clear_leftovers(target, running, {FILES, REPLACING, MOVING}.intersection(os.listdir(running)))
-        staging = Staging(target, running / FILES)
+            _clear_leftovers(target, running, {NEW_FILES, REPLACING, MOVING}.intersection(os.listdir(running)))
+        staging = Staging(target, running / NEW_FILES)
         with _named(target, "output"):
             staging.folder.mkdir()
         with _noted(target), _named(target, None):
@@ -167,24 +346,15 @@ def update_results(directory: str | Path) -> Iterator[Staging]:
             _move_noted(target, running)
 
 
-def finish_results(directory: str | Path, force: bool = False) -> tuple[str, ...]:
+def finish_results(
+    directory: str | Path,
+    force: bool = False,  # put parts of a run in the place of earlier results
+) -> tuple[str, ...]:
     """Put what an ended run finished into its directory, or finish a move that was ended.
 
-    Parameters
-    ----------
-    directory : str or Path
-    force : bool
-        Put parts of a run in the place of earlier results.
+    Returns: the parts of the run that were finished.
 
-    Returns
-    -------
-    tuple of str
-        The parts of the run that were finished.
-
-    Raises
-    ------
-    InputError
-        If there is nothing to finish, a run is still at work, or earlier results would go.
+    Raises `InputError` if there is nothing to finish, a run is still at work, or earlier results would go.
     """
     target = Path(directory)
     running, state = target / RUNNING, unfinished_state(target)
@@ -233,7 +403,7 @@ def _left(running: Path) -> _Left | None:
         return _Left.STRANGE
     if not names:
         return None
-    return _Left.BEGUN if names <= {FILES, FINISHED} else _Left.STRANGE
+    return _Left.BEGUN if names <= {NEW_FILES, FINISHED} else _Left.STRANGE
 
 
 def _parts(finished: Path) -> list[str]:
@@ -345,7 +515,7 @@ def _gather(finished: Path) -> None:
 def _commit(target: Path, running: Path) -> None:
     """From here on the finished parts are the results of the directory, and anyone can finish the move."""
     _check_places(target, result_files(running / FINISHED))
-    _remove(running / FILES)
+    _remove(running / NEW_FILES)
     os.rename(running / FINISHED, running / REPLACING)
     to_disk(running)
 
@@ -407,7 +577,7 @@ def _sync(folder: Path) -> None:
 
 def _drop_unfinished(running: Path) -> None:
     """Remove files of a part that was not finished, and what is empty of finished ones."""
-    _remove(running / FILES)
+    _remove(running / NEW_FILES)
     if not _parts(running / FINISHED):
         _remove(running / FINISHED)
 

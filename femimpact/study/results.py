@@ -16,25 +16,20 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.export import tables
 from femimpact.regular_file import check_regular, open_regular
-from femimpact.study.result_directory import ResultsWarning, unfinished_state
-from femimpact.study.result_files import FILES, OTHER_FILES, SUMMARY, replaced_by, result_files
+from femimpact.study.result_directory import (
+    FILES,
+    OTHER_FILES,
+    SUMMARY,
+    ResultsWarning,
+    replaced_by,
+    result_files,
+    unfinished_state,
+)
 from femimpact.table import Head, head_of_values, short_repr
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = [
-    "STICKING_FILE",
-    "StudyResults",
-    "checksum",
-    "load",
-    "read_dataset",
-    "read_json",
-    "read_sticking",
-    "read_summary",
-    "read_table",
-    "write_summary",
-]
 
 STICKING_FILE = OTHER_FILES["sticking"]
 
@@ -170,10 +165,7 @@ def _differs(path: Path, expected: str) -> bool:
 def read_summary(folder: Path) -> dict[str, Any]:
     """The summary of a directory of results.
 
-    Raises
-    ------
-    InputError
-        If there is none, it cannot be read, or the results are unfinished.
+    Raises `InputError` if there is none, it cannot be read, or the results are unfinished.
     """
     path = folder / SUMMARY
     if not path.is_file():
@@ -195,10 +187,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
 def read_json(path: Path) -> dict[str, Any]:
     """A file of plain data; nothing where there is none.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read, or holds no table.
+    Raises `InputError` if it cannot be read, or holds no table.
     """
     if not path.exists():
         return {}
@@ -215,10 +204,7 @@ def read_json(path: Path) -> dict[str, Any]:
 def read_dataset(folder: Path, name: str, summary: Mapping[str, Any]) -> xarray.Dataset | None:
     """One of the netCDF files of `FILES` or `OTHER_FILES`; None where the results have none.
 
-    Raises
-    ------
-    InputError
-        If it is missing or cannot be read.
+    Raises `InputError` if it is missing or cannot be read.
     """
     return _read(folder, {**OTHER_FILES, **FILES}[name], summary, _load_dataset)
 
@@ -234,10 +220,7 @@ def _load_dataset(path: Path) -> xarray.Dataset:
 def read_table(folder: Path, name: str, summary: Mapping[str, Any]) -> dict[str, Any] | None:
     """One of the tables of the results; None where they have none.
 
-    Raises
-    ------
-    InputError
-        If it is missing or cannot be read.
+    Raises `InputError` if it is missing or cannot be read.
     """
     return _read(folder, name, summary, tables.read_csv)
 
@@ -304,17 +287,14 @@ def _of_summary(summary: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
 
 
-def write_summary(folder: Path, summary: Mapping[str, Any], beside: Path | None = None) -> None:
-    """Write the summary of the files in a folder, with their checksums.
-
-    Parameters
-    ----------
-    folder : Path
-    summary : mapping
-    beside : Path, optional
-        A folder of results to which those in the first are added. Checksums that the summary has of files there
-        stay; where it has none at all they are computed.
-    """
+def write_summary(
+    folder: Path,
+    summary: Mapping[str, Any],
+    # a folder of results to which those in the first are added. Checksums that the summary has of files there stay;
+    # where it has none at all they are computed.
+    beside: Path | None = None,
+) -> None:
+    """Write the summary of the files in a folder, with their checksums."""
     sums = {}
     if beside is not None:
         known = summary.get(CHECKSUMS) or _checksums(beside)

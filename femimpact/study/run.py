@@ -14,42 +14,27 @@ import numpy as np
 from femimpact.errors import checked, kind_of, require, require_name, require_path, require_type, truth
 from femimpact.export import tables
 from femimpact.export.files import atomic_write
-from femimpact.integrators.integrate import integrate
-from femimpact.integrators.memory import first_steps
+from femimpact.integrators.cases import first_steps
 from femimpact.integrators.methods import Method
-from femimpact.integrators.stepping.step_size import shortest_contact
+from femimpact.integrators.runs import integrate
+from femimpact.integrators.stepping.operators import shortest_contact
 from femimpact.response.impacts import STICKING_UNITS, impact_columns
 from femimpact.response.response import Response
 from femimpact.structure.structure import glue_impactors
+from femimpact.study.base_motion import RecordedMotion
+from femimpact.study.cost import even_grid, refined_grid
 from femimpact.study.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
 from femimpact.study.pictures import draw_in_child, with_pictures
 from femimpact.study.prepared import PARTS, PreparedStudy, last_cycles_start, prepare
-from femimpact.study.recorded_motion import RecordedMotion
-from femimpact.study.result_directory import Staging, prepare_directory
-from femimpact.study.result_files import FILES, OTHER_FILES
-from femimpact.study.result_report import add_report
+from femimpact.study.result_directory import FILES, OTHER_FILES, Staging, prepare_directory
+from femimpact.study.result_page import add_report
 from femimpact.study.results import STICKING_FILE, StudyResults, load, write_summary
 from femimpact.study.study import Study, assemble_on
-from femimpact.study.study_text import study_text, with_record
+from femimpact.study.study_file import study_text, with_record
 from femimpact.study.summary import SweepPair, summary_of
-from femimpact.study.sweep_grid import even_grid, refined_grid
 from femimpact.sweep import SWEEP_UNITS, frequency_sweep, on_grid
 from femimpact.system.modes import Modes, solve_modes
 from femimpact.system.state import State
-
-__all__ = [
-    "Found",
-    "Report",
-    "keep_history",
-    "keep_modes",
-    "keep_pictures",
-    "keep_study",
-    "keep_sweeps",
-    "run_modes",
-    "run_simulation",
-    "run_study",
-    "run_sweep",
-]
 
 MODES_LISTED = 4
 
@@ -165,17 +150,9 @@ def _structure_only(state: State) -> State:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a run has found so far; None where it has not, or will not.
+    """What a run has found so far; None where it has not, or will not."""
 
-    Parameters
-    ----------
-    modes : (Modes, Modes or None), optional
-        As of `run_modes`.
-    response : Response, optional
-    sweeps : SweepPair, optional
-    """
-
-    modes: tuple[Modes, Modes | None] | None = None
+    modes: tuple[Modes, Modes | None] | None = None  # (Modes, Modes or None) as of `run_modes`
     response: Response | None = None
     sweeps: SweepPair | None = None
 
@@ -293,19 +270,9 @@ def keep_pictures(
     prepared: PreparedStudy,
     found: Found,
     report: Report = _silent,
-    more: Mapping[str, Any] | None = None,
+    more: Mapping[str, Any] | None = None,  # what the summary says besides
 ) -> None:
-    """Write what the figures show besides, draw, and write the summary of it all.
-
-    Parameters
-    ----------
-    staging : Staging
-    prepared : PreparedStudy
-    found : Found
-    report : callable, optional
-    more : mapping, optional
-        What the summary says besides.
-    """
+    """Write what the figures show besides, draw, and write the summary of it all."""
     folder, study, output = staging.folder, prepared.study, prepared.study.output
     summary = summary_of(prepared, found.modes, found.response, found.sweeps) | dict(more or {})
     if output.figures and found.response is not None and found.response.system.contacts:

@@ -16,15 +16,12 @@ from typing import Any
 from femimpact.contact import PowerLaw
 from femimpact.errors import quantity
 from femimpact.integrators.methods import METHODS
+from femimpact.structure.beam import Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
-from femimpact.structure.structure import Segment
+from femimpact.study.base_motion import OWN, SIGNALS, RecordedMotion, SignalMotion
 from femimpact.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, ParameterPlan, SamplePlan
-from femimpact.study.recorded_motion import RecordedMotion
-from femimpact.study.signal_motion import OWN, SIGNALS, SignalMotion
 from femimpact.study.study import BaseMotion
 from femimpact.study.study_file import LAWS, TABLES, chosen_later
-
-__all__ = ["NOT_IN_SCHEMA", "study_schema"]
 
 NOT_IN_SCHEMA = (
     "what is not a number (nan), for which a schema has no word",
@@ -51,10 +48,7 @@ def study_schema() -> dict[str, Any]:
 
     Every key has its type and range, a `description`, and as `x-unit` and `x-range` its unit and range in words.
 
-    Returns
-    -------
-    dict
-        Of what `json.dump` writes.
+    Returns: of what `json.dump` writes.
     """
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

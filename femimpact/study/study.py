@@ -26,29 +26,11 @@ from femimpact.fem.mesh import Mesh
 from femimpact.fem.mesh_files import read_mesh
 from femimpact.integrators.methods import METHODS, Method
 from femimpact.structure.structure import Structure
+from femimpact.study.base_motion import RecordedMotion, Signal, SignalMotion
 from femimpact.study.parameter_plan import ParameterPlan
-from femimpact.study.recorded_motion import RecordedMotion
-from femimpact.study.signal_motion import Signal, SignalMotion
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
 from femimpact.system.system import System
-
-__all__ = [
-    "BaseMotion",
-    "Gravity",
-    "MeshChoice",
-    "Output",
-    "Reduction",
-    "Study",
-    "SweepPlan",
-    "assemble_on",
-    "build",
-    "build_systems",
-    "check_method",
-    "method_for",
-    "read_mesh_of",
-    "sine_of",
-]
 
 
 @dataclass(frozen=True)

@@ -25,13 +25,11 @@ from femimpact.identification import (
 )
 from femimpact.integrators.methods import Method
 from femimpact.response.response import Response
+from femimpact.study.cost import finer_grid_words
 from femimpact.study.prepared import PreparedStudy
-from femimpact.study.sweep_grid import finer_grid_words
 from femimpact.sweep import FrequencyResponse, on_grid
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import Modes
-
-__all__ = ["Spread", "SweepPair", "contacts_of", "library_versions", "spread_of", "summary_of"]
 
 RESTITUTION_MISSED = 0.1
 """Difference between a law's restitution and the median seen in a run that is warned of."""
@@ -39,37 +37,21 @@ RESTITUTION_MISSED = 0.1
 
 @dataclass(frozen=True, eq=False)
 class SweepPair:
-    """The sweep of a study without and with its balls, on one grid of frequencies.
-
-    Parameters
-    ----------
-    empty : FrequencyResponse
-    ball : FrequencyResponse or None
-        None where the study has no impactor.
-    coarse : ndarray, Hz
-        The even grid of the study; the other frequencies refine it.
-    """
+    """The sweep of a study without and with its balls, on one grid of frequencies."""
 
     empty: FrequencyResponse
-    ball: FrequencyResponse | None
-    coarse: NDArray[np.float64]
+    ball: FrequencyResponse | None  # none where the study has no impactor
+    coarse: NDArray[np.float64]  # Hz: the even grid of the study; the other frequencies refine it
 
 
 @dataclass(frozen=True)
 class Spread:
-    """One quantity of a chaotic motion over several starts.
-
-    Parameters
-    ----------
-    median, lowest, highest : float
-    resolution : float
-        What one start's value is exact to, as the step of a grid; 0 where it is rounding.
-    """
+    """One quantity of a chaotic motion over several starts."""
 
     median: float
     lowest: float
     highest: float
-    resolution: float = 0.0
+    resolution: float = 0.0  # what one start's value is exact to, as the step of a grid; 0 where it is rounding
 
     def text(self, scale: float = 1.0) -> str:
         """Median and range in words: rounded to a 1, 2 or 5 that is half of the range or more.
@@ -91,18 +73,11 @@ class Spread:
         return f"{round(middle / unit) * unit:.{digits}f} ({down * unit:.{digits}f} to {up * unit:.{digits}f})"
 
 
-def spread_of(values: ArrayLike, resolution: float = 0.0) -> Spread:
-    """Median and range of values that are finite.
-
-    Parameters
-    ----------
-    values : array_like (n,)
-    resolution : float
-
-    Returns
-    -------
-    Spread
-    """
+def spread_of(
+    values: ArrayLike,  # (n,)
+    resolution: float = 0.0,
+) -> Spread:
+    """Median and range of values that are finite."""
     array = np.asarray(values, dtype=float)
     return Spread(float(np.median(array)), float(array.min()), float(array.max()), float(resolution))
 

@@ -1,19 +1,27 @@
-"""How long each frequency of a sweep is run, and which of its base cycles are measured."""
+"""Dwells of a sweep: the cases of its frequencies, and how a method runs them."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from femimpact.errors import checked, in_range, quantity, real_array, require
-from femimpact.integrators.answers import SineCases, SineDwells
+from femimpact.errors import DivergenceError, checked, in_range, quantity, real_array, require
+from femimpact.excitation import Sine
+from femimpact.integrators.cases import SineCases, SineDwells, run_each
+from femimpact.integrators.methods import Method
+from femimpact.progress import Progress
+from femimpact.response.channels import Channel, channel_of
+from femimpact.response.energy import BALANCED
+from femimpact.response.impacts import ImpactStatistics
+from femimpact.response.response import Recorder, Response
+from femimpact.response.signals import CycleStatistics, SteadyMotion, steady_motion
 from femimpact.system.state import State
 from femimpact.system.system import System
-
-__all__ = ["LEAST_CYCLES", "cases_of", "dwells_of"]
 
 LEAST_CYCLES = 3
 """Fewest base cycles of a dwell: the last third is measured."""
@@ -21,33 +29,22 @@ LEAST_CYCLES = 3
 MOST_CYCLES = 10**9
 """Of a dwell; more is taken for a mistake."""
 
-ROUNDING = 1e-9
+ROUNDING_OF_CYCLES = 1e-9
 """Of a number of cycles: 4.1 Hz for 10 s are 41 of them."""
 
 
-def dwells_of(amplitude: float, frequencies: ArrayLike, cycles: Any, duration: Any, window: Any) -> SineDwells:
+def dwells_of(
+    amplitude: float,  # m: of the base
+    frequencies: ArrayLike,  # (n,) Hz
+    cycles: Any,  # the last third is measured
+    duration: Any,  # s: the window is the last third of the duration by default
+    window: Any,  # s
+) -> SineDwells:
     """Dwells from a number of cycles, or from a duration and the window at its end.
 
     Of a duration the whole cycles from t = 0 are run, of a window those that lie within the last of it.
 
-    Parameters
-    ----------
-    amplitude : float, m
-        Of the base.
-    frequencies : array_like (n,), Hz
-    cycles : int or None
-        The last third is measured.
-    duration, window : float or None, s
-        The window is the last third of the duration by default.
-
-    Returns
-    -------
-    SineDwells
-
-    Raises
-    ------
-    InputError
-        If neither or both ways are taken, or less than one whole cycle would be measured.
+    Raises `InputError` if neither or both ways are taken, or less than one whole cycle would be measured.
     """
     allowed = "must be one or more numbers > 0"
     f = np.atleast_1d(real_array("frequencies", frequencies, "Hz", allowed))
@@ -61,14 +58,14 @@ def dwells_of(amplitude: float, frequencies: ArrayLike, cycles: Any, duration: A
         return SineDwells(amplitude, f, np.full(f.size, count), np.full(f.size, count // 3))
     least = LEAST_CYCLES / float(f.min())
     allowed = f"must be a finite number >= {LEAST_CYCLES} base cycles, {least:g} s"
-    whole = in_range(duration, quantity("s", at_least=least - ROUNDING, at_most=MOST_CYCLES / float(f.max())))
+    whole = in_range(duration, quantity("s", at_least=least - ROUNDING_OF_CYCLES, at_most=MOST_CYCLES / float(f.max())))
     require(whole, "duration", duration, "s", allowed)
     duration = float(duration)
     last = duration / 3.0 if window is None else window
     fits = in_range(last, quantity("s", above=0.0, at_most=duration))
     require(fits, "window", window, "s", f"must be > 0 and at most the duration, {duration:g} s")
-    run = np.floor(duration * f + ROUNDING).astype(int)
-    measured = run - np.ceil((duration - last) * f - ROUNDING).astype(int)
+    run = np.floor(duration * f + ROUNDING_OF_CYCLES).astype(int)
+    measured = run - np.ceil((duration - last) * f - ROUNDING_OF_CYCLES).astype(int)
     short = measured < 1
     if np.any(short):
         slowest = float(f[short].min())
@@ -101,3 +98,152 @@ def cases_of(system: System, dwells: SineDwells, state: State, acceleration: flo
         measured=dwells.measured,
         **moved,
     )
+
+
+ROUNDING = 1e-6
+"""Of a cycle: what is so near to the end of one is at its end."""
+
+
+@dataclass(frozen=True, eq=False)
+class DwellRun:
+    """What one dwell gives."""
+
+    motion: SteadyMotion | None  # of the channel over the measured cycles; None of a dwell that failed
+    statistics: ImpactStatistics | None  # over the measured cycles
+    residual: float  # largest energy residual; not a number without a ledger
+    end: State  # at its end; of a dwell that failed, that at its start
+    failure: str = ""  # empty where it has come to its end
+    warnings: tuple[str, ...] = ()
+
+
+def dwells_apart(
+    system: System, cases: SineCases, method: Method, channel: Channel, ledger: bool, workers: int,
+    progress: Progress | None,
+) -> list[DwellRun]:  # fmt: skip
+    """Dwells that all begin with the initial state, spread over threads.
+
+    Parameters
+    ----------
+    system : System
+    cases : SineCases
+        Of which frequency, amplitude, cycles and initial state are used.
+    method : Method
+    channel : Channel
+        What is measured.
+    ledger : bool
+    workers : int
+    progress : callable, optional
+
+    Returns
+    -------
+    list of DwellRun
+
+    Raises
+    ------
+    InputError
+        If a dwell cannot be run at all.
+    """
+
+    def run(case: int, _: Progress | None) -> DwellRun:
+        return _dwell(system, cases, case, cases.initial, method, channel, ledger)
+
+    return list(run_each(run, range(cases.frequency.size), workers, progress))
+
+
+def dwell_chain(
+    system: System, cases: SineCases, order: Sequence[int], method: Method, channel: Channel, ledger: bool,
+    progress: Progress | None,
+) -> list[DwellRun]:  # fmt: skip
+    """Dwells in some order, each of which begins where the last one that has not failed ended.
+
+    The base is at zero where the frequency changes: its displacement is continuous, and the motion relative to it.
+
+    Parameters
+    ----------
+    system : System
+    cases : SineCases
+        As of `dwells_apart`.
+    order : sequence of int
+        Numbers of cases; one may occur more than once.
+    method : Method
+    channel : Channel
+    ledger : bool
+    progress : callable, optional
+
+    Returns
+    -------
+    list of DwellRun
+        In that order.
+
+    Raises
+    ------
+    InputError
+        If a dwell cannot be run at all.
+    """
+    state, found = cases.initial, list[DwellRun]()
+    for case in order:
+        found.append(_dwell(system, cases, case, state, method, channel, ledger))
+        state = found[-1].end
+        if progress is not None:
+            progress(len(found) / len(order))
+    return found
+
+
+def _dwell(
+    system: System, cases: SineCases, case: int, start: State, method: Method, channel: Channel, ledger: bool
+) -> DwellRun:
+    """One dwell: what comes before three times the measured cycles, then these, whose last third is measured."""
+    f, amplitude = float(cases.frequency[case]), float(cases.amplitude[case])
+    cycles, measured = int(cases.cycles[case]), int(cases.measured[case])
+    allowed = "must be at most a third of the dwell where each frequency is a separate run"
+    require(3 * measured <= cycles, "window", measured / f, "s", allowed)
+    base = Sine(amplitude, f, phase=-2.0 * math.pi * f * start.time)
+    state = start
+    try:
+        if cycles > 3 * measured:
+            before = method.run(system, base, (cycles - 3 * measured) / f, _recorder((), False), state, None)
+            state = _end_of(before)
+        default = _is_default(system, channel)
+        begin = None if default else state.time + (2.0 * measured + ROUNDING) / f
+        record = replace(_recorder((), ledger), state_at=begin)
+        run = method.run(system, base, 3 * measured / f, record, state, None)
+        motion = run.steady if default else _motion(system, base, run, method, channel, measured)
+    except DivergenceError as error:
+        return DwellRun(None, None, math.nan, start, f"at {f:g} Hz: {error}")
+    residual = math.nan if run.energy is None else run.energy.residual
+    return DwellRun(motion, run.statistics, residual, _end_of(run), warnings=run.warnings)
+
+
+def _is_default(system: System, channel: Channel) -> bool:
+    """Whether a channel is the displacement of the place of which every run has the amplitudes."""
+    return channel == channel_of(system, system.default_place)
+
+
+def _recorder(channels: tuple[Channel, ...], ledger: bool) -> Recorder:
+    """What a run keeps; a ledger that does not close is the curve's warning, not the run's."""
+    return Recorder(channels, ledger=ledger, memory_limit=1e15, residual_limit=BALANCED)
+
+
+def _end_of(run: Response) -> State:
+    state = run.final_state
+    assert state is not None
+    return state
+
+
+def _motion(system: System, base: Sine, run: Response, method: Method, channel: Channel, measured: int) -> SteadyMotion:
+    """Amplitudes of a channel over the last third of a run, which is run once more with the channel read."""
+    state = run.kept_state
+    assert state is not None
+    again = method.run(system, base, measured / base.frequency, _recorder((channel,), False), state, None)
+    # the first sample is the last one of what came before; the others are those of whole cycles
+    values, time = again.channels[channel.name][1:], again.time[1:]
+    phase = base.omega * time + base.phase
+    turns = base.frequency * (time - state.time)
+    number = np.clip(np.ceil(turns - ROUNDING).astype(int) - 1, 0, measured - 1)
+    first = np.flatnonzero(np.append(True, np.diff(number) > 0))
+    sums = (np.add.reduceat(part, first) for part in (values**2, values * np.sin(phase), values * np.cos(phase)))
+    extremes = (np.maximum.reduceat(values, first), np.minimum.reduceat(values, first))
+    samples = np.diff(np.append(first, number.size)).astype(float)
+    statistics = CycleStatistics(*(column[:, None] for column in (*extremes, *sums, samples)))
+    motion = steady_motion(statistics, np.array([measured]))
+    return replace(motion, peak=np.array([abs(again.largest(channel).value)]))

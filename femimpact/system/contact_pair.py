@@ -7,15 +7,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femimpact.arrays import Array
 from femimpact.contact import ContactLaw, ContactParameters, require_law, resolve
 from femimpact.errors import check_fields, choice, column, quantity, require, require_type, text
 from femimpact.structure.structure import Impactor, Stop, require_preload, sound_gaps
-
-__all__ = ["ContactPair", "contact_pair", "frozen_row"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,19 +1,29 @@
-"""Cubic Hermite shape functions, the one formula behind element and deflection, and the rows that read a deflection."""
+"""Deflections along the beam: cubic Hermite functions, sections, and the reactions of supports."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import checked, choice, quantity, real_array, require
+from femimpact.arrays import Array
+from femimpact.errors import (
+    check_fields,
+    checked,
+    choice,
+    column,
+    optional,
+    quantity,
+    real_array,
+    require,
+    require_type,
+    text,
+)
 from femimpact.system.matrices import Matrix
-
-__all__ = ["DERIVATIVE", "element_of", "hermite_rows", "place_in_element", "positions_on_beam", "shape_functions"]
-
-Array = NDArray[np.float64]
 
 OFF_BEAM = 1e-6
 """Share of the length by which a position in single precision may lie off the beam."""
@@ -29,23 +39,16 @@ DERIVATIVE = quantity("1", at_least=0, at_most=3, integer=True)
 """Orders of derivative that a cubic has."""
 
 
-def shape_functions(s: ArrayLike, derivative: int = 0) -> Array:
+def shape_functions(
+    s: ArrayLike,  # shape (...) position inside the element, 0 at its first node and 1 at its second
+    derivative: int = 0,  # order of the derivative by s, 0 to 3
+) -> Array:
     """Cubic Hermite shape functions of (w1, h w1', w2, h w2') or a derivative of them by s.
 
     w(s) = H1 w1 + H2 h w1' + H3 w2 + H4 h w2', with s = (x - x1)/h.
 
-    Parameters
-    ----------
-    s : array_like, shape (...), 1
-        Position inside the element, 0 at its first node and 1 at its second.
-    derivative : int
-        Order of the derivative by s, 0 to 3.
-
-    Returns
-    -------
-    ndarray, shape (4, ...), 1
-        Values; multiply rows 1 and 3 by the element length for dofs (w, dw/dx),
-        and divide all by its `derivative`-th power for derivatives by x.
+    Returns shape (4, ...) 1: values; multiply rows 1 and 3 by the element length for dofs (w, dw/dx), and divide all by
+    its `derivative`-th power for derivatives by x.
     """
     s = real_array("s", s, "1", "must be finite numbers")
     return np.array(_SHAPES[checked("derivative", derivative, DERIVATIVE)](s))
@@ -85,25 +88,15 @@ def place_in_element(nodes: Array, positions: Array, side: str) -> tuple[NDArray
     return element, np.asarray(np.clip(s, 0.0, 1.0))
 
 
-def hermite_rows(nodes: Array, positions: ArrayLike, derivative: int = 0, side: str = "right") -> Matrix:
+def hermite_rows(
+    nodes: Array,  # (n,) m
+    positions: ArrayLike,  # (k,) m
+    derivative: int = 0,
+    side: str = "right",  # {"left", "right"}: which element is read at a node, where curvature and its slope jump
+) -> Matrix:  # csr_array (k, 2 n)
     """Sparse rows from nodal (w, w') pairs to the deflection, or a derivative of it, at positions.
 
-    Parameters
-    ----------
-    nodes : ndarray (n,), m
-    positions : array_like (k,), m
-    derivative : int
-    side : {"left", "right"}
-        Which element is read at a node, where curvature and its slope jump.
-
-    Returns
-    -------
-    csr_array (k, 2 n)
-
-    Raises
-    ------
-    InputError
-        If a position lies off the nodes, or a cubic has no such derivative.
+    Raises `InputError` if a position lies off the nodes, or a cubic has no such derivative.
     """
     x = np.atleast_1d(positions_on_beam(nodes, positions, "positions"))
     require(x.ndim == 1, "positions", f"array of shape {x.shape}", "m", "must be one place or a row of them")
@@ -115,3 +108,225 @@ def hermite_rows(nodes: Array, positions: ArrayLike, derivative: int = 0, side: 
     column = (2 * element[:, None] + np.arange(4)).ravel()
     first = np.arange(0, column.size + 1, 4)
     return sparse.csr_array((values.T.ravel(), column, first), shape=(x.size, 2 * nodes.size))
+
+
+@dataclass(frozen=True)
+class Section:
+    """The section at one position of a beam.
+
+    Raises `InputError` if a value is out of range.
+    """
+
+    # N m^2: E I: a bending moment is this times the curvature w''
+    bending_stiffness: float = field(metadata=quantity("N m^2", above=0.0))
+    # m: from the neutral axis to the surface: a surface strain is -+ this times the curvature
+    half_height: float = field(metadata=quantity("m", above=0.0))
+    young_modulus: float = field(metadata=quantity("Pa", above=0.0))  # Pa: a stress is this times the strain
+    region: str = field(metadata=text())  # name of the segment
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True, eq=False)
+class SectionFields:
+    """The section of every element: that in its middle, and how it tapers.
+
+    Over an element, with s from 0 at its end towards the root to 1, the width is its value in the middle times
+    a = 1 + width_taper (s - 1/2), and the thickness times b = 1 + thickness_taper (s - 1/2). Then E I and rho I in the
+    middle are multiplied by a b^3, rho A by a b, and the half height by b.
+
+    Parameters
+    ----------
+    bending_stiffness : ndarray (elements,), N m^2
+        E I in the middle of each element, as all that follow.
+    mass_per_length : ndarray (elements,), kg/m
+        rho A.
+    rotary_inertia : ndarray (elements,), kg m
+        rho I, which the beam's own mass matrix leaves out.
+    young_modulus : ndarray (elements,), Pa
+    half_height : ndarray (elements,), m
+        From the neutral axis to the surface.
+    region : ndarray (elements,) of str
+        Name of the segment.
+    width_taper, thickness_taper : ndarray (elements,), 1
+        Difference of width and of thickness between the two ends of each element, over the value in its middle. None
+        is 0 everywhere, a section that is constant in every element.
+
+    Raises
+    ------
+    InputError
+        If the arrays are not equally long, a value is not positive, or a taper ends in nothing.
+    """
+
+    bending_stiffness: Array = field(metadata=column("N m^2", "elements", finite=True))
+    mass_per_length: Array = field(metadata=column("kg/m", "elements", finite=True))
+    rotary_inertia: Array = field(metadata=column("kg m", "elements", finite=True))
+    young_modulus: Array = field(metadata=column("Pa", "elements", finite=True))
+    half_height: Array = field(metadata=column("m", "elements", finite=True))
+    region: NDArray[np.str_] = field(metadata=column("", "elements", of="text"))
+    width_taper: Any = field(default=None, metadata=column("1", "elements", finite=True))
+    thickness_taper: Any = field(default=None, metadata=column("1", "elements", finite=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        for name in ("bending_stiffness", "mass_per_length", "rotary_inertia", "young_modulus", "half_height"):
+            values = getattr(self, name)
+            require(bool((values > 0.0).all()), name, None, "", "must hold numbers > 0")
+        for name in ("width_taper", "thickness_taper"):
+            if getattr(self, name) is None:
+                none = np.zeros(self.region.size)
+                none.setflags(write=False)
+                object.__setattr__(self, name, none)
+            within = bool((np.abs(getattr(self, name)) < 2.0).all())
+            require(within, name, None, "1", "must hold numbers > -2 and < 2, so that both ends have a section")
+
+    @property
+    def is_tapered(self) -> NDArray[np.bool_]:
+        """Which elements taper, (elements,)."""
+        return np.asarray((self.width_taper != 0.0) | (self.thickness_taper != 0.0))
+
+    @property
+    def bending_polynomial(self) -> Array:
+        """E I over that in the middle, as a polynomial in x = 2 s - 1: its coefficients by powers, (5, elements)."""
+        a, b = 0.5 * self.width_taper, 0.5 * self.thickness_taper
+        return np.stack([np.ones(a.size), a + 3.0 * b, 3.0 * b * (a + b), b * b * (3.0 * a + b), a * b**3])
+
+    @property
+    def mass_polynomial(self) -> Array:
+        """The same of rho A, (3, elements)."""
+        a, b = 0.5 * self.width_taper, 0.5 * self.thickness_taper
+        return np.stack([np.ones(a.size), a + b, a * b])
+
+    def bending_stiffness_at(self, element: int | NDArray[np.intp], s: float | Array, derivative: int = 0) -> Array:
+        """E I (N m^2) at places s from 0 to 1 of elements, or its first derivative by s."""
+        w, t, a, b = self._taper(element, s)
+        shape = (a * b**3, w * b**3 + 3.0 * t * a * b**2)[derivative]
+        return np.asarray(self.bending_stiffness[element] * shape)
+
+    def mass_per_length_at(self, element: int | NDArray[np.intp], s: float | Array) -> Array:
+        """Rho A (kg/m) at places s from 0 to 1 of elements."""
+        _, _, a, b = self._taper(element, s)
+        return np.asarray(self.mass_per_length[element] * (a * b))
+
+    def rotary_inertia_at(self, element: int | NDArray[np.intp], s: float | Array) -> Array:
+        """Rho I (kg m) at places s from 0 to 1 of elements."""
+        _, _, a, b = self._taper(element, s)
+        return np.asarray(self.rotary_inertia[element] * (a * b**3))
+
+    def half_height_at(self, element: int | NDArray[np.intp], s: float | Array) -> Array:
+        """Half height (m) at places s from 0 to 1 of elements."""
+        return np.asarray(self.half_height[element] * self._taper(element, s)[3])
+
+    def _taper(self, element: int | NDArray[np.intp], s: float | Array) -> tuple[float | Array, ...]:
+        """Tapers of elements, and the factors a and b of width and thickness."""
+        w, t = self.width_taper[element], self.thickness_taper[element]
+        return w, t, 1.0 + w * (s - 0.5), 1.0 + t * (s - 0.5)
+
+    def section(self, element: int, s: float = 0.5) -> Section:
+        """The section at a place of one element: s from 0, at its end towards the root, to 1."""
+        return Section(
+            float(self.bending_stiffness_at(element, s)),
+            float(self.half_height_at(element, s)),
+            float(self.young_modulus[element]),
+            str(self.region[element]),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Reaction:
+    """Force or moment of one support on the structure, as a linear reading of its motion.
+
+    reaction = on_acceleration @ u'' + on_velocity @ u' + on_displacement @ u + on_base_acceleration ub'' - constant
+    - (forces on the held dof itself: `System.contact_shares`, `System.held_shares`)
+
+    A force is positive along +w and a moment along +dw/dx; see `femimpact.system.hermite`. It is the force of this
+    one support. The sum over all supports is not the force of the shaker where damping in proportion to the mass
+    (alpha of Rayleigh), terms that a user adds or an elastic foundation also act between structure and base.
+
+    With modes left out (`reduce`), this reads the held rows of the kept modes. The sum of the inertia and contact
+    forces of the kept modes is another number: both tend to the reaction as modes are added, at different rates.
+
+    Parameters
+    ----------
+    dof : int, optional
+        Number of the held dof on the basis (2 node for w, 2 node + 1 for dw/dx); None for a spring or dashpot to
+        the base, which holds none.
+    unit : {"N", "N m"}
+        Of a force, or of a moment.
+    on_acceleration : ndarray (dofs,)
+        Row of M (a force: kg and, of slopes, kg m; a moment: kg m and kg m^2).
+    on_velocity : ndarray (dofs,)
+        Row of C (a force: N s/m, N s).
+    on_displacement : ndarray (dofs,)
+        Row of K (a force: N/m, N).
+    on_base_acceleration : float
+        Entry of M r (a force: kg; a moment: kg m), M_hf r_f + M_hh r_h.
+    constant : float
+        Constant load on the held dof (a force: N; a moment: N m).
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or the rows are not equally long.
+    """
+
+    dof: int | None = field(metadata=optional(quantity("", at_least=0, integer=True)))
+    unit: str = field(metadata=choice("N", "N m"))
+    on_acceleration: Array = field(metadata=column("kg", "dofs", finite=True))
+    on_velocity: Array = field(metadata=column("N s/m", "dofs", finite=True))
+    on_displacement: Array = field(metadata=column("N/m", "dofs", finite=True))
+    on_base_acceleration: float = field(metadata=quantity("kg"))
+    constant: float = field(default=0.0, metadata=quantity("N"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+def damped_reactions(reactions: Mapping[str, Reaction], alpha: float, beta: float) -> dict[str, Reaction]:
+    """The same reactions with C = alpha M + beta K (1/s, s), whose rows at held dofs follow from those of M and K."""
+    return {
+        name: _with_row(item, on_velocity=_row(alpha * item.on_acceleration + beta * item.on_displacement))
+        for name, item in reactions.items()
+    }
+
+
+def _with_row(item: Reaction, **rows: Array) -> Reaction:
+    """The same reaction with rows that follow from its own: the checks would take longer than making them."""
+    copied = object.__new__(Reaction)
+    copied.__dict__.update(item.__dict__ | rows)
+    return copied
+
+
+def reduced_reactions(reactions: Mapping[str, Reaction], phi: Array) -> dict[str, Reaction]:
+    """The same reactions read from modal coordinates q, u = phi q, with phi (dofs, modes)."""
+    return {
+        name: replace(
+            item,
+            on_acceleration=_row(item.on_acceleration @ phi),
+            on_velocity=_row(item.on_velocity @ phi),
+            on_displacement=_row(item.on_displacement @ phi),
+        )
+        for name, item in reactions.items()
+    }
+
+
+def unloaded_reactions(reactions: Mapping[str, Reaction]) -> dict[str, Reaction]:
+    """The same reactions without a constant load on the held dofs."""
+    return {name: replace(item, constant=0.0) for name, item in reactions.items()}
+
+
+def check_reactions(reactions: Any, dofs: int) -> None:
+    """Refuse what is no mapping of names to reactions with rows of this many dofs."""
+    require_type(reactions, Mapping, "reactions")
+    for name, item in reactions.items():
+        require_type(name, str, "reactions")
+        require_type(item, Reaction, f"reactions.{name}")
+        allowed = f"must have rows of {dofs} entries, one for each dof"
+        require(item.on_displacement.size == dofs, f"reactions.{name}", item.on_displacement.size, "", allowed)
+
+
+def _row(values: ArrayLike) -> Array:
+    row = np.array(values, dtype=float)
+    row.setflags(write=False)
+    return row

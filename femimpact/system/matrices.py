@@ -1,4 +1,4 @@
-"""Matrices that a user gives, checked: shapes, symmetry, definiteness."""
+"""Matrices that a user gives, checked; and the rigid motions that nothing holds."""
 
 from __future__ import annotations
 
@@ -11,26 +11,62 @@ import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, real_array, require
-from femimpact.system.rigid_motions import rigid_motions
 
-__all__ = [
-    "MOST_DOFS",
-    "MOST_FULL",
-    "Matrix",
-    "banded_factor",
-    "check_semidefinite",
-    "checked_matrix",
-    "checked_row",
-    "checked_shapes",
-    "definite_factor",
-    "diagonal_matrix",
-    "same_product",
-    "sound_sparse",
-    "stiffness_solver",
-]
+FREE = 1e-9
+"""Share of a strain's terms below which it is rounding."""
 
-Array = NDArray[np.float64]
+
+def rigid_motions(
+    # of a beam as `assemble` gives it, or on coordinates whose matrices are diagonal. Of others none are known.
+    system: Any,
+) -> NDArray[np.float64]:
+    """Motions without strain: K r = 0, r^T M r = 1.
+
+    Returns (dofs, k) kg^-0.5: orthonormal with M, computed once for a system; k = 0 where all is held.
+    """
+    kept = system.derived_undamped
+    if "rigid motions" not in kept:
+        motions = _rigid_motions(system)
+        motions.setflags(write=False)
+        kept["rigid motions"] = motions
+    found: NDArray[np.float64] = kept["rigid motions"]
+    return found
+
+
+def _rigid_motions(system: Any) -> NDArray[np.float64]:
+    if system.is_diagonal:
+        unheld = np.flatnonzero(system.K.diagonal() == 0.0)
+        motions = np.zeros((system.dofs, unheld.size))
+        motions[unheld, np.arange(unheld.size)] = 1.0 / np.sqrt(system.M.diagonal()[unheld])
+        return motions
+    if system.sections is None or not sparse.issparse(system.expansion):
+        return np.zeros((system.dofs, 0))
+    straight = _straight_motions(system.nodes)
+    factor: Any = sparse.csr_array(system.stiffness_factor)
+    expansion: Any = system.expansion
+    dofs = np.asarray(expansion.T @ straight)
+    held = straight - expansion @ dofs
+    # each strain by its own terms: springs may be softer than the beam by any number of decades
+    terms = (abs(factor) @ np.abs(dofs)).max(axis=1)
+    strains = (factor @ dofs)[terms > 0.0] / terms[terms > 0.0, None]
+    sizes, shares = np.linalg.svd(np.vstack([held, strains]), full_matrices=False)[1:]
+    motions = dofs @ shares[sizes <= FREE * np.sqrt(strains.shape[0] + 1.0)].T
+    if not motions.size:
+        return np.asarray(motions)
+    lower = np.linalg.cholesky(motions.T @ (system.M @ motions))
+    return np.asarray(np.linalg.solve(lower, motions.T).T)
+
+
+def _straight_motions(nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Translation and rotation about the root, (2 nodes, 2), both at most 1."""
+    length = float(nodes[-1])
+    motions = np.zeros((2 * nodes.size, 2))
+    motions[0::2, 0] = 1.0
+    motions[0::2, 1], motions[1::2, 1] = nodes / length, 1.0 / length
+    return motions
+
 
 Matrix: TypeAlias = "sparse.csr_array[Any, Any]"
 """Sparse, of floats. With the type of its entries, scipy-stubs would make a union of each product with an array."""
@@ -57,10 +93,7 @@ MOST_FULL = 20_000
 def checked_matrix(name: str, value: Any) -> Matrix:
     """A square, symmetric, finite matrix as csr_array (dofs, dofs).
 
-    Raises
-    ------
-    InputError
-        Naming the matrix and what is wrong with it.
+    Raises `InputError` naming the matrix and what is wrong with it.
     """
     given: Any = value
     if sparse.issparse(value):
@@ -83,10 +116,8 @@ def checked_matrix(name: str, value: Any) -> Matrix:
 def sound_sparse(name: str, value: Any) -> Any:
     """A sparse matrix of two dimensions whose indices lie within its shape: compiled code follows them unasked.
 
-    Raises
-    ------
-    InputError
-        Naming the matrix and what is wrong with it, before anything as large as its shape is allocated.
+    Raises `InputError` naming the matrix and what is wrong with it, before anything as large as its shape is
+    allocated.
     """
     sized = len(value.shape) == 2 and max(value.shape) <= MOST_DOFS
     require(sized, name, tuple(value.shape), "", f"must be a matrix of at most {MOST_DOFS:,} rows and columns")
@@ -125,10 +156,7 @@ def checked_row(key: str, value: ArrayLike, dofs: int) -> Array:
 def checked_shapes(nodes: ArrayLike | None, expansion: Any, dofs: int) -> tuple[Array, Matrix]:
     """Nodes (n,) and the matrix (2 n, dofs) that reads w and w' there; none of either where none is given.
 
-    Raises
-    ------
-    InputError
-        If one is given without the other, or they do not fit.
+    Raises `InputError` if one is given without the other, or they do not fit.
     """
     both = (nodes is None) == (expansion is None)
     require(both, "nodes", None, "m", "must be given with expansion, the rows that read w and w' there")
@@ -151,10 +179,7 @@ def checked_shapes(nodes: ArrayLike | None, expansion: Any, dofs: int) -> tuple[
 def definite_factor(name: str, matrix: Array, strictly: bool = False) -> tuple[Array, int]:
     """G (dofs, dofs) with A = G^T G, and the rank of A.
 
-    Raises
-    ------
-    InputError
-        If A has a negative eigenvalue, or, strictly, one that is zero.
+    Raises `InputError` if A has a negative eigenvalue, or, strictly, one that is zero.
     """
     values, vectors = scipy.linalg.eigh(matrix)
     largest = float(np.max(np.abs(values)))

@@ -16,14 +16,10 @@ import scipy.sparse as sparse
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from femimpact.decimal_number import decimal_number
+from femimpact.arrays import Array
 from femimpact.errors import LONGEST_SHOWN, Fault, InputError, checked, optional, require, require_path, text
-from femimpact.regular_file import open_regular
+from femimpact.regular_file import decimal_number, open_regular
 from femimpact.system.matrices import MOST_DOFS, Matrix, checked_matrix
-
-__all__ = ["read_matrix"]
-
-Array = NDArray[np.float64]
 
 SUFFIXES = (".mtx", ".mtx.gz", ".npz")
 

@@ -1,38 +1,94 @@
-"""Natural frequencies, mode shapes and what they mean for a moving base."""
+"""The damping matrix of a system, from ratios of its own modes."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
+import scipy.sparse as sparse
+from numpy.typing import ArrayLike, NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import check_fields, column, in_range, quantity, real_array, require, require_type
-from femimpact.structure.damping import realised_damping_ratio
-from femimpact.system.matrices import stiffness_solver
-from femimpact.system.rigid_motions import rigid_motions
+from femimpact.structure.damping import ModalDamping, Rayleigh, rayleigh_coefficients, realised_damping_ratio
+from femimpact.system.contact_pair import ContactPair
+from femimpact.system.hermite import damped_reactions
+from femimpact.system.matrices import FINITE, diagonal_matrix, rigid_motions, stiffness_solver
+from femimpact.system.static import TOGETHER, SystemOrigin
 from femimpact.system.system import System
 from femimpact.table import Head, frame_of, head_of_columns, short_repr
 
 if TYPE_CHECKING:
     import pandas
 
-__all__ = [
-    "Modes",
-    "first_elastic_frequency",
-    "first_mode_at",
-    "first_resonance",
-    "flexibility",
-    "mode_count",
-    "require_modes_of",
-    "solve_modes",
-    "solve_stiffness",
-]
+FIELDS = tuple(item.name for item in fields(System))
 
-Array = NDArray[np.float64]
+UNDAMPED = ("M", "K", "stiffness_factor", "nodes", "expansion", "sections")
+"""Fields that `System.derived_undamped` follows from."""
+
+
+def computed_system(**values: Any) -> System:
+    """The system with these fields, all but `computed_together`, as they follow from sound input.
+
+    Raises `InputError` if a number is infinite.
+    """
+    system = object.__new__(System)
+    system.__dict__.update(values)
+    check_fields(system)
+    _require_finite(values.items())
+    return _together(system, values["contacts"])
+
+
+def with_checked_fields(system: System, **changes: Any) -> System:
+    """The same system with other fields that were computed together.
+
+    Raises `InputError` if a number is infinite.
+    """
+    _require_finite(changes.items())
+    origin = system.computed_together
+    return _together(_copy(system, **changes), changes.get("contacts", origin.contacts if origin else ()))
+
+
+def with_checked_pairs(system: System, contacts: tuple[ContactPair, ...]) -> System:
+    """The same system with other numbers of its pairs, which were checked when they were made: no more is checked."""
+    return _copy(system, contacts=contacts)
+
+
+def with_modal_damping(system: System, alpha: float, beta: float) -> System:
+    """The same system, on its modes, with C = alpha M + beta K (1/s, s), both >= 0."""
+    C = diagonal_matrix(alpha * system.M.diagonal() + beta * system.K.diagonal())
+    reactions = damped_reactions(system.reactions, alpha, beta)
+    return with_checked_fields(system, C=C, rayleigh=(alpha, beta), reactions=reactions)
+
+
+def _require_finite(values: Iterable[tuple[str, Any]]) -> None:
+    for name, value in values:
+        numbers: Any = value.data if sparse.issparse(value) else value  # type: ignore[attr-defined]
+        sound = not isinstance(numbers, np.ndarray) or numbers.dtype.kind != "f" or bool(np.isfinite(numbers).all())
+        require(sound, name, None, "", FINITE)
+
+
+def _together(system: System, contacts: tuple[ContactPair, ...]) -> System:
+    """The system, whose fields are from now on those that were computed together, with contacts at these places."""
+    kept = tuple(system.__dict__[name] for name in TOGETHER)
+    system.__dict__["computed_together"] = SystemOrigin(kept, contacts, system.constant_load)
+    return system
+
+
+def _copy(system: System, **changes: Any) -> System:
+    copied = object.__new__(System)
+    copied.__dict__.update({name: system.__dict__[name] for name in FIELDS} | changes)
+    if system.__dict__.get("is_diagonal"):
+        # diagonal matrices stay so
+        copied.__dict__["is_diagonal"] = True
+    if changes.keys().isdisjoint(UNDAMPED):
+        copied.__dict__["derived_undamped"] = system.derived_undamped
+    return copied
+
 
 STILL = 1e-9
 """Share of what a motion may do below which a place is still."""
@@ -106,10 +162,7 @@ def require_modes_of(dofs: int, modes: Modes) -> None:
 def mode_count(system: System, count: int, key: str = "count") -> int:
     """How many modes of a system are asked for: a whole number up to that of its dofs.
 
-    Raises
-    ------
-    InputError
-        If it is out of range, or the system is not a `System`.
+    Raises `InputError` if it is out of range, or the system is not a `System`.
     """
     require_type(system, System, "system")
     within = in_range(count, quantity("modes", at_least=1, at_most=system.dofs, integer=True))
@@ -165,10 +218,7 @@ def solve_modes(system: System, count: int) -> Modes:
 def _vectors(system: System, count: int, rigid: Array) -> tuple[Array, Array]:
     """Normalised modes (dofs, count), the rigid motions first, and their angular frequencies (rad/s).
 
-    Raises
-    ------
-    InputError
-        If they are not numbers.
+    Raises `InputError` if they are not numbers.
     """
     elastic = count - rigid.shape[1]
     try:
@@ -201,20 +251,14 @@ def _dense_modes(system: System, count: int, rigid: Array) -> Array:
     return np.asarray(scipy.linalg.solve_triangular(lower, right.T, lower=True, trans="T"))
 
 
-def solve_stiffness(system: System, loads: Array) -> Array:
+def solve_stiffness(
+    system: System,
+    loads: Array,  # (dofs, k) N
+) -> Array:  # (dofs, k) m
     """Static displacements K^-1 f, with K applied through its factor G.
 
     K x = f is solved as the stable mixed problem [s I, G; G^T, 0] [-G x / s; x] = [0; f] / s
     (the augmented system of Bjoerck, 1967): its rounding grows like the condition of G, the root of K's.
-
-    Parameters
-    ----------
-    system : System
-    loads : ndarray (dofs, k), N
-
-    Returns
-    -------
-    ndarray (dofs, k), m
     """
     require_type(system, System, "system")
     allowed = f"must hold finite numbers, {system.dofs} for each load"
@@ -291,3 +335,93 @@ def _normalised(system: System, vectors: Array) -> Array:
     still = np.abs(tip) < 1e-9 * np.abs(largest)
     sign = np.where(np.where(still, largest, tip) < 0, -1.0, 1.0)
     return vectors * sign
+
+
+def with_damping(system: System, damping: Rayleigh | ModalDamping | None) -> System:
+    """The same system with another damping, its ratios those of the modes that the system has now.
+
+    Parameters
+    ----------
+    system : System
+        Also after `add_terms`, which leaves the damping of the structure what it was.
+    damping : Rayleigh, ModalDamping or None
+        None is no damping. C is replaced whole, dashpots and damping that a user adds included.
+
+    Returns
+    -------
+    System
+
+    Raises
+    ------
+    InputError
+        If the damping is of another kind, or refers to a mode that the system does not have.
+    """
+    require_type(system, System, "system")
+    return damped_with_modes(system, damping)[0]
+
+
+def damped_with_modes(
+    system: System, damping: Rayleigh | ModalDamping | None, least: int = 1
+) -> tuple[System, Modes]:  # fmt: skip
+    """The damped system, and the modes that its ratios refer to: as many as these need, but not less than `least`."""
+    known = damping is None or isinstance(damping, (Rayleigh, ModalDamping))
+    require(known, "damping", damping, "", "must be a Rayleigh, a ModalDamping or None")
+    count, key, value = 1, "damping.modes", None
+    if isinstance(damping, ModalDamping):
+        count, key, value = len(damping.each), "damping.ratios", damping.each
+    elif damping is not None and damping.modes:
+        count, value = max(damping.modes), damping.modes
+    allowed = f"must be at most {system.dofs}, the dofs of this mesh: use more elements"
+    require(count <= system.dofs, key, value, "", allowed)
+    modes = solve_modes(system, max(count, least))
+    if isinstance(damping, ModalDamping):
+        return _by_modes(system, modes, np.array(damping.each)), modes
+    alpha, beta = (0.0, 0.0) if damping is None else rayleigh_of(damping, 2.0 * math.pi * modes.natural_frequency)
+    damped = with_checked_fields(
+        system,
+        C=sparse.csr_array(system.C.shape) if damping is None else sparse.csr_array(alpha * system.M + beta * system.K),
+        rayleigh=(alpha, beta),
+        reactions=damped_reactions(system.reactions, alpha, beta),
+    )
+    return damped, modes
+
+
+def rayleigh_of(damping: Rayleigh, omega: NDArray[np.float64]) -> tuple[float, float]:
+    """Coefficients alpha (1/s) and beta (s) of a damping on a structure with the angular frequencies omega (rad/s)."""
+    ratio = damping.ratio if isinstance(damping.ratio, tuple) else (damping.ratio, damping.ratio)
+    if damping.modes:
+        first, second = damping.modes
+        elastic = bool(min(omega[first - 1], omega[second - 1]) > 0.0)
+        rigid = int(np.count_nonzero(omega == 0.0))
+        allowed = f"must be elastic ones, from {rigid + 1} on: a rigid motion has no ratio"
+        require(elastic, "damping.modes", damping.modes, "", allowed)
+        return rayleigh_coefficients((omega[first - 1], omega[second - 1]), ratio)
+    low, high = damping.frequencies or (0.0, 0.0)
+    return rayleigh_coefficients((2 * math.pi * low, 2 * math.pi * high), ratio)
+
+
+def _by_modes(system: System, modes: Modes, ratio: NDArray[np.float64]) -> System:
+    """C = beta K + sum_k c_k (M phi_k)(M phi_k)^T, on the held rows, too."""
+    omega = 2.0 * math.pi * modes.natural_frequency[: ratio.size]
+    held = bool(omega[0] > 0.0)
+    require(held, "damping.ratios", float(ratio[0]), "", "needs a structure that is held: a rigid motion has no ratio")
+    beta = 2.0 * float(ratio[-1] / omega[-1])
+    size = 2.0 * ratio * omega - beta * omega**2
+    vectors = modes.vectors[:, : ratio.size]
+    momentum = system.M @ vectors
+    full = (momentum * size) @ momentum.T
+    reactions = {
+        name: replace(
+            item,
+            on_velocity=_row(beta * item.on_displacement + ((item.on_acceleration @ vectors) * size) @ momentum.T),
+        )
+        for name, item in system.reactions.items()
+    }
+    C = sparse.csr_array(beta * system.K + sparse.csr_array(0.5 * (full + full.T)))
+    return with_checked_fields(system, C=C, rayleigh=None, reactions=reactions)
+
+
+def _row(values: ArrayLike) -> NDArray[np.float64]:
+    row = np.array(values, dtype=float)
+    row.setflags(write=False)
+    return row

@@ -12,12 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import Fault, InputError, require, require_type
 from femimpact.system.contact_pair import ContactPair
+from femimpact.system.hermite import Reaction
 from femimpact.system.matrices import Matrix, banded_factor, checked_matrix, checked_row
 from femimpact.system.modes import first_mode_at, flexibility, solve_modes
-from femimpact.system.reactions import Reaction
 from femimpact.system.system import System
-
-__all__ = ["add_terms"]
 
 
 def add_terms(

@@ -6,20 +6,16 @@ import math
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femimpact.arrays import Array
 from femimpact.errors import checked, require, require_type, truth
 from femimpact.structure.damping import realised_damping_ratio
-from femimpact.system.computed import with_checked_fields
 from femimpact.system.contact_pair import ContactPair
+from femimpact.system.hermite import reduced_reactions
 from femimpact.system.matrices import diagonal_matrix
-from femimpact.system.modes import Modes, mode_count, solve_modes, solve_stiffness
-from femimpact.system.reactions import reduced_reactions
+from femimpact.system.modes import Modes, mode_count, solve_modes, solve_stiffness, with_checked_fields
 from femimpact.system.system import System
-
-__all__ = ["reduce", "reduced_on", "truncation_notes"]
-
-Array = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-12
 """Share of a direction's static flexibility below which a residual adds nothing but rounding."""
@@ -70,16 +66,12 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     return _on_modes(system, found, found.damping_ratio, count, static_correction)
 
 
-def reduced_on(system: System, found: Modes, modes: int) -> System:
-    """The system on the lowest of some modes that were found before, perhaps with another damping; see `reduce`.
-
-    Parameters
-    ----------
-    system : System
-    found : Modes
-        Of its mass and stiffness, one more than are kept unless there is none.
-    modes : int
-    """
+def reduced_on(
+    system: System,
+    found: Modes,  # of its mass and stiffness, one more than are kept unless there is none
+    modes: int,
+) -> System:
+    """The system on the lowest of some modes that were found before, perhaps with another damping; see `reduce`."""
     ratio = _damping_ratio(system, found.vectors, 2.0 * math.pi * found.natural_frequency)
     return _on_modes(system, found, ratio, modes, False)
 

@@ -18,6 +18,7 @@ import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import (
     Fault,
     InputError,
@@ -34,9 +35,20 @@ from femimpact.errors import (
     suggestion,
 )
 from femimpact.structure.structure import Impactor, Position, Stop
-from femimpact.svg.axis import axis_of
-from femimpact.svg.chart import Chart, Line
-from femimpact.system.consistency import (
+from femimpact.svg import Chart, Line, axis_of
+from femimpact.system.contact_pair import ContactPair, contact_pair, frozen_row
+from femimpact.system.hermite import (
+    Reaction,
+    Section,
+    SectionFields,
+    damped_reactions,
+    hermite_rows,
+    place_in_element,
+    positions_on_beam,
+    unloaded_reactions,
+)
+from femimpact.system.matrices import MOST_FULL, Matrix, checked_matrix, checked_row, checked_shapes, definite_factor
+from femimpact.system.static import (
     TOGETHER,
     SystemOrigin,
     check_contacts,
@@ -45,23 +57,7 @@ from femimpact.system.consistency import (
     check_shapes,
     check_unchanged,
 )
-from femimpact.system.contact_pair import ContactPair, contact_pair, frozen_row
-from femimpact.system.hermite import hermite_rows, place_in_element, positions_on_beam
-from femimpact.system.matrices import (
-    MOST_FULL,
-    Matrix,
-    checked_matrix,
-    checked_row,
-    checked_shapes,
-    definite_factor,
-)
-from femimpact.system.reactions import Reaction, damped_reactions, unloaded_reactions
-from femimpact.system.sections import Section, SectionFields
 from femimpact.table import Head, head_of_values, short_repr
-
-__all__ = ["System", "SystemOrigin", "without_impactors"]
-
-Array = NDArray[np.float64]
 
 MOST_DRAWN = 6
 """Contacts that a notebook shows."""
@@ -371,7 +367,7 @@ class System:
 
         The bending moment is EI w'', the elastic part: what damping in proportion to the stiffness and terms of one's
         own add to it is not in it. A surface strain is -+ half_height w'', a stress E times that; `section_at` has
-        the constants, and `femimpact.system.sections` the signs. w'' is linear in each element, with an error of the
+        the constants, and `femimpact.system.hermite` the signs. w'' is linear in each element, with an error of the
         second order of the element's length.
 
         Parameters
@@ -529,7 +525,7 @@ class System:
     def derived_undamped(self) -> dict[Any, Any]:
         """The same of what follows from mass, stiffness and mesh alone.
 
-        Copies of `femimpact.system.computed` with another damping or other contacts have the same one.
+        Copies of `femimpact.system.modes` with another damping or other contacts have the same one.
         """
         return {}
 

@@ -5,35 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-__all__ = ["Case"]
-
 
 @dataclass(frozen=True)
 class Case:
-    """A known number beside the computed one.
+    """A known number beside the computed one."""
 
-    Parameters
-    ----------
-    name : str
-        Distinct among all cases.
-    source : str
-        Where the reference is from: author and year, or "derived here".
-    quantity, unit : str
-    reference, computed : float, unit
-    bound : float
-        Largest error allowed: relative to the reference, or absolute where the reference is zero.
-    reason : str
-        Why the bound is what it is.
-    """
-
-    name: str
-    source: str
+    name: str  # distinct among all cases
+    source: str  # where the reference is from: author and year, or "derived here"
     quantity: str
     unit: str
-    reference: float
-    computed: float
-    bound: float
-    reason: str
+    reference: float  # unit
+    computed: float  # unit
+    bound: float  # largest error allowed: relative to the reference, or absolute where the reference is zero
+    reason: str  # why the bound is what it is
 
     @property
     def error(self) -> float:

@@ -23,17 +23,15 @@ from femimpact.contact import (
 )
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.integrate import integrate
 from femimpact.integrators.methods import Method
+from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.newmark import MoreauJean, Newmark
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import Impactor
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.validation.case import Case
-from femimpact.validation.impacts import FREQUENCY, GRAVITY, shaken_floor
-
-__all__ = ["CASES"]
+from femimpact.validation.contacts import FREQUENCY, GRAVITY, shaken_floor
 
 MASS, SPEED = 0.05, 0.3
 """Of the ball, kg and m/s."""

@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 from femimpact.contact import Rigid
 from femimpact.excitation import PointForce, Sine
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.integrate import integrate
+from femimpact.integrators.runs import integrate
 from femimpact.structure.structure import Impactor, Stop
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.validation.case import Case
-from femimpact.validation.impacts import shaken_floor
-
-__all__ = ["CASES"]
+from femimpact.validation.contacts import shaken_floor
 
 ORBITS = (
     # mass ratio, restitution, damping ratio, frequency ratio, total clearance; position and speed; largest eigenvalue

@@ -5,26 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from femimpact.validation import (
-    beams,
-    contacts,
-    excitations,
-    impacts,
-    ledgers,
-    orbits,
-    oscillators,
-    readings,
-    structures,
-    studies,
-    tapers,
-)
+from femimpact.validation import beams, contacts, excitations, ledgers, orbits, structures, studies
 from femimpact.validation.case import Case
 
-__all__ = ["HEADER", "REFERENCE_CASES", "case_columns", "markdown_table", "run_validation", "table_row"]
-
 REFERENCE_CASES: tuple[Callable[[], Case], ...] = (
-    *beams.CASES, *structures.CASES, *tapers.CASES, *oscillators.CASES, *excitations.CASES, *impacts.CASES,
-    *orbits.CASES, *contacts.CASES, *ledgers.CASES, *readings.CASES, *studies.CASES,
+    *beams.CASES, *structures.CASES, *beams.CASES, *structures.CASES, *excitations.CASES, *contacts.CASES,
+    *orbits.CASES, *contacts.CASES, *ledgers.CASES, *excitations.CASES, *studies.CASES,
 )  # fmt: skip
 """Every case, not yet run."""
 

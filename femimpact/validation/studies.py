@@ -11,17 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.excitation import Sine
-from femimpact.parametric.starts import unit_draws
+from femimpact.parametric.paths import unit_draws
 from femimpact.parametric.verb import parameter_study
 from femimpact.response.response import Response
-from femimpact.study.parameter_words import study_conclusions
+from femimpact.study.result_page import study_conclusions
 from femimpact.validation.case import Case
-from femimpact.validation.impacts import shaken_floor
+from femimpact.validation.contacts import shaken_floor
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["CASES"]
 
 STARTS = 20
 GAPS = ((2e-3, 6e-3), (5e-3, 1e-3))

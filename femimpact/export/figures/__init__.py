@@ -6,8 +6,7 @@ place gives a figure that is not shown, for a file. matplotlib is loaded by the 
 in the same style there are `STYLE`, which `matplotlib.rc_context` takes, and `COLOURS`.
 """
 
-from femimpact.export.figures.contact_laws import collision_history, contact_laws
-from femimpact.export.figures.convergence import mesh_convergence, mode_convergence, step_convergence
+from femimpact.export.figures.contacts import collision_history, contact_laws, impact_histograms, impulse_phase
 from femimpact.export.figures.curves import response_curve, restitution_scan, value_map
 from femimpact.export.figures.drawing import COLOURS, STYLE, OffScreen, save_figure
 from femimpact.export.figures.histories import (
@@ -17,12 +16,15 @@ from femimpact.export.figures.histories import (
     energies,
     spectrum,
 )
-from femimpact.export.figures.impacts import impact_histograms, impulse_phase
-from femimpact.export.figures.meshes import beam_mesh
-from femimpact.export.figures.motion import motion
-from femimpact.export.figures.orders import convergence, convergence_panels
-from femimpact.export.figures.portraits import bifurcation, phase_portrait
-from femimpact.export.figures.shapes import mode_shapes
+from femimpact.export.figures.orders import (
+    convergence,
+    convergence_panels,
+    mesh_convergence,
+    mode_convergence,
+    step_convergence,
+)
+from femimpact.export.figures.portraits import bifurcation, motion, phase_portrait
+from femimpact.export.figures.shapes import beam_mesh, mode_shapes
 from femimpact.export.figures.studies import study_lines, study_map, study_maps, study_scatter
 
 __all__ = [

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
 
-__all__ = ["response_curve", "restitution_scan", "value_map"]
 
 FREQUENCY: Any = quantity("Hz", above=0.0)
 RINGS: Any = {"markersize": 7.0, "markerfacecolor": "none", "markeredgewidth": 1.2}

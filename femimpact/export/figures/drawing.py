@@ -1,4 +1,4 @@
-"""Colours and settings of all figures, and where they are drawn: on axes given, in a notebook, or for a file."""
+"""Springs and dashpots in figures: a spring is a zigzag, a dashpot a dashed line."""
 
 from __future__ import annotations
 
@@ -11,24 +11,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.decimal_number import decimal_number
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type, suggestion
 from femimpact.excitation.excitation import has_cycle
 from femimpact.export.files import atomic_path, file_path
+from femimpact.regular_file import decimal_number
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
-from femimpact.structure.structure import Position
+from femimpact.structure.structure import Dashpot, Position, Spring
 from femimpact.system.system import System
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, FigureBase
-
-__all__ = [
-    "BLUE", "COLOURS", "CYCLES", "DARK", "GREEN", "GREY", "LEGEND", "ORANGE", "PURPLE", "SKY", "STYLE", "WALLS",
-    "OffScreen", "ball_of", "beam_at", "channel_name", "last_cycles", "legend_above", "name_at", "panel",
-    "panels", "place_of", "plain_log_ticks", "prefixed", "require_history", "rows_of", "save_figure", "scaled",
-]  # fmt: skip
 
 BLUE, ORANGE, GREEN, PURPLE, SKY, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#666666"
 """Okabe and Ito's colours, which most colour-blind readers can distinguish."""
@@ -94,10 +88,7 @@ def last_cycles(response: Response, cycles: float) -> tuple[float, str]:
 def panel(ax: Axes | OffScreen | None, width: float, height: float) -> Axes:
     """The axes to draw on: those given, or those of a new figure of this size (inches).
 
-    Raises
-    ------
-    InputError
-        If `ax` is neither axes, nor `OffScreen`, nor None.
+    Raises `InputError` if `ax` is neither axes, nor `OffScreen`, nor None.
     """
     if ax is None or isinstance(ax, OffScreen):
         made: Axes = panels(ax, width, height)[0, 0]
@@ -120,10 +111,7 @@ def panels(
 
     Without a figure it is one of pyplot's, which a notebook shows.
 
-    Raises
-    ------
-    InputError
-        If `figure` is neither a figure, nor `OffScreen`, nor None.
+    Raises `InputError` if `figure` is neither a figure, nor `OffScreen`, nor None.
     """
     import matplotlib
     from matplotlib.figure import Figure, FigureBase
@@ -187,16 +175,12 @@ def plain_log_ticks(axis: Any) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def legend_above(axis: Axes, *groups: Sequence[Any]) -> None:
-    """Name the curves between the axes and their left title: inside, no corner is free for every result.
-
-    Parameters
-    ----------
-    axis : Axes
-        With its title.
-    *groups : sequence of Artist
-        Entries, by their labels, each group on a separate row; all labelled artists of the axes by default.
-    """
+def legend_above(
+    axis: Axes,  # with its title
+    # entries, by their labels, each group on a separate row; all labelled artists of the axes by default
+    *groups: Sequence[Any],
+) -> None:
+    """Name the curves between the axes and their left title: inside, no corner is free for every result."""
     from matplotlib.transforms import ScaledTranslation
 
     if (drawn_before := axis.get_legend()) is not None:
@@ -281,10 +265,7 @@ def channel_name(response: Response, channel: Position | None) -> str:
 def rows_of(key: str, given: object, **metadata: Mapping[str, Any]) -> list[tuple[Any, ...]]:
     """Rows of an argument that is a list of tuples, each entry in the type that its metadata allows.
 
-    Raises
-    ------
-    InputError
-        If it is no list, or an entry is not what it must be, which is named.
+    Raises `InputError` if it is no list, or an entry is not what it must be, which is named.
     """
     allowed = f"must be a list of ({', '.join(metadata)})"
     require(isinstance(given, (list, tuple)), key, given, "", allowed)
@@ -326,10 +307,7 @@ def name_at(system: System, position: float) -> str | None:
 def beam_at(response: Response, pair: Any) -> NDArray[np.float64]:
     """Displacement (m) of the beam where a pair is, from its channel or from ball and gap.
 
-    Raises
-    ------
-    InputError
-        If neither was recorded.
+    Raises `InputError` if neither was recorded.
     """
     place = place_of(response, pair)
     if place is not None:
@@ -339,3 +317,35 @@ def beam_at(response: Response, pair: Any) -> NDArray[np.float64]:
             return np.asarray(response[pair.name] - response[gap])
     at = name_at(response.system, pair.position) or f"{pair.position:g}"
     raise InputError([Fault("channels", list(response.channels), "", f"must hold {at!r}, where {pair.name!r} is")])
+
+
+Point = tuple[float, float]
+
+TURNS = 6
+"""Of a zigzag."""
+
+
+def draw_connection(
+    axis: Any,
+    item: Spring | Dashpot,
+    ends: tuple[Point, Point],  # pair of (x, y) in units of the axes
+    across: Point,  # (x, y) from the line between the ends to the corners of a zigzag
+) -> None:
+    """A spring or a dashpot between two points of a figure, with its name for the legend."""
+    damps = isinstance(item, Dashpot)
+    points = np.array(ends, dtype=float) if damps else _zigzag(np.array(ends, dtype=float), np.array(across))
+    label, line = f"{item.name} ({'dashpot' if damps else 'spring'})", "--" if damps else "-"
+    axis.plot(points[:, 0], points[:, 1], line, color=DARK, linewidth=1.2, label=label, clip_on=False)
+    axis.plot(*np.array(ends, dtype=float).T, "o", color=DARK, markersize=3.5, clip_on=False)
+
+
+def draw_ground(axis: Any, at: Point) -> None:
+    """The base, where a spring or a dashpot ends on it."""
+    axis.plot([at[0]], [at[1]], "_", color=GREY, markersize=14.0, markeredgewidth=2.5, clip_on=False)
+
+
+def _zigzag(ends: NDArray[np.float64], across: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points from one end to the other, straight for a while at both."""
+    share = np.concatenate([[0.0], np.linspace(0.2, 0.8, 2 * TURNS + 1), [1.0]])
+    side = np.concatenate([[0.0, 0.0], np.resize([1.0, -1.0], 2 * TURNS - 1), [0.0, 0.0]])
+    return np.asarray(ends[0] + share[:, None] * (ends[1] - ends[0]) + side[:, None] * across)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, column, instance, optional, quantity, require, takes, truth
 from femimpact.excitation.excitation import has_cycle, words_of
 from femimpact.export.figures.drawing import (
@@ -35,9 +36,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
 
-__all__ = ["amplitude_spectrum", "contact_force", "cycle_averaged_force", "energies", "spectrum"]
-
-Array = NDArray[np.float64]
 
 LEAST_WINDOWS = 16
 """Half windows of a spectral density."""

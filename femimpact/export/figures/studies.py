@@ -7,17 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import require, require_name, require_type, takes, text
-from femimpact.export.figures.drawing import (
-    BLUE,
-    DARK,
-    OffScreen,
-    legend_above,
-    panel,
-    panels,
-    prefixed,
-)
-from femimpact.export.study_columns import axis_words, single_samples, unsure_cells, value_words
+from femimpact.export.figures.drawing import BLUE, DARK, OffScreen, legend_above, panel, panels, prefixed
+from femimpact.export.tables import axis_words, single_samples, unsure_cells, value_words
 from femimpact.sweep import ONE_START
 
 if TYPE_CHECKING:
@@ -25,9 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
 
-__all__ = ["study_lines", "study_map", "study_maps", "study_scatter"]
-
-Array = NDArray[np.float64]
 
 MOST_NUMBERS = 120
 """Cells of a map up to which each has its number."""
@@ -245,10 +235,7 @@ def study_scatter(
 def _values(dataset: xarray.Dataset, measure: str, axes: int | None) -> Array:
     """Values of a measure, over as many axes.
 
-    Raises
-    ------
-    InputError
-        If the dataset is not that of a study, has another number of axes, or no such measure.
+    Raises `InputError` if the dataset is not that of a study, has another number of axes, or no such measure.
     """
     import xarray
 

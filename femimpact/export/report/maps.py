@@ -10,16 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.export.report.blocks import Section
-from femimpact.export.study_columns import axis_words, measure_names, single_samples, unsure_cells, value_words
-from femimpact.svg.axis import Axis, axis_of, number_text
-from femimpact.svg.chart import GRID, Band, Chart, Line, chart_element
-from femimpact.svg.elements import Element, element
+from femimpact.export.report.page import Section
+from femimpact.export.tables import axis_words, measure_names, single_samples, unsure_cells, value_words
+from femimpact.svg import GRID, Axis, Band, Chart, Element, Line, axis_of, chart_element, element, number_text
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["maps_section"]
 
 MOST_CELLS = 4000
 """Cells of one map; of a finer one every second, third, ... is drawn."""
@@ -51,7 +48,11 @@ COLOURS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725")
 """Viridis, which is read alike in grey and by colour-blind readers, at equal distances."""
 
 
-def maps_section(data: xarray.Dataset, key: str = "maps", heading: str = "Maps of the study") -> Section | None:
+def maps_section(
+    data: xarray.Dataset,  # xarray.Dataset: coordinates and variables with `units` and `long_name` where they have them
+    key: str = "maps",
+    heading: str = "Maps of the study",
+) -> Section | None:
     """Every measure of a dataset: over two axes as a map, over one as a line, of a list of cases as dots.
 
     The first axis leads to the right and the second up, as in `figures.study_map`. There is a map for each value of
@@ -59,16 +60,7 @@ def maps_section(data: xarray.Dataset, key: str = "maps", heading: str = "Maps o
     starts a line has the band from the smallest start to the largest; a cell of a map is hatched where the starts
     cannot tell it from its neighbours, and has a dot where its value is a sample of a motion that does not repeat.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        Coordinates and variables with `units` and `long_name` where they have them.
-    key, heading : str
-
-    Returns
-    -------
-    Section or None
-        None where there is nothing to draw.
+    Returns: none where there is nothing to draw.
     """
     drawn: list[Element] = []
     for name in measure_names(data):

@@ -2,17 +2,225 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from femimpact.export.files import atomic_write
-from femimpact.export.report.blocks import Conclusion, Section, conclusions_element, list_element, section_element
-from femimpact.svg.chart import chart_style
-from femimpact.svg.elements import Child, Element, element, markup
+from femimpact.svg import MINUS, NO_NUMBER, Child, Element, chart_style, element, markup, number_text
 
-__all__ = ["MOST_BYTES", "Page", "page_bytes", "write_page"]
+MOST_ROWS = 200
+"""Rows of a table that a report shows."""
+
+MANY = 25
+"""Rows beyond which a table has a fixed height and scrolls."""
+
+DIGITS = 5
+"""Of the largest number of a column."""
+
+LEAST_DIGITS, MOST_DIGITS = 4, 7
+"""Of the smallest one, as far as the largest has no more than so many."""
+
+LONG = 12
+"""Letters of a value from which on it is set smaller."""
+
+SHORT = 22
+"""Letters up to which a text is not divided into lines."""
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """A number that a run has found."""
+
+    label: str
+    value: str
+    unit: str = ""
+    scatter: str = ""  # its range over several starts, or its interval, in words
+    one_sample: bool = False  # whether another start would have another value
+    note: str = ""  # what it is of
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Rows of cells."""
+
+    title: str
+    header: tuple[str, ...]  # names, with their units
+    rows: tuple[tuple[Any, ...], ...]  # numbers, texts, or None
+    file: str = ""  # the file that holds all rows, or nothing
+    total: int | None = None  # how many rows there are, where these are not all
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A part of a report with a heading."""
+
+    key: str  # letters and hyphens, by which the table of contents leads to it
+    heading: str
+    content: tuple[Element, ...] = field(default=())
+
+
+def section_element(section: Section) -> Element:
+    """A section with its heading."""
+    heading = f"{section.key}-heading"
+    return element(
+        "section", element("h2", section.heading, id=heading), *section.content, id=section.key, aria_labelledby=heading
+    )
+
+
+def conclusions_element(conclusions: Iterable[Conclusion]) -> Element:
+    """Conclusions side by side, and what the mark of one sample means."""
+    shown = list(conclusions)
+    marked = any(one.one_sample for one in shown)
+    words = element("p.below", "One sample: the motion does not repeat, and another start has another value.")
+    return element("div", element("dl.conclusions", *map(_conclusion, shown)), words if marked else None)
+
+
+def _conclusion(one: Conclusion) -> Element:
+    details: list[Child] = []
+    if one.scatter:
+        details.append(element("dd.scatter", one.scatter))
+    if one.one_sample:
+        details.append(element("dd.sample", "one sample"))
+    if one.note:
+        details.append(element("dd.of", one.note))
+    value = element(
+        "dd.value" if len(one.value) < LONG else "dd.value.words",
+        one.value,
+        element("span.unit", f" {one.unit}") if one.unit else None,
+    )
+    return element("div", element("dt", one.label), value, *details)
+
+
+def list_element(texts: Sequence[str], kind: str) -> Element:
+    """Texts one below the other; `kind` is the class of the list."""
+    return element(f"ul.{kind}", *(element("li", text) for text in texts))
+
+
+# ---- tables ---------------------------------------------------------------------------------------
+
+
+def table_of(
+    title: str, columns: Mapping[str, Any], units: Mapping[str, str], file: str = "", most: int = MOST_ROWS
+) -> Table:
+    """The first rows of columns as a table."""
+    header = tuple(_headed(name, units.get(name, "")) for name in columns)
+    arrays = [np.asarray(values) for values in columns.values()]
+    count = min((array.shape[0] for array in arrays), default=0)
+    rows = tuple(zip(*(array[:most].tolist() for array in arrays), strict=False))
+    return Table(title, header, rows, file, count if count > most else None)
+
+
+def _headed(name: str, unit: str) -> str:
+    words = name.replace("_", " ")
+    # a unit is not divided
+    return (
+        f"{words} ({unit})".replace(f"({unit})", f"({unit})".replace(" ", "\u00a0")) if unit not in ("", "1") else words
+    )
+
+
+def table_element(table: Table) -> Element:
+    """A table that a script sorts and copies."""
+    numbers = [_holds_numbers(table, i) for i in range(len(table.header))]
+    head = element(
+        "tr",
+        *(
+            element("th.number" if numeric else "th", name, scope="col")
+            for name, numeric in zip(table.header, numbers, strict=True)
+        ),
+    )
+    columns = [[row[i] for row in table.rows] for i in range(len(table.header))]
+    shown_as = [
+        _number_cells(column) if numeric else _text_cells(column)
+        for column, numeric in zip(columns, numbers, strict=True)
+    ]
+    body = [element("tr", *cells) for cells in zip(*shown_as, strict=True)]
+    shown = element("table", element("caption", table.title), element("thead", head), element("tbody", *body))
+    return element(
+        "div.table",
+        element(
+            "div.scroll.long" if len(table.rows) > MANY else "div.scroll",
+            shown,
+            tabindex="0",
+            role="region",
+            aria_label=table.title,
+        ),
+        element("p.below", _rows_words(table)) if _rows_words(table) else None,
+    )
+
+
+def _texts(values: Sequence[Any]) -> list[str]:
+    """Numbers of a column with as many digits behind the point each, so that they stand below one another."""
+    known = [float(value) for value in values if value is not None and value != ""]
+    sizes = [abs(value) for value in known if math.isfinite(value) and value]
+    if all(isinstance(value, (int, np.integer)) for value in values if value is not None and value != ""):
+        return [_sign(str(value)) for value in values]
+    largest, smallest = max(sizes, default=1.0), min(sizes, default=1.0)
+    wide = largest > 1e4 * smallest
+    if wide and largest >= 1.0:
+        # of several units: each number for itself
+        return [NO_NUMBER if value is None or value == "" else number_text(float(value), DIGITS) for value in values]
+    if wide or largest < 1e-4 or largest >= 1e7:
+        return [_plain(value, f"{float(value or 0.0):.3e}") for value in values]
+    whole, least = math.floor(math.log10(largest)), math.floor(math.log10(smallest))
+    digits = max(0, min(max(DIGITS - 1 - whole, LEAST_DIGITS - 1 - least), MOST_DIGITS - 1 - whole))
+    # of numbers that need none, none behind the point
+    while digits and all(round(size, digits) == round(size, digits - 1) for size in sizes):
+        digits -= 1
+    return [_plain(value, f"{float(value or 0.0):.{digits}f}") for value in values]
+
+
+def _plain(value: Any, text: str) -> str:
+    if value is None or value == "" or math.isnan(float(value)):
+        return NO_NUMBER
+    if math.isinf(float(value)):
+        return number_text(float(value))
+    mantissa, _, exponent = text.partition("e")
+    return _sign(f"{mantissa}e{int(exponent)}" if exponent else mantissa)
+
+
+def _sign(text: str) -> str:
+    return text.replace("-", MINUS)
+
+
+def _rows_words(table: Table) -> str:
+    if table.total is not None:
+        more = f" All are in {table.file}." if table.file else ""
+        return f"The first {len(table.rows)} of {table.total} rows.{more}"
+    return f"From {table.file}." if table.file else ""
+
+
+def _holds_numbers(table: Table, column: int) -> bool:
+    values = [row[column] for row in table.rows if row[column] is not None and row[column] != ""]
+    return bool(values) and all(_is_number(value) for value in values)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+
+
+def _number_cells(values: Sequence[Any]) -> list[Element]:
+    return [
+        element(
+            "td.number",
+            text,
+            data_value="" if text == NO_NUMBER else value if isinstance(value, int) else repr(float(value)),
+        )
+        for value, text in zip(values, _texts(values), strict=True)
+    ]
+
+
+def _text_cells(values: Sequence[Any]) -> list[Element]:
+    texts = [NO_NUMBER if value is None or value == "" else str(value) for value in values]
+    texts = [number_text(value, 5) if _is_number(value) else text for value, text in zip(values, texts, strict=True)]
+    kind = "td.short" if max(map(len, texts), default=0) <= SHORT else "td"
+    return [element(kind, text, data_value="" if text == NO_NUMBER else None) for text in texts]
+
 
 MOST_BYTES = 3_000_000
 """Of a report."""
@@ -25,23 +233,11 @@ SCRIPTS = ("charts.js", "tables.js", "player.js")
 
 @dataclass(frozen=True, eq=False)
 class Page:
-    """What a report says, from top to bottom.
-
-    Parameters
-    ----------
-    title : str
-    lead : tuple of str
-        What was computed, in sentences.
-    drawing : Element or None
-        The structure.
-    conclusions : tuple of Conclusion
-    missing, warnings, notes : tuple of str
-    sections : tuple of Section
-    """
+    """What a report says, from top to bottom."""
 
     title: str
-    lead: tuple[str, ...] = ()
-    drawing: Element | None = None
+    lead: tuple[str, ...] = ()  # what was computed, in sentences
+    drawing: Element | None = None  # the structure
     conclusions: tuple[Conclusion, ...] = ()
     missing: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()

@@ -16,21 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.export.report.structure_parts import Finder, body_side
-from femimpact.export.scene import thinned
-from femimpact.export.scene_pieces import ball_radius
+from femimpact.arrays import Array
+from femimpact.export.report.structure_drawing import Finder, body_side
+from femimpact.export.scene import ball_radius, thinned
 from femimpact.response.history import Snapshots
 from femimpact.response.impacts import Impacts
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
-from femimpact.svg.axis import TIMES, axis_of
-from femimpact.svg.chart import Band, Chart, Line, chart_element
-from femimpact.svg.elements import Element, data_element, element
+from femimpact.svg import TIMES, Band, Chart, Element, Line, axis_of, chart_element, data_element, element
 from femimpact.system.hermite import hermite_rows
-
-__all__ = ["Frames", "frames_of", "player_element"]
-
-Array = NDArray[np.float64]
 
 MOST_SNAPSHOTS, MOST_IMPACTS = 600, 600
 """Frames on the grid of the snapshots, and at impacts."""
@@ -58,27 +52,15 @@ WANTED = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """The motion in frames.
+    """The motion in frames."""
 
-    Parameters
-    ----------
-    time : ndarray (frames,), s
-    stations : ndarray (stations,), m
-    deflection, slope : ndarray (frames, stations), m and 1
-        Relative to the base.
-    balls : ndarray (frames, balls), m
-    space : ndarray (frames,), m
-        Of what is fixed in space, relative to the base.
-    impacts : tuple of (frame, contact, side)
-    """
-
-    time: Array
-    stations: Array
-    deflection: Array
-    slope: Array
-    balls: Array
-    space: Array
-    impacts: tuple[tuple[int, int, int], ...]
+    time: Array  # (frames,) s
+    stations: Array  # (stations,) m
+    deflection: Array  # (frames, stations) m and 1: relative to the base
+    slope: Array  # (frames, stations) m and 1
+    balls: Array  # (frames, balls) m
+    space: Array  # (frames,) m: of what is fixed in space, relative to the base
+    impacts: tuple[tuple[int, int, int], ...]  # (frame, contact, side)
 
 
 def frames_of(response: Response) -> Frames | None:
@@ -160,19 +142,12 @@ def _between(snapshots: Snapshots, times: Array) -> Array:
 
 
 def player_element(
-    response: Response, structure: Structure, position: Finder, exaggeration: float | None
+    response: Response,
+    structure: Structure,
+    position: Finder,  # metres from the root of a place of the structure
+    exaggeration: float | None,  # by which motion and gaps are drawn larger; chosen for None
 ) -> Element | None:
-    """The player of a response's snapshots, with its data; None where it has none.
-
-    Parameters
-    ----------
-    response : Response
-    structure : Structure
-    position : callable
-        Metres from the root of a place of the structure.
-    exaggeration : float or None
-        By which motion and gaps are drawn larger; chosen for None.
-    """
+    """The player of a response's snapshots, with its data; None where it has none."""
     frames = frames_of(response)
     if frames is None:
         return None

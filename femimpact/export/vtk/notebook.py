@@ -8,14 +8,12 @@ import numpy as np
 
 from femimpact.errors import kind_of, require, require_type
 from femimpact.export.vtk.deflection import deflection_series
+from femimpact.export.vtk.formats import Series
 from femimpact.export.vtk.modes import mode_series
-from femimpact.export.vtk.series import Series
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
 from femimpact.system.modes import Modes
 from femimpact.system.system import System
-
-__all__ = ["to_pyvista"]
 
 
 def to_pyvista(

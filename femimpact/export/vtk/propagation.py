@@ -16,18 +16,14 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.contact import contact_force
-from femimpact.contact.formulas import KELVIN_VOIGT
-from femimpact.integrators.driving import Drive, drive_of
+from femimpact.contact.restitution import KELVIN_VOIGT
+from femimpact.integrators.channel_rows import Drive, drive_of
 from femimpact.response.response import Response
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.system import System
-
-__all__ = ["Touching", "Transition"]
-
-Array = NDArray[np.float64]
 
 STEPS_OF_CONTACT = 100
 """Steps of the Runge-Kutta scheme in one contact."""
@@ -51,15 +47,9 @@ class Touching:
 
 @dataclass(eq=False)
 class Transition:
-    """Matrices of a system with its balls, for the state (u, y, u', y', two of the excitation, 1).
+    """Matrices of a system with its balls, for the state (u, y, u', y', two of the excitation, 1)."""
 
-    Parameters
-    ----------
-    response : Response
-        Of a system whose matrices are small enough to be dense.
-    """
-
-    response: Response
+    response: Response  # of a system whose matrices are small enough to be dense
     system: System = field(init=False)
     drive: Drive = field(init=False)
     inverse: Array = field(init=False)

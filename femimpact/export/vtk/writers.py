@@ -7,17 +7,13 @@ from pathlib import Path
 
 from femimpact.errors import instance, takes
 from femimpact.export.vtk.deflection import deflection_series
-from femimpact.export.vtk.hdf import write_vtkhdf
+from femimpact.export.vtk.formats import Series, checked_path, write_pvd, write_vtkhdf
 from femimpact.export.vtk.modes import mode_motion_series, mode_series
 from femimpact.export.vtk.script import DEFLECTION, MODE, MODES, SeriesSummary, View, write_script
-from femimpact.export.vtk.series import Series
-from femimpact.export.vtk.xml import checked_path, write_pvd
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
 from femimpact.system.modes import Modes
 from femimpact.system.system import System
-
-__all__ = ["write_deflection", "write_mode", "write_modes"]
 
 SYSTEM, MODES_OF, STRUCTURE = instance(System), instance(Modes), instance(Structure)
 
@@ -118,7 +114,7 @@ def write_deflection(
     Of a captured accumulation of impacts its start and its end have a frame. A state at an impact is the one just
     before its impulse. It is computed from the snapshot before it through the recorded events in between, and must
     meet the snapshot after it: the largest share of the largest displacement by which it does not is in the field
-    data, as `impact_state_mismatch`. Of an event-driven run that is rounding. See `femimpact.export.vtk.instants`.
+    data, as `impact_state_mismatch`. Of an event-driven run that is rounding. See `femimpact.export.vtk.deflection`.
 
     Parameters
     ----------
@@ -143,7 +139,7 @@ def write_deflection(
         `contact_force_vector` (N) and `contact_impulse_vector` (N s, in the frame of an impact) at points of contact
         on wall and ball; point scalars `curvature` (1/m), `bending_moment` (N m), `shear_force` (N),
         `axial_strain`, `axial_stress` (Pa) and `strain_energy_density` (J/m^3), whose signs are those of
-        `femimpact.system.sections`. Cell arrays `part` (0 beam, 1 box, 2 ball, 3 support, 4 body, 5 stop,
+        `femimpact.system.hermite`. Cell arrays `part` (0 beam, 1 box, 2 ball, 3 support, 4 body, 5 stop,
         6 contact point, 7 spring or dashpot), `contact_pair` (-1: none), `contact_force` (N, on box and
         ball), `state` (1 in contact) and `mean_strain_energy_density` (J/m^3). The units are in the field data as
         `units`; `name` says time and impact, `contacts` what presses, with force and impulse. All but the displacement

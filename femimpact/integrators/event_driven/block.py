@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact import core
+from femimpact.arrays import Array
 from femimpact.errors import require
 from femimpact.excitation import PiecewisePolynomial
 from femimpact.excitation.piecewise_polynomial import HIGHEST_DEGREE, ORDERS, motion_at, piece_at
-from femimpact.integrators.driving import Drive
+from femimpact.integrators.channel_rows import Drive
 from femimpact.integrators.event_driven.continued import Held, resumed
 from femimpact.integrators.event_driven.equations import Equations
 from femimpact.integrators.event_driven.loop_data import (
@@ -26,6 +27,7 @@ from femimpact.integrators.event_driven.loop_data import (
     STARTING,
     Bounds,
     Cases,
+    EventSettings,
     Forms,
     Grid,
     Job,
@@ -39,18 +41,10 @@ from femimpact.integrators.event_driven.loop_data import (
     Tables,
     Task,
 )
-from femimpact.integrators.event_driven.settings import EventSettings
 from femimpact.integrators.event_driven.store import FormStore, WantedForm
-from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
+from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.system import System
-
-__all__ = [
-    "Block", "CaseNumbers", "Inputs", "case_numbers", "new_block", "no_cycles", "no_snapshots", "run_block",
-    "share_block", "working_space",
-]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 SERIES_TERMS = 24
 """Of a driven entry, at most."""
@@ -67,30 +61,16 @@ EXTREMES = 2
 
 @dataclass(frozen=True, eq=False)
 class CaseNumbers:
-    """Excitation, gaps and contact parameters of C cases: what differs between them beside their starts.
+    """Excitation, gaps and contact parameters of C cases: what differs between them beside their starts."""
 
-    Parameters
-    ----------
-    omega : ndarray (C,), rad/s
-        Of what counts as a cycle.
-    amplitude, phase : ndarray (C,)
-        Of s(t) (m/s^2 or N) and rad, where it is a sine; an amplitude of 0 where it is not.
-    pieces : PiecewisePolynomial or None
-        s(t) of all cases, where it is made of polynomials.
-    gaps : ndarray (C, R, 2), m
-        To the + and to the - side.
-    stiffness, damping, restitution : ndarray (C, R)
-        N/m, N s/m and 1.
-    """
-
-    omega: Array
-    amplitude: Array
-    phase: Array
-    pieces: PiecewisePolynomial | None
-    gaps: Array
-    stiffness: Array
-    damping: Array
-    restitution: Array
+    omega: Array  # (C,) rad/s: of what counts as a cycle
+    amplitude: Array  # (C,) of s(t) (m/s^2 or N) and rad, where it is a sine; an amplitude of 0 where it is not
+    phase: Array  # (C,)
+    pieces: PiecewisePolynomial | None  # s(t) of all cases, where it is made of polynomials
+    gaps: Array  # (C, R, 2) m: to the + and to the - side
+    stiffness: Array  # (C, R) n/m, N s/m and 1
+    damping: Array  # (C, R)
+    restitution: Array  # (C, R)
 
     def of(self, members: NDArray[np.intp]) -> CaseNumbers:
         """The same of some cases."""
@@ -100,19 +80,12 @@ class CaseNumbers:
         return CaseNumbers(pieces=self.pieces, **own)
 
 
-def case_numbers(drives: Sequence[Drive], contacts: Sequence[Sequence[ContactPair]]) -> CaseNumbers:
-    """Numbers of cases that are given by their drives and their contact pairs.
-
-    Parameters
-    ----------
-    drives : sequence of Drive
-    contacts : sequence of sequence of ContactPair
-        For each case: the system's pairs with gaps and contact parameters of the case's own.
-
-    Returns
-    -------
-    CaseNumbers
-    """
+def case_numbers(
+    drives: Sequence[Drive],
+    # for each case: the system's pairs with gaps and contact parameters of the case's own
+    contacts: Sequence[Sequence[ContactPair]],
+) -> CaseNumbers:
+    """Numbers of cases that are given by their drives and their contact pairs."""
     count, pairs = len(drives), len(contacts[0])
 
     def of_pairs(name: str) -> Array:
@@ -133,52 +106,20 @@ def case_numbers(drives: Sequence[Drive], contacts: Sequence[Sequence[ContactPai
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What each of C cases is given at its start.
-
-    Parameters
-    ----------
-    numbers : CaseNumbers
-    is_sine : bool
-        Whether s(t) of the cases is a sine.
-    position, velocity : ndarray (C, d)
-        Structure and balls relative to the base, m and m/s.
-    window : ndarray (C, 2), s
-        Of which the totals are.
-    start : float, s
-        When all of them begin.
-    held : Held, optional
-        What an earlier run has left to a case alone.
-    """
+    """What each of C cases is given at its start."""
 
     numbers: CaseNumbers
-    is_sine: bool
-    position: Array
-    velocity: Array
-    window: Array
-    start: float = 0.0
-    held: Held | None = None
+    is_sine: bool  # whether s(t) of the cases is a sine
+    position: Array  # (C, d) structure and balls relative to the base, m and m/s
+    velocity: Array  # (C, d)
+    window: Array  # (C, 2) s: of which the totals are
+    start: float = 0.0  # s: when all of them begin
+    held: Held | None = None  # what an earlier run has left to a case alone
 
 
 @dataclass(eq=False)
 class Block:
-    """Arrays of some cases under way; the compiled loop writes into them. C cases.
-
-    Parameters
-    ----------
-    store : FormStore
-    pairs : Pairs
-    cases : Cases
-    grid : Grid
-    tables : Tables
-    ledger : Ledger or None
-    stopped : ndarray (C,) of int
-    space : Space or None
-        Working space, of the size for the closed forms of the last call.
-    systems : dict of tuple of Pairs and Ledger or None
-        Of each system of the store that a case has, where there are several: separate constants, common sums.
-    system_of : ndarray (C,) of int
-        Which of them a case has.
-    """
+    """Arrays of some cases under way; the compiled loop writes into them. C cases."""
 
     store: FormStore
     pairs: Pairs
@@ -186,10 +127,11 @@ class Block:
     grid: Grid
     tables: Tables
     ledger: Ledger | None
-    stopped: NDArray[np.int64]
-    system_of: NDArray[np.int64]
+    stopped: NDArray[np.int64]  # (C,)
+    system_of: NDArray[np.int64]  # (C,) which of them a case has
+    # of each system of the store that a case has, where there are several: separate constants, common sums
     systems: dict[int, tuple[Pairs, Ledger | None]]
-    space: Space | None = None
+    space: Space | None = None  # working space, of the size for the closed forms of the last call
 
 
 def new_block(
@@ -240,17 +182,13 @@ def new_block(
     )
 
 
-def share_block(block: Block, systems: Sequence[System], system_of: NDArray[np.int64], method: EventSettings) -> None:
-    """Let each case of a block have one of several systems, those of its store in their order.
-
-    Parameters
-    ----------
-    block : Block
-        At its start.
-    systems : sequence of System
-    system_of : ndarray (C,) of int
-    method : EventSettings
-    """
+def share_block(
+    block: Block,  # at its start
+    systems: Sequence[System],
+    system_of: NDArray[np.int64],  # (C,)
+    method: EventSettings,
+) -> None:
+    """Let each case of a block have one of several systems, those of its store in their order."""
     block.system_of = system_of
     for number in np.unique(system_of).tolist():
         whole, ledger = block.store.sources[number].whole, block.ledger
@@ -366,23 +304,15 @@ def _of_equations(system: System, whole: Equations) -> dict[str, Any]:
 
 
 def run_block(
-    block: Block, begin: NDArray[np.int64], end: NDArray[np.int64], most: Array, snapshots: Snapshots | None = None
+    block: Block,  # `stopped` is how each ended: DONE, or UNENDING at the time `cases.clock[:, 0]`
+    begin: NDArray[np.int64],  # (C,)
+    end: NDArray[np.int64],  # (C,)
+    most: Array,  # (C,) events beyond which a case is given up
+    snapshots: Snapshots | None = None,
 ) -> None:
     """Take all cases to their sample `end`, reading those after `begin`.
 
-    Parameters
-    ----------
-    block : Block
-        `stopped` is how each ended: DONE, or UNENDING at the time `cases.clock[:, 0]`.
-    begin, end : ndarray (C,) of int
-    most : ndarray (C,)
-        Events beyond which a case is given up.
-    snapshots : Snapshots, optional
-
-    Raises
-    ------
-    InputError
-        If a drive is a resonance without damping, whose steady motion is unbounded.
+    Raises `InputError` if a drive is a resonance without damping, whose steady motion is unbounded.
     """
     store, snapshots = block.store, no_snapshots(block) if snapshots is None else snapshots
     members = np.arange(block.stopped.size)

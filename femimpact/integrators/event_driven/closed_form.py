@@ -28,24 +28,115 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array, Complex, Integers
 from femimpact.excitation.piecewise_polynomial import ORDERS
-from femimpact.integrators.event_driven.alike import alike, part_of, stack
-from femimpact.integrators.event_driven.complex_modes import ComplexModes, complex_modes
+from femimpact.integrators.event_driven.complex_modes import ComplexModes, alike, complex_modes, part_of, stack
 from femimpact.integrators.event_driven.equations import Equations, require_met, undamped_modes, wall_offsets
-from femimpact.integrators.event_driven.rows import (
-    OF_DISPLACEMENT,
-    OF_VELOCITY,
-    Rows,
-    gap_rows,
-    rate_of,
-    scaled_sum,
-)
 
-__all__ = ["ClosedForms", "closed_forms"]
+OF_DISPLACEMENT, OF_VELOCITY = (2, 0), (1, 1)
+"""Where ub and ub' stand in `Rows.through` and in `Rows.follow`."""
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Numbers = NDArray[np.intp]
+SLOW = 1.0
+"""|lambda| over the rate of the polynomials up to which an entry has its whole response to them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Scalars read from a motion: R of them, of F systems."""
+
+    weight: Complex  # (F, R, K) of the entries H
+    rigid_body: Array  # (F, R, P) of the rigid-body coordinates and their rates
+    rigid_body_rate: Array  # (F, R, P)
+    constant: Array  # (F, R, 1 + pairs) of constant loads, and per metre of each wall
+    through: Array  # (F, 3, R) directly of s, ub' and ub, beside the response of the entries to them
+    # (F, 8, R) steady, per unit of ub, ub', s and the derivatives of s to the fifth, under a polynomial s(t)
+    follow: Array
+
+
+def rate_of(rows: Rows, modes: ComplexModes) -> Rows:
+    """Rates of scalars that have no direct part of s or ub'."""
+    zero = np.zeros((*rows.through.shape[:1], 1, rows.through.shape[2]))
+    return Rows(
+        weight=rows.weight @ modes.rate,
+        rigid_body=rows.rigid_body_rate,
+        rigid_body_rate=rows.rigid_body,
+        constant=0.0 * rows.constant,
+        through=np.concatenate([zero, rows.through[:, 2:], zero], axis=1),
+        follow=np.concatenate([zero, rows.follow[:, :-1]], axis=1),
+    )
+
+
+def scaled_sum(rows: Rows, factor: Array, also: Rows, by: Array) -> Rows:
+    """Sum of two sets of rows, each row with a factor (F, R) of its set."""
+    first, second = factor[:, :, None], by[:, :, None]
+    return Rows(
+        weight=first * rows.weight + second * also.weight,
+        rigid_body=first * rows.rigid_body + second * also.rigid_body,
+        rigid_body_rate=first * rows.rigid_body_rate + second * also.rigid_body_rate,
+        constant=first * rows.constant + second * also.constant,
+        through=factor[:, None, :] * rows.through + by[:, None, :] * also.through,
+        follow=factor[:, None, :] * rows.follow + by[:, None, :] * also.follow,
+    )
+
+
+def gap_rows(
+    whole: Equations,
+    rows: Rows,  # of all coordinates, or their rates
+    base: tuple[int, int],  # which of the inputs in `through` and in `follow` is the base's motion: ub, or ub'
+) -> Rows:
+    """Rows of x_j = -P_j p - in_space_j ub, or of x_j'."""
+    P = -whole.force.mT
+    through, follow = rows.through @ P.mT, rows.follow @ P.mT
+    through[:, base[0]] -= whole.in_space
+    follow[:, base[1]] -= whole.in_space
+    return Rows(P @ rows.weight, P @ rows.rigid_body, P @ rows.rigid_body_rate, P @ rows.constant, through, follow)
+
+
+def driven_entries(
+    modes: ComplexModes,
+    rate: float | None,  # 1/s: of the polynomials; none of a sine or of straight lines is driven
+) -> NDArray[np.int64]:
+    """Number (F,) of the entries, the slowest ones, that are advanced with their whole response to polynomials.
+
+    The response of a fast entry is a polynomial itself, beside the exponential: a sum of derivatives of s over powers
+    of lambda, which for a slow one are large and cancel the exponential.
+    """
+    size = modes.size
+    if not rate:
+        return np.zeros(size.shape[0], dtype=np.int64)
+    fast = np.concatenate([size > SLOW * rate, np.ones((size.shape[0], 1), dtype=bool)], axis=1)
+    count: NDArray[np.int64] = fast.argmax(axis=1)
+    for first, length in modes.blocks:
+        count = np.where((first < count) & (count < first + length), first, count)
+    return count
+
+
+def followed(rows: Rows, modes: ComplexModes, load: Complex, driven: NDArray[np.int64]) -> Array:
+    """Steady response (F, 8, R) of scalars under a polynomial, as in `Rows.follow`, without that of driven entries."""
+    if not np.any(driven):
+        return rows.follow
+    rates = modes.rate
+    return np.stack([
+        rows.follow[f] if count == 0 else _followed(part_of(rows, f), rates[f], load[f], count)
+        for f, count in enumerate(driven.tolist())
+    ])  # fmt: skip
+
+
+def _followed(rows: Rows, rate: Complex, load: Complex, driven: int) -> Array:
+    """That of one system, (8, R)."""
+    fast = slice(driven, None)
+    response = np.zeros((ORDERS, load.shape[1]), dtype=complex)
+    before = np.zeros(load.shape[1] - driven, dtype=complex)
+    for order in range(ORDERS):
+        # G' = Lambda G + load (s, ub', ub) with G a sum over ub and its derivatives
+        own = load[2 - order, fast] if order < 3 else 0.0
+        before = scipy.linalg.solve_triangular(rate[fast, fast], before - own) if before.size else before
+        response[order, fast] = before
+    # each row by itself: the rounding of a matrix product depends on its shape, and events not on what else is read
+    follow = np.sum(response[:, None, :] * rows.weight, axis=2).real
+    follow[:3] += rows.through[::-1]
+    return np.asarray(follow)
+
 
 ROUNDED = 1e-12
 """Share of the terms of a sum below which it is rounding."""
@@ -56,49 +147,28 @@ UNMET = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class ClosedForms:
-    """Closed forms of F systems, one set of pairs in contact: K entries, P rigid-body coordinates, p of size d.
-
-    Parameters
-    ----------
-    modes : ComplexModes
-    rigid_body_shape : ndarray (F, d, P)
-    rigid_body_given : ndarray (F, P, 1 + pairs)
-        Accelerations of constant loads, and per metre of each wall.
-    rigid_body_drive : ndarray (F, P)
-        Acceleration per unit of s(t).
-    position, velocity : Rows
-        Of all coordinates.
-    contact_force : Rows
-        Force on the structure at each pair (N): of compliant pairs as if they were in contact, of rigid ones that
-        stick; zero for others.
-    load : ndarray (F, 3, K), complex
-        What s, ub' and ub add to H'.
-    to_entry_u, to_entry_v : ndarray (F, K, d)
-        H = to_entry_u p + to_entry_v p', steady parts taken off.
-    to_rigid_body : ndarray (F, P, d)
-    impulse_entry : ndarray (F, K, pairs), impulse_rigid_body : ndarray (F, P, pairs)
-        Change of H and of the rates by a unit impulse on the structure at each pair.
-    reaction : ndarray (F, pairs, pairs)
-        Impulses on the structure at the pairs that stick (rows; zero for others) by a unit one at each other pair.
-    unheld : ndarray (F, 2) of bool
-        Whether a constant load, and whether s(t), drives a motion that is braked but not pulled back: neither it nor
-        a polynomial s(t) has a steady response.
-    """
+    """Closed forms of F systems, one set of pairs in contact: K entries, P rigid-body coordinates, p of size d."""
 
     modes: ComplexModes
-    rigid_body_shape: Array
-    rigid_body_given: Array
-    rigid_body_drive: Array
-    position: Rows
+    rigid_body_shape: Array  # (F, d, P)
+    rigid_body_given: Array  # (F, P, 1 + pairs) accelerations of constant loads, and per metre of each wall
+    rigid_body_drive: Array  # (F, P) acceleration per unit of s(t)
+    position: Rows  # of all coordinates
     velocity: Rows
+    # force on the structure at each pair (N): of compliant pairs as if they were in contact, of rigid ones that stick;
+    # zero for others
     contact_force: Rows
-    load: Complex
-    to_entry_u: Complex
-    to_entry_v: Complex
-    to_rigid_body: Array
-    impulse_entry: Complex
+    load: Complex  # (F, 3, K) what s, ub' and ub add to H'
+    to_entry_u: Complex  # (F, K, d) H = to_entry_u p + to_entry_v p', steady parts taken off
+    to_entry_v: Complex  # (F, K, d)
+    to_rigid_body: Array  # (F, P, d)
+    impulse_entry: Complex  # (F, K, pairs) change of H and of the rates by a unit impulse on the structure at each pair
     impulse_rigid_body: Array
+    # (F, pairs, pairs) impulses on the structure at the pairs that stick (rows; zero for others) by a unit one at each
+    # other pair
     reaction: Array
+    # (F, 2) whether a constant load, and whether s(t), drives a motion that is braked but not pulled back: neither it
+    # nor a polynomial s(t) has a steady response
     unheld: NDArray[np.bool_]
 
 
@@ -114,7 +184,7 @@ class _Contact:
     damping: Array  # (F, pairs)
 
     @cached_property
-    def sticking(self) -> Numbers:
+    def sticking(self) -> Integers:
         """Numbers of the rigid pairs."""
         return np.flatnonzero(self.active & self.rigid)
 
@@ -156,28 +226,17 @@ class _UndampedMotions:
 
 
 def closed_forms(
-    whole: Equations, active: NDArray[np.bool_], rigid: NDArray[np.bool_], stiffness: Array, damping: Array
-) -> list[tuple[Numbers, ClosedForms]]:
+    whole: Equations,  # of F systems; see `equations.stacked`
+    active: NDArray[np.bool_],  # (pairs,) in contact; whether a pair then sticks
+    rigid: NDArray[np.bool_],  # (pairs,)
+    stiffness: Array,  # (F, pairs) of compliant pairs, N/m and N s/m
+    damping: Array,  # (F, pairs)
+) -> list[tuple[Integers, ClosedForms]]:
     """Closed forms of the motion while exactly these pairs are in contact.
 
-    Parameters
-    ----------
-    whole : Equations
-        Of F systems; see `equations.stacked`.
-    active, rigid : ndarray (pairs,) of bool
-        In contact; whether a pair then sticks.
-    stiffness, damping : ndarray (F, pairs)
-        Of compliant pairs, N/m and N s/m.
+    Returns (ndarray of int, ClosedForms): numbers of systems with as many entries, and their closed forms.
 
-    Returns
-    -------
-    list of (ndarray of int, ClosedForms)
-        Numbers of systems with as many entries, and their closed forms.
-
-    Raises
-    ------
-    InputError
-        If the pairs that stick leave one another no motion to be met with, in any of the systems.
+    Raises `InputError` if the pairs that stick leave one another no motion to be met with, in any of the systems.
     """
     contact = _Contact(active, rigid, stiffness, damping)
     found = []
@@ -188,7 +247,7 @@ def closed_forms(
     return found
 
 
-def _undamped_motions(whole: Equations, contact: _Contact) -> Iterator[tuple[Numbers, _UndampedMotions]]:
+def _undamped_motions(whole: Equations, contact: _Contact) -> Iterator[tuple[Integers, _UndampedMotions]]:
     """Motions of the systems that have as many of each kind."""
     for members, basis in _free_bases(whole, contact):
         omega_squared, shapes, damped = _motions_on(part_of(whole, members), basis, part_of(contact, members))
@@ -312,7 +371,7 @@ def _no_forces(position: Rows, pairs: int) -> Rows:
     )  # fmt: skip
 
 
-def _reactions(whole: Equations, sticking: Numbers) -> Array:
+def _reactions(whole: Equations, sticking: Integers) -> Array:
     """Impulses by which sticking pairs stay at rest on their walls, of a unit one at each other pair."""
     count, pairs = whole.in_space.shape
     reaction = np.zeros((count, pairs, pairs))
@@ -331,7 +390,7 @@ def _drives(loads: Array, whole: Array) -> NDArray[np.bool_]:
     return np.asarray(np.any(np.abs(loads) > 1e-12 * largest[:, None, None], axis=(1, 2)))
 
 
-def _free_bases(whole: Equations, contact: _Contact) -> list[tuple[Numbers, Array]]:
+def _free_bases(whole: Equations, contact: _Contact) -> list[tuple[Integers, Array]]:
     """Bases of the motions that sticking pairs leave, (F, d, motions), of systems with as many.
 
     Where the structure has rigid motions, a ball that is pressed moves with its place beside its coordinate: that
@@ -355,7 +414,7 @@ def _free_bases(whole: Equations, contact: _Contact) -> list[tuple[Numbers, Arra
     return found
 
 
-def _basis_of(whole: Equations, left: Array, sticking: Numbers, carried: Numbers) -> Array:
+def _basis_of(whole: Equations, left: Array, sticking: Integers, carried: Integers) -> Array:
     """Motions (F, n, m) of the structure with the balls that stick or are carried, and all other coordinates."""
     n, (count, size, _) = whole.dofs, whole.M.shape
     motions, held = left.shape[2], set(sticking.tolist())
@@ -396,7 +455,7 @@ def _compliant_forces(
 
 
 def _with_sticking(
-    whole: Equations, forms: ClosedForms, loads: _Loads, response: _SteadyResponse, sticking: Numbers, force: Rows
+    whole: Equations, forms: ClosedForms, loads: _Loads, response: _SteadyResponse, sticking: Integers, force: Rows
 ) -> Rows:
     """Forces of the pairs that stick: what the equations of motion leave over."""
     M, C, K = whole.M, loads.C, loads.K

@@ -13,21 +13,148 @@ Tisseur, Meerbergen (2001), The quadratic eigenvalue problem.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array, Complex
 from femimpact.errors import DivergenceError
-from femimpact.integrators.event_driven.alike import alike, part_of
-from femimpact.integrators.event_driven.invariant_pairs import diagonal_where_apart, invariant_pair
 
-__all__ = ["ComplexModes", "complex_modes"]
+T = TypeVar("T")
 
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+
+def alike(
+    *marks: NDArray[np.bool_ | np.int64],  # (F, ...) of each of F items, as which of its coordinates are coupled
+) -> list[NDArray[np.intp]]:
+    """Numbers of the items that have the same marks, group by group.
+
+    Returns: each number once; rising within a group.
+    """
+    count = marks[0].shape[0]
+    if count == 1:
+        return [np.zeros(1, dtype=np.intp)]
+    rows = np.concatenate([each.reshape(count, -1) for each in marks], axis=1)
+    if np.all(rows == rows[0]):
+        return [np.arange(count)]
+    kinds, kind = np.unique(rows, axis=0, return_inverse=True)
+    return [np.flatnonzero(kind.reshape(-1) == number) for number in range(kinds.shape[0])]
+
+
+def part_of(
+    items: T,  # dataclass: fields that its attribute `COMMON` names are the same for all items
+    members: NDArray[np.intp] | int,  # or int: rising, each once. Of all items the dataclass itself is returned.
+) -> T:
+    """Some of the items of a dataclass of arrays (F, ...), or one of them without the axis."""
+    given: Any = items
+    common = getattr(given, "COMMON", ())
+    own = {item.name: getattr(given, item.name) for item in fields(given) if item.name not in common}
+    if isinstance(members, np.ndarray) and members.size == _count(own):
+        return items
+    chosen = {name: part_of(value, members) if is_dataclass(value) else value[members] for name, value in own.items()}
+    changed: T = replace(given, **chosen)
+    return changed
+
+
+def _count(arrays: dict[str, Any]) -> int:
+    """Number of items."""
+    return int(next(value.shape[0] for value in arrays.values() if isinstance(value, np.ndarray)))
+
+
+def stack(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Arrays in one, with an axis before the others; of a single one a view, which takes a tenth of the time."""
+    return arrays[0][None] if len(arrays) == 1 else np.stack(arrays)
+
+
+WELL_APART = 30.0
+"""Condition of a block's eigenvectors up to which it is made diagonal: the ledger loses its square in digits."""
+
+ROUNDING = 1e-14
+"""Couplings within a block below this share of its size are rounding."""
+
+
+def invariant_pair(
+    state: Array, unit: Array, values: Complex, members: NDArray[np.intp], omega_squared: Array, damping: Array
+) -> tuple[Complex, Complex]:  # fmt: skip
+    """X (n, k) and the upper triangular S (k, k) of some eigenvalues.
+
+    Parameters
+    ----------
+    state : ndarray (2 n, 2 n)
+        Of (unit u, u').
+    unit : ndarray (n,), 1/s
+    values : ndarray (2 n,), 1/s
+        All eigenvalues.
+    members : ndarray (k,) of int
+        Which of them.
+    omega_squared : ndarray (n,), 1/s^2
+    damping : ndarray (n, n), 1/s
+    """
+    X, S = _invariant(state, values, members)
+    return _refined_pair(X / unit[:, None], S, omega_squared, damping)
+
+
+def diagonal_where_apart(X: Complex, S: Complex) -> tuple[Complex, Complex]:
+    """The pair without couplings of the size of rounding; diagonal where its eigenvectors are well apart."""
+    S = np.where(np.abs(S) > ROUNDING * float(np.abs(np.diag(S)).max()), S, np.diag(np.diag(S)))
+    if np.any(np.triu(S, 1)):
+        own, vectors = scipy.linalg.eig(S)
+        if np.linalg.cond(vectors) <= WELL_APART:
+            X, S = X @ vectors, np.diag(own)
+    return X, S
+
+
+def _invariant(state: Array, values: Complex, members: NDArray[np.intp]) -> tuple[Complex, Complex]:
+    """Orthonormal basis of the invariant subspace of some eigenvalues (its upper half), and the triangular S."""
+
+    def chosen(value: Any) -> bool:
+        return bool(int(np.argmin(np.abs(values - value))) in members)
+
+    schur: Any = scipy.linalg.schur
+    triangular, vectors, m = schur(state.astype(complex), output="complex", sort=chosen)
+    return vectors[: state.shape[0] // 2, :m], triangular[:m, :m]
+
+
+def _refined_pair(X: Complex, S: Complex, omega_squared: Array, damping: Array) -> tuple[Complex, Complex]:
+    """An invariant pair after two Newton steps: slow decays keep their digits beside fast modes (Kressner, 2009)."""
+    for _ in range(2):
+        try:
+            X, S = _newton_step(X, S, omega_squared, damping)
+        except np.linalg.LinAlgError:
+            break
+        S, turned = scipy.linalg.schur(S, output="complex")
+        X = X @ turned
+    return X, S
+
+
+def _newton_step(X: Complex, S: Complex, omega_squared: Array, damping: Array) -> tuple[Complex, Complex]:
+    n, m = X.shape
+    rates, square = X @ S, S @ S
+    residual = X @ square + damping @ rates + omega_squared[:, None] * X
+    dX, dS = np.zeros_like(X), np.zeros_like(S)
+    for j in range(m):
+        s = S[j, j]
+        border = np.zeros((n + m, n + m), dtype=complex)
+        border[:n, :n] = s * damping + np.diag(s * s + omega_squared)
+        border[:n, n:] = X @ (S + s * np.eye(m)) + damping @ X
+        # the correction is orthogonal to the pair itself, in the energy
+        border[n:, :n] = (omega_squared[:, None] * X).conj().T + s * rates.conj().T
+        border[n:, n:] = rates.conj().T @ X
+        earlier = dX[:, :j] @ S[:j, j]
+        right = np.concatenate([
+            -residual[:, j] - dX[:, :j] @ square[:j, j] - damping @ earlier - X @ (dS[:, :j] @ S[:j, j]),
+            -rates.conj().T @ earlier,
+        ])  # fmt: skip
+        # rows scaled to one another: rounding of the fast modes must not exceed the slow ones
+        scale = 1.0 / np.max(np.abs(border), axis=1)
+        step = np.linalg.solve(border * scale[:, None], right * scale)
+        dX[:, j], dS[:, j] = step[:n], step[n:]
+    return X + dX, S + dS
+
 
 TOGETHER = 0.1
 """Eigenvalues nearer to one another than this share of their size are treated as one block."""
@@ -38,34 +165,22 @@ COMPLETE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ComplexModes:
-    """u(t) = Re(shape e^{(diag(exponent) + coupling) t} H) of F structures, with n coordinates and K entries of H each.
-
-    Parameters
-    ----------
-    exponent : ndarray (F, K), 1/s
-        lambda, the slow ones first; Re <= 0.
-    coupling : ndarray (F, K, K), 1/s
-        Above the diagonal of the blocks; zero elsewhere.
-    blocks : ndarray (B, 2) of int
-        First entry and number of entries of each block that is not diagonal, the same for all.
-    shape : ndarray (F, n, K)
-    from_u, from_v : ndarray (F, K, n)
-        H = from_u u + from_v u'.
-    """
+    """u(t) = Re(shape e^{(diag(exponent) + coupling) t} H) of F structures: n coordinates, K entries of H each."""
 
     COMMON: ClassVar = ("blocks",)
 
-    exponent: Complex
-    coupling: Complex
+    exponent: Complex  # (F, K) 1/s: lambda, the slow ones first; Re <= 0
+    coupling: Complex  # (F, K, K) 1/s: above the diagonal of the blocks; zero elsewhere
+    # (B, 2) first entry and number of entries of each block that is not diagonal, the same for all
     blocks: NDArray[np.int64]
-    shape: Complex
-    from_u: Complex
-    from_v: Complex
+    shape: Complex  # (F, n, K)
+    from_u: Complex  # (F, K, n) H = from_u u + from_v u'
+    from_v: Complex  # (F, K, n)
 
     @property
-    def size(self) -> Real:
+    def size(self) -> Array:
         """|lambda| of every entry, ndarray (F, K); within a block its norm: no motion of it is faster."""
-        size: Real = np.abs(self.exponent)
+        size: Array = np.abs(self.exponent)
         for first, count in self.blocks:
             own = slice(first, first + count)
             size[:, own] = np.linalg.norm(self.rate[:, own, own], 2, axis=(1, 2))[:, None]
@@ -100,10 +215,10 @@ class _Component:
     COMMON: ClassVar = ("members",)
 
     members: NDArray[np.intp]  # (m,)
-    omega_squared: Real  # (F, m)
-    damping: Real  # (F, m, m)
-    unit: Real  # (F, m)
-    state: Real  # (F, 2 m, 2 m)
+    omega_squared: Array  # (F, m)
+    damping: Array  # (F, m, m)
+    unit: Array  # (F, m)
+    state: Array  # (F, 2 m, 2 m)
     values: Complex  # (F, 2 m)
     right: Complex  # (F, 2 m, 2 m)
     near: NDArray[np.bool_]  # (F, 2 m, 2 m) whether two eigenvalues lie together
@@ -118,25 +233,15 @@ SWINGING, CREEPING, CRITICAL, COUPLED = range(4)
 """How a coordinate moves: with an entry, with two real ones, with a block, or with others."""
 
 
-def complex_modes(omega_squared: Real, damping: Real) -> list[tuple[NDArray[np.intp], ComplexModes]]:
+def complex_modes(
+    omega_squared: Array,  # (F, n) 1/s^2: omega^2, >= 0
+    damping: Array,  # (F, n, n) 1/s: D, symmetric, positive semidefinite
+) -> list[tuple[NDArray[np.intp], ComplexModes]]:
     """Closed forms of u'' + D u' + Omega^2 u = 0 of F structures.
 
-    Parameters
-    ----------
-    omega_squared : ndarray (F, n), 1/s^2
-        Omega^2, >= 0.
-    damping : ndarray (F, n, n), 1/s
-        D, symmetric, positive semidefinite.
+    Returns (ndarray of int, ComplexModes): numbers of structures whose entries are alike, and theirs.
 
-    Returns
-    -------
-    list of (ndarray of int, ComplexModes)
-        Numbers of structures whose entries are alike, and theirs.
-
-    Raises
-    ------
-    DivergenceError
-        If the modes do not give back displacements and velocities: they span too many decades.
+    Raises `DivergenceError` if the modes do not give back displacements and velocities: they span too many decades.
     """
     coupled = _coupled_coordinates(damping)
     alone = _kinds(omega_squared, np.diagonal(damping, axis1=1, axis2=2))
@@ -219,7 +324,7 @@ def _check_complete(modes: ComplexModes) -> None:
         )
 
 
-def _coupled_coordinates(damping: Real) -> NDArray[np.bool_]:
+def _coupled_coordinates(damping: Array) -> NDArray[np.bool_]:
     """Which coordinates damping couples, (F, n, n); terms of the size of rounding couple nothing."""
     diagonal = np.diagonal(damping, axis1=1, axis2=2)
     # a dashpot that does not act on a mode may leave rounding below zero
@@ -241,7 +346,7 @@ def _linked(near: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
     return [np.flatnonzero(label == i) for i in np.unique(label)]
 
 
-def _kinds(omega_squared: Real, damping: Real) -> NDArray[np.int64]:
+def _kinds(omega_squared: Array, damping: Array) -> NDArray[np.int64]:
     """How each coordinate (F, n) would move alone."""
     discriminant = 0.25 * damping * damping - omega_squared
     root = np.sqrt(np.abs(discriminant))
@@ -249,7 +354,7 @@ def _kinds(omega_squared: Real, damping: Real) -> NDArray[np.int64]:
     return np.where(together, CRITICAL, np.where(discriminant < 0.0, SWINGING, CREEPING))
 
 
-def _uncoupled(kinds: NDArray[np.int64], omega_squared: Real, damping: Real) -> list[_Part]:
+def _uncoupled(kinds: NDArray[np.int64], omega_squared: Array, damping: Array) -> list[_Part]:
     """Coordinates that move alone: lambda = -c/2 +- sqrt(c^2/4 - omega^2)."""
     parts = []
     for i in np.flatnonzero(kinds == CRITICAL):
@@ -276,7 +381,7 @@ def _diagonal(members: NDArray[np.intp], value: Any, weight: float, from_u: Any,
     return _Part(members, S, np.full(S.shape, weight, dtype=complex), to_u, to_v)
 
 
-def _component(members: NDArray[np.intp], omega_squared: Real, damping: Real) -> _Component:
+def _component(members: NDArray[np.intp], omega_squared: Array, damping: Array) -> _Component:
     """Eigenvalues of coordinates (m,) that damping couples, or of one near its critical damping."""
     square, D = omega_squared[:, members], damping[:, members[:, None], members]
     # (unit u, u'): the norm of the state is its energy, and no motion grows in it

@@ -9,17 +9,12 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.contact.formulas import RIGID
+from femimpact.arrays import Array, Complex
+from femimpact.contact.restitution import RIGID
 from femimpact.excitation import Excitation
 from femimpact.integrators.event_driven.loop_data import BEGUN, FREE, RESUMED, STARTED, Cases, Forms
-from femimpact.system.continuation import Continuation
-from femimpact.system.state import State
+from femimpact.system.state import Continuation, State
 from femimpact.system.system import System
-
-__all__ = ["Held", "Sampling", "final_state", "held_by", "resumed", "sampling_from", "touching"]
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 Number = TypeVar("Number", np.float64, np.complex128)
 
@@ -29,20 +24,11 @@ KIND = "events"
 
 @dataclass(frozen=True)
 class Sampling:
-    """Instants at which a run is read.
+    """Instants at which a run is read."""
 
-    Parameters
-    ----------
-    origin : float, s
-        Time of sample 0.
-    interval : float, s
-    first : int
-        Sample at which the run begins.
-    """
-
-    origin: float
-    interval: float
-    first: int = 0
+    origin: float  # s: time of sample 0
+    interval: float  # s
+    first: int = 0  # sample at which the run begins
 
     def time(self, number: ArrayLike) -> Array:
         """Times (s) of samples counted from the beginning of the run."""
@@ -51,31 +37,16 @@ class Sampling:
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """What a run of one case has reached.
+    """What a run of one case has reached."""
 
-    Parameters
-    ----------
-    sampling : Sampling
-        Its own, from its end on.
-    motion : mapping of str to ndarray
-        Arrays of `loop_data.Cases` by their names, in the closed form of the contact states; none where only the
-        contacts go on.
-    state : ndarray (pairs,)
-        Contact states.
-    touch : ndarray (6, pairs)
-        What those in progress have added up to; see `loop_data.BEGUN`.
-    to_modes : ndarray (pairs, n), J
-        What they have given to each mode; without columns where it was not summed.
-    leaving : ndarray (2 pairs,)
-        See `motion.Search`.
-    """
-
-    sampling: Sampling
+    sampling: Sampling  # its own, from its end on
+    # arrays of `loop_data.Cases` by their names, in the closed form of the contact states; none where only the contacts
+    # go on
     motion: Mapping[str, Array | Complex]
-    state: Array
-    touch: Array
-    to_modes: Array
-    leaving: Array
+    state: Array  # (pairs,) contact states
+    touch: Array  # (6, pairs) what those in progress have added up to; see `loop_data.BEGUN`
+    to_modes: Array  # (pairs, n) J: what they have given to each mode; without columns where it was not summed
+    leaving: Array  # (2 pairs,) see `motion.Search`
 
 
 def held_by(initial: State, system: System, excitation: Excitation) -> Held | None:

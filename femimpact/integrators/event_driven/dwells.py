@@ -1,17 +1,22 @@
-"""Many cases of whole cycles of a sine, of which only statistics are kept: blocks spread over threads."""
+"""Dwells under sine motions of the base, event-driven: each a separate case, all in blocks of one compiled call."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.contact.formulas import RIGID
-from femimpact.integrators.driving import Drive
+from femimpact.arrays import Array
+from femimpact.contact import ContactParameters, resolve
+from femimpact.contact.restitution import RIGID
+from femimpact.errors import require
+from femimpact.excitation import Sine
+from femimpact.integrators.cases import SineCases, SineDwellResults, SineDwells, run_each
+from femimpact.integrators.channel_rows import Drive, drive_of
 from femimpact.integrators.event_driven.block import (
     Block,
     CaseNumbers,
@@ -22,18 +27,15 @@ from femimpact.integrators.event_driven.block import (
     share_block,
 )
 from femimpact.integrators.event_driven.equations import Equations, equations_of
-from femimpact.integrators.event_driven.loop_data import DONE, Ledger
-from femimpact.integrators.event_driven.settings import EventSettings
+from femimpact.integrators.event_driven.loop_data import DONE, EventSettings, Ledger, check_events
+from femimpact.integrators.event_driven.run import not_finite, peaks_of_forces, unending
 from femimpact.integrators.event_driven.store import FormStore, Outputs, WantedForm, outputs_of
-from femimpact.integrators.threads import Progress, run_each
-from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS
-from femimpact.response.energy import CLOSED, energy_residual, largest_input
-from femimpact.response.signals import CycleStatistics
+from femimpact.progress import Progress
+from femimpact.response.energy import BALANCED, CLOSED, energy_residual, largest_input, unbalanced
+from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS
+from femimpact.response.signals import CycleStatistics, steady_motion
+from femimpact.system.state import ROUNDED, State
 from femimpact.system.system import System
-
-__all__ = ["DwellCases", "DwellStatistics", "DwellSystem", "run_dwells"]
-
-Array = NDArray[np.float64]
 
 LARGEST_BLOCK = 64
 """Cases between two reports of progress, when interrupts are checked."""
@@ -57,62 +59,31 @@ class DwellSystem:
 
 @dataclass(frozen=True, eq=False)
 class DwellCases:
-    """Cases that run through whole cycles of a sine.
+    """Cases that run through whole cycles of a sine."""
 
-    Parameters
-    ----------
-    drive : Drive
-        Of the first case: all are sines of one kind, at one place.
-    numbers : CaseNumbers
-        Frequency, amplitude, phase, gaps and contact parameters of each case's own.
-    position, velocity : ndarray (cases, d)
-        Structure and balls at t = 0 relative to the base, m and m/s.
-    cycles, measured : ndarray (cases,) of int
-        Of the base: the whole dwell, and how many at its end are measured.
-    systems : sequence of DwellSystem
-        In place of the common system and its drive, alike in coordinates, outputs and pairs; none for the common one.
-    system_of : ndarray (cases,) of int, optional
-        Which of them a case has.
-    """
-
-    drive: Drive
-    numbers: CaseNumbers
-    position: Array
-    velocity: Array
-    cycles: NDArray[np.int64]
-    measured: NDArray[np.int64]
+    drive: Drive  # of the first case: all are sines of one kind, at one place
+    numbers: CaseNumbers  # frequency, amplitude, phase, gaps and contact parameters of each case's own
+    position: Array  # (cases, d) structure and balls at t = 0 relative to the base, m and m/s
+    velocity: Array  # (cases, d)
+    cycles: NDArray[np.int64]  # (cases,) of the base: the whole dwell, and how many at its end are measured
+    measured: NDArray[np.int64]  # (cases,)
+    # in place of the common system and its drive, alike in coordinates, outputs and pairs; none for the common one
     systems: Sequence[DwellSystem] = ()
-    system_of: NDArray[np.int64] | None = None
+    system_of: NDArray[np.int64] | None = None  # (cases,) which of them a case has
 
 
 @dataclass(frozen=True, eq=False)
 class DwellStatistics:
-    """Statistics of many cases.
+    """Statistics of many cases."""
 
-    Parameters
-    ----------
-    cycles : CycleStatistics
-        Of the observed place, arrays (measured cycles, cases).
-    totals : ndarray (6, pairs, cases)
-        Sums over the measured cycles; see `columns.TOTAL_COLUMNS`.
-    residual : ndarray (cases,), 1
-        Largest at the start and the ends of measured cycles; not a number without a ledger.
-    bound : ndarray (cases,), 1
-        What rounding may make of it.
-    unending : ndarray (cases,), s
-        When events did not end; infinite where they did.
-    loss : ndarray (cases,), J
-        Of structure and contacts in the measured cycles; not a number without a ledger.
-    stored : ndarray (cases,), J
-        Largest of kinetic, strain, ball and contact energy together at the instants of the ledger in these cycles.
-    """
-
-    cycles: CycleStatistics
-    totals: Array
-    residual: Array
-    bound: Array
-    unending: Array
-    loss: Array
+    cycles: CycleStatistics  # of the observed place, arrays (measured cycles, cases)
+    totals: Array  # (6, pairs, cases) sums over the measured cycles; see `columns.TOTAL_COLUMNS`
+    residual: Array  # (cases,) largest at the start and the ends of measured cycles; not a number without a ledger
+    bound: Array  # (cases,) what rounding may make of it
+    unending: Array  # (cases,) s: when events did not end; infinite where they did
+    loss: Array  # (cases,) J: of structure and contacts in the measured cycles; not a number without a ledger
+    # (cases,) J: largest of kinetic, strain, ball and contact energy together at the instants of the ledger in these
+    # cycles
     stored: Array
 
 
@@ -242,3 +213,195 @@ def _joined(parts: Sequence[DwellStatistics]) -> DwellStatistics:
     totals = np.concatenate([part.totals for part in parts], axis=2)
     columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in (*OF_LEDGER, "unending")}
     return DwellStatistics(cycles, totals, **columns)
+
+
+def event_driven_dwells(
+    system: System, dwells: SineDwells, method: EventSettings, initial: State, observed: Array, ledger: bool,
+    workers: int, progress: Progress | None,
+) -> SineDwellResults:  # fmt: skip
+    """Dwells event-driven; see `Method.run_dwells`."""
+    count, balls = dwells.frequency.size, len(system.balls)
+    given = ((initial.ball_displacement, np.nan), (initial.ball_velocity, 0.0))
+    moved = [np.full(balls, none) if values is None else np.asarray(values) for values, none in given]
+    # of another size than there are balls: refused with the first start
+    fits = all(values.shape == (balls,) for values in moved)
+    displacement, velocity = (np.tile(values if fits else np.zeros(balls), (count, 1)) for values in moved)
+    if not fits:
+        initial.relative_to_base(system, Sine(dwells.amplitude, float(dwells.frequency[0]), dwells.phase))
+    cases = SineCases(
+        frequency=dwells.frequency,
+        amplitude=np.full(count, dwells.amplitude),
+        phase=np.full(count, dwells.phase),
+        gaps=np.tile(np.array([pair.gaps for pair in system.contacts]).reshape(-1, 2), (count, 1, 1)),
+        laws=(tuple(pair.law for pair in system.contacts),),
+        law_of=np.zeros(count, dtype=np.int64),
+        initial=initial,
+        ball_displacement=displacement,
+        ball_velocity=velocity,
+        cycles=dwells.cycles,
+        measured=dwells.measured,
+    )
+    return event_driven_cases(system, cases, method, observed, int(ledger), workers, progress)
+
+
+def event_driven_cases(
+    system: System, cases: SineCases, method: EventSettings, observed: Array, instants: int, workers: int,
+    progress: Progress | None,
+) -> SineDwellResults:  # fmt: skip
+    """Cases event-driven; see `many_cases.run_cases`."""
+    check_events(system)
+    found = run_dwells(system, _cases(system, cases), method, observed, instants, workers, progress)
+    motion = steady_motion(found.cycles, cases.measured)
+    rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
+    totals = peaks_of_forces(found.totals, rigid)
+    faults = [
+        _fault(method, time, rms, residual, instants > 0)
+        for time, rms, residual in zip(
+            found.unending.tolist(), motion.rms.tolist(), found.residual.tolist(), strict=True
+        )
+    ]
+    failures = tuple(f"at {f:g} Hz: {fault}" if fault else "" for f, fault in zip(cases.frequency, faults, strict=True))
+    duration = cases.measured / cases.frequency
+    return SineDwellResults(
+        motion, totals, duration, found.residual, found.bound, failures, loss=found.loss, stored=found.stored
+    )
+
+
+def _cases(system: System, cases: SineCases) -> DwellCases:
+    """Every case from the state that the initial one means under its base."""
+    position, velocity = _starts(system, cases)
+    omega = 2.0 * np.pi * cases.frequency
+    first = Sine(float(cases.amplitude[0]), float(cases.frequency[0]), float(cases.phase[0]))
+    return DwellCases(
+        drive=drive_of(system, first),
+        numbers=CaseNumbers(
+            omega=omega,
+            amplitude=-cases.amplitude * omega**2,
+            phase=cases.phase,
+            pieces=None,
+            gaps=cases.gaps,
+            **_parameters(system, cases),
+        ),
+        position=position,
+        velocity=velocity,
+        cycles=cases.cycles,
+        measured=cases.measured,
+        systems=[DwellSystem(own, drive_of(own, first), row) for own, row in cases.systems],
+        system_of=cases.system_of if cases.systems else None,
+    )
+
+
+def _parameters(system: System, cases: SineCases) -> dict[str, Array]:
+    """Numbers of each case's laws with the effective masses of its system, (n, pairs)."""
+    kinds = tuple(pair.parameters.kind for pair in system.contacts)
+    number, set_of = _distinct_sets(cases)
+    sets: list[list[ContactParameters]] = []
+    known = set[type]()
+    for law_of, system_of in number:
+        laws = cases.laws[law_of]
+        contacts = cases.systems[system_of][0].contacts if cases.systems else system.contacts
+        # a law of a kind that was found sound: of many laws the members need not be looked for each time
+        own = [
+            law.parameters(pair.effective_mass) if type(law) in known else resolve(law, pair.effective_mass)
+            for law, pair in zip(laws, contacts, strict=True)
+        ]
+        known.update(map(type, laws))
+        same = tuple(numbers.kind for numbers in own) == kinds
+        require(same, "laws", ", ".join(law.name for law in laws), "", "must be laws of the kinds of the system's")
+        sets.append(own)
+    names, shape = ("stiffness", "damping", "restitution"), (len(sets), len(kinds))
+    values = {name: [[getattr(numbers, name) for numbers in own] for own in sets] for name in names}
+    return {name: np.array(rows, dtype=float).reshape(shape)[set_of] for name, rows in values.items()}
+
+
+def _distinct_sets(cases: SineCases) -> tuple[list[tuple[int, int]], NDArray[np.int64]]:
+    """Numbers of laws and of system that cases have together, and which of these each case has."""
+    if not cases.systems or cases.system_of is None:
+        return [(law, 0) for law in range(len(cases.laws))], cases.law_of
+    both = np.stack([cases.law_of, cases.system_of], axis=1)
+    rows, set_of = np.unique(both, axis=0, return_inverse=True)
+    return [(law, number) for law, number in rows.tolist()], set_of.reshape(-1)
+
+
+def _starts(system: System, cases: SineCases) -> tuple[Array, Array]:
+    """Displacements and velocities (n, d) of structure and balls at the start, relative to the base."""
+    if not cases.systems or cases.system_of is None:
+        return _starts_of(system, cases)
+    position, velocity = np.zeros((2, cases.frequency.size, system.dofs + len(system.balls)))
+    # a rigid motion and the directions of pairs are other ones on other modes
+    for rows, own in _alike_at_start(cases, cases.system_of):
+        position[rows], velocity[rows] = _starts_of(own, cases.of(rows))
+    return position, velocity
+
+
+def _alike_at_start(cases: SineCases, system_of: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.intp], System]]:
+    """Cases whose starts follow from one system; those that are not static do not hang on masses of balls."""
+    found: dict[Any, list[int]] = {}
+    for number, (own, _) in enumerate(cases.systems):
+        same = id(own.rigid_translation), *(id(pair.direction) for pair in own.contacts)
+        found.setdefault(number if cases.initial.is_static_on(own) else same, []).append(number)
+    for numbers in found.values():
+        rows = np.flatnonzero(np.isin(system_of, numbers))
+        if rows.size:
+            yield rows, cases.systems[numbers[0]][0]
+
+
+def _starts_of(system: System, cases: SineCases) -> tuple[Array, Array]:
+    # a static state is another one for other gaps, a stop fixed in space has another place under every base
+    simple = not cases.initial.is_static_on(system) and all(pair.fixed_to == "base" for pair in system.contacts)
+    simple = simple and cases.initial.displacement is None and cases.initial.velocity is None
+    simple = simple and (cases.gaps.size == 0 or float(cases.gaps.min()) >= 0.0)
+    if not simple:
+        return _starts_one_by_one(system, cases)
+    count, n = cases.frequency.size, system.dofs
+    position, velocity = (np.zeros((count, n + len(system.balls))) for _ in range(2))
+    position[:, n:], velocity[:, n:] = np.nan_to_num(cases.ball_displacement), cases.ball_velocity
+    if cases.initial.frame == "space":
+        rigid = np.append(system.rigid_translation, np.ones(len(system.balls)))
+        scale = cases.amplitude * (2.0 * np.pi * cases.frequency)
+        position -= np.outer(cases.amplitude * np.sin(cases.phase), rigid)
+        velocity -= np.outer(scale * np.cos(cases.phase), rigid)
+    for j, pair in enumerate(system.contacts):
+        if not pair.parameters.is_rigid:
+            continue
+        other = 0.0 if pair.is_stop else position[:, n + j]
+        x = other - position[:, :n] @ pair.direction
+        inside = (x >= -cases.gaps[:, j, 1] - ROUNDED) & (x <= cases.gaps[:, j, 0] + ROUNDED)
+        if not np.all(inside):
+            c = int(np.argmin(inside))
+            minus, plus = float(cases.gaps[c, j, 1]), float(cases.gaps[c, j, 0])
+            allowed = f"must start between its walls, {-minus:g} to {plus:g} m"
+            require(False, f"initial.{pair.name}.gap", float(x[c]), "m", allowed)
+    return position, velocity
+
+
+def _starts_one_by_one(system: System, cases: SineCases) -> tuple[Array, Array]:
+    balls, own = len(system.balls), cases.initial
+    starts = []
+    for c in range(cases.frequency.size):
+        laws, gaps = cases.laws[int(cases.law_of[c])], cases.gaps[c].tolist()
+        contacts = tuple(
+            pair if pair.gaps == tuple(gap) and pair.law is law else replace(pair, gaps=tuple(gap), law=law)
+            for pair, gap, law in zip(system.contacts, gaps, laws, strict=True)
+        )
+        alike = all(one is other for one, other in zip(contacts, system.contacts, strict=True))
+        placed = not np.isnan(cases.ball_displacement[c]).any()
+        start = replace(own, ball_velocity=cases.ball_velocity[c])
+        if placed and balls:
+            start = replace(start, ball_displacement=cases.ball_displacement[c])
+        whole = system if alike else replace(system, contacts=contacts)
+        base = Sine(float(cases.amplitude[c]), float(cases.frequency[c]), float(cases.phase[c]))
+        starts.append(start.relative_to_base(whole, base))
+    return (
+        np.array([np.concatenate([u, y[:balls]]) for u, _, y, _ in starts]),
+        np.array([np.concatenate([v, y_rate[:balls]]) for _, v, _, y_rate in starts]),
+    )
+
+
+def _fault(method: EventSettings, time: float, rms: float, residual: float, ledger: bool) -> str:
+    """What is wrong with a case beyond rounding, or nothing."""
+    if math.isfinite(time):
+        return unending(time, method)
+    if not math.isfinite(rms) or (ledger and not math.isfinite(residual)):
+        return not_finite("")
+    return unbalanced(residual) if ledger and residual > BALANCED else ""

@@ -10,14 +10,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import require
-from femimpact.integrators.driving import Drive
-from femimpact.integrators.event_driven.alike import alike, part_of, stack
+from femimpact.integrators.channel_rows import Drive
+from femimpact.integrators.event_driven.complex_modes import alike, part_of, stack
 from femimpact.system.system import System
-
-__all__ = ["Equations", "equations_of", "require_met", "stacked", "undamped_modes", "wall_offsets"]
-
-Array = NDArray[np.float64]
 
 RIGID = 1e-14
 """Eigenvalues below this share of the largest are rigid motions, where the stiffness is singular."""
@@ -35,35 +32,22 @@ class Equations:
 
     Those of F systems with the same coordinates and pairs stand in one, with an axis (F, ...) before those of M to
     `in_space`; see `stacked`.
-
-    Parameters
-    ----------
-    M, C, K : ndarray (d, d)
-    drive, given : ndarray (d,)
-        Load per unit of s(t); constant load, N.
-    force : ndarray (d, pairs)
-        What a force on the structure at each pair does to the coordinates: b there, -1 on its ball.
-    in_space : ndarray (pairs,)
-        x_j = -force_j p - in_space_j ub: -1 for a stop that stays where it is while the base moves, else 0.
-    stop : ndarray (pairs,) of bool
-    names : tuple of str
-        Of the pairs.
-    dofs : int
-        Of the structure.
     """
 
     COMMON: ClassVar = ("stop", "names", "dofs")
 
-    M: Array
-    C: Array
-    K: Array
-    drive: Array
-    given: Array
+    M: Array  # (d, d)
+    C: Array  # (d, d)
+    K: Array  # (d, d)
+    drive: Array  # (d,) load per unit of s(t); constant load, N
+    given: Array  # (d,)
+    # (d, pairs) what a force on the structure at each pair does to the coordinates: b there, -1 on its ball
     force: Array
+    # (pairs,) x_j = -force_j p - in_space_j ub: -1 for a stop that stays where it is while the base moves, else 0
     in_space: Array
-    stop: NDArray[np.bool_]
-    names: tuple[str, ...]
-    dofs: int
+    stop: NDArray[np.bool_]  # (pairs,)
+    names: tuple[str, ...]  # of the pairs
+    dofs: int  # of the structure
 
 
 def stacked(items: Sequence[Equations]) -> Equations:
@@ -101,19 +85,13 @@ def equations_of(system: System, drive: Drive) -> Equations:
     return Equations(M, C, K, load, given, force, np.where(fixed & stop, -drive.share, 0.0), stop, names, n)
 
 
-def require_met(whole: Equations, sticking: NDArray[np.intp]) -> None:
+def require_met(
+    whole: Equations,
+    sticking: NDArray[np.intp],  # numbers of the pairs that stick. A ball always can: it has its own coordinate.
+) -> None:
     """Refuse rigid stops that the modes kept cannot meet at once.
 
-    Parameters
-    ----------
-    whole : Equations
-    sticking : ndarray of int
-        Numbers of the pairs that stick. A ball always can: it has its own coordinate.
-
-    Raises
-    ------
-    InputError
-        Naming the stop that the others leave no motion.
+    Raises `InputError` naming the stop that the others leave no motion.
     """
     if not np.any(whole.stop[sticking]):
         return
@@ -135,22 +113,14 @@ def require_met(whole: Equations, sticking: NDArray[np.intp]) -> None:
         met.append(stop)
 
 
-def wall_offsets(whole: Equations, active: NDArray[np.bool_], sticking: NDArray[np.intp]) -> Array:
+def wall_offsets(
+    whole: Equations,  # of F systems
+    active: NDArray[np.bool_],  # (pairs,)
+    sticking: NDArray[np.intp],  # numbers of the pairs in contact that stick; see `require_met`
+) -> Array:  # (F, d, pairs)
     """Coordinates in which each pair in contact is just at a wall 1 m away and the others at theirs at 0.
 
     Pairs that stick are so exactly. Where pressed stops cannot be met beside them, the nearest.
-
-    Parameters
-    ----------
-    whole : Equations
-        Of F systems.
-    active : ndarray (pairs,) of bool
-    sticking : ndarray of int
-        Numbers of the pairs in contact that stick; see `require_met`.
-
-    Returns
-    -------
-    ndarray (F, d, pairs)
     """
     if np.any(active & whole.stop):
         return np.stack([_offsets_at_stops(part_of(whole, f), active, sticking) for f in range(whole.M.shape[0])])

@@ -1,26 +1,140 @@
-"""What the compiled loop works on, as named tuples of arrays: the core takes them by these names.
-
-The case axis comes first: each case is a separate run. C cases, F closed forms, K entries, P rigid-body
-coordinates, d coordinates (structure, then balls), R pairs, O outputs. Rows of scalars: x of every pair, the contact
-force of every pair on the structure, then the outputs, the first of which is the observed place.
-"""
+"""What the compiled loop works on: the numbers of the method, the instants that are read, and its arrays by name."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Indices = NDArray[np.int64]
+from femimpact.arrays import Array, Complex, Integers
+from femimpact.contact.restitution import KELVIN_VOIGT, RIGID
+from femimpact.errors import require
+from femimpact.excitation import Excitation
+from femimpact.integrators.channel_rows import drive_of
+from femimpact.response.response import Recorder
+from femimpact.system.system import System
 
-__all__ = [
-    "BEGUN", "CONTACT", "DONE", "ENTERED", "FORM_WANTED", "FREE", "LARGEST_FORCE", "LASTED", "LOST", "PUSHED",
-    "RESONANT", "RESUMED", "SEPARATING", "STARTED", "STARTING", "TOUCH_SPEED", "UNENDING", "Bounds", "Cases", "Forms",
-    "Grid", "Job", "Ledger", "Motion", "Pairs", "Products", "Search", "Snapshots", "Space", "Tables", "Task",
-]  # fmt: skip
+MOST_PAIRS = 60
+"""Contact pairs of one system: the set of those in contact is a number of 64 bits."""
+
+
+class EventSettings(Protocol):
+    """The event-driven method, as its run takes it; see `EventDriven`."""
+
+    @property
+    def closure(self) -> float:
+        """Height of a bounce that is the last, m."""
+
+    @property
+    def samples_per_cycle(self) -> int:
+        """Instants of a base cycle at which a run is read."""
+
+    @property
+    def most_events(self) -> int:
+        """Events of a base cycle beyond which a run is given up."""
+
+
+def check_events(system: System) -> None:
+    """Refuse what the method cannot compute exactly, and say what does.
+
+    Raises `InputError` if the system is not on its modes, or a contact is neither rigid nor Kelvin-Voigt, or leaves
+    no clearance.
+    """
+    allowed = "must be on its normal modes for EventDriven: use reduce(system, modes=n)"
+    require(system.is_diagonal, "system", f"{system.dofs} coupled dofs", "", allowed)
+    allowed = f"must be at most {MOST_PAIRS} contacts for EventDriven; Newmark takes any number"
+    require(len(system.contacts) <= MOST_PAIRS, "system", f"{len(system.contacts)} contacts", "", allowed)
+    for pair in system.contacts:
+        allowed = "must be Rigid or KelvinVoigt for EventDriven; other laws are for Newmark and its family"
+        require(pair.parameters.kind in (RIGID, KELVIN_VOIGT), f"{pair.name}.contact", pair.law.name, "", allowed)
+        clear = sum(pair.gaps) > 0.0
+        require(clear, f"{pair.name}.gap", sum(pair.gaps), "m", "must leave some clearance between both walls")
+
+
+SAMPLES_OF_A_PERIOD = 20
+"""Readings in a period of the highest kept mode, under a drive by samples."""
+
+MOST_SAMPLES = 1_000_000
+"""Readings of a run under a drive by samples, where no interval is given."""
+
+LEAST_SAMPLES = 8
+"""Readings in a base cycle, of which its rms and harmonic are taken."""
+
+WHOLE = 1e-9
+"""Share of itself by which rounding may put a number of samples off a whole one."""
+
+
+@dataclass(frozen=True)
+class ReadingGrid:
+    """Instants at which a run is read."""
+
+    interval: float  # s
+    # samples in what counts as a base cycle: those of a period of a sine, which need not be a whole number; under a
+    # drive by samples `LEAST_SAMPLES` or more
+    per_cycle: float
+    follows_cycles: bool = False  # whether there are `EventSettings.samples_per_cycle` in each
+    chosen: tuple[str, ...] = ()  # a note on how the interval was chosen where the drive is given by samples
+
+
+def reading_grid(
+    system: System,  # on its modes
+    excitation: Excitation,
+    method: EventSettings,
+    duration: float,  # s
+    recorder: Recorder,
+) -> ReadingGrid:
+    """The instants at which a run is read: as the recorder has them, or as they suit the drive.
+
+    Without an interval of the recorder there are `samples_per_cycle` in a cycle of a sine. A drive by samples is read
+    at their interval, or at 1/20 of the period of the highest kept mode if that is less, and at no more than 10^6
+    instants.
+
+    Raises `InputError` if the interval of the recorder leaves fewer than 8 readings in a cycle of a sine.
+    """
+    drive, chosen = drive_of(system, excitation), tuple[str, ...]()
+    if not drive.in_pieces and recorder.interval is None:
+        samples = method.samples_per_cycle
+        return ReadingGrid((2.0 * math.pi / drive.omega) / samples, float(samples), follows_cycles=True)
+    longest = 1.0 / (LEAST_SAMPLES * excitation.frequency)
+    if recorder.interval is not None:
+        interval = recorder.interval
+        allowed = f"must be <= {longest:.4g} s, {LEAST_SAMPLES} readings in a cycle; Recorder.every keeps fewer of them"
+        resolved = drive.in_pieces or interval <= longest * (1.0 + WHOLE)
+        require(resolved, "record.interval", interval, "s", allowed)
+    elif drive.line is not None:
+        interval, chosen = _suited(system, drive.line.interval, "the interval of the samples that drive it", duration)
+    elif drive.pieces is not None:
+        knots = drive.pieces.knots
+        mean = float(knots[-1] - knots[0]) / (knots.size - 1)
+        interval, chosen = _suited(system, mean, "the mean length of the polynomials that drive it", duration)
+    per_cycle = 1.0 / (excitation.frequency * interval)
+    if abs(per_cycle - round(per_cycle)) <= WHOLE * per_cycle:
+        per_cycle = float(round(per_cycle))
+    # the largest line of a record may lie near its last one
+    return ReadingGrid(interval, max(per_cycle, float(LEAST_SAMPLES)), chosen=chosen)
+
+
+def _suited(system: System, between: float, reason: str, duration: float) -> tuple[float, tuple[str, ...]]:
+    """Interval (s) that suits a drive with a time between its samples or knots (s), and a note that says so."""
+    highest = math.sqrt(float(np.max(system.K.diagonal() / system.M.diagonal()))) / (2.0 * math.pi)
+    period = 1.0 / highest if highest > 0.0 else math.inf
+    finest = between
+    if period / SAMPLES_OF_A_PERIOD < between:
+        finest = period / SAMPLES_OF_A_PERIOD
+        reason = f"1/{SAMPLES_OF_A_PERIOD} of the period of the highest kept mode, {highest:.4g} Hz"
+    interval = finest
+    # the state at the start is one of them
+    if duration > (MOST_SAMPLES - 1) * finest:
+        interval = duration / (MOST_SAMPLES - 1)
+        reason = f"so that there are no more than {MOST_SAMPLES:,} readings; {finest:.4g} s would be {reason}"
+    return interval, (
+        f"read every {interval:.4g} s, {reason}; Recorder(interval=) sets another one, and largest(channel) of the "
+        "response finds what lies between",
+    )
+
 
 FREE, CONTACT, SEPARATING = range(3)
 """Contact states of a pair; the last two times the side of the wall. A rigid pair in contact sticks."""
@@ -47,15 +161,15 @@ class Forms(NamedTuple):
     """Closed forms, one for each set of pairs in contact; on which side they are enters by the walls."""
 
     made: int  # number of forms; another thread may be adding more, which this call must not see
-    key: Indices  # (F,) bit j is set where pair j is in contact
-    following: Indices  # (F,) the next form for the same contact parameters, -1 for none
-    number: Indices  # (F,) among those of the same contact parameters
-    entries: Indices  # (F,)
-    rigid_bodies: Indices  # (F,)
-    driven: Indices  # (F,) entries, the slowest ones, that have their whole response to a polynomial
+    key: Integers  # (F,) bit j is set where pair j is in contact
+    following: Integers  # (F,) the next form for the same contact parameters, -1 for none
+    number: Integers  # (F,) among those of the same contact parameters
+    entries: Integers  # (F,)
+    rigid_bodies: Integers  # (F,)
+    driven: Integers  # (F,) entries, the slowest ones, that have their whole response to a polynomial
     exponent: Complex  # (F, K)
     coupling: Complex  # (F, K, K); see Scalars
-    blocks: Indices  # (F, B, 2)
+    blocks: Integers  # (F, B, 2)
     size: Array  # (F, K)
     rigid_body_given: Array  # (F, P, 1 + R) of a unit load, and per m of each wall
     rigid_body_drive: Array  # (F, P)
@@ -81,8 +195,8 @@ class Forms(NamedTuple):
     impulse_rigid_body: Array  # (F, P, R)
     reaction: Array  # (F, R, R) impulses at the pairs that stick (rows) by a unit one at each other pair
     together: NDArray[np.bool_]  # (F, T, T) whether the product of two terms of the motion occurs in the ledger
-    first: Indices  # (F, d + 1) entries that move coordinate i: members[first[i]:first[i + 1]]
-    members: Indices  # (F, d K)
+    first: Integers  # (F, d + 1) entries that move coordinate i: members[first[i]:first[i + 1]]
+    members: Integers  # (F, d K)
 
 
 # ---- cases -----------------------------------------------------------------------------------------
@@ -113,19 +227,19 @@ class Cases(NamedTuple):
     damping: Array  # (C, R)
     restitution: Array  # (C, R)
     state: Array  # (C, R)
-    form: Indices  # (C, 2) the first form for the case's contact parameters, the present one
+    form: Integers  # (C, 2) the first form for the case's contact parameters, the present one
     entry: Complex  # (C, K)
     rigid_body: Array  # (C, 2, P) and their rates
     clock: Array  # (C, 2) see Motion
     drive: Array  # (C, 8) see Motion
-    piece: Indices  # (C,) number of the present piece
+    piece: Integers  # (C,) number of the present piece
     coordinates: Array  # (C, 2, d) displacements and velocities where a form is to be entered
-    entering: Indices  # (C,) ENTERED, or what is to be done first
+    entering: Integers  # (C,) ENTERED, or what is to be done first
     leaving: Array  # (C, 2R) see Search
     hit: Array  # (C,) number from 1 of the pair that meets a rigid wall at this instant, times its side; else 0
     released: Array  # (C, R) side of a sticking pair that an impact has let go at this instant
-    sample: Indices  # (C,) samples taken since the start
-    events: Indices  # (C, 2) in this call, and at one instant
+    sample: Integers  # (C,) samples taken since the start
+    events: Integers  # (C, 2) in this call, and at one instant
     known: NDArray[np.bool_]  # (C, N) whether the steady motion in a form is known
     sine: Complex  # (C, N, 2R + O): steady motion of the scalars
     harmonic: Complex  # (C, N, d): of the coordinates
@@ -145,18 +259,18 @@ class Grid(NamedTuple):
     start: Array  # (C,) s, of sample 0
     interval: Array  # (C,) s
     per_cycle: float  # samples, which need not be whole
-    origin: Indices  # (C,) sample with which the first cycle begins
-    cycle: Indices  # (C,) cycle whose peak is being looked for
+    origin: Integers  # (C,) sample with which the first cycle begins
+    cycle: Integers  # (C,) cycle whose peak is being looked for
     cycles: Array  # (C, cycles, 8); see columns.CYCLE_COLUMNS, then the times of maximum and minimum (s)
     values: Array  # (C, samples, O), or (C, 0, O) where only cycles are wanted
-    kept: Indices  # (samples,) number of the energy row that a sample fills, -1 for none
+    kept: Integers  # (samples,) number of the energy row that a sample fills, -1 for none
     energy: Array  # (C, rows, 7 + n)
 
 
 class Snapshots(NamedTuple):
     """Whole motions of a single case."""
 
-    shown: Indices  # (samples,) number of the snapshot, -1 for none; no samples where none is wanted
+    shown: Integers  # (samples,) number of the snapshot, -1 for none; no samples where none is wanted
     fields: Array  # (snapshots, 2, d)
     forces: Array  # (snapshots, R) N on the structure
 
@@ -166,7 +280,7 @@ class Tables(NamedTuple):
 
     impacts: Array  # (most, 9 + n); see columns.IMPACT_COLUMNS, then the energy given to each mode
     sticking: Array  # (most, 5): pair, side, start and end (s), impulse (N s)
-    number: Indices  # (2,) rows of both
+    number: Integers  # (2,) rows of both
 
 
 class Ledger(NamedTuple):
@@ -189,11 +303,11 @@ class Ledger(NamedTuple):
 class Task(NamedTuple):
     """Which cases a call takes where, and what it says of them."""
 
-    members: Indices  # (members,) cases
-    begin: Indices  # (C,) samples after which is read
-    end: Indices  # (C,) samples to which is gone
+    members: Integers  # (members,) cases
+    begin: Integers  # (C,) samples after which is read
+    end: Integers  # (C,) samples to which is gone
     most: Array  # (C,) events allowed in all
-    stopped: Indices  # (C,) what each one stopped for; see DONE
+    stopped: Integers  # (C,) what each one stopped for; see DONE
 
 
 # ---- working space ---------------------------------------------------------------------------------
@@ -264,7 +378,7 @@ class Space(NamedTuple):
     products: Products
     turn: Complex  # (K,) growth of the entries between two samples
     impulse: Array  # (R,)
-    row: Indices  # (R,) in the table, or behind it, of the last impact of each pair
+    row: Integers  # (R,) in the table, or behind it, of the last impact of each pair
     samples: Array  # (per_cycle + 1,) w of the cycle that goes on, as far as it is read
     extremes: Array  # (8,) extremes of a contact force and their times, as in a row of `Grid.cycles`
 

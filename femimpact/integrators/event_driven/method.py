@@ -11,18 +11,15 @@ from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, quantity
 from femimpact.excitation import Excitation
-from femimpact.integrators.answers import AchievedRestitution, MethodCost, SineCases, SineDwellResults, SineDwells
-from femimpact.integrators.event_driven.reading_grid import reading_grid
+from femimpact.integrators.cases import AchievedRestitution, MethodCost, SineCases, SineDwellResults, SineDwells
+from femimpact.integrators.event_driven.dwells import event_driven_cases, event_driven_dwells
+from femimpact.integrators.event_driven.loop_data import check_events, reading_grid
 from femimpact.integrators.event_driven.run import run_events
-from femimpact.integrators.event_driven.settings import check_events
-from femimpact.integrators.event_driven.sine_dwells import event_driven_cases, event_driven_dwells
-from femimpact.integrators.threads import Progress
+from femimpact.progress import Progress
 from femimpact.response.response import Recorder, Response
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.state import State
 from femimpact.system.system import System
-
-__all__ = ["EventDriven"]
 
 CYCLE_SECONDS = 5e-5
 """Rough cost of one base cycle with a few modes, on one core of a 2024 server."""

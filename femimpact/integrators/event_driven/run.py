@@ -3,44 +3,231 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from femimpact.arrays import Array
+from femimpact.contact.restitution import RIGID
 from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation
-from femimpact.integrators.channel_rows import ChannelRows, channel_rows, reaction_notes
-from femimpact.integrators.driving import Drive
+from femimpact.integrators.cases import check_memory
+from femimpact.integrators.channel_rows import ChannelRows, Drive, channel_rows, drive_of, reaction_notes
 from femimpact.integrators.event_driven import loop_data
-from femimpact.integrators.event_driven.alone import block_alone, closed_drive, pieces, sample_to_keep, unending
-from femimpact.integrators.event_driven.block import Block, no_cycles, run_block
-from femimpact.integrators.event_driven.continued import Sampling, final_state, held_by, touching
-from femimpact.integrators.event_driven.equations import require_met
-from femimpact.integrators.event_driven.largest import find_largest
-from femimpact.integrators.event_driven.loop_data import BEGUN, CONTACT, FREE, LASTED, PUSHED, UNENDING
-from femimpact.integrators.event_driven.reading_grid import ReadingGrid, reading_grid
-from femimpact.integrators.event_driven.settings import EventSettings, check_events
-from femimpact.integrators.event_driven.store import outputs_of
-from femimpact.integrators.memory import check_memory
-from femimpact.integrators.threads import Progress
+from femimpact.integrators.event_driven.block import (
+    EXTREMES,
+    Block,
+    Inputs,
+    case_numbers,
+    new_block,
+    no_cycles,
+    run_block,
+)
+from femimpact.integrators.event_driven.continued import Sampling, final_state, held_by, sampling_from, touching
+from femimpact.integrators.event_driven.equations import equations_of, require_met
+from femimpact.integrators.event_driven.loop_data import (
+    BEGUN,
+    CONTACT,
+    FREE,
+    LASTED,
+    PUSHED,
+    UNENDING,
+    EventSettings,
+    ReadingGrid,
+    check_events,
+    reading_grid,
+)
+from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_alone, outputs_of
+from femimpact.progress import Progress
 from femimpact.response.channels import Channel, resolve_channels
-from femimpact.response.columns import COUNT, CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, PEAK_FORCE
 from femimpact.response.energy import BALANCED, CLOSED, EnergyLedger, unbalanced
 from femimpact.response.history import HistoryPiece, Snapshots, Stream
-from femimpact.response.impacts import Impacts, StickingPhases, impact_statistics
-from femimpact.response.largest import LargestValues
+from femimpact.response.impacts import (
+    COUNT,
+    CYCLE_COLUMNS,
+    ENERGY_COLUMNS,
+    IMPACT_COLUMNS,
+    MAXIMUM,
+    MINIMUM,
+    PEAK_FORCE,
+    Impacts,
+    StickingPhases,
+    impact_statistics,
+)
 from femimpact.response.response import Recorder, Response
-from femimpact.response.signals import CycleStatistics, SteadyMotion, no_steady_motion, steady_motion
-from femimpact.system.continuation import begun_anew
+from femimpact.response.signals import (
+    CycleStatistics,
+    Largest,
+    LargestValues,
+    SteadyMotion,
+    no_steady_motion,
+    steady_motion,
+)
 from femimpact.system.reduction import truncation_notes
-from femimpact.system.state import State
+from femimpact.system.state import State, begun_anew
 from femimpact.system.system import System
 
-__all__ = ["not_finite", "peaks_of_forces", "run_events"]
+CYCLES_AT_ONCE = 256
+"""Base cycles between two reports of progress, when interrupts are checked."""
 
-Array = NDArray[np.float64]
+SAMPLES_AT_ONCE = 2**17
+"""The same in samples, at most, where these do not divide base cycles."""
+
+
+def closed_drive(system: System, excitation: Excitation) -> Drive:
+    """The right-hand side of an excitation that has a closed form.
+
+    Raises `InputError` if it has none.
+    """
+    drive = drive_of(system, excitation)
+    allowed = "must have a closed_form for EventDriven: sample it into a RecordedBase, or take Newmark"
+    require(drive.closed_form is not None, "excitation", type(excitation).__name__, "", allowed)
+    return drive
+
+
+def block_alone(
+    system: System, excitation: Excitation, drive: Drive, method: EventSettings, outputs: Outputs, initial: State,
+    grid: ReadingGrid, begin: float, ledger: bool | None, most_rows: int,
+) -> tuple[Block, Sampling]:  # fmt: skip
+    """Arrays of one case at its start, and its instants of reading.
+
+    Parameters
+    ----------
+    system : System
+    excitation : Excitation
+    drive : Drive
+        Of the excitation.
+    method : EventSettings
+    outputs : Outputs
+    initial : State
+    grid : ReadingGrid
+    begin : float, s
+        From when on impacts are counted.
+    ledger, most_rows
+        As of `new_block`.
+
+    Returns
+    -------
+    Block, Sampling
+    """
+    rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
+    whole = equations_of(system, drive)
+    store = FormStore(
+        whole, rigid, outputs, rate=None if drive.pieces is None else drive.pieces.rate, derived=system.derived
+    )
+    u, v, y, y_rate = initial.relative_to_base(system, excitation)
+    balls, held = len(system.balls), held_by(initial, system, excitation)
+    inputs = Inputs(
+        numbers=case_numbers([drive], [system.contacts]),
+        is_sine=drive.is_sine,
+        position=np.concatenate([u, y[:balls]])[None],
+        velocity=np.concatenate([v, y_rate[:balls]])[None],
+        window=np.array([[begin, math.inf]]),
+        start=initial.time,
+        held=held,
+    )
+    block = new_block(system, store, inputs, method, ledger, most_rows)
+    sampling = sampling_from(held, initial.time, grid.interval)
+    block.grid = block.grid._replace(
+        start=np.array([sampling.origin]),
+        interval=np.array([grid.interval]),
+        per_cycle=grid.per_cycle,
+        origin=np.array([sampling.first]),
+    )
+    return block, sampling
+
+
+def pieces(grid: ReadingGrid, recorder: Recorder, samples: int) -> Iterator[tuple[int, int]]:
+    """First and last sample of each piece, after the beginning: a run has its bits in the same pieces only.
+
+    Where base cycles are whole samples these are whole cycles, and if possible no more than a piece for the sink.
+    """
+    most = 0 if recorder.sink is None else recorder.piece_samples * max(recorder.every, 1)
+    if grid.follows_cycles:
+        per_cycle = int(grid.per_cycle)
+        fitting = max(most // per_cycle, 1) if most else CYCLES_AT_ONCE
+        piece = min(CYCLES_AT_ONCE, fitting) * per_cycle
+    else:
+        piece = min(max(int(CYCLES_AT_ONCE * grid.per_cycle), 1), SAMPLES_AT_ONCE, most or SAMPLES_AT_ONCE)
+    done, state_at = 0, sample_to_keep(grid, recorder, samples)
+    while done < samples:
+        end = min(done + piece, samples)
+        if done < state_at:
+            end = min(end, state_at)
+        yield done, end
+        done = end
+
+
+def sample_to_keep(grid: ReadingGrid, recorder: Recorder, samples: int) -> int:
+    """Sample after the beginning at which the state is kept, 0 for none: where cycles are whole samples, at their end.
+
+    Another one is the sample before the time.
+    """
+    if recorder.state_at is None:
+        return 0
+    stride = int(grid.per_cycle) if grid.follows_cycles else 1
+    sample = math.floor(min(recorder.state_at / (stride * grid.interval) + 1e-9, samples)) * stride
+    return sample if sample <= samples else 0
+
+
+def unending(time: float, method: EventSettings) -> str:
+    """Words for events that do not end."""
+    return (
+        f"impacts and changes of contact at t = {time:.6g} s do not resolve within {method.most_events} events a "
+        f"cycle: raise closure ({method.closure:g} m) or most_events, or check gaps that leave no clearance"
+    )
+
+
+def find_largest(
+    system: System, excitation: Excitation, method: EventSettings, duration: float, recorder: Recorder, initial: State,
+    channels: tuple[Channel, ...],
+) -> tuple[Largest, ...]:  # fmt: skip
+    """Largest values of channels over a run, each found as the peak of a cycle is, to 1e-9 of itself.
+
+    Parameters
+    ----------
+    system, excitation, method, duration, recorder, initial
+        As of `run_events`: the motion has the bits of that run.
+    channels : tuple of Channel
+
+    Returns
+    -------
+    tuple of Largest
+    """
+    return tuple(
+        _largest(system, excitation, method, duration, recorder, initial, channel) for channel in channels
+    )  # fmt: skip
+
+
+def _largest(
+    system: System, excitation: Excitation, method: EventSettings, duration: float, recorder: Recorder, initial: State,
+    channel: Channel,
+) -> Largest:  # fmt: skip
+    grid, drive = reading_grid(system, excitation, method, duration, recorder), closed_drive(system, excitation)
+    samples = round(duration / grid.interval)
+    parts = list(pieces(grid, recorder.seen_from(initial.time), samples))
+    outputs = outputs_alone(system, channel_rows(system, drive, (channel,), springs_apart=True), drive)
+    # a piece takes the place of a base cycle
+    whole = replace(grid, per_cycle=float(max(end - done for done, end in parts)))
+    block, sampling = block_alone(
+        system, excitation, drive, method, outputs, initial, whole, float(np.inf), None, 0
+    )  # fmt: skip
+    extremes, most = no_cycles(1, 1), float(method.most_events)
+    for done, end in parts:
+        begin = sampling.first + done
+        block.cases.sample[0] = begin
+        block.grid = block.grid._replace(
+            origin=np.array([begin]), cycle=np.zeros(1, dtype=np.int64), cycles=extremes, kept=np.full(end - done, -1)
+        )
+        run_block(block, np.array([begin]), np.array([begin + end - done]), np.array([most * max(end - done, 1)]))
+    row, times = extremes[0, 0], extremes[0, 0, -EXTREMES:]
+    # the sooner one of two of one size
+    which = MAXIMUM if (row[MAXIMUM], -times[MAXIMUM]) >= (-row[MINIMUM], -times[MINIMUM]) else MINIMUM
+    return Largest(float(row[which]), float(times[which]), channel.unit)
+
 
 WHOLE = 1e-9
 """Of a base cycle, which rounding may lack at the end of a run."""
@@ -93,13 +280,10 @@ def run_events(
 ) -> Response:
     """Event-driven motion of structure and balls; see `integrate`.
 
-    Raises
-    ------
-    InputError
-        If the system is not on its modes, a contact is neither rigid nor Kelvin-Voigt, or an argument is out of
-        range.
-    DivergenceError
-        If events do not end.
+    Raises `InputError` if the system is not on its modes, a contact is neither rigid nor Kelvin-Voigt, or an
+    argument is out of range.
+
+    Raises `DivergenceError` if events do not end.
     """
     check_events(system)
     asked, grid = recorder, reading_grid(system, excitation, method, duration, recorder)
@@ -233,10 +417,7 @@ def peaks_of_forces(totals: Array, rigid: NDArray[np.bool_]) -> Array:
 def _require_finite(values: Array, time: float) -> None:
     """Stop a run whose readings are no numbers.
 
-    Raises
-    ------
-    DivergenceError
-        Naming the time (s) until which they were read.
+    Raises `DivergenceError` naming the time (s) until which they were read.
     """
     if not np.all(np.isfinite(values)):
         raise DivergenceError(not_finite(f" before t = {time:.4g} s"))

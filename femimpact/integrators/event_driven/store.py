@@ -10,20 +10,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import require
 from femimpact.excitation.piecewise_polynomial import ORDERS
-from femimpact.integrators.channel_rows import ChannelRows
-from femimpact.integrators.driving import Drive
-from femimpact.integrators.event_driven.alike import part_of, stack
-from femimpact.integrators.event_driven.closed_form import ClosedForms, closed_forms
+from femimpact.integrators.channel_rows import ChannelRows, Drive
+from femimpact.integrators.event_driven.closed_form import (
+    OF_DISPLACEMENT,
+    ClosedForms,
+    Rows,
+    closed_forms,
+    driven_entries,
+    followed,
+    gap_rows,
+)
+from femimpact.integrators.event_driven.complex_modes import part_of, stack
 from femimpact.integrators.event_driven.equations import Equations, stacked
 from femimpact.integrators.event_driven.loop_data import Forms
-from femimpact.integrators.event_driven.rows import OF_DISPLACEMENT, Rows, driven_entries, followed, gap_rows
 from femimpact.system.system import System
-
-__all__ = ["FormStore", "Outputs", "WantedForm", "outputs_alone", "outputs_of"]
-
-Array = NDArray[np.float64]
 
 CONTACT_NUMBERS = ("stiffness", "damping")
 """Fields of a wanted form that differ among systems."""
@@ -68,19 +71,12 @@ def _stacked_outputs(items: Sequence[Outputs]) -> Outputs:
     return Outputs(*(stack([getattr(each, item.name) for each in items]) for item in fields(Outputs)))
 
 
-def outputs_of(system: System, observed: Array, rows: ChannelRows | None = None) -> Outputs:
-    """Rows of the observed place, then those of the channels.
-
-    Parameters
-    ----------
-    system : System
-    observed : ndarray (dofs,)
-    rows : ChannelRows, optional
-
-    Returns
-    -------
-    Outputs
-    """
+def outputs_of(
+    system: System,
+    observed: Array,  # (dofs,)
+    rows: ChannelRows | None = None,
+) -> Outputs:
+    """Rows of the observed place, then those of the channels."""
     n, balls, count = system.dofs, len(system.balls), 0 if rows is None else rows.drive.size
     position, rate = (np.zeros((1 + count, n + balls)) for _ in range(2))
     force = np.zeros((1 + count, len(system.contacts)))
@@ -156,10 +152,7 @@ class FormStore:
 
         Those that are missing are made together where the same pairs are in contact.
 
-        Raises
-        ------
-        InputError
-            If one has no steady response to the loads.
+        Raises `InputError` if one has no steady response to the loads.
         """
         with self.lock:
             missing: dict[int, dict[bytes, WantedForm]] = {}

@@ -10,49 +10,34 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 import scipy.sparse.linalg
-from numpy.typing import NDArray
 
-from femimpact.contact.callback import ForcePointer, force_pointer
-from femimpact.contact.formulas import KELVIN_VOIGT, RIGID, SWITCHING_SPRING, kelvin_voigt_force, power_force
+from femimpact.arrays import Array
+from femimpact.contact.custom_law import ForcePointer, force_pointer
+from femimpact.contact.restitution import KELVIN_VOIGT, RIGID, SWITCHING_SPRING, kelvin_voigt_force, power_force
 from femimpact.excitation import Excitation
-from femimpact.integrators.driving import Drive
+from femimpact.integrators.channel_rows import Drive
 from femimpact.integrators.stepping import layout
 from femimpact.integrators.stepping.continued import Beginning, resume_contacts
-from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
-from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, MAXIMUM, MINIMUM, TOTAL_COLUMNS
+from femimpact.integrators.stepping.operators import SteppingMethod, scheme_of
+from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, MAXIMUM, MINIMUM, TOTAL_COLUMNS
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.state import ROUNDED, State
 from femimpact.system.system import System
 
-__all__ = ["Inputs", "cycles_of", "empty_record", "forces_of", "limits_of", "motion_of", "pairs_of"]
-
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What each case of a block is given; all excitations act along one load.
-
-    Parameters
-    ----------
-    excitations : sequence of Excitation
-    steps : sequence of int
-        Length of each case; the block runs to the longest, and what a case does after its own end does not count.
-    window_start : sequence of int
-        Step after the beginning from which impacts are counted, to the case's own end.
-    initial : State
-    beginning : Beginning
-        Of one case alone it may be within the run that it goes on from.
-    each : sequence of tuple of System and State
-        The system with the gaps and laws of each case, and its start, where these differ; laws of the same kinds
-        that have compiled branches, and no static start. None for those of all cases.
-    """
+    """What each case of a block is given; all excitations act along one load."""
 
     excitations: Sequence[Excitation]
+    # length of each case; the block runs to the longest, and what a case does after its own end does not count
     steps: Sequence[int]
-    window_start: Sequence[int]
+    window_start: Sequence[int]  # step after the beginning from which impacts are counted, to the case's own end
     initial: State = field(default_factory=State)
+    # of one case alone it may be within the run that it goes on from
     beginning: Beginning = field(default_factory=Beginning)
+    # the system with the gaps and laws of each case, and its start, where these differ; laws of the same kinds that
+    # have compiled branches, and no static start. None for those of all cases.
     each: Sequence[tuple[System, State]] = ()
 
 

@@ -1,17 +1,24 @@
-"""A block of cases side by side: one system, one method, many excitations of one kind."""
+"""A block of cases side by side, and what it has kept: histories, impacts, sticking."""
 
 from __future__ import annotations
 
+import itertools
 import math
 import threading
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact import core
-from femimpact.contact.callback import ForcePointer, law_error
-from femimpact.integrators.driving import drive_of
+from femimpact.arrays import Array
+from femimpact.contact.custom_law import ForcePointer, law_error
+from femimpact.contact.restitution import RIGID
+from femimpact.errors import require
+from femimpact.excitation import Excitation
+from femimpact.integrators.cases import check_memory, first_steps, kept_rows, modes_kept
+from femimpact.integrators.channel_rows import ChannelRows, Drive, drive_of
 from femimpact.integrators.stepping import layout
 from femimpact.integrators.stepping.arrays import (
     Inputs,
@@ -23,16 +30,67 @@ from femimpact.integrators.stepping.arrays import (
     pairs_of,
 )
 from femimpact.integrators.stepping.continued import Beginning, go_on
-from femimpact.integrators.stepping.operators import operator_of
-from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
-from femimpact.integrators.threads import Progress
-from femimpact.response.columns import CYCLE_COLUMNS, ENERGY_COLUMNS
+from femimpact.integrators.stepping.operators import SteppingMethod, operator_of, scheme_of
+from femimpact.progress import Progress
+from femimpact.response.channels import Channel
+from femimpact.response.energy import EnergyLedger
+from femimpact.response.history import HistoryPiece, Snapshots
+from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, Impacts, StickingPhases
+from femimpact.response.response import Recorder
 from femimpact.response.signals import CycleStatistics
 from femimpact.system.system import System
 
-__all__ = ["Block", "Inputs", "check_laws", "prepare", "run_block"]
 
-Array = NDArray[np.float64]
+def check_recorder(recorder: Recorder) -> None:
+    """Raise `InputError` for an interval of readings: a method with steps has its own."""
+    allowed = "is for EventDriven: a method with steps is read at its steps, of which `every` keeps one in so many"
+    require(recorder.interval is None, "record.interval", recorder.interval, "s", allowed)
+
+
+def piece_ends(recorder: Recorder, steps: int) -> Iterable[int]:
+    """Steps after which a run with a sink passes on a piece; a piece has as many, the state at the start counted."""
+    if recorder.sink is None:
+        return [steps]
+    piece = recorder.piece_samples * recorder.every
+    return itertools.chain(range(piece - 1, steps, piece), [steps])
+
+
+def record_of(
+    system: System,
+    recorder: Recorder,
+    rows: ChannelRows,
+    steps: int,
+    method: SteppingMethod,
+    drive: Drive,
+    first: int,
+) -> layout.Record:
+    """Arrays for what is kept from the step `first` on, refused before the run when they would not fit."""
+    dt, modes = method.dt, modes_kept(system, recorder)
+    # a recorded motion is spread over all fine steps before the first
+    values = 0 if drive.is_sine else (first + steps) * method.refine + 1
+    # with the base's displacement and velocity, where stops are fixed in space
+    values *= 3 if any(pair.fixed_to == "space" for pair in system.contacts) else 1
+    check_memory(system, recorder, rows.drive.size, steps, dt, drive.omega / (2.0 * np.pi), drive=values)
+    samples, snapshots = kept_rows(recorder, steps, dt)
+    balls = len(system.contacts)
+    start, start_field = (first + number for number in first_steps(recorder, steps, dt))
+    of_state = np.stack([rows.displacement, rows.velocity], axis=1)
+    of_pairs = np.stack([rows.ball_displacement, rows.ball_velocity, rows.pair_force, rows.contact_force], axis=1)
+    return layout.Record(
+        used=np.column_stack(
+            [np.any(of_state, axis=2), np.any(of_pairs[:, :2], axis=(1, 2)), np.any(of_pairs[:, 2:], axis=(1, 2))]
+        ).astype(np.int64),
+        rows=of_state,
+        pair_rows=of_pairs,
+        channels=np.zeros((rows.drive.size, samples)),
+        energy=np.zeros((len(ENERGY_COLUMNS) + modes, samples if recorder.ledger else 0)),
+        snapshots=np.zeros((snapshots, 2, system.dofs + balls)),
+        forces=np.zeros((snapshots, balls)),
+        impacts=np.zeros((recorder.impacts if balls else 0, len(IMPACT_COLUMNS) + modes)),
+        stride=np.array([recorder.every, start, max(recorder.snapshots, 1), start_field], dtype=np.int64),
+        tally=np.array([first, 0, 0, 0], dtype=np.int64),
+    )
+
 
 STEPS_BETWEEN_CHECKS = 4_000_000
 """Mode-steps between two looks at progress, interrupts and divergence: some 10 ms of work."""
@@ -158,10 +216,7 @@ def prepare(
 def check_laws(block: Block) -> None:
     """Raise what a custom law has raised, or that its force was no finite number.
 
-    Raises
-    ------
-    InputError
-        With the name of the pair, and what the law was given.
+    Raises `InputError` with the name of the pair, and what the law was given.
     """
     for j in np.flatnonzero(block.pairs.refused[:, 0]):
         force = block.forces[j]
@@ -169,17 +224,12 @@ def check_laws(block: Block) -> None:
             raise law_error(block.names[j], force, *(float(value) for value in block.pairs.refused[j]))
 
 
-def run_block(block: Block, progress: Progress | None = None, stop: threading.Event | None = None) -> None:
-    """Run a block to its end, in pieces: between them come progress, interrupts and the check for divergence.
-
-    Parameters
-    ----------
-    block : Block
-    progress : callable, optional
-        Called with the share of the block that is done, 0 to 1.
-    stop : threading.Event, optional
-        Ends the run early once set.
-    """
+def run_block(
+    block: Block,
+    progress: Progress | None = None,  # called with the share of the block that is done, 0 to 1
+    stop: threading.Event | None = None,  # threading.Event: ends the run early once set
+) -> None:
+    """Run a block to its end, in pieces: between them come progress, interrupts and the check for divergence."""
     lanes, dofs = block.motion.q.shape[1], block.motion.q.shape[0]
     handed = block.handed()
     piece = max(1000, STEPS_BETWEEN_CHECKS // (lanes * dofs))
@@ -200,3 +250,150 @@ def run_block(block: Block, progress: Progress | None = None, stop: threading.Ev
             return
         if progress is not None:
             progress(done / block.steps)
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """What a run's history is read for: its excitation, and the channels with their rows."""
+
+    excitation: Excitation
+    drive: Drive
+    channels: tuple[Channel, ...]
+    rows: ChannelRows
+    refilled: bool
+    """Whether the arrays of the record are filled again once they were read."""
+
+
+def history_of(
+    block: Block,
+    system: System,
+    recorded: Recorded,
+    samples_before: int,  # what was taken out of the record earlier
+    snapshots_before: int,
+) -> HistoryPiece:
+    """All samples and snapshots that the record of a block holds now.
+
+    Returns: of copies where the record is filled again, otherwise of its arrays.
+    """
+    record, dt, origin = block.record, block.scheme.dt, block.beginning.origin
+    samples, snapshots = int(record.tally[1]), int(record.tally[2])
+    every, first, stride, first_field = (int(value) for value in record.stride)
+    # a copy of 20 histories of a run costs more than its steps
+    kept = _own if recorded.refilled else _read_only
+    histories = kept(record.channels[:, :samples])
+    time = _own(origin + (first + every * (samples_before + np.arange(samples))) * dt)
+    shown = _own(origin + (first_field + stride * (snapshots_before + np.arange(snapshots))) * dt)
+    return HistoryPiece(
+        time=time,
+        channels={
+            channel.name: _with(histories[i], recorded.rows.of_time(i, time, recorded.excitation, recorded.drive))
+            for i, channel in enumerate(recorded.channels)
+        },
+        units={channel.name: channel.unit for channel in recorded.channels},
+        energy=_ledger(kept(record.energy[:, :samples]), time) if block.ledger else None,
+        snapshots=_snapshots(record, system, shown) if record.snapshots.shape[0] > 0 else None,
+        base=recorded.excitation,
+    )
+
+
+def _ledger(table: Array, time: Array) -> EnergyLedger:
+    columns = dict(zip(ENERGY_COLUMNS, table, strict=False))
+    return EnergyLedger(time=time, structure_loss_of_mode=table[len(ENERGY_COLUMNS) :].T, **columns)
+
+
+def _with(history: Array, of_time: Array | float) -> Array:
+    """A history and what the state has no share in."""
+    return _own(history + of_time) if np.any(of_time) else history
+
+
+def _snapshots(record: layout.Record, system: System, time: Array) -> Snapshots:
+    fields, forces = record.snapshots[: time.size], record.forces[: time.size]
+    dofs, balls = system.dofs, slice(system.dofs, system.dofs + len(system.balls))
+    return Snapshots(
+        time=time,
+        displacement=_own(_at_nodes(system, fields[:, 0, :dofs])),
+        velocity=_own(_at_nodes(system, fields[:, 1, :dofs])),
+        ball_displacement=_own(fields[:, 0, balls]),
+        ball_velocity=_own(fields[:, 1, balls]),
+        contact_force=_own(forces * [-1.0 if pair.is_stop else 1.0 for pair in system.contacts]),
+    )
+
+
+def _at_nodes(system: System, rows: Array) -> Array:
+    values = np.zeros((rows.shape[0], system.expansion.shape[0]))
+    for k, row in enumerate(rows):
+        # one by one: a product with many columns rounds as their number has it, and pieces must not show
+        values[k] = system.expansion @ row
+    return values
+
+
+def impacts_of(block: Block, system: System, excitation: Excitation) -> Impacts:
+    """The table of impacts, as far as it was kept."""
+    record = block.record
+    count = min(int(record.tally[3]), record.impacts.shape[0])
+    columns = {name: _own(record.impacts[:count, i]) for i, name in enumerate(IMPACT_COLUMNS)}
+    names = np.array([pair.name for pair in system.contacts] or [""])
+    impactor = names[columns.pop("pair").astype(int)]
+    columns["time"] = _own(block.beginning.origin + columns["time"])
+    return Impacts(
+        **columns,
+        impactor=impactor,
+        phase=_own(np.mod(2.0 * np.pi * excitation.frequency * columns["time"] + excitation.phase, 2.0 * np.pi)),
+        energy_to_modes=_own(record.impacts[:count, len(IMPACT_COLUMNS) :]),
+        law={pair.name: pair.law.name for pair in system.contacts},
+        dropped=int(record.tally[3]) - count,
+    )
+
+
+def sticking_of(block: Block, system: System) -> StickingPhases:
+    """Rigid contacts that took an impulse in three or more steps in a row: a ball that moves with its wall.
+
+    Each begins with an impact, which has its own row in the table of impacts once the contact has ended;
+    the impulses of the two tables are the same.
+    """
+    record, touch, dt = block.record, block.motion.touch[:, :, 0], block.scheme.dt
+    count = min(int(record.tally[3]), record.impacts.shape[0])
+    rows = [(*row[:3], row[7], row[5], row[0] + row[7]) for row in record.impacts[:count]]
+    for j in np.flatnonzero(touch[layout.OPEN]):
+        time, side, duration, impulse = (
+            touch[row, j] for row in (layout.START, layout.SIDE, layout.DURATION, layout.IMPULSE)
+        )
+        rows.append((time, j, side, duration, impulse, np.nan))
+    rows = [row for row in rows if block.pairs.kind[int(row[1])] == RIGID and row[3] > 1.5 * dt]
+    if not rows:
+        return StickingPhases.none()
+    start, pair, side, duration, impulse, end = (np.array(column) for column in zip(*rows, strict=True))
+    start, end = block.beginning.origin + start, block.beginning.origin + end
+    return StickingPhases(
+        impactor=np.array([system.contacts[int(j)].name for j in pair]),
+        side=_own(side),
+        start=_own(start),
+        end=_own(end),
+        impulse=_own(impulse),
+        mean_force=_own(impulse / duration),
+    )
+
+
+def open_contacts(block: Block, system: System) -> tuple[str, ...]:
+    """Notes on balls that touch at the end: their contact is in the forces, not in the table of impacts."""
+    touch = block.motion.touch[:, :, 0]
+    return tuple(
+        f"{pair.name} is in contact at the end, under force for {touch[layout.DURATION, j]:.3g} s of it: that "
+        "contact counts in forces and energies but is no finished impact"
+        for j, pair in enumerate(system.contacts)
+        if touch[layout.OPEN, j] != 0.0
+    )
+
+
+def _own(array: ArrayLike) -> Array:
+    """A read-only copy, its rows together."""
+    copy = np.array(array, dtype=float, order="C")
+    copy.setflags(write=False)
+    return copy
+
+
+def _read_only(array: Array) -> Array:
+    """A view that cannot be written to."""
+    view = array.view()
+    view.setflags(write=False)
+    return view

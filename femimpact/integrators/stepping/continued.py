@@ -9,16 +9,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.excitation import Excitation
 from femimpact.integrators.stepping import layout
-from femimpact.integrators.stepping.scheme import SteppingMethod, scheme_of
-from femimpact.system.continuation import Continuation
-from femimpact.system.state import State
+from femimpact.integrators.stepping.operators import SteppingMethod, scheme_of
+from femimpact.system.state import Continuation, State
 from femimpact.system.system import System
-
-__all__ = ["Beginning", "Held", "beginning_of", "final_state", "go_on", "resume_contacts"]
-
-Array = NDArray[np.float64]
 
 Kind = TypeVar("Kind", np.float64, np.int64)
 
@@ -29,26 +25,14 @@ GAPS = [layout.GAP_PLUS, layout.GAP_MINUS]
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """What a run of one case has reached.
+    """What a run of one case has reached."""
 
-    Parameters
-    ----------
-    origin : float, s
-        Time of its step 0.
-    step : int
-    motion, cycles : mapping of str to ndarray
-        Arrays of `layout.Motion` and `layout.Cycles` by their names.
-    gaps : ndarray (2, pairs, 1), m
-        Of rigid contacts that the run began in, these are the start's.
-    to_modes : ndarray (pairs, n), J
-        What contacts in progress have given to each mode; without columns where it was not summed.
-    """
-
-    origin: float
+    origin: float  # s: time of its step 0
     step: int
-    motion: Mapping[str, Array]
+    motion: Mapping[str, Array]  # arrays of `layout.Motion` and `layout.Cycles` by their names
     cycles: Mapping[str, Array | NDArray[np.int64]]
-    gaps: Array
+    gaps: Array  # (2, pairs, 1) m: of rigid contacts that the run began in, these are the start's
+    # (pairs, n) J: what contacts in progress have given to each mode; without columns where it was not summed
     to_modes: Array
 
     def touching(self, system: System) -> tuple[str, ...]:
@@ -59,23 +43,12 @@ class Held:
 
 @dataclass(frozen=True, eq=False)
 class Beginning:
-    """Where a run begins.
+    """Where a run begins."""
 
-    Parameters
-    ----------
-    origin : float, s
-        Time of step 0.
-    step : int
-        Step at which the run begins: that at which the run ended that this one goes on from, or 0.
-    held : Held, optional
-        Contacts in progress, where they go on.
-    whole : bool
-        Whether all else that is held goes on as well: the drive, the accelerations and the base cycle are the same.
-    """
-
-    origin: float = 0.0
-    step: int = 0
-    held: Held | None = None
+    origin: float = 0.0  # s: time of step 0
+    step: int = 0  # step at which the run begins: that at which the run ended that this one goes on from, or 0
+    held: Held | None = None  # contacts in progress, where they go on
+    # whether all else that is held goes on as well: the drive, the accelerations and the base cycle are the same
     whole: bool = False
 
     @property

@@ -8,11 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from femimpact.arrays import Array, Integers
 
 WIDTH = 8
 """Cases in a pack."""
@@ -117,11 +113,11 @@ class Fine(NamedTuple):
 class Pairs(NamedTuple):
     """Contact pairs: the row of `Operator.rows` that each reads, its law, its numbers."""
 
-    row: Indices  # (pairs,)
-    kind: Indices  # (pairs,)
-    address: Indices  # (pairs,) of a custom law's compiled function
+    row: Integers  # (pairs,)
+    kind: Integers  # (pairs,)
+    address: Integers  # (pairs,) of a custom law's compiled function
     constants: Array  # (11, pairs, cases)
-    obstacles: Indices  # (stops fixed in space,) their pairs, where the base moves; else none
+    obstacles: Integers  # (stops fixed in space,) their pairs, where the base moves; else none
     refused: Array  # (pairs, 3) depth, rate and approach speed for which a custom law first gave no number; else zero
 
 
@@ -136,7 +132,7 @@ class Motion(NamedTuple):
     ball: Array  # (9, pairs, cases)
     touch: Array  # (12, pairs, cases)
     totals: Array  # (columns, pairs, cases)
-    window: Indices  # (2, cases) first step, and the step after the last
+    window: Integers  # (2, cases) first step, and the step after the last
     drive: Array  # (14, cases)
     table: Array  # (steps * refine + 1, cases) history of a drive given by samples, else no rows
     travel: Array  # (2, steps * refine + 1, cases) such a base's displacement and velocity, where stops need it
@@ -152,8 +148,8 @@ class Motion(NamedTuple):
 class Cycles(NamedTuple):
     """Statistics per base cycle; the state before the first step is row 0 of `energy`."""
 
-    next_wrap: Indices  # (cases,) step
-    number: Indices  # (cases,) cycles finished
+    next_wrap: Integers  # (cases,) step
+    number: Integers  # (cases,) cycles finished
     period: Array  # (cases,) steps per cycle, a real number
     sums: Array  # (columns, cases)
     last: Array  # (2, cases) the observed place at the last step
@@ -164,7 +160,7 @@ class Cycles(NamedTuple):
 class Record(NamedTuple):
     """What case 0 keeps."""
 
-    used: Indices  # (channels, 4) 1 where a channel has a row of q, of v, of the balls, or of forces
+    used: Integers  # (channels, 4) 1 where a channel has a row of q, of v, of the balls, or of forces
     rows: Array  # (channels, 2, n) of q and v
     pair_rows: Array  # (channels, 4, pairs) of Y, Y_RATE, FORCE and of the force of contact
     channels: Array  # (channels, samples)
@@ -172,8 +168,8 @@ class Record(NamedTuple):
     snapshots: Array  # (snapshots, 2, n + pairs)
     forces: Array  # (snapshots, pairs)
     impacts: Array  # (most, columns and modes)
-    stride: Indices  # (4,): every, first sample, snapshot stride, first snapshot
-    tally: Indices  # (4,): step, samples, snapshots, impacts met
+    stride: Integers  # (4,): every, first sample, snapshot stride, first snapshot
+    tally: Integers  # (4,): step, samples, snapshots, impacts met
 
 
 class Cases(NamedTuple):

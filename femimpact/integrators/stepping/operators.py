@@ -1,19 +1,203 @@
-"""The structure made ready for the steps of a method: factorised once, however often contact switches."""
+"""The structure made ready for steps: the size of a step, its constants, and the operators, factorised once."""
 
 from __future__ import annotations
+
+import math
+from typing import Protocol
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
+from femimpact.contact.restitution import RIGID
+from femimpact.errors import Fault, InputError, checked, quantity, require, require_type
 from femimpact.integrators.stepping.layout import BandedStep, ModalStep, Operator, Scheme
 from femimpact.system.matrices import Matrix
+from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.system import System
 
-__all__ = ["bands", "operator_of"]
 
-Array = NDArray[np.float64]
+class SteppingMethod(Protocol):
+    """A method with steps, as its run takes it.
+
+    Whoever satisfies it can take the answers of `stepping.answers.SteppingAnswers`, and is then a whole method.
+    """
+
+    @property
+    def dt(self) -> float:
+        """Step, s."""
+
+    @property
+    def refine(self) -> int:
+        """Fine steps into which a step with contact is divided; 1 for none."""
+
+    @property
+    def allow_coarse_step(self) -> bool:
+        """Whether a step passes that does not resolve the contact."""
+
+    @property
+    def divergence_limit(self) -> float:
+        """Multiple of the resonant amplitude at which a run is stopped, 1."""
+
+    @property
+    def stability_limit(self) -> float:
+        """Largest product of step and angular frequency (1) at which the method is stable; infinite where any is."""
+
+    def scheme(self, step: float) -> Scheme:
+        """Constants of the method for a step in s."""
+
+
+def scheme_of(method: SteppingMethod, dt: float | None = None) -> Scheme:
+    """Constants of a method for its own step (s), or for a finer one."""
+    return method.scheme(method.dt if dt is None else checked("dt", dt, quantity("s", above=0.0)))
+
+
+def family_scheme(
+    h: float, alpha_m: float, alpha_f: float, beta: float | None = None, gamma: float | None = None
+) -> Scheme:
+    """Constants of the Newmark family, one balance of forces at alpha_m and alpha_f within the step h (s).
+
+    Without beta and gamma they are those of order 2 that damp high modes most.
+    """
+    gamma = 0.5 - alpha_m + alpha_f if gamma is None else gamma
+    beta = 0.25 * (1.0 - alpha_m + alpha_f) ** 2 if beta is None else beta
+    weights = newmark_weights(h, beta, gamma)
+    give = (1.0 - alpha_f) / (1.0 - alpha_m)
+    return Scheme(
+        h, *weights, alpha_f, alpha_m,
+        carry=alpha_f / (1.0 - alpha_f), give_a=give, give_u=give * weights[2], give_v=give * weights[3],
+        spring_now=1.0, mean=False, rigid=False,
+    )  # fmt: skip
+
+
+def newmark_weights(h: float, beta: float, gamma: float) -> tuple[float, float, float, float]:
+    """Weights of a0 in displacement and velocity, and of a1 in both, for the step h (s)."""
+    return h * h * (0.5 - beta), h * (1.0 - gamma), h * h * beta, h * gamma
+
+
+def mean_scheme(h: float, weights: tuple[float, float, float, float], theta: float, rigid: bool) -> Scheme:
+    """Constants where one mean contact force per step is kept out of the acceleration."""
+    return Scheme(
+        h, *weights, 0.0, 0.0,
+        carry=0.0, give_a=0.0, give_u=h * h * theta, give_v=h, spring_now=theta, mean=True, rigid=rigid,
+    )  # fmt: skip
+
+
+STEPS_PER_CONTACT = 20
+LEAST_STEPS_PER_CONTACT = 10
+STEPS_PER_PERIOD = 400
+LEAST_STEPS_PER_CYCLE = 8
+
+
+def shortest_contact(system: System) -> float:
+    """Shortest contact time (s) among the pairs; infinite without one, and for rigid ones, which have none."""
+    times = (pair.parameters.contact_time for pair in system.contacts if pair.parameters.kind != RIGID)
+    return min(times, default=math.inf)
+
+
+def recommended_step(system: System, refine: int = 1) -> float:
+    """Step (s) that resolves the contact and the first mode: the smaller of refine T_c/20 and 1/(400 f1).
+
+    Parameters
+    ----------
+    system : System
+    refine : int
+        Fine steps into which the method divides a step with contact.
+
+    Returns
+    -------
+    float, s
+        At T_c/20 a collision's energy error is about 0.1 %; at 1/(400 f1) the period is
+        lengthened by pi^2/(3 400^2) = 2e-5.
+
+    Raises
+    ------
+    InputError
+        If the system has neither a contact nor an elastic mode, or refine is out of range.
+    """
+    require_type(system, System, "system")
+    refine = checked("refine", refine, quantity("1", at_least=1, at_most=1000, integer=True))
+    first = first_elastic_frequency(system)
+    by_mode = 1.0 / (STEPS_PER_PERIOD * first) if first > 0.0 else math.inf
+    step = min(refine * shortest_contact(system) / STEPS_PER_CONTACT, by_mode)
+    allowed = "must have a compliant contact or an elastic mode to recommend a step: give dt"
+    require(math.isfinite(step), "system", f"{system.dofs} dofs", "", allowed)
+    return step
+
+
+def check_step(system: System, method: SteppingMethod) -> tuple[str, ...]:
+    """Warnings of a step that was let through; an error for one that does not resolve the contact.
+
+    Raises `InputError` if the step in contact exceeds T_c/10 and the method does not allow it, the scheme is
+    unstable at dt, or the method is not made for a contact's law.
+    """
+    _check_laws(system, method)
+    if math.isfinite(method.stability_limit):
+        limit = method.stability_limit / _highest_omega(system)
+        if method.dt > limit:
+            allowed = f"must be <= {limit:.3g} s: with 2 beta < gamma the method is only conditionally stable"
+            raise InputError([Fault("method.dt", method.dt, "s", allowed)])
+    contact_time = shortest_contact(system)
+    step, longest = method.dt / method.refine, contact_time / LEAST_STEPS_PER_CONTACT
+    if step <= longest * (1.0 + 1e-9):
+        return ()
+    name = "dt" if method.refine == 1 else f"dt/{method.refine}"
+    numbers = f"{name} = {step:.3g} s against a contact time of {contact_time:.3g} s"
+    if method.allow_coarse_step:
+        return (
+            f"coarse step: {numbers}; a contact needs {LEAST_STEPS_PER_CONTACT} steps or more, "
+            "so impacts, restitution and energy of this run are not to be trusted",
+        )
+    allowed = (
+        f"must be <= {longest * method.refine:.3g} s ({numbers}, {LEAST_STEPS_PER_CONTACT} steps or more in a "
+        f"contact): use dt = recommended_step(system) = {recommended_step(system):.3g} s, a longer contact_time, or "
+        "allow_coarse_step = true to see what happens"
+    )
+    raise InputError([Fault("method.dt", method.dt, "s", allowed)])
+
+
+def _check_laws(system: System, method: SteppingMethod) -> None:
+    """Refuse a rigid contact without impulses, and a compliant one with them."""
+    name, impulses = type(method).__name__, scheme_of(method).rigid
+    for pair in system.contacts:
+        rigid = pair.parameters.kind == RIGID
+        if impulses:
+            allowed = f"must be Rigid(restitution) for {name}; compliant laws are for Newmark and its family"
+            require(rigid, f"{pair.name}.contact", pair.law.name, "", allowed)
+        else:
+            allowed = f"must be a compliant law for {name}: Rigid is for MoreauJean(dt) or EventDriven()"
+            require(not rigid, f"{pair.name}.contact", pair.law.name, "", allowed)
+
+
+def check_sampling(frequencies: NDArray[np.float64], method: SteppingMethod, key: str) -> None:
+    """Refuse frequencies of the drive (Hz) that have fewer than 8 steps in a cycle."""
+    least = LEAST_STEPS_PER_CYCLE
+    highest, most = float(frequencies.max()), 1.0 / (least * method.dt)
+    allowed = f"must be <= {most:.4g} Hz with dt = {method.dt:g} s ({least} steps in a base cycle or more)"
+    require(highest <= most, key, highest, "Hz", allowed)
+
+
+def step_notes(system: System, method: SteppingMethod) -> tuple[str, ...]:
+    """Notes on modes that the step does not follow: never an error, the scheme is stable for them."""
+    omega = np.sort(np.sqrt(system.K.diagonal() / system.M.diagonal())) if system.is_diagonal else None
+    fastest = 1.0 / (10.0 * method.dt)
+    if omega is None:
+        return ()
+    missed = int(np.count_nonzero(omega / (2.0 * math.pi) > fastest))
+    if missed == 0:
+        return ()
+    return (f"{missed} of {omega.size} kept modes are faster than 1/(10 dt) = {fastest:.4g} Hz: not resolved in time",)
+
+
+def _highest_omega(system: System) -> float:
+    if system.is_diagonal:
+        return float(np.sqrt(np.max(system.K.diagonal() / system.M.diagonal())))
+    values = scipy.linalg.eigh(
+        system.K.toarray(), system.M.toarray(), eigvals_only=True, subset_by_index=[system.dofs - 1] * 2
+    )
+    return float(np.sqrt(values[0]))
 
 
 def bands(matrix: Matrix) -> Array:
@@ -31,24 +215,16 @@ def _widened(band: Array, width: int) -> Array:
     return np.vstack([band, np.zeros((width - band.shape[0], band.shape[1]))])
 
 
-def operator_of(system: System, s: Scheme, observed: Array, load: Array) -> Operator:
+def operator_of(
+    system: System,
+    s: Scheme,
+    observed: Array,  # (dofs,) row read every step
+    load: Array,  # (dofs,) of the drive
+) -> Operator:
     """Operator of a system for a scheme.
 
     S = (1 - alpha_m) M + (1 - alpha_f)(correct_v C + correct_u K), S a1 = load s - K u0
     - [C + (1 - alpha_f) dt K] v0 - [alpha_m M + (1 - alpha_f)(predict_v C + predict_u K)] a0.
-
-    Parameters
-    ----------
-    system : System
-    s : Scheme
-    observed : ndarray (dofs,)
-        Row read every step.
-    load : ndarray (dofs,)
-        Of the drive.
-
-    Returns
-    -------
-    Operator
     """
     M, C, K, felt = system.M, system.C, system.K, 1.0 - s.alpha_f
     effective = bands((1.0 - s.alpha_m) * M + felt * (s.correct_v * C + s.correct_u * K))

@@ -1,41 +1,87 @@
-"""One stepped run: from a system and an excitation to its response."""
+"""Many dwells by a method with steps: blocks of cases side by side, each with its own numbers and start."""
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femimpact import core
-from femimpact.contact.callback import speed_note
-from femimpact.contact.formulas import RIGID
+from femimpact.arrays import Array
+from femimpact.contact.custom_law import speed_note
+from femimpact.contact.restitution import RIGID
 from femimpact.errors import DivergenceError, in_range, quantity, require
-from femimpact.excitation import Excitation, PointForce, Sum
-from femimpact.integrators.channel_rows import channel_rows, reaction_notes
-from femimpact.integrators.driving import drive_of
-from femimpact.integrators.stepping.block import Block, Inputs, check_laws, prepare, run_block
+from femimpact.excitation import Excitation, PointForce, Sine, Sum
+from femimpact.integrators.cases import SineCases, SineDwellResults, SineDwells, run_each, start_of, with_contacts_of
+from femimpact.integrators.channel_rows import channel_rows, drive_of, reaction_notes
+from femimpact.integrators.stepping.arrays import Inputs
+from femimpact.integrators.stepping.block import (
+    Block,
+    Recorded,
+    check_laws,
+    check_recorder,
+    history_of,
+    impacts_of,
+    open_contacts,
+    piece_ends,
+    prepare,
+    record_of,
+    run_block,
+    sticking_of,
+)
 from femimpact.integrators.stepping.continued import beginning_of, final_state
-from femimpact.integrators.stepping.largest import find_largest
-from femimpact.integrators.stepping.reading import Recorded, history_of, impacts_of, open_contacts, sticking_of
-from femimpact.integrators.stepping.record import check_recorder, piece_ends, record_of
-from femimpact.integrators.stepping.scheme import SteppingMethod
-from femimpact.integrators.stepping.step_size import check_sampling, check_step, step_notes
-from femimpact.integrators.threads import Progress
-from femimpact.response.channels import resolve_channels
-from femimpact.response.history import Stream
+from femimpact.integrators.stepping.operators import SteppingMethod, check_sampling, check_step, step_notes
+from femimpact.progress import Progress
+from femimpact.response.channels import Channel, resolve_channels
+from femimpact.response.energy import BALANCED, energy_residual
+from femimpact.response.history import HistoryPiece, Stream
 from femimpact.response.impacts import impact_statistics
-from femimpact.response.largest import LargestValues
 from femimpact.response.response import Recorder, Response
-from femimpact.response.signals import no_steady_motion, steady_motion
-from femimpact.system.continuation import begun_anew
+from femimpact.response.signals import (
+    Largest,
+    LargestSample,
+    LargestValues,
+    SteadyMotion,
+    no_steady_motion,
+    steady_motion,
+)
 from femimpact.system.reduction import truncation_notes
-from femimpact.system.state import State
+from femimpact.system.state import State, begun_anew
 from femimpact.system.system import System
 
-__all__ = ["divergence_message", "run_steps"]
+PIECE = 10_000
+"""Steps in memory at once."""
+
+NO_LIMIT = 1e30
+"""Bytes: a piece is all that is kept."""
+
+
+def find_largest(
+    run: Callable[[Recorder], Any],  # the run, with what it is to keep: its steps have the same bits whatever that is
+    recorder: Recorder,  # of the run before
+    channels: tuple[Channel, ...],
+) -> tuple[Largest, ...]:
+    """Largest values of channels over all steps of a run."""
+    found = [LargestSample() for _ in channels]
+
+    def take(piece: HistoryPiece) -> None:
+        for one, channel in zip(found, channels, strict=True):
+            one.add(piece.channels[channel.name], piece.time)
+
+    every_step = replace(
+        recorder, channels=channels, every=1, start=0.0, snapshots=0, state_at=None, impacts=0, ledger=False,
+        memory_limit=NO_LIMIT, sink=take, piece_samples=PIECE,
+    )  # fmt: skip
+    run(every_step)
+    return tuple(
+        Largest(one.value, one.time or 0.0, channel.unit) for one, channel in zip(found, channels, strict=True)
+    )
 
 
 def run_steps(
@@ -49,13 +95,10 @@ def run_steps(
 ) -> Response:
     """Stepped motion of structure and balls; see `integrate`.
 
-    Raises
-    ------
-    InputError
-        If the step does not resolve the contact, the run would keep too much, or an argument is
-        out of range.
-    DivergenceError
-        If the motion is not finite or grows without bound.
+    Raises `InputError` if the step does not resolve the contact, the run would keep too much, or an argument is out
+    of range.
+
+    Raises `DivergenceError` if the motion is not finite or grows without bound.
     """
     check_recorder(recorder)
     fits = in_range(duration, quantity("s", at_least=method.dt))
@@ -221,3 +264,134 @@ def _residual_warning(residual: float, limit: float) -> str:
         f"energy residual {residual:.2g} exceeds {limit:g}: the method or the contact law makes or loses energy that "
         "the ledger cannot name; take a smaller dt, or raise Recorder.residual_limit"
     )
+
+
+WIDEST_BLOCK = 64
+"""Cases side by side beyond which a block no longer gains speed but leaves the cache."""
+
+MOST_STEPS = 1e15
+"""Of a dwell: more are a mistake, and no whole number of the loop."""
+
+ALIKE = 1.05
+"""Longest over shortest run up to which cases count as equally long."""
+
+MOTION = ("peak", "rms", "first_harmonic", "phase")
+"""Numbers of a steady motion."""
+
+
+def stepped_dwells(
+    system: System, dwells: SineDwells, method: SteppingMethod, initial: State, observed: Array, ledger: bool,
+    workers: int, progress: Progress | None,
+) -> SineDwellResults:  # fmt: skip
+    """Dwells by a method with steps, side by side in blocks; see `Method.run_dwells`."""
+    lengths = _Lengths(dwells.frequency, dwells.cycles, dwells.measured)
+    check_sampling(dwells.frequency, method, "frequencies")
+    warnings = check_step(system, method)
+
+    def inputs_of(members: NDArray[np.intp], ends: list[int], begins: list[int]) -> Inputs:
+        sines = [Sine(dwells.amplitude, float(dwells.frequency[i]), dwells.phase) for i in members]
+        return Inputs(sines, ends, begins, initial)
+
+    return _stepped(system, lengths, inputs_of, method, observed, ledger, workers, progress, warnings)
+
+
+def stepped_cases(
+    system: System, cases: SineCases, method: SteppingMethod, observed: Array, instants: int, workers: int,
+    progress: Progress | None,
+) -> SineDwellResults:  # fmt: skip
+    """Cases, each with its own gaps, laws and start, by a method with steps; see `many_cases.run_cases`.
+
+    Their laws are of the kinds of the system's, with compiled branches, and their starts are not static. The ledger is
+    read at the ends of cycles.
+    """
+    lengths = _Lengths(cases.frequency, cases.cycles, cases.measured)
+    check_sampling(cases.frequency, method, "frequencies")
+    first = [int(np.argmax(cases.law_of == number)) for number in np.unique(cases.law_of)]
+    warnings = [text for case in first for text in check_step(with_contacts_of(system, cases, case), method)]
+
+    def inputs_of(members: NDArray[np.intp], ends: list[int], begins: list[int]) -> Inputs:
+        numbers = (values[members].tolist() for values in (cases.amplitude, cases.frequency, cases.phase))
+        sines = [Sine(*own) for own in zip(*numbers, strict=True)]
+        each = [(with_contacts_of(system, cases, case), start_of(cases, case)) for case in members.tolist()]
+        return Inputs(sines, ends, begins, cases.initial, each=each)
+
+    told = tuple(dict.fromkeys(warnings))
+    return _stepped(system, lengths, inputs_of, method, observed, instants > 0, workers, progress, told)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lengths:
+    """Frequencies (Hz) of dwells, their whole cycles and the measured ones, arrays (n,)."""
+
+    frequency: Array
+    cycles: NDArray[np.int64]
+    measured: NDArray[np.int64]
+
+
+def _stepped(
+    system: System, dwells: _Lengths, inputs_of: Callable[[NDArray[np.intp], list[int], list[int]], Inputs],
+    method: SteppingMethod, observed: Array, ledger: bool, workers: int, progress: Progress | None,
+    warnings: tuple[str, ...],
+) -> SineDwellResults:  # fmt: skip
+    """Dwells side by side in blocks; `inputs_of` gives what some are given, for their steps and windows."""
+    f = dwells.frequency
+    steps = float(np.max(dwells.cycles / f)) / method.dt
+    require(steps <= MOST_STEPS, "frequencies", float(f.min()), "Hz", f"must take at most {MOST_STEPS:g} steps")
+    ends = np.ceil(dwells.cycles / (f * method.dt)).astype(int)
+    begins = np.ceil((dwells.cycles - dwells.measured) / (f * method.dt)).astype(int)
+    motion: dict[str, NDArray[Any]] = {name: np.full(f.size, np.nan) for name in MOTION}
+    motion["steadiness"] = np.full(f.size, "transient", dtype="<U11")
+    totals = np.full((6, len(system.contacts), f.size), np.nan)
+    duration, residual, diverged = np.full((3, f.size), np.nan)
+
+    def run(members: NDArray[np.intp], share: Progress | None) -> None:
+        # laid out when its turn comes: of many blocks only those at work are in memory
+        inputs = inputs_of(members, ends[members].tolist(), begins[members].tolist())
+        block = prepare(system, inputs, method, observed=observed, ledger=ledger)
+        run_block(block, share)
+        diverged[members] = block.diverged[: members.size]
+        found = _motion(block, dwells.cycles[members], dwells.measured[members])
+        for name, column in motion.items():
+            column[members] = getattr(found, name)
+        totals[:, :, members] = block.motion.totals[:, : len(system.contacts), : members.size]
+        duration[members] = np.diff(block.motion.window[:, : members.size], axis=0)[0] * method.dt
+        if ledger:
+            residual[members] = _residuals(block, dwells.cycles[members])
+
+    run_each(run, _blocks(ends, workers), workers, progress)
+    # an impulse has no peak
+    totals[4, [pair.parameters.kind == RIGID for pair in system.contacts]] = np.nan
+    failures = tuple(
+        divergence_message(float(frequency), float(time), method) if math.isfinite(time) else ""
+        for frequency, time in zip(f, diverged, strict=True)
+    )
+    bound = np.full(f.size, BALANCED)
+    return SineDwellResults(SteadyMotion(**motion), totals, duration, residual, bound, failures, warnings)
+
+
+def _blocks(ends: NDArray[np.int64], workers: int) -> list[NDArray[np.intp]]:
+    """Cases of like length together; as many blocks as workers, none wider than the cache holds."""
+    count = max(min(workers, ends.size // 2), math.ceil(ends.size / WIDEST_BLOCK), 1)
+    if ends.max() <= ALIKE * ends.min():
+        # neighbours in frequency have much or little contact: distributed in turn, every block gets its share
+        return [np.arange(first, ends.size, count) for first in range(count)]
+    return [members for members in np.array_split(np.argsort(-ends, kind="stable"), count) if members.size]
+
+
+def _motion(block: Block, cycles: NDArray[np.int64], measured: NDArray[np.int64]) -> SteadyMotion:
+    # slower cases of the block run on beyond their own dwell: leave those cycles out
+    statistics = block.cycle_statistics
+    own = np.arange(statistics.samples.shape[0])[:, None] < cycles
+    return steady_motion(replace(statistics, samples=np.where(own, statistics.samples, 0.0)), measured)
+
+
+def _residuals(block: Block, cycles: NDArray[np.int64]) -> Array:
+    energy = block.cycles.energy[:, :, : block.cases]
+    # slower cases run on beyond their own dwell: its last row stands for those after it
+    own = np.minimum(np.arange(energy.shape[0])[:, None, None], cycles)
+    kinetic, strain, ball, contact, work, structure_loss, contact_loss = np.moveaxis(
+        np.take_along_axis(energy, own, axis=0), 1, 0
+    )
+    with np.errstate(invalid="ignore", over="ignore"):
+        residual = energy_residual(kinetic + strain + ball + contact, work, structure_loss + contact_loss)
+        return np.asarray(np.max(np.abs(residual), axis=0))

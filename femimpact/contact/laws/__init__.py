@@ -1,1 +1,0 @@
-"""The built-in contact laws, one in each file."""

@@ -1,0 +1,565 @@
+"""Recorded motions of the base: the file of columns, and the motion as straight lines between samples."""
+
+from __future__ import annotations
+
+import codecs
+import io
+import math
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from operator import methodcaller
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femimpact.arrays import Array
+from femimpact.errors import (
+    Fault,
+    InputError,
+    check_fields,
+    checked,
+    choice,
+    instance,
+    quantity,
+    real_array,
+    require,
+    require_path,
+)
+from femimpact.errors import text as a_text
+from femimpact.excitation.excitation import BrokenLine, times
+from femimpact.excitation.sums import added
+from femimpact.regular_file import decimal_number, open_regular, read_now
+
+UNEVEN = 0.25
+"""Share of the interval by which a time may lie off the even grid: rounding is less, a lost sample half or more."""
+
+MOST_LINES = 10_001_000
+"""Of the file of a record: 10 million rows, behind a header, are read within 1 GB of memory."""
+
+MOST_BYTES = 600_000_000
+"""Of the file of a record: rows of two numbers to the last bit have 51."""
+
+PIECE = 1 << 23
+"""Bytes of a file, or letters of a text, that are gone through at once."""
+
+SHOWN = 4
+"""Cells of a line that is no row, of which a fault says what kind they are."""
+
+MARKS = ";\t,"
+"""What stands between cells: the first of these that a line has, or spaces."""
+
+
+def record_text(path: str | Path) -> str:
+    """What the file of a record holds.
+
+    Raises `InputError` if it cannot be read, is no regular file or no text, or, before it is read, has too many
+    bytes or lines.
+    """
+    require_path(path, "path", "a text file")
+    try:
+        with open_regular(path, MOST_BYTES) as file:
+            lines = _line_count(file)
+            if lines <= MOST_LINES:
+                return _decoded(file)
+            reason = f"has {lines:,} lines, of which at most {MOST_LINES:,} are read"
+    except OSError as error:
+        reason = error.strerror or "cannot be read"
+    except UnicodeDecodeError:
+        reason = "is no text"
+    raise InputError([Fault("path", str(path), "", f"must be a text file of columns: {reason}")])
+
+
+def _pieces(file: BinaryIO) -> Iterator[bytes]:
+    while piece := read_now(file, PIECE):
+        yield piece
+
+
+def _line_count(file: BinaryIO) -> int:
+    """Lines of a file, which is at its beginning again then."""
+    count = 0
+    for piece in _pieces(file):
+        # lines of old Macintosh files end with a carriage return alone
+        count += max(piece.count(b"\n"), piece.count(b"\r"))
+    file.seek(0)
+    return count
+
+
+def _decoded(file: BinaryIO) -> str:
+    """The text of a file, every end of a line a line feed, without a second copy of it in memory."""
+    decoder = io.IncrementalNewlineDecoder(codecs.getincrementaldecoder("utf-8-sig")(), translate=True)
+    text = ""
+    for piece in _pieces(file):
+        # a text that nothing else refers to grows where it is
+        text += decoder.decode(piece)
+    text += decoder.decode(b"", final=True)
+    return text
+
+
+def samples_of(
+    text: str, scale: float, detrend: str, columns: Sequence[int | str], path: str | Path
+) -> tuple[Array, float]:
+    """Samples and interval of what `record_text` read from a path; see `RecordedBase.from_csv`.
+
+    `samples` (n,): the second column times the scale, without its mean or its line of least squares where that is
+    asked.
+    `interval` s: between samples, from the first and the last time.
+
+    Raises `InputError` if an argument is out of range, or the text lacks a column, holds what is not a finite
+    number or fewer than two samples, its times are not evenly spaced, or all its accelerations are zero.
+    """
+    checked("text", text, a_text())
+    checked("path", path, instance(str, Path))
+    scale = checked("scale", scale, quantity("1"))
+    require(scale != 0.0, "scale", scale, "1", "must not be 0")
+    detrend = checked("detrend", detrend, choice("none", "mean", "line"))
+    two = isinstance(columns, (tuple, list)) and len(columns) == 2 and all(map(_is_column, columns))
+    require(two, "columns", columns, "", "must be two numbers from 0 or names of the header, of time and acceleration")
+    time, values = _columns(text, Path(path), tuple(columns))
+    # a long one is as large as all the rest; it goes here where the caller keeps none
+    del text
+    require(time.size >= 2, "path", str(path), "", "must hold 2 or more rows of numbers")
+    require(
+        bool(values.any()), "columns", tuple(columns), "", "must be time and acceleration: the second holds zeros only"
+    )
+    interval = _interval(time, path)
+    del time
+    values *= scale
+    return _without_trend(values, detrend), interval
+
+
+def _without_trend(samples: Array, detrend: str) -> Array:
+    """The samples, their own array, without their mean or their line of least squares."""
+    if detrend != "none":
+        samples -= samples.mean()
+    if detrend == "line":
+        # at right angles to a constant: the mean stays zero
+        along = np.arange(samples.size, dtype=float)
+        along -= along.mean()
+        along *= (along @ samples) / (along @ along)
+        samples -= along
+    return samples
+
+
+def _is_column(value: object) -> bool:
+    return isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool) and value >= 0)
+
+
+def _columns(text: str, path: Path, columns: tuple[int | str, ...]) -> tuple[Array, Array]:
+    """The two columns of numbers behind the header; lines that are empty or begin with # are left out."""
+    places, first = _header(path, text, columns)
+    # arrays that grow where they are
+    found, width = (array("d"), array("d")), 0
+    for number, lines in _blocks(text):
+        rows = lines[max(first - number, 0) :]
+        width = width or next((len(fields) for _, fields in _cells(rows, number)), 0)
+        values = _plain_values(rows, places, width)
+        if values is None:
+            values = _values(_cells(rows, max(first, number)), places, width, path)
+        for column, part in zip(found, values.T, strict=True):
+            column.frombytes(part.tobytes())
+    return np.frombuffer(found[0]), np.frombuffer(found[1])
+
+
+def _blocks(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Lines of a text, some at once, with the number of the first of them."""
+    begin, number = 0, 1
+    while begin < len(text):
+        end = text.find("\n", begin + PIECE) + 1 or len(text)
+        lines = text[begin:end].splitlines()
+        yield number, lines
+        begin, number = end, number + len(lines)
+
+
+def _cells(lines: Iterable[str], number: int) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of every line that is neither empty nor begins with #."""
+    return ((i, _fields(line)) for i, line in enumerate(lines, number) if line.strip() and line.lstrip()[0] != "#")
+
+
+def _plain_values(lines: Sequence[str], places: tuple[int, ...], width: int) -> Array | None:
+    """What `_values` finds in lines that are all written in the same plain way; None where they are not."""
+    block = "\n".join(lines)
+    # few files have lines to leave out, and what is asked of each line takes as long as its numbers
+    if "#" in block or not all(lines) or any(map(str.isspace, lines)):
+        lines = [line for line in lines if (begin := line.lstrip()) and begin[0] != "#"]
+        block = "\n".join(lines)
+    if not lines:
+        return np.zeros((0, len(places)))
+    mark = _mark(lines[0])
+    # a line without the mark has no second cell
+    others = MARKS.partition(mark)[0] if mark else MARKS
+    if mark and '"' in block:
+        block = block.replace(f'"{mark}', mark).replace(f'{mark}"', mark)
+        lines = [line.strip().strip('"') for line in block.split("\n")]
+        block = "\n".join(lines)
+    if any(sign in block for sign in others + '"') or max(places) == 0:
+        return None
+    if mark == "," and set(map(methodcaller("count", ","), lines)) != {width - 1}:
+        return None
+    if mark in (";", "\t") and "," in block:
+        lines = block.replace(",", ".").split("\n")
+    try:
+        values = np.loadtxt(lines, delimiter=mark, comments=None, usecols=places, ndmin=2)
+    except ValueError:
+        return None
+    return values if len(values) == len(lines) and np.isfinite(values).all() else None
+
+
+def _values(cells: Iterable[tuple[int, list[str]]], places: tuple[int, ...], width: int, path: Path) -> Array:
+    """The two numbers of every line (rows, 2), or the first line without; `width` counts cells of the first row."""
+    rows = []
+    for i, fields in cells:
+        # the rest of a number with a decimal comma, in a file of commas; words may stand there
+        more = next((cell for cell in fields[width:] if decimal_number(cell) is not None), None)
+        allowed = f"line {i}: a number, {more!r}, behind the {width} cells of the first row: is a comma a decimal one?"
+        require(more is None, "path", str(path), "", allowed)
+        row = []
+        for place in places:
+            value = _number(fields[place]) if place < len(fields) else math.nan
+            allowed = f"line {i}, column {place}: {_kind(fields, place)} is no finite number"
+            require(math.isfinite(value), "path", str(path), "", allowed)
+            row.append(value)
+        rows.append(row)
+    return np.array(rows, dtype=float).reshape(-1, len(places))
+
+
+def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tuple[int, ...], int]:
+    """Numbers of the two columns, and of the line from which on there are rows.
+
+    A fault does not show what stands in the file, which may be no record at all but something secret.
+    """
+    names = [column for column in columns if isinstance(column, str)]
+    begin = "is empty"
+    for i, fields in (cells for number, lines in _blocks(text) for cells in _cells(lines, number)):
+        if names and all(name in fields for name in names):
+            return tuple(fields.index(column) if isinstance(column, str) else column for column in columns), i + 1
+        numbers = [column for column in columns if isinstance(column, int) and column < len(fields)]
+        if not names and len(numbers) == 2 and not any(math.isnan(_number(fields[place])) for place in numbers):
+            return (numbers[0], numbers[1]), i
+        if begin == "is empty":
+            kinds = ", ".join(_kind(fields, place) for place in range(min(len(fields), SHOWN)))
+            more = ", ..." if len(fields) > SHOWN else ""
+            begin = f"begins at line {i} with {len(fields)} cell{'s' * (len(fields) != 1)}: {kinds}{more}"
+    allowed = f"must be two columns of numbers in {path.name}, by number from 0 or by name of its header; it {begin}"
+    raise InputError([Fault("columns", list(columns), "", allowed)])
+
+
+def _kind(fields: Sequence[str], place: int) -> str:
+    """What kind of cell stands at a place of a line, without what it holds."""
+    if place >= len(fields) or not fields[place]:
+        return "nothing"
+    return "a text" if decimal_number(fields[place].replace(",", ".")) is None else "a number"
+
+
+def _mark(line: str) -> str | None:
+    """What stands between the cells of a line; None is spaces."""
+    return next((mark for mark in MARKS if mark in line), None)
+
+
+def _fields(line: str) -> list[str]:
+    """Cells of a line: between semicolons, tabulators or commas, the first of them that it has, or spaces.
+
+    Between semicolons or tabulators a decimal comma is a point.
+    """
+    return [cell.strip().strip('"') for cell in line.split(_mark(line))]
+
+
+def _number(cell: str) -> float:
+    """The number that a cell holds, not a number where it holds none."""
+    value = decimal_number(cell.replace(",", "."))
+    return math.nan if value is None else value
+
+
+def _interval(time: Array, path: str | Path) -> float:
+    """Time (s) between samples, where it is one."""
+    interval = float(time[-1] - time[0]) / (time.size - 1)
+    steps = np.diff(time)
+    # in place: each of these arrays is 80 MB of a long record
+    off = np.arange(time.size, dtype=float)
+    off *= interval
+    off += time[0]
+    np.abs(np.subtract(time, off, out=off), out=off)
+    even = interval > 0.0 and bool(np.all(steps > 0.0)) and float(off.max()) <= UNEVEN * interval
+    allowed = "must have evenly spaced times: a sample is lost, or resample it first (numpy.interp)"
+    shown = f"{Path(path).name}, steps of {steps.min():.6g} to {steps.max():.6g} s"
+    require(even, "path", shown, "", allowed)
+    return interval
+
+
+LEAKAGE = 2
+"""Lines on either side of one that a sine between them has 95 % of its energy in, all five together."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedBase:
+    """Base motion from samples of its acceleration, straight between them; at rest at t = 0.
+
+    Velocity and displacement are the exact integrals of these straight lines, and nothing is filtered: an offset or a
+    drift of the sensor is taken for motion. An offset a moves the base by a t^2/2, so that offset and drift are to be
+    removed before; of relative motion, a constant one bends the beam by its static deflection. Between samples a sine
+    is read too low, by (pi f interval)^2/3 at a frequency f. Beyond the last sample the base moves on uniformly.
+
+    Parameters
+    ----------
+    samples : array_like (n,), m/s^2
+        n >= 2, the first at t = 0.
+    interval : float, s
+        Between samples.
+    initial_velocity : float, m/s
+
+    Raises
+    ------
+    InputError
+        If samples are fewer than two or not finite, the interval is not above zero, or the base moves beyond numbers.
+    """
+
+    samples: Any
+    interval: float = field(metadata=quantity("s", above=0.0))
+    initial_velocity: float = field(default=0.0, metadata=quantity("m/s"))
+
+    @classmethod
+    def from_csv(
+        cls, path: str | Path, scale: float = 1.0, detrend: str = "none", columns: Sequence[int | str] = (0, 1)
+    ) -> RecordedBase:
+        """The motion that a text file of columns holds: time (s) and acceleration, evenly spaced.
+
+        Parameters
+        ----------
+        path : str or Path
+            Rows of numbers, in columns between commas, semicolons, tabulators or spaces. A header before the first row
+            may have any number of lines; empty lines, and those that begin with #, are left out. The first row is at
+            t = 0. A regular file of at most 10 million rows and 600 MB.
+        scale : float
+            Times which the column is m/s^2: 9.80665 for a record in g.
+        detrend : {"none", "mean", "line"}
+            What is removed: the mean of the acceleration (an offset), or its line of least squares (offset and drift).
+            With either the base moves at t = 0 with the velocity that brings it back to its place at the last sample,
+            which no motion relative to the base depends on. Not of a pulse: it changes the velocity of the base for
+            good, its mean is no offset, and without it the peak is wrong. A run on such a record has a warning;
+            `excitation.remarks.is_pulse` says how pulses are told from drift.
+        columns : two of int or str
+            Time and acceleration, by their numbers from 0 or their names in the header.
+
+        Returns
+        -------
+        RecordedBase
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read or is too large, lacks a column, holds what is no finite number, or its times are
+            not evenly spaced.
+        """
+        return cls.from_text(record_text(path), scale, detrend, columns, path)
+
+    @classmethod
+    def from_text(
+        cls,
+        text: str,
+        scale: float = 1.0,
+        detrend: str = "none",
+        columns: Sequence[int | str] = (0, 1),
+        path: str | Path = "text",
+    ) -> RecordedBase:
+        """The motion that the text of such a file holds, once it is read.
+
+        Parameters
+        ----------
+        text : str
+        scale, detrend, columns
+            As of `from_csv`.
+        path : str or Path
+            What a fault calls the text.
+
+        Returns
+        -------
+        RecordedBase
+
+        Raises
+        ------
+        InputError
+            As of `from_csv`.
+        """
+        samples, interval = samples_of(text, scale, detrend, columns, path)
+        # a long one is as large as all the rest
+        del text
+        base = cls(samples, interval)
+        return base if detrend == "none" else base.returning()
+
+    @classmethod
+    def from_velocity(cls, samples: ArrayLike, interval: float, high_pass: float | None = None) -> RecordedBase:
+        """The motion whose velocity is recorded.
+
+        Its acceleration is the slope of the cubic spline through the samples. An offset of the sensor moves the base
+        steadily; without `high_pass` it stays in.
+
+        Parameters
+        ----------
+        samples : array_like (n,), m/s
+            n >= 4, the first at t = 0.
+        interval : float, s
+        high_pass : float, Hz, optional
+            What is slower is taken out, by a Butterworth filter of order 4 forwards and backwards, which leaves no
+            delay: half of the amplitude is left at this frequency.
+
+        Returns
+        -------
+        RecordedBase
+
+        Raises
+        ------
+        InputError
+            If samples are fewer than four or not finite, or the interval or the frequency is out of range.
+        """
+        spline = _spline(samples, interval, high_pass, "m/s")
+        return cls(spline(spline.x, 1), interval, initial_velocity=float(spline(0.0)))
+
+    @classmethod
+    def from_displacement(cls, samples: ArrayLike, interval: float, high_pass: float | None = None) -> RecordedBase:
+        """The motion whose displacement is recorded, from its place at the first sample.
+
+        The cubic spline through the samples has straight lines as its acceleration: the motion meets every sample, and
+        nothing drifts. Noise of the samples is multiplied by some 1/interval^2.
+
+        Parameters
+        ----------
+        samples : array_like (n,), m
+            n >= 4, the first at t = 0.
+        interval : float, s
+        high_pass : float, Hz, optional
+            As of `from_velocity`.
+
+        Returns
+        -------
+        RecordedBase
+
+        Raises
+        ------
+        InputError
+            As of `from_velocity`.
+        """
+        spline = _spline(samples, interval, high_pass, "m")
+        return cls(spline(spline.x, 2), interval, initial_velocity=float(spline(0.0, 1)))
+
+    def returning(self) -> RecordedBase:
+        """The same with the velocity at t = 0 that brings the base back to its place at the last sample.
+
+        Motions relative to the base do not depend on it.
+        """
+        moved = float(self._knots[1][-1])
+        return replace(self, initial_velocity=self.initial_velocity - moved / self.duration)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        allowed = "must be 2 or more finite numbers"
+        samples = real_array("samples", self.samples, "m/s^2", allowed)
+        several = samples.ndim == 1 and samples.size >= 2
+        require(several, "samples", f"array of shape {samples.shape}", "m/s^2", allowed)
+        samples.setflags(write=False)
+        object.__setattr__(self, "samples", samples)
+        with np.errstate(over="ignore", invalid="ignore"):
+            bounded = bool(np.isfinite(self.amplitude))
+        require(
+            bounded, "samples", f"array of shape {samples.shape}", "m/s^2", "must move the base by a finite distance"
+        )
+
+    @cached_property
+    def _knots(self) -> tuple[Array, Array]:
+        """Velocity and displacement at the samples: exact integrals of the broken line."""
+        a, h = self.samples, self.interval
+        v = self.initial_velocity + np.concatenate([[0.0], np.cumsum(0.5 * h * (a[1:] + a[:-1]))])
+        steps = h * v[:-1] + h * h * (2.0 * a[:-1] + a[1:]) / 6.0
+        return v, np.concatenate([[0.0], np.cumsum(steps)])
+
+    def _locate(self, time: ArrayLike) -> tuple[NDArray[np.int64], Array, Array, Array]:
+        """Sample before each time, time since then (s), acceleration there, and its slope."""
+        t = times(time)
+        # the end is that of `duration`, whose ratio to the interval may be rounded down to the sample before
+        index = np.floor(np.clip(t, 0.0, self.duration) / self.interval).astype(int)
+        index = np.where(t >= self.duration, self.samples.size - 1, np.clip(index, 0, self.samples.size - 1))
+        padded = np.append(self.samples, self.samples[-1])
+        beyond = index >= self.samples.size - 1
+        slope = np.where(beyond, 0.0, (padded[index + 1] - padded[index]) / self.interval)
+        return index, t - index * self.interval, np.where(beyond, 0.0, padded[index]), slope
+
+    @property
+    def duration(self) -> float:
+        """Time (s) of the last sample."""
+        return float((self.samples.size - 1) * self.interval)
+
+    @cached_property
+    def frequency(self) -> float:
+        """Frequency (Hz) of the largest line of the spectrum, a multiple of 1/(n interval).
+
+        That of the record without its line of least squares: an offset or a drift is no cycle. Where nothing is left
+        beside that line, all of the record is one cycle.
+        """
+        _, lines = self.closed_form.spectrum
+        return float(max(np.argmax(lines), 1) / (self.samples.size * self.interval))
+
+    @cached_property
+    def has_cycle(self) -> bool:
+        """Whether half of the energy of the samples is in the largest line of the spectrum and the two on either side.
+
+        That of a recorded sine is; noise, a pulse and a chirp have no cycle after which anything could repeat. What is
+        said of `frequency` holds here: without the line of least squares, and with 2 cycles or more in the record.
+        """
+        energy = self.closed_form.spectrum[1] ** 2
+        largest = int(np.argmax(energy))
+        near = energy[max(largest - LEAKAGE, 0) : largest + LEAKAGE + 1].sum()
+        return largest >= 2 and bool(near >= 0.5 * energy.sum())
+
+    @property
+    def phase(self) -> float:
+        """Not a number: a record has no phase, and no impact has one in it."""
+        return math.nan
+
+    @cached_property
+    def amplitude(self) -> float:
+        """Largest displacement, m."""
+        return float(np.max(np.abs(self._knots[1])))
+
+    def displacement(self, time: ArrayLike) -> Array:
+        """Base displacement ub (m) at times in s."""
+        index, s, a, slope = self._locate(time)
+        v, u = self._knots
+        return np.asarray(u[index] + s * v[index] + s * s * a / 2.0 + s**3 * slope / 6.0)
+
+    def velocity(self, time: ArrayLike) -> Array:
+        """Base velocity (m/s) at times in s."""
+        index, s, a, slope = self._locate(time)
+        return np.asarray(self._knots[0][index] + s * a + s * s * slope / 2.0)
+
+    def acceleration(self, time: ArrayLike) -> Array:
+        """Base acceleration (m/s^2) at times in s."""
+        _, s, a, slope = self._locate(time)
+        return np.asarray(a + s * slope)
+
+    @cached_property
+    def closed_form(self) -> BrokenLine:
+        """Acceleration of the base, m/s^2."""
+        return BrokenLine(self.samples, self.interval, self.initial_velocity)
+
+    __add__ = added
+
+
+def _spline(samples: ArrayLike, interval: float, high_pass: float | None, unit: str) -> Any:
+    """Cubic spline through samples, without what is slower than a frequency (Hz)."""
+    from scipy.interpolate import CubicSpline
+
+    interval = checked("interval", interval, quantity("s", above=0.0))
+    allowed = "must be 4 or more finite numbers"
+    values = real_array("samples", samples, unit, allowed)
+    several = values.ndim == 1 and values.size >= 4
+    require(several, "samples", f"array of shape {values.shape}", unit, allowed)
+    if high_pass is not None:
+        from scipy.signal import butter, sosfiltfilt
+
+        highest = 0.5 / interval
+        high_pass = checked("high_pass", high_pass, quantity("Hz", above=0.0, below=highest))
+        sections = butter(4, high_pass, "highpass", fs=1.0 / interval, output="sos")
+        values = sosfiltfilt(sections, values, padlen=min(values.size - 1, int(3.0 / (high_pass * interval)) + 1))
+    return CubicSpline(interval * np.arange(values.size), values)

@@ -1,0 +1,558 @@
+"""Parts of a report with charts: response curves, histories, impacts, mode shapes and convergence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.arrays import Array
+from femimpact.export.figures.drawing import prefixed
+from femimpact.export.report.page import Section, Table, table_element, table_of
+from femimpact.svg import MINUS, Band, Chart, Element, Line, axis_of, chart_element, element, number_text
+from femimpact.sweep import FrequencyResponse
+
+if TYPE_CHECKING:
+    import xarray
+
+OTHERS = (
+    ("impacts_per_cycle", "Impacts in a cycle of the base", "impacts per cycle", "1"),
+    ("cycle_mean_force", "Cycle-averaged contact force", "force", "N"),
+    ("peak_force", "Largest contact force", "force", "N"),
+    ("mean_approach_speed", "Mean approach speed", "speed", "m/s"),
+)
+"""What is drawn of curves with impacts: column, title, quantity, unit."""
+
+ONE_START = "Dots: values of one start, for the motion is not periodic; another start has others."
+
+
+def curves_section(
+    curves: Mapping[str, FrequencyResponse],
+    key: str = "response",
+    heading: str = "Response over frequency",
+    # (str, ndarray, ndarray, ndarray) words, frequencies (Hz), and the smallest and the largest peaks (of the unit of
+    # the curves) of several starts
+    bands: Sequence[tuple[str, Array, Array, Array]] = (),
+) -> Section:
+    """Response curves by their names."""
+    first = next(iter(curves.values()))
+    relative = ", relative to the base" if first.unit == "m" else ""
+    peak = chart_of(
+        curves,
+        "peak",
+        f"Peak of {first.at if isinstance(first.at, str) else f'{first.at:g} m'}{relative}",
+        "peak",
+        first.unit,
+        bands,
+    )
+    phase = chart_of(curves, "phase", "Phase of the first harmonic", "phase", "rad")
+    others = [chart_of(curves, *other) for other in OTHERS if _has(curves, other[0])]
+    return Section(
+        key, heading,
+        (
+            element("div.wide", chart_element(peak)),
+            element("div.charts", *(chart_element(one) for one in (*others, phase) if one.lines)),
+            _dwell(first),
+        ),
+    )  # fmt: skip
+
+
+def _dwell(curve: FrequencyResponse) -> Element:
+    length = f"{curve.cycles} cycles" if curve.cycles is not None else f"{curve.duration:g} s"
+    starts = {
+        "base": "at rest relative to the base",
+        "space": "at rest in the inertial frame",
+        "static": "in the static state",
+    }
+    start = starts.get(curve.start, "from a given state")
+    return element(
+        "p",
+        f"Each frequency is held for {length}, from a start {start}; the end of it is measured. " + _level(curve),
+    )
+
+
+def _level(curve: FrequencyResponse) -> str:
+    if curve.amplitude is None:
+        return f"The base accelerates by {curve.acceleration:.4g} m/s^2."
+    return f"The base moves by {1e3 * curve.amplitude:.4g} mm."
+
+
+def _has(curves: Mapping[str, FrequencyResponse], name: str) -> bool:
+    """Whether a column says something: it is not 0 or without a value everywhere."""
+    return any(np.any(np.nan_to_num(np.asarray(curve[name], dtype=float)) != 0.0) for curve in curves.values())
+
+
+def chart_of(
+    curves: Mapping[str, FrequencyResponse],
+    name: str,
+    title: str,
+    quantity: str,
+    unit: str,
+    bands: Sequence[tuple[str, Array, Array, Array]] = (),
+) -> Chart:
+    """One column of curves over the frequency, with dots where it is one start's, above bands of several starts."""
+    columns = {label: np.asarray(curve[name], dtype=float) for label, curve in curves.items()}
+    finite = np.concatenate([values[np.isfinite(values)] for values in columns.values()])
+    factor, shown = prefixed(float(np.abs(finite).max(initial=0.0)), unit) if unit not in ("1", "rad") else (1.0, unit)
+    lines, marked = [], False
+    for i, (label, curve) in enumerate(curves.items()):
+        values = factor * columns[label]
+        if name not in ("peak", "phase") and not np.any(np.nan_to_num(values) != 0.0):
+            continue
+        order = np.argsort(curve.frequency, kind="stable")
+        sample = np.asarray(curve.is_sample)[order]
+        marked = marked or bool(sample.any())
+        x, y = curve.frequency[order], values[order]
+        if name == "phase":
+            x, y, sample = _cut_at_turns(x, y, sample)
+        lines.append(Line(label, x, y, 1 + i, marked=sample))
+    words = quantity if shown == "1" else f"{quantity} ({shown})"
+    frequency = axis_of("frequency of the base (Hz)", *(line.x for line in lines), tight=True)
+    zero = name != "phase"
+    note = ONE_START if marked and name == "peak" else ""
+    shaded = tuple(
+        # the first has the colour of the last curve, whose starts they are
+        Band(label, x, factor * low, factor * high, len(curves) + i)
+        for i, (label, x, low, high) in enumerate(bands)
+    )
+    drawn = [*(line.y for line in lines), *(one for band in shaded for one in (band.low, band.high))]
+    # a resonance beside bands of starts: all of them are seen on a logarithmic axis alone
+    heights = axis_of(words, *drawn, zero=zero, logarithmic=bool(shaded))
+    return Chart(title, frequency, heights, tuple(lines), shaded, note=note)
+
+
+def _cut_at_turns(x: Array, y: Array, sample: Any) -> tuple[Array, Array, Any]:
+    """The same with a gap wherever a phase goes on at the other end of its range."""
+    turns = 1 + np.flatnonzero(np.abs(np.diff(y)) > np.pi)
+    return np.insert(x, turns, np.nan), np.insert(y, turns, np.nan), np.insert(sample, turns, False)
+
+
+def curve_table(curves: Mapping[str, FrequencyResponse]) -> Table:
+    """Peak and damping of each curve."""
+    rows: list[tuple[Any, ...]] = []
+    for label, curve in curves.items():
+        if np.any(np.isfinite(curve.peak)):
+            mark = "one sample" if curve.peak_is_sample else "periodic"
+            scale = 1e3 if curve.unit == "m" else 1.0
+            rows.append((label, curve.peak_frequency, scale * curve.peak_amplitude, mark, len(curve.warnings)))
+    units = dict.fromkeys("mm" if curve.unit == "m" else curve.unit for curve in curves.values())
+    peak = f"peak ({', '.join(units)})"
+    return Table("Peaks of the curves", ("curve", "frequency (Hz)", peak, "motion there", "warnings"), tuple(rows))
+
+
+KINDS = {
+    "m": "displacement relative to the base", "m/s": "velocity", "m/s^2": "acceleration", "N": "force", "N m": "moment",
+    "Pa": "stress", "1": "value", "rad": "rotation",
+}  # fmt: skip
+"""What a channel of a unit is."""
+
+NO_CHANNELS = ("base_displacement", "base_velocity", "base_acceleration", "base", "time")
+
+ENERGIES = {
+    "energy_work": "work of the base",
+    "energy_structure_loss": "lost in the structure",
+    "energy_contact_loss": "lost in contacts",
+    "energy_kinetic": "kinetic",
+    "energy_strain": "strain",
+    "energy_ball": "of the balls",
+    "energy_contact": "in contacts",
+}
+"""Variables of a history that are energies, and their words."""
+
+MOST_CHANNELS = 24
+"""Channels that are drawn: of more the page would be too large to open."""
+
+MOST_LINES = 4
+"""Channels of one chart."""
+
+
+def history_section(
+    history: xarray.Dataset, last: Mapping[str, tuple[Array, Array, str]] | None = None, key: str = "motion",
+    heading: str = "Motion", words: Sequence[str] = (),
+) -> Section:  # fmt: skip
+    """Every channel of a history over time.
+
+    Parameters
+    ----------
+    history : xarray.Dataset
+        As of `Response.to_xarray`.
+    last : mapping of str to (time, values, unit), optional
+        Channels of the last cycles with every step.
+    key, heading : str
+    words : sequence of str
+        Sentences above the charts.
+    """
+    recorded = channels_of(history)
+    channels = dict(list(recorded.items())[:MOST_CHANNELS])
+    whole = history_charts(channels, "whole run")
+    left_out = list(recorded)[MOST_CHANNELS:]
+    late = {name: one for name, one in (last or {}).items() if name in channels}
+    when = "last cycles" if "base_frequency_Hz" in history.attrs else "end of the run"
+    end = history_charts(late, when) if late else _last_part(channels)
+    more = f"{len(left_out)} more channels are not drawn: {', '.join(left_out)}."
+    return Section(
+        key, heading,
+        (
+            *(element("p", text) for text in (*words, *([more] if left_out else []))),
+            element("div.charts", *(chart_element(one) for one in (*end, *whole))),
+        ),
+    )  # fmt: skip
+
+
+def channels_of(history: xarray.Dataset) -> dict[str, tuple[Array, Array, str]]:
+    """Time, values and unit of every channel of a history."""
+    time = np.asarray(history["time"].to_numpy(), dtype=float)
+    found = {}
+    for name, values in history.data_vars.items():
+        plain = str(name)
+        if plain.startswith("energy_") or plain in NO_CHANNELS or values.dims != ("time",):
+            continue
+        found[plain] = (time, np.asarray(values.to_numpy(), dtype=float), str(values.attrs.get("units", "1")))
+    return found
+
+
+def _last_part(channels: dict[str, tuple[Array, Array, str]], share: float = 0.05) -> list[Chart]:
+    """The last twentieth of a history that has more than one chart's points."""
+    found = {}
+    for name, (time, values, unit) in channels.items():
+        if time.size > 2000:
+            late = time >= time[-1] - share * (time[-1] - time[0])
+            found[name] = (time[late], values[late], unit)
+    return history_charts(found, "end of the run")
+
+
+def history_charts(channels: Mapping[str, tuple[Array, Array, str]], when: str) -> list[Chart]:
+    """A chart for the channels of each unit; more than four are divided."""
+    by_unit: dict[str, list[str]] = {}
+    for name, (_, _, unit) in channels.items():
+        by_unit.setdefault(unit, []).append(name)
+    charts = []
+    for unit, names in by_unit.items():
+        for k in range(0, len(names), MOST_LINES):
+            charts.append(_chart(channels, names[k : k + MOST_LINES], unit, when))
+    return charts
+
+
+def _chart(channels: Mapping[str, tuple[Array, Array, str]], names: Sequence[str], unit: str, when: str) -> Chart:
+    arrays = [channels[name][1] for name in names]
+    largest = max((float(np.abs(one[np.isfinite(one)]).max(initial=0.0)) for one in arrays), default=0.0)
+    factor, shown = _unit(largest, unit)
+    quantity = KINDS.get(unit, "value")
+    style = "thin" if max((one.size for one in arrays), default=0) > 4000 else "line"
+    sizes = [float(np.nan_to_num(np.abs(one)).mean()) if one.size else 0.0 for one in arrays]
+    lines = tuple(
+        Line(name, channels[name][0], factor * channels[name][1], 1 + i, style) for i, name in enumerate(names)
+    )
+    # the larger ones first, or they would hide the others
+    lines = tuple(lines[i] for i in sorted(range(len(lines)), key=lambda i: -sizes[i]))
+    title = f"{names[0] if len(names) == 1 else quantity.capitalize()}, {when}"
+    time = axis_of("time (s)", *(line.x for line in lines), tight=True)
+    return Chart(
+        title, time, axis_of(f"{quantity} ({shown})" if shown != "1" else quantity, *(line.y for line in lines)), lines
+    )
+
+
+def _unit(largest: float, unit: str) -> tuple[float, str]:
+    """Factor and unit in which values up to the largest are read most easily."""
+    return prefixed(largest, unit) if unit != "1" else (1.0, "1")
+
+
+def energy_section(history: xarray.Dataset) -> Section | None:
+    """Work and losses, stored energies, and what the balance leaves over; None without a ledger."""
+    known = {name: words for name, words in ENERGIES.items() if name in history}
+    if not known:
+        return None
+    time = np.asarray(history["time"].to_numpy(), dtype=float)
+    values = {name: np.asarray(history[name].to_numpy(), dtype=float) for name in known}
+    summed = [name for name in known if name in ("energy_work", "energy_structure_loss", "energy_contact_loss")]
+    stored = [name for name in known if name not in summed]
+    charts = [
+        _energies("Energy put in, and where it went", time, {n: values[n] for n in summed}, "line"),
+        _energies("Energy stored", time, {n: values[n] for n in stored}, "thin" if time.size > 4000 else "line"),
+    ]
+    return Section("energy", "Energy", (element("div.charts", *(chart_element(one) for one in charts if one.lines)),))
+
+
+def _energies(title: str, time: Array, values: Mapping[str, Array], style: str) -> Chart:
+    largest = max((float(np.abs(one[np.isfinite(one)]).max(initial=0.0)) for one in values.values()), default=0.0)
+    factor, unit = prefixed(largest, "J")
+    lines: list[Any] = [
+        Line(ENERGIES[name], time, factor * one, 1 + i, style) for i, (name, one) in enumerate(values.items())
+    ]
+    # the larger ones first, or they would hide the others
+    lines.sort(key=lambda line: -float(np.nan_to_num(line.y).mean()))
+    up = axis_of(f"energy ({unit})", *(line.y for line in lines), zero=True)
+    return Chart(title, axis_of("time (s)", time, tight=True), up, tuple(lines))
+
+
+SHOWN = (
+    "time",
+    "impactor",
+    "side",
+    "approach_speed",
+    "rebound_speed",
+    "impulse",
+    "peak_force",
+    "duration",
+    "energy_loss",
+)
+"""Columns of the table, where an impact has them."""
+
+ROWS = 100
+
+BINS = 30
+
+
+def impacts_section(
+    columns: Mapping[str, Any],  # as of `impacts.csv`
+    units: Mapping[str, str],
+    file: str = "",  # that holds all of them
+    more: tuple[Element, ...] = (),  # charts besides
+) -> Section | None:
+    """Impulse over the phase, approach speeds, impulse over time, and the last impacts; None without impacts."""
+    needed = ("time", "impactor", "side", "impulse", "approach_speed")
+    if any(name not in columns for name in needed) or not len(columns["time"]):
+        return None
+    numbers = {name: np.asarray(values) for name, values in columns.items()}
+    count = numbers["time"].size
+    shown = [name for name in SHOWN if name in numbers and not _empty(numbers[name])]
+    late = slice(max(count - ROWS, 0), None)
+    title = f"The last {ROWS} of {count} impacts" if count > ROWS else f"All {count} impacts"
+    table = table_of(title, {name: numbers[name][late] for name in shown}, units, file)
+    charts = [one for one in (_over_phase(numbers), _speeds(numbers), _over_time(numbers)) if one is not None]
+    return Section(
+        "impacts",
+        "Impacts",
+        (element("div.charts", *(chart_element(one) for one in charts), *more), table_element(table)),
+    )
+
+
+def _empty(values: NDArray[Any]) -> bool:
+    return values.dtype.kind == "f" and not bool(np.any(np.isfinite(values)))
+
+
+def _walls(numbers: Mapping[str, NDArray[Any]]) -> list[tuple[str, NDArray[np.bool_]]]:
+    """Each wall that was met, in words, and which impacts are of it."""
+    names = list(dict.fromkeys(numbers["impactor"].tolist()))
+    found = []
+    for name in names[:3]:
+        for side, sign in ((1.0, "+"), (-1.0, MINUS)):
+            mine = (numbers["impactor"] == name) & (np.sign(numbers["side"].astype(float)) == side)
+            if mine.any():
+                found.append((f"{name}, {sign} side", mine))
+    return found
+
+
+def _over_phase(numbers: Mapping[str, NDArray[Any]]) -> Chart | None:
+    phase = numbers.get("phase")
+    if phase is None or _empty(phase):
+        return None
+    factor, unit = prefixed(_largest(numbers["impulse"]), "N s")
+    lines = tuple(
+        Line(name, np.degrees(phase[mine].astype(float)), factor * numbers["impulse"][mine], 1 + i, "dots")
+        for i, (name, mine) in enumerate(_walls(numbers))
+    )
+    phases = axis_of("phase of the base at impact (degrees)", [0.0, 360.0], tight=True)
+    return Chart(
+        "Impulse over the phase", phases, axis_of(f"impulse ({unit})", *(line.y for line in lines), zero=True), lines
+    )
+
+
+def _largest(values: NDArray[Any]) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.abs(finite).max(initial=0.0))
+
+
+def _speeds(numbers: Mapping[str, NDArray[Any]]) -> Chart | None:
+    """How many impacts have which approach speed."""
+    speed = numbers["approach_speed"].astype(float)
+    speed = speed[np.isfinite(speed)]
+    if speed.size < 5 or speed.max() <= 0.0:
+        return None
+    edges = np.linspace(0.0, float(speed.max()), BINS + 1)
+    lines = []
+    for i, name in enumerate(list(dict.fromkeys(numbers["impactor"].tolist()))[:4]):
+        mine = numbers["approach_speed"][numbers["impactor"] == name].astype(float)
+        count, _ = np.histogram(mine[np.isfinite(mine)], edges)
+        x = np.repeat(edges, 2)
+        y = np.concatenate([[0.0], np.repeat(count.astype(float), 2), [0.0]])
+        lines.append(Line(name, x, y, 1 + i))
+    speeds = axis_of("approach speed (m/s)", edges, tight=True)
+    return Chart("How fast they are", speeds, axis_of("impacts", *(line.y for line in lines), zero=True), tuple(lines))
+
+
+def _over_time(numbers: Mapping[str, NDArray[Any]]) -> Chart:
+    factor, unit = prefixed(_largest(numbers["impulse"]), "N s")
+    lines = tuple(
+        Line(name, numbers["time"][mine], factor * numbers["impulse"][mine], 1 + i, "dots")
+        for i, (name, mine) in enumerate(_walls(numbers))
+    )
+    time = axis_of("time (s)", numbers["time"])
+    return Chart(
+        "Impulse of every impact", time, axis_of(f"impulse ({unit})", *(line.y for line in lines), zero=True), lines
+    )
+
+
+STATIONS = 201
+
+MOST = 4
+
+
+def modes_section(
+    system: Any,  # or what a picture knows of one: `nodes` and `deflection_rows`
+    modes: Any,
+    table: Table | None = None,
+) -> Section:
+    """Shapes of the lowest modes, each with its largest deflection 1, and a table."""
+    content: list[Element] = []
+    nodes = np.asarray(system.nodes, dtype=float)
+    if nodes.size >= 2:
+        content.append(element("div.wide.low", chart_element(_shapes(system, modes, nodes))))
+    if table is None:
+        table = _table(modes)
+    return Section("modes", "Modes", (*content, table_element(table)))
+
+
+def _shapes(system: Any, modes: Any, nodes: Any) -> Chart:
+    x = np.linspace(nodes[0], nodes[-1], STATIONS)
+    shapes = np.asarray(system.deflection_rows(x) @ modes.vectors, dtype=float)
+    lines = []
+    for i in range(min(shapes.shape[1], MOST)):
+        shape = shapes[:, i]
+        # the sign of a mode is free: that of the tip, or of its largest deflection
+        largest = shape[np.argmax(np.abs(shape))]
+        sign = shape[-1] if abs(shape[-1]) > 1e-6 * abs(largest) else largest
+        scaled = shape / (abs(largest) or 1.0) * (1.0 if sign >= 0.0 else -1.0)
+        name = f"mode {i + 1}, {number_text(float(modes.natural_frequency[i]))} Hz"
+        lines.append(Line(name, 1e3 * x, scaled, 1 + i))
+    places = axis_of("distance from the root (mm)", 1e3 * x, tight=True)
+    return Chart(
+        "Mode shapes, without balls", places, axis_of("deflection over its largest", [-1.0, 1.0]), tuple(lines)
+    )
+
+
+def _table(modes: Any) -> Table:
+    columns: Sequence[tuple[str, Any]] = (
+        ("natural frequency (Hz)", modes.natural_frequency), ("damping ratio", modes.damping_ratio),
+        ("participation factor (kg^0.5)", modes.participation_factor),
+    )  # fmt: skip
+    rows = tuple((i + 1, *(float(values[i]) for _, values in columns)) for i in range(len(modes.natural_frequency)))
+    return Table("Modes", ("mode", *(name for name, _ in columns)), rows)
+
+
+COUNTED = {"mesh": "elements", "step": "steps in the first natural period", "modes": "modes kept"}
+HEADINGS = {
+    "mesh": "Convergence over the mesh",
+    "step": "Convergence over the step",
+    "modes": "Convergence over the modes",
+}
+
+FAMILIES = 6
+"""Lines of one chart."""
+
+
+def axis_section(
+    axis: str,  # {"mesh", "step", "modes"}
+    columns: Mapping[str, Any],  # as of `ConvergenceTable.columns`
+    units: Mapping[str, str],
+    file: str = "",
+    statistics: bool = False,  # whether the values are means over starts, which scatter
+) -> Section | None:
+    """Relative errors over one axis, and the values behind them; None of a table without errors."""
+    names = [name.removesuffix("_error") for name in columns if name.endswith("_error")]
+    if not names or "number" not in columns:
+        return None
+    number = np.asarray(columns["number"], dtype=float)
+    charts = []
+    for k in range(0, len(names), FAMILIES):
+        charts.append(
+            _error_chart(
+                axis, number, {n: np.asarray(columns[f"{n}_error"], dtype=float) for n in names[k : k + FAMILIES]}
+            )
+        )
+    shown = {"case": columns["case"]} if "case" in columns else {"number": number}
+    rows_of = {**shown, **{name: columns[name] for name in names if name in columns}}
+    header = tuple(
+        f"{_words(name)} ({units[name]})" if units.get(name) not in (None, "", "1") else _words(name)
+        for name in rows_of
+    )
+    rows = tuple(zip(*(np.asarray(values).tolist() for values in rows_of.values()), strict=True))
+    heading = "Runs with contacts, over the mesh" if statistics else HEADINGS[axis]
+    words = (
+        "Means over several starts: a difference below three standard errors means nothing." if statistics
+        else "Relative errors. A straight line falls with a power of the size, its order."
+    )  # fmt: skip
+    return Section(
+        f"statistics-{axis}" if statistics else f"convergence-{axis}", heading,
+        (
+            element("p", words), element("div.charts", *(chart_element(one) for one in charts if one.lines)),
+            table_element(Table("Values of the cases", header, rows, file)),
+        ),
+    )  # fmt: skip
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _error_chart(axis: str, number: NDArray[np.float64], errors: Mapping[str, NDArray[np.float64]]) -> Chart:
+    lines = []
+    for i, (name, error) in enumerate(errors.items()):
+        known = np.isfinite(error) & (error > 0.0)
+        if known.any():
+            lines.append(
+                Line(_words(name), number[known], error[known], 1 + i, marked=np.ones(int(known.sum()), dtype=bool))
+            )
+    across = axis_of(COUNTED[axis], number, logarithmic=True)
+    up = axis_of("relative error", *(line.y for line in lines), logarithmic=True)
+    return Chart("", across, up, tuple(lines))
+
+
+def steps_section(columns: Mapping[str, Any], file: str = "") -> Section | None:
+    """Errors of runs in steps over the step; None of a table without them."""
+    labels = {
+        "linear_error": "without ball",
+        "first_impact_error": "to the first impact",
+        "energy_residual": "energy residual",
+    }
+    known = {name: words for name, words in labels.items() if name in columns}
+    if "dt" not in columns or not known:
+        return None
+    step = 1e3 * np.asarray(columns["dt"], dtype=float)
+    lines = []
+    for i, (name, words) in enumerate(known.items()):
+        values = np.asarray(columns[name], dtype=float)
+        fits = np.isfinite(values) & (values > 0.0)
+        if fits.any():
+            lines.append(Line(words, step[fits], values[fits], 1 + i, marked=np.ones(int(fits.sum()), dtype=bool)))
+    up = axis_of("relative error", *(line.y for line in lines), logarithmic=True)
+    chart = Chart("", axis_of("time step (ms)", step, logarithmic=True), up, tuple(lines))
+    rows = tuple(zip(*(np.asarray(columns[name]).tolist() for name in ("dt", *known)), strict=True))
+    table = Table("Errors of runs in steps", ("step (s)", *known.values()), rows, file)
+    return Section("steps", "Runs in steps", (element("div.charts", chart_element(chart)), table_element(table)))
+
+
+def summary_table(columns: Mapping[str, Any], file: str = "") -> Table:
+    """Reference, orders and recommended number of every quantity."""
+    names = [
+        name
+        for name in (
+            "axis",
+            "quantity",
+            "unit",
+            "reference",
+            "fitted_order",
+            "expected_order",
+            "recommended",
+            "recommended_is_bound",
+        )
+        if name in columns
+    ]
+    heads = {"recommended_is_bound": "fewer may do"}
+    values = {name: np.asarray(columns[name]).tolist() for name in names}
+    if "recommended_is_bound" in values:
+        values["recommended_is_bound"] = ["yes" if str(one) == "True" else "" for one in values["recommended_is_bound"]]
+    rows = tuple(zip(*values.values(), strict=True))
+    return Table("What an accuracy takes", tuple(heads.get(name, _words(name)) for name in names), rows, file)

@@ -1,0 +1,348 @@
+"""Runs: one system under one excitation, many cases at once, one collision."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import fields, replace
+from typing import Any, cast, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.arrays import Array
+from femimpact.errors import checked, in_range, quantity, require, require_type
+from femimpact.excitation import Excitation, PointForce, Sum, require_excitation
+from femimpact.excitation.excitation import has_cycle
+from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
+from femimpact.integrators.cases import (
+    AchievedRestitution,
+    SineCases,
+    SineDwellResults,
+    SineDwells,
+    run_each,
+    start_of,
+    with_contacts_of,
+    workers_of,
+)
+from femimpact.integrators.methods import Method, require_method
+from femimpact.integrators.record_reading import record_warnings
+from femimpact.progress import Progress, check_progress, draws_progress
+from femimpact.response.channels import Motion, resolve_channels
+from femimpact.response.response import Recorder, Response
+from femimpact.response.signals import SteadyMotion, deflection_warnings
+from femimpact.system.contact_pair import ContactPair
+from femimpact.system.state import ROUNDED, State
+from femimpact.system.system import System
+
+OTHER_END = 1e-3
+"""Share of its length by which a run may end elsewhere than was asked for, without a word."""
+
+
+@overload
+def integrate(
+    system: System,
+    excitation: Excitation,
+    method: Method,
+    duration: float,
+    record: Recorder | None = None,
+    initial: State | None = None,
+    progress: Progress | bool | None = None,
+    *,
+    threads: int | None = None,
+) -> Response: ...
+
+
+@overload
+def integrate(
+    system: System,
+    excitation: Sequence[Excitation],
+    method: Method,
+    duration: float,
+    record: Recorder | None = None,
+    initial: State | None = None,
+    progress: Progress | bool | None = None,
+    *,
+    threads: int | None = None,
+) -> tuple[Response, ...]: ...
+
+
+@draws_progress
+def integrate(
+    system: System,
+    excitation: Excitation | Sequence[Excitation],
+    method: Method,
+    duration: float,
+    record: Recorder | None = None,
+    initial: State | None = None,
+    progress: Progress | bool | None = None,
+    *,
+    threads: int | None = None,
+) -> Response | tuple[Response, ...]:
+    """Motion of structure and balls under a moving base or a force, from an initial state.
+
+    M u'' + C u' + K u = f - M r ub'' + b F(t) + sum_j b_j F_j,  m_j (y_j'' + ub'') = m_j g_j - F_j
+
+    Parameters
+    ----------
+    system : System
+        Physical or reduced.
+    excitation : Sine, PointForce, RecordedBase or another `Excitation`, or a sequence of them
+        Each of a sequence has a separate run.
+    method : Newmark, HHT, WBZ, GeneralizedAlpha, MoreauJean or EventDriven
+        Or any other that has the answers of `methods.Method`.
+    duration : float, s
+        Rounded to whole steps, or to whole samples.
+    record : Recorder, optional
+        What to keep of each run; by default the tip, the balls and the contact forces at every
+        step. Its memory limit holds for one run.
+    initial : State, optional
+        At rest in the frame of the base at t = 0 by default. The `final_state` of a response goes on from its end.
+    progress : callable or bool, optional
+        Called with the share done, 0 to 1; True draws a bar.
+    threads : int, optional
+        The runs of a sequence are spread over so many, by default as many as there are cores;
+        the results do not depend on it, to the last bit.
+
+    Returns
+    -------
+    Response, or a tuple of one for each excitation
+        Displacements relative to the base, m; contact force on the structure, N.
+
+    Raises
+    ------
+    InputError
+        If the step does not resolve the contact, the run would keep too much, or an argument is
+        out of range.
+    DivergenceError
+        If the motion is not finite or grows without bound; of several runs, the first that does.
+    """
+    recorder = Recorder() if record is None else record
+    start = State() if initial is None else initial
+    given: tuple[tuple[str, Any, Any], ...] = (
+        ("system", system, System), ("record", recorder, Recorder), ("initial", start, State)
+    )  # fmt: skip
+    for key, value, kind in given:
+        require_type(value, kind, key)
+    require_method(method)
+    share_done = check_progress(progress)
+    workers = workers_of(threads)
+    several = isinstance(excitation, Sequence) and not isinstance(excitation, (str, bytes))
+    drives = list[Any]()
+    for drive in cast(Sequence[Any], excitation) if several else (excitation,):
+        # each before the next: of a long range none is made
+        require_excitation(drive)
+        drives.append(drive)
+    require(len(drives) > 0, "excitation", None, "", "must be one or more")
+    alone = recorder.sink is None or len(drives) == 1
+    require(alone, "record.sink", None, "", "must serve one run: pieces of several could not be distinguished")
+
+    def run(drive: Excitation, report: Progress | None) -> Response:
+        # another duration is refused by the method
+        if isinstance(drive, Sum | PointForce) and in_range(duration, quantity("s", above=0.0)):
+            drive = drive.until(start.time + duration + 0.5 * (recorder.interval or 0.0))
+        response = _without_cycles(method.run(system, drive, duration, recorder, start, report))
+        warnings = motion_warnings(drive, system.length)
+        warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)
+        warnings += record_warnings(system, drive, start.time + duration)
+        warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
+        notes = (
+            *motion_notes(drive, system.length, start.time + duration),
+            *_other_end(response, start.time + duration),
+            *_stops_not_met(response),
+            *_begins_within(system, drive, start),
+        )
+        if not (warnings or notes):
+            return response
+        return replace(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))
+
+    responses = run_each(run, drives, workers, share_done)
+    return responses if several else responses[0]
+
+
+def _without_cycles(response: Response) -> Response:
+    """The same with no impacts per cycle where the excitation has no cycle, and the rms of the whole last third."""
+    if has_cycle(response.base):
+        return response
+    values = response.channels.get(response.system.default_place)
+    if values is not None:
+        last = values[response.time >= response.window[0]]
+        response = replace(response, steady=replace(response.steady, rms=np.array([np.sqrt(np.mean(last**2))])))
+    none = {name: replace(item, impacts_per_cycle=math.nan) for name, item in response.statistics_of.items()}
+    return replace(response, statistics=replace(response.statistics, impacts_per_cycle=math.nan), statistics_of=none)
+
+
+def _other_end(response: Response, asked: float) -> tuple[str, ...]:
+    """A note on a run whose end (s), at a whole step or reading, is another one than was asked for."""
+    end = asked if response.final_state is None else response.final_state.time
+    if abs(end - asked) <= ROUNDED * (asked - response.start):
+        return ()
+    return (f"the run ends at {end:.6g} s, at a whole step or reading, and not at {asked:.6g} s",)
+
+
+def _begins_within(system: System, drive: Excitation, start: State) -> tuple[str, ...]:
+    """Notes on compliant walls that a start made by hand lies beyond: that may be a wrong unit."""
+    if start.continuation is not None or start.is_static_on(system):
+        return ()
+    u, _, y, _ = start.relative_to_base(system, drive)
+    notes = list[str]()
+    for j, pair in enumerate(system.contacts):
+        x = float(y[j] - pair.direction @ u)
+        side, depth = ("+", x - pair.gaps[0]) if x > 0.0 else ("-", -x - pair.gaps[1])
+        if depth > ROUNDED and not pair.parameters.is_rigid:
+            notes.append(f"{pair.name} starts in contact, {depth:.3g} m beyond its {side} wall")
+    return tuple(notes)
+
+
+def _stops_not_met(response: Response) -> list[str]:
+    """Notes on stops with two different gaps that a run has not met: these may be given in the wrong order."""
+    notes = list[str]()
+    for pair in response.system.contacts:
+        plus, minus = pair.gaps
+        if not pair.is_stop or plus == minus or min(plus, minus) < 0.0 or response.impacts.dropped:
+            continue
+        met = pair.name in response.impacts.impactor or pair.name in response.sticking.impactor
+        # a compliant contact that lasts has no row yet
+        if met or response.statistics_of[pair.name].peak_force > 0.0:
+            continue
+        walls = [f"{gap:.4g} m to the {side} side" for gap, side in ((plus, "+"), (minus, "-")) if gap < math.inf]
+        notes.append(
+            f"{pair.name} is not met: its gap is {' and '.join(walls)}; a gap is (to the + side, to the - side)"
+        )
+    return notes
+
+
+def _largest_deflections(response: Response, recorder: Recorder) -> list[float]:
+    """Largest |w| (m): of the default place over the last third of the run, of recorded places over the whole run."""
+    system, found = response.system, [float(response.steady.peak[0])]
+    balls = [pair.name for pair in system.contacts]
+    for channel in resolve_channels(system, recorder.channels):
+        # of a streamed run there are none
+        values = response.channels.get(channel.name)
+        if values is None or not isinstance(channel, Motion):
+            continue
+        if channel.derivative == 0 and not channel.absolute and channel.at not in balls:
+            found.append(max(values.max(initial=0.0), -values.min(initial=0.0)))
+    return found
+
+
+def run_cases(
+    system: System, cases: SineCases, method: Method, observed: Array, instants: int, workers: int = 1,
+    progress: Progress | None = None,
+) -> SineDwellResults:  # fmt: skip
+    """Results of all cases in their order.
+
+    A method may have a member `run_cases` that takes them as they are, and `takes_several_systems` where each may have
+    a separate system and any start and law. For another one, and of methods with steps for static starts and laws
+    that are functions, cases that differ in their frequency alone run together.
+
+    Parameters
+    ----------
+    system : System
+    cases : SineCases
+    method : Method
+    observed : ndarray (dofs,)
+        Row of the observed place.
+    instants : int
+        Of a measured cycle at which the energy ledger is read; 0 for no ledger. Of methods with steps it is
+        read at the ends of cycles.
+    workers : int
+        Threads at most.
+    progress : callable, optional
+
+    Returns
+    -------
+    SineDwellResults
+
+    Raises
+    ------
+    InputError
+        If a case cannot be run at all.
+    """
+    own: Callable[..., SineDwellResults] | None = getattr(method, "run_cases", None)
+    whole = getattr(method, "takes_several_systems", False)
+    if own is not None and (whole or _are_plain(system, cases)):
+        return own(system, cases, observed, instants, workers, progress)
+    groups, parts, done = list(_alike(cases)), list[SineDwellResults](), 0
+    for members in groups:
+        first = int(members[0])
+        dwells = SineDwells(
+            float(cases.amplitude[first]), cases.frequency[members], cases.cycles[members], cases.measured[members],
+            float(cases.phase[first]),
+        )  # fmt: skip
+        whole, start = with_contacts_of(system, cases, first), start_of(cases, first)
+        parts.append(method.run_dwells(whole, dwells, start, observed, instants > 0, workers))
+        done += members.size
+        if progress is not None:
+            progress(done / cases.frequency.size)
+    return _in_order(parts, np.argsort(np.concatenate(groups)))
+
+
+def _are_plain(system: System, cases: SineCases) -> bool:
+    """Whether no start follows from statics, and no law is a function: the cases of a step may differ in the rest."""
+    static = cases.initial.is_static_on(system) or bool(np.any(cases.gaps < 0.0))
+    pairs = [(law, pair) for laws in cases.laws for law, pair in zip(laws, system.contacts, strict=True)]
+    return not static and all(law.force_function(pair.effective_mass) is None for law, pair in pairs)
+
+
+def _alike(cases: SineCases) -> Iterator[NDArray[np.intp]]:
+    """Cases that differ in their frequency and its dwell alone."""
+    count = cases.frequency.size
+    columns = (cases.amplitude, cases.phase, cases.gaps, cases.law_of, cases.ball_displacement, cases.ball_velocity)
+    rows = np.hstack([np.asarray(values, dtype=float).reshape(count, -1) for values in columns])
+    found: dict[bytes, list[int]] = {}
+    for case in range(count):
+        found.setdefault(rows[case].tobytes(), []).append(case)
+    return (np.array(members) for members in found.values())
+
+
+def _in_order(parts: list[SineDwellResults], order: NDArray[np.intp]) -> SineDwellResults:
+    """All parts in one, their cases in the order of a permutation."""
+    motion = {
+        item.name: np.concatenate([getattr(part.motion, item.name) for part in parts])[order]
+        for item in fields(SteadyMotion)
+    }
+    failures = [failure for part in parts for failure in part.failures]
+    return SineDwellResults(
+        motion=SteadyMotion(**motion),
+        totals=np.concatenate([part.totals for part in parts], axis=2)[:, :, order],
+        **{name: np.concatenate([getattr(part, name) for part in parts])[order] for name in
+           ("duration", "residual", "bound")},
+        failures=tuple(failures[i] for i in order.tolist()),
+        warnings=tuple(dict.fromkeys(text for part in parts for text in part.warnings)),
+    )  # fmt: skip
+
+
+def achieved_restitution(
+    pair: ContactPair, method: Method, approach_speed: float, phases: int = 32
+) -> AchievedRestitution:
+    """Restitution that a method achieves when the pair's effective mass collides with a wall in its own steps.
+
+    Parameters
+    ----------
+    pair : ContactPair
+    method : Newmark, HHT, WBZ, GeneralizedAlpha or MoreauJean
+        One with a step that takes the pair's law.
+    approach_speed : float, m/s
+    phases : int
+        At how many instants within a step the touch is tried.
+
+    Returns
+    -------
+    AchievedRestitution
+
+    Raises
+    ------
+    InputError
+        If an argument is of the wrong kind or out of range, or the method has no step for the pair's law.
+    """
+    require_type(pair, ContactPair, "pair")
+    approach_speed = checked("approach_speed", approach_speed, quantity("m/s", above=0.0))
+    phases = checked("phases", phases, quantity("1", at_least=1, at_most=1_000_000, integer=True))
+    require_method(method)
+    found = method.achieved_restitution(pair, approach_speed, phases)
+    if found is None:
+        allowed = f"must be a method with a step for the law {pair.law.name}"
+        require(False, "method", type(method).__name__, "", allowed)
+        raise AssertionError("require raises")
+    return found

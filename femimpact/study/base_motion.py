@@ -1,0 +1,231 @@
+"""The base motion of a study: a record beside the study file, a chirp, a stepped sine, a random motion or a shock."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar
+
+from femimpact.errors import Fault, InputError, check_fields, checked, choice, optional, quantity, suggestion, text
+from femimpact.excitation import Chirp, RandomBase, RecordedBase, Shock, SteppedSine
+from femimpact.excitation.records import record_text
+
+NUMBER = quantity("1", at_least=0, integer=True)
+"""Of a column that has no name."""
+
+
+@dataclass(frozen=True)
+class RecordedMotion:
+    """`[base]`: the file of a record with the options of `RecordedBase.from_csv`, duration of the history, and start.
+
+    Parameters
+    ----------
+    record : str
+        Path of the file, from the folder of the study file.
+    content : str
+        The file as read: no run reads it again, wherever it is by then.
+    scale : float
+        Times which the column is m/s^2: 9.80665 for a record in g.
+    detrend : {"none", "mean", "line"}
+        What is removed: the mean of the acceleration (an offset), or its line of least squares (offset and drift).
+    columns : two of int or str
+        Time and acceleration, by their numbers from 0 or their names in the header.
+    duration : float or None, s
+        Of the simulated history; None is that of the record.
+    start : {"base", "space", "static"}
+        At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or the content is no record.
+    """
+
+    FREQUENCY_KEY: ClassVar[str] = "base.record"
+    """What a study file has where the frequency of a cycle comes from."""
+
+    record: str = field(metadata=text())
+    content: str = field(repr=False, metadata=text())
+    scale: float = field(default=1.0, metadata=quantity("1"))
+    detrend: str = field(default="none", metadata=choice("none", "mean", "line"))
+    columns: tuple[int | str, int | str] = (0, 1)
+    duration: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
+    start: str = field(default="base", metadata=choice("base", "space", "static"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if isinstance(self.columns, (tuple, list)):
+            plain = (str(c) if isinstance(c, str) else checked("columns", c, NUMBER) for c in self.columns)
+            object.__setattr__(self, "columns", tuple(plain))
+        with _faults_of_record():
+            # made here, so that its faults are those of this noun
+            _ = self.excitation
+
+    @cached_property
+    def excitation(self) -> RecordedBase:
+        """The motion that drives the history."""
+        return RecordedBase.from_text(self.content, self.scale, self.detrend, self.columns, self.record)
+
+    @property
+    def frequency(self) -> float:
+        """What a cycle means, Hz: that of the largest line of the record's spectrum."""
+        return self.excitation.frequency
+
+    @property
+    def history_duration(self) -> float:
+        """Time (s) that the history takes."""
+        return self.excitation.duration if self.duration is None else self.duration
+
+    @property
+    def words(self) -> str:
+        """How long the history is, and what drives it."""
+        base = self.excitation
+        cycle = "a cycle is that of its largest line" if base.has_cycle else "no cycle; its largest line is at"
+        return (
+            f"{self.history_duration:g} s of the record {self.record!r} ({base.samples.size} samples, "
+            f"{base.interval:.6g} s apart; {cycle}{',' * base.has_cycle} {base.frequency:.4g} Hz)"
+        )
+
+
+def record_beside(folder: Path, record: str) -> str:
+    """What the file of a record holds, its path being given from a folder.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is no text.
+    """
+    with _faults_of_record():
+        return record_text(folder / record)
+
+
+@contextmanager
+def _faults_of_record() -> Iterator[None]:
+    """Faults of a file under the key that a study file has for it."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError([replace(f, key="record") if f.key == "path" else f for f in error.faults]) from None
+
+
+Signal = Chirp | SteppedSine | RandomBase | Shock
+
+SIGNALS: Mapping[str, tuple[type[Signal], Mapping[str, str]]] = {
+    "chirp": (Chirp, {"rate": "kind"}),
+    "stepped-sine": (SteppedSine, {}),
+    "random": (RandomBase, {}),
+    "shock": (Shock, {"pulse": "kind"}),
+}
+"""Each kind of [base]: its noun, and the keys of a study file whose fields have another name."""
+
+OWN = ("history", "initial")
+"""Keys of [base] that are not the noun's."""
+
+
+@dataclass(frozen=True)
+class SignalMotion:
+    """`[base]`: the kind of a motion with the fields of its noun, duration of the history, and start.
+
+    Parameters
+    ----------
+    kind : {"chirp", "stepped-sine", "random", "shock"}
+    values : tuple of (str, value)
+        Fields of `Chirp`, `SteppedSine`, `RandomBase` or `Shock`, lists as tuples. A chirp's kind is called `rate`
+        here, a shock's `pulse`.
+    history : float or None, s
+        Of the simulated history; None is the duration of the motion. A shock needs one.
+    initial : {"base", "space", "static"}
+        At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`). The key is
+        not called start, which is the first frequency of a chirp.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, a field is missing, or there is none of that name.
+    """
+
+    FREQUENCY_KEY: ClassVar[str] = "base.kind"
+    """What a study file has where the highest frequency comes from."""
+
+    kind: str = field(metadata=choice(*SIGNALS))
+    values: tuple[tuple[str, Any], ...]
+    history: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
+    initial: str = field(default="base", metadata=choice("base", "space", "static"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        _check_keys(self.kind, dict(self.values))
+        # made here, so that its faults are those of this noun
+        _ = self.excitation
+        if self.kind == "shock" and self.history is None:
+            allowed = "is missing; must be a finite number > 0 s: how long the history is that begins with the shock"
+            raise InputError([Fault("history", None, "", allowed)])
+
+    @cached_property
+    def excitation(self) -> Signal:
+        """The motion that drives the history."""
+        noun, other = SIGNALS[self.kind]
+        given = {other.get(name, name): value for name, value in self.values}
+        back = {name: key for key, name in other.items()}
+        try:
+            return noun(**given)
+        except InputError as error:
+            raise InputError([replace(fault, key=back.get(fault.key, fault.key)) for fault in error.faults]) from None
+
+    @property
+    def start(self) -> str:
+        """Where everything is at rest at t = 0."""
+        return self.initial
+
+    @property
+    def frequency(self) -> float:
+        """The highest one, Hz: there is no cycle."""
+        return float(self.excitation.frequency)
+
+    @property
+    def history_duration(self) -> float:
+        """Time (s) that the history takes."""
+        return float(self.excitation.duration if self.history is None else self.history)
+
+    @property
+    def words(self) -> str:
+        """How long the history is, and what drives it."""
+        highest = "" if self.kind == "shock" else f", up to {self.frequency:.4g} Hz"
+        return f"{self.history_duration:g} s of a {self.kind} motion of the base{highest}"
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """What a study file has in [base] of it."""
+        own = {"history": self.history, "initial": None if self.initial == "base" else self.initial}
+        given = {name: value for name, value in own.items() if value is not None}
+        return {"kind": self.kind, **dict(self.values), **given}
+
+
+def _check_keys(kind: str, values: Mapping[str, Any]) -> None:
+    noun, other = SIGNALS[kind]
+    back = {name: key for key, name in other.items()}
+    known = {
+        back.get(name, name): item.default
+        for name, item in inspect.signature(noun).parameters.items()
+        if name not in ("level", "by")
+    }
+    faults = [Fault(name, None, "", suggestion(name, [*known, *OWN])) for name in values if name not in known]
+    missing = [name for name, default in known.items() if default is inspect.Parameter.empty and name not in values]
+    faults += [Fault(name, None, "", f"is missing in [base] of kind {kind!r}") for name in missing]
+    if faults:
+        raise InputError(faults)
+
+
+def numbers_of_signal(signal: Signal) -> dict[str, Any]:
+    """What makes a motion again: its kind, and its fields by name."""
+    kind = next(kind for kind, (noun, _) in SIGNALS.items() if isinstance(signal, noun))
+    return {"signal": kind, "fields": {item.name: getattr(signal, item.name) for item in fields(signal)}}
+
+
+def signal_of_numbers(numbers: Mapping[str, Any]) -> Signal:
+    """The motion that `numbers_of_signal` has described."""
+    return SIGNALS[numbers["signal"]][0](**numbers["fields"])
