@@ -26,7 +26,7 @@ from femimpact.system.system import System
 NUMERICAL = ("contact", "excitation", "fem", "integrators", "response", "structure", "system", "parametric")
 """Folders whose sources decide the numbers."""
 
-BESIDE = ("study/study.py", "study/parameter_plan.py", "study/signal_motion.py", "study/recorded_motion.py")
+BESIDE = ("study/study.py", "study/parameter_plan.py", "study/base_motion.py")
 
 WITHOUT = ("text", "path", "plan", "output", "sweep")
 """Fields of a study that its cases do not hang on."""

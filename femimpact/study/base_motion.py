@@ -22,25 +22,38 @@ NUMBER = quantity("1", at_least=0, integer=True)
 class RecordedMotion:
     """`[base]`: the file of a record with the options of `RecordedBase.from_csv`, duration of the history, and start.
 
-    Raises `InputError` if a value is out of range, or the content is no record.
+    Parameters
+    ----------
+    record : str
+        Path of the file, from the folder of the study file.
+    content : str
+        The file as read: no run reads it again, wherever it is by then.
+    scale : float
+        Times which the column is m/s^2: 9.80665 for a record in g.
+    detrend : {"none", "mean", "line"}
+        What is removed: the mean of the acceleration (an offset), or its line of least squares (offset and drift).
+    columns : two of int or str
+        Time and acceleration, by their numbers from 0 or their names in the header.
+    duration : float or None, s
+        Of the simulated history; None is that of the record.
+    start : {"base", "space", "static"}
+        At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or the content is no record.
     """
 
     FREQUENCY_KEY: ClassVar[str] = "base.record"
     """What a study file has where the frequency of a cycle comes from."""
 
-    record: str = field(metadata=text())  # path of the file, from the folder of the study file
-    content: str = field(repr=False, metadata=text())  # the file as read: no run reads it again, wherever it is by then
-    # times which the column is m/s^2: 9.80665 for a record in g
+    record: str = field(metadata=text())
+    content: str = field(repr=False, metadata=text())
     scale: float = field(default=1.0, metadata=quantity("1"))
-    # {"none", "mean", "line"}: what is removed: the mean of the acceleration (an offset), or its line of least squares
-    # (offset and drift)
     detrend: str = field(default="none", metadata=choice("none", "mean", "line"))
-    # two of int or str: time and acceleration, by their numbers from 0 or their names in the header
     columns: tuple[int | str, int | str] = (0, 1)
-    # s: of the simulated history; None is that of the record
     duration: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
-    # {"base", "space", "static"}: at rest relative to the base, at rest in the inertial frame, or in the static state
-    # (`State.static`)
     start: str = field(default="base", metadata=choice("base", "space", "static"))
 
     def __post_init__(self) -> None:
@@ -80,7 +93,10 @@ class RecordedMotion:
 def record_beside(folder: Path, record: str) -> str:
     """What the file of a record holds, its path being given from a folder.
 
-    Raises `InputError` if it cannot be read, or is no text.
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is no text.
     """
     with _faults_of_record():
         return record_text(folder / record)
@@ -113,20 +129,30 @@ OWN = ("history", "initial")
 class SignalMotion:
     """`[base]`: the kind of a motion with the fields of its noun, duration of the history, and start.
 
-    Raises `InputError` if a value is out of range, a field is missing, or there is none of that name.
+    Parameters
+    ----------
+    kind : {"chirp", "stepped-sine", "random", "shock"}
+    values : tuple of (str, value)
+        Fields of `Chirp`, `SteppedSine`, `RandomBase` or `Shock`, lists as tuples. A chirp's kind is called `rate`
+        here, a shock's `pulse`.
+    history : float or None, s
+        Of the simulated history; None is the duration of the motion. A shock needs one.
+    initial : {"base", "space", "static"}
+        At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`). The key is
+        not called start, which is the first frequency of a chirp.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, a field is missing, or there is none of that name.
     """
 
     FREQUENCY_KEY: ClassVar[str] = "base.kind"
     """What a study file has where the highest frequency comes from."""
 
-    kind: str = field(metadata=choice(*SIGNALS))  # {"chirp", "stepped-sine", "random", "shock"}
-    # (str, value) fields of `Chirp`, `SteppedSine`, `RandomBase` or `Shock`, lists as tuples. A chirp's kind is called
-    # `rate` here, a shock's `pulse`.
+    kind: str = field(metadata=choice(*SIGNALS))
     values: tuple[tuple[str, Any], ...]
-    # s: of the simulated history; None is the duration of the motion. A shock needs one.
     history: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
-    # {"base", "space", "static"}: at rest relative to the base, at rest in the inertial frame, or in the static state
-    # (`State.static`). The key is not called start, which is the first frequency of a chirp.
     initial: str = field(default="base", metadata=choice("base", "space", "static"))
 
     def __post_init__(self) -> None:

@@ -41,11 +41,21 @@ class AxisValues:
 
 @dataclass(frozen=True)
 class Distribution:
-    """A distribution from which a sample takes the values of an axis."""
+    """A distribution from which a sample takes the values of an axis.
 
-    name: str  # one of `DISTRIBUTIONS`, or the name of a frozen distribution of scipy's
-    numbers: tuple[float, ...]  # what `DISTRIBUTIONS` says, or the distribution's arguments
-    frozen: Any = field(default=None, compare=False, repr=False)  # that of scipy's, with its `ppf`
+    Parameters
+    ----------
+    name : str
+        One of `DISTRIBUTIONS`, or the name of a frozen distribution of scipy's.
+    numbers : tuple of float
+        What `DISTRIBUTIONS` says, or the distribution's arguments.
+    frozen : object, optional
+        That of scipy's, with its `ppf`.
+    """
+
+    name: str
+    numbers: tuple[float, ...]
+    frozen: Any = field(default=None, compare=False, repr=False)
 
     def __str__(self) -> str:
         return f"{self.name} {list(self.numbers)}"
@@ -67,14 +77,24 @@ class Distribution:
 class SamplePlan:
     """`[study.sample]`: so many points from the axes' distributions, by a method of scipy.stats.qmc or at random.
 
-    Raises `InputError` if a value is out of range, or the points of a Sobol sequence are not a power of two.
+    Parameters
+    ----------
+    points : int
+        Cases; of a Sobol sequence a power of two.
+    method : str
+        Sequence or design that spreads them, or "random".
+    seed : int
+        Of the sample.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or the points of a Sobol sequence are not a power of two.
     """
 
-    # cases; of a Sobol sequence a power of two
     points: int = field(metadata=quantity("1", at_least=1, at_most=MOST_POINTS, integer=True))
-    # sequence or design that spreads them, or "random"
     method: str = field(default="sobol", metadata=choice("sobol", "halton", "latin-hypercube", "random"))
-    seed: int = field(default=0, metadata=quantity("1", at_least=0, integer=True))  # of the sample
+    seed: int = field(default=0, metadata=quantity("1", at_least=0, integer=True))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -88,32 +108,57 @@ class SamplePlan:
 class ParameterPlan:
     """`[study]`: what is measured over which axes, and from how many starts.
 
-    Raises `InputError` if a value is out of range or of the wrong kind.
+    Parameters
+    ----------
+    measures : tuple of str
+        By their names, as "peak" or "root.surface_stress".
+    axes : mapping of str to AxisValues or Distribution
+        By the study path of the value.
+    starts : int
+        Of each case, by which the balls start at different places and speeds; of several the median is taken.
+    seed : int
+        Of the starts.
+    cycles : int or None
+        Of the base in each case, the last third of which is measured. Absent: those of [sweep].
+    sample : SamplePlan or None
+        Absent: the full grid of the axes.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range or of the wrong kind.
     """
 
-    measures: tuple[str, ...] = field(metadata=text(several=True))  # by their names, as "peak" or "root.surface_stress"
-    axes: Mapping[str, AxisValues | Distribution] = field(metadata=instance(Mapping))  # by the study path of the value
-    # of each case, by which the balls start at different places and speeds; of several the median is taken
+    measures: tuple[str, ...] = field(metadata=text(several=True))
+    axes: Mapping[str, AxisValues | Distribution] = field(metadata=instance(Mapping))
     starts: int = field(default=1, metadata=quantity("1", at_least=1, at_most=MOST_STARTS, integer=True))
-    seed: int = field(default=0, metadata=quantity("1", at_least=0, integer=True))  # of the starts
-    # of the base in each case, the last third of which is measured. Absent: those of [sweep].
+    seed: int = field(default=0, metadata=quantity("1", at_least=0, integer=True))
     cycles: int | None = field(
         default=None, metadata=optional(quantity("1", at_least=3, at_most=10_000_000, integer=True))
     )
-    # absent: the full grid of the axes
     sample: SamplePlan | None = field(default=None, metadata=optional(instance(SamplePlan)))
 
     def __post_init__(self) -> None:
         check_fields(self)
 
 
-def axis_from(
-    key: str,  # of faults
-    given: Any,  # frozen distribution of scipy's
-) -> AxisValues | Distribution:
+def axis_from(key: str, given: Any) -> AxisValues | Distribution:
     """The values or the distribution that an axis is given as.
 
-    Raises `InputError` if it is none of them, empty, repeated or not finite.
+    Parameters
+    ----------
+    key : str
+        Of faults.
+    given : sequence, mapping, frozen distribution of scipy's, AxisValues or Distribution
+
+    Returns
+    -------
+    AxisValues or Distribution
+
+    Raises
+    ------
+    InputError
+        If it is none of them, empty, repeated or not finite.
     """
     if isinstance(given, (AxisValues, Distribution)):
         return given

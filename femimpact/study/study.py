@@ -37,12 +37,20 @@ from femimpact.system.system import System
 class MeshChoice:
     """`[mesh]`: a number of elements, or a mesh file beside the study.
 
-    Raises `InputError` if not exactly one of elements and file is given, or it is out of range.
+    Parameters
+    ----------
+    elements : int
+        How many; each is at most as long as the others, between the places that have to be nodes.
+    file : str
+        Path of a Gmsh 4.1 file, from the folder of the study file.
+
+    Raises
+    ------
+    InputError
+        If not exactly one of elements and file is given, or it is out of range.
     """
 
-    # how many; each is at most as long as the others, between the places that have to be nodes
     elements: int | None = field(default=None, metadata=quantity("1", at_least=1, at_most=100_000, integer=True))
-    # path of a Gmsh 4.1 file, from the folder of the study file
     file: str | None = field(default=None, metadata=text())
 
     def __post_init__(self) -> None:
@@ -55,10 +63,17 @@ class MeshChoice:
 class Reduction:
     """`[reduction]`: how many normal modes are kept.
 
-    Raises `InputError` if the number is no whole number from 1.
+    Parameters
+    ----------
+    modes : int
+        The lowest so many. Without the table the run is in the dofs of the mesh.
+
+    Raises
+    ------
+    InputError
+        If the number is no whole number from 1.
     """
 
-    # the lowest so many. Without the table the run is in the dofs of the mesh.
     modes: int = field(metadata=quantity("1", at_least=1, integer=True))
 
     def __post_init__(self) -> None:
@@ -69,10 +84,18 @@ class Reduction:
 class Gravity:
     """`[gravity]`: a constant acceleration along the deflection, of beam, bodies and balls (`Structure.gravity`).
 
-    Raises `InputError` if the acceleration is not finite.
+    Parameters
+    ----------
+    acceleration : float, m/s^2
+        Positive towards +w; -9.81 pulls down.
+
+    Raises
+    ------
+    InputError
+        If the acceleration is not finite.
     """
 
-    acceleration: float = field(metadata=quantity("m/s^2"))  # m/s^2: positive towards +w; -9.81 pulls down
+    acceleration: float = field(metadata=quantity("m/s^2"))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -82,19 +105,32 @@ class Gravity:
 class BaseMotion:
     """`[base]`: amplitude of the sine; frequency, phase and duration of the simulated history; start.
 
-    Raises `InputError` if a value is out of range.
+    Parameters
+    ----------
+    amplitude : float, m
+        Of the base's displacement, of the history and of the sweep.
+    frequency : float, Hz
+        Of the simulated history.
+    duration : float, s
+        Of the simulated history.
+    phase : float, rad
+        Of the sine at t = 0.
+    start : {"base", "space", "static"}
+        At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     FREQUENCY_KEY: ClassVar[str] = "base.frequency"
     """What a study file has where the frequency of a cycle comes from."""
 
-    # m: of the base's displacement, of the history and of the sweep
     amplitude: float = field(metadata=quantity("m", above=0.0))
-    frequency: float = field(metadata=quantity("Hz", above=0.0))  # Hz: of the simulated history
-    duration: float = field(default=30.0, metadata=quantity("s", above=0.0))  # s: of the simulated history
-    phase: float = field(default=0.0, metadata=quantity("rad"))  # rad: of the sine at t = 0
-    # {"base", "space", "static"}: at rest relative to the base, at rest in the inertial frame, or in the static state
-    # (`State.static`)
+    frequency: float = field(metadata=quantity("Hz", above=0.0))
+    duration: float = field(default=30.0, metadata=quantity("s", above=0.0))
+    phase: float = field(default=0.0, metadata=quantity("rad"))
     start: str = field(default="base", metadata=choice("base", "space", "static"))
 
     def __post_init__(self) -> None:
@@ -120,15 +156,27 @@ class BaseMotion:
 class SweepPlan:
     """`[sweep]`: an even grid, and how many points refine it around each resonance.
 
-    Raises `InputError` if a value is out of range, or the stop is not above the start.
+    Parameters
+    ----------
+    start, stop : float, Hz
+        First and last frequency of the even grid.
+    points : int
+        Of the even grid.
+    cycles : int
+        Of the base at each frequency; the last third is measured.
+    refine : int
+        Points added around each resonance.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or the stop is not above the start.
     """
 
-    start: float = field(metadata=quantity("Hz", above=0.0))  # Hz: first and last frequency of the even grid
+    start: float = field(metadata=quantity("Hz", above=0.0))
     stop: float = field(metadata=quantity("Hz", above=0.0))
-    points: int = field(metadata=quantity("1", at_least=4, at_most=100_000, integer=True))  # of the even grid
-    # of the base at each frequency; the last third is measured
+    points: int = field(metadata=quantity("1", at_least=4, at_most=100_000, integer=True))
     cycles: int = field(metadata=quantity("1", at_least=24, at_most=10_000_000, integer=True))
-    # points added around each resonance
     refine: int = field(default=0, metadata=quantity("1", at_least=0, at_most=100_000, integer=True))
 
     def __post_init__(self) -> None:
@@ -140,31 +188,50 @@ class SweepPlan:
 class Output:
     """`[output]`: what is written.
 
-    Raises `InputError` if a value is out of range or of the wrong kind.
+    Parameters
+    ----------
+    every : int
+        One of so many samples is kept in the history, which are steps of a method that has them. Absent: one of 10, or
+        of fewer where a base cycle would have less than 20, and all of an event-driven run.
+    interval : float, s
+        Time between the instants at which an event-driven history is read. Absent: under a sine `samples_per_cycle` of
+        the method, under a record what its samples and the highest mode need.
+    channels : sequence of str
+        Kept in the history besides those of the tip, the middle, the balls and the contacts, by their names, as
+        "root.reaction_force"; the reference has a page of channels.
+    frames : int
+        Whole deflections that are kept for ParaView and the movie.
+    frame_cycles : float
+        Last base cycles over which they are spread; of a motion without one, cycles of its highest frequency.
+    exaggeration : float
+        Scales motion and gaps there. Absent: chosen by the movie, 1 for ParaView.
+    memory_limit : float, bytes
+        A run that would keep more is refused.
+    figures, paraview, movie : bool
+        Whether they are made.
+    vtkhdf : bool
+        Whether the deflections are in one temporal VTKHDF file too.
+    report : bool
+        Whether `report.html` is written.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range or of the wrong kind.
     """
 
-    # one of so many samples is kept in the history, which are steps of a method that has them. Absent: one of 10, or of
-    # fewer where a base cycle would have less than 20, and all of an event-driven run.
     every: int | None = field(default=None, metadata=quantity("samples", at_least=1, integer=True))
-    # s: time between the instants at which an event-driven history is read. Absent: under a sine `samples_per_cycle` of
-    # the method, under a record what its samples and the highest mode need.
     interval: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
-    # kept in the history besides those of the tip, the middle, the balls and the contacts, by their names, as
-    # "root.reaction_force"; the reference has a page of channels
     channels: tuple[str, ...] = field(default=(), metadata=text(several=True))
-    # whole deflections that are kept for ParaView and the movie
     frames: int = field(default=160, metadata=quantity("1", at_least=0, at_most=5000, integer=True))
-    # last base cycles over which they are spread; of a motion without one, cycles of its highest frequency
     frame_cycles: float = field(default=3.0, metadata=quantity("1", above=0.0))
-    # scales motion and gaps there. Absent: chosen by the movie, 1 for ParaView.
     exaggeration: float | None = field(default=None, metadata=quantity("1", above=0.0))
-    # bytes: a run that would keep more is refused
     memory_limit: float = field(default=1e9, metadata=quantity("bytes", above=0.0))
-    figures: bool = field(default=True, metadata=truth())  # whether they are made
+    figures: bool = field(default=True, metadata=truth())
     paraview: bool = field(default=True, metadata=truth())
-    vtkhdf: bool = field(default=False, metadata=truth())  # whether the deflections are in one temporal VTKHDF file too
+    vtkhdf: bool = field(default=False, metadata=truth())
     movie: bool = field(default=True, metadata=truth())
-    report: bool = field(default=True, metadata=truth())  # whether `report.html` is written
+    report: bool = field(default=True, metadata=truth())
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -236,7 +303,10 @@ class Study:
 def sine_of(study: Study, key: str, value: object = None, unit: str = "") -> BaseMotion:
     """The base motion of a study whose base moves by a sine.
 
-    Raises `InputError` of a record or another motion, naming what needs a sine.
+    Raises
+    ------
+    InputError
+        Of a record or another motion, naming what needs a sine.
     """
     if isinstance(study.base, BaseMotion):
         return study.base
