@@ -41,7 +41,7 @@ def write_csv(path, header, rows) -> None:
 
 
 def write_page_tables(folder, rows, points) -> None:
-    """Write the tables of the page docs/speed.md as CSV; `docs/make_tables.py` writes them into the page."""
+    """Write the tables of the page docs/paper/speed.md as CSV; `docs/make_tables.py` writes them into the page."""
     by_hand = [row for row in rows if row.own or row.tool.startswith("C by hand")]
     eight = next((row.cpu for row in rows if row.tool == EIGHT and row.task == "B"), math.nan)
     others = [row for row in rows if row not in by_hand]

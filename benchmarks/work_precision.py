@@ -187,7 +187,7 @@ def figure_of(points, path):
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--output", default="work_precision.png")
-    parser.add_argument("--table", help="CSV file of the table on the page docs/methods.md")
+    parser.add_argument("--table", help="CSV file of the table on the page docs/howto/methods.md")
     options = parser.parse_args()
     # what is loaded and kept from here on is paid for once
     for contact in (fi.Rigid(RESTITUTION), soft_wall(2e-3)):

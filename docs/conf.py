@@ -56,7 +56,7 @@ html_theme_options = {
     "pygments_light_style": "a11y-high-contrast-light",
     "pygments_dark_style": "a11y-high-contrast-dark",
 }
-html_sidebars = {"index": [], "start": [], "contributing": [], "changelog": []}
+html_sidebars = {"index": [], "start": [], "development/contributing": [], "development/changelog": []}
 
 # pages are Markdown; a heading is an anchor, and links between pages are checked
 myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist"]
@@ -102,7 +102,7 @@ sphinx_gallery_conf = {
     "nested_sections": False,
     "abort_on_example_error": True,
     "matplotlib_animations": False,
-    "default_thumb_file": str(HERE / "overview.png"),
+    "default_thumb_file": str(HERE / "pictures" / "overview.png"),
     "capture_repr": (),
     # the environment says whether examples run; without them the gallery has their text and code
     "plot_gallery": os.environ.get("FEMIMPACT_GALLERY", "1") == "1",

@@ -252,21 +252,10 @@ def fill_lists(_app: Any, name: str, content: list[str]) -> None:
     """Fill lists of pages: the gallery by subject, and the how-to list with every page that no other list names."""
     if name == "gallery/index":
         content[0] = gallery_with_headings(content[0])
-    if name != "howto":
-        return
-    listed = set(re.findall(r"^([a-z_]+)$", content[0], flags=re.MULTILINE))
-    others = {"index", "howto", "start", "paper_and_validation", "contributing", "changelog", "references", "README"}
-    named = {stem for page in (*HERE.glob("*.md"), HERE / "reference" / "index.md") for stem in _listed(page)}
-    rest = sorted({page.stem for page in HERE.glob("*.md")} - listed - others - named)
-    content[0] = content[0].replace("MORE_PAGES", "\n".join(rest))
-
-
-def _listed(page: Path) -> set[str]:
-    """Pages that the toctrees of a page name."""
-    blocks = re.findall(r"```\{toctree\}(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
-    return {
-        word for block in blocks for word in re.findall(r"^(?:.*<)?(?:\.\./)?([a-z_/]+)>?$", block, flags=re.MULTILINE)
-    }
+    if name == "howto/index":
+        listed = {"index", *re.findall(r"^([a-z_]+)$", content[0], flags=re.MULTILINE)}
+        rest = sorted({page.stem for page in (HERE / "howto").glob("*.md")} - listed)
+        content[0] = content[0].replace("MORE_PAGES", "\n".join(rest))
 
 
 # ---- the gallery ----------------------------------------------------------------------------------

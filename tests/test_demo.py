@@ -14,7 +14,7 @@ from femimpact.study.summary import spread_of
 
 pytestmark = pytest.mark.impacts
 
-PAGE = Path(__file__).parent.parent / "docs" / "paper.md"
+PAGE = Path(__file__).parent.parent / "docs" / "paper" / "paper.md"
 EXACT = {
     "natural frequency without ball",
     "natural frequency, ball glued on",

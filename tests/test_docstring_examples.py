@@ -43,7 +43,10 @@ def test_an_example_runs(name, monkeypatch):
 
 def test_every_name_that_scripts_use_most_has_an_example():
     scripts = {path: path.read_text(encoding="utf-8") for path in (ROOT / "examples").glob("*.py")}
-    pages = [path.read_text(encoding="utf-8") for path in (*ROOT.glob("docs/*.md"), ROOT / "README.md")]
+    pages = [
+        path.read_text(encoding="utf-8")
+        for path in (*ROOT.glob("docs/*.md"), *ROOT.glob("docs/howto/*.md"), ROOT / "README.md")
+    ]
     used = re.findall(r"\bfi\.([A-Za-z_]+)", "\n".join([*scripts.values(), *pages]))
     public = set(fi.__all__) - set(fi._SUBMODULES)
     most = sorted(public & set(used), key=lambda name: -used.count(name))[:MOST_USED]

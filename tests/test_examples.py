@@ -65,7 +65,7 @@ def test_frequencies_converge_with_order_four():
 
 
 def test_the_measured_mass_ratio_meets_the_papers_resonance_with_rigid_impacts():
-    module = load("rigid_reference_studies", ROOT / "docs")
+    module = load("rigid_reference_studies", ROOT / "docs" / "paper")
     scans = module.main(restitutions=(0.15, 0.3, 0.5), points=51, cycles=300)
     found = {(scan.study, scan.start): scan.scan for scan in scans}
     for start in ("base", "space"):
@@ -81,7 +81,7 @@ def test_the_measured_mass_ratio_meets_the_papers_resonance_with_rigid_impacts()
 
 
 def test_the_grid_of_frequencies_decides_which_restitution_meets_the_paper():
-    module = load("rigid_reference_studies", ROOT / "docs")
+    module = load("rigid_reference_studies", ROOT / "docs" / "paper")
     scans = module.on_grids("experiment", restitutions=(0.3, 0.41, 0.5))
     # a motion that repeats, alike from both starts: no chaos decides the peaks
     for points, best, peak, frequency in ((21, 0.41, 5.0, 4.9), (101, 0.3, 5.0, 4.95)):
@@ -93,7 +93,7 @@ def test_the_grid_of_frequencies_decides_which_restitution_meets_the_paper():
 
 
 def test_with_the_theorys_mass_ratio_start_and_dwell_decide():
-    module = load("rigid_reference_studies", ROOT / "docs")
+    module = load("rigid_reference_studies", ROOT / "docs" / "paper")
     count = {e: module.large_motions(e, 4.92, 600, starts=40) for e in (0.7, 0.775, 0.8)}
     # none below the band and nearly all above it; within, some do and some do not: half of 40, four deviations of 3.2
     assert count[0.7] == 0
@@ -102,7 +102,7 @@ def test_with_the_theorys_mass_ratio_start_and_dwell_decide():
 
 
 def test_a_stiff_compliant_wall_has_the_statistics_of_the_rigid_one():
-    module = load("rigid_reference_studies", ROOT / "docs")
+    module = load("rigid_reference_studies", ROOT / "docs" / "paper")
     rigid, stiff = module.compare("experiment", 0.3, contact_times=(0.5e-3,), points=13, cycles=400)
     # means of chaotic sweeps: a few percent of scatter between runs of this length
     assert stiff.curve.rms.mean() == pytest.approx(rigid.curve.rms.mean(), rel=0.05)

@@ -17,13 +17,12 @@ import femimpact as fi
 pytestmark = pytest.mark.impacts
 
 ROOT = Path(__file__).parent.parent
+PARTS = ("development", "howto", "paper", "reference", "theory")
 PAGES = [
     Path("README.md"),
     Path("CONTRIBUTING.md"),
     *sorted(path.relative_to(ROOT) for path in (ROOT / "docs").glob("*.md")),
-    *sorted(
-        path.relative_to(ROOT) for folder in ("theory", "reference") for path in (ROOT / "docs" / folder).glob("*.md")
-    ),
+    *sorted(path.relative_to(ROOT) for folder in PARTS for path in (ROOT / "docs" / folder).glob("*.md")),
 ]
 WRITTEN_BY_BUILD = {"api", "gallery"}
 LINKS = [
@@ -34,7 +33,7 @@ LINKS = [
 ]
 
 
-PICTURES = runpy.run_path(str(ROOT / "docs" / "make_pictures.py"))
+PICTURES = runpy.run_path(str(ROOT / "docs" / "pictures" / "make_pictures.py"))
 
 
 def ran(*pages):
@@ -61,7 +60,7 @@ def root_stress(tmp_path_factory):
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pyplot.switch_backend("agg")
     with contextlib.chdir(tmp_path_factory.mktemp("root_stress")):
-        names = ran("docs/root_stress.md")
+        names = ran("docs/howto/root_stress.md")
         names["folder"] = Path.cwd()
     pyplot.close("all")
     return names
@@ -91,12 +90,12 @@ def test_the_script_of_the_readme_runs_as_it_stands(monkeypatch, tmp_path, capsy
 def test_the_script_of_the_page_on_scripting_runs_as_it_stands(capsys):
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pyplot.switch_backend("agg")
-    names = ran("docs/python.md", *(f"docs/{name}.md" for name in GOING_ON))
+    names = ran("docs/howto/python.md", *(f"docs/howto/{name}.md" for name in GOING_ON))
     drawn = len(pyplot.get_fignums())
     pyplot.close("all")
     # every page says from where it goes on
     for name in GOING_ON:
-        assert "(python.md)" in (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+        assert "(python.md)" in (ROOT / "docs" / "howto" / f"{name}.md").read_text(encoding="utf-8")
     # the shapes and names are the public interface
     assert names["modes"].natural_frequency.shape == (4,)
     assert names["small"].dofs == 8
@@ -117,7 +116,7 @@ def test_the_script_of_the_page_on_scripting_runs_as_it_stands(capsys):
     assert names["section"]["tip"].shape == (151,)
 
 
-@pytest.mark.parametrize("page", ["docs/convergence.md", "meshes/README.md"])
+@pytest.mark.parametrize("page", ["docs/howto/convergence.md", "meshes/README.md"])
 def test_the_pages_on_convergence_run_as_they_stand(monkeypatch, drawn_off_screen, page):
     # their meshes are beside the repository's root
     monkeypatch.chdir(ROOT)
@@ -131,7 +130,7 @@ def test_the_pages_on_convergence_run_as_they_stand(monkeypatch, drawn_off_scree
 
 def test_the_page_on_paraview_runs_as_it_stands(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    names = ran("docs/mode_shapes_in_paraview.md")
+    names = ran("docs/howto/mode_shapes_in_paraview.md")
     assert len(names["blocks"]) == 4
     assert len(list((tmp_path / "mode_2").iterdir())) == 24
     for page in ("modes_paraview.py", "mode_2_paraview.py"):
@@ -163,7 +162,7 @@ def test_the_page_on_root_stress_counts_ranges_as_the_standard_does(root_stress)
 
 def test_the_page_on_a_measured_base_runs_as_it_stands(monkeypatch, tmp_path, drawn_off_screen):
     monkeypatch.chdir(tmp_path)
-    names = ran("docs/measured_base.md")
+    names = ran("docs/howto/measured_base.md")
     largest = {name: base.amplitude for name, base in names["bases"].items()}
     # half the offset's acceleration times the time squared
     assert largest["as read"] == pytest.approx(0.5 * 0.01 * 9.80665 * 40.0**2, rel=0.01)
@@ -178,8 +177,8 @@ def test_the_page_on_a_measured_base_runs_as_it_stands(monkeypatch, tmp_path, dr
 
 def test_the_page_on_ones_own_mesh_runs_as_it_stands(monkeypatch, tmp_path, drawn_off_screen):
     monkeypatch.chdir(tmp_path)
-    PICTURES["prepare"](ROOT / "docs/own_mesh.md", tmp_path)
-    names = ran("docs/own_mesh.md")
+    PICTURES["prepare"](ROOT / "docs/howto/own_mesh.md", tmp_path)
+    names = ran("docs/howto/own_mesh.md")
     table, stress = names["table"], names["stress"]
     # h^2 under base excitation away from a resonance
     assert table.fitted_order[stress] == pytest.approx(2.0, abs=0.1)
@@ -189,7 +188,7 @@ def test_the_page_on_ones_own_mesh_runs_as_it_stands(monkeypatch, tmp_path, draw
 
 def test_gmsh_makes_the_meshes_of_the_page_of_its_geometry(tmp_path):
     pytest.importorskip("gmsh")
-    page = ROOT / "docs/own_mesh.md"
+    page = ROOT / "docs/howto/own_mesh.md"
     (tmp_path / "beam.geo").write_text(PICTURES["blocks"](page, "text")[0], encoding="utf-8")
     for name, source in PICTURES["MESHES"].items():
         elements = re.search(r"\d+", name)[0]
@@ -204,7 +203,7 @@ def test_gmsh_makes_the_meshes_of_the_page_of_its_geometry(tmp_path):
 
 def test_the_page_on_two_balls_runs_as_it_stands(monkeypatch, tmp_path, drawn_off_screen):
     monkeypatch.chdir(tmp_path)
-    names = ran("docs/two_balls.md")
+    names = ran("docs/howto/two_balls.md")
     forces = [curve.peak_force.max() for curve in names["curves"].values()]
     # half the mass with the same contact time: half the force at the same speed, which scatters by a fifth
     assert forces[1] == pytest.approx(0.5 * forces[0], rel=0.3)
@@ -216,8 +215,8 @@ def test_the_page_on_two_balls_runs_as_it_stands(monkeypatch, tmp_path, drawn_of
 
 def test_every_picture_of_a_page_that_is_run_is_one_that_the_page_writes():
     for name in PICTURES["PAGES"]:
-        text = (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
-        shown = set(re.findall(r"!\[[^]]*\]\(([^)]+)\)", text)) - {"paraview_deflection.png"}
+        text = PICTURES["page_of"](name).read_text(encoding="utf-8")
+        shown = {Path(link).name for link in re.findall(r"!\[[^]]*\]\(([^)]+)\)", text)} - {"paraview_deflection.png"}
         assert shown == set(re.findall(r'save_figure\([^\n]*"([^"]+\.png)"\)', text)), name
 
 

@@ -50,7 +50,7 @@ def test_every_example_stands_below_one_heading_of_the_gallery():
     assert sorted(listed) == sorted(path.stem for path in (DOCS.parent / "examples").glob("*.py"))
 
 
-@pytest.mark.parametrize("page", sorted(DOCS.glob("*.md")), ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", sorted({*DOCS.glob("*.md"), *DOCS.glob("[dhprt]*/*.md")}), ids=lambda page: page.stem)
 def test_every_page_begins_with_one_title(page):
     lines = page.read_text(encoding="utf-8").splitlines()
     assert lines[0].startswith("# ")

@@ -1,4 +1,4 @@
-"""Run the scripts of how-to pages and keep the pictures that they write: `python docs/make_pictures.py [NAME ...]`.
+"""Run the scripts of how-to pages and keep the pictures that they write: `make_pictures.py [NAME ...]`.
 
 A page is run in an empty directory, with the files that it asks its reader to save. A page without a whole script shows
 the picture of an example, which is run instead.
@@ -16,11 +16,17 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
 PAGES = ("measured_base", "own_mesh", "root_stress", "start", "two_balls")
 EXAMPLES = ("gap_and_tolerance",)
 """Whose pictures pages show."""
-MESHES = {f"beam_{n}.msh": HERE.parent / "meshes" / f"graded_{n}.msh" for n in (6, 12, 24, 48)}
+MESHES = {f"beam_{n}.msh": ROOT / "meshes" / f"graded_{n}.msh" for n in (6, 12, 24, 48)}
 """What gmsh makes of the geometry on the page on meshes."""
+
+
+def page_of(name: str) -> Path:
+    """The page of a name: `start` is one of the site, the others are how-to pages."""
+    return next(path for folder in ("", "howto") if (path := ROOT / "docs" / folder / f"{name}.md").exists())
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -52,10 +58,10 @@ def main(names: tuple[str, ...] = (*PAGES, *EXAMPLES), folder: Path = HERE) -> l
     matplotlib.use("agg")
     made = []
     for name in names:
-        page = HERE / f"{name}.md"
+        page = page_of(name)
         with tempfile.TemporaryDirectory() as directory, contextlib.chdir(directory):
             if name in EXAMPLES:
-                runpy.run_path(str(HERE.parent / "examples" / f"{name}.py"), run_name="__main__")
+                runpy.run_path(str(ROOT / "examples" / f"{name}.py"), run_name="__main__")
             else:
                 prepare(page, Path(directory))
                 ran(page)

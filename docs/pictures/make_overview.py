@@ -1,4 +1,4 @@
-"""Make pictures of pages from the results of the demo: `python docs/make_overview.py femimpact-demo`.
+"""Make pictures of pages from the results of the demo: `python docs/pictures/make_overview.py femimpact-demo`.
 
 That of README has a frame of the movie above the response curve, as wide as the frame.
 `paper_response.png` is the curve.
