@@ -29,9 +29,9 @@ from femimpact.export.scene import (
     build_scene,
     section_at,
     snapshots_of,
-    thinned,
 )
 from femimpact.export.sheet import HEIGHT, VIEWS, WIDTH, Film, sheets
+from femimpact.export.tables import thinned
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure

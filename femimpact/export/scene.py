@@ -422,8 +422,3 @@ def snapshots_of(response: Response) -> Snapshots:
             [Fault("snapshots", None, "", "the response holds none: integrate with Recorder(snapshots=STRIDE)")]
         )
     return response.snapshots
-
-
-def thinned(count: int, most: int) -> NDArray[np.int64]:
-    """At most so many of the numbers 0 to count - 1, evenly spread, the first and the last among them."""
-    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))

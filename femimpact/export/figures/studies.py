@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.errors import require, require_name, require_type, takes, text
 from femimpact.export.figures.drawing import BLUE, DARK, OffScreen, legend_above, panel, panels, prefixed
-from femimpact.export.tables import axis_words, single_samples, unsure_cells, value_words
+from femimpact.export.tables import axis_words, map_panels, sample_axes, single_samples, unsure_cells, value_words
 from femimpact.sweep import ONE_START
 
 if TYPE_CHECKING:
@@ -24,8 +24,8 @@ MOST_NUMBERS = 120
 
 MOST_TICKS, MOST_TICKS_OF_PANEL = 12, 5
 
-MOST_PANELS = 36
-"""Maps of a figure."""
+MOST_PANELS_EACH_WAY = 6
+"""Maps of a figure along its rows and along its columns."""
 
 UNSURE = "interval of the median wider than the step to any neighbour"
 """What hatching says."""
@@ -153,12 +153,10 @@ def study_maps(
     names = [str(name) for name in dataset[measure].dims]
     require(len(names) >= 3, "dataset", f"{len(names)} axes", "", "must have three axes or more")
     require(bool(np.any(np.isfinite(values))), "dataset", measure, "", "must have a finite value of the measure")
-    middle = {name: dataset.sizes[name] // 2 for name in names[4:]}
-    shown = dataset.isel(middle)
-    across, down = names[2], names[3] if len(names) > 3 else None
-    most = int(np.sqrt(MOST_PANELS)) if down else MOST_PANELS // 6
-    columns = _some(dataset.sizes[across], most)
-    rows = _some(dataset.sizes[down], most) if down else [0]
+    chosen, middle = map_panels(dataset, names, MOST_PANELS_EACH_WAY, MOST_PANELS_EACH_WAY)
+    shown, (across, *_) = dataset.isel(middle), chosen
+    down = names[3] if len(names) > 3 else None
+    columns, rows = chosen[across], chosen[down] if down else [0]
     factor, unit = _scale(dataset, measure, values)
     bounds = float(np.nanmin(values)), float(np.nanmax(values))
     width, height = 2.2 + 2.6 * len(columns), 1.4 + 2.5 * len(rows)
@@ -212,7 +210,7 @@ def study_scatter(
     values = _values(dataset, measure, 1)
     listed = dataset[measure].dims == ("case",)
     require(listed, "dataset", ", ".join(map(str, dataset[measure].dims)), "", "must be of a list or a sample of cases")
-    names = [str(name) for name in dataset.coords if name != "case" and f"{name}.plus" not in dataset.coords]
+    names = sample_axes(dataset)
     factor, unit = _scale(dataset, measure, values)
     axes = panels(figure, 1.5 + 3.4 * len(names), 4.2, 1, len(names), sharey=True)
     starts = int(dataset.attrs.get("starts", 1))
@@ -286,11 +284,6 @@ def _told(dataset: xarray.Dataset, name: str, index: int) -> str:
         return f"{label}: {words[index]}"
     head, _, unit = label.rpartition(" (")
     return f"{head or label}: {x[index]:.3g}{' ' + unit.rstrip(')') if head else ''}"
-
-
-def _some(count: int, most: int) -> list[int]:
-    """Numbers of at most so many values, the first and the last among them."""
-    return sorted({round(float(place)) for place in np.linspace(0, count - 1, min(count, most))})
 
 
 def _cells(

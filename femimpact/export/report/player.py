@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.export.report.structure_drawing import Finder, body_side
-from femimpact.export.scene import ball_radius, thinned
+from femimpact.export.scene import ball_radius
+from femimpact.export.tables import thinned
 from femimpact.response.history import Snapshots
 from femimpact.response.impacts import Impacts
 from femimpact.response.response import Response
