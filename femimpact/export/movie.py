@@ -20,14 +20,13 @@ from femimpact.errors import choice, instance, optional, quantity, require, take
 from femimpact.excitation.excitation import words_of
 from femimpact.export.figures.drawing import BLUE, DARK, ORANGE
 from femimpact.export.files import atomic_path, file_path
+from femimpact.export.placed import ball_radius, placed_structure
 from femimpact.export.scene import (
     BALL,
     BEAM,
     BOX,
     EXAGGERATION,
-    ball_radius,
     build_scene,
-    section_at,
     snapshots_of,
 )
 from femimpact.export.sheet import HEIGHT, VIEWS, WIDTH, Film, sheets
@@ -327,9 +326,9 @@ def _supports(film: Film) -> list[Any]:
 
     length, width = film.structure.beam.length, film.structure.beam.segments[0].rectangle[0]
     size: dict[str, Any] = {"x_length": 0.02 * length, "y_length": 0.1 * length, "z_length": 1.2 * width}
-    places = [film.response.system.position_of(support.at) for support in film.structure.supports]
     shift = {0.0: -0.01 * length, length: 0.01 * length}
-    return [pyvista.Cube(center=(x + shift.get(x, 0.0), 0.0, 0.0), **size) for x in places]
+    supports = placed_structure(film.structure, film.response.system).supports
+    return [pyvista.Cube(center=(x + shift.get(x, 0.0), 0.0, 0.0), **size) for _, x in supports]
 
 
 def _aim(plotter: Any, film: Film, j: int) -> None:
@@ -343,7 +342,7 @@ def _aim(plotter: Any, film: Film, j: int) -> None:
     upright = 1.0 / np.hypot(1.0, TILT[1])
     if j >= 0:
         pair, radius = balls[j], ball_radius(balls[j].mass)
-        height = 0.5 * section_at(film.structure, pair.position)[0] + 1.3 * radius
+        height = 0.5 * film.structure.beam.rectangle_at(pair.position)[0] + 1.3 * radius
         target = (pair.position, 0.0, height)
         high = upright * (film.scene.exaggeration * max(pair.gaps) + 2.2 * radius)
         scale = max(high, 1.6 * radius * len(balls) / aspect)

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.export.figures.drawing import BLUE, DARK, GREY, ORANGE, STYLE, name_at
-from femimpact.export.scene import BALL, BEAM, BOX, CONTACT_POINT, STOP, Scene, ball_radius
+from femimpact.export.placed import ball_radius, placed_structure
+from femimpact.export.scene import BALL, BEAM, BOX, CONTACT_POINT, STOP, Scene
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
@@ -179,8 +180,8 @@ def _plane_views(figure: Any, film: Film) -> list[Draw]:
     length, s, contacts = 1e3 * film.structure.beam.length, film.scene.exaggeration, film.response.system.balls
     axis = figure.add_axes((0.065, 0.435, 0.5 if contacts else 0.915, 0.435))
     _fit(axis, 0.52 * length, 0.56 * length, 1.05e3 * film.reach, s, "relative to the base (mm)")
-    for support in film.structure.supports:
-        x = 1e3 * film.response.system.position_of(support.at)
+    for _, place in placed_structure(film.structure, film.response.system).supports:
+        x = 1e3 * place
         axis.plot([x, x], [-0.05 * length, 0.05 * length], color="black", linewidth=5.0)
     views = [_moving_parts(axis, film, None)]
     width = (0.98 + SPACE - CLOSE_UPS) / max(len(contacts), 1) - SPACE

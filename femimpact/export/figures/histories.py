@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
+from femimpact.contact import Rigid
 from femimpact.errors import Fault, InputError, column, instance, optional, quantity, require, takes, truth
 from femimpact.excitation.excitation import has_cycle, words_of
 from femimpact.export.figures.drawing import (
@@ -310,11 +311,10 @@ def contact_force(
 
 def _last_cycles(axis: Any, response: Response, names: list[str], cycles: float) -> None:
     start, words = last_cycles(response, cycles)
-    last = response.time >= start
-    rigid = [pair.name for pair in response.system.contacts if pair.parameters.is_rigid]
+    last, laws = response.time >= start, response.impacts.law
     for colour, name in zip(COLOURS, names, strict=False):
         owner = name.rpartition(".")[0]
-        label = f"{owner} (rigid: force only while sticking)" if owner in rigid else owner or None
+        label = f"{owner} (rigid: force only while sticking)" if laws.get(owner) == Rigid.name else owner or None
         axis.plot(response.time[last], response[name][last], color=colour, label=label)
     axis.set_ylabel("force on the beam (N)")
     axis.set_xlabel("time (s)")

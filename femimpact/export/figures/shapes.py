@@ -20,6 +20,7 @@ from femimpact.export.figures.drawing import (
     panel,
     panels,
 )
+from femimpact.export.placed import placed_structure
 from femimpact.fem.discretisation import Discretisation, discretise
 from femimpact.fem.mesh import Mesh
 from femimpact.structure.structure import Structure
@@ -212,26 +213,26 @@ def mode_shapes(
 
 def _parts(axis: Any, system: System, structure: Structure, vector: NDArray[np.float64]) -> None:
     """Bodies, balls, supports, springs and dashpots where the shape puts them."""
+    placed = placed_structure(structure, system)
 
-    def point(at: Any) -> tuple[float, float]:
-        x = system.position_of(structure.place_of(at))
+    def point(x: float) -> tuple[float, float]:
         return 1e3 * x, float(np.asarray(system.deflection_rows([x]) @ vector)[0])
 
-    def mark(at: Any, marker: Any, size: float, **style: Any) -> None:
-        x, y = point(at)
+    def mark(place: float, marker: Any, size: float, **style: Any) -> None:
+        x, y = point(place)
         axis.plot([x], [y], linestyle="none", marker=marker, markersize=size, clip_on=False, **style)
 
-    for _, item, places in structure.connections:
-        first, *second = (point(place) for place in places.values())
+    for item, places in placed.connections:
+        first, *second = map(point, places)
         if second:
             draw_connection(axis, item, (first, second[0]), (0.0, 0.08))
         else:
             base = (first[0], -1.25)
             draw_connection(axis, item, (first, base), (0.006e3 * float(system.nodes[-1]), 0.0))
             draw_ground(axis, base)
-    for body in structure.masses:
-        mark(body.at, "s", 15.0, markerfacecolor="white", markeredgecolor=BOX, markeredgewidth=2.5, label=body.name)
-    for contact in system.contacts:
+    for body, x in placed.bodies:
+        mark(x, "s", 15.0, markerfacecolor="white", markeredgecolor=BOX, markeredgewidth=2.5, label=body.name)
+    for contact in placed.contacts:
         if not contact.is_stop:
             mark(contact.position, "o", 7.0, color=BLUE, label=contact.name)
             continue
@@ -239,9 +240,9 @@ def _parts(axis: Any, system: System, structure: Structure, vector: NDArray[np.f
             if math.isfinite(gap):
                 at = (1e3 * contact.position, side * STOP_AT)
                 axis.plot(*at, marker, color=DARK, markersize=9.0, linestyle="none", clip_on=False, label=contact.name)
-    for support in structure.supports:
+    for support, x in placed.supports:
         marker, size, label = SUPPORT_MARKS[support.kind]
-        mark(support.at, marker, size, color="black", markeredgewidth=4.0 if size > 20.0 else 1.0, label=label)
+        mark(x, marker, size, color="black", markeredgewidth=4.0 if size > 20.0 else 1.0, label=label)
 
 
 def _legend(axis: Any) -> None:

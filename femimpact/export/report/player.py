@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.export.report.structure_drawing import Finder, body_side
-from femimpact.export.scene import ball_radius
+from femimpact.export.placed import PlacedStructure, ball_radius, body_side, placed_structure
 from femimpact.export.tables import thinned
 from femimpact.response.history import Snapshots
 from femimpact.response.impacts import Impacts
@@ -145,19 +144,19 @@ def _between(snapshots: Snapshots, times: Array) -> Array:
 def player_element(
     response: Response,
     structure: Structure,
-    position: Finder,  # metres from the root of a place of the structure
     exaggeration: float | None,  # by which motion and gaps are drawn larger; chosen for None
 ) -> Element | None:
     """The player of a response's snapshots, with its data; None where it has none."""
     frames = frames_of(response)
     if frames is None:
         return None
-    contacts = list(response.system.contacts)
-    larger = exaggeration or _larger(frames, structure, contacts)
+    placed = placed_structure(structure, response.system)
+    balls = list(response.system.balls)
+    reach = float(np.abs(frames.deflection).max()) + max((max(pair.gaps) for pair in balls), default=0.0)
+    larger = exaggeration or max(float(f"{SWING * placed.length / max(reach, 1e-12):.1g}"), 1e-3)
     span = float(frames.time[-1] - frames.time[0])
     speed = min(SPEEDS, key=lambda share: abs(math.log(span / share / WANTED)))
-    data = _data(frames, structure, position, contacts) | {"larger": larger, "speed": speed}
-    balls = [pair for pair in contacts if not pair.is_stop]
+    data = _data(frames, placed) | {"larger": larger, "speed": speed}
     options = [element("option", _speed_words(share), value=repr(share), selected=share == speed) for share in SPEEDS]
     factors = dict.fromkeys((larger, 1.0))
     scales = [element("option", _scale_words(factor), value=repr(float(factor))) for factor in factors]
@@ -203,15 +202,10 @@ def _scale_words(factor: float) -> str:
     return "true" if factor == 1.0 else f"motion and gaps {TIMES} {factor:g}"
 
 
-def _larger(frames: Frames, structure: Structure, contacts: Sequence[Any]) -> float:
-    reach = float(np.abs(frames.deflection).max()) + max((max(p.gaps) for p in contacts if not p.is_stop), default=0.0)
-    return max(float(f"{SWING * structure.beam.length / max(reach, 1e-12):.1g}"), 1e-3)
-
-
-def _data(frames: Frames, structure: Structure, position: Finder, contacts: Sequence[Any]) -> dict[str, Any]:
+def _data(frames: Frames, placed: PlacedStructure) -> dict[str, Any]:
     largest = max(float(np.abs(values).max(initial=0.0)) for values in (frames.deflection, frames.balls, frames.space))
     unit, steepest = (largest or 1.0) / FULL, (float(np.abs(frames.slope).max(initial=0.0)) or 1.0) / FULL
-    beam, length = structure.beam, structure.beam.length
+    beam = placed.structure.beam
     middles = 0.5 * (frames.stations[1:] + frames.stations[:-1])
     joints = [0.0, *np.cumsum([segment.length for segment in beam.segments]).tolist()]
     return {
@@ -225,7 +219,7 @@ def _data(frames: Frames, structure: Structure, position: Finder, contacts: Sequ
         "balls": _packed(frames.balls / unit),
         "space": _packed(frames.space / unit),
         "impacts": [list(one) for one in frames.impacts],
-        "length": length,
+        "length": beam.length,
         "contacts": [
             {
                 "name": pair.name,
@@ -235,12 +229,10 @@ def _data(frames: Frames, structure: Structure, position: Finder, contacts: Sequ
                 "stop": bool(pair.is_stop),
                 "space": pair.fixed_to == "space",
             }
-            for pair in contacts
+            for pair in placed.contacts
         ],
-        "supports": [{"kind": one.kind, "x": position(one.at)} for one in structure.supports],
-        "bodies": [
-            {"x": position(one.at), "offset": one.offset, "side": body_side(one.mass)} for one in structure.masses
-        ],
+        "supports": [{"kind": support.kind, "x": x} for support, x in placed.supports],
+        "bodies": [{"x": x, "offset": body.offset, "side": body_side(body.mass)} for body, x in placed.bodies],
     }
 
 

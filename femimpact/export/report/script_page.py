@@ -14,6 +14,7 @@ import numpy as np
 from femimpact.convergence import ConvergenceStudy, ConvergenceTable
 from femimpact.errors import Fault, InputError, instance, optional, require, require_type, takes, text
 from femimpact.export.files import file_path
+from femimpact.export.placed import drawn_system, placed_structure
 from femimpact.export.report.charts import (
     axis_section,
     curve_table,
@@ -35,7 +36,7 @@ from femimpact.export.report.page import (
     write_page,
 )
 from femimpact.export.report.player import player_element
-from femimpact.export.report.structure_drawing import place_finder, placed_contacts, structure_element
+from femimpact.export.report.structure_drawing import structure_element
 from femimpact.response.impacts import impact_columns
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
@@ -209,8 +210,7 @@ def _drawing(structure: Structure | None, responses: Mapping[str, Response]) -> 
         return None
     points = next((dict(one.system.points) for one in responses.values()), {})
     try:
-        finder = place_finder(structure, points)
-        return structure_element(structure, finder, placed_contacts(structure, finder))
+        return structure_element(placed_structure(structure, drawn_system(structure, points)))
     except KeyError as error:
         allowed = f"has a part at {error}, a point of a mesh: give a Response on that mesh among the parts"
         raise InputError([Fault("structure", None, "", allowed)]) from None
@@ -269,8 +269,7 @@ def _renamed(section: Section, key: str, heading: str) -> Section:
 def _response(key: str, heading: str, response: Response, structure: Structure | None) -> list[Section]:
     sections = []
     if structure is not None:
-        finder = place_finder(structure, dict(response.system.points))
-        player = player_element(response, structure, finder, None)
+        player = player_element(response, structure, None)
         sections += (
             [Section(f"{key}-player", f"{heading}: the motion", (element("div", player),))]
             if player is not None

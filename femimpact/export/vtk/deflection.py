@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import checked, quantity, require_name
-from femimpact.export.scene import BALL_DENSITY, EXAGGERATION, Scene, ball_radius, build_whole_scene, snapshots_of
+from femimpact.export.placed import BALL_DENSITY, ball_radius
+from femimpact.export.scene import EXAGGERATION, Scene, build_whole_scene, snapshots_of
 from femimpact.export.tables import thinned
 from femimpact.export.vtk.formats import Frame, Series, Value
 from femimpact.export.vtk.modes import PARTS_IN_WORDS, beam_fields, in_words
