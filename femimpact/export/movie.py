@@ -27,6 +27,7 @@ from femimpact.export.scene import (
     BOX,
     EXAGGERATION,
     build_scene,
+    chosen_exaggeration,
     snapshots_of,
 )
 from femimpact.export.sheet import HEIGHT, VIEWS, WIDTH, Film, sheets
@@ -39,9 +40,6 @@ __all__ = ["gl_window", "write_movie"]
 
 MOST_FPS = 1000
 """Frames per second; a GIF counts milliseconds."""
-
-SWING = 0.08
-"""Share of the beam's length that swing and gap fill when the exaggeration is chosen here."""
 
 PROBE = """
 import vtkmodules.vtkRenderingOpenGL2
@@ -68,12 +66,12 @@ WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
 
 
 def gl_window() -> str | None:
-    """The window class with which VTK can render off screen here, or None; the user's own choice is tried first.
+    """The window class with which VTK can render off screen here, or None; that of the environment is tried first.
 
     Tried in a child process: without a GL library VTK does not raise, it ends the process.
     """
-    own = os.environ.get(WINDOW)
-    return _probed((*([own] if own else []), "vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow"))
+    chosen = os.environ.get(WINDOW)
+    return _probed((*([chosen] if chosen else []), "vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow"))
 
 
 @cache
@@ -155,9 +153,7 @@ def write_movie(
 def _film(response: Response, structure: Structure, exaggeration: float | None, fps: int, most: int) -> Film:
     snapshots = snapshots_of(response)
     if exaggeration is None:
-        reach = float(np.abs(snapshots.displacement[:, 0::2]).max())
-        reach += max((max(pair.gaps) for pair in response.system.balls), default=0.0)
-        exaggeration = float(f"{SWING * structure.beam.length / max(reach, 1e-12):.1g}")
+        exaggeration = chosen_exaggeration(snapshots.displacement[:, 0::2], structure, response.system.balls)
     chosen = thinned(snapshots.time.size, most)
     shown = float(snapshots.time[chosen[-1]] - snapshots.time[chosen[0]])
     slow = f"   Slowed {(chosen.size - 1) / fps / shown:.2g} times." if shown > 0.0 else ""
@@ -235,7 +231,7 @@ def _pyvista_frames(film: Film, window: str) -> Iterator[NDArray[np.uint8]]:
     import pyvista
 
     draw, balls, height = sheets(film, plane=False), len(film.response.system.balls), VIEWS.stop - VIEWS.start
-    # the whole beam on the left half, the balls on the right one
+    # the beam on the left half, the balls on the right one
     layout: Any = {"shape": (1, 1 + balls), "col_weights": [max(balls, 1), *balls * [1]], "border": False}
     with _window(window):
         plotter: Any = pyvista.Plotter(off_screen=True, window_size=[WIDTH, height], **layout)
@@ -285,7 +281,7 @@ def _pieces(film: Film) -> list[tuple[Any, NDArray[np.intp], dict[str, Any], tup
 
     scene = film.scene
     cells = [np.concatenate([[cell.size], cell]) for cell in np.split(scene.connectivity, scene.offsets[:-1])]
-    whole = pyvista.UnstructuredGrid(np.concatenate(cells), scene.types, scene.points.copy())
+    grid = pyvista.UnstructuredGrid(np.concatenate(cells), scene.types, scene.points.copy())
     shiny = {"color": BLUE, "smooth_shading": True, "ambient": 0.25, "specular": 0.4, "specular_power": 20.0}
     plan: list[tuple[NDArray[np.intp], dict[str, Any], tuple[int, int] | None]]
     plan = [(np.flatnonzero(scene.part == BEAM), {"color": "#a3acb6", "ambient": 0.4}, None)]
@@ -298,7 +294,7 @@ def _pieces(film: Film) -> list[tuple[Any, NDArray[np.intp], dict[str, Any], tup
     plan += [(np.array([cell]), {"color": DARK, "ambient": 0.4}, (j, side)) for cell, j, side in film.stops()]
     pieces = []
     for chosen, style, contact in plan:
-        solid: Any = whole.extract_cells(chosen.tolist())
+        solid: Any = grid.extract_cells(chosen.tolist())
         # that of a solid would be looked for at each frame; newer versions warn of another default, which does as well
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -332,7 +328,7 @@ def _supports(film: Film) -> list[Any]:
 
 
 def _aim(plotter: Any, film: Film, j: int) -> None:
-    """Point the camera of a view, of the whole beam (-1) or of a ball, and choose its scale.
+    """Point the camera of a view, of the beam (-1) or of a ball, and choose its scale.
 
     A parallel projection, so that lengths stay lengths.
     """

@@ -43,7 +43,7 @@ class DrawnContact:
 
     @property
     def is_stop(self) -> bool:
-        """Whether the other side is a fixed obstacle, not a ball."""
+        """True of a fixed obstacle, false of a ball."""
         return math.isinf(self.mass)
 
 
@@ -52,7 +52,7 @@ Contact = ContactPair | DrawnContact
 
 @dataclass(frozen=True, eq=False)
 class DrawnSystem:
-    """What pictures show of a system, under the same names: places, contacts, and curves between the nodes."""
+    """Places, contacts and curves between the nodes of a system, under the same names, for pictures."""
 
     nodes: Array  # (n,) m
     points: Mapping[str, float]  # m

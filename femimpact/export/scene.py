@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -41,7 +42,7 @@ BLOCK = list(range(8))
 
 @dataclass
 class Pieces:
-    """What is collected while a scene is built, one entry for each piece or each point."""
+    """Points and cells of a scene while it is built, one entry for each piece or each point."""
 
     points: list[Array] = field(default_factory=list)  # (k, 3) m
     # (k,) m: x of the section that moves each point; not a number where none does
@@ -60,7 +61,7 @@ class Pieces:
         self, points: Array, axis: Any, cells: list[tuple[int, list[int]]], part: int, pair: int, ball: int = -1,
         in_space: bool = False,
     ) -> None:  # fmt: skip
-        """Add points that move alike, and the cells between them."""
+        """Add points that move in the same way, and the cells between them."""
         first, size = self.count, len(points)
         self.points.append(points)
         self.axis.append(np.broadcast_to(np.asarray(axis, dtype=float), size))
@@ -266,7 +267,20 @@ def add_contacts(
 
 
 EXAGGERATION: Any = quantity("1", above=0.0, at_most=1e9)
-"""By which motion and clearance are drawn larger."""
+"""Factor by which motion and clearance are drawn larger."""
+
+SWING = 0.08
+"""Share of the beam's length that swing and gap fill where the factor is chosen."""
+
+
+def chosen_exaggeration(
+    deflection: Array,  # m
+    structure: Structure,
+    balls: Sequence[Contact],
+) -> float:
+    """Factor, of one digit, with which the largest deflection and gap are a good size beside the beam."""
+    reach = float(np.abs(deflection).max()) + max((max(pair.gaps) for pair in balls), default=0.0)
+    return float(f"{SWING * structure.beam.length / max(reach, 1e-12):.1g}")
 
 
 @dataclass(frozen=True, eq=False)

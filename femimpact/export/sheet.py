@@ -31,7 +31,7 @@ Draw = Callable[[int], None]
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """What every renderer needs: the chosen snapshots, the scene, and which contact is closed when."""
+    """Input of every renderer: the chosen snapshots, the scene, and which contact is closed when."""
 
     response: Response
     structure: Structure
@@ -43,7 +43,7 @@ class Film:
     touched: NDArray[np.int64]
 
     def touches(self, i: int, pair: int, side: int) -> bool:
-        """Whether a pair touches on that side at frame i; side 0 means either."""
+        """True where a pair touches on that side at frame i; side 0 means either."""
         return bool(self.touched[i, pair] != 0 and side in (0, self.touched[i, pair]))
 
     def moved(self, i: int) -> NDArray[np.float64]:
@@ -176,7 +176,7 @@ def _history(axis: Any, film: Film, j: int) -> None:
 
 
 def _plane_views(figure: Any, film: Film) -> list[Draw]:
-    """Axes of the whole beam, and of the close-up where there is a ball."""
+    """Axes of the beam, and of the close-up where there is a ball."""
     length, s, contacts = 1e3 * film.structure.beam.length, film.scene.exaggeration, film.response.system.balls
     axis = figure.add_axes((0.065, 0.435, 0.5 if contacts else 0.915, 0.435))
     _fit(axis, 0.52 * length, 0.56 * length, 1.05e3 * film.reach, s, "relative to the base (mm)")

@@ -238,7 +238,7 @@ def plain(value: Any) -> Any:
 
 
 def write_netcdf(path: str | Path, dataset: xarray.Dataset) -> Path:
-    """Write a labelled dataset as netCDF 4, whole or not at all."""
+    """Write a labelled dataset as netCDF 4."""
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 

@@ -19,10 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.arrays import Array
 
 Child = Element | str | None
-"""What an element holds: another one, a text, or nothing."""
+"""Child of an element: another one, a text, or nothing."""
 
 NO_CHARACTER = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
-"""What no document holds: control characters, halves of surrogate pairs."""
+"""Characters that no document may hold: control characters, halves of surrogate pairs."""
 
 RAW = frozenset({"script", "style"})
 """Elements whose text a browser reads as it stands."""
@@ -260,7 +260,7 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """What lies between two lines, shaded."""
+    """A shaded area between two lines."""
 
     name: str
     x: Array
@@ -388,9 +388,9 @@ def _line(chart: Chart, line: Line, most: int) -> list[Element]:
         path = _dots_of(x[kept], y[kept]) if line.style == "dots" else path_of(x[kept], y[kept])
         drawn.append(element(f"path.fi-{line.style}.fi-c{colour}", d=path, data_name=line.name or None))
     if line.marked is not None and np.any(line.marked):
-        own = thinned_line(y[line.marked], most // 2)
+        kept = thinned_line(y[line.marked], most // 2)
         name = line.name if line.style == "none" else None
-        path = _dots_of(x[line.marked][own], y[line.marked][own])
+        path = _dots_of(x[line.marked][kept], y[line.marked][kept])
         drawn.append(element(f"path.fi-dots.fi-c{colour}", d=path, data_name=name or None))
     return drawn
 

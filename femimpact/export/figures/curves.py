@@ -129,7 +129,7 @@ def response_curve(
 
 
 def _scale(curve: FrequencyResponse) -> tuple[float, str]:
-    """What the values of a curve are multiplied by where they are drawn, and the unit that they then have."""
+    """Factor of the values of a curve where they are drawn, and the unit that they then have."""
     return {"m": (1e3, "mm"), "Pa": (1e-6, "MPa")}.get(curve.unit, (1.0, curve.unit))
 
 
@@ -176,7 +176,7 @@ def _legend(
 
 
 def _has_rms(named: Mapping[str, FrequencyResponse], curve: FrequencyResponse) -> bool:
-    """Whether the rms of a curve is drawn: of more than three curves it would be too much."""
+    """True where the rms of a curve is drawn: of three curves at most."""
     return len(named) <= 3 and bool(np.nansum(curve.impacts_per_cycle) > 0.0)
 
 
@@ -217,7 +217,7 @@ def restitution_scan(
     amplitude_ratio: float,
     figure: FigureBase | OffScreen | None = None,
 ) -> NDArray[np.object_]:
-    """What the restitution does to the resonance, for one or more starts, beside the published values.
+    """Resonance over the restitution, for one or more starts, beside the published values.
 
     A mark with a dot in it is of a motion that is not periodic: one start's value, or the median of several starts.
 

@@ -139,7 +139,7 @@ def spectrum(
 ) -> Axes:
     """Amplitude spectrum of a channel over the whole base cycles of the last third of a run; else a spectral density.
 
-    Where the excitation has no cycle, or is a record, the one-sided spectral density over the whole run is drawn, by
+    Where the excitation has no cycle, or is a record, the one-sided spectral density over the run is drawn, by
     the averages of Hann windows that overlap by half (Welch), and no frequency of the base.
 
     Parameters
@@ -191,7 +191,7 @@ def spectrum(
 
 
 def _density(response: Response, name: str, highest: float | None, ax: Axes | OffScreen | None) -> Axes:
-    """One-sided spectral density of a channel over a whole run."""
+    """One-sided spectral density of a channel over a run."""
     from scipy.signal import welch
 
     time, values = response.time, response[name]
@@ -246,8 +246,8 @@ def cycle_averaged_force(response: Response) -> tuple[Array, Array]:
     # a method with steps has the impulse of a sticking phase in both tables
     phases = set(zip(sticking.start.tolist(), sticking.impulse.tolist(), strict=True))
     pairs = zip(impacts.time.tolist(), impacts.impulse.tolist(), strict=True)
-    own = np.where([pair in phases for pair in pairs], 0.0, np.abs(impacts.impulse))
-    impulse = np.histogram(impacts.time, bins=edges, weights=own)[0] if edges.size > 1 else edges[1:]
+    single = np.where([pair in phases for pair in pairs], 0.0, np.abs(impacts.impulse))
+    impulse = np.histogram(impacts.time, bins=edges, weights=single)[0] if edges.size > 1 else edges[1:]
     for start, end, force in zip(sticking.start, sticking.end, sticking.mean_force, strict=True):
         last = edges[-1] if np.isnan(end) else end
         shared = np.minimum(edges[1:], last) - np.maximum(edges[:-1], start)

@@ -142,7 +142,7 @@ SUPPORT_MARKS: dict[str, tuple[Any, float, str]] = {
 STOP_AT = 1.13
 """Height of the mark of a stop, whose point is towards the beam."""
 SYSTEM: Any = having("a System", ("nodes", "contacts", "total_mass", "position_of", "deflection_rows"))
-"""What a study has left of one will do."""
+"""A `DrawnSystem` will do."""
 MOST = 4
 """Modes that are drawn."""
 MOST_POINTS = 100_000

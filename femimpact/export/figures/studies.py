@@ -28,7 +28,7 @@ MOST_PANELS_EACH_WAY = 6
 """Maps of a figure along its rows and along its columns."""
 
 UNSURE = "interval of the median wider than the step to any neighbour"
-"""What hatching says."""
+"""Meaning of hatching."""
 
 
 @takes(measure=text(), title=text())
@@ -164,9 +164,9 @@ def study_maps(
     image, maps = None, []
     for i, row in enumerate(rows):
         for j, column in enumerate(columns):
-            own = shown.isel({across: column} | ({down: row} if down else {}))
-            maps.append(own)
-            image = _cells(axes[i, j], own, measure, factor, bounds, numbers=False)
+            cells = shown.isel({across: column} | ({down: row} if down else {}))
+            maps.append(cells)
+            image = _cells(axes[i, j], cells, measure, factor, bounds, numbers=False)
             told = [_told(dataset, across, column)] + ([_told(dataset, down, row)] if down else [])
             axes[i, j].set_title("\n".join(told), loc="left", fontsize=9.0)
             if i < len(rows) - 1:
@@ -176,9 +176,9 @@ def study_maps(
     bar = axes[0, 0].figure.colorbar(image, ax=axes)
     bar.set_label(_label(dataset[measure].attrs.get("long_name", measure), unit, int(dataset.attrs.get("starts", 1))))
     told = [f"at {', '.join(_told(dataset, name, index) for name, index in middle.items())}"] if middle else []
-    # of what is drawn: a map has fewer neighbours than the whole
-    told += [f"hatched: {UNSURE}"] if any(unsure_cells(own, measure).any() for own in maps) else []
-    told += [f"*: {ONE_START}"] if any(single_samples(own).any() for own in maps) else []
+    # of what is drawn: a map has fewer neighbours than the dataset
+    told += [f"hatched: {UNSURE}"] if any(unsure_cells(cells, measure).any() for cells in maps) else []
+    told += [f"*: {ONE_START}"] if any(single_samples(cells).any() for cells in maps) else []
     if told:
         axes[0, 0].figure.suptitle("\n".join(told), fontsize=10.0)
     return axes
@@ -338,16 +338,16 @@ def _squares(cells: NDArray[np.int64]) -> Any:
 def _write_numbers(
     axis: Axes, image: Any, shown: Array, middle: float, samples: NDArray[np.bool_], unsure: NDArray[np.bool_]
 ) -> None:
-    """The number of each cell, with a star where it is a sample, on its own colour where the cell is hatched."""
+    """The number of each cell, with a star where it is a sample; on the colour of its cell where that is hatched."""
     for (i, j), value in np.ndenumerate(shown):
         if np.isfinite(value):
-            own = {"facecolor": image.to_rgba(np.array([value]))[0], "edgecolor": "none", "pad": 1.0}
+            box = {"facecolor": image.to_rgba(np.array([value]))[0], "edgecolor": "none", "pad": 1.0}
             axis.annotate(f"{value:.2g}{'*' if samples[i, j] else ''}", (j, i), ha="center", va="center", fontsize=9.0,
-                          color="white" if value < middle else "black", bbox=own if unsure[i, j] else None)  # fmt: skip
+                          color="white" if value < middle else "black", bbox=box if unsure[i, j] else None)  # fmt: skip
 
 
 def _map_legend(axis: Axes, dataset: xarray.Dataset, measure: str) -> None:
-    """What stars and hatching mean, where there are any."""
+    """Legend of stars and hatching, where there are any."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

@@ -167,8 +167,8 @@ def _texts(values: Sequence[Any]) -> list[str]:
         return [NO_NUMBER if value is None or value == "" else number_text(float(value), DIGITS) for value in values]
     if wide or largest < 1e-4 or largest >= 1e7:
         return [_plain(value, f"{float(value or 0.0):.3e}") for value in values]
-    whole, least = math.floor(math.log10(largest)), math.floor(math.log10(smallest))
-    digits = max(0, min(max(DIGITS - 1 - whole, LEAST_DIGITS - 1 - least), MOST_DIGITS - 1 - whole))
+    most, least = math.floor(math.log10(largest)), math.floor(math.log10(smallest))
+    digits = max(0, min(max(DIGITS - 1 - most, LEAST_DIGITS - 1 - least), MOST_DIGITS - 1 - most))
     # of numbers that need none, none behind the point
     while digits and all(round(size, digits) == round(size, digits - 1) for size in sizes):
         digits -= 1
@@ -226,14 +226,14 @@ MOST_BYTES = 3_000_000
 """Of a report."""
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
-"""What a browser lets the page do: its own styles and scripts, and no request."""
+"""Allows a browser the styles and scripts of the page, and no request."""
 
 SCRIPTS = ("charts.js", "tables.js", "player.js")
 
 
 @dataclass(frozen=True, eq=False)
 class Page:
-    """What a report says, from top to bottom."""
+    """Content of a report, from top to bottom."""
 
     title: str
     lead: tuple[str, ...] = ()  # what was computed, in sentences
@@ -246,7 +246,7 @@ class Page:
 
 
 def write_page(path: Path, page: Page) -> Path:
-    """Write a report, whole or not at all."""
+    """Write a report."""
     atomic_write(path, page_bytes(page))
     return path
 
@@ -261,7 +261,7 @@ def page_bytes(page: Page) -> bytes:
         element("meta", name="color-scheme", content="light dark"),
         element("meta", name="generator", content="femimpact"),
         element("title", page.title),
-        element("style", chart_style() + _own("report.css")),
+        element("style", chart_style() + _packaged("report.css")),
     )
     body = element(
         "body",
@@ -273,7 +273,7 @@ def page_bytes(page: Page) -> bytes:
             *(element("p.lead", text) for text in page.lead),
         ),
         element("main", *_main(page)),
-        *(element("script", _own(name)) for name in SCRIPTS),
+        *(element("script", _packaged(name)) for name in SCRIPTS),
     )
     text = "<!DOCTYPE html>\n" + markup(element("html", head, body, lang="en")) + "\n"
     return text.encode("utf-8")
@@ -310,5 +310,5 @@ def _contents(sections: Sequence[Section]) -> Element:
     return element("nav", element("ul", *links), aria_label="Contents")
 
 
-def _own(name: str) -> str:
+def _packaged(name: str) -> str:
     return files("femimpact.export.report").joinpath(name).read_text(encoding="utf-8")

@@ -1,8 +1,8 @@
 """The motion of a run for the player of the page: frames with smooth beams, at the snapshots and at every impact.
 
-Deflection and slope at some places of the beam draw its cubic curve between them exactly. Numbers are whole ones of 16
-bits in Base64: lengths are exact to 1/32000 of the largest. Between two snapshots the beam moves by the cubic through
-their displacements and velocities, and a ball, which flies freely, on a straight line to the next wall that it meets.
+Deflection and slope at some places of the beam draw its cubic curve between them exactly. Numbers are integers of
+16 bits in Base64: lengths are exact to 1/32000 of the largest. Between two snapshots the beam moves by the cubic
+through their displacements and velocities, and a ball on a straight line to the next wall that it meets.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.export.placed import PlacedStructure, ball_radius, body_side, placed_structure
+from femimpact.export.scene import chosen_exaggeration
 from femimpact.export.tables import thinned
 from femimpact.response.history import Snapshots
 from femimpact.response.impacts import Impacts
@@ -32,11 +33,8 @@ MOST_SNAPSHOTS, MOST_IMPACTS = 600, 600
 STATIONS = 48
 """Places of the beam of which deflection and slope are kept, at most."""
 
-SWING = 0.08
-"""Share of the beam's length that swing and gap fill when the motion is drawn larger."""
-
 FULL = 32_000
-"""Largest whole number of a length."""
+"""Largest integer that stands for a length."""
 
 SPEEDS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 """Shares of the true speed that can be chosen."""
@@ -152,8 +150,7 @@ def player_element(
         return None
     placed = placed_structure(structure, response.system)
     balls = list(response.system.balls)
-    reach = float(np.abs(frames.deflection).max()) + max((max(pair.gaps) for pair in balls), default=0.0)
-    larger = exaggeration or max(float(f"{SWING * placed.length / max(reach, 1e-12):.1g}"), 1e-3)
+    larger = exaggeration or max(chosen_exaggeration(frames.deflection, structure, balls), 1e-3)
     span = float(frames.time[-1] - frames.time[0])
     speed = min(SPEEDS, key=lambda share: abs(math.log(span / share / WANTED)))
     data = _data(frames, placed) | {"larger": larger, "speed": speed}
@@ -207,11 +204,10 @@ def _data(frames: Frames, placed: PlacedStructure) -> dict[str, Any]:
     unit, steepest = (largest or 1.0) / FULL, (float(np.abs(frames.slope).max(initial=0.0)) or 1.0) / FULL
     beam = placed.structure.beam
     middles = 0.5 * (frames.stations[1:] + frames.stations[:-1])
-    joints = [0.0, *np.cumsum([segment.length for segment in beam.segments]).tolist()]
     return {
         "time": [round(float(t), 9) for t in frames.time],
         "stations": [round(float(x), 9) for x in frames.stations],
-        "thickness": [float(f"{beam.rectangle_at(float(np.clip(x, 0.0, joints[-1])))[1]:.5g}") for x in middles],
+        "thickness": [float(f"{beam.rectangle_at(float(np.clip(x, 0.0, beam.joints[-1])))[1]:.5g}") for x in middles],
         "unit": unit,
         "slopeUnit": steepest,
         "deflection": _packed(frames.deflection / unit),
@@ -237,8 +233,8 @@ def _data(frames: Frames, placed: PlacedStructure) -> dict[str, Any]:
 
 
 def _packed(values: Array) -> str:
-    whole = np.clip(np.rint(values), -FULL, FULL).astype("<i2")
-    return base64.b64encode(whole.tobytes()).decode("ascii")
+    integers = np.clip(np.rint(values), -FULL, FULL).astype("<i2")
+    return base64.b64encode(integers.tobytes()).decode("ascii")
 
 
 def _history(response: Response, frames: Frames) -> Chart:
@@ -248,13 +244,13 @@ def _history(response: Response, frames: Frames) -> Chart:
     bands = []
     for j, pair in enumerate(balls[:4]):
         at = int(np.argmin(np.abs(frames.stations - pair.position)))
-        beam, own = 1e3 * frames.deflection[:, at], 1e3 * frames.balls[:, j]
+        beam, ball = 1e3 * frames.deflection[:, at], 1e3 * frames.balls[:, j]
         if len(balls) == 1:
             gaps = (1e3 * pair.gaps[0], 1e3 * pair.gaps[1])
             bands.append(Band("between the walls", time, beam - gaps[1], beam + gaps[0], 0))
         hit = np.zeros(time.size, dtype=bool)
         hit[[frame for frame, contact, _ in frames.impacts if contact == j]] = True
-        lines.append(Line(pair.name, time, own, 1 + j, marked=hit))
+        lines.append(Line(pair.name, time, ball, 1 + j, marked=hit))
     shown = [line.y for line in lines] + [band.low for band in bands] + [band.high for band in bands]
     note = "Dots are impacts." if frames.impacts else ""
     return Chart(

@@ -297,7 +297,7 @@ def _study(study: ConvergenceStudy) -> list[Section]:
 
 
 KINDS: Mapping[type, Callable[[Any], list[Section]]] = {ConvergenceTable: _convergence, ConvergenceStudy: _study}
-"""What makes the sections of a kind of part."""
+"""Function that makes the sections of a part, by the kind of the part."""
 
 
 def _table(heading: str, part: Any) -> Element:

@@ -52,7 +52,7 @@ class ContactRecord:
         self.phases = np.flatnonzero(~(sticking.end < self.start) & (sticking.start <= self.end))
 
     def is_rigid(self, pair: int) -> bool:
-        """Whether a pair's contact is an impulse."""
+        """True where a pair's contact is an impulse."""
         return bool(self.response.system.contacts[pair].parameters.is_rigid)
 
     def on_beam(self, pair: int) -> float:
@@ -397,7 +397,7 @@ def _name(frames: Frames, k: int) -> str:
 
 
 def _contacts(response: Response, forces: NDArray[np.float64], impulses: NDArray[np.float64]) -> str:
-    """What presses in a frame, in words: name, wall or side, force and impulse; one line for each contact."""
+    """Contacts under load in a frame, a line each: name, wall or side, force and impulse."""
     lines = []
     for pair, force, impulse in zip(response.system.contacts, forces, impulses, strict=True):
         known = (("force", force, "N"), ("impulse", impulse, "N s"))

@@ -49,7 +49,7 @@ class BeamFields:
     cell_energy : ndarray (beam cells, 3), N
         Mean strain energy density of a cell by the products a a, a b and b b of w'' at its ends a and b.
     points, cells : int
-        Of the whole scene.
+        Of the scene.
     on_beam : ndarray (cells,)
         Which of its cells are the beam's.
     """

@@ -37,7 +37,7 @@ def to_pyvista(
         A response with snapshots.
     structure : Structure
     system : System, optional
-        Whose modes they are; not of a response, which has its own.
+        Whose modes they are; a response has its system.
     scale : float, m
         Of modes; see `export.vtk.write_modes`.
     exaggeration : float, 1

@@ -272,7 +272,7 @@ WITHOUT_FIELDS = "'time value %.6g' % t_value"
 
 @dataclass(frozen=True)
 class View:
-    """What a script shows: its words, and what its text at the top is made of."""
+    """Words of a script, and the expressions of its colours and of the text at its top."""
 
     title: str  # of the docstring
     text: str  # expression of ParaView's Python annotation, on the field data
@@ -305,7 +305,7 @@ DEFLECTION = View(
 
 @dataclass(frozen=True, eq=False)
 class FrameSummary:
-    """What a script needs of one frame."""
+    """Values of one frame that a script needs."""
 
     time: float
     mode: float  # its number; 0 of a deflection
@@ -315,10 +315,10 @@ class FrameSummary:
 
 
 class SeriesSummary:
-    """What a script needs of all frames: the space that they and their contacts fill, and the largest values."""
+    """Values of all frames that a script needs: the space that they and their contacts fill, and the largest arrays."""
 
     def __init__(self) -> None:
-        self.whole = Space()
+        self.all = Space()
         self.contacts: dict[int, Space] = {}
         self.frames: dict[int, FrameSummary] = {}
         self.parts: list[int] = []
@@ -331,7 +331,7 @@ class SeriesSummary:
         def frame(k: int) -> Frame:
             found = series.frame(k)
             moved = series.points + found.points["displacement"]
-            self.whole.add(moved)
+            self.all.add(moved)
             pairs = found.cells["contact_pair"]
             pair_of_entry, part_of_entry = np.repeat(pairs, sizes), np.repeat(found.cells["part"], sizes)
             for pair in np.unique(pairs[pairs >= 0]):
@@ -398,7 +398,7 @@ def write_script(
     names: Sequence[str] = (),  # of the contacts that a second view may show; none for no second view
 ) -> Path:
     """Write the script of a series."""
-    size = float(summary.whole.high[0] - summary.whole.low[0])
+    size = float(summary.all.high[0] - summary.all.low[0])
     first, why = _first(summary)
     longest = size * max((share for name, (_, _, share, _) in ARROWS.items() if summary.peak(name) > 0.0), default=0.0)
     margins = ((len(ARROWS) + 1) * BESIDE * size, longest)
@@ -412,7 +412,7 @@ def write_script(
         "CLOSE_UP": repr(names[max(first.pressed, 0)] if names else None),
         "TEXT": repr(view.text if path.suffix == ".pvd" else WITHOUT_FIELDS),
         "BARS": _listed(_bars(view, summary)),
-        "BOUNDS": repr(summary.whole.with_arrows(*margins).bounds()),
+        "BOUNDS": repr(summary.all.with_arrows(*margins).bounds()),
         "COLOUR": repr(view.stress[0]),
         "CALCULATED": repr(view.stress[1]),
         "CLOSE_UPS": "{" + "".join(f"\n    {name!r}: {space!r}," for name, space in close.items()) + "\n}",
