@@ -272,7 +272,7 @@ def _pyvista_frames(film: Film, window: str) -> Iterator[NDArray[np.uint8]]:
 
 
 TILT = (0.0, -0.4, 1.0)
-"""From what is looked at to the eye, m: from above, a little from the - side; the beam at rest lies level."""
+"""Vector (m) from the focal point to the camera: above it, a little towards the - side; the beam at rest is level."""
 
 
 def _pieces(film: Film) -> list[tuple[Any, NDArray[np.intp], dict[str, Any], tuple[int, int] | None]]:

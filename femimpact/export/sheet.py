@@ -229,7 +229,10 @@ def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
     faces = np.array([*boxes, *beam, *(cells[cell][:4] for cell, _, _ in stops)])
     collection = PolyCollection([], linewidths=2.0, joinstyle="round", animated=True)
     axis.add_collection(collection, autolim=False)
-    balls = [np.unique(scene.connectivity[_entries(scene, BALL, j)]) for j in range(len(contacts))]
+    balls = [
+        np.unique(np.concatenate([cells[c] for c in np.flatnonzero((scene.part == BALL) & (scene.pair == j))]))
+        for j in range(len(contacts))
+    ]
     circles = [
         axis.add_patch(Circle((1e3 * pair.position, 0.0), 1e3 * ball_radius(pair.mass), animated=True))
         for pair in contacts
@@ -252,13 +255,7 @@ def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
     return draw
 
 
-def _entries(scene: Scene, part: int, pair: int) -> NDArray[np.bool_]:
-    """Places in the connectivity that belong to one part of one pair."""
-    cell = np.repeat(np.arange(scene.offsets.size), np.diff(scene.offsets, prepend=0))
-    return np.asarray(((scene.part == part) & (scene.pair == pair))[cell])
-
-
 def _box_colours(film: Film, i: int, j: int) -> tuple[str, str, str]:
-    """Of the + wall, the - wall and the floor, in the order in which a scene holds them."""
+    """Colours of the + wall, the - wall and the floor, in the order in which a scene holds them."""
     plus, minus = (ORANGE if film.touches(i, j, side) else "#7b8a9a" for side in (1, -1))
     return plus, minus, "#e3e8ee"

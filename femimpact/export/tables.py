@@ -107,7 +107,7 @@ def map_panels(
 
 
 def single_samples(dataset: xarray.Dataset) -> NDArray[np.bool_]:
-    """Where a value is a sample of a motion that does not repeat, and no interval says how far others lie."""
+    """True where a value is a sample of a motion that does not repeat, without an interval of its median."""
     if "median_interval" in dataset.attrs:
         return np.zeros(dataset["finished"].shape, dtype=bool)
     repeated = dataset["periodic_starts"].to_numpy() + dataset["failed_starts"].to_numpy()
@@ -115,7 +115,7 @@ def single_samples(dataset: xarray.Dataset) -> NDArray[np.bool_]:
 
 
 def unsure_cells(dataset: xarray.Dataset, measure: str) -> NDArray[np.bool_]:
-    """Where the interval of the median is wider than the largest difference to the median of a neighbour."""
+    """True where the interval of the median is wider than the largest difference to the median of a neighbour."""
     median = dataset[measure].to_numpy()
     if f"{measure}_median_low" not in dataset:
         return np.zeros(median.shape, dtype=bool)
@@ -196,7 +196,8 @@ def read_csv(path: str | Path) -> dict[str, Any]:
     columns: dict[str, Any] = {}
     for i, title in enumerate(header):
         name, _, unit = title.partition(" [")
-        other = next(((line, row[i]) for line, row in rows if not _is_number(row[i])), None)
+        cells = ((line, row[i]) for line, row in rows)
+        other = next((one for one in cells if decimal_number(one[1]) is None and one[1] not in NO_DECIMALS), None)
         if unit and other is not None:
             raise ValueError(f"line {other[0]}, {name}: {other[1]!r} is no number")
         columns[name] = np.array([row[i] for _, row in rows], dtype=float if other is None else str)
@@ -209,10 +210,6 @@ def read_units(path: str | Path) -> dict[str, str]:
         header = next(csv.reader(file), [])
     parts = [title.partition(" [") for title in header]
     return {name: unit.removesuffix("]") for name, _, unit in parts if unit}
-
-
-def _is_number(cell: str) -> bool:
-    return decimal_number(cell) is not None or cell in NO_DECIMALS
 
 
 def write_json(path: str | Path, data: Mapping[str, Any]) -> Path:

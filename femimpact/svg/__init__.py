@@ -7,6 +7,7 @@ import json
 import math
 import re
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -100,7 +101,7 @@ class Axis:
     logarithmic: bool = False
 
     def share(self, values: ArrayLike) -> Array:
-        """Where values lie, 0 at the low end and 1 at the high one; not a number where the axis has no place."""
+        """Position of values, 0 at the low end and 1 at the high one; not a number off the range of a logarithm."""
         array = np.asarray(values, dtype=float)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             if self.logarithmic:
@@ -359,8 +360,8 @@ def _plot(chart: Chart, most: int) -> Element:
         "svg",
         element("path.fi-grid", d=grid),
         *(_band(chart, band, most) for band in chart.bands),
-        *(element("path.fi-level", d=f"M0 {GRID * (1.0 - at):.0f}H{GRID}") for _, at in _levels(chart)),
-        *(element("path.fi-level", d=f"M{GRID * at:.0f} 0V{GRID}") for _, at in _marks(chart)),
+        *(element("path.fi-level", d=f"M0 {GRID * (1.0 - at):.0f}H{GRID}") for _, at in _inside(chart.y, chart.levels)),
+        *(element("path.fi-level", d=f"M{GRID * at:.0f} 0V{GRID}") for _, at in _inside(chart.x, chart.places)),
         *(drawn for line in chart.lines for drawn in _line(chart, line, most)),
         viewBox=f"0 0 {GRID} {GRID}", preserveAspectRatio="none", role="img", aria_label=title,
     )  # fmt: skip
@@ -370,13 +371,9 @@ def _places(axis: Axis) -> list[float]:
     return [float(axis.share(value)) for value, _ in axis.ticks]
 
 
-def _levels(chart: Chart) -> list[tuple[str, float]]:
-    found = [(words, float(chart.y.share(value))) for words, value in chart.levels]
-    return [(words, at) for words, at in found if 0.0 <= at <= 1.0]
-
-
-def _marks(chart: Chart) -> list[tuple[str, float]]:
-    found = [(words, float(chart.x.share(value))) for words, value in chart.places]
+def _inside(axis: Axis, named: Iterable[tuple[str, float]]) -> list[tuple[str, float]]:
+    """Words of values within an axis, and their positions on it."""
+    found = [(words, float(axis.share(value))) for words, value in named]
     return [(words, at) for words, at in found if 0.0 <= at <= 1.0]
 
 
@@ -418,16 +415,14 @@ def _words(chart: Chart) -> list[Element]:
     return [
         *(
             element("span.fi-level-word", words, style=f"bottom:{100 * at:.2f}%")
-            for words, at in _levels(chart)
+            for words, at in _inside(chart.y, chart.levels)
             if words
         ),
         *(
-            element("span.fi-place-word" + (".fi-left" if at > 0.6 else ""), words, style=_beside(at))
-            for words, at in _marks(chart)
+            element("span.fi-place-word.fi-left", words, style=f"right:{100 * (1 - at):.2f}%")
+            if at > 0.6
+            else element("span.fi-place-word", words, style=f"left:{100 * at:.2f}%")
+            for words, at in _inside(chart.x, chart.places)
             if words
         ),
     ]
-
-
-def _beside(at: float) -> str:
-    return f"right:{100 * (1 - at):.2f}%" if at > 0.6 else f"left:{100 * at:.2f}%"

@@ -197,7 +197,7 @@ def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_al
 
 
 def _scatter(curve: FrequencyResponse, join_all: bool) -> NDArray[np.bool_]:
-    """Which peaks no line joins: samples of a motion with impacts that does not repeat."""
+    """True for peaks that no line joins: samples of a motion with impacts that does not repeat."""
     # without impacts the motion is linear: it may still beat at the end of a dwell, and does not scatter
     return np.asarray((curve.steadiness != "periodic") & (curve.impacts_per_cycle > 0.0) & (not join_all))
 

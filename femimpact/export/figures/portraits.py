@@ -40,7 +40,7 @@ Corners = tuple[Array, Array, Array, Array]
 SHORT = 0.25
 """Share of the usual interval between two samples below which one beside a corner is drawn straight."""
 POINTS = 1024
-"""Of a base cycle, at least: pieces of a curve that fills a picture of 1000 pixels are then some 2 pixels long."""
+"""Points of a curve in a base cycle, at least: some 2 pixels apart in a picture of 1000 pixels."""
 
 
 def corners_of(

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
 MOST_NODES = 400
-"""Up to which each node is drawn."""
+"""Nodes of a mesh up to which each is drawn."""
 
 
 @takes(mesh=instance(Mesh), structure=optional(instance(Structure)))
@@ -87,16 +87,14 @@ def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScre
     axis.set_ylim(-2.6 * tallest, top)
     lengths = 1e3 * np.diff(mesh.nodes)
     axis.set_title(f"{mesh.elements} elements of {lengths.min():.3g} to {lengths.max():.3g} mm", loc="left")
-    _mesh_legend(axis, connected=structure is not None and bool(structure.connections))
-    return axis
-
-
-def _mesh_legend(axis: Any, connected: bool) -> None:
-    """Names of regions, springs and dashpots; below the axes where there are connections above the beam."""
     _, labels = axis.get_legend_handles_labels()
-    place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2)} if connected else {"loc": "upper right"}
+    place: dict[str, Any] = {"loc": "upper right"}
+    if structure is not None and structure.connections:
+        # they are above the beam
+        place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2)}
     if labels:
         axis.legend(frameon=False, fontsize=9.0, ncols=min(len(labels), 4), **place)
+    return axis
 
 
 def _draw_connections(axis: Any, discretised: Discretisation, tallest: float) -> float:

@@ -343,7 +343,7 @@ def _impulses(title: str, axis: Axis, places: NDArray[Any], numbers: Mapping[str
 
 
 def _speeds(numbers: Mapping[str, NDArray[Any]]) -> Chart | None:
-    """How many impacts have which approach speed."""
+    """Histogram of the approach speeds of each ball or stop; none of fewer than 5 impacts."""
     speed = numbers["approach_speed"].astype(float)
     speed = speed[np.isfinite(speed)]
     if speed.size < 5 or speed.max() <= 0.0:

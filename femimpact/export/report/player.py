@@ -154,9 +154,10 @@ def player_element(
     span = float(frames.time[-1] - frames.time[0])
     speed = min(SPEEDS, key=lambda share: abs(math.log(span / share / WANTED)))
     data = _data(frames, placed) | {"larger": larger, "speed": speed}
-    options = [element("option", _speed_words(share), value=repr(share), selected=share == speed) for share in SPEEDS]
-    factors = dict.fromkeys((larger, 1.0))
-    scales = [element("option", _scale_words(factor), value=repr(float(factor))) for factor in factors]
+    speeds = {share: "true" if share == 1.0 else f"1/{1.0 / share:.0f}" for share in SPEEDS}
+    options = [element("option", text, value=repr(one), selected=one == speed) for one, text in speeds.items()]
+    factors = {factor: "true" if factor == 1.0 else f"motion and gaps {TIMES} {factor:g}" for factor in (larger, 1.0)}
+    scales = [element("option", text, value=repr(float(factor))) for factor, text in factors.items()]
     close = [
         _view(f"{pair.name}, moving with its box", str(j), f"{pair.name} in its box") for j, pair in enumerate(balls)
     ]
@@ -189,14 +190,6 @@ def player_element(
 
 def _view(words: str, view: str, label: str) -> Element:
     return element("div.view", element("p", words), element("canvas", data_view=view, role="img", aria_label=label))
-
-
-def _speed_words(share: float) -> str:
-    return "true" if share == 1.0 else f"1/{1.0 / share:.0f}"
-
-
-def _scale_words(factor: float) -> str:
-    return "true" if factor == 1.0 else f"motion and gaps {TIMES} {factor:g}"
 
 
 def _data(frames: Frames, placed: PlacedStructure) -> dict[str, Any]:

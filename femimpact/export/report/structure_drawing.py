@@ -98,7 +98,7 @@ WIDTH = 1000.0
 """Units of a drawing."""
 
 FOOT = 0.1
-"""How far below the beam springs and dashpots are fixed, as a share of its length."""
+"""Distance below the beam at which springs and dashpots are fixed, as a share of its length."""
 
 STATIONS = 33
 """Points of each edge of a segment whose section changes."""
@@ -134,7 +134,7 @@ def structure_element(placed: PlacedStructure) -> Element:
 
 @dataclass(frozen=True)
 class _Canvas:
-    """Where metres are in a drawing."""
+    """Map from metres to units of a drawing."""
 
     left: float
     top: float

@@ -61,7 +61,7 @@ class ContactRecord:
 
     @cached_property
     def begins(self) -> NDArray[np.float64]:
-        """When each sticking phase begins in the run, (phases,) in s: with the impact that captures the pair.
+        """Beginning of each sticking phase in the run, (phases,) in s: the impact that captures the pair.
 
         That impact has no rebound. The table's `start` is the end of the accumulation, whose bounces after that impact
         are too low to be computed.
@@ -159,7 +159,7 @@ def _sign(side: float) -> str:
 
 
 MOST_DOFS = 200
-"""Of structure and balls, for states at impacts: the matrix exponential is dense."""
+"""Degrees of freedom up to which states at impacts are computed: the matrix exponential is dense."""
 
 LARGEST_MISMATCH = 0.01
 """Share of the largest displacement by which a state may miss the next snapshot."""

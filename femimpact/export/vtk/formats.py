@@ -22,7 +22,7 @@ from femimpact.errors import require
 from femimpact.export.files import GuardedFile, atomic_path, atomic_write, file_path
 
 Value = float | Sequence[float] | str
-"""Of field data: numbers, or a line of text."""
+"""A value of field data: numbers, or a line of text."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -254,7 +254,7 @@ COLOURS = {
     "box": (0.48, 0.54, 0.60), "ball": (0.0, 0.447, 0.698), "support": (0.2, 0.2, 0.2), "body": (0.60, 0.65, 0.70),
     "stop": (0.35, 0.35, 0.35), "spring or dashpot": (0.0, 0.62, 0.45),
 }  # fmt: skip
-"""Of the parts that carry no field."""
+"""Colours of the parts that carry no field."""
 
 ARROWS = {
     "contact_force_vector": ("green: force", "N", 0.04, (0.0, 0.62, 0.45)),
@@ -387,7 +387,7 @@ def _summary_of(series: Series, frame: Frame, k: int, pair_of_entry: NDArray[np.
 
 
 def script_path(path: Path) -> Path:
-    """Where the script of a series stands: NAME_paraview.py beside NAME.pvd."""
+    """Path of the script of a series: NAME_paraview.py beside NAME.pvd."""
     return path.with_name(f"{path.stem}_paraview.py")
 
 
@@ -403,6 +403,7 @@ def write_script(
     longest = size * max((share for name, (_, _, share, _) in ARROWS.items() if summary.peak(name) > 0.0), default=0.0)
     margins = ((len(ARROWS) + 1) * BESIDE * size, longest)
     close = {name: summary.contacts[pair].with_arrows(*margins).bounds() for pair, name in enumerate(names)}
+    arrows = [(words, summary.peak(name), unit) for name, (words, unit, _, _) in ARROWS.items()]
     lines = {
         "TITLE": view.title,
         "STEM": script_path(path).name,
@@ -418,7 +419,7 @@ def write_script(
         "CLOSE_UPS": "{" + "".join(f"\n    {name!r}: {space!r}," for name, space in close.items()) + "\n}",
         "PARTS": _listed(_parts(summary)),
         "ARROWS": _listed(_arrows(summary, size)),
-        "LEGEND": repr("\n".join(_legend(summary))),
+        "LEGEND": repr("\n".join(f"{words}, longest {peak:.3g} {unit}" for words, peak, unit in arrows if peak > 0.0)),
         "BEAM": str(BEAM),
         "MARKS": str(CONTACT_POINT),
     }
@@ -465,13 +466,8 @@ def _arrows(summary: SeriesSummary, size: float) -> list[tuple[Any, ...]]:
     ]
 
 
-def _legend(summary: SeriesSummary) -> list[str]:
-    peaks = [(words, summary.peak(name), unit) for name, (words, unit, _, _) in ARROWS.items()]
-    return [f"{words}, longest {peak:.3g} {unit}" for words, peak, unit in peaks if peak > 0.0]
-
-
 def _rounded_up(value: float) -> float:
-    """To two significant digits, for the labels of a colour bar; 1 of nothing."""
+    """A value rounded up to two significant digits, for the labels of a colour bar; 1 for 0."""
     if value <= 0.0:
         return 1.0
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)
