@@ -254,13 +254,7 @@ def _pyvista_frames(film: Film, window: str) -> Iterator[NDArray[np.uint8]]:
                 touches = contact is not None and film.touches(i, *contact)
                 for scene in actors:
                     scene[k].prop.color = ORANGE if touches else style["color"]
-            for j in range(balls):
-                # a close-up goes with its box
-                camera = plotter.renderers[1 + j].camera
-                x, _, z = camera.focal_point
-                y = film.scene.exaggeration * film.at_pair(j)[film.chosen[i]]
-                camera.focal_point = (x, y, z)
-                camera.position = (x, y + TILT[1], z + TILT[2])
+            _follow_boxes(plotter, film, i)
             picture = draw(i)
             picture[VIEWS] = _pixels(plotter, height)
             for j in range(balls):
@@ -325,6 +319,16 @@ def _supports(film: Film) -> list[Any]:
     shift = {0.0: -0.01 * length, length: 0.01 * length}
     supports = placed_structure(film.structure, film.response.system).supports
     return [pyvista.Cube(center=(x + shift.get(x, 0.0), 0.0, 0.0), **size) for _, x in supports]
+
+
+def _follow_boxes(plotter: Any, film: Film, i: int) -> None:
+    """Move the camera of each close-up with its box to frame i."""
+    for j in range(len(film.response.system.balls)):
+        camera = plotter.renderers[1 + j].camera
+        x, _, z = camera.focal_point
+        y = film.scene.exaggeration * film.at_pair(j)[film.chosen[i]]
+        camera.focal_point = (x, y, z)
+        camera.position = (x, y + TILT[1], z + TILT[2])
 
 
 def _aim(plotter: Any, film: Film, j: int) -> None:

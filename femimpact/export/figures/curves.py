@@ -87,10 +87,8 @@ def response_curve(
     ranges = rows_of("bands", bands, label=text(), frequency=column("Hz", "n"), low=column("m", "n"),
                      high=column("m", "n"))  # fmt: skip
     for i, (_, *arrays) in enumerate(ranges):
-        lengths = {len(array) for array in arrays}
-        require(
-            len(lengths) == 1, f"bands[{i}]", "arrays", "", "must have as many frequencies as lowest and highest peaks"
-        )
+        same = len({len(array) for array in arrays}) == 1
+        require(same, f"bands[{i}]", "arrays", "", "must have as many frequencies as lowest and highest peaks")
     axis = panel(ax, 8.0, 5.0)
     axis.set_yscale("log")
     filled = [
@@ -113,19 +111,23 @@ def response_curve(
     marks = [_mark(axis, marker, *mark) for marker, mark in zip("*PX", peaks, strict=False)]
     first = next(iter(named.values()))
     if not _scatter(first, join_all)[np.nanargmax(first.peak)]:
-        scale, unit = _scale(first)
-        peak = (first.peak_frequency, scale * first.peak_amplitude)
-        # on the side of the peak that is farther from the end of the axis
-        low, high = first.frequency[0], first.frequency[-1]
-        side: Any = {"xytext": (8, -2)} if peak[0] <= 0.25 * low + 0.75 * high else {"xytext": (-8, -2), "ha": "right"}
-        axis.annotate(f"{peak[1]:.3g} {unit} at {peak[0]:.4g} Hz", peak, textcoords="offset points", color=COLOURS[0],
-                      **side)  # fmt: skip
+        _annotate_peak(axis, first)
     axis.set_title(title or _level(first), loc="left")
     axis.set_xlabel("base frequency (Hz)")
     axis.set_ylabel(_observed(first))
     plain_log_ticks(axis.yaxis)
     _legend(axis, named, coarse, join_all, filled, marks)
     return axis
+
+
+def _annotate_peak(axis: Axes, curve: FrequencyResponse) -> None:
+    """The largest peak and its frequency, on the side of the peak that is farther from the end of the axis."""
+    scale, unit = _scale(curve)
+    peak = (curve.peak_frequency, scale * curve.peak_amplitude)
+    low, high = curve.frequency[0], curve.frequency[-1]
+    side: Any = {"xytext": (8, -2)} if peak[0] <= 0.25 * low + 0.75 * high else {"xytext": (-8, -2), "ha": "right"}
+    axis.annotate(f"{peak[1]:.3g} {unit} at {peak[0]:.4g} Hz", peak, textcoords="offset points", color=COLOURS[0],
+                  **side)  # fmt: skip
 
 
 def _scale(curve: FrequencyResponse) -> tuple[float, str]:
