@@ -21,15 +21,7 @@ from femimpact.excitation.excitation import words_of
 from femimpact.export.figures.drawing import BLUE, DARK, ORANGE
 from femimpact.export.files import atomic_path, file_path
 from femimpact.export.placed import ball_radius, placed_structure
-from femimpact.export.scene import (
-    BALL,
-    BEAM,
-    BOX,
-    EXAGGERATION,
-    build_scene,
-    chosen_exaggeration,
-    snapshots_of,
-)
+from femimpact.export.scene import BALL, BEAM, BOX, EXAGGERATION, build_scene, chosen_exaggeration, snapshots_of
 from femimpact.export.sheet import HEIGHT, VIEWS, WIDTH, Film, sheets
 from femimpact.export.tables import thinned
 from femimpact.response.history import Snapshots

@@ -101,12 +101,7 @@ def panel(ax: Axes | OffScreen | None, width: float, height: float) -> Axes:
 
 
 def panels(
-    figure: FigureBase | OffScreen | None,
-    width: float,
-    height: float,
-    rows: int = 1,
-    columns: int = 1,
-    **options: Any,
+    figure: FigureBase | OffScreen | None, width: float, height: float, rows: int = 1, columns: int = 1, **options: Any
 ) -> NDArray[np.object_]:
     """Axes (rows, columns) on a figure given, or on a new one of this size (inches).
 
