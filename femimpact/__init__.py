@@ -67,7 +67,7 @@ if TYPE_CHECKING:
     from femimpact.excitation import Sum as Sum
     from femimpact.export import figures as figures
     from femimpact.export.report.script_page import report as report
-    from femimpact.export.vtk.notebook import to_pyvista as to_pyvista
+    from femimpact.export.vtk.writers import to_pyvista as to_pyvista
     from femimpact.fem.assembly import assemble as assemble
     from femimpact.fem.discretisation import Discretisation as Discretisation
     from femimpact.fem.discretisation import discretise as discretise
@@ -205,7 +205,7 @@ _MODULES = {
         "Sum",
     ),
     "export.report.script_page": ("report",),
-    "export.vtk.notebook": ("to_pyvista",),
+    "export.vtk.writers": ("to_pyvista",),
     "fem.assembly": ("assemble",),
     "fem.discretisation": (
         "Discretisation",

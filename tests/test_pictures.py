@@ -5,10 +5,13 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import time
+import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,10 +29,12 @@ from femimpact.study.picture_data import (
 )
 from femimpact.study.prepared import prepare
 from femimpact.study.result_directory import FILES, replaced_by
+from femimpact.study.result_page import write_report
 from femimpact.study.results import read_summary
 from femimpact.study.run import run_simulation, run_study, run_sweep
 from femimpact.study.study_file import load_study
 
+DATA = Path(__file__).parent / "data"
 FIGURES = ("mode_figure", "response_figure", "force_figure", "portrait_figure", "impact_histograms", "impulse_phase")
 
 
@@ -135,6 +140,45 @@ def test_stored_modes_are_drawn_with_the_same_parts_as_those_in_memory(tmp_path)
         # a mark of a stop on each side that is closed
         assert sum(found.get_label() == "fork" for found in stored.lines) == 2
         assert sum(found.get_label() == "post" for found in stored.lines) == 1
+
+
+def unpacked(folder, *removed):
+    """Results that version 0.1.0 left of a history: a mesh file with named points, a record, a ball and a stop."""
+    with zipfile.ZipFile(DATA / "drawn_without_mesh.zip") as archive:
+        archive.extractall(folder)
+    for name in removed:
+        (folder / name).unlink()
+    return folder
+
+
+@pytest.mark.filterwarnings("ignore::femimpact.study.result_directory.ResultsWarning")
+def test_results_are_drawn_without_their_mesh_file_and_without_their_record(tmp_path):
+    out = unpacked(tmp_path / "out", "base_record.csv")
+    summary = read_summary(out)
+    figure_names = {FILES[name] for name in FIGURES} - {FILES["mode_figure"], FILES["response_figure"]}
+    assert pictures.draw(out, tmp_path, "figures") is None
+    assert {path.name for path in tmp_path.glob("*.png")} == figure_names
+    film = read_film(out, summary)
+    drawn = movie.write_movie(tmp_path / "two.gif", film.response, film.structure, most=2, renderer="matplotlib")
+    assert drawn.stat().st_size > 1000
+    ball, stop = film.response.system.contacts
+    assert (ball.name, ball.position, ball.gaps, ball.law) == ("ball", 0.25, (1e-3, 2e-3), "kelvin-voigt")
+    assert (stop.is_stop, stop.position, stop.gaps, stop.fixed_to) == (True, 0.1, (0.2e-3, np.inf), "space")
+
+
+@pytest.mark.filterwarnings("ignore::femimpact.study.result_directory.ResultsWarning")
+def test_a_report_draws_the_same_structure_from_the_study_and_from_stored_places(tmp_path):
+    found = []
+    for name, removed in (("study", ()), ("snapshots", ("base_record.csv", "last_cycles.nc"))):
+        out = unpacked(tmp_path / name, *removed)
+        write_report(out)
+        text = (out / "report.html").read_text(encoding="utf-8")
+        found.append(re.search(r'<figure class="drawing">.*?</figure></div>', text, re.DOTALL)[0])
+        # the study file names the record, and is of no use without it
+        assert ("study.toml: base.record = " in text) == (name == "snapshots")
+    assert found[0] == found[1]
+    assert "fixed obstacle at 100 mm, gap 0.2 mm on the + side, fixed to space, kelvin-voigt" in found[0]
+    assert "free between its walls at 250 mm: gaps +1 mm, \N{MINUS SIGN}2 mm, kelvin-voigt" in found[0]
 
 
 def test_the_exaggeration_of_a_study_is_that_of_movie_and_paraview_alike(tmp_path):

@@ -1,6 +1,7 @@
 """What scripts of version 0.1.0 use goes on working: names, attributes, channels, commands, files and columns."""
 
 import csv
+import importlib
 
 import pytest
 
@@ -117,6 +118,20 @@ FILE_NAMES = """
     mesh_convergence.png step_convergence.csv step_convergence.png comparison.csv restitution.csv restitution.png
     response_of_starts.png curves_of_starts.csv report.html convergence.json
 """
+MODULES = {
+    "femimpact.export.figures": """
+        COLOURS STYLE OffScreen amplitude_spectrum beam_mesh bifurcation collision_history contact_force contact_laws
+        convergence convergence_panels cycle_averaged_force energies impact_histograms impulse_phase mesh_convergence
+        mode_convergence mode_shapes motion phase_portrait response_curve restitution_scan save_figure spectrum
+        step_convergence study_lines study_map study_maps study_scatter value_map
+    """,
+    "femimpact.export.history": "history_writer",
+    "femimpact.export.movie": "gl_window write_movie",
+    "femimpact.export.tables": "plain read_csv read_units write_csv write_json write_netcdf",
+    "femimpact.export.vtk": "write_deflection write_mode write_modes",
+}
+"""Modules that pages name, with all of their public names."""
+
 IMPACT_COLUMNS = """
     time phase impactor side approach_speed rebound_speed impulse peak_force duration energy_loss contact_law
 """
@@ -141,6 +156,14 @@ def test_a_public_name_and_its_attributes_are_still_there(name, attributes):
     found = getattr(fi, name)
     fields = getattr(found, "__dataclass_fields__", {})
     assert [one for one in attributes if not hasattr(found, one) and one not in fields] == []
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_a_module_that_pages_name_still_has_its_names(module):
+    found = importlib.import_module(module)
+    assert set(MODULES[module].split()) <= set(found.__all__)
+    assert all(hasattr(found, name) for name in found.__all__)
+    assert fi.figures is importlib.import_module("femimpact.export.figures")
 
 
 @pytest.mark.parametrize("command", COMMANDS.split())

@@ -12,7 +12,6 @@ import femimpact as fi
 from femimpact.export.report.page import MOST_BYTES, Page, Section, page_bytes
 from femimpact.export.report.player import player_element
 from femimpact.export.report.script_page import bounded_page, thinned_path
-from femimpact.export.report.structure_drawing import place_finder
 from femimpact.svg import element, path_of
 
 
@@ -48,8 +47,7 @@ def test_a_thinned_path_keeps_its_ends_its_extremes_and_its_gaps():
 
 @pytest.mark.impacts
 def test_players_are_left_out_from_the_last_one_where_lines_do_not_do(run):
-    finder = place_finder(REFERENCE, dict(run.system.points))
-    players = [element("div", player_element(run, REFERENCE, finder, None)) for _ in range(3)]
+    players = [element("div", player_element(run, REFERENCE, None)) for _ in range(3)]
     sections = tuple(Section(f"part-{i}", f"run {i}", (player,)) for i, player in enumerate(players))
     page = Page("many", sections=sections)
     one = len(page_bytes(Page("many", sections=sections[:1])))

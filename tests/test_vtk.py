@@ -13,7 +13,8 @@ from grids import points_of
 
 import femimpact as fi
 from femimpact.export import vtk
-from femimpact.export.scene import BALL, BEAM, BODY, BOX, CONNECTION, CONTACT_POINT, SUPPORT, ball_radius
+from femimpact.export.placed import ball_radius
+from femimpact.export.scene import BALL, BEAM, BODY, BOX, CONNECTION, CONTACT_POINT, SUPPORT
 from femimpact.export.vtk import deflection, formats
 from femimpact.export.vtk.deflection import frames_of
 from femimpact.export.vtk.script import script_path

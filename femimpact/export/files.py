@@ -15,7 +15,7 @@ from typing import Any
 from femimpact.errors import require, require_path
 
 NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EROFS)
-"""What a file system that cannot do it answers."""
+"""Error numbers of a file system that cannot write through to the disk."""
 
 
 def file_path(path: str | Path) -> Path:
@@ -145,15 +145,15 @@ class GuardedFile(io.RawIOBase):
             return size or 0
 
     def readable(self) -> bool:
-        """Whether it can be read: HDF5 reads back what it wrote."""
+        """True: HDF5 reads back what it wrote."""
         return True
 
     def writable(self) -> bool:
-        """Whether it can be written."""
+        """True."""
         return True
 
     def seekable(self) -> bool:
-        """Whether places can be chosen."""
+        """True: HDF5 writes at any place."""
         return True
 
     def close(self) -> None:

@@ -21,8 +21,8 @@ CHUNK = 16_384
 def history_writer(path: str | Path) -> Iterator[Callable[[HistoryPiece], None]]:
     """A sink for `Recorder` that writes channels, energies and the base's motion as they come.
 
-    The file appears, whole, when the block ends well; when it does not, what was there before
-    stays. `xarray.open_dataset(path, engine="h5netcdf")` reads it, a part at a time. Warnings and
+    The file appears when the block ends well; when it does not, what was there before stays.
+    `xarray.open_dataset(path, engine="h5netcdf")` reads it, a part at a time. Warnings and
     the energy residual are known at the end only: the response has them.
 
     Parameters

@@ -20,18 +20,10 @@ from femimpact.errors import choice, instance, optional, quantity, require, take
 from femimpact.excitation.excitation import words_of
 from femimpact.export.figures.drawing import BLUE, DARK, ORANGE
 from femimpact.export.files import atomic_path, file_path
-from femimpact.export.scene import (
-    BALL,
-    BEAM,
-    BOX,
-    EXAGGERATION,
-    ball_radius,
-    build_scene,
-    section_at,
-    snapshots_of,
-    thinned,
-)
+from femimpact.export.placed import ball_radius, placed_structure
+from femimpact.export.scene import BALL, BEAM, BOX, EXAGGERATION, build_scene, chosen_exaggeration, snapshots_of
 from femimpact.export.sheet import HEIGHT, VIEWS, WIDTH, Film, sheets
+from femimpact.export.tables import thinned
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
@@ -40,9 +32,6 @@ __all__ = ["gl_window", "write_movie"]
 
 MOST_FPS = 1000
 """Frames per second; a GIF counts milliseconds."""
-
-SWING = 0.08
-"""Share of the beam's length that swing and gap fill when the exaggeration is chosen here."""
 
 PROBE = """
 import vtkmodules.vtkRenderingOpenGL2
@@ -69,12 +58,12 @@ WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
 
 
 def gl_window() -> str | None:
-    """The window class with which VTK can render off screen here, or None; the user's own choice is tried first.
+    """The window class with which VTK can render off screen here, or None; that of the environment is tried first.
 
     Tried in a child process: without a GL library VTK does not raise, it ends the process.
     """
-    own = os.environ.get(WINDOW)
-    return _probed((*([own] if own else []), "vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow"))
+    chosen = os.environ.get(WINDOW)
+    return _probed((*([chosen] if chosen else []), "vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow"))
 
 
 @cache
@@ -156,9 +145,7 @@ def write_movie(
 def _film(response: Response, structure: Structure, exaggeration: float | None, fps: int, most: int) -> Film:
     snapshots = snapshots_of(response)
     if exaggeration is None:
-        reach = float(np.abs(snapshots.displacement[:, 0::2]).max())
-        reach += max((max(pair.gaps) for pair in response.system.balls), default=0.0)
-        exaggeration = float(f"{SWING * structure.beam.length / max(reach, 1e-12):.1g}")
+        exaggeration = chosen_exaggeration(snapshots.displacement[:, 0::2], structure, response.system.balls)
     chosen = thinned(snapshots.time.size, most)
     shown = float(snapshots.time[chosen[-1]] - snapshots.time[chosen[0]])
     slow = f"   Slowed {(chosen.size - 1) / fps / shown:.2g} times." if shown > 0.0 else ""
@@ -236,7 +223,7 @@ def _pyvista_frames(film: Film, window: str) -> Iterator[NDArray[np.uint8]]:
     import pyvista
 
     draw, balls, height = sheets(film, plane=False), len(film.response.system.balls), VIEWS.stop - VIEWS.start
-    # the whole beam on the left half, the balls on the right one
+    # the beam on the left half, the balls on the right one
     layout: Any = {"shape": (1, 1 + balls), "col_weights": [max(balls, 1), *balls * [1]], "border": False}
     with _window(window):
         plotter: Any = pyvista.Plotter(off_screen=True, window_size=[WIDTH, height], **layout)
@@ -259,13 +246,7 @@ def _pyvista_frames(film: Film, window: str) -> Iterator[NDArray[np.uint8]]:
                 touches = contact is not None and film.touches(i, *contact)
                 for scene in actors:
                     scene[k].prop.color = ORANGE if touches else style["color"]
-            for j in range(balls):
-                # a close-up goes with its box
-                camera = plotter.renderers[1 + j].camera
-                x, _, z = camera.focal_point
-                y = film.scene.exaggeration * film.at_pair(j)[film.chosen[i]]
-                camera.focal_point = (x, y, z)
-                camera.position = (x, y + TILT[1], z + TILT[2])
+            _follow_boxes(plotter, film, i)
             picture = draw(i)
             picture[VIEWS] = _pixels(plotter, height)
             for j in range(balls):
@@ -277,7 +258,7 @@ def _pyvista_frames(film: Film, window: str) -> Iterator[NDArray[np.uint8]]:
 
 
 TILT = (0.0, -0.4, 1.0)
-"""From what is looked at to the eye, m: from above, a little from the - side; the beam at rest lies level."""
+"""Vector (m) from the focal point to the camera: above it, a little towards the - side; the beam at rest is level."""
 
 
 def _pieces(film: Film) -> list[tuple[Any, NDArray[np.intp], dict[str, Any], tuple[int, int] | None]]:
@@ -286,7 +267,7 @@ def _pieces(film: Film) -> list[tuple[Any, NDArray[np.intp], dict[str, Any], tup
 
     scene = film.scene
     cells = [np.concatenate([[cell.size], cell]) for cell in np.split(scene.connectivity, scene.offsets[:-1])]
-    whole = pyvista.UnstructuredGrid(np.concatenate(cells), scene.types, scene.points.copy())
+    grid = pyvista.UnstructuredGrid(np.concatenate(cells), scene.types, scene.points.copy())
     shiny = {"color": BLUE, "smooth_shading": True, "ambient": 0.25, "specular": 0.4, "specular_power": 20.0}
     plan: list[tuple[NDArray[np.intp], dict[str, Any], tuple[int, int] | None]]
     plan = [(np.flatnonzero(scene.part == BEAM), {"color": "#a3acb6", "ambient": 0.4}, None)]
@@ -299,7 +280,7 @@ def _pieces(film: Film) -> list[tuple[Any, NDArray[np.intp], dict[str, Any], tup
     plan += [(np.array([cell]), {"color": DARK, "ambient": 0.4}, (j, side)) for cell, j, side in film.stops()]
     pieces = []
     for chosen, style, contact in plan:
-        solid: Any = whole.extract_cells(chosen.tolist())
+        solid: Any = grid.extract_cells(chosen.tolist())
         # that of a solid would be looked for at each frame; newer versions warn of another default, which does as well
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -327,13 +308,23 @@ def _supports(film: Film) -> list[Any]:
 
     length, width = film.structure.beam.length, film.structure.beam.segments[0].rectangle[0]
     size: dict[str, Any] = {"x_length": 0.02 * length, "y_length": 0.1 * length, "z_length": 1.2 * width}
-    places = [film.response.system.position_of(support.at) for support in film.structure.supports]
     shift = {0.0: -0.01 * length, length: 0.01 * length}
-    return [pyvista.Cube(center=(x + shift.get(x, 0.0), 0.0, 0.0), **size) for x in places]
+    supports = placed_structure(film.structure, film.response.system).supports
+    return [pyvista.Cube(center=(x + shift.get(x, 0.0), 0.0, 0.0), **size) for _, x in supports]
+
+
+def _follow_boxes(plotter: Any, film: Film, i: int) -> None:
+    """Move the camera of each close-up with its box to frame i."""
+    for j in range(len(film.response.system.balls)):
+        camera = plotter.renderers[1 + j].camera
+        x, _, z = camera.focal_point
+        y = film.scene.exaggeration * film.at_pair(j)[film.chosen[i]]
+        camera.focal_point = (x, y, z)
+        camera.position = (x, y + TILT[1], z + TILT[2])
 
 
 def _aim(plotter: Any, film: Film, j: int) -> None:
-    """Point the camera of a view, of the whole beam (-1) or of a ball, and choose its scale.
+    """Point the camera of a view, of the beam (-1) or of a ball, and choose its scale.
 
     A parallel projection, so that lengths stay lengths.
     """
@@ -343,7 +334,7 @@ def _aim(plotter: Any, film: Film, j: int) -> None:
     upright = 1.0 / np.hypot(1.0, TILT[1])
     if j >= 0:
         pair, radius = balls[j], ball_radius(balls[j].mass)
-        height = 0.5 * section_at(film.structure, pair.position)[0] + 1.3 * radius
+        height = 0.5 * film.structure.beam.rectangle_at(pair.position)[0] + 1.3 * radius
         target = (pair.position, 0.0, height)
         high = upright * (film.scene.exaggeration * max(pair.gaps) + 2.2 * radius)
         scale = max(high, 1.6 * radius * len(balls) / aspect)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,15 +14,13 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, quantity
+from femimpact.export.placed import Contact, PlacedStructure, ball_radius, body_side, placed_structure
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
-from femimpact.structure.structure import Position, Structure
+from femimpact.structure.structure import PointMass, Structure
 from femimpact.system.hermite import hermite_rows
 from femimpact.system.matrices import Matrix
 from femimpact.system.system import System
-
-BALL_DENSITY = 7850.0
-"""kg/m^3. The model has no ball radius; a steel sphere of the ball's mass is drawn, and a steel cube of a body's."""
 
 BEAM, BOX, BALL, SUPPORT, BODY, STOP, CONTACT_POINT, CONNECTION = range(8)
 PARTS = ("beam", "box", "ball", "support", "body", "stop", "contact point", "spring or dashpot")
@@ -41,14 +40,9 @@ SAME = 1e-9
 BLOCK = list(range(8))
 
 
-def ball_radius(mass: float) -> float:
-    """Radius (m) of the steel sphere that is drawn for a ball of this mass (kg)."""
-    return float((3.0 * mass / (4.0 * math.pi * BALL_DENSITY)) ** (1.0 / 3.0))
-
-
 @dataclass
 class Pieces:
-    """What is collected while a scene is built, one entry for each piece or each point."""
+    """Points and cells of a scene while it is built, one entry for each piece or each point."""
 
     points: list[Array] = field(default_factory=list)  # (k, 3) m
     # (k,) m: x of the section that moves each point; not a number where none does
@@ -67,7 +61,7 @@ class Pieces:
         self, points: Array, axis: Any, cells: list[tuple[int, list[int]]], part: int, pair: int, ball: int = -1,
         in_space: bool = False,
     ) -> None:  # fmt: skip
-        """Add points that move alike, and the cells between them."""
+        """Add points that move in the same way, and the cells between them."""
         first, size = self.count, len(points)
         self.points.append(points)
         self.axis.append(np.broadcast_to(np.asarray(axis, dtype=float), size))
@@ -82,11 +76,6 @@ class Pieces:
         """Add a point of contact."""
         self.marks.append((self.count, pair, side, reaction))
         self.add(np.array([point]), axis, [(VERTEX, [0])], CONTACT_POINT, pair, ball, in_space)
-
-
-def section_at(structure: Structure, position: float) -> tuple[float, float]:
-    """Width and thickness (m) of the beam at a position; at a joint, those towards the tip."""
-    return structure.beam.rectangle_at(position)
 
 
 def sections_along(structure: Structure, stations: Array) -> Array:
@@ -135,29 +124,33 @@ def _stations(nodes: Array, start: float, end: float, subdivisions: int, slack: 
     return np.concatenate([*inner, knots[-1:]])
 
 
-def add_beam(pieces: Pieces, structure: Structure, stretches: tuple[Array, ...]) -> None:
-    """Hexahedra between sections of four points; each stretch has its own, so that steps of the section show.
+def add_beam(pieces: Pieces, placed: PlacedStructure, nodes: Array, subdivisions: int = 1) -> tuple[Array, ...]:
+    """Hexahedra between sections of four points; the stretches of sections, none of which is shared.
 
-    Along a linear taper the faces are plane, and the cells have the volume of the beam.
+    A stretch ends where a section jumps or a force acts, so that steps of the section show. Along a linear taper the
+    faces are plane, and the cells have the volume of the beam.
     """
+    held = [*(x for _, x in placed.bodies), *(x for _, x in placed.supports)]
+    held += [x for _, places in placed.connections for x in places]
+    cuts = [*placed.structure.beam.joints, *held, *(pair.position for pair in placed.contacts)]
+    stretches = stretches_of(nodes, cuts, subdivisions)
     for stations in stretches:
         signs = 0.5 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-        corners = sections_along(structure, stations)[:, None, ::-1] * signs
+        corners = sections_along(placed.structure, stations)[:, None, ::-1] * signs
         points = np.concatenate([np.repeat(stations, 4)[:, None], corners.reshape(-1, 2)], axis=1)
         cells = [
             (HEXAHEDRON, [4 * i + c for c in range(4)] + [4 * i + 4 + c for c in range(4)])
             for i in range(len(stations) - 1)
         ]
         pieces.add(points, points[:, 0], cells, BEAM, -1)
+    return stretches
 
 
-def add_box(
-    pieces: Pieces, j: int, x: float, width: float, radius: float, gaps: tuple[float, float], exaggeration: float
-) -> None:
+def add_box(pieces: Pieces, j: int, ball: Contact, width: float, exaggeration: float) -> None:
     """Two end walls and a floor on the beam's upper edge; the inner faces stop the ball's surface."""
-    wall = 0.3 * radius
-    floor = 0.5 * width
-    inner = (exaggeration * gaps[0] + radius, -exaggeration * gaps[1] - radius)
+    x, radius = ball.position, ball_radius(ball.mass)
+    wall, floor = 0.3 * radius, 0.5 * width
+    inner = (exaggeration * ball.gaps[0] + radius, -exaggeration * ball.gaps[1] - radius)
     left, right, top = x - radius - wall, x + radius + wall, floor + wall + 2.0 * radius
     blocks = [
         _block((left, inner[0], floor), (right, inner[0] + wall, top)),
@@ -168,9 +161,10 @@ def add_box(
         pieces.add(corners, x, [(HEXAHEDRON, BLOCK)], BOX, j)
 
 
-def add_ball(pieces: Pieces, j: int, x: float, width: float, radius: float, rings: int = 10, around: int = 20) -> Array:
+def add_ball(pieces: Pieces, j: int, ball: Contact, width: float, rings: int = 10, around: int = 20) -> Array:
     """A sphere of quadrilaterals with triangles at its poles; its centre (3,) in m."""
-    centre = np.array([x, 0.0, 0.5 * width + 0.3 * radius + radius])
+    radius = ball_radius(ball.mass)
+    centre = np.array([ball.position, 0.0, 0.5 * width + 0.3 * radius + radius])
     polar = np.pi * np.arange(1, rings) / rings
     turn = 2.0 * np.pi * np.arange(around) / around
     belt = np.array([(np.sin(p) * np.cos(t), np.sin(p) * np.sin(t), np.cos(p)) for p in polar for t in turn])
@@ -188,9 +182,9 @@ def add_ball(pieces: Pieces, j: int, x: float, width: float, radius: float, ring
     return centre
 
 
-def add_body(pieces: Pieces, x: float, offset: float, width: float, mass: float) -> None:
+def add_body(pieces: Pieces, body: PointMass, x: float, width: float) -> None:
     """A steel cube of a body's mass below the beam's lower edge; the section at x carries it."""
-    side, centre = (mass / BALL_DENSITY) ** (1.0 / 3.0), x + offset
+    side, centre = body_side(body.mass), x + body.offset
     low, high = -0.5 * width - side, -0.5 * width
     corners = _block((centre - 0.5 * side, -0.5 * side, low), (centre + 0.5 * side, 0.5 * side, high))
     pieces.add(corners, x, [(HEXAHEDRON, BLOCK)], BODY, -1)
@@ -235,13 +229,11 @@ def add_connection(pieces: Pieces, x: float, length: float) -> None:
     pieces.add(np.array([(x, -0.1 * length, 0.0)]), math.nan, [(LINE, [-1, 0])], CONNECTION, -1)
 
 
-def add_stop(
-    pieces: Pieces, j: int, x: float, length: float, section: tuple[float, float], gaps: tuple[float, float],
-    exaggeration: float, in_space: bool,
-) -> None:  # fmt: skip
+def add_stop(pieces: Pieces, j: int, stop: Contact, structure: Structure, exaggeration: float) -> None:
     """A block on each closed side, whose face the beam's surface touches, with the points of contact of both."""
-    half, thick, width = 0.5 * section[1], 0.02 * length, 1.2 * section[0]
-    for side, gap in ((1, gaps[0]), (-1, gaps[1])):
+    x, in_space, section = stop.position, stop.fixed_to == "space", structure.beam.rectangle_at(stop.position)
+    half, thick, width = 0.5 * section[1], 0.02 * structure.beam.length, 1.2 * section[0]
+    for side, gap in ((1, stop.gaps[0]), (-1, stop.gaps[1])):
         if not math.isfinite(gap):
             continue
         face = exaggeration * gap + half
@@ -253,8 +245,42 @@ def add_stop(
         pieces.mark((x, side * face, 0.6 * width), math.nan, j, side, True, in_space=in_space)
 
 
+def add_contacts(
+    pieces: Pieces,
+    placed: PlacedStructure,  # whose balls come before its stops
+    exaggeration: float,
+    marked: bool,  # whether the points of contact of balls are added
+) -> None:
+    """Balls in their boxes, and stops."""
+    for j, pair in enumerate(placed.contacts):
+        if pair.is_stop:
+            add_stop(pieces, j, pair, placed.structure, exaggeration)
+            continue
+        x, radius = pair.position, ball_radius(pair.mass)
+        width, _ = placed.structure.beam.rectangle_at(x)
+        add_box(pieces, j, pair, width, exaggeration)
+        # in front of the ball, or the ball would hide the arrows that begin there
+        height = float(add_ball(pieces, j, pair, width)[2]) + 1.3 * radius
+        for side, gap in ((1, pair.gaps[0]), (-1, pair.gaps[1])) if marked else ():
+            pieces.mark((x, side * (exaggeration * gap + radius), height), x, j, side, False)
+            pieces.mark((x, side * radius, height), math.nan, j, side, True, ball=j)
+
+
 EXAGGERATION: Any = quantity("1", above=0.0, at_most=1e9)
-"""By which motion and clearance are drawn larger."""
+"""Factor by which motion and clearance are drawn larger."""
+
+SWING = 0.08
+"""Share of the beam's length that swing and gap fill where the factor is chosen."""
+
+
+def chosen_exaggeration(
+    deflection: Array,  # m
+    structure: Structure,
+    balls: Sequence[Contact],
+) -> float:
+    """Factor, of one digit, with which the largest deflection and gap are a good size beside the beam."""
+    reach = float(np.abs(deflection).max()) + max((max(pair.gaps) for pair in balls), default=0.0)
+    return float(f"{SWING * structure.beam.length / max(reach, 1e-12):.1g}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,20 +341,9 @@ def build_scene(
     exaggeration: float = 1.0,  # scales motion and clearance together, so that a ball stays in its box
 ) -> Scene:
     """The beam of its real cross-section, a box and a ball for each impactor, and the stops: what a movie shows."""
-    pieces = Pieces()
-    stretches = stretches_of(system.nodes, _cuts(structure, system))
-    add_beam(pieces, structure, stretches)
-    for j, pair in enumerate(system.balls):
-        width, _ = section_at(structure, pair.position)
-        add_box(pieces, j, pair.position, width, ball_radius(pair.mass), pair.gaps, exaggeration)
-        add_ball(pieces, j, pair.position, width, ball_radius(pair.mass))
-    for j, pair in enumerate(system.contacts):
-        if pair.is_stop:
-            section = section_at(structure, pair.position)
-            add_stop(
-                pieces, j, pair.position, structure.beam.length, section, pair.gaps, exaggeration,
-                pair.fixed_to == "space",
-            )  # fmt: skip
+    pieces, placed = Pieces(), placed_structure(structure, system)
+    stretches = add_beam(pieces, placed, system.nodes)
+    add_contacts(pieces, placed, exaggeration, marked=False)
     return _scene(pieces, system, stretches, exaggeration)
 
 
@@ -339,51 +354,20 @@ def build_whole_scene(
     subdivisions: int = 1,  # cells of the beam for each element, at least
 ) -> Scene:
     """The same with supports, bodies, springs, dashpots and points of contact of the balls."""
-    pieces, length = Pieces(), structure.beam.length
-    stretches = stretches_of(system.nodes, _cuts(structure, system), subdivisions)
-    add_beam(pieces, structure, stretches)
-    for support in structure.supports:
-        x = _position(structure, system, support.at)
-        add_support(pieces, support.kind, x, length, section_at(structure, x))
-    for body in structure.masses:
+    pieces, placed, length = Pieces(), placed_structure(structure, system), structure.beam.length
+    stretches = add_beam(pieces, placed, system.nodes, subdivisions)
+    for support, x in placed.supports:
+        add_support(pieces, support.kind, x, length, structure.beam.rectangle_at(x))
+    for body, x in placed.bodies:
         if body.mass > 0.0:
-            x = _position(structure, system, body.at)
-            add_body(pieces, x, body.offset, section_at(structure, x)[0], body.mass)
-    for level, (_, _, places) in enumerate(structure.connections):
-        at, *to = (_position(structure, system, place) for place in places.values())
+            add_body(pieces, body, x, structure.beam.rectangle_at(x)[0])
+    for level, (_, (at, *to)) in enumerate(placed.connections):
         if to:
             add_tie(pieces, (at, to[0]), length, level)
         else:
             add_connection(pieces, at, length)
-    for j, pair in enumerate(system.contacts):
-        x, section = pair.position, section_at(structure, pair.position)
-        if pair.is_stop:
-            add_stop(pieces, j, x, length, section, pair.gaps, exaggeration, pair.fixed_to == "space")
-            continue
-        radius = ball_radius(pair.mass)
-        add_box(pieces, j, x, section[0], radius, pair.gaps, exaggeration)
-        # in front of the ball, or the ball would hide the arrows that begin there
-        height = float(add_ball(pieces, j, x, section[0], radius)[2]) + 1.3 * radius
-        for side, gap in ((1, pair.gaps[0]), (-1, pair.gaps[1])):
-            pieces.mark((x, side * (exaggeration * gap + radius), height), x, j, side, False)
-            pieces.mark((x, side * radius, height), math.nan, j, side, True, ball=j)
+    add_contacts(pieces, placed, exaggeration, marked=True)
     return _scene(pieces, system, stretches, exaggeration)
-
-
-def _cuts(structure: Structure, system: System) -> list[float]:
-    """Positions (m) at which a section may jump or a force acts."""
-    held = [*(body.at for body in structure.masses), *(support.at for support in structure.supports)]
-    held += [place for _, _, ends in structure.connections for place in ends.values()]
-    return [
-        *structure.beam.joints,
-        *(_position(structure, system, at) for at in held),
-        *(pair.position for pair in system.contacts),
-    ]
-
-
-def _position(structure: Structure, system: System, at: Position) -> float:
-    """Metres from the root of a place, or of a body by its name."""
-    return system.position_of(structure.place_of(at))
 
 
 def _scene(pieces: Pieces, system: System, stretches: tuple[Array, ...], exaggeration: float) -> Scene:
@@ -422,8 +406,3 @@ def snapshots_of(response: Response) -> Snapshots:
             [Fault("snapshots", None, "", "the response holds none: integrate with Recorder(snapshots=STRIDE)")]
         )
     return response.snapshots
-
-
-def thinned(count: int, most: int) -> NDArray[np.int64]:
-    """At most so many of the numbers 0 to count - 1, evenly spread, the first and the last among them."""
-    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))

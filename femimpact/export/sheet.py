@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.export.figures.drawing import BLUE, DARK, GREY, ORANGE, STYLE, name_at
-from femimpact.export.scene import BALL, BEAM, BOX, CONTACT_POINT, STOP, Scene, ball_radius
+from femimpact.export.placed import ball_radius, placed_structure
+from femimpact.export.scene import BALL, BEAM, BOX, CONTACT_POINT, STOP, Scene
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
@@ -30,7 +31,7 @@ Draw = Callable[[int], None]
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """What every renderer needs: the chosen snapshots, the scene, and which contact is closed when."""
+    """Input of every renderer: the chosen snapshots, the scene, and which contact is closed when."""
 
     response: Response
     structure: Structure
@@ -42,7 +43,7 @@ class Film:
     touched: NDArray[np.int64]
 
     def touches(self, i: int, pair: int, side: int) -> bool:
-        """Whether a pair touches on that side at frame i; side 0 means either."""
+        """True where a pair touches on that side at frame i; side 0 means either."""
         return bool(self.touched[i, pair] != 0 and side in (0, self.touched[i, pair]))
 
     def moved(self, i: int) -> NDArray[np.float64]:
@@ -175,12 +176,12 @@ def _history(axis: Any, film: Film, j: int) -> None:
 
 
 def _plane_views(figure: Any, film: Film) -> list[Draw]:
-    """Axes of the whole beam, and of the close-up where there is a ball."""
+    """Axes of the beam, and of the close-up where there is a ball."""
     length, s, contacts = 1e3 * film.structure.beam.length, film.scene.exaggeration, film.response.system.balls
     axis = figure.add_axes((0.065, 0.435, 0.5 if contacts else 0.915, 0.435))
     _fit(axis, 0.52 * length, 0.56 * length, 1.05e3 * film.reach, s, "relative to the base (mm)")
-    for support in film.structure.supports:
-        x = 1e3 * film.response.system.position_of(support.at)
+    for _, place in placed_structure(film.structure, film.response.system).supports:
+        x = 1e3 * place
         axis.plot([x, x], [-0.05 * length, 0.05 * length], color="black", linewidth=5.0)
     views = [_moving_parts(axis, film, None)]
     width = (0.98 + SPACE - CLOSE_UPS) / max(len(contacts), 1) - SPACE
@@ -228,7 +229,10 @@ def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
     faces = np.array([*boxes, *beam, *(cells[cell][:4] for cell, _, _ in stops)])
     collection = PolyCollection([], linewidths=2.0, joinstyle="round", animated=True)
     axis.add_collection(collection, autolim=False)
-    balls = [np.unique(scene.connectivity[_entries(scene, BALL, j)]) for j in range(len(contacts))]
+    balls = [
+        np.unique(np.concatenate([cells[c] for c in np.flatnonzero((scene.part == BALL) & (scene.pair == j))]))
+        for j in range(len(contacts))
+    ]
     circles = [
         axis.add_patch(Circle((1e3 * pair.position, 0.0), 1e3 * ball_radius(pair.mass), animated=True))
         for pair in contacts
@@ -251,13 +255,7 @@ def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
     return draw
 
 
-def _entries(scene: Scene, part: int, pair: int) -> NDArray[np.bool_]:
-    """Places in the connectivity that belong to one part of one pair."""
-    cell = np.repeat(np.arange(scene.offsets.size), np.diff(scene.offsets, prepend=0))
-    return np.asarray(((scene.part == part) & (scene.pair == pair))[cell])
-
-
 def _box_colours(film: Film, i: int, j: int) -> tuple[str, str, str]:
-    """Of the + wall, the - wall and the floor, in the order in which a scene holds them."""
+    """Colours of the + wall, the - wall and the floor, in the order in which a scene holds them."""
     plus, minus = (ORANGE if film.touches(i, j, side) else "#7b8a9a" for side in (1, -1))
     return plus, minus, "#e3e8ee"

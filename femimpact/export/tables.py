@@ -1,4 +1,4 @@
-"""Tables and labelled data on disk: CSV with units in the header, netCDF, JSON."""
+"""Tables and labelled data on disk: CSV with units in the header, netCDF, JSON; what is drawn of a study's dataset."""
 
 from __future__ import annotations
 
@@ -20,16 +20,7 @@ from femimpact.regular_file import decimal_number, open_regular
 if TYPE_CHECKING:
     import xarray
 
-__all__ = [
-    "BESIDE",
-    "STATISTICS",
-    "axis_names",
-    "axis_words",
-    "measure_names",
-    "single_samples",
-    "unsure_cells",
-    "value_words",
-]
+__all__ = ["plain", "read_csv", "read_units", "write_csv", "write_json", "write_netcdf"]
 
 BESIDE = frozenset({"periodic_starts", "failed_starts", "finished", "failure"})
 """Variables that are about the cases themselves."""
@@ -82,8 +73,41 @@ def value_words(dataset: xarray.Dataset, name: str) -> list[str] | None:
     return [str(value) for value in values.reshape(-1)] if values.dtype.kind not in "iuf" else None
 
 
+def axis_value(dataset: xarray.Dataset, axis: str, index: int) -> tuple[str, str | float, str]:
+    """Words of an axis, one of its values (a text where numbers do not say it), and the unit of the value, or ""."""
+    if axis not in dataset.variables:
+        return axis, str(index), ""
+    names, unit = value_words(dataset, axis), str(dataset[axis].attrs.get("units", ""))
+    if names is not None:
+        return axis_words(dataset, axis), names[index], "mm" if f"{axis}.plus" in dataset.coords else ""
+    value = float(dataset[axis].to_numpy().reshape(-1)[index])
+    return axis_words(dataset, axis), value, "" if unit == "1" else unit
+
+
+def sample_axes(dataset: xarray.Dataset) -> list[str]:
+    """Names of the coordinates over which a list or a sample of cases is drawn; of pairs of gaps the two sides."""
+    return [str(name) for name in dataset.coords if name != "case" and f"{name}.plus" not in dataset.coords]
+
+
+def thinned(count: int, most: int) -> NDArray[np.int64]:
+    """At most so many of the numbers 0 to count - 1, evenly spread, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))
+
+
+def map_panels(
+    dataset: xarray.Dataset,
+    axes: Sequence[str],  # three or more; the first two are those of each map
+    most: int,  # values of the third axis where there is no fourth
+    most_each: int,  # values of the third axis and of the fourth
+) -> tuple[dict[str, list[int]], dict[str, int]]:
+    """Numbers of the values of the third axis and the fourth that have a map, and of the others the middle one."""
+    further = axes[2:4]
+    shown = {name: thinned(dataset.sizes[name], most if len(further) < 2 else most_each).tolist() for name in further}
+    return shown, {name: dataset.sizes[name] // 2 for name in axes[4:]}
+
+
 def single_samples(dataset: xarray.Dataset) -> NDArray[np.bool_]:
-    """Where a value is a sample of a motion that does not repeat, and no interval says how far others lie."""
+    """True where a value is a sample of a motion that does not repeat, without an interval of its median."""
     if "median_interval" in dataset.attrs:
         return np.zeros(dataset["finished"].shape, dtype=bool)
     repeated = dataset["periodic_starts"].to_numpy() + dataset["failed_starts"].to_numpy()
@@ -91,7 +115,7 @@ def single_samples(dataset: xarray.Dataset) -> NDArray[np.bool_]:
 
 
 def unsure_cells(dataset: xarray.Dataset, measure: str) -> NDArray[np.bool_]:
-    """Where the interval of the median is wider than the largest difference to the median of a neighbour."""
+    """True where the interval of the median is wider than the largest difference to the median of a neighbour."""
     median = dataset[measure].to_numpy()
     if f"{measure}_median_low" not in dataset:
         return np.zeros(median.shape, dtype=bool)
@@ -106,7 +130,8 @@ def unsure_cells(dataset: xarray.Dataset, measure: str) -> NDArray[np.bool_]:
     return np.asarray(width > largest)
 
 
-__all__ = ["plain", "read_csv", "read_units", "write_csv", "write_json", "write_netcdf"]
+# ---- tables on disk -------------------------------------------------------------------------------
+
 
 NO_DECIMALS = ("nan", "inf", "-inf")
 """Numbers that `write_csv` writes too."""
@@ -171,7 +196,8 @@ def read_csv(path: str | Path) -> dict[str, Any]:
     columns: dict[str, Any] = {}
     for i, title in enumerate(header):
         name, _, unit = title.partition(" [")
-        other = next(((line, row[i]) for line, row in rows if not _is_number(row[i])), None)
+        cells = ((line, row[i]) for line, row in rows)
+        other = next((one for one in cells if decimal_number(one[1]) is None and one[1] not in NO_DECIMALS), None)
         if unit and other is not None:
             raise ValueError(f"line {other[0]}, {name}: {other[1]!r} is no number")
         columns[name] = np.array([row[i] for _, row in rows], dtype=float if other is None else str)
@@ -184,10 +210,6 @@ def read_units(path: str | Path) -> dict[str, str]:
         header = next(csv.reader(file), [])
     parts = [title.partition(" [") for title in header]
     return {name: unit.removesuffix("]") for name, _, unit in parts if unit}
-
-
-def _is_number(cell: str) -> bool:
-    return decimal_number(cell) is not None or cell in NO_DECIMALS
 
 
 def write_json(path: str | Path, data: Mapping[str, Any]) -> Path:
@@ -213,7 +235,7 @@ def plain(value: Any) -> Any:
 
 
 def write_netcdf(path: str | Path, dataset: xarray.Dataset) -> Path:
-    """Write a labelled dataset as netCDF 4, whole or not at all."""
+    """Write a labelled dataset as netCDF 4."""
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
 from femimpact.errors import require
 from femimpact.excitation import Excitation, RecordedBase, Sine
 from femimpact.export import tables
+from femimpact.export.placed import DrawnContact, DrawnSystem
 from femimpact.response.history import Snapshots
 from femimpact.response.impacts import IMPACT_UNITS, Impacts, ImpactStatistics, StickingPhases
 from femimpact.response.response import Response
@@ -27,7 +27,6 @@ from femimpact.study.base_motion import Signal, numbers_of_signal, signal_of_num
 from femimpact.study.result_directory import FILES, OTHER_FILES
 from femimpact.study.results import read_dataset, read_sticking, read_table
 from femimpact.sweep import SWEEP_UNITS, FrequencyResponse
-from femimpact.system.hermite import hermite_rows
 from femimpact.system.modes import Modes
 from femimpact.system.system import System
 
@@ -48,60 +47,6 @@ SNAPSHOT_DIMS = {
     "ball_velocity": "ball",
     "contact_force": "contact",
 }
-
-
-@dataclass(frozen=True)
-class DrawnLaw:
-    """What pictures show of the law of a contact pair."""
-
-    is_rigid: bool
-
-
-@dataclass(frozen=True)
-class DrawnContact:
-    """What pictures show of a contact pair; a stop has an infinite mass."""
-
-    name: str
-    position: float
-    mass: float
-    gaps: tuple[float, float]
-    parameters: DrawnLaw
-    fixed_to: str = "base"
-
-    @property
-    def is_stop(self) -> bool:
-        """Whether the other side is a fixed obstacle, not a ball."""
-        return math.isinf(self.mass)
-
-
-@dataclass(frozen=True, eq=False)
-class DrawnSystem:
-    """What pictures show of a system, under the same names: places, contacts, and curves between the nodes."""
-
-    nodes: Array  # (n,) m
-    points: Mapping[str, float]  # m
-    contacts: tuple[DrawnContact, ...] = ()  # balls first, then stops
-    total_mass: float = math.nan  # kg
-    first_frequency: float = math.nan  # Hz: not a number where it was not kept
-
-    @property
-    def dofs(self) -> int:
-        """Number of nodal values: deflection and slope of each node."""
-        return 2 * self.nodes.size
-
-    @property
-    def balls(self) -> tuple[DrawnContact, ...]:
-        """The contacts that are balls."""
-        return tuple(contact for contact in self.contacts if not contact.is_stop)
-
-    def position_of(self, at: str | float) -> float:
-        """Metres from the root of a place."""
-        return float(self.points[at] if isinstance(at, str) else at)
-
-    def deflection_rows(self, positions: ArrayLike) -> Array:
-        """Rows that read the deflection from nodal values (w1, w1', w2, w2', ...)."""
-        rows: Any = hermite_rows(self.nodes, positions)
-        return np.asarray(rows if isinstance(rows, np.ndarray) else rows.toarray())
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,8 +92,7 @@ def read_mode_shapes(folder: Path, summary: Mapping[str, Any]) -> tuple[System, 
     names = ("natural_frequency", "damping_ratio", "participation_factor")
     modes = Modes(**{name: data[name].to_numpy() for name in names}, vectors=data["shape"].to_numpy())
     about = json.loads(data[ABOUT].item()) if ABOUT in data else {"points": {}, "contacts": []}
-    total_mass = float(data.attrs["total_mass_kg"])
-    system = DrawnSystem(data["node"].to_numpy(), about["points"], _drawn_contacts(about), total_mass)
+    system = _system(about, data["node"].to_numpy(), float(data.attrs["total_mass_kg"]))
     return cast(System, system), modes, _structure(about) if ABOUT in data else None
 
 
@@ -172,9 +116,19 @@ def structure_parts(structure: Structure, system: System) -> dict[str, Any]:
     return plain
 
 
-def read_parts(about: Mapping[str, Any]) -> tuple[Structure, Mapping[str, float], tuple[DrawnContact, ...]]:
-    """What `structure_parts` made: the structure without its contacts, the places, and the contacts."""
-    return _structure(about), about["points"], _drawn_contacts(about)
+def read_parts(about: Mapping[str, Any]) -> tuple[Structure, DrawnSystem]:
+    """The structure without its contacts, and its places and contacts, as `structure_parts` or a run stored them."""
+    return _structure(about), _system(about)
+
+
+def read_run_parts(
+    folder: Path,
+    key: str,  # {"last_cycles", "snapshots"}
+    summary: Mapping[str, Any],
+) -> tuple[Structure, DrawnSystem] | None:
+    """Structure, places and contacts of a run, from a file of it; None where the results do not have that file."""
+    data = read_dataset(folder, key, summary)
+    return None if data is None else read_parts(json.loads(data[ABOUT].item()))
 
 
 def _structure(about: Mapping[str, Any]) -> Structure:
@@ -195,6 +149,7 @@ def _contacts(system: System) -> list[dict[str, Any]]:
             "position": pair.position,
             "mass": pair.mass,
             "gaps": pair.gaps,
+            # read by earlier versions
             "rigid": pair.parameters.is_rigid,
             "fixed_to": pair.fixed_to,
         }
@@ -202,19 +157,26 @@ def _contacts(system: System) -> list[dict[str, Any]]:
     ]
 
 
-def _drawn_contacts(about: Mapping[str, Any]) -> tuple[DrawnContact, ...]:
-    return tuple(
+def _system(
+    about: Mapping[str, Any],
+    nodes: Array | None = None,  # (n,) m
+    total_mass: float = math.nan,  # kg
+) -> DrawnSystem:
+    """Places and contacts that were stored; the laws are known by the statistics of their impacts."""
+    laws = {name: given["law"] for name, given in about.get("statistics_of", {}).items()}
+    contacts = tuple(
         DrawnContact(
             name=contact["name"],
             position=contact["position"],
             mass=_finite_or(contact["mass"], math.inf),
             gaps=(_finite_or(contact["gaps"][0], math.inf), _finite_or(contact["gaps"][1], math.inf)),
-            parameters=DrawnLaw(contact["rigid"]),
             # results of earlier versions do not have it
             fixed_to=contact.get("fixed_to", "base"),
+            law=laws.get(contact["name"], ""),
         )
         for contact in about["contacts"]
     )
+    return DrawnSystem(np.zeros(0) if nodes is None else nodes, about["points"], contacts, total_mass)
 
 
 # ---- history --------------------------------------------------------------------------------------
@@ -337,7 +299,7 @@ def _response(
         energy=None,
         snapshots=None,
         base=base,
-        system=cast(System, DrawnSystem(nodes, about["points"], _drawn_contacts(about))),
+        system=cast(System, _system(about, nodes)),
     )
 
 

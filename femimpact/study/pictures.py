@@ -18,6 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
+from femimpact.contact import Rigid
 from femimpact.errors import Fault, InputError, require
 from femimpact.study.picture_data import read_bands, read_curves, read_film, read_last_cycles, read_mode_shapes
 from femimpact.study.result_directory import FILES, update_results
@@ -122,8 +123,7 @@ def _figures(source: Path, summary: Mapping[str, Any]) -> Iterator[tuple[str, Ca
     run, end = last
     yield "impact_histograms", lambda: figures.impact_histograms(run, off_screen)
     yield "impulse_phase", lambda: figures.impulse_phase(run, off_screen)
-    contacts: Any = end.system.contacts
-    if not all(contact.parameters.is_rigid for contact in contacts):
+    if set(run.impacts.law.values()) - {Rigid.name}:
         # a rigid impact has an impulse and no force to draw
         yield "force_figure", lambda: figures.contact_force(end, averaged=False, figure=off_screen)
     if end.system.balls:

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact.errors import require, require_path
+from femimpact.export.placed import DrawnSystem, drawn_system, placed_structure
 from femimpact.export.report.page import Conclusion, Page, write_page
-from femimpact.export.report.structure_drawing import place_finder, placed_contacts, structure_element, structure_words
+from femimpact.export.report.structure_drawing import structure_element, structure_words
 from femimpact.export.tables import axis_names, axis_words, measure_names, single_samples, value_words
 from femimpact.structure.structure import Structure
-from femimpact.study.picture_data import read_parts
+from femimpact.study.picture_data import read_parts, read_run_parts
 from femimpact.study.result_conclusions import ResultReading, conclusions_of, convergence_conclusions, texts_of
 from femimpact.study.result_directory import (
     FILES,
@@ -36,6 +37,7 @@ from femimpact.study.results import read_json, read_summary
 from femimpact.study.study import Study
 from femimpact.study.study_file import load_study
 from femimpact.svg import number_text
+from femimpact.system.system import System
 
 if TYPE_CHECKING:
     import xarray
@@ -170,13 +172,13 @@ def page_of(
         results.miss(state.replace(str(directory), "DIR"))
     summary, written = results.summary, _convergence_summary(results)
     study = _study(results)
-    name, structure, finder, contacts = _structure(results, study, written)
+    name, structure, system = _structure(results, study, written)
     made_of = [results.attempt(words, partial(make, results)) or [] for words, make in SECTIONS]
     sections = [section for several in made_of for section in several]
     drawing = None
-    if structure is not None and finder is not None:
-        made, find, placed = structure, finder, contacts
-        drawing = results.attempt("drawing of the structure", lambda: structure_element(made, find, placed))
+    if structure is not None and system is not None:
+        given = structure, system
+        drawing = results.attempt("drawing of the structure", lambda: structure_element(placed_structure(*given)))
     conclusions = results.attempt("conclusions", lambda: conclusions_of(summary)) or ()
     conclusions = (
         *conclusions,
@@ -197,7 +199,7 @@ def page_of(
         section, lost = listed
         sections.append(section)
         results.missing.extend(text for text in lost if text not in results.missing)
-    title = name if structure is None else f"{name}: {structure_words(structure, contacts)}"
+    title = name if structure is None else f"{name}: {structure_words(structure, system.contacts if system else ())}"
     return Page(
         title=title,
         lead=(*studied.lead, *_lead(study, summary, written)),
@@ -225,26 +227,33 @@ def _convergence_summary(results: ResultReading) -> dict[str, Any]:
 
 def _structure(
     results: ResultReading, study: Study | None, written: Mapping[str, Any]
-) -> tuple[str, Structure | None, Any, tuple[Any, ...]]:
-    """Name of the study, structure, what finds a place of it, and its contacts."""
+) -> tuple[str, Structure | None, System | DrawnSystem | None]:
+    """Name of the study, structure, and its places and contacts: neither its mesh nor its record is read again."""
     named = results.summary.get("study", written.get("study"))
     name = (
         str(named).removesuffix(".toml") if named else "study" if results.parameter_study is None else "parameter study"
     )
-    modes = results.modes
-    points = {} if modes is None else dict(modes[0].points)
-    if study is not None:
-        finder = place_finder(study.structure, points)
-        placed = results.attempt("places of the structure", lambda: placed_contacts(study.structure, finder))
-        return name, study.structure, finder, placed or ()
-    if modes is not None and modes[2] is not None:
-        return name, modes[2], place_finder(modes[2], points), tuple(modes[0].contacts)
-    if "structure" in written:
-        parts = results.attempt(OTHER_FILES["convergence_notes"], lambda: read_parts(written["structure"]))
-        if parts is not None:
-            made, places, contacts = parts
-            return name, made, place_finder(made, places), contacts
-    return name, None, None, ()
+    stored = _stored_structure(results, written)
+    if study is None:
+        return name, *(stored or (None, None))
+    points = stored[1].points if stored else {}
+    placed = results.attempt("places of the structure", lambda: drawn_system(study.structure, points))
+    return name, study.structure, placed
+
+
+def _stored_structure(
+    results: ResultReading, written: Mapping[str, Any]
+) -> tuple[Structure, System | DrawnSystem] | None:
+    """Structure, places and contacts from the first of the files that has them."""
+    if results.modes is not None and results.modes[2] is not None:
+        return results.modes[2], results.modes[0]
+    for key in ("last_cycles", "snapshots"):
+        found = results.attempt(FILES[key], partial(read_run_parts, results.folder, key, results.summary))
+        if found is not None:
+            return found
+    if "structure" not in written:
+        return None
+    return results.attempt(OTHER_FILES["convergence_notes"], lambda: read_parts(written["structure"]))
 
 
 @dataclass(frozen=True, eq=False)

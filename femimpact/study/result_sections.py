@@ -21,7 +21,6 @@ from femimpact.export.report.charts import (
 from femimpact.export.report.maps import maps_section
 from femimpact.export.report.page import Section, Table, list_element, table_element, table_of
 from femimpact.export.report.player import player_element
-from femimpact.export.report.structure_drawing import place_finder
 from femimpact.study.picture_data import read_bands, read_curves, read_film, read_last_cycles
 from femimpact.study.result_conclusions import ResultReading, texts_of
 from femimpact.study.result_directory import (
@@ -99,8 +98,7 @@ def _player(results: ResultReading) -> list[Section]:
                 f"{FILES['snapshots']}: results of an earlier version have none for a player; {drawn} shows the motion"
             )
         return []
-    finder = place_finder(film.structure, film.response.system.points)
-    made = player_element(film.response, film.structure, finder, film.exaggeration)
+    made = player_element(film.response, film.structure, film.exaggeration)
     return [Section("player", "The motion", (made,))] if made is not None else []
 
 

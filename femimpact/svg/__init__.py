@@ -7,6 +7,7 @@ import json
 import math
 import re
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -19,10 +20,10 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.arrays import Array
 
 Child = Element | str | None
-"""What an element holds: another one, a text, or nothing."""
+"""Child of an element: another one, a text, or nothing."""
 
 NO_CHARACTER = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
-"""What no document holds: control characters, halves of surrogate pairs."""
+"""Characters that no document may hold: control characters, halves of surrogate pairs."""
 
 RAW = frozenset({"script", "style"})
 """Elements whose text a browser reads as it stands."""
@@ -100,7 +101,7 @@ class Axis:
     logarithmic: bool = False
 
     def share(self, values: ArrayLike) -> Array:
-        """Where values lie, 0 at the low end and 1 at the high one; not a number where the axis has no place."""
+        """Position of values, 0 at the low end and 1 at the high one; not a number off the range of a logarithm."""
         array = np.asarray(values, dtype=float)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             if self.logarithmic:
@@ -260,7 +261,7 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """What lies between two lines, shaded."""
+    """A shaded area between two lines."""
 
     name: str
     x: Array
@@ -359,8 +360,8 @@ def _plot(chart: Chart, most: int) -> Element:
         "svg",
         element("path.fi-grid", d=grid),
         *(_band(chart, band, most) for band in chart.bands),
-        *(element("path.fi-level", d=f"M0 {GRID * (1.0 - at):.0f}H{GRID}") for _, at in _levels(chart)),
-        *(element("path.fi-level", d=f"M{GRID * at:.0f} 0V{GRID}") for _, at in _marks(chart)),
+        *(element("path.fi-level", d=f"M0 {GRID * (1.0 - at):.0f}H{GRID}") for _, at in _inside(chart.y, chart.levels)),
+        *(element("path.fi-level", d=f"M{GRID * at:.0f} 0V{GRID}") for _, at in _inside(chart.x, chart.places)),
         *(drawn for line in chart.lines for drawn in _line(chart, line, most)),
         viewBox=f"0 0 {GRID} {GRID}", preserveAspectRatio="none", role="img", aria_label=title,
     )  # fmt: skip
@@ -370,13 +371,9 @@ def _places(axis: Axis) -> list[float]:
     return [float(axis.share(value)) for value, _ in axis.ticks]
 
 
-def _levels(chart: Chart) -> list[tuple[str, float]]:
-    found = [(words, float(chart.y.share(value))) for words, value in chart.levels]
-    return [(words, at) for words, at in found if 0.0 <= at <= 1.0]
-
-
-def _marks(chart: Chart) -> list[tuple[str, float]]:
-    found = [(words, float(chart.x.share(value))) for words, value in chart.places]
+def _inside(axis: Axis, named: Iterable[tuple[str, float]]) -> list[tuple[str, float]]:
+    """Words of values within an axis, and their positions on it."""
+    found = [(words, float(axis.share(value))) for words, value in named]
     return [(words, at) for words, at in found if 0.0 <= at <= 1.0]
 
 
@@ -388,9 +385,9 @@ def _line(chart: Chart, line: Line, most: int) -> list[Element]:
         path = _dots_of(x[kept], y[kept]) if line.style == "dots" else path_of(x[kept], y[kept])
         drawn.append(element(f"path.fi-{line.style}.fi-c{colour}", d=path, data_name=line.name or None))
     if line.marked is not None and np.any(line.marked):
-        own = thinned_line(y[line.marked], most // 2)
+        kept = thinned_line(y[line.marked], most // 2)
         name = line.name if line.style == "none" else None
-        path = _dots_of(x[line.marked][own], y[line.marked][own])
+        path = _dots_of(x[line.marked][kept], y[line.marked][kept])
         drawn.append(element(f"path.fi-dots.fi-c{colour}", d=path, data_name=name or None))
     return drawn
 
@@ -418,16 +415,14 @@ def _words(chart: Chart) -> list[Element]:
     return [
         *(
             element("span.fi-level-word", words, style=f"bottom:{100 * at:.2f}%")
-            for words, at in _levels(chart)
+            for words, at in _inside(chart.y, chart.levels)
             if words
         ),
         *(
-            element("span.fi-place-word" + (".fi-left" if at > 0.6 else ""), words, style=_beside(at))
-            for words, at in _marks(chart)
+            element("span.fi-place-word.fi-left", words, style=f"right:{100 * (1 - at):.2f}%")
+            if at > 0.6
+            else element("span.fi-place-word", words, style=f"left:{100 * at:.2f}%")
+            for words, at in _inside(chart.x, chart.places)
             if words
         ),
     ]
-
-
-def _beside(at: float) -> str:
-    return f"right:{100 * (1 - at):.2f}%" if at > 0.6 else f"left:{100 * at:.2f}%"

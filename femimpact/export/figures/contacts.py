@@ -162,18 +162,18 @@ def collision_history(law: ContactLaw, effective_mass: float, approach_speed: fl
 
     rigid = resolve(law, effective_mass).is_rigid
     require(not rigid, "law", law, "", "must have a force: a rigid contact is an impulse")
-    whole = collide(law, effective_mass, approach_speed)
+    collision = collide(law, effective_mass, approach_speed)
     m, v = effective_mass, approach_speed
 
     def rates(_: float, y: Any) -> list[float]:
         return [y[1], -contact_force(law, y[0], y[1], v, m) / m]
 
     # from just inside the wall: on it, a dashpot's force would be zero
-    inside = 1e-9 * whole.largest_penetration
+    inside = 1e-9 * collision.largest_penetration
     run: Any = solve_ivp(
-        rates, (0.0, whole.contact_time), [inside, v], method="LSODA", rtol=1e-9,
-        atol=[1e-11 * whole.largest_penetration, 1e-11 * v],
-        t_eval=np.linspace(0.0, whole.contact_time, POINTS),
+        rates, (0.0, collision.contact_time), [inside, v], method="LSODA", rtol=1e-9,
+        atol=[1e-11 * collision.largest_penetration, 1e-11 * v],
+        t_eval=np.linspace(0.0, collision.contact_time, POINTS),
     )  # fmt: skip
     depth, rate = run.y
     force = [contact_force(law, p, r, v, m) for p, r in zip(depth, rate, strict=True)]

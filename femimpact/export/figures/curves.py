@@ -87,10 +87,8 @@ def response_curve(
     ranges = rows_of("bands", bands, label=text(), frequency=column("Hz", "n"), low=column("m", "n"),
                      high=column("m", "n"))  # fmt: skip
     for i, (_, *arrays) in enumerate(ranges):
-        lengths = {len(array) for array in arrays}
-        require(
-            len(lengths) == 1, f"bands[{i}]", "arrays", "", "must have as many frequencies as lowest and highest peaks"
-        )
+        same = len({len(array) for array in arrays}) == 1
+        require(same, f"bands[{i}]", "arrays", "", "must have as many frequencies as lowest and highest peaks")
     axis = panel(ax, 8.0, 5.0)
     axis.set_yscale("log")
     filled = [
@@ -113,13 +111,7 @@ def response_curve(
     marks = [_mark(axis, marker, *mark) for marker, mark in zip("*PX", peaks, strict=False)]
     first = next(iter(named.values()))
     if not _scatter(first, join_all)[np.nanargmax(first.peak)]:
-        scale, unit = _scale(first)
-        peak = (first.peak_frequency, scale * first.peak_amplitude)
-        # on the side of the peak that is farther from the end of the axis
-        low, high = first.frequency[0], first.frequency[-1]
-        side: Any = {"xytext": (8, -2)} if peak[0] <= 0.25 * low + 0.75 * high else {"xytext": (-8, -2), "ha": "right"}
-        axis.annotate(f"{peak[1]:.3g} {unit} at {peak[0]:.4g} Hz", peak, textcoords="offset points", color=COLOURS[0],
-                      **side)  # fmt: skip
+        _annotate_peak(axis, first)
     axis.set_title(title or _level(first), loc="left")
     axis.set_xlabel("base frequency (Hz)")
     axis.set_ylabel(_observed(first))
@@ -128,8 +120,18 @@ def response_curve(
     return axis
 
 
+def _annotate_peak(axis: Axes, curve: FrequencyResponse) -> None:
+    """The largest peak and its frequency, on the side of the peak that is farther from the end of the axis."""
+    scale, unit = _scale(curve)
+    peak = (curve.peak_frequency, scale * curve.peak_amplitude)
+    low, high = curve.frequency[0], curve.frequency[-1]
+    side: Any = {"xytext": (8, -2)} if peak[0] <= 0.25 * low + 0.75 * high else {"xytext": (-8, -2), "ha": "right"}
+    axis.annotate(f"{peak[1]:.3g} {unit} at {peak[0]:.4g} Hz", peak, textcoords="offset points", color=COLOURS[0],
+                  **side)  # fmt: skip
+
+
 def _scale(curve: FrequencyResponse) -> tuple[float, str]:
-    """What the values of a curve are multiplied by where they are drawn, and the unit that they then have."""
+    """Factor of the values of a curve where they are drawn, and the unit that they then have."""
     return {"m": (1e3, "mm"), "Pa": (1e-6, "MPa")}.get(curve.unit, (1.0, curve.unit))
 
 
@@ -176,7 +178,7 @@ def _legend(
 
 
 def _has_rms(named: Mapping[str, FrequencyResponse], curve: FrequencyResponse) -> bool:
-    """Whether the rms of a curve is drawn: of more than three curves it would be too much."""
+    """True where the rms of a curve is drawn: of three curves at most."""
     return len(named) <= 3 and bool(np.nansum(curve.impacts_per_cycle) > 0.0)
 
 
@@ -197,7 +199,7 @@ def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_al
 
 
 def _scatter(curve: FrequencyResponse, join_all: bool) -> NDArray[np.bool_]:
-    """Which peaks no line joins: samples of a motion with impacts that does not repeat."""
+    """True for peaks that no line joins: samples of a motion with impacts that does not repeat."""
     # without impacts the motion is linear: it may still beat at the end of a dwell, and does not scatter
     return np.asarray((curve.steadiness != "periodic") & (curve.impacts_per_cycle > 0.0) & (not join_all))
 
@@ -217,7 +219,7 @@ def restitution_scan(
     amplitude_ratio: float,
     figure: FigureBase | OffScreen | None = None,
 ) -> NDArray[np.object_]:
-    """What the restitution does to the resonance, for one or more starts, beside the published values.
+    """Resonance over the restitution, for one or more starts, beside the published values.
 
     A mark with a dot in it is of a motion that is not periodic: one start's value, or the median of several starts.
 

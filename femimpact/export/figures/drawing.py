@@ -1,4 +1,4 @@
-"""Springs and dashpots in figures: a spring is a zigzag, a dashpot a dashed line."""
+"""What figures share: colours and style, axes and legends, channels of a response, springs and dashpots."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 BLUE, ORANGE, GREEN, PURPLE, SKY, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#666666"
 """Okabe and Ito's colours, which most colour-blind readers can distinguish."""
 DARK = "#333333"
-"""Of everything but curves, modes and regions."""
+"""Colour of supports, stops, connections and samples."""
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY)
 WALLS: tuple[tuple[int, str, str, str], ...] = ((1, BLUE, "o", "+ wall"), (-1, ORANGE, "^", "- wall"))
 """Side, colour, marker and label."""
@@ -46,17 +46,17 @@ STYLE: Any = {
 }
 """Settings of matplotlib, for `matplotlib.rc_context`."""
 SMALLEST_IN_MM = 1e-5
-"""Metres."""
+"""Smallest length (m) that is shown in mm."""
 SMALLEST_IN_MPA = 1e5
-"""Pascal."""
+"""Smallest stress (Pa) that is shown in MPa."""
 LEGEND = 10.0
-"""Points, of the words of a legend."""
+"""Size of the text of a legend, points."""
 LETTER, HANDLE, GAP, ROW = 0.46, 4.0, 1.6, 1.55
-"""Of a legend, by its size: the width of a letter, of what is beside the words of an entry, of the space between its
-columns, which is part of that; and the height of a row."""
+"""Widths of a letter, of an entry besides its words, and of the space between columns (part of that), and the height of
+a row of a legend, by the size of its text."""
 PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))
 CYCLES: Any = quantity("1", above=0.0)
-"""Of the base, how many are drawn."""
+"""Number of cycles of the base that are drawn."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class OffScreen:
     """In the place of axes or of a figure: a new figure that no window and no notebook shows, for a file."""
 
 
-# ---- what drives it -------------------------------------------------------------------------------
+# ---- cycles of the base -------------------------------------------------------------------------------
 
 
 def last_cycles(response: Response, cycles: float) -> tuple[float, str]:
@@ -73,8 +73,9 @@ def last_cycles(response: Response, cycles: float) -> tuple[float, str]:
     Under what has no cycle they are those of the first mode, and the words are of their time.
     """
     base, first, last = response.base, float(response.time[0]), float(response.time[-1])
-    own = response.system.first_frequency
-    frequency = own if not has_cycle(base) and own > 0.0 and math.isfinite(own) else base.frequency
+    first_mode = response.system.first_frequency
+    known = first_mode > 0.0 and math.isfinite(first_mode)
+    frequency = first_mode if known and not has_cycle(base) else base.frequency
     start = max(last - cycles / frequency, first)
     if math.isnan(base.phase):
         return start, f"last {last - start:.3g} s"
@@ -100,12 +101,7 @@ def panel(ax: Axes | OffScreen | None, width: float, height: float) -> Axes:
 
 
 def panels(
-    figure: FigureBase | OffScreen | None,
-    width: float,
-    height: float,
-    rows: int = 1,
-    columns: int = 1,
-    **options: Any,
+    figure: FigureBase | OffScreen | None, width: float, height: float, rows: int = 1, columns: int = 1, **options: Any
 ) -> NDArray[np.object_]:
     """Axes (rows, columns) on a figure given, or on a new one of this size (inches).
 
@@ -131,7 +127,7 @@ def panels(
 
 
 def save_figure(drawn: Axes | NDArray[np.object_] | Figure, path: str | Path) -> Path:
-    """Write the figure of axes, whole or not at all; the suffix chooses the format.
+    """Write the figure of axes; the suffix chooses the format.
 
     Parameters
     ----------
@@ -153,13 +149,13 @@ def save_figure(drawn: Axes | NDArray[np.object_] | Figure, path: str | Path) ->
     from matplotlib.figure import Figure
 
     path, first = file_path(path), drawn.flat[0] if isinstance(drawn, np.ndarray) and drawn.size else drawn
-    # axes of a part of a figure have that part for a figure, which has the whole one
-    whole: Any = first.figure.figure if isinstance(first, Axes) else first
-    require_type(whole, Figure, "drawn")
-    suffix, known = path.suffix.lstrip(".").lower(), sorted(whole.canvas.get_supported_filetypes())
+    # the figure of axes may be a part of one
+    figure: Any = first.figure.figure if isinstance(first, Axes) else first
+    require_type(figure, Figure, "drawn")
+    suffix, known = path.suffix.lstrip(".").lower(), sorted(figure.canvas.get_supported_filetypes())
     require(suffix in known, "path", str(path), "", f"must end in .{', .'.join(known)}")
     with matplotlib.rc_context(STYLE), atomic_path(path) as temporary:
-        whole.savefig(temporary, format=suffix)
+        figure.savefig(temporary, format=suffix)
     return path
 
 
@@ -322,7 +318,7 @@ def beam_at(response: Response, pair: Any) -> NDArray[np.float64]:
 Point = tuple[float, float]
 
 TURNS = 6
-"""Of a zigzag."""
+"""Teeth of a zigzag."""
 
 
 def draw_connection(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
+from femimpact.contact import Rigid
 from femimpact.errors import Fault, InputError, column, instance, optional, quantity, require, takes, truth
 from femimpact.excitation.excitation import has_cycle, words_of
 from femimpact.export.figures.drawing import (
@@ -138,7 +139,7 @@ def spectrum(
 ) -> Axes:
     """Amplitude spectrum of a channel over the whole base cycles of the last third of a run; else a spectral density.
 
-    Where the excitation has no cycle, or is a record, the one-sided spectral density over the whole run is drawn, by
+    Where the excitation has no cycle, or is a record, the one-sided spectral density over the run is drawn, by
     the averages of Hann windows that overlap by half (Welch), and no frequency of the base.
 
     Parameters
@@ -190,7 +191,7 @@ def spectrum(
 
 
 def _density(response: Response, name: str, highest: float | None, ax: Axes | OffScreen | None) -> Axes:
-    """One-sided spectral density of a channel over a whole run."""
+    """One-sided spectral density of a channel over a run."""
     from scipy.signal import welch
 
     time, values = response.time, response[name]
@@ -245,8 +246,8 @@ def cycle_averaged_force(response: Response) -> tuple[Array, Array]:
     # a method with steps has the impulse of a sticking phase in both tables
     phases = set(zip(sticking.start.tolist(), sticking.impulse.tolist(), strict=True))
     pairs = zip(impacts.time.tolist(), impacts.impulse.tolist(), strict=True)
-    own = np.where([pair in phases for pair in pairs], 0.0, np.abs(impacts.impulse))
-    impulse = np.histogram(impacts.time, bins=edges, weights=own)[0] if edges.size > 1 else edges[1:]
+    single = np.where([pair in phases for pair in pairs], 0.0, np.abs(impacts.impulse))
+    impulse = np.histogram(impacts.time, bins=edges, weights=single)[0] if edges.size > 1 else edges[1:]
     for start, end, force in zip(sticking.start, sticking.end, sticking.mean_force, strict=True):
         last = edges[-1] if np.isnan(end) else end
         shared = np.minimum(edges[1:], last) - np.maximum(edges[:-1], start)
@@ -310,11 +311,10 @@ def contact_force(
 
 def _last_cycles(axis: Any, response: Response, names: list[str], cycles: float) -> None:
     start, words = last_cycles(response, cycles)
-    last = response.time >= start
-    rigid = [pair.name for pair in response.system.contacts if pair.parameters.is_rigid]
+    last, laws = response.time >= start, response.impacts.law
     for colour, name in zip(COLOURS, names, strict=False):
         owner = name.rpartition(".")[0]
-        label = f"{owner} (rigid: force only while sticking)" if owner in rigid else owner or None
+        label = f"{owner} (rigid: force only while sticking)" if laws.get(owner) == Rigid.name else owner or None
         axis.plot(response.time[last], response[name][last], color=colour, label=label)
     axis.set_ylabel("force on the beam (N)")
     axis.set_xlabel("time (s)")

@@ -29,19 +29,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
 LABELS = {"mesh": ("longest element (mm)", 1e3), "step": ("step dt (µs)", 1e6), "modes": ("modes kept", 1.0)}
-"""Of the axis, and the factor of its sizes."""
+"""Label of the axis, and factor of its sizes."""
 
 KINDS = {"Hz": "natural frequencies", "1": "mode shapes", "m": "displacements"}
-"""Of quantities, by their unit."""
+"""Kind of a quantity by its unit."""
 
 MARKERS, LINES = "os^Dv<>P", ("-", ":", "-.")
 CURVES = (*COLOURS, "#222222")
 """Colours of curves; each next round of them has another line."""
 LARGEST, SMALLEST = 10.0, 5.0
-"""Points, of marks."""
+"""Sizes of marks, points."""
 
 SLOPE_DASHES = ((6.0, 3.0), (2.0, 2.0), (8.0, 2.0, 2.0, 2.0))
-"""Of reference slopes, which have one colour."""
+"""Dashes of reference slopes, which have one colour."""
 
 LOWEST = 1e-16
 """Smallest error that is drawn."""
@@ -160,10 +160,10 @@ def _slope(axis: Any, x: Any, error: Any, order: float, sense: float, number: in
 
 
 SLOPE: Any = optional(quantity("1", above=0.0, at_most=20.0))
-"""Of a reference line."""
+"""Order of a reference line."""
 
 MODE_MARKERS = "osD^v"
-"""Of curves; those of the next round of colours have another one."""
+"""Markers of curves; each next round of colours has another one."""
 
 CASES = ((0, BLUE, "o", 0.97, "modes only"), (1, ORANGE, "s", 1.03, "with static correction"))
 """Column, colour, marker, shift along the axis so that bars do not hide one another, label."""

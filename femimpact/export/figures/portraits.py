@@ -40,7 +40,7 @@ Corners = tuple[Array, Array, Array, Array]
 SHORT = 0.25
 """Share of the usual interval between two samples below which one beside a corner is drawn straight."""
 POINTS = 1024
-"""Of a base cycle, at least: pieces of a curve that fills a picture of 1000 pixels are then some 2 pixels long."""
+"""Points of a curve in a base cycle, at least: some 2 pixels apart in a picture of 1000 pixels."""
 
 
 def corners_of(
@@ -56,13 +56,13 @@ def corners_of(
     """
     impacts = response.impacts
     (contact,) = [one for one in response.system.contacts if one.name == pair]
-    own = np.flatnonzero(impacts.impactor == pair)
-    own = own[np.argsort(impacts.time[own], kind="stable")]
-    side = impacts.side[own].astype(float)
+    mine = np.flatnonzero(impacts.impactor == pair)
+    mine = mine[np.argsort(impacts.time[mine], kind="stable")]
+    side = impacts.side[mine].astype(float)
     wall = np.where(side > 0, contact.gaps[0], contact.gaps[1])
-    approach, rebound = impacts.approach_speed[own], impacts.rebound_speed[own]
-    after = np.where(impacts.duration[own] > 0.0, approach, -rebound)
-    return impacts.time[own], side * wall, side * approach, side * after
+    approach, rebound = impacts.approach_speed[mine], impacts.rebound_speed[mine]
+    after = np.where(impacts.duration[mine] > 0.0, approach, -rebound)
+    return impacts.time[mine], side * wall, side * approach, side * after
 
 
 def changes_of_contact(response: Response) -> Array:
@@ -127,16 +127,16 @@ def _with_corners(
 BEAM, FREE, WALL = "#555b63", "#e6eaee", "#9aa5b1"
 
 LONG, PARTS = 100, 200
-"""Oscillations beyond which a whole run is drawn as an envelope, and in how many parts of equal time at most."""
+"""Oscillations beyond which a run is drawn as an envelope, and in how many parts of equal time at most."""
 
 
 @takes(response=instance(Response), cycles=CYCLES)
 def motion(
     response: Response, cycles: float = 4.0, figure: FigureBase | OffScreen | None = None
 ) -> NDArray[np.object_]:
-    """Beam and balls over time: a row for every ball and stop, the whole run beside its last cycles.
+    """Beam and balls over time: a row for every ball and stop, the run beside its last cycles.
 
-    A whole run of more than 100 oscillations is drawn as the envelope of each curve, from its smallest to its largest
+    A run of more than 100 oscillations is drawn as the envelope of each curve, from its smallest to its largest
     value in each of 200 parts, or of fewer with two oscillations in each.
 
     The shaded band is where the ball may move: the beam where the ball is, with the gap to either wall. Of a stop it is

@@ -20,6 +20,7 @@ from femimpact.export.figures.drawing import (
     panel,
     panels,
 )
+from femimpact.export.placed import placed_structure
 from femimpact.fem.discretisation import Discretisation, discretise
 from femimpact.fem.mesh import Mesh
 from femimpact.structure.structure import Structure
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
 MOST_NODES = 400
-"""Up to which each node is drawn."""
+"""Nodes of a mesh up to which each is drawn."""
 
 
 @takes(mesh=instance(Mesh), structure=optional(instance(Structure)))
@@ -86,16 +87,14 @@ def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScre
     axis.set_ylim(-2.6 * tallest, top)
     lengths = 1e3 * np.diff(mesh.nodes)
     axis.set_title(f"{mesh.elements} elements of {lengths.min():.3g} to {lengths.max():.3g} mm", loc="left")
-    _mesh_legend(axis, connected=structure is not None and bool(structure.connections))
-    return axis
-
-
-def _mesh_legend(axis: Any, connected: bool) -> None:
-    """Names of regions, springs and dashpots; below the axes where there are connections above the beam."""
     _, labels = axis.get_legend_handles_labels()
-    place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2)} if connected else {"loc": "upper right"}
+    place: dict[str, Any] = {"loc": "upper right"}
+    if structure is not None and structure.connections:
+        # they are above the beam
+        place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2)}
     if labels:
         axis.legend(frameon=False, fontsize=9.0, ncols=min(len(labels), 4), **place)
+    return axis
 
 
 def _draw_connections(axis: Any, discretised: Discretisation, tallest: float) -> float:
@@ -141,7 +140,7 @@ SUPPORT_MARKS: dict[str, tuple[Any, float, str]] = {
 STOP_AT = 1.13
 """Height of the mark of a stop, whose point is towards the beam."""
 SYSTEM: Any = having("a System", ("nodes", "contacts", "total_mass", "position_of", "deflection_rows"))
-"""What a study has left of one will do."""
+"""A `DrawnSystem` will do."""
 MOST = 4
 """Modes that are drawn."""
 MOST_POINTS = 100_000
@@ -212,26 +211,26 @@ def mode_shapes(
 
 def _parts(axis: Any, system: System, structure: Structure, vector: NDArray[np.float64]) -> None:
     """Bodies, balls, supports, springs and dashpots where the shape puts them."""
+    placed = placed_structure(structure, system)
 
-    def point(at: Any) -> tuple[float, float]:
-        x = system.position_of(structure.place_of(at))
+    def point(x: float) -> tuple[float, float]:
         return 1e3 * x, float(np.asarray(system.deflection_rows([x]) @ vector)[0])
 
-    def mark(at: Any, marker: Any, size: float, **style: Any) -> None:
-        x, y = point(at)
+    def mark(place: float, marker: Any, size: float, **style: Any) -> None:
+        x, y = point(place)
         axis.plot([x], [y], linestyle="none", marker=marker, markersize=size, clip_on=False, **style)
 
-    for _, item, places in structure.connections:
-        first, *second = (point(place) for place in places.values())
+    for item, places in placed.connections:
+        first, *second = map(point, places)
         if second:
             draw_connection(axis, item, (first, second[0]), (0.0, 0.08))
         else:
             base = (first[0], -1.25)
             draw_connection(axis, item, (first, base), (0.006e3 * float(system.nodes[-1]), 0.0))
             draw_ground(axis, base)
-    for body in structure.masses:
-        mark(body.at, "s", 15.0, markerfacecolor="white", markeredgecolor=BOX, markeredgewidth=2.5, label=body.name)
-    for contact in system.contacts:
+    for body, x in placed.bodies:
+        mark(x, "s", 15.0, markerfacecolor="white", markeredgecolor=BOX, markeredgewidth=2.5, label=body.name)
+    for contact in placed.contacts:
         if not contact.is_stop:
             mark(contact.position, "o", 7.0, color=BLUE, label=contact.name)
             continue
@@ -239,9 +238,9 @@ def _parts(axis: Any, system: System, structure: Structure, vector: NDArray[np.f
             if math.isfinite(gap):
                 at = (1e3 * contact.position, side * STOP_AT)
                 axis.plot(*at, marker, color=DARK, markersize=9.0, linestyle="none", clip_on=False, label=contact.name)
-    for support in structure.supports:
+    for support, x in placed.supports:
         marker, size, label = SUPPORT_MARKS[support.kind]
-        mark(support.at, marker, size, color="black", markeredgewidth=4.0 if size > 20.0 else 1.0, label=label)
+        mark(x, marker, size, color="black", markeredgewidth=4.0 if size > 20.0 else 1.0, label=label)
 
 
 def _legend(axis: Any) -> None:

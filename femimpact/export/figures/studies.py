@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.errors import require, require_name, require_type, takes, text
 from femimpact.export.figures.drawing import BLUE, DARK, OffScreen, legend_above, panel, panels, prefixed
-from femimpact.export.tables import axis_words, single_samples, unsure_cells, value_words
+from femimpact.export.tables import axis_words, map_panels, sample_axes, single_samples, unsure_cells, value_words
 from femimpact.sweep import ONE_START
 
 if TYPE_CHECKING:
@@ -24,11 +24,11 @@ MOST_NUMBERS = 120
 
 MOST_TICKS, MOST_TICKS_OF_PANEL = 12, 5
 
-MOST_PANELS = 36
-"""Maps of a figure."""
+MOST_PANELS_EACH_WAY = 6
+"""Maps of a figure along its rows and along its columns."""
 
 UNSURE = "interval of the median wider than the step to any neighbour"
-"""What hatching says."""
+"""Meaning of hatching."""
 
 
 @takes(measure=text(), title=text())
@@ -153,12 +153,10 @@ def study_maps(
     names = [str(name) for name in dataset[measure].dims]
     require(len(names) >= 3, "dataset", f"{len(names)} axes", "", "must have three axes or more")
     require(bool(np.any(np.isfinite(values))), "dataset", measure, "", "must have a finite value of the measure")
-    middle = {name: dataset.sizes[name] // 2 for name in names[4:]}
-    shown = dataset.isel(middle)
-    across, down = names[2], names[3] if len(names) > 3 else None
-    most = int(np.sqrt(MOST_PANELS)) if down else MOST_PANELS // 6
-    columns = _some(dataset.sizes[across], most)
-    rows = _some(dataset.sizes[down], most) if down else [0]
+    chosen, middle = map_panels(dataset, names, MOST_PANELS_EACH_WAY, MOST_PANELS_EACH_WAY)
+    shown, (across, *_) = dataset.isel(middle), chosen
+    down = names[3] if len(names) > 3 else None
+    columns, rows = chosen[across], chosen[down] if down else [0]
     factor, unit = _scale(dataset, measure, values)
     bounds = float(np.nanmin(values)), float(np.nanmax(values))
     width, height = 2.2 + 2.6 * len(columns), 1.4 + 2.5 * len(rows)
@@ -166,9 +164,9 @@ def study_maps(
     image, maps = None, []
     for i, row in enumerate(rows):
         for j, column in enumerate(columns):
-            own = shown.isel({across: column} | ({down: row} if down else {}))
-            maps.append(own)
-            image = _cells(axes[i, j], own, measure, factor, bounds, numbers=False)
+            cells = shown.isel({across: column} | ({down: row} if down else {}))
+            maps.append(cells)
+            image = _cells(axes[i, j], cells, measure, factor, bounds, numbers=False)
             told = [_told(dataset, across, column)] + ([_told(dataset, down, row)] if down else [])
             axes[i, j].set_title("\n".join(told), loc="left", fontsize=9.0)
             if i < len(rows) - 1:
@@ -178,9 +176,9 @@ def study_maps(
     bar = axes[0, 0].figure.colorbar(image, ax=axes)
     bar.set_label(_label(dataset[measure].attrs.get("long_name", measure), unit, int(dataset.attrs.get("starts", 1))))
     told = [f"at {', '.join(_told(dataset, name, index) for name, index in middle.items())}"] if middle else []
-    # of what is drawn: a map has fewer neighbours than the whole
-    told += [f"hatched: {UNSURE}"] if any(unsure_cells(own, measure).any() for own in maps) else []
-    told += [f"*: {ONE_START}"] if any(single_samples(own).any() for own in maps) else []
+    # of what is drawn: a map has fewer neighbours than the dataset
+    told += [f"hatched: {UNSURE}"] if any(unsure_cells(cells, measure).any() for cells in maps) else []
+    told += [f"*: {ONE_START}"] if any(single_samples(cells).any() for cells in maps) else []
     if told:
         axes[0, 0].figure.suptitle("\n".join(told), fontsize=10.0)
     return axes
@@ -212,7 +210,7 @@ def study_scatter(
     values = _values(dataset, measure, 1)
     listed = dataset[measure].dims == ("case",)
     require(listed, "dataset", ", ".join(map(str, dataset[measure].dims)), "", "must be of a list or a sample of cases")
-    names = [str(name) for name in dataset.coords if name != "case" and f"{name}.plus" not in dataset.coords]
+    names = sample_axes(dataset)
     factor, unit = _scale(dataset, measure, values)
     axes = panels(figure, 1.5 + 3.4 * len(names), 4.2, 1, len(names), sharey=True)
     starts = int(dataset.attrs.get("starts", 1))
@@ -288,11 +286,6 @@ def _told(dataset: xarray.Dataset, name: str, index: int) -> str:
     return f"{head or label}: {x[index]:.3g}{' ' + unit.rstrip(')') if head else ''}"
 
 
-def _some(count: int, most: int) -> list[int]:
-    """Numbers of at most so many values, the first and the last among them."""
-    return sorted({round(float(place)) for place in np.linspace(0, count - 1, min(count, most))})
-
-
 def _cells(
     axis: Axes, dataset: xarray.Dataset, measure: str, factor: float, bounds: tuple[float, float], numbers: bool = True
 ) -> Any:
@@ -345,16 +338,16 @@ def _squares(cells: NDArray[np.int64]) -> Any:
 def _write_numbers(
     axis: Axes, image: Any, shown: Array, middle: float, samples: NDArray[np.bool_], unsure: NDArray[np.bool_]
 ) -> None:
-    """The number of each cell, with a star where it is a sample, on its own colour where the cell is hatched."""
+    """The number of each cell, with a star where it is a sample; on the colour of its cell where that is hatched."""
     for (i, j), value in np.ndenumerate(shown):
         if np.isfinite(value):
-            own = {"facecolor": image.to_rgba(np.array([value]))[0], "edgecolor": "none", "pad": 1.0}
+            box = {"facecolor": image.to_rgba(np.array([value]))[0], "edgecolor": "none", "pad": 1.0}
             axis.annotate(f"{value:.2g}{'*' if samples[i, j] else ''}", (j, i), ha="center", va="center", fontsize=9.0,
-                          color="white" if value < middle else "black", bbox=own if unsure[i, j] else None)  # fmt: skip
+                          color="white" if value < middle else "black", bbox=box if unsure[i, j] else None)  # fmt: skip
 
 
 def _map_legend(axis: Axes, dataset: xarray.Dataset, measure: str) -> None:
-    """What stars and hatching mean, where there are any."""
+    """Legend of stars and hatching, where there are any."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

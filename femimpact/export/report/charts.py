@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.page import Section, Table, table_element, table_of
-from femimpact.svg import MINUS, Band, Chart, Element, Line, axis_of, chart_element, element, number_text
+from femimpact.svg import MINUS, Axis, Band, Chart, Element, Line, axis_of, chart_element, element, number_text
 from femimpact.sweep import FrequencyResponse
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ OTHERS = (
     ("peak_force", "Largest contact force", "force", "N"),
     ("mean_approach_speed", "Mean approach speed", "speed", "m/s"),
 )
-"""What is drawn of curves with impacts: column, title, quantity, unit."""
+"""Charts of curves with impacts: column, title, quantity, unit."""
 
 ONE_START = "Dots: values of one start, for the motion is not periodic; another start has others."
 
@@ -39,14 +39,8 @@ def curves_section(
     """Response curves by their names."""
     first = next(iter(curves.values()))
     relative = ", relative to the base" if first.unit == "m" else ""
-    peak = chart_of(
-        curves,
-        "peak",
-        f"Peak of {first.at if isinstance(first.at, str) else f'{first.at:g} m'}{relative}",
-        "peak",
-        first.unit,
-        bands,
-    )
+    place = first.at if isinstance(first.at, str) else f"{first.at:g} m"
+    peak = chart_of(curves, "peak", f"Peak of {place}{relative}", "peak", first.unit, bands)
     phase = chart_of(curves, "phase", "Phase of the first harmonic", "phase", "rad")
     others = [chart_of(curves, *other) for other in OTHERS if _has(curves, other[0])]
     return Section(
@@ -59,28 +53,27 @@ def curves_section(
     )  # fmt: skip
 
 
+STARTS = {
+    "base": "at rest relative to the base",
+    "space": "at rest in the inertial frame",
+    "static": "in the static state",
+}
+
+
 def _dwell(curve: FrequencyResponse) -> Element:
+    """Words for how each frequency is held, and how the base moves."""
     length = f"{curve.cycles} cycles" if curve.cycles is not None else f"{curve.duration:g} s"
-    starts = {
-        "base": "at rest relative to the base",
-        "space": "at rest in the inertial frame",
-        "static": "in the static state",
-    }
-    start = starts.get(curve.start, "from a given state")
-    return element(
-        "p",
-        f"Each frequency is held for {length}, from a start {start}; the end of it is measured. " + _level(curve),
-    )
-
-
-def _level(curve: FrequencyResponse) -> str:
+    start = STARTS.get(curve.start, "from a given state")
     if curve.amplitude is None:
-        return f"The base accelerates by {curve.acceleration:.4g} m/s^2."
-    return f"The base moves by {1e3 * curve.amplitude:.4g} mm."
+        driven = f"accelerates by {curve.acceleration:.4g} m/s^2"
+    else:
+        driven = f"moves by {1e3 * curve.amplitude:.4g} mm"
+    text = f"Each frequency is held for {length}, from a start {start}; the end of it is measured. The base {driven}."
+    return element("p", text)
 
 
 def _has(curves: Mapping[str, FrequencyResponse], name: str) -> bool:
-    """Whether a column says something: it is not 0 or without a value everywhere."""
+    """True where a column has a value other than 0."""
     return any(np.any(np.nan_to_num(np.asarray(curve[name], dtype=float)) != 0.0) for curve in curves.values())
 
 
@@ -94,8 +87,7 @@ def chart_of(
 ) -> Chart:
     """One column of curves over the frequency, with dots where it is one start's, above bands of several starts."""
     columns = {label: np.asarray(curve[name], dtype=float) for label, curve in curves.items()}
-    finite = np.concatenate([values[np.isfinite(values)] for values in columns.values()])
-    factor, shown = prefixed(float(np.abs(finite).max(initial=0.0)), unit) if unit not in ("1", "rad") else (1.0, unit)
+    factor, shown = prefixed(_largest(*columns.values()), unit) if unit != "rad" else (1.0, unit)
     lines, marked = [], False
     for i, (label, curve) in enumerate(curves.items()):
         values = factor * columns[label]
@@ -146,7 +138,7 @@ KINDS = {
     "m": "displacement relative to the base", "m/s": "velocity", "m/s^2": "acceleration", "N": "force", "N m": "moment",
     "Pa": "stress", "1": "value", "rad": "rotation",
 }  # fmt: skip
-"""What a channel of a unit is."""
+"""Quantity of a channel by its unit."""
 
 NO_CHANNELS = ("base_displacement", "base_velocity", "base_acceleration", "base", "time")
 
@@ -186,7 +178,7 @@ def history_section(
     """
     recorded = channels_of(history)
     channels = dict(list(recorded.items())[:MOST_CHANNELS])
-    whole = history_charts(channels, "whole run")
+    complete = history_charts(channels, "whole run")
     left_out = list(recorded)[MOST_CHANNELS:]
     late = {name: one for name, one in (last or {}).items() if name in channels}
     when = "last cycles" if "base_frequency_Hz" in history.attrs else "end of the run"
@@ -196,7 +188,7 @@ def history_section(
         key, heading,
         (
             *(element("p", text) for text in (*words, *([more] if left_out else []))),
-            element("div.charts", *(chart_element(one) for one in (*end, *whole))),
+            element("div.charts", *(chart_element(one) for one in (*end, *complete))),
         ),
     )  # fmt: skip
 
@@ -237,8 +229,7 @@ def history_charts(channels: Mapping[str, tuple[Array, Array, str]], when: str) 
 
 def _chart(channels: Mapping[str, tuple[Array, Array, str]], names: Sequence[str], unit: str, when: str) -> Chart:
     arrays = [channels[name][1] for name in names]
-    largest = max((float(np.abs(one[np.isfinite(one)]).max(initial=0.0)) for one in arrays), default=0.0)
-    factor, shown = _unit(largest, unit)
+    factor, shown = prefixed(_largest(*arrays), unit)
     quantity = KINDS.get(unit, "value")
     style = "thin" if max((one.size for one in arrays), default=0) > 4000 else "line"
     sizes = [float(np.nan_to_num(np.abs(one)).mean()) if one.size else 0.0 for one in arrays]
@@ -254,9 +245,9 @@ def _chart(channels: Mapping[str, tuple[Array, Array, str]], names: Sequence[str
     )
 
 
-def _unit(largest: float, unit: str) -> tuple[float, str]:
-    """Factor and unit in which values up to the largest are read most easily."""
-    return prefixed(largest, unit) if unit != "1" else (1.0, "1")
+def _largest(*arrays: NDArray[Any]) -> float:
+    """Largest absolute value of arrays, of those that are finite."""
+    return max((float(np.abs(values[np.isfinite(values)]).max(initial=0.0)) for values in arrays), default=0.0)
 
 
 def energy_section(history: xarray.Dataset) -> Section | None:
@@ -276,8 +267,7 @@ def energy_section(history: xarray.Dataset) -> Section | None:
 
 
 def _energies(title: str, time: Array, values: Mapping[str, Array], style: str) -> Chart:
-    largest = max((float(np.abs(one[np.isfinite(one)]).max(initial=0.0)) for one in values.values()), default=0.0)
-    factor, unit = prefixed(largest, "J")
+    factor, unit = prefixed(_largest(*values.values()), "J")
     lines: list[Any] = [
         Line(ENERGIES[name], time, factor * one, 1 + i, style) for i, (name, one) in enumerate(values.items())
     ]
@@ -288,16 +278,8 @@ def _energies(title: str, time: Array, values: Mapping[str, Array], style: str) 
 
 
 SHOWN = (
-    "time",
-    "impactor",
-    "side",
-    "approach_speed",
-    "rebound_speed",
-    "impulse",
-    "peak_force",
-    "duration",
-    "energy_loss",
-)
+    "time", "impactor", "side", "approach_speed", "rebound_speed", "impulse", "peak_force", "duration", "energy_loss",
+)  # fmt: skip
 """Columns of the table, where an impact has them."""
 
 ROWS = 100
@@ -321,7 +303,12 @@ def impacts_section(
     late = slice(max(count - ROWS, 0), None)
     title = f"The last {ROWS} of {count} impacts" if count > ROWS else f"All {count} impacts"
     table = table_of(title, {name: numbers[name][late] for name in shown}, units, file)
-    charts = [one for one in (_over_phase(numbers), _speeds(numbers), _over_time(numbers)) if one is not None]
+    phases = axis_of("phase of the base at impact (degrees)", [0.0, 360.0], tight=True)
+    phase = numbers.get("phase", np.full(count, np.nan)).astype(float)
+    over_phase = None if _empty(phase) else _impulses("Impulse over the phase", phases, np.degrees(phase), numbers)
+    times = axis_of("time (s)", numbers["time"])
+    over_time = _impulses("Impulse of every impact", times, numbers["time"], numbers)
+    charts = [one for one in (over_phase, _speeds(numbers), over_time) if one is not None]
     return Section(
         "impacts",
         "Impacts",
@@ -345,28 +332,18 @@ def _walls(numbers: Mapping[str, NDArray[Any]]) -> list[tuple[str, NDArray[np.bo
     return found
 
 
-def _over_phase(numbers: Mapping[str, NDArray[Any]]) -> Chart | None:
-    phase = numbers.get("phase")
-    if phase is None or _empty(phase):
-        return None
+def _impulses(title: str, axis: Axis, places: NDArray[Any], numbers: Mapping[str, NDArray[Any]]) -> Chart:
+    """Impulse of every impact over something else of it."""
     factor, unit = prefixed(_largest(numbers["impulse"]), "N s")
     lines = tuple(
-        Line(name, np.degrees(phase[mine].astype(float)), factor * numbers["impulse"][mine], 1 + i, "dots")
+        Line(name, places[mine], factor * numbers["impulse"][mine], 1 + i, "dots")
         for i, (name, mine) in enumerate(_walls(numbers))
     )
-    phases = axis_of("phase of the base at impact (degrees)", [0.0, 360.0], tight=True)
-    return Chart(
-        "Impulse over the phase", phases, axis_of(f"impulse ({unit})", *(line.y for line in lines), zero=True), lines
-    )
-
-
-def _largest(values: NDArray[Any]) -> float:
-    finite = values[np.isfinite(values)]
-    return float(np.abs(finite).max(initial=0.0))
+    return Chart(title, axis, axis_of(f"impulse ({unit})", *(line.y for line in lines), zero=True), lines)
 
 
 def _speeds(numbers: Mapping[str, NDArray[Any]]) -> Chart | None:
-    """How many impacts have which approach speed."""
+    """Histogram of the approach speeds of each ball or stop; none of fewer than 5 impacts."""
     speed = numbers["approach_speed"].astype(float)
     speed = speed[np.isfinite(speed)]
     if speed.size < 5 or speed.max() <= 0.0:
@@ -381,18 +358,6 @@ def _speeds(numbers: Mapping[str, NDArray[Any]]) -> Chart | None:
         lines.append(Line(name, x, y, 1 + i))
     speeds = axis_of("approach speed (m/s)", edges, tight=True)
     return Chart("How fast they are", speeds, axis_of("impacts", *(line.y for line in lines), zero=True), tuple(lines))
-
-
-def _over_time(numbers: Mapping[str, NDArray[Any]]) -> Chart:
-    factor, unit = prefixed(_largest(numbers["impulse"]), "N s")
-    lines = tuple(
-        Line(name, numbers["time"][mine], factor * numbers["impulse"][mine], 1 + i, "dots")
-        for i, (name, mine) in enumerate(_walls(numbers))
-    )
-    time = axis_of("time (s)", numbers["time"])
-    return Chart(
-        "Impulse of every impact", time, axis_of(f"impulse ({unit})", *(line.y for line in lines), zero=True), lines
-    )
 
 
 STATIONS = 201
@@ -410,9 +375,7 @@ def modes_section(
     nodes = np.asarray(system.nodes, dtype=float)
     if nodes.size >= 2:
         content.append(element("div.wide.low", chart_element(_shapes(system, modes, nodes))))
-    if table is None:
-        table = _table(modes)
-    return Section("modes", "Modes", (*content, table_element(table)))
+    return Section("modes", "Modes", (*content, table_element(table or _table(modes))))
 
 
 def _shapes(system: Any, modes: Any, nodes: Any) -> Chart:
@@ -443,11 +406,6 @@ def _table(modes: Any) -> Table:
 
 
 COUNTED = {"mesh": "elements", "step": "steps in the first natural period", "modes": "modes kept"}
-HEADINGS = {
-    "mesh": "Convergence over the mesh",
-    "step": "Convergence over the step",
-    "modes": "Convergence over the modes",
-}
 
 FAMILIES = 6
 """Lines of one chart."""
@@ -465,13 +423,9 @@ def axis_section(
     if not names or "number" not in columns:
         return None
     number = np.asarray(columns["number"], dtype=float)
-    charts = []
-    for k in range(0, len(names), FAMILIES):
-        charts.append(
-            _error_chart(
-                axis, number, {n: np.asarray(columns[f"{n}_error"], dtype=float) for n in names[k : k + FAMILIES]}
-            )
-        )
+    across = axis_of(COUNTED[axis], number, logarithmic=True)
+    groups = [names[k : k + FAMILIES] for k in range(0, len(names), FAMILIES)]
+    charts = [_error_chart(across, number, {_words(n): columns[f"{n}_error"] for n in group}) for group in groups]
     shown = {"case": columns["case"]} if "case" in columns else {"number": number}
     rows_of = {**shown, **{name: columns[name] for name in names if name in columns}}
     header = tuple(
@@ -479,7 +433,7 @@ def axis_section(
         for name in rows_of
     )
     rows = tuple(zip(*(np.asarray(values).tolist() for values in rows_of.values()), strict=True))
-    heading = "Runs with contacts, over the mesh" if statistics else HEADINGS[axis]
+    heading = "Runs with contacts, over the mesh" if statistics else f"Convergence over the {axis}"
     words = (
         "Means over several starts: a difference below three standard errors means nothing." if statistics
         else "Relative errors. A straight line falls with a power of the size, its order."
@@ -497,17 +451,15 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _error_chart(axis: str, number: NDArray[np.float64], errors: Mapping[str, NDArray[np.float64]]) -> Chart:
+def _error_chart(across: Axis, number: NDArray[np.float64], errors: Mapping[str, Any]) -> Chart:
+    """Errors by their words, over a number on a logarithmic axis."""
     lines = []
-    for i, (name, error) in enumerate(errors.items()):
+    for i, (words, values) in enumerate(errors.items()):
+        error = np.asarray(values, dtype=float)
         known = np.isfinite(error) & (error > 0.0)
         if known.any():
-            lines.append(
-                Line(_words(name), number[known], error[known], 1 + i, marked=np.ones(int(known.sum()), dtype=bool))
-            )
-    across = axis_of(COUNTED[axis], number, logarithmic=True)
-    up = axis_of("relative error", *(line.y for line in lines), logarithmic=True)
-    return Chart("", across, up, tuple(lines))
+            lines.append(Line(words, number[known], error[known], 1 + i, marked=np.ones(int(known.sum()), dtype=bool)))
+    return Chart("", across, axis_of("relative error", *(line.y for line in lines), logarithmic=True), tuple(lines))
 
 
 def steps_section(columns: Mapping[str, Any], file: str = "") -> Section | None:
@@ -521,14 +473,8 @@ def steps_section(columns: Mapping[str, Any], file: str = "") -> Section | None:
     if "dt" not in columns or not known:
         return None
     step = 1e3 * np.asarray(columns["dt"], dtype=float)
-    lines = []
-    for i, (name, words) in enumerate(known.items()):
-        values = np.asarray(columns[name], dtype=float)
-        fits = np.isfinite(values) & (values > 0.0)
-        if fits.any():
-            lines.append(Line(words, step[fits], values[fits], 1 + i, marked=np.ones(int(fits.sum()), dtype=bool)))
-    up = axis_of("relative error", *(line.y for line in lines), logarithmic=True)
-    chart = Chart("", axis_of("time step (ms)", step, logarithmic=True), up, tuple(lines))
+    errors = {words: columns[name] for name, words in known.items()}
+    chart = _error_chart(axis_of("time step (ms)", step, logarithmic=True), step, errors)
     rows = tuple(zip(*(np.asarray(columns[name]).tolist() for name in ("dt", *known)), strict=True))
     table = Table("Errors of runs in steps", ("step (s)", *known.values()), rows, file)
     return Section("steps", "Runs in steps", (element("div.charts", chart_element(chart)), table_element(table)))
@@ -536,20 +482,11 @@ def steps_section(columns: Mapping[str, Any], file: str = "") -> Section | None:
 
 def summary_table(columns: Mapping[str, Any], file: str = "") -> Table:
     """Reference, orders and recommended number of every quantity."""
-    names = [
-        name
-        for name in (
-            "axis",
-            "quantity",
-            "unit",
-            "reference",
-            "fitted_order",
-            "expected_order",
-            "recommended",
-            "recommended_is_bound",
-        )
-        if name in columns
-    ]
+    shown = (
+        "axis", "quantity", "unit", "reference", "fitted_order", "expected_order", "recommended",
+        "recommended_is_bound",
+    )  # fmt: skip
+    names = [name for name in shown if name in columns]
     heads = {"recommended_is_bound": "fewer may do"}
     values = {name: np.asarray(columns[name]).tolist() for name in names}
     if "recommended_is_bound" in values:

@@ -11,7 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.export.report.page import Section
-from femimpact.export.tables import axis_words, measure_names, single_samples, unsure_cells, value_words
+from femimpact.export.tables import (
+    axis_value,
+    axis_words,
+    map_panels,
+    measure_names,
+    sample_axes,
+    single_samples,
+    unsure_cells,
+    value_words,
+)
 from femimpact.svg import GRID, Axis, Band, Chart, Element, Line, axis_of, chart_element, element, number_text
 
 if TYPE_CHECKING:
@@ -33,7 +42,7 @@ MOST_DOTS = 60
 """Points of a line up to which each has a dot."""
 
 HATCHING = (("#ffffff", "3px"), ("#000000", "1.2px"))
-"""Colours and widths of the line through a cell, and of its dot, of which one is seen on any colour."""
+"""Colours and widths of the line through a cell, drawn one over the other: one is visible on any colour."""
 
 DOTS = (("#000000", "7px"), ("#ffffff", "4px"))
 
@@ -45,7 +54,7 @@ UNSURE = (
 MOTIONS = "A dot in a cell: its motion does not repeat, the value is one sample, and another start has another."
 
 COLOURS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725")
-"""Viridis, which is read alike in grey and by colour-blind readers, at equal distances."""
+"""Viridis, at equal distances; in grey and to colour-blind readers its order stays."""
 
 
 def maps_section(
@@ -105,8 +114,9 @@ def _line(data: Any, name: str) -> Element:
         low, high = (np.asarray(data[f"{name}{end}"].to_numpy(), dtype=float) for end in ("_low", "_high"))
         bands = (Band("smallest to largest of the starts", x[order], low[order], high[order], colour=1),)
         reach += [low, high]
+    dots = np.full(order.shape, order.size <= MOST_DOTS)
     # without a name a single line has no legend
-    line = Line("median of the starts" if bands else name, x[order], y[order], marked=_marked(data, order))
+    line = Line("median of the starts" if bands else name, x[order], y[order], marked=dots)
     chart = Chart(
         _label(data, name), axis_of(_label(data, dim), x, tight=True),
         axis_of(_label(data, name), np.concatenate(reach)), (line,), bands, note=_names_of_places(data, dim),
@@ -114,31 +124,23 @@ def _line(data: Any, name: str) -> Element:
     return chart_element(chart)
 
 
-def _marked(data: Any, order: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Every point of a few has a dot."""
-    return np.full(order.shape, order.size <= MOST_DOTS)
-
-
 def _dots(data: Any, name: str) -> list[Element]:
     """A measure of a list or a sample of cases over each of their values that is a number."""
     y = np.asarray(data[name].to_numpy(), dtype=float)
     drawn: list[Element] = []
-    for axis, places in data.coords.items():
-        number = str(axis) != "case" and f"{axis}.plus" not in data.coords
-        if not number or places.dims != ("case",) or places.dtype.kind not in "fiu":
+    for axis in sample_axes(data):
+        places = data[axis]
+        if places.dims != ("case",) or places.dtype.kind not in "fiu":
             continue
         x = np.asarray(places.to_numpy(), dtype=float)
         lines = (Line(name, x, y, style="dots"),)
-        drawn.append(
-            chart_element(
-                Chart(_label(data, name), axis_of(_label(data, str(axis)), x), axis_of(_label(data, name), y), lines)
-            )
-        )
+        chart = Chart(_label(data, name), axis_of(_label(data, axis), x), axis_of(_label(data, name), y), lines)
+        drawn.append(chart_element(chart))
     return drawn
 
 
 def _names_of_places(data: Any, dim: str) -> str:
-    """What the places of an axis of names or of pairs of gaps are, which are counted from 0."""
+    """Legend of the numbers, from 0, that stand for the values of an axis of names or of pairs of gaps; else empty."""
     names = value_words(data, dim) if dim in data.variables else None
     if names is None:
         return ""
@@ -148,86 +150,85 @@ def _names_of_places(data: Any, dim: str) -> str:
 
 def _maps(data: Any, name: str, axes: Sequence[str]) -> list[Element]:
     """Maps over the first two axes, one for each value of a third and a fourth, with one scale of colours."""
-    middle = {axis: data.sizes[axis] // 2 for axis in axes[4:]}
+    panels, middle = map_panels(data, axes, MOST_PANELS, math.isqrt(MOST_PANELS))
     shown = data.isel(middle) if middle else data
     finite = shown[name].to_numpy()
     finite = finite[np.isfinite(finite)]
     if not finite.size:
         return []
     bounds = float(finite.min()), float(finite.max())
-    sizes = [data.sizes[axis] for axis in axes[2:4]]
-    most = MOST_PANELS if len(sizes) < 2 else math.isqrt(MOST_PANELS)
     drawn = []
-    for numbers in itertools.product(*(_some(size, most) for size in sizes)):
-        own = dict(zip(axes[2:4], numbers, strict=True))
-        told = ", ".join(_told(data, axis, index) for axis, index in {**own, **middle}.items())
-        drawn.append(_map(shown.isel(own) if own else shown, name, bounds, told))
+    for numbers in itertools.product(*panels.values()):
+        panel = dict(zip(panels, numbers, strict=True))
+        title = ", ".join(_value_text(data, axis, index) for axis, index in (panel | middle).items())
+        drawn.append(_map(shown.isel(panel) if panel else shown, name, bounds, title))
     return drawn
 
 
-def _some(count: int, most: int) -> list[int]:
-    """Numbers of at most so many values, the first and the last among them."""
-    return sorted({round(float(place)) for place in np.linspace(0, count - 1, min(count, most))})
+def _value_text(data: Any, axis: str, index: int) -> str:
+    """One value of an axis, with its name before it."""
+    words, value, unit = axis_value(data, axis, index)
+    shown = value if isinstance(value, str) else number_text(value)
+    return f"{words} {shown}{' ' if unit else ''}{unit}"
 
 
-def _told(data: Any, axis: str, index: int) -> str:
-    """A value of an axis in words."""
-    if axis not in data.variables:
-        return f"{axis} {index}"
-    words, names, unit = axis_words(data, axis), value_words(data, axis), str(data[axis].attrs.get("units", ""))
-    if names is not None:
-        return f"{words} {names[index]}{' mm' if f'{axis}.plus' in data.coords else ''}"
-    shown = number_text(float(data[axis].to_numpy()[index]))
-    return f"{words} {shown}{f' {unit}' if unit not in ('', '1') else ''}"
-
-
-def _map(data: Any, name: str, bounds: tuple[float, float], told_before: str) -> Element:
+def _map(data: Any, name: str, bounds: tuple[float, float], title: str) -> Element:
     """A map of colours in 16 levels, with its scale below: the first axis to the right, the second up."""
-    across, down = (str(dim) for dim in data[name].dims)
-    z = np.asarray(data[name].to_numpy(), dtype=float).T
-    unsure = unsure_cells(data, name).T
-    samples = single_samples(data).T if "finished" in data else np.zeros(z.shape, dtype=bool)
-    low, high = bounds
+    dims = [str(dim) for dim in data[name].dims]
+    z = np.asarray(data[name].to_numpy(), dtype=float)
     stride = math.ceil(math.sqrt(z.size / MOST_CELLS))
-    x, y = _places(data, across, z.shape[1])[::stride], _places(data, down, z.shape[0])[::stride]
-    columns, rows = np.argsort(x, kind="stable"), np.argsort(y, kind="stable")
-    level = _levels(z[::stride, ::stride][np.ix_(rows, columns)], low, high)
-    ends = _edges(x[columns]), _edges(y[rows])
-    axes = [Axis(_label(data, dim), float(e[0]), float(e[-1])) for dim, e in zip((across, down), ends, strict=True)]
-    title = f"{_label(data, name)}; {told_before}" if told_before else _label(data, name)
-    frame = chart_element(Chart(title, axes[0], axes[1], ()))
+    places = [_places(data, dim, size)[::stride] for dim, size in zip(dims, z.shape, strict=True)]
+    orders = [np.argsort(one, kind="stable") for one in places]
+    ends = [_edges(one[order]) for one, order in zip(places, orders, strict=True)]
+
+    def rows_up(values: Any) -> Any:
+        """The cells that are drawn, in rows from below."""
+        return values[::stride, ::stride][np.ix_(*orders)].T
+
+    x, y = (Axis(_label(data, dim), float(e[0]), float(e[-1])) for dim, e in zip(dims, ends, strict=True))
+    frame = chart_element(Chart(f"{_label(data, name)}; {title}" if title else _label(data, name), x, y, ()))
     plot = frame.find(".//svg")
     if plot is None:
         raise AssertionError("a chart has a plot")
     # corners of the cells in the units of the plot
-    left = np.rint(GRID * axes[0].share(ends[0])).astype(int).tolist()
-    top = np.rint(GRID * (1.0 - axes[1].share(ends[1]))).astype(int).tolist()
+    left = np.rint(GRID * x.share(ends[0])).astype(int).tolist()
+    top = np.rint(GRID * (1.0 - y.share(ends[1]))).astype(int).tolist()
+    level = _levels(rows_up(z), *bounds)
+    _colour_cells(plot, level, left, top)
+    unsure = rows_up(unsure_cells(data, name)) & (level >= 0)
+    _mark(plot, "hatching", HATCHING, "".join(
+        f"M{left[j]} {top[i]}L{left[j + 1]} {top[i + 1]}" for i, j in np.argwhere(unsure).tolist()
+    ))  # fmt: skip
+    single = rows_up(single_samples(data) if "finished" in data else np.zeros(z.shape, dtype=bool)) & (level >= 0)
+    _mark(plot, "sample", DOTS, "".join(
+        f"M{(left[j] + left[j + 1]) // 2} {(top[i] + top[i + 1]) // 2}h0" for i, j in np.argwhere(single).tolist()
+    ))  # fmt: skip
+    some = f"; one of {stride} cells is drawn each way" if stride > 1 else ""
+    scale = element("span.key", style=f"background:linear-gradient(to right,{','.join(COLOURS)})")
+    frame.append(element("p.fi-note", scale, f" {number_text(bounds[0])} to {number_text(bounds[1])}{some}"))
+    notes = [
+        UNSURE if unsure.any() else "",
+        MOTIONS if single.any() else "",
+        *(_names_of_places(data, d) for d in dims),
+    ]
+    for words in filter(None, notes):
+        frame.append(element("p.fi-note", words))
+    return frame
+
+
+def _colour_cells(plot: Element, level: NDArray[np.int64], left: list[int], top: list[int]) -> None:
+    """One path of cells for each level."""
     for k in range(LEVELS):
         cells = np.argwhere(level == k).tolist()
         path = "".join(f"M{left[j]} {top[i + 1]}H{left[j + 1]}V{top[i]}H{left[j]}Z" for i, j in cells)
         if path:
             plot.append(element("path", d=path, style=f"fill:{_colour(k / (LEVELS - 1))};stroke:none"))
-    # a line through each cell that the starts cannot tell from its neighbours
-    shown = np.ix_(rows, columns)
-    doubtful = np.argwhere(unsure[::stride, ::stride][shown] & (level >= 0)).tolist()
-    if doubtful:
-        path = "".join(f"M{left[j]} {top[i]}L{left[j + 1]} {top[i + 1]}" for i, j in doubtful)
-        for colour, width in HATCHING:
-            plot.append(element("path.hatching", d=path, style=f"stroke:{colour};stroke-width:{width}"))
-    single = np.argwhere(samples[::stride, ::stride][shown] & (level >= 0)).tolist()
-    if single:
-        path = "".join(f"M{(left[j] + left[j + 1]) // 2} {(top[i] + top[i + 1]) // 2}h0" for i, j in single)
-        for colour, width in DOTS:
-            plot.append(element("path.sample", d=path, style=f"stroke:{colour};stroke-width:{width}"))
-    thinned = f"; one of {stride} cells is drawn each way" if stride > 1 else ""
-    scale = element("span.key", style=f"background:linear-gradient(to right,{','.join(COLOURS)})")
-    frame.append(element("p.fi-note", scale, f" {number_text(low)} to {number_text(high)}{thinned}"))
-    told = [UNSURE] if doubtful else []
-    told += [MOTIONS] if single else []
-    told += [words for words in (_names_of_places(data, across), _names_of_places(data, down)) if words]
-    for words in told:
-        frame.append(element("p.fi-note", words))
-    return frame
+
+
+def _mark(plot: Element, kind: str, strokes: Sequence[tuple[str, str]], path: str) -> None:
+    """One path through cells, drawn in two colours of which one is seen on any cell."""
+    for colour, width in strokes if path else ():
+        plot.append(element(f"path.{kind}", d=path, style=f"stroke:{colour};stroke-width:{width}"))
 
 
 def _levels(z: NDArray[np.float64], low: float, high: float) -> NDArray[np.int64]:
@@ -244,7 +245,7 @@ def _edges(places: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _colour(share: float) -> str:
-    """Of the scale of colours, between two of which it lies."""
+    """Colour at a share of the scale, mixed of the two beside it."""
     at = share * (len(COLOURS) - 1)
     k = min(int(at), len(COLOURS) - 2)
     mixed = [

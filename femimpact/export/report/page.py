@@ -21,10 +21,10 @@ MANY = 25
 """Rows beyond which a table has a fixed height and scrolls."""
 
 DIGITS = 5
-"""Of the largest number of a column."""
+"""Significant digits of the largest number of a column."""
 
 LEAST_DIGITS, MOST_DIGITS = 4, 7
-"""Of the smallest one, as far as the largest has no more than so many."""
+"""Significant digits of the smallest number of a column at least, and of the largest one at most."""
 
 LONG = 12
 """Letters of a value from which on it is set smaller."""
@@ -109,24 +109,20 @@ def table_of(
     title: str, columns: Mapping[str, Any], units: Mapping[str, str], file: str = "", most: int = MOST_ROWS
 ) -> Table:
     """The first rows of columns as a table."""
-    header = tuple(_headed(name, units.get(name, "")) for name in columns)
+    # a unit is not divided
+    known = {name: f" ({unit})".replace(" ", "\u00a0")[1:] for name, unit in units.items() if unit not in ("", "1")}
+    header = tuple(f"{name.replace('_', ' ')} {known.get(name, '')}".rstrip(" ") for name in columns)
     arrays = [np.asarray(values) for values in columns.values()]
     count = min((array.shape[0] for array in arrays), default=0)
     rows = tuple(zip(*(array[:most].tolist() for array in arrays), strict=False))
     return Table(title, header, rows, file, count if count > most else None)
 
 
-def _headed(name: str, unit: str) -> str:
-    words = name.replace("_", " ")
-    # a unit is not divided
-    return (
-        f"{words} ({unit})".replace(f"({unit})", f"({unit})".replace(" ", "\u00a0")) if unit not in ("", "1") else words
-    )
-
-
 def table_element(table: Table) -> Element:
     """A table that a script sorts and copies."""
-    numbers = [_holds_numbers(table, i) for i in range(len(table.header))]
+    columns = [[row[i] for row in table.rows] for i in range(len(table.header))]
+    held = [[value for value in column if value is not None and value != ""] for column in columns]
+    numbers = [bool(values) and all(map(_is_number, values)) for values in held]
     head = element(
         "tr",
         *(
@@ -134,7 +130,6 @@ def table_element(table: Table) -> Element:
             for name, numeric in zip(table.header, numbers, strict=True)
         ),
     )
-    columns = [[row[i] for row in table.rows] for i in range(len(table.header))]
     shown_as = [
         _number_cells(column) if numeric else _text_cells(column)
         for column, numeric in zip(columns, numbers, strict=True)
@@ -150,7 +145,7 @@ def table_element(table: Table) -> Element:
             role="region",
             aria_label=table.title,
         ),
-        element("p.below", _rows_words(table)) if _rows_words(table) else None,
+        element("p.below", rows) if (rows := _rows_words(table)) else None,
     )
 
 
@@ -167,8 +162,8 @@ def _texts(values: Sequence[Any]) -> list[str]:
         return [NO_NUMBER if value is None or value == "" else number_text(float(value), DIGITS) for value in values]
     if wide or largest < 1e-4 or largest >= 1e7:
         return [_plain(value, f"{float(value or 0.0):.3e}") for value in values]
-    whole, least = math.floor(math.log10(largest)), math.floor(math.log10(smallest))
-    digits = max(0, min(max(DIGITS - 1 - whole, LEAST_DIGITS - 1 - least), MOST_DIGITS - 1 - whole))
+    most, least = math.floor(math.log10(largest)), math.floor(math.log10(smallest))
+    digits = max(0, min(max(DIGITS - 1 - most, LEAST_DIGITS - 1 - least), MOST_DIGITS - 1 - most))
     # of numbers that need none, none behind the point
     while digits and all(round(size, digits) == round(size, digits - 1) for size in sizes):
         digits -= 1
@@ -195,11 +190,6 @@ def _rows_words(table: Table) -> str:
     return f"From {table.file}." if table.file else ""
 
 
-def _holds_numbers(table: Table, column: int) -> bool:
-    values = [row[column] for row in table.rows if row[column] is not None and row[column] != ""]
-    return bool(values) and all(_is_number(value) for value in values)
-
-
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
 
@@ -223,17 +213,17 @@ def _text_cells(values: Sequence[Any]) -> list[Element]:
 
 
 MOST_BYTES = 3_000_000
-"""Of a report."""
+"""Size of a report beyond which it is thinned."""
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
-"""What a browser lets the page do: its own styles and scripts, and no request."""
+"""Allows a browser the styles and scripts of the page, and no request."""
 
 SCRIPTS = ("charts.js", "tables.js", "player.js")
 
 
 @dataclass(frozen=True, eq=False)
 class Page:
-    """What a report says, from top to bottom."""
+    """Content of a report, from top to bottom."""
 
     title: str
     lead: tuple[str, ...] = ()  # what was computed, in sentences
@@ -246,13 +236,16 @@ class Page:
 
 
 def write_page(path: Path, page: Page) -> Path:
-    """Write a report, whole or not at all."""
+    """Write a report."""
     atomic_write(path, page_bytes(page))
     return path
 
 
 def page_bytes(page: Page) -> bytes:
     """A report as the bytes of its file."""
+    structure = [] if page.drawing is None else [Section("structure", "The structure", (page.drawing,))]
+    sections = [_found(page), *structure, *page.sections]
+    links = [element("li", element("a", section.heading, href=f"#{section.key}")) for section in sections]
     head = element(
         "head",
         element("meta", charset="utf-8"),
@@ -261,7 +254,7 @@ def page_bytes(page: Page) -> bytes:
         element("meta", name="color-scheme", content="light dark"),
         element("meta", name="generator", content="femimpact"),
         element("title", page.title),
-        element("style", chart_style() + _own("report.css")),
+        element("style", chart_style() + _packaged("report.css")),
     )
     body = element(
         "body",
@@ -272,23 +265,18 @@ def page_bytes(page: Page) -> bytes:
             element("h1", page.title),
             *(element("p.lead", text) for text in page.lead),
         ),
-        element("main", *_main(page)),
-        *(element("script", _own(name)) for name in SCRIPTS),
+        element(
+            "main",
+            element("nav", element("ul", *links), aria_label="Contents"),
+            *(section_element(section) for section in sections),
+        ),
+        *(element("script", _packaged(name)) for name in SCRIPTS),
     )
     text = "<!DOCTYPE html>\n" + markup(element("html", head, body, lang="en")) + "\n"
     return text.encode("utf-8")
 
 
-def _main(page: Page) -> list[Child]:
-    sections = [
-        *_found(page),
-        *([Section("structure", "The structure", (page.drawing,))] if page.drawing is not None else []),
-        *page.sections,
-    ]
-    return [_contents(sections), *(section_element(section) for section in sections)]
-
-
-def _found(page: Page) -> list[Section]:
+def _found(page: Page) -> Section:
     """Conclusions, and what must be known before they are used."""
     content: list[Element] = []
     if page.conclusions:
@@ -302,13 +290,8 @@ def _found(page: Page) -> list[Section]:
             content.append(element(f"div.said.{kind}", element("h3", heading), list_element(texts, kind)))
     if not content:
         content.append(element("p", "No numbers were found that could stand here."))
-    return [Section("conclusions", "What was found", tuple(content))]
+    return Section("conclusions", "What was found", tuple(content))
 
 
-def _contents(sections: Sequence[Section]) -> Element:
-    links = [element("li", element("a", section.heading, href=f"#{section.key}")) for section in sections]
-    return element("nav", element("ul", *links), aria_label="Contents")
-
-
-def _own(name: str) -> str:
+def _packaged(name: str) -> str:
     return files("femimpact.export.report").joinpath(name).read_text(encoding="utf-8")

@@ -1,8 +1,8 @@
 """The motion of a run for the player of the page: frames with smooth beams, at the snapshots and at every impact.
 
-Deflection and slope at some places of the beam draw its cubic curve between them exactly. Numbers are whole ones of 16
-bits in Base64: lengths are exact to 1/32000 of the largest. Between two snapshots the beam moves by the cubic through
-their displacements and velocities, and a ball, which flies freely, on a straight line to the next wall that it meets.
+Deflection and slope at some places of the beam draw its cubic curve between them exactly. Numbers are integers of
+16 bits in Base64: lengths are exact to 1/32000 of the largest. Between two snapshots the beam moves by the cubic
+through their displacements and velocities, and a ball on a straight line to the next wall that it meets.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.export.report.structure_drawing import Finder, body_side
-from femimpact.export.scene import ball_radius, thinned
+from femimpact.export.placed import PlacedStructure, ball_radius, body_side, placed_structure
+from femimpact.export.scene import chosen_exaggeration
+from femimpact.export.tables import thinned
 from femimpact.response.history import Snapshots
 from femimpact.response.impacts import Impacts
 from femimpact.response.response import Response
@@ -32,11 +33,8 @@ MOST_SNAPSHOTS, MOST_IMPACTS = 600, 600
 STATIONS = 48
 """Places of the beam of which deflection and slope are kept, at most."""
 
-SWING = 0.08
-"""Share of the beam's length that swing and gap fill when the motion is drawn larger."""
-
 FULL = 32_000
-"""Largest whole number of a length."""
+"""Largest integer that stands for a length."""
 
 SPEEDS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 """Shares of the true speed that can be chosen."""
@@ -144,22 +142,22 @@ def _between(snapshots: Snapshots, times: Array) -> Array:
 def player_element(
     response: Response,
     structure: Structure,
-    position: Finder,  # metres from the root of a place of the structure
     exaggeration: float | None,  # by which motion and gaps are drawn larger; chosen for None
 ) -> Element | None:
     """The player of a response's snapshots, with its data; None where it has none."""
     frames = frames_of(response)
     if frames is None:
         return None
-    contacts = list(response.system.contacts)
-    larger = exaggeration or _larger(frames, structure, contacts)
+    placed = placed_structure(structure, response.system)
+    balls = list(response.system.balls)
+    larger = exaggeration or max(chosen_exaggeration(frames.deflection, structure, balls), 1e-3)
     span = float(frames.time[-1] - frames.time[0])
     speed = min(SPEEDS, key=lambda share: abs(math.log(span / share / WANTED)))
-    data = _data(frames, structure, position, contacts) | {"larger": larger, "speed": speed}
-    balls = [pair for pair in contacts if not pair.is_stop]
-    options = [element("option", _speed_words(share), value=repr(share), selected=share == speed) for share in SPEEDS]
-    factors = dict.fromkeys((larger, 1.0))
-    scales = [element("option", _scale_words(factor), value=repr(float(factor))) for factor in factors]
+    data = _data(frames, placed) | {"larger": larger, "speed": speed}
+    speeds = {share: "true" if share == 1.0 else f"1/{1.0 / share:.0f}" for share in SPEEDS}
+    options = [element("option", text, value=repr(one), selected=one == speed) for one, text in speeds.items()]
+    factors = {factor: "true" if factor == 1.0 else f"motion and gaps {TIMES} {factor:g}" for factor in (larger, 1.0)}
+    scales = [element("option", text, value=repr(float(factor))) for factor, text in factors.items()]
     close = [
         _view(f"{pair.name}, moving with its box", str(j), f"{pair.name} in its box") for j, pair in enumerate(balls)
     ]
@@ -194,29 +192,15 @@ def _view(words: str, view: str, label: str) -> Element:
     return element("div.view", element("p", words), element("canvas", data_view=view, role="img", aria_label=label))
 
 
-def _speed_words(share: float) -> str:
-    return "true" if share == 1.0 else f"1/{1.0 / share:.0f}"
-
-
-def _scale_words(factor: float) -> str:
-    return "true" if factor == 1.0 else f"motion and gaps {TIMES} {factor:g}"
-
-
-def _larger(frames: Frames, structure: Structure, contacts: Sequence[Any]) -> float:
-    reach = float(np.abs(frames.deflection).max()) + max((max(p.gaps) for p in contacts if not p.is_stop), default=0.0)
-    return max(float(f"{SWING * structure.beam.length / max(reach, 1e-12):.1g}"), 1e-3)
-
-
-def _data(frames: Frames, structure: Structure, position: Finder, contacts: Sequence[Any]) -> dict[str, Any]:
+def _data(frames: Frames, placed: PlacedStructure) -> dict[str, Any]:
     largest = max(float(np.abs(values).max(initial=0.0)) for values in (frames.deflection, frames.balls, frames.space))
     unit, steepest = (largest or 1.0) / FULL, (float(np.abs(frames.slope).max(initial=0.0)) or 1.0) / FULL
-    beam, length = structure.beam, structure.beam.length
+    beam = placed.structure.beam
     middles = 0.5 * (frames.stations[1:] + frames.stations[:-1])
-    joints = [0.0, *np.cumsum([segment.length for segment in beam.segments]).tolist()]
     return {
         "time": [round(float(t), 9) for t in frames.time],
         "stations": [round(float(x), 9) for x in frames.stations],
-        "thickness": [float(f"{beam.rectangle_at(float(np.clip(x, 0.0, joints[-1])))[1]:.5g}") for x in middles],
+        "thickness": [float(f"{beam.rectangle_at(float(np.clip(x, 0.0, beam.joints[-1])))[1]:.5g}") for x in middles],
         "unit": unit,
         "slopeUnit": steepest,
         "deflection": _packed(frames.deflection / unit),
@@ -224,7 +208,7 @@ def _data(frames: Frames, structure: Structure, position: Finder, contacts: Sequ
         "balls": _packed(frames.balls / unit),
         "space": _packed(frames.space / unit),
         "impacts": [list(one) for one in frames.impacts],
-        "length": length,
+        "length": beam.length,
         "contacts": [
             {
                 "name": pair.name,
@@ -234,18 +218,16 @@ def _data(frames: Frames, structure: Structure, position: Finder, contacts: Sequ
                 "stop": bool(pair.is_stop),
                 "space": pair.fixed_to == "space",
             }
-            for pair in contacts
+            for pair in placed.contacts
         ],
-        "supports": [{"kind": one.kind, "x": position(one.at)} for one in structure.supports],
-        "bodies": [
-            {"x": position(one.at), "offset": one.offset, "side": body_side(one.mass)} for one in structure.masses
-        ],
+        "supports": [{"kind": support.kind, "x": x} for support, x in placed.supports],
+        "bodies": [{"x": x, "offset": body.offset, "side": body_side(body.mass)} for body, x in placed.bodies],
     }
 
 
 def _packed(values: Array) -> str:
-    whole = np.clip(np.rint(values), -FULL, FULL).astype("<i2")
-    return base64.b64encode(whole.tobytes()).decode("ascii")
+    integers = np.clip(np.rint(values), -FULL, FULL).astype("<i2")
+    return base64.b64encode(integers.tobytes()).decode("ascii")
 
 
 def _history(response: Response, frames: Frames) -> Chart:
@@ -255,13 +237,13 @@ def _history(response: Response, frames: Frames) -> Chart:
     bands = []
     for j, pair in enumerate(balls[:4]):
         at = int(np.argmin(np.abs(frames.stations - pair.position)))
-        beam, own = 1e3 * frames.deflection[:, at], 1e3 * frames.balls[:, j]
+        beam, ball = 1e3 * frames.deflection[:, at], 1e3 * frames.balls[:, j]
         if len(balls) == 1:
             gaps = (1e3 * pair.gaps[0], 1e3 * pair.gaps[1])
             bands.append(Band("between the walls", time, beam - gaps[1], beam + gaps[0], 0))
         hit = np.zeros(time.size, dtype=bool)
         hit[[frame for frame, contact, _ in frames.impacts if contact == j]] = True
-        lines.append(Line(pair.name, time, own, 1 + j, marked=hit))
+        lines.append(Line(pair.name, time, ball, 1 + j, marked=hit))
     shown = [line.y for line in lines] + [band.low for band in bands] + [band.high for band in bands]
     note = "Dots are impacts." if frames.impacts else ""
     return Chart(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import copy
-import dataclasses
 import re
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from femimpact.convergence import ConvergenceStudy, ConvergenceTable
 from femimpact.errors import Fault, InputError, instance, optional, require, require_type, takes, text
 from femimpact.export.files import file_path
+from femimpact.export.placed import drawn_system, placed_structure
 from femimpact.export.report.charts import (
     axis_section,
     curve_table,
@@ -35,7 +36,7 @@ from femimpact.export.report.page import (
     write_page,
 )
 from femimpact.export.report.player import player_element
-from femimpact.export.report.structure_drawing import place_finder, placed_contacts, structure_element
+from femimpact.export.report.structure_drawing import structure_element
 from femimpact.response.impacts import impact_columns
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
@@ -50,7 +51,7 @@ FEWER = (600, 200, 60)
 """Points of a line that are tried in turn."""
 
 LAST_ROWS = 10
-"""Of a table, where fewer points and players do not do."""
+"""Rows of a table that are kept where fewer points and players are not enough."""
 
 
 def bounded_page(page: Page, most: int = MOST_BYTES) -> Page:
@@ -63,7 +64,7 @@ def bounded_page(page: Page, most: int = MOST_BYTES) -> Page:
         return page
     for points in FEWER:
         words = f"{points} points of a line at most, its extremes among them: a report has at most {most / 1e6:g} MB"
-        made = dataclasses.replace(_thinned(page, points), notes=(*page.notes, words))
+        made = replace(_thinned(page, points), notes=(*page.notes, words))
         if len(page_bytes(made)) <= most:
             return made
     over = len(page_bytes(made)) - most
@@ -75,7 +76,7 @@ def _thinned(page: Page, most: int) -> Page:
     sections = copy.deepcopy(page.sections)
     for path in (one for section in sections for part in section.content for one in part.iter("path")):
         path.set("d", thinned_path(path.get("d", ""), most))
-    return dataclasses.replace(page, sections=sections)
+    return replace(page, sections=sections)
 
 
 def thinned_path(path: str, most: int) -> str:
@@ -113,7 +114,7 @@ def _with_shorter_tables(page: Page) -> Page:
     for body in (one for section in page.sections for part in section.content for one in part.iter("tbody")):
         for row in list(body)[:-LAST_ROWS]:
             body.remove(row)
-    return dataclasses.replace(page, notes=(*page.notes, f"of every table the last {LAST_ROWS} rows at most"))
+    return replace(page, notes=(*page.notes, f"of every table the last {LAST_ROWS} rows at most"))
 
 
 def _holders(page: Page) -> Iterator[tuple[Element, Element]]:
@@ -209,8 +210,7 @@ def _drawing(structure: Structure | None, responses: Mapping[str, Response]) -> 
         return None
     points = next((dict(one.system.points) for one in responses.values()), {})
     try:
-        finder = place_finder(structure, points)
-        return structure_element(structure, finder, placed_contacts(structure, finder))
+        return structure_element(placed_structure(structure, drawn_system(structure, points)))
     except KeyError as error:
         allowed = f"has a part at {error}, a point of a mesh: give a Response on that mesh among the parts"
         raise InputError([Fault("structure", None, "", allowed)]) from None
@@ -257,20 +257,21 @@ def _sections(number: int, heading: str, part: Any, structure: Structure | None)
         return [Section(key, heading, (*section.content, table_element(curve_table(curves))))]
     for kind, make in KINDS.items():
         if isinstance(part, kind):
-            return [_renamed(one, f"{key}-{i}" if i else key, heading) for i, one in enumerate(make(part))]
+            return [
+                replace(
+                    section,
+                    key=f"{key}-{i}" if i else key,
+                    heading=heading if section.heading == heading else f"{heading}: {section.heading}",
+                )
+                for i, section in enumerate(make(part))
+            ]
     return [Section(key, heading, (_table(heading, part),))]
-
-
-def _renamed(section: Section, key: str, heading: str) -> Section:
-    words = heading if section.heading == heading else f"{heading}: {section.heading}"
-    return Section(key, words, section.content)
 
 
 def _response(key: str, heading: str, response: Response, structure: Structure | None) -> list[Section]:
     sections = []
     if structure is not None:
-        finder = place_finder(structure, dict(response.system.points))
-        player = player_element(response, structure, finder, None)
+        player = player_element(response, structure, None)
         sections += (
             [Section(f"{key}-player", f"{heading}: the motion", (element("div", player),))]
             if player is not None
@@ -293,12 +294,11 @@ def _convergence(table: ConvergenceTable) -> list[Section]:
     return [Section(section.key, section.heading, (*section.content, summary))] if section is not None else []
 
 
-def _study(study: ConvergenceStudy) -> list[Section]:
-    return [section for table in study.tables.values() for section in _convergence(table)]
-
-
-KINDS: Mapping[type, Callable[[Any], list[Section]]] = {ConvergenceTable: _convergence, ConvergenceStudy: _study}
-"""What makes the sections of a kind of part."""
+KINDS: Mapping[type, Callable[[Any], list[Section]]] = {
+    ConvergenceTable: _convergence,
+    ConvergenceStudy: lambda study: [one for table in study.tables.values() for one in _convergence(table)],
+}
+"""Function that makes the sections of a part, by the kind of the part."""
 
 
 def _table(heading: str, part: Any) -> Element:

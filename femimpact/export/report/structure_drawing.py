@@ -3,75 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from femimpact.export.scene import BALL_DENSITY, ball_radius
-from femimpact.structure.structure import Position, Structure
+from femimpact.export.placed import Contact, PlacedStructure, ball_radius, body_side
+from femimpact.structure.beam import Segment
+from femimpact.structure.structure import Position, Spring, Structure
 from femimpact.svg import MINUS, TIMES, Element, element, number_text
 
-Finder = Callable[[Position], float]
+# ---- words ----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class PlacedContact:
-    """What is drawn of a ball or a stop."""
-
-    name: str
-    position: float  # m
-    mass: float  # kg: infinite for a stop
-    gaps: tuple[float, float]  # pair of float, m
-    fixed_to: str = "base"
-    law: str = ""  # in words; empty where it is not known
-
-    @property
-    def is_stop(self) -> bool:
-        """Whether it is a fixed obstacle."""
-        return math.isinf(self.mass)
-
-
-def place_finder(
-    structure: Structure,
-    points: Any = None,  # places that a mesh or a system names
-) -> Finder:
-    """A function that gives the metres from the root of a place of a structure."""
-    length = structure.beam.length
-    known = {"root": 0.0, "tip": length, "mid": 0.5 * length, **dict(points or {})}
-
-    def position(at: Position) -> float:
-        place = structure.place_of(at)
-        return float(known[place] if isinstance(place, str) else place)
-
-    return position
-
-
-def placed_contacts(structure: Structure, position: Finder) -> tuple[PlacedContact, ...]:
-    """Balls and stops of a structure at their places."""
-    balls = [
-        PlacedContact(ball.name, position(ball.at), ball.mass, _pair(ball.gap), "base", ball.contact.name)
-        for ball in structure.impactors
-    ]
-    stops = [
-        PlacedContact(stop.name, position(stop.at), math.inf, stop.gaps, stop.fixed_to, stop.contact.name)
-        for stop in structure.stops
-    ]
-    return (*balls, *stops)
-
-
-def _pair(gap: Any) -> tuple[float, float]:
-    return (float(gap[0]), float(gap[1])) if isinstance(gap, (tuple, list)) else (float(gap), float(gap))
-
-
-def body_side(mass: float) -> float:
-    """Side (m) of the steel cube that is drawn for a body of this mass (kg)."""
-    return float((mass / BALL_DENSITY) ** (1.0 / 3.0))
-
-
-def structure_words(structure: Structure, contacts: Sequence[Any]) -> str:
-    """A structure in a few words: how it is held, its length, and what is on it, contacts among it."""
+def structure_words(structure: Structure, contacts: Sequence[Contact]) -> str:
+    """A structure in a few words: how it is held, its length, its bodies, contacts, springs and dashpots."""
     stops = sum(1 for one in contacts if one.is_stop)
     kinds = [f"{one.kind} at {_at(one.at)}" for one in structure.supports]
     root_only = len(kinds) == 1 and structure.supports[0].kind == "clamped" and structure.supports[0].at == "root"
@@ -81,9 +28,8 @@ def structure_words(structure: Structure, contacts: Sequence[Any]) -> str:
         (stops, "stop", "stops"), (len(structure.springs), "spring", "springs"),
         (len(structure.dashpots), "dashpot", "dashpots"),
     ]  # fmt: skip
-    parts = [f"{'a' if n == 1 else n} {one if n == 1 else many}" for n, one, many in counts if n]
-    *first, last = parts or [""]
-    on_it = f" with {', '.join(first)}{' and ' if first else ''}{last}" if parts else ""
+    *first, last = [f"{'a' if n == 1 else n} {one if n == 1 else many}" for n, one, many in counts if n] or [""]
+    on_it = f" with {', '.join(first)}{' and ' if first else ''}{last}" if last else ""
     return f"{held} of {millimetres(structure.beam.length)}{on_it}"
 
 
@@ -96,7 +42,7 @@ def millimetres(value: float) -> str:
     return f"{number_text(1e3 * value, 4)} mm"
 
 
-def gap_words(one: Any) -> str:
+def gap_words(one: Contact) -> str:
     """The gaps of a contact in words."""
     plus, minus = one.gaps
     if plus == minus:
@@ -106,8 +52,9 @@ def gap_words(one: Any) -> str:
     return f"gaps +{millimetres(plus)}, {MINUS}{millimetres(minus)}"
 
 
-def part_words(structure: Structure, contacts: Sequence[Any], letters: dict[str, str]) -> Iterable[tuple[str, str]]:
-    """Each part's letter and name, and what it is."""
+def part_words(placed: PlacedStructure, letters: dict[str, str]) -> Iterable[tuple[str, str]]:
+    """Letter and name of each part, and words for it."""
+    structure = placed.structure
     for i, segment in enumerate(structure.beam.segments):
         name = "beam" if len(structure.beam.segments) == 1 else f"segment {segment.name or i + 1}"
         yield name, _segment_words(segment)
@@ -115,7 +62,7 @@ def part_words(structure: Structure, contacts: Sequence[Any], letters: dict[str,
         yield support.kind, f"at {_at(support.at)}"
     for body in structure.masses:
         yield f"{letters[body.name]}  {body.name}", f"{number_text(1e3 * body.mass)} g at {_at(body.at)}"
-    for one in contacts:
+    for one in placed.contacts:
         yield f"{letters[one.name]}  {one.name}", _contact_words(one)
     for spring in structure.springs:
         yield spring.name, f"spring of {number_text(spring.stiffness)} N/m at {_at(spring.at)}"
@@ -123,7 +70,7 @@ def part_words(structure: Structure, contacts: Sequence[Any], letters: dict[str,
         yield dashpot.name, f"dashpot of {number_text(dashpot.damping)} N s/m at {_at(dashpot.at)}"
 
 
-def _segment_words(segment: Any) -> str:
+def _segment_words(segment: Segment) -> str:
     width, thickness = segment.rectangle
     end = segment.end_rectangle
     taper = "" if end == (width, thickness) else f" to {millimetres(end[0])} {TIMES} {millimetres(end[1])}"
@@ -133,9 +80,9 @@ def _segment_words(segment: Any) -> str:
     )
 
 
-def _contact_words(one: Any) -> str:
-    given = getattr(one, "law", "")
-    law = f", {given}" if isinstance(given, str) and given else ""
+def _contact_words(one: Contact) -> str:
+    name = one.law if isinstance(one.law, str) else one.law.name
+    law = f", {name}" if name else ""
     if one.is_stop:
         held = "space" if one.fixed_to == "space" else "the base"
         return f"fixed obstacle at {millimetres(one.position)}, {gap_words(one)}, fixed to {held}{law}"
@@ -144,61 +91,50 @@ def _contact_words(one: Any) -> str:
     )
 
 
+# ---- drawing --------------------------------------------------------------------------------------
+
+
 WIDTH = 1000.0
 """Units of a drawing."""
 
 FOOT = 0.1
-"""Of the beam's length: how far below the beam springs and dashpots are fixed."""
+"""Distance below the beam at which springs and dashpots are fixed, as a share of its length."""
 
 STATIONS = 33
-"""Of the outline of a segment whose section changes."""
+"""Points of each edge of a segment whose section changes."""
+
+MOST_CLOSE = 4
+"""Balls that are drawn in their boxes."""
 
 
-def structure_element(
-    structure: Structure,
-    position: Finder,  # as of `place_finder`
-    contacts: Sequence[Any],  # with the fields of `PlacedContact`
-) -> Element:
-    """The whole structure at one scale, each ball in its box larger, and the parts in words."""
-    balls = [one for one in contacts if not one.is_stop]
-    letters = _letters(structure, contacts)
-    whole = element("figure.drawing", _whole(structure, position, contacts, letters))
+def structure_element(placed: PlacedStructure) -> Element:
+    """The structure at one scale, each ball in its box at a larger one, and the parts in words."""
+    names = [*(body.name for body, _ in placed.bodies), *(one.name for one in placed.contacts)]
+    letters = {
+        name: chr(ord("A") + i % 26) + (str(i // 26) if i >= 26 else "") for i, name in enumerate(dict.fromkeys(names))
+    }
     details = [
         element(
             "figure.drawing",
-            _detail(structure, one),
-            element("figcaption", f"{letters[one.name]}  {one.name} in its box, {gap_words(one)}"),
+            _detail(placed.structure, ball),
+            element("figcaption", f"{letters[ball.name]}  {ball.name} in its box, {gap_words(ball)}"),
         )
-        for one in balls[:4]
+        for ball in [one for one in placed.contacts if not one.is_stop][:MOST_CLOSE]
     ]
+    parts = (element("li", element("b", head), f" {words}") for head, words in part_words(placed, letters))
+    scale = "Lengths, thicknesses, gaps and balls are to one scale. Balls and bodies are drawn as steel of their mass."
     return element(
         "div",
-        whole,
-        element(
-            "p.below",
-            "Lengths, thicknesses, gaps and balls are to one scale. Balls and bodies are drawn as steel of their mass.",
-        ),
-        element(
-            "ul.parts",
-            *(
-                element("li", element("b", head), f" {words}")
-                for head, words in part_words(structure, contacts, letters)
-            ),
-        ),
+        element("figure.drawing", _overview(placed, letters)),
+        element("p.below", scale),
+        element("ul.parts", *parts),
         element("div.details", *details) if details else None,
     )
 
 
-def _letters(structure: Structure, contacts: Sequence[Any]) -> dict[str, str]:
-    names = [*(body.name for body in structure.masses), *(one.name for one in contacts)]
-    return {
-        name: chr(ord("A") + i % 26) + (str(i // 26) if i >= 26 else "") for i, name in enumerate(dict.fromkeys(names))
-    }
-
-
 @dataclass(frozen=True)
 class _Canvas:
-    """Where metres are in a drawing."""
+    """Map from metres to units of a drawing."""
 
     left: float
     top: float
@@ -217,45 +153,43 @@ class _Canvas:
         )  # fmt: skip
 
 
-def _whole(structure: Structure, position: Finder, contacts: Sequence[Any], letters: dict[str, str]) -> Element:
-    length = structure.beam.length
-    reach = _reach(structure, contacts)
+def _overview(placed: PlacedStructure, letters: dict[str, str]) -> Element:
+    """The structure with everything on it."""
+    structure, length = placed.structure, placed.length
     left, right = -0.07 * length, 1.07 * length
-    for body in structure.masses:
-        centre, half = position(body.at) + body.offset, 0.5 * body_side(body.mass)
+    for body, x in placed.bodies:
+        centre, half = x + body.offset, 0.5 * body_side(body.mass)
         left, right = min(left, centre - 1.3 * half), max(right, centre + 1.3 * half)
-    for one in contacts:
+    for one in placed.contacts:
         if not one.is_stop:
             radius = ball_radius(one.mass)
             left, right = min(left, one.position - 1.8 * radius), max(right, one.position + 1.8 * radius)
     scale = WIDTH / (right - left)
-    high = min(max(reach, 0.05 * length), 0.6 * length)
+    high = min(max(_reach(placed), 0.05 * length), 0.6 * length)
     canvas = _Canvas(left, high + 34.0 / scale, scale)
-    below = 0.12 * length if structure.springs or structure.dashpots else 0.0
+    below = 0.12 * length if placed.connections else 0.0
     height = canvas.y(-max(high, below)) + 62.0
     drawn = [
-        *_supports(canvas, structure, position),
-        *_bodies(canvas, structure, position),
-        *(shape for one in contacts for shape in _contact(canvas, structure, one)),
+        *_supports(canvas, placed),
+        *_bodies(canvas, placed),
+        *(shape for one in placed.contacts for shape in _contact(canvas, structure, one)),
         *_beam(canvas, structure),
-        *(_ball(canvas, one) for one in contacts if not one.is_stop),
-        *_connections(canvas, structure, position),
-        *_names(canvas, structure, position, contacts, letters, high),
+        *(_ball(canvas, one) for one in placed.contacts if not one.is_stop),
+        *_connections(canvas, placed),
+        *_names(canvas, placed, letters),
         *_scale_bar(canvas, length, height),
     ]
-    words = f"{structure_words(structure, contacts)}, drawn to scale"
+    words = f"{structure_words(structure, placed.contacts)}, drawn to scale"
     return element("svg", *drawn, viewBox=f"0 0 {WIDTH:g} {height:.2f}", role="img", aria_label=words)
 
 
-def _reach(structure: Structure, contacts: Sequence[Any]) -> float:
+def _reach(placed: PlacedStructure) -> float:
     """Largest distance (m) from the axis of anything drawn."""
-    found = [0.5 * max(segment.rectangle[1] for segment in structure.beam.segments)]
-    found += [0.5 * body_side(body.mass) for body in structure.masses]
-    for one in contacts:
-        sizes = [gap for gap in one.gaps if math.isfinite(gap)]
-        found.append(
-            max(sizes, default=0.0) + (0.03 * structure.beam.length if one.is_stop else 2.4 * ball_radius(one.mass))
-        )
+    found = [0.5 * max(segment.rectangle[1] for segment in placed.structure.beam.segments)]
+    found += [0.5 * body_side(body.mass) for body, _ in placed.bodies]
+    for one in placed.contacts:
+        gap = max((gap for gap in one.gaps if math.isfinite(gap)), default=0.0)
+        found.append(gap + (0.03 * placed.length if one.is_stop else 2.4 * ball_radius(one.mass)))
     return max(found)
 
 
@@ -272,10 +206,10 @@ def _beam(canvas: _Canvas, structure: Structure) -> list[Element]:
     return shapes
 
 
-def _supports(canvas: _Canvas, structure: Structure, position: Finder) -> list[Element]:
-    length, shapes = structure.beam.length, []
-    for support in structure.supports:
-        x, size = position(support.at), 0.03 * length
+def _supports(canvas: _Canvas, placed: PlacedStructure) -> list[Element]:
+    length, shapes = placed.length, []
+    for support, x in placed.supports:
+        size = 0.03 * length
         end = -1.0 if x <= 1e-9 * length else 1.0 if x >= (1.0 - 1e-9) * length else 0.0
         if support.kind == "clamped":
             centre = x + 0.5 * end * 0.6 * size
@@ -291,16 +225,16 @@ def _supports(canvas: _Canvas, structure: Structure, position: Finder) -> list[E
     return shapes
 
 
-def _bodies(canvas: _Canvas, structure: Structure, position: Finder) -> list[Element]:
+def _bodies(canvas: _Canvas, placed: PlacedStructure) -> list[Element]:
     shapes = []
-    for body in structure.masses:
+    for body, x in placed.bodies:
         if body.mass > 0.0:
-            centre, half = position(body.at) + body.offset, 0.5 * body_side(body.mass)
+            centre, half = x + body.offset, 0.5 * body_side(body.mass)
             shapes.append(canvas.box("body", centre - half, -half, centre + half, half, opacity="0.55"))
     return shapes
 
 
-def _contact(canvas: _Canvas, structure: Structure, one: Any) -> list[Element]:
+def _contact(canvas: _Canvas, structure: Structure, one: Contact) -> list[Element]:
     """The box of a ball, or the blocks of a stop."""
     x, length = one.position, structure.beam.length
     if one.is_stop:
@@ -320,20 +254,19 @@ def _contact(canvas: _Canvas, structure: Structure, one: Any) -> list[Element]:
     ]
 
 
-def _ball(canvas: _Canvas, one: Any) -> Element:
+def _ball(canvas: _Canvas, one: Contact) -> Element:
     radius = ball_radius(one.mass)
     return element("circle.ball", cx=canvas.x(one.position), cy=canvas.y(0.0), r=round(radius * canvas.scale, 2))
 
 
-def _connections(canvas: _Canvas, structure: Structure, position: Finder) -> list[Element]:
-    length, shapes = structure.beam.length, []
-    for key, _, places in structure.connections:
-        at, *to = (position(place) for place in places.values())
+def _connections(canvas: _Canvas, placed: PlacedStructure) -> list[Element]:
+    length, shapes = placed.length, []
+    for item, (at, *to) in placed.connections:
         if to:
             corners = [(at, 0.0), (at, -0.06 * length), (to[0], -0.06 * length), (to[0], 0.0)]
             shapes.append(element("path.thread", d=_thread(canvas, corners)))
             continue
-        drawn = _spring(at, length) if key.startswith("spring") else _dashpot(at, length)
+        drawn = _spring(at, length) if isinstance(item, Spring) else _dashpot(at, length)
         shapes.append(element("path.thread", d="".join(_thread(canvas, corners) for corners in drawn)))
         low = -FOOT * length
         shapes.append(canvas.box("solid", at - 0.012 * length, low, at + 0.012 * length, low - 0.004 * length))
@@ -353,13 +286,8 @@ def _spring(at: float, length: float) -> list[list[tuple[float, float]]]:
 
 def _dashpot(at: float, length: float) -> list[list[tuple[float, float]]]:
     """A piston in its pot."""
-    left, right, top, piston, bottom = (
-        at - 0.01 * length,
-        at + 0.01 * length,
-        -0.04 * length,
-        -0.05 * length,
-        -0.07 * length,
-    )
+    left, right = at - 0.01 * length, at + 0.01 * length
+    top, piston, bottom = -0.04 * length, -0.05 * length, -0.07 * length
     return [
         [(at, 0.0), (at, piston)],
         [(left, piston), (right, piston)],
@@ -368,20 +296,13 @@ def _dashpot(at: float, length: float) -> list[list[tuple[float, float]]]:
     ]
 
 
-def _names(
-    canvas: _Canvas,
-    structure: Structure,
-    position: Finder,
-    contacts: Sequence[Any],
-    letters: dict[str, str],
-    high: float,
-) -> list[Element]:
+def _names(canvas: _Canvas, placed: PlacedStructure, letters: dict[str, str]) -> list[Element]:
     """Letters above what they name, those of one place beside one another."""
-    places = [(position(body.at) + body.offset, letters[body.name]) for body in structure.masses]
-    places += [(one.position, letters[one.name]) for one in contacts]
+    places = [(x + body.offset, letters[body.name]) for body, x in placed.bodies]
+    places += [(one.position, letters[one.name]) for one in placed.contacts]
     together: dict[float, list[str]] = {}
     for x, letter in places:
-        near = next((at for at in together if abs(at - x) < 0.04 * structure.beam.length), x)
+        near = next((at for at in together if abs(at - x) < 0.04 * placed.length), x)
         together.setdefault(near, []).append(letter)
     return [
         element("text", ", ".join(found), x=canvas.x(x), y=18, text_anchor="middle")
@@ -400,7 +321,7 @@ def _scale_bar(canvas: _Canvas, length: float, height: float) -> list[Element]:
     ]
 
 
-def _detail(structure: Structure, one: Any) -> Element:
+def _detail(structure: Structure, one: Contact) -> Element:
     """A ball in its box, with the gaps between its surface and the walls."""
     radius = ball_radius(one.mass)
     high = max(one.gaps) + 1.5 * radius

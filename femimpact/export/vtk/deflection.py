@@ -13,15 +13,9 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import checked, quantity, require_name
-from femimpact.export.scene import (
-    BALL_DENSITY,
-    EXAGGERATION,
-    Scene,
-    ball_radius,
-    build_whole_scene,
-    snapshots_of,
-    thinned,
-)
+from femimpact.export.placed import BALL_DENSITY, ball_radius
+from femimpact.export.scene import EXAGGERATION, Scene, build_whole_scene, snapshots_of
+from femimpact.export.tables import thinned
 from femimpact.export.vtk.formats import Frame, Series, Value
 from femimpact.export.vtk.modes import PARTS_IN_WORDS, beam_fields, in_words
 from femimpact.export.vtk.propagation import Touching, Transition
@@ -58,7 +52,7 @@ class ContactRecord:
         self.phases = np.flatnonzero(~(sticking.end < self.start) & (sticking.start <= self.end))
 
     def is_rigid(self, pair: int) -> bool:
-        """Whether a pair's contact is an impulse."""
+        """True where a pair's contact is an impulse."""
         return bool(self.response.system.contacts[pair].parameters.is_rigid)
 
     def on_beam(self, pair: int) -> float:
@@ -67,7 +61,7 @@ class ContactRecord:
 
     @cached_property
     def begins(self) -> NDArray[np.float64]:
-        """When each sticking phase begins in the run, (phases,) in s: with the impact that captures the pair.
+        """Beginning of each sticking phase in the run, (phases,) in s: the impact that captures the pair.
 
         That impact has no rebound. The table's `start` is the end of the accumulation, whose bounces after that impact
         are too low to be computed.
@@ -165,7 +159,7 @@ def _sign(side: float) -> str:
 
 
 MOST_DOFS = 200
-"""Of structure and balls, for states at impacts: the matrix exponential is dense."""
+"""Degrees of freedom up to which states at impacts are computed: the matrix exponential is dense."""
 
 LARGEST_MISMATCH = 0.01
 """Share of the largest displacement by which a state may miss the next snapshot."""
@@ -403,7 +397,7 @@ def _name(frames: Frames, k: int) -> str:
 
 
 def _contacts(response: Response, forces: NDArray[np.float64], impulses: NDArray[np.float64]) -> str:
-    """What presses in a frame, in words: name, wall or side, force and impulse; one line for each contact."""
+    """Contacts under load in a frame, a line each: name, wall or side, force and impulse."""
     lines = []
     for pair, force, impulse in zip(response.system.contacts, forces, impulses, strict=True):
         known = (("force", force, "N"), ("impulse", impulse, "N s"))

@@ -22,12 +22,12 @@ from femimpact.errors import require
 from femimpact.export.files import GuardedFile, atomic_path, atomic_write, file_path
 
 Value = float | Sequence[float] | str
-"""Of field data: numbers, or a line of text."""
+"""A value of field data: numbers, or a line of text."""
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """What changes from frame to frame."""
+    """Arrays and field data of one frame."""
 
     fields: Mapping[str, Value]  # numbers or text
     points: Mapping[str, NDArray[np.float64]]
@@ -101,7 +101,7 @@ class Grid:
         points: Mapping[str, NDArray[np.float64]],
         cells: Mapping[str, NDArray[np.float64 | np.int32]],
     ) -> str:
-        """The whole file of one step."""
+        """Text of the file of one frame."""
         return (
             '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" '
             f'header_type="UInt64" compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>\n<FieldData>\n'
@@ -177,7 +177,7 @@ def write_vtkhdf(
     path: Path,  # ends in `.vtkhdf`
     series: Series,
 ) -> Path:
-    """Write a series, whole or not at all."""
+    """Write a series as one file."""
     import h5py
 
     with atomic_path(path) as temporary, GuardedFile(temporary) as guarded, h5py.File(guarded, "w") as file:

@@ -1,4 +1,4 @@
-"""Mode shapes as series of frames: all modes one after another, and one mode over its period."""
+"""Fields along the beam, and mode shapes as series of frames: every mode once, or one mode over its period."""
 
 from __future__ import annotations
 
@@ -35,35 +35,19 @@ POINTS_OF_SECTION = 4
 
 @dataclass(frozen=True, eq=False)
 class BeamFields:
-    """Readings of nodal values on the sections of a scene's beam.
+    """Readings of nodal values on the sections of a scene's beam."""
 
-    Parameters
-    ----------
-    curvature, moment, shear : csr_array (sections, 2 nodes)
-        w'' (1/m), E I w'' (N m) and (E I w'')' (N).
-    begin, end : csr_array (beam cells, 2 nodes)
-        w'' at both ends of a cell, read inside the cell.
-    modulus : ndarray (sections,), Pa
-    height : ndarray (beam points,), m
-        y of each point above the neutral axis.
-    cell_energy : ndarray (beam cells, 3), N
-        Mean strain energy density of a cell by the products a a, a b and b b of w'' at its ends a and b.
-    points, cells : int
-        Of the whole scene.
-    on_beam : ndarray (cells,)
-        Which of its cells are the beam's.
-    """
-
-    curvature: Matrix
-    moment: Matrix
-    shear: Matrix
-    begin: Matrix
+    curvature: Matrix  # csr_array (sections, 2 nodes) 1/m: w''
+    moment: Matrix  # csr_array (sections, 2 nodes) N m: E I w''
+    shear: Matrix  # csr_array (sections, 2 nodes) N: (E I w'')'
+    begin: Matrix  # csr_array (beam cells, 2 nodes) 1/m: w'' at both ends of a cell, read inside the cell
     end: Matrix
-    modulus: Array
-    height: Array
+    modulus: Array  # (sections,) Pa
+    height: Array  # (beam points,) m: y of each point above the neutral axis
+    # (beam cells, 3) N: mean strain energy density of a cell by the products a a, a b and b b of w'' at its ends a, b
     cell_energy: Array
-    points: int
-    on_beam: NDArray[np.bool_]
+    points: int  # of the scene
+    on_beam: NDArray[np.bool_]  # (cells,) True for cells of the beam
 
     def at_points(self, nodal: Array) -> dict[str, Array]:
         """Arrays at points, 0 off the beam; strain and stress are those of the point, on a surface of the beam."""
@@ -173,7 +157,7 @@ def _cell_energy(scene: Scene, structure: Structure, system: System, begin: Arra
 PARTS_IN_WORDS = ", ".join(f"{number} {name}" for number, name in enumerate(PARTS))
 
 SCALE = quantity("m", above=0.0, at_most=1e9)
-"""Of the largest deflection drawn: energies are of its square."""
+"""Largest deflection that is drawn; its bound keeps energies, of its square, finite."""
 
 NOTE = (
     "mode shapes have no size of their own: this one is drawn with the largest deflection in `amplitude` (m), and "

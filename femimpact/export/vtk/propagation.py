@@ -32,7 +32,7 @@ JUST_INSIDE = 1e-15
 """Depth (m) at which a touch begins."""
 
 SAMPLES_OF_HISTORY = 64
-"""Straight lines that stand for an excitation of the user's own, which has no closed form, between two snapshots."""
+"""Straight lines that stand for an excitation without a closed form between two snapshots."""
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,11 @@ class Transition:
         self.drive = drive_of(self.system, self.response.base)
         balls = self.system.balls
         masses = np.diag([pair.mass for pair in balls])
-        whole = scipy.linalg.block_diag(self.system.M.toarray(), masses) if balls else self.system.M.toarray()
-        self.inverse = np.asarray(np.linalg.inv(whole), dtype=float)
+        mass = scipy.linalg.block_diag(self.system.M.toarray(), masses) if balls else self.system.M.toarray()
+        self.inverse = np.asarray(np.linalg.inv(mass), dtype=float)
         # x_j = rows_j (u, y) is what the gaps bound, but for a stop in space
-        own = np.array([pair.direction for pair in self.system.contacts]).reshape(-1, self.system.dofs)
-        self.rows = np.hstack([-own, np.eye(len(own), len(balls))])
+        directions = np.array([pair.direction for pair in self.system.contacts]).reshape(-1, self.system.dofs)
+        self.rows = np.hstack([-directions, np.eye(len(directions), len(balls))])
 
     @property
     def size(self) -> int:
@@ -81,8 +81,8 @@ class Transition:
 
     def nodal(self, state: Array) -> tuple[Array, Array, Array, Array]:
         """Nodal displacements and velocities, and those of the balls."""
-        n, whole = self.system.dofs, self.size
-        u, y, v, rate = np.split(state[: 2 * whole], [n, whole, whole + n])
+        n, size = self.system.dofs, self.size
+        u, y, v, rate = np.split(state[: 2 * size], [n, size, size + n])
         return np.asarray(self.system.expansion @ u), np.asarray(self.system.expansion @ v), y, rate
 
     def gap_motion(self, state: Array, j: int, time: float) -> tuple[float, float]:
@@ -134,19 +134,19 @@ class Transition:
             state = self._driven(state, a, b)
             steps = max(math.ceil(STEPS_OF_CONTACT * (b - a) / shortest), 4) if nonlinear else 1
             h = (b - a) / steps
-            whole = scipy.linalg.expm(matrix * h)
+            full = scipy.linalg.expm(matrix * h)
             if not nonlinear:
-                state = whole @ state
+                state = full @ state
                 continue
             half = scipy.linalg.expm(matrix * (0.5 * h))
             for i in range(steps):
-                state = self._pushed(state, a + i * h, h, whole, half, nonlinear, sticking)
+                state = self._pushed(state, a + i * h, h, full, half, nonlinear, sticking)
         return state
 
     # ---- what it is made of ------------------------------------------------------------------------
 
     def _pushed(
-        self, state: Array, time: float, h: float, whole: Array, half: Array, nonlinear: list[Touching],
+        self, state: Array, time: float, h: float, full: Array, half: Array, nonlinear: list[Touching],
         sticking: frozenset[int],
     ) -> Array:  # fmt: skip
         """One step with contact forces: Lawson's scheme of order 4."""
@@ -163,8 +163,8 @@ class Transition:
         ahead = half @ state
         second = push(half @ (state + 0.5 * h * first), time + 0.5 * h)
         third = push(ahead + 0.5 * h * second, time + 0.5 * h)
-        fourth = push(whole @ state + h * (half @ third), time + h)
-        return np.asarray(whole @ (state + h / 6.0 * first) + half @ (h / 3.0 * (second + third)) + h / 6.0 * fourth)
+        fourth = push(full @ state + h * (half @ third), time + h)
+        return np.asarray(full @ (state + h / 6.0 * first) + half @ (h / 3.0 * (second + third)) + h / 6.0 * fourth)
 
     def _free(self, sticking: frozenset[int]) -> Array:
         """Takes the constrained share out of velocities or accelerations."""
@@ -175,7 +175,7 @@ class Transition:
         return np.asarray(np.eye(self.size) - along @ np.linalg.solve(rows @ along, rows))
 
     def _is_linear(self, j: int) -> bool:
-        """Whether a pair's contact is linear in the state: spring and dashpot, but not of a stop fixed in space."""
+        """True where a pair's contact is linear in the state: spring and dashpot, but not of a stop fixed in space."""
         pair = self.system.contacts[j]
         return pair.parameters.kind == KELVIN_VOIGT and pair.fixed_to == "base"
 
@@ -199,8 +199,8 @@ class Transition:
             preload += side * pair.parameters.stiffness * pair.gaps[0 if side > 0 else 1] * row
         masses = np.array([pair.mass for pair in system.balls])
         load = np.concatenate([self.drive.load, -self.drive.share * masses])
-        own = np.array([pair.acceleration for pair in system.balls])
-        constant = np.concatenate([system.constant_load, masses * own]) + preload
+        accelerations = np.array([pair.acceleration for pair in system.balls])
+        constant = np.concatenate([system.constant_load, masses * accelerations]) + preload
         free = self._free(sticking) @ self.inverse
         driven = free @ load
         if sticking:

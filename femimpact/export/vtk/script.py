@@ -254,7 +254,7 @@ COLOURS = {
     "box": (0.48, 0.54, 0.60), "ball": (0.0, 0.447, 0.698), "support": (0.2, 0.2, 0.2), "body": (0.60, 0.65, 0.70),
     "stop": (0.35, 0.35, 0.35), "spring or dashpot": (0.0, 0.62, 0.45),
 }  # fmt: skip
-"""Of the parts that carry no field."""
+"""Colours of the parts that carry no field."""
 
 ARROWS = {
     "contact_force_vector": ("green: force", "N", 0.04, (0.0, 0.62, 0.45)),
@@ -272,7 +272,7 @@ WITHOUT_FIELDS = "'time value %.6g' % t_value"
 
 @dataclass(frozen=True)
 class View:
-    """What a script shows: its words, and what its text at the top is made of."""
+    """Words of a script, and the expressions of its colours and of the text at its top."""
 
     title: str  # of the docstring
     text: str  # expression of ParaView's Python annotation, on the field data
@@ -305,7 +305,7 @@ DEFLECTION = View(
 
 @dataclass(frozen=True, eq=False)
 class FrameSummary:
-    """What a script needs of one frame."""
+    """Values of one frame that a script needs."""
 
     time: float
     mode: float  # its number; 0 of a deflection
@@ -315,10 +315,10 @@ class FrameSummary:
 
 
 class SeriesSummary:
-    """What a script needs of all frames: the space that they and their contacts fill, and the largest values."""
+    """Values of all frames that a script needs: the space that they and their contacts fill, and the largest arrays."""
 
     def __init__(self) -> None:
-        self.whole = Space()
+        self.all = Space()
         self.contacts: dict[int, Space] = {}
         self.frames: dict[int, FrameSummary] = {}
         self.parts: list[int] = []
@@ -331,7 +331,7 @@ class SeriesSummary:
         def frame(k: int) -> Frame:
             found = series.frame(k)
             moved = series.points + found.points["displacement"]
-            self.whole.add(moved)
+            self.all.add(moved)
             pairs = found.cells["contact_pair"]
             pair_of_entry, part_of_entry = np.repeat(pairs, sizes), np.repeat(found.cells["part"], sizes)
             for pair in np.unique(pairs[pairs >= 0]):
@@ -387,7 +387,7 @@ def _summary_of(series: Series, frame: Frame, k: int, pair_of_entry: NDArray[np.
 
 
 def script_path(path: Path) -> Path:
-    """Where the script of a series stands: NAME_paraview.py beside NAME.pvd."""
+    """Path of the script of a series: NAME_paraview.py beside NAME.pvd."""
     return path.with_name(f"{path.stem}_paraview.py")
 
 
@@ -398,11 +398,12 @@ def write_script(
     names: Sequence[str] = (),  # of the contacts that a second view may show; none for no second view
 ) -> Path:
     """Write the script of a series."""
-    size = float(summary.whole.high[0] - summary.whole.low[0])
+    size = float(summary.all.high[0] - summary.all.low[0])
     first, why = _first(summary)
     longest = size * max((share for name, (_, _, share, _) in ARROWS.items() if summary.peak(name) > 0.0), default=0.0)
     margins = ((len(ARROWS) + 1) * BESIDE * size, longest)
     close = {name: summary.contacts[pair].with_arrows(*margins).bounds() for pair, name in enumerate(names)}
+    arrows = [(words, summary.peak(name), unit) for name, (words, unit, _, _) in ARROWS.items()]
     lines = {
         "TITLE": view.title,
         "STEM": script_path(path).name,
@@ -412,13 +413,13 @@ def write_script(
         "CLOSE_UP": repr(names[max(first.pressed, 0)] if names else None),
         "TEXT": repr(view.text if path.suffix == ".pvd" else WITHOUT_FIELDS),
         "BARS": _listed(_bars(view, summary)),
-        "BOUNDS": repr(summary.whole.with_arrows(*margins).bounds()),
+        "BOUNDS": repr(summary.all.with_arrows(*margins).bounds()),
         "COLOUR": repr(view.stress[0]),
         "CALCULATED": repr(view.stress[1]),
         "CLOSE_UPS": "{" + "".join(f"\n    {name!r}: {space!r}," for name, space in close.items()) + "\n}",
         "PARTS": _listed(_parts(summary)),
         "ARROWS": _listed(_arrows(summary, size)),
-        "LEGEND": repr("\n".join(_legend(summary))),
+        "LEGEND": repr("\n".join(f"{words}, longest {peak:.3g} {unit}" for words, peak, unit in arrows if peak > 0.0)),
         "BEAM": str(BEAM),
         "MARKS": str(CONTACT_POINT),
     }
@@ -465,13 +466,8 @@ def _arrows(summary: SeriesSummary, size: float) -> list[tuple[Any, ...]]:
     ]
 
 
-def _legend(summary: SeriesSummary) -> list[str]:
-    peaks = [(words, summary.peak(name), unit) for name, (words, unit, _, _) in ARROWS.items()]
-    return [f"{words}, longest {peak:.3g} {unit}" for words, peak, unit in peaks if peak > 0.0]
-
-
 def _rounded_up(value: float) -> float:
-    """To two significant digits, for the labels of a colour bar; 1 of nothing."""
+    """A value rounded up to two significant digits, for the labels of a colour bar; 1 for 0."""
     if value <= 0.0:
         return 1.0
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)

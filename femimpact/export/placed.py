@@ -1,0 +1,129 @@
+"""A structure with its parts at their places, and the sizes in which they are drawn: the same in every picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from femimpact.arrays import Array
+from femimpact.structure.structure import Dashpot, Impactor, PointMass, Position, Spring, Stop, Structure, Support
+from femimpact.system.contact_pair import ContactPair
+from femimpact.system.hermite import hermite_rows
+from femimpact.system.system import System
+
+BALL_DENSITY = 7850.0
+"""kg/m^3. The model has no ball radius; a steel sphere of the ball's mass is drawn, and a steel cube of a body's."""
+
+
+def ball_radius(mass: float) -> float:
+    """Radius (m) of the steel sphere that is drawn for a ball of this mass (kg)."""
+    return float((3.0 * mass / (4.0 * math.pi * BALL_DENSITY)) ** (1.0 / 3.0))
+
+
+def body_side(mass: float) -> float:
+    """Side (m) of the steel cube that is drawn for a body of this mass (kg)."""
+    return float((mass / BALL_DENSITY) ** (1.0 / 3.0))
+
+
+@dataclass(frozen=True)
+class DrawnContact:
+    """A ball or a stop as pictures show it; the fields are those of `ContactPair` of these names, but for the law."""
+
+    name: str
+    position: float  # m
+    mass: float  # kg: infinite for a stop
+    gaps: tuple[float, float]  # m: on the + and on the - side
+    fixed_to: str = "base"
+    law: str = ""  # its name; empty where it is not known
+
+    @property
+    def is_stop(self) -> bool:
+        """True of a fixed obstacle, false of a ball."""
+        return math.isinf(self.mass)
+
+
+Contact = ContactPair | DrawnContact
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnSystem:
+    """Places, contacts and curves between the nodes of a system, under the same names, for pictures."""
+
+    nodes: Array  # (n,) m
+    points: Mapping[str, float]  # m
+    contacts: tuple[DrawnContact, ...] = ()  # balls first, then stops
+    total_mass: float = math.nan  # kg
+    first_frequency: float = math.nan  # Hz: not a number where it was not kept
+
+    @property
+    def dofs(self) -> int:
+        """Number of nodal values: deflection and slope of each node."""
+        return 2 * self.nodes.size
+
+    @property
+    def balls(self) -> tuple[DrawnContact, ...]:
+        """The contacts that are balls."""
+        return tuple(contact for contact in self.contacts if not contact.is_stop)
+
+    def position_of(self, at: Position) -> float:
+        """Metres from the root of a place."""
+        return float(self.points[at] if isinstance(at, str) else at)
+
+    def deflection_rows(self, positions: ArrayLike) -> Array:
+        """Rows that read the deflection from nodal values (w1, w1', w2, w2', ...)."""
+        rows: Any = hermite_rows(self.nodes, positions)
+        return np.asarray(rows if isinstance(rows, np.ndarray) else rows.toarray())
+
+
+def drawn_system(
+    structure: Structure,
+    points: Mapping[str, float],  # m: places that a mesh or a system names
+) -> DrawnSystem:
+    """The places and contacts of a structure that is not assembled; KeyError for a place that has no name there."""
+    length = structure.beam.length
+    system = DrawnSystem(np.zeros(0), {"root": 0.0, "tip": length, "mid": 0.5 * length, **points})
+
+    def drawn(one: Impactor | Stop, mass: float, fixed_to: str = "base") -> DrawnContact:
+        place = system.position_of(structure.place_of(one.at))
+        return DrawnContact(one.name, place, mass, one.gaps, fixed_to, one.contact.name)
+
+    balls = [drawn(ball, ball.mass) for ball in structure.impactors]
+    stops = [drawn(stop, math.inf, stop.fixed_to) for stop in structure.stops]
+    return replace(system, contacts=(*balls, *stops))
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedStructure:
+    """A structure, the contacts of its system, and its other parts with their places (m from the root)."""
+
+    structure: Structure
+    contacts: Sequence[Contact]
+    supports: tuple[tuple[Support, float], ...]
+    bodies: tuple[tuple[PointMass, float], ...]
+    # of one place where they are fixed to the base
+    connections: tuple[tuple[Spring | Dashpot, tuple[float, ...]], ...]
+
+    @property
+    def length(self) -> float:
+        """Length (m) of the beam."""
+        return self.structure.beam.length
+
+
+def placed_structure(structure: Structure, system: System | DrawnSystem) -> PlacedStructure:
+    """A structure with its parts where its system has them."""
+
+    def place(at: Position) -> float:
+        return system.position_of(structure.place_of(at))
+
+    return PlacedStructure(
+        structure,
+        system.contacts,
+        tuple((support, place(support.at)) for support in structure.supports),
+        tuple((body, place(body.at)) for body in structure.masses),
+        tuple((item, tuple(map(place, ends.values()))) for _, item, ends in structure.connections),
+    )
