@@ -128,7 +128,8 @@ def test_the_table_of_impacts_is_that_of_the_laws(seed):
         if isinstance(pair.law, fi.Rigid):
             check_rigid(run, pair, own)
         else:
-            assert np.all(table.duration[own] > 0.0)
+            # a contact that a start is in, and leaves without a force, lasts no time
+            assert np.all((table.duration[own] > 0.0) | ((table.time[own] == 0.0) & (table.impulse[own] == 0.0)))
             assert np.all(np.diff(table.time[own]) > 0.0)
     # what the impacts lost, with contacts not yet over, is all that the ledger has lost in contacts
     assert loss_left(run) < 1e-9

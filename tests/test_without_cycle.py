@@ -14,6 +14,9 @@ from femimpact.study.demo import paper_study
 from femimpact.study.prepared import prepare
 from femimpact.study.summary import summary_of
 
+pytestmark = pytest.mark.impacts
+
+
 SMALL = fi.reduce(fi.assemble(REFERENCE, elements=20), 2)
 RATE = 500.0
 TIME = np.arange(0.0, 8.0, 1.0 / RATE)

@@ -175,7 +175,7 @@ def _without_cycles(response: Response) -> Response:
 def _other_end(response: Response, asked: float) -> tuple[str, ...]:
     """A note on a run whose end (s), at a whole step or reading, is another one than was asked for."""
     end = asked if response.final_state is None else response.final_state.time
-    if abs(end - asked) <= ROUNDED * (asked - response.start):
+    if abs(end - asked) <= OTHER_END * (asked - response.start):
         return ()
     return (f"the run ends at {end:.6g} s, at a whole step or reading, and not at {asked:.6g} s",)
 
