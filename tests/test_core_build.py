@@ -111,7 +111,7 @@ def test_a_wheel_holds_the_binary_and_nothing_of_its_build(wheel):
     assert core_files == ["__init__.py", "__init__.pyi", "binary.py"]
     # all else of the package is there: what git ignores is left out of a wheel without a word
     python = {path.relative_to(ROOT).as_posix() for path in (ROOT / "femimpact").rglob("*.py")}
-    assert python - set(names) == {f"femimpact/core/{name}.py" for name in ("build", "compilation", "compilers")}
+    assert python - set(names) == {f"femimpact/core/{name}.py" for name in ("build", "compilation")}
 
 
 def test_a_wheel_is_for_this_platform_and_every_python(wheel):
@@ -274,7 +274,7 @@ FULL = """
 import resource, sys
 from pathlib import Path
 sys.path.insert(0, "")
-from femimpact.core import compilation, compilers
+from femimpact.core import compilation
 made = Path("made")
 made.write_bytes(bytes(5000))
 compilation.find_compiler = lambda kind: compilation.Compiler("gcc 12.2.0", ("c++",), ("c++",))

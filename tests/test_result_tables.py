@@ -14,7 +14,7 @@ from femimpact.study.study_file import load_study
 
 pytestmark = pytest.mark.impacts
 
-PAGE = Path(__file__).parents[1] / "docs" / "result_tables.md"
+PAGE = Path(__file__).parents[1] / "docs" / "reference" / "result_tables.md"
 
 CHANGES = {
     # short runs with bounces that come to rest, and no pictures
