@@ -110,7 +110,8 @@ class KelvinVoigt:
     """Spring and dashpot in parallel at each wall, without pull: N = max(0, k p + c p').
 
     Give exactly one of the pairs (stiffness, damping), (stiffness, restitution),
-    (restitution, contact_time).
+    (restitution, contact_time). A contact ends at zero force, which decides its restitution (Schwager and
+    Poeschel, 2007).
 
     Parameters
     ----------

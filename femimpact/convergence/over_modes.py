@@ -51,7 +51,7 @@ def mode_convergence(
     beyond the scatter mean something: take a long duration. The first impact is one event from one state,
     the same for every count, and does converge: the displacement always; the loss in the contact of a rigid
     impact only where there is a body at the contact, for without one it goes over to the structure's damping as
-    modes are added (a note says so).
+    modes are added (a note says so). The static correction is that of `reduce` (MacNeal, 1971; Rubin, 1975).
 
     Parameters
     ----------

@@ -272,8 +272,8 @@ class ConvergenceTable:
         Exponent of the size with which the error falls, as found and as the quantity's docstring derives it; not a
         number where none is known.
     reference : ndarray (quantities,)
-        Over meshes Richardson's value, with the refinement of the finest mesh; over steps the one that is exact in
-        time; over modes the one of all dofs; of statistics the finest case's. Not a number of distances.
+        Over meshes Richardson's value (1911), with the refinement of the finest mesh; over steps the one that is exact
+        in time; over modes the one of all dofs; of statistics the finest case's. Not a number of distances.
     floor : ndarray (quantities,), 1
         Relative error at which rounding was seen to decide; not a number where it was not reached.
     recommended : ndarray (quantities,)
