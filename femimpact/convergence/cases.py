@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 import scipy.sparse as sparse
@@ -102,38 +102,45 @@ def steady_amplitude(system: System, base: Sine, step: Newmark | None = None) ->
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One system of a study, with what its quantities are read of."""
+    """One system of a study, with the excitation and step of its quantities."""
 
     axis: str  # "mesh", "step" or "modes": what the study goes over
     system: System  # of which the linear quantities are read
     integrated: System  # that runs with contacts integrate
     base: Sine | None
     step: Newmark | None = None  # none where time is exact
-    is_limit: bool = False  # whether the case is no row but what the rows tend to
+    is_limit: bool = False  # true of the case that the rows tend to
 
     @cached_property
     def steady(self) -> NDArray[np.complex128]:
         """Complex amplitudes (dofs,) of the steady response without contacts."""
-        if self.base is None:
-            require(False, "base", None, "", "must be a Sine: a watched quantity is of the response to it")
-            raise AssertionError
+        require(self.base is not None, "base", None, "", "must be a Sine: a watched quantity is of the response to it")
+        assert self.base is not None
         return steady_amplitude(self.system, self.base, self.step)
 
     def modes(self, count: int) -> Modes:
         """The lowest modes of the system, computed once."""
-        return _known_modes(self.system, count)
+        key, known = ("convergence modes", count), self.system.derived
+        if key not in known:
+            known[key] = solve_modes(self.system, count)
+        found: Modes = known[key]
+        return found
 
 
-def _known_modes(system: System, count: int) -> Modes:
-    key = ("convergence modes", count)
-    if key not in system.derived:
-        system.derived[key] = solve_modes(system, count)
-    found: Modes = system.derived[key]
-    return found
+Made = TypeVar("Made")
+Error = TypeVar("Error", bound=FemimpactError)
+
+
+def attempted(make: Callable[[], Made], refused: type[Error] = FemimpactError) -> Made | Error:  # type: ignore[assignment]
+    """The object made, or the error with which it was refused."""
+    try:
+        return make()
+    except refused as error:
+        return error
 
 
 class Plan(NamedTuple):
-    """What all cases of a study share: structure, base, and modes kept for runs with contacts (None: all dofs)."""
+    """Structure, base, and modes kept for runs with contacts (None: all dofs), common to all cases of a study."""
 
     structure: Structure
     base: Sine | None
@@ -155,7 +162,7 @@ class Row(NamedTuple):
 
 @runtime_checkable
 class Axis(Protocol):
-    """What a study goes over: named rows from coarse to fine, and what their values tend to."""
+    """Named rows of a study from coarse to fine, and the limit of their values."""
 
     @property
     def name(self) -> str:
@@ -163,14 +170,14 @@ class Axis(Protocol):
 
     @property
     def units(self) -> tuple[str, str]:
-        """What `number` counts, and the unit of `size`."""
+        """Text of what `number` counts, and the unit of `size`."""
 
     def rows(self, plan: Plan) -> Iterator[Row]:
         """Cases from coarse to fine."""
 
     @property
     def is_family(self) -> bool:
-        """Whether one size describes a row, so that the rows themselves can be extrapolated."""
+        """True where one size describes a row: the rows can then be extrapolated."""
 
     @property
     def ratio(self) -> float:
@@ -221,6 +228,10 @@ class OverMeshes:
     meshes: tuple[Mesh | InputError, ...] = field(metadata=items(Mesh, InputError))
     labels: tuple[str, ...] = field(default=(), metadata=items(str))
     make: Callable[[int], Mesh] | None = None
+    name: ClassVar[str] = "mesh"
+    units: ClassVar[tuple[str, str]] = ("elements", "m")
+    ratio: ClassVar[float] = 2.0
+    """Longest element of the finest mesh over that of its refinement."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -303,43 +314,23 @@ class OverMeshes:
 
     @classmethod
     def _of(cls, make: Callable[[int], Mesh], counts: NDArray[np.int64]) -> OverMeshes:
-        made: list[Mesh | InputError] = []
-        for n in counts:
-            try:
-                made.append(make(int(n)))
-            except InputError as error:
-                made.append(error)
-        return cls(tuple(made), tuple(f"{n} elements" for n in counts), make)
-
-    @property
-    def name(self) -> str:
-        """Name of the axis."""
-        return "mesh"
-
-    @property
-    def units(self) -> tuple[str, str]:
-        """Elements, and the longest one in m."""
-        return "elements", "m"
+        made = tuple(attempted(partial(make, int(n)), InputError) for n in counts)
+        return cls(made, tuple(f"{n} elements" for n in counts), make)
 
     def rows(self, plan: Plan) -> Iterator[Row]:
         """A system on each mesh."""
         for label, mesh in zip(self.labels, self.meshes, strict=True):
             if isinstance(mesh, Mesh):
-                yield Row(label, mesh.elements, mesh.largest, _attempt(plan, mesh))
+                yield Row(label, mesh.elements, mesh.largest, attempted(partial(_case, "mesh", plan, mesh)))
             else:
                 yield Row(label, np.nan, np.nan, mesh)
 
     @cached_property
     def is_family(self) -> bool:
-        """Whether all element lengths fall alike from mesh to mesh, so that the rows themselves can be extrapolated."""
+        """True where all element lengths fall by one factor from mesh to mesh: the rows can then be extrapolated."""
         known = [np.diff(mesh.nodes) for mesh in self.meshes if isinstance(mesh, Mesh)]
         falls = [(b.max() / a.max(), b.mean() / a.mean()) for a, b in pairwise(known)]
         return all(abs(one / other - 1.0) <= SIMILAR and one < 1.0 for one, other in falls)
-
-    @property
-    def ratio(self) -> float:
-        """2: the longest element of the finest mesh over that of its refinement."""
-        return 2.0
 
     def limit(self, plan: Plan, finest: Case) -> Case:
         """The refinement of the finest mesh: what is extrapolated from it leaves the rows' own orders unforced."""
@@ -351,10 +342,8 @@ class OverMeshes:
         """The case on a mesh of so many elements, where the family has one and it is no larger than is checked."""
         if self.make is None or number > MOST_CHECKED:
             return None
-        try:
-            return _case("mesh", plan, self.make(int(number)))
-        except FemimpactError as error:
-            return error
+        make = self.make
+        return attempted(lambda: _case("mesh", plan, make(int(number))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -377,19 +366,14 @@ class OverSteps:
     mesh: Mesh = field(metadata=instance(Mesh))
     method: Newmark = field(metadata=instance(Newmark))
     halvings: int = field(default=4, metadata=quantity("1", at_least=1, at_most=20, integer=True))
+    name: ClassVar[str] = "step"
+    units: ClassVar[tuple[str, str]] = ("steps per first natural period", "s")
+    is_family: ClassVar[bool] = True
+    ratio: ClassVar[float] = np.inf
+    """Infinite: the limit is exact in time."""
 
     def __post_init__(self) -> None:
         check_fields(self)
-
-    @property
-    def name(self) -> str:
-        """Name of the axis."""
-        return "step"
-
-    @property
-    def units(self) -> tuple[str, str]:
-        """Steps in the first natural period, and dt in s."""
-        return "steps per first natural period", "s"
 
     def rows(self, plan: Plan) -> Iterator[Row]:
         """The system with each step."""
@@ -399,16 +383,6 @@ class OverSteps:
             yield Row(
                 f"{dt:.4g} s", 1.0 / (dt * first_elastic_frequency(exact.system)), float(dt), replace(exact, step=step)
             )
-
-    @property
-    def is_family(self) -> bool:
-        """True: a step is described by its size."""
-        return True
-
-    @property
-    def ratio(self) -> float:
-        """Infinite: the limit is exact in time."""
-        return np.inf
 
     def limit(self, plan: Plan, finest: Case) -> Case:
         """The same system, exact in time."""
@@ -438,37 +412,22 @@ class OverModes:
 
     mesh: Mesh = field(metadata=instance(Mesh))
     counts: tuple[int, ...]
+    name: ClassVar[str] = "modes"
+    units: ClassVar[tuple[str, str]] = ("modes", "1")
+    is_family: ClassVar[bool] = True
+    ratio: ClassVar[float] = np.inf
+    """Infinite: the limit is exact on its mesh."""
 
     def __post_init__(self) -> None:
         check_fields(self)
         counts = rising_numbers("counts", self.counts, 2 * MOST_ELEMENTS)
         object.__setattr__(self, "counts", tuple(int(n) for n in counts))
 
-    @property
-    def name(self) -> str:
-        """Name of the axis."""
-        return "modes"
-
-    @property
-    def units(self) -> tuple[str, str]:
-        """Modes, and one over their number."""
-        return "modes", "1"
-
     def rows(self, plan: Plan) -> Iterator[Row]:
         """The system reduced to each number of modes; more than it has dofs is a row with its reason."""
         full = assemble(plan.structure, mesh=self.mesh)
         for count in self.counts:
             yield Row(f"{count} modes", count, 1.0 / count, _reduced(full, plan, count))
-
-    @property
-    def is_family(self) -> bool:
-        """True: a count is described by its size, one over the number of modes."""
-        return True
-
-    @property
-    def ratio(self) -> float:
-        """Infinite: the limit is exact on its mesh."""
-        return np.inf
 
     def limit(self, plan: Plan, finest: Case) -> Case:
         """The system in all dofs of the mesh."""
@@ -486,15 +445,5 @@ def _case(axis: str, plan: Plan, mesh: Mesh) -> Case:
 
 
 def _reduced(full: System, plan: Plan, modes: int) -> Case | FemimpactError:
-    try:
-        reduced = reduce(full, modes)
-    except FemimpactError as error:
-        return error
-    return Case("modes", reduced, reduced, plan.base)
-
-
-def _attempt(plan: Plan, mesh: Mesh) -> Case | FemimpactError:
-    try:
-        return _case("mesh", plan, mesh)
-    except FemimpactError as error:
-        return error
+    reduced = attempted(lambda: reduce(full, modes))
+    return Case("modes", reduced, reduced, plan.base) if isinstance(reduced, System) else reduced
