@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.convergence.cases import Case
 from femimpact.convergence.quantities import Reading
+from femimpact.convergence.table import slope
 from femimpact.errors import (
     DivergenceError,
     check_fields,
@@ -388,15 +389,10 @@ def _errors(counts: NDArray[np.int64], columns: dict[str, Array]) -> dict[str, A
         scale = abs(exact) if exact else 1.0
         columns[f"{name}_error"] = np.abs(values - exact) / scale
         # the largest count is its own reference
-        orders[f"{name}_order"] = np.array([_order(counts[:-1], columns[f"{name}_error"][:-1, k]) for k in (0, 1)])
+        orders[f"{name}_order"] = np.array([
+            -slope(counts[:-1], error, np.isfinite(error) & (error > 0.0)) for error in columns[f"{name}_error"][:-1].T
+        ])  # fmt: skip
     return orders
-
-
-def _order(counts: NDArray[np.int64], error: Array) -> float:
-    usable = np.isfinite(error) & (error > 0.0)
-    if np.count_nonzero(usable) < 2:
-        return math.nan
-    return -float(np.polyfit(np.log(counts[usable]), np.log(error[usable]), 1)[0])
 
 
 def _notes(columns: Mapping[str, Array], counts: NDArray[np.int64], laws: str, cycles: int) -> list[str]:

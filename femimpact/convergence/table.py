@@ -115,9 +115,19 @@ def fitted_order(size: Array, error: Array, floor: float) -> float:
     usable = np.isfinite(error) & (error > floor)
     if np.count_nonzero(usable) > 2:
         usable[np.flatnonzero(usable)[0]] = False
-    if np.count_nonzero(usable) < 2 or not np.all(is_finer(size[usable])):
+    return slope(size, error, usable) if np.all(is_finer(size[usable])) else math.nan
+
+
+def slope(size: NDArray[Any], error: Array, usable: NDArray[np.bool_]) -> float:
+    """Slope of log(error) over log(size) through the usable rows; not a number with fewer than two."""
+    if np.count_nonzero(usable) < 2:
         return math.nan
     return float(np.polyfit(np.log(size[usable]), np.log(error[usable]), 1)[0])
+
+
+def relative_error(value: Array | float, reference: float) -> Array:
+    """Relative differences from a reference; not a number against zero."""
+    return np.asarray(np.abs(value - reference) / abs(reference) if reference else np.full(np.shape(value), np.nan))
 
 
 def number_for(number: Array, error: Array, order: float, accuracy: float, floor: float) -> float:
