@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.contact import ContactParameters, resolve
-from femimpact.contact.restitution import RIGID
+from femimpact.contact.laws import RIGID
 from femimpact.errors import require
 from femimpact.excitation import Sine
 from femimpact.integrators.cases import SineCases, SineDwellResults, SineDwells, run_each

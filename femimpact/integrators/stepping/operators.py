@@ -11,7 +11,7 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.contact.restitution import RIGID
+from femimpact.contact.laws import RIGID
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type
 from femimpact.integrators.stepping.layout import BandedStep, ModalStep, Operator, Scheme
 from femimpact.system.matrices import Matrix
