@@ -17,23 +17,23 @@ if TYPE_CHECKING:
     from femimpact.contact import STEEL as STEEL
     from femimpact.contact import Collision as Collision
     from femimpact.contact import ContactLaw as ContactLaw
-    from femimpact.contact import ContactParameters as ContactParameters
     from femimpact.contact import CustomLaw as CustomLaw
-    from femimpact.contact import Flores as Flores
-    from femimpact.contact import GonthierCarvalhoMartins as GonthierCarvalhoMartins
-    from femimpact.contact import Hertz as Hertz
-    from femimpact.contact import HuntCrossley as HuntCrossley
-    from femimpact.contact import KelvinVoigt as KelvinVoigt
-    from femimpact.contact import LankaraniNikravesh as LankaraniNikravesh
     from femimpact.contact import Material as Material
-    from femimpact.contact import PowerLaw as PowerLaw
-    from femimpact.contact import Rigid as Rigid
-    from femimpact.contact import SwitchingSpring as SwitchingSpring
     from femimpact.contact import collide as collide
     from femimpact.contact import contact_force as contact_force
     from femimpact.contact import contact_potential as contact_potential
     from femimpact.contact import hertz_stiffness as hertz_stiffness
     from femimpact.contact import integrated_collision as integrated_collision
+    from femimpact.contact.laws import ContactParameters as ContactParameters
+    from femimpact.contact.laws import Flores as Flores
+    from femimpact.contact.laws import GonthierCarvalhoMartins as GonthierCarvalhoMartins
+    from femimpact.contact.laws import Hertz as Hertz
+    from femimpact.contact.laws import HuntCrossley as HuntCrossley
+    from femimpact.contact.laws import KelvinVoigt as KelvinVoigt
+    from femimpact.contact.laws import LankaraniNikravesh as LankaraniNikravesh
+    from femimpact.contact.laws import PowerLaw as PowerLaw
+    from femimpact.contact.laws import Rigid as Rigid
+    from femimpact.contact.laws import SwitchingSpring as SwitchingSpring
     from femimpact.convergence import BendingMoment as BendingMoment
     from femimpact.convergence import ContactStatistics as ContactStatistics
     from femimpact.convergence import ConvergenceStudy as ConvergenceStudy
@@ -148,24 +148,26 @@ _MODULES = {
         "ALUMINIUM",
         "Collision",
         "ContactLaw",
-        "ContactParameters",
         "CustomLaw",
+        "Material",
+        "STEEL",
+        "collide",
+        "contact_force",
+        "contact_potential",
+        "hertz_stiffness",
+        "integrated_collision",
+    ),
+    "contact.laws": (
+        "ContactParameters",
         "Flores",
         "GonthierCarvalhoMartins",
         "Hertz",
         "HuntCrossley",
         "KelvinVoigt",
         "LankaraniNikravesh",
-        "Material",
         "PowerLaw",
         "Rigid",
-        "STEEL",
         "SwitchingSpring",
-        "collide",
-        "contact_force",
-        "contact_potential",
-        "hertz_stiffness",
-        "integrated_collision",
     ),
     "convergence": (
         "BendingMoment",

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
-from femimpact.contact.restitution import KELVIN_VOIGT, RIGID
+from femimpact.contact.laws import KELVIN_VOIGT, RIGID
 from femimpact.errors import (
     Fault,
     InputError,

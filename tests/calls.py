@@ -25,7 +25,7 @@ from nouns import (
 )
 
 import femimpact as fi
-from femimpact.contact import ContactParameters
+from femimpact.contact.laws import ContactParameters
 from femimpact.export import movie, tables, vtk
 from femimpact.export.history import history_writer
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.convergence.cases import newmark_frequency, run_statistics, steady_amplitude
+from femimpact.convergence.cases import newmark_frequency, steady_amplitude
+from femimpact.convergence.over_modes import run_statistics
 from femimpact.convergence.table import (
     extrapolated,
     fitted_order,

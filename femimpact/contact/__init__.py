@@ -3,20 +3,6 @@
 from femimpact.contact.collision import Collision, integrated_collision
 from femimpact.contact.custom_law import CustomLaw
 from femimpact.contact.law import ContactLaw, a_law, collide, contact_force, contact_potential, require_law, resolve
-from femimpact.contact.laws import (
-    ContactParameters,
-    Flores,
-    GonthierCarvalhoMartins,
-    Hertz,
-    HuntCrossley,
-    KelvinVoigt,
-    LankaraniNikravesh,
-    PowerLaw,
-    Rigid,
-    SwitchingSpring,
-    loss_factor,
-    spring_and_dashpot,
-)
 from femimpact.contact.restitution import ALUMINIUM, STEEL, Material, hertz_stiffness
 
 __all__ = [
@@ -24,26 +10,14 @@ __all__ = [
     "STEEL",
     "Collision",
     "ContactLaw",
-    "ContactParameters",
     "CustomLaw",
-    "Flores",
-    "GonthierCarvalhoMartins",
-    "Hertz",
-    "HuntCrossley",
-    "KelvinVoigt",
-    "LankaraniNikravesh",
     "Material",
-    "PowerLaw",
-    "Rigid",
-    "SwitchingSpring",
     "a_law",
     "collide",
     "contact_force",
     "contact_potential",
     "hertz_stiffness",
     "integrated_collision",
-    "loss_factor",
     "require_law",
     "resolve",
-    "spring_and_dashpot",
 ]

@@ -6,11 +6,9 @@ from typing import Any, Protocol, runtime_checkable
 
 from femimpact.contact.collision import Collision, mass_and_speed
 from femimpact.contact.custom_law import ForceFunction, is_force
-from femimpact.contact.laws import ContactParameters
-from femimpact.contact.restitution import CUSTOM, EFFECTIVE_MASS, KELVIN_VOIGT, POWER, RIGID, SWITCHING_SPRING
+from femimpact.contact.laws import CUSTOM, KINDS, ContactParameters
+from femimpact.contact.restitution import EFFECTIVE_MASS
 from femimpact.errors import checked, having, quantity, require
-
-KINDS = (KELVIN_VOIGT, SWITCHING_SPRING, POWER, CUSTOM, RIGID)
 
 
 @runtime_checkable

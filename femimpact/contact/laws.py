@@ -5,31 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from femimpact import core
 from femimpact.contact.collision import Collision, collision_of, crest
 from femimpact.contact.restitution import (
-    CUSTOM,
     EFFECTIVE_MASS,
-    KELVIN_VOIGT,
-    POWER,
-    RIGID,
-    SWITCHING_SPRING,
     contact_time_of,
     damping_ratio_for_restitution,
-    kelvin_voigt_force,
     linear_angle,
     loss_factor_for_restitution,
-    power_force,
-    power_potential,
     restitution_of_damping_ratio,
     restitution_of_loss_factor,
-    spring_potential,
-    switching_potential,
 )
 from femimpact.errors import Fault, InputError, check_fields, checked, choice, in_range, quantity, require, require_type
+
+KELVIN_VOIGT, SWITCHING_SPRING, POWER, CUSTOM, RIGID = KINDS = range(5)
+"""Kinds of laws, numbered as in femimpact/core/contact/formulas.hpp."""
 
 
 class ContactParameters(NamedTuple):
@@ -110,7 +104,8 @@ class KelvinVoigt:
     """Spring and dashpot in parallel at each wall, without pull: N = max(0, k p + c p').
 
     Give exactly one of the pairs (stiffness, damping), (stiffness, restitution),
-    (restitution, contact_time).
+    (restitution, contact_time). A contact ends at zero force, which decides its restitution (Schwager and
+    Poeschel, 2007).
 
     Parameters
     ----------
@@ -150,11 +145,11 @@ class KelvinVoigt:
 
     def normal_force(self, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
         """Force (N) of spring and dashpot, never below zero."""
-        return kelvin_voigt_force(depth, rate, *spring_and_dashpot(self, effective_mass)) if depth > 0.0 else 0.0
+        return core.normal_force(KELVIN_VOIGT, depth, rate, *spring_and_dashpot(self, effective_mass), 1.0, 1.0)
 
     def potential(self, depth: float, effective_mass: float, approach_speed: float) -> float:
         """Energy (J) stored by the spring."""
-        return spring_potential(max(depth, 0.0), spring_and_dashpot(self, effective_mass)[0])
+        return core.elastic_potential(KELVIN_VOIGT, depth, spring_and_dashpot(self, effective_mass)[0], 1.0)
 
     def collide(self, effective_mass: float, approach_speed: float) -> Collision:
         """One collision: the closed form of m p'' + c p' + k p = 0 up to the first zero of the force."""
@@ -289,11 +284,11 @@ class PowerLaw:
 
     def normal_force(self, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
         """Force (N), never below zero."""
-        return power_force(depth, rate, self.stiffness, self.exponent, loss_factor(self), approach_speed)
+        return core.normal_force(POWER, depth, rate, self.stiffness, loss_factor(self), self.exponent, approach_speed)
 
     def potential(self, depth: float, effective_mass: float, approach_speed: float) -> float:
         """Energy (J) stored by the elastic part."""
-        return power_potential(depth, self.stiffness, self.exponent)
+        return core.elastic_potential(POWER, depth, self.stiffness, self.exponent)
 
     def collide(self, effective_mass: float, approach_speed: float) -> Collision:
         """One collision in closed form, but for the quadrature of its contact time."""
@@ -470,7 +465,7 @@ class SwitchingSpring:
 
     def potential(self, depth: float, effective_mass: float, approach_speed: float) -> float:
         """Energy (J) stored beside a wall at gap 0."""
-        return switching_potential(max(depth, 0.0), 0.0, 0.0, self.free_stiffness, self.stiffness)
+        return core.switching_potential(max(depth, 0.0), 0.0, 0.0, self.free_stiffness, self.stiffness)
 
     def collide(self, effective_mass: float, approach_speed: float) -> Collision:
         """One collision: half a period of the mass on the spring k_I."""
@@ -492,3 +487,16 @@ class SwitchingSpring:
 
     def with_restitution(self, restitution: float) -> None:
         """None: the law in continuous time loses nothing."""
+
+
+LAWS: Mapping[str, tuple[Any, Mapping[str, Any]]] = {
+    "kelvin-voigt": (KelvinVoigt, {}),
+    "switching-spring": (SwitchingSpring, {}),
+    "hertz": (PowerLaw, {"loss": "none", "restitution": 1.0}),
+    "hunt-crossley": (PowerLaw, {"loss": "hunt-crossley"}),
+    "lankarani-nikravesh": (PowerLaw, {"loss": "lankarani-nikravesh"}),
+    "flores": (PowerLaw, {"loss": "flores"}),
+    "gonthier-carvalho-martins": (PowerLaw, {"loss": "exact"}),
+    "rigid": (Rigid, {}),
+}
+"""Noun of each law by its name in study files, and the fields that the name fixes."""

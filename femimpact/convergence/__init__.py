@@ -1,9 +1,8 @@
 """What the mesh, the step and the number of kept modes do to a result."""
 
-from femimpact.convergence.axes import OverMeshes, OverModes, OverSteps
-from femimpact.convergence.cases import ModeConvergence
+from femimpact.convergence.cases import OverMeshes, OverModes, OverSteps
 from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence, converge_elements, converge_step
-from femimpact.convergence.over_modes import ContactStatistics, mode_convergence
+from femimpact.convergence.over_modes import ContactStatistics, ModeConvergence, mode_convergence
 from femimpact.convergence.quantities import (
     BendingMoment,
     Frequencies,

@@ -1,37 +1,41 @@
-"""The cases of a convergence study, and what is read of them: a steady response, statistics, one impact."""
+"""Cases of a convergence study and its axes: meshes from coarse to fine, Newmark's step, the modes kept."""
 
 from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from femimpact.arrays import Array
-from femimpact.errors import FemimpactError, check_fields, checked, column, quantity, require, require_type, text
+from femimpact.errors import (
+    FemimpactError,
+    InputError,
+    check_fields,
+    checked,
+    instance,
+    items,
+    quantity,
+    require,
+    require_type,
+    rising_numbers,
+)  # fmt: skip
 from femimpact.excitation import Sine
-from femimpact.integrators.methods import Method, require_method
-from femimpact.integrators.runs import integrate
+from femimpact.fem.assembly import assemble
+from femimpact.fem.mesh import MOST_ELEMENTS, Mesh, graded_mesh, random_mesh, uniform_mesh
+from femimpact.fem.mesh_files import read_outcomes
 from femimpact.integrators.stepping.newmark import Newmark
-from femimpact.response.response import Recorder, Response
-from femimpact.structure.structure import Position, Structure
-from femimpact.sweep import frequency_sweep
-from femimpact.system.modes import Modes, solve_modes
+from femimpact.structure.structure import Structure
+from femimpact.system.modes import Modes, first_elastic_frequency, solve_modes
 from femimpact.system.reduction import reduce
-from femimpact.system.state import State
 from femimpact.system.system import System
-from femimpact.table import column_units, frame_of, named_column
-
-if TYPE_CHECKING:
-    import pandas
-    import xarray
 
 
 def time_factors(base: Sine, step: Newmark | None = None) -> tuple[complex, complex]:
@@ -98,38 +102,45 @@ def steady_amplitude(system: System, base: Sine, step: Newmark | None = None) ->
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One system of a study, with what its quantities are read of."""
+    """One system of a study, with the excitation and step of its quantities."""
 
     axis: str  # "mesh", "step" or "modes": what the study goes over
     system: System  # of which the linear quantities are read
     integrated: System  # that runs with contacts integrate
     base: Sine | None
     step: Newmark | None = None  # none where time is exact
-    is_limit: bool = False  # whether the case is no row but what the rows tend to
+    is_limit: bool = False  # true of the case that the rows tend to
 
     @cached_property
     def steady(self) -> NDArray[np.complex128]:
         """Complex amplitudes (dofs,) of the steady response without contacts."""
-        if self.base is None:
-            require(False, "base", None, "", "must be a Sine: a watched quantity is of the response to it")
-            raise AssertionError
+        require(self.base is not None, "base", None, "", "must be a Sine: a watched quantity is of the response to it")
+        assert self.base is not None
         return steady_amplitude(self.system, self.base, self.step)
 
     def modes(self, count: int) -> Modes:
         """The lowest modes of the system, computed once."""
-        return _known_modes(self.system, count)
+        key, known = ("convergence modes", count), self.system.derived
+        if key not in known:
+            known[key] = solve_modes(self.system, count)
+        found: Modes = known[key]
+        return found
 
 
-def _known_modes(system: System, count: int) -> Modes:
-    key = ("convergence modes", count)
-    if key not in system.derived:
-        system.derived[key] = solve_modes(system, count)
-    found: Modes = system.derived[key]
-    return found
+Made = TypeVar("Made")
+Error = TypeVar("Error", bound=FemimpactError)
+
+
+def attempted(make: Callable[[], Made], refused: type[Error] = FemimpactError) -> Made | Error:  # type: ignore[assignment]
+    """The object made, or the error with which it was refused."""
+    try:
+        return make()
+    except refused as error:
+        return error
 
 
 class Plan(NamedTuple):
-    """What all cases of a study share: structure, base, and modes kept for runs with contacts (None: all dofs)."""
+    """Structure, base, and modes kept for runs with contacts (None: all dofs), common to all cases of a study."""
 
     structure: Structure
     base: Sine | None
@@ -151,7 +162,7 @@ class Row(NamedTuple):
 
 @runtime_checkable
 class Axis(Protocol):
-    """What a study goes over: named rows from coarse to fine, and what their values tend to."""
+    """Named rows of a study from coarse to fine, and the limit of their values."""
 
     @property
     def name(self) -> str:
@@ -159,14 +170,14 @@ class Axis(Protocol):
 
     @property
     def units(self) -> tuple[str, str]:
-        """What `number` counts, and the unit of `size`."""
+        """Text of what `number` counts, and the unit of `size`."""
 
     def rows(self, plan: Plan) -> Iterator[Row]:
         """Cases from coarse to fine."""
 
     @property
     def is_family(self) -> bool:
-        """Whether one size describes a row, so that the rows themselves can be extrapolated."""
+        """True where one size describes a row: the rows can then be extrapolated."""
 
     @property
     def ratio(self) -> float:
@@ -179,241 +190,260 @@ class Axis(Protocol):
         """The case of a number between the rows or beyond; None where the axis does not make one."""
 
 
-STATISTICS = {
-    "rms": "m",
-    "peak": "m",
-    "contact_loss": "J",
-    "structure_loss": "J",
-    "damping": "1",
-    "mean_impulse": "N s",
-}
-"""Columns that scatter, and their units."""
+MOST_CHECKED = 1024
+"""Elements of a mesh on which a recommended number is checked; a larger one follows from the order alone."""
 
-OTHERS = {
-    "peak_force": "N",
-    "residual": "1",
-    "first_displacement": "m",
-    "first_loss": "J",
-    "displacement_error": "1",
-    "loss_error": "1",
-}
-"""Columns of one value without scatter."""
+SIMILAR = 0.02
+"""Relative difference of the ratios of element lengths up to which two meshes are of one family."""
 
 
 @dataclass(frozen=True, eq=False)
-class ModeConvergence:
-    """Response over the number of normal modes; columns are (n, 2): without and with static correction.
+class OverMeshes:
+    """Meshes from coarse to fine, whose size is their longest element.
 
-    `convergence["rms"]` reads a column.
+    The longest element bounds the error: where meshes leave it as it is, being refined elsewhere, their errors tend to
+    the one that it leaves, which has no order. Their errors are still those from an endlessly fine mesh, extrapolated
+    from the finest one with each element halved.
 
     Parameters
     ----------
-    counts : ndarray (n,)
-        Normal modes; the correction adds one vector for every distinct contact direction.
-    rms, peak : ndarray (n, 2), m
-        Of the observed place, relative to the base; the peak is that of `SteadyMotion` over the run's last third.
-    contact_loss, structure_loss : ndarray (n, 2), J
-        Per base cycle.
-    damping : ndarray (n, 2), 1
-        Equivalent damping ratio D/(4 pi U): D all loss per cycle, U twice the mean strain energy, which is
-        the largest strain energy of a sine.
-    mean_impulse : ndarray (n, 2), N s
-        Of one impact; not a number without impacts.
-    scatter : mapping of str to ndarray (n, 2)
-        Standard error of each of these from eight parts of the window; of `peak` the standard deviation of
-        the parts' peaks. Differences below it mean nothing.
-    peak_force : ndarray (n, 2), N
-        Of a compliant law, as computed: it does not converge for short contacts. Not a number where a rigid pair
-        collides.
-    residual : ndarray (n, 2), 1
-        Energy unaccounted for over the energy put in.
-    first_displacement : ndarray (n, 2), m
-        Of the observed place a quarter of the first natural period after one first impact.
-    first_loss : ndarray (n, 2), J
-        Lost in the contact until then.
-    displacement_error, loss_error : ndarray (n, 2), 1
-        Of these two, relative to the largest count with static correction.
-    displacement_order, loss_order : ndarray (2,), 1
-        Fitted exponent with which the error falls with the count; counts near the largest flatter it.
-    at, law : str
-    cycles : int
-        In the window of the statistics.
-    notes : tuple of str
+    meshes : tuple of Mesh or InputError
+        An error stands for a mesh that could not be made or read; it becomes a row with its reason.
+    labels : tuple of str, optional
+        "8 elements" and so on by default.
+    make : callable, optional
+        The mesh of a number of elements, as of `uniform` and `graded`: a recommended number is then checked on it.
 
     Raises
     ------
     InputError
-        If a column is not of shape (n, 2), a count is not whole, or `scatter` names none of these columns.
+        If there are fewer than two meshes, or not as many labels.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> study = fi.convergence_study(bare, fi.OverMeshes.uniform(bare, [4, 8, 16]), fi.Frequencies(1))
     """
 
-    counts: NDArray[np.int64] = field(metadata=column("1", "counts", of="whole number"))
-    rms: Array = field(metadata=column("m", "counts", 2))
-    peak: Array = field(metadata=column("m", "counts", 2))
-    contact_loss: Array = field(metadata=column("J", "counts", 2))
-    structure_loss: Array = field(metadata=column("J", "counts", 2))
-    damping: Array = field(metadata=column("1", "counts", 2))
-    mean_impulse: Array = field(metadata=column("N s", "counts", 2))
-    scatter: Mapping[str, Array]
-    peak_force: Array = field(metadata=column("N", "counts", 2))
-    residual: Array = field(metadata=column("1", "counts", 2))
-    first_displacement: Array = field(metadata=column("m", "counts", 2))
-    first_loss: Array = field(metadata=column("J", "counts", 2))
-    displacement_error: Array = field(metadata=column("1", "counts", 2))
-    loss_error: Array = field(metadata=column("1", "counts", 2))
-    displacement_order: Array = field(metadata=column("1", 2))
-    loss_order: Array = field(metadata=column("1", 2))
-    at: str = field(metadata=text())
-    law: str = field(metadata=text())
-    cycles: int = field(metadata=quantity("1", at_least=1, integer=True))
-    notes: tuple[str, ...] = field(metadata=text(several=True))
+    meshes: tuple[Mesh | InputError, ...] = field(metadata=items(Mesh, InputError))
+    labels: tuple[str, ...] = field(default=(), metadata=items(str))
+    make: Callable[[int], Mesh] | None = None
+    name: ClassVar[str] = "mesh"
+    units: ClassVar[tuple[str, str]] = ("elements", "m")
+    ratio: ClassVar[float] = 2.0
+    """Longest element of the finest mesh over that of its refinement."""
 
     def __post_init__(self) -> None:
         check_fields(self)
-        require_type(self.scatter, Mapping, "scatter")
-        for name, values in self.scatter.items():
-            known = name in STATISTICS
-            require(known, "scatter", name, "", f"must be of {', '.join(STATISTICS)}")
-            checked(f"scatter.{name}", values, column(STATISTICS[name], self.counts.size, 2))
+        require(self.make is None or callable(self.make), "make", self.make, "", "must be callable, or None")
+        known = [mesh for mesh in self.meshes if isinstance(mesh, Mesh)]
+        reasons = [str(mesh) for mesh in self.meshes if not isinstance(mesh, Mesh)]
+        why = f": {reasons[0]}" if reasons else ""
+        require(len(known) >= 2, "meshes", len(known), "", f"must be two or more that can be used{why}")
+        if not self.labels:
+            words = tuple(f"{m.elements} elements" if isinstance(m, Mesh) else "none" for m in self.meshes)
+            object.__setattr__(self, "labels", words)
+        require(len(self.labels) == len(self.meshes), "labels", self.labels, "", f"must be {len(self.meshes)} texts")
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
-        return named_column(self, name)
+    @classmethod
+    def uniform(cls, structure: Structure, elements: Sequence[int]) -> OverMeshes:
+        """Meshes of `uniform_mesh` with increasing numbers of elements.
 
-    def to_pandas(self) -> pandas.DataFrame:
-        """Two rows for every count, without and with static correction; units in `attrs["units"]`."""
-        units = {name: unit for name, unit in column_units(self).items() if name != "counts"}
-        columns: dict[str, Any] = {
-            "modes": np.repeat(self.counts, 2),
-            "static_correction": np.tile([False, True], self.counts.size),
-        }
-        columns |= {name: getattr(self, name).ravel() for name in units}
-        columns |= {f"{name}_scatter": values.ravel() for name, values in self.scatter.items()}
-        units |= {f"{name}_scatter": units[name] for name in self.scatter}
-        return frame_of(columns, {"modes": "1", "static_correction": "", **units}, index="modes")
+        Raises
+        ------
+        InputError
+            If the numbers are not three or more that increase, or the structure is not a `Structure`.
+        """
+        counts = rising_numbers("elements", elements, MOST_ELEMENTS)
+        require_type(structure, Structure, "structure")
+        return cls._of(partial(uniform_mesh, structure), counts)
 
-    def to_xarray(self) -> xarray.Dataset:
-        """All columns as a labelled dataset over the count and the static correction."""
-        import xarray
+    @classmethod
+    def graded(cls, structure: Structure, elements: Sequence[int], ratio: float) -> OverMeshes:
+        """Meshes of `graded_mesh` of one ratio, with increasing numbers of elements.
 
-        dims = ("modes", "static_correction")
-        data: dict[str, Any] = {}
-        for name, unit in (STATISTICS | OTHERS).items():
-            labels = {"units": unit, "long_name": name.replace("_", " ")}
-            data[name] = (dims, np.array(getattr(self, name)), labels)
-            if name in self.scatter:
-                labels = {"units": unit, "long_name": f"scatter of {labels['long_name']}"}
-                data[f"{name}_scatter"] = (dims, np.array(self.scatter[name]), labels)
-        for name in ("displacement_order", "loss_order"):
-            data[name] = (dims[1], np.array(getattr(self, name)), {"units": "1", "long_name": name.replace("_", " ")})
-        coords = {"modes": np.array(self.counts), "static_correction": np.array([False, True])}
-        attributes = {"at": self.at, "contact_law": self.law, "cycles": self.cycles, "notes": "; ".join(self.notes)}
-        return xarray.Dataset(data, coords=coords, attrs=attributes)
+        Raises
+        ------
+        InputError
+            If the numbers are not three or more that increase, or the finest mesh cannot be made.
+        """
+        counts = rising_numbers("elements", elements, MOST_ELEMENTS)
+        graded_mesh(structure, int(counts[-1]), ratio)
+        return cls._of(partial(graded_mesh, structure, ratio=ratio), counts)
+
+    @classmethod
+    def random(cls, structure: Structure, elements: Sequence[int], seed: int) -> OverMeshes:
+        """Meshes of `random_mesh` with increasing numbers of elements, each from a different seed.
+
+        Raises
+        ------
+        InputError
+            If the numbers are not three or more that increase, or the finest mesh cannot be made.
+        """
+        counts = rising_numbers("elements", elements, MOST_ELEMENTS)
+        random_mesh(structure, int(counts[-1]), seed)
+        return cls._of(lambda n: random_mesh(structure, n, seed + n), counts)
+
+    @classmethod
+    def refinements(cls, mesh: Mesh, times: int = 3) -> OverMeshes:
+        """A mesh and its refinements, each with twice the elements of the one before.
+
+        Raises
+        ------
+        InputError
+            If the mesh is not a `Mesh`, or the number of refinements is not from 1 to 12.
+        """
+        require_type(mesh, Mesh, "mesh")
+        times = checked("times", times, quantity("1", at_least=1, at_most=12, integer=True))
+        return cls(tuple(mesh.refined(k) for k in range(times + 1)))
+
+    @classmethod
+    def files(cls, paths: Sequence[str | Path]) -> OverMeshes:
+        """Mesh files, in the order of their numbers of elements; one that cannot be read is a row with its reason.
+
+        Raises
+        ------
+        InputError
+            If the paths are no list of paths, or fewer than two files hold a mesh.
+        """
+        fine = isinstance(paths, (list, tuple)) and all(isinstance(path, (str, Path)) for path in paths)
+        require(fine, "paths", paths, "", "must be a list of paths of mesh files")
+        found = list(zip(map(Path, paths), read_outcomes([Path(path) for path in paths]), strict=True))
+        found.sort(key=lambda pair: pair[1].elements if isinstance(pair[1], Mesh) else 0)
+        return cls(tuple(mesh for _, mesh in found), tuple(path.name for path, _ in found))
+
+    @classmethod
+    def _of(cls, make: Callable[[int], Mesh], counts: NDArray[np.int64]) -> OverMeshes:
+        made = tuple(attempted(partial(make, int(n)), InputError) for n in counts)
+        return cls(made, tuple(f"{n} elements" for n in counts), make)
+
+    def rows(self, plan: Plan) -> Iterator[Row]:
+        """A system on each mesh."""
+        for label, mesh in zip(self.labels, self.meshes, strict=True):
+            if isinstance(mesh, Mesh):
+                yield Row(label, mesh.elements, mesh.largest, attempted(partial(_case, "mesh", plan, mesh)))
+            else:
+                yield Row(label, np.nan, np.nan, mesh)
+
+    @cached_property
+    def is_family(self) -> bool:
+        """True where all element lengths fall by one factor from mesh to mesh: the rows can then be extrapolated."""
+        known = [np.diff(mesh.nodes) for mesh in self.meshes if isinstance(mesh, Mesh)]
+        falls = [(b.max() / a.max(), b.mean() / a.mean()) for a, b in pairwise(known)]
+        return all(abs(one / other - 1.0) <= SIMILAR and one < 1.0 for one, other in falls)
+
+    def limit(self, plan: Plan, finest: Case) -> Case:
+        """The refinement of the finest mesh: what is extrapolated from it leaves the rows' own orders unforced."""
+        mesh = [mesh for mesh in self.meshes if isinstance(mesh, Mesh)][-1]
+        system = assemble(plan.structure, mesh=mesh.refined())
+        return Case("mesh", system, system, plan.base, is_limit=True)
+
+    def case(self, plan: Plan, number: float) -> Case | FemimpactError | None:
+        """The case on a mesh of so many elements, where the family has one and it is no larger than is checked."""
+        if self.make is None or number > MOST_CHECKED:
+            return None
+        make = self.make
+        return attempted(lambda: _case("mesh", plan, make(int(number))))
 
 
-PARTS = 8
-"""Parts of the window between which statistics scatter."""
+@dataclass(frozen=True, eq=False)
+class OverSteps:
+    """Newmark's step, halved again and again, on one mesh.
 
-POINTS_PER_CYCLE = 64
-"""Samples of a stepped run in a base cycle: a sine's peak is met to 0.1 %."""
+    Parameters
+    ----------
+    mesh : Mesh
+    method : Newmark
+        Its dt is the coarsest step.
+    halvings : int
 
-POINTS_OF_AN_IMPACT = 256
-"""Samples in a cycle of the first mode, at least, between which the first impact is looked for."""
-
-
-def run_statistics(
-    system: System, excitation: Sine, method: Method, duration: float, at: Position, cycles: int
-) -> tuple[dict[str, float], dict[str, float]]:
-    """Values over the last `cycles` of a run, and their scatter between parts of it.
-
-    The peak is that of `SteadyMotion`, over the last third of the run: the largest |w|, instants of impact included.
-    At another place than the one that every run observes it is read by a sweep of one frequency, whose base has no
-    phase. The scatter of the peak is that of samples, which miss the crests of all parts alike, by 0.1 % or less.
+    Raises
+    ------
+    InputError
+        If a value is of the wrong kind or out of range.
     """
-    require_method(method)
-    every = method.stride(excitation.frequency, POINTS_PER_CYCLE)
-    keep = Recorder(channels=(at,), every=every, impacts=1_000_000)
-    run = integrate(system, excitation, method, duration, keep)
-    period = 1.0 / excitation.frequency
-    edges = run.time[-1] - period * cycles * np.linspace(1.0, 0.0, PARTS + 1)
-    whole = _over(run, at, edges[0], edges[-1], cycles)
-    pieces = [_over(run, at, *ends, cycles // PARTS) for ends in pairwise(edges)]
-    spread = {}
-    for name in STATISTICS:
-        parts = np.array([piece[name] for piece in pieces])
-        parts = parts[np.isfinite(parts)]
-        error = float(np.std(parts, ddof=1)) if parts.size > 1 else math.nan
-        spread[name] = error if name == "peak" else error / math.sqrt(max(parts.size, 1))
-    assert run.energy is not None
-    whole["peak"] = _peak(system, excitation, method, duration, at, run)
-    return whole | {"peak_force": run.statistics.peak_force, "residual": run.energy.residual}, spread
+
+    mesh: Mesh = field(metadata=instance(Mesh))
+    method: Newmark = field(metadata=instance(Newmark))
+    halvings: int = field(default=4, metadata=quantity("1", at_least=1, at_most=20, integer=True))
+    name: ClassVar[str] = "step"
+    units: ClassVar[tuple[str, str]] = ("steps per first natural period", "s")
+    is_family: ClassVar[bool] = True
+    ratio: ClassVar[float] = np.inf
+    """Infinite: the limit is exact in time."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    def rows(self, plan: Plan) -> Iterator[Row]:
+        """The system with each step."""
+        exact = _case("step", plan, self.mesh)
+        for dt in self.method.dt / 2.0 ** np.arange(self.halvings + 1):
+            step = replace(self.method, dt=float(dt))
+            yield Row(
+                f"{dt:.4g} s", 1.0 / (dt * first_elastic_frequency(exact.system)), float(dt), replace(exact, step=step)
+            )
+
+    def limit(self, plan: Plan, finest: Case) -> Case:
+        """The same system, exact in time."""
+        return replace(finest, step=None, is_limit=True)
+
+    def case(self, plan: Plan, number: float) -> Case | FemimpactError | None:
+        """The system with so many steps in the first natural period."""
+        exact = _case("step", plan, self.mesh)
+        dt = 1.0 / (number * first_elastic_frequency(exact.system))
+        return replace(exact, step=replace(self.method, dt=float(dt)))
 
 
-def _peak(system: System, excitation: Sine, method: Method, duration: float, at: Position, run: Response) -> float:
-    """Largest |w| (m) of a place over the last third of a run."""
-    if np.array_equal(system.point_row(at), system.point_row(system.default_place)):
-        return float(run.steady.peak[0])
-    curve = frequency_sweep(
-        system, excitation.amplitude, [excitation.frequency], method, duration=duration, at=at, ledger=False, threads=1
-    )
-    return float(curve.peak[0])
+@dataclass(frozen=True, eq=False)
+class OverModes:
+    """Increasing numbers of kept normal modes on one mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    counts : tuple of int
+
+    Raises
+    ------
+    InputError
+        If a value is of the wrong kind, or the counts do not increase.
+    """
+
+    mesh: Mesh = field(metadata=instance(Mesh))
+    counts: tuple[int, ...]
+    name: ClassVar[str] = "modes"
+    units: ClassVar[tuple[str, str]] = ("modes", "1")
+    is_family: ClassVar[bool] = True
+    ratio: ClassVar[float] = np.inf
+    """Infinite: the limit is exact on its mesh."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        counts = rising_numbers("counts", self.counts, 2 * MOST_ELEMENTS)
+        object.__setattr__(self, "counts", tuple(int(n) for n in counts))
+
+    def rows(self, plan: Plan) -> Iterator[Row]:
+        """The system reduced to each number of modes; more than it has dofs is a row with its reason."""
+        full = assemble(plan.structure, mesh=self.mesh)
+        for count in self.counts:
+            yield Row(f"{count} modes", count, 1.0 / count, _reduced(full, plan, count))
+
+    def limit(self, plan: Plan, finest: Case) -> Case:
+        """The system in all dofs of the mesh."""
+        system = assemble(plan.structure, mesh=self.mesh)
+        return Case("modes", system, system, plan.base, is_limit=True)
+
+    def case(self, plan: Plan, number: float) -> Case | FemimpactError | None:
+        """The system on so many modes."""
+        return _reduced(assemble(plan.structure, mesh=self.mesh), plan, int(number))
 
 
-def _over(run: Response, at: Position, start: float, end: float, cycles: int) -> dict[str, float]:
-    """Statistics of a run between two instants (s), a whole number of base cycles apart."""
-    ledger = run.energy
-    assert ledger is not None
-    # half a sample of slack: an edge on a sample must not belong to both sides or to none
-    slack = 0.5 * float(run.time[1] - run.time[0])
-    inside = (run.time > start + slack) & (run.time <= end + slack)
-    w = run[at][inside]
-    contact, structure = (
-        float(np.diff(np.interp((start, end), run.time, loss))[0]) / cycles
-        for loss in (ledger.contact_loss, ledger.structure_loss)
-    )
-    strain = 2.0 * float(np.mean(ledger.strain[inside]))
-    chosen = (run.impacts.time > start) & (run.impacts.time <= end)
-    impulse = np.abs(run.impacts.impulse[chosen])
-    return {
-        "rms": float(np.sqrt(np.mean(w**2))),
-        "peak": float(np.max(np.abs(w))),
-        "contact_loss": contact,
-        "structure_loss": structure,
-        "damping": (contact + structure) / (4.0 * math.pi * strain) if strain > 0.0 else math.nan,
-        "mean_impulse": float(impulse.mean()) if impulse.size else math.nan,
-    }
+def _case(axis: str, plan: Plan, mesh: Mesh) -> Case:
+    system = assemble(plan.structure, mesh=mesh)
+    return Case(axis, system, plan.integrated(system), plan.base)
 
 
-def first_impact(system: System, method: Method, at: Position) -> dict[str, float]:
-    """Displacement and loss a quarter of the first period after one impact from a given state."""
-    quiet = Sine(0.0, system.first_frequency)
-    state, until = _before_impact(system)
-    finely = method.read_at_least(POINTS_OF_AN_IMPACT)
-    run = integrate(system, quiet, finely, until + 0.5 / quiet.frequency, Recorder(channels=(at,)), state)
-    require(len(run.impacts) > 0, "system.contacts", system.contacts[0].name, "", "is not met by the first impact")
-    after = float(run.impacts.time[0]) + 0.25 / quiet.frequency
-    assert run.energy is not None
-    return {
-        "first_displacement": float(np.interp(after, run.time, run[at])),
-        "first_loss": float(np.interp(after, run.time, run.energy.contact_loss)),
-    }
-
-
-def _before_impact(system: System) -> tuple[State, float]:
-    """A state shortly before the first pair meets a wall, and a time (s) by which it has."""
-    pair = system.contacts[0]
-    side = 1.0 if pair.gaps[0] <= pair.gaps[1] else -1.0
-    near = min(pair.gaps)
-    allowed = "must be >= 0 for a convergence over impacts: a preloaded stop has no first one"
-    require(near >= 0.0, f"{pair.name}.gaps", pair.gaps, "m", allowed)
-    if pair.is_stop:
-        # x = -b u, so the first mode moves towards the stop with -side b
-        speed = 2.0 * max(near, 1e-6) * 2.0 * math.pi * system.first_frequency
-        still = abs(float(pair.direction[0])) == 0.0
-        require(not still, pair.name, "at a node of the first mode", "", "must be where the first mode moves")
-        velocity = np.zeros(system.dofs)
-        velocity[0] = -side * speed / float(pair.direction[0])
-        return State(velocity=velocity), 0.25 / system.first_frequency
-    clearance = sum(pair.gaps) if math.isfinite(sum(pair.gaps)) else max(near, 1e-6)
-    place, rate = np.zeros((2, len(system.balls)))
-    place[0] = side * (near - 1e-6 * clearance)
-    rate[0] = side * clearance * system.first_frequency
-    return State(ball_displacement=place, ball_velocity=rate), 1e-5 / system.first_frequency
+def _reduced(full: System, plan: Plan, modes: int) -> Case | FemimpactError:
+    reduced = attempted(lambda: reduce(full, modes))
+    return Case("modes", reduced, reduced, plan.base) if isinstance(reduced, System) else reduced

@@ -82,10 +82,10 @@ class Frequencies:
 class ModeShapes:
     """Distance of mode shapes from those of the finest mesh: relative energy norm, and 1 - MAC.
 
-    The energy norm sqrt(int EI (w'' - v'')^2) is that of the piecewise linear w'', of order 2. The modal assurance
-    criterion MAC = (int w v)^2/(int w^2 int v^2) is the squared cosine of an angle; the deflections differ by order 4,
-    so that 1 - MAC, its squared sine, is of order 8. Both integrals are exact, on the nodes of both meshes together.
-    Shapes depend neither on the step nor on the modes kept.
+    The energy norm sqrt(int EI (w'' - v'')^2) is that of the piecewise linear w'', of order 2 (Strang and Fix, 1973).
+    The modal assurance criterion MAC = (int w v)^2/(int w^2 int v^2) is the squared cosine of an angle; the deflections
+    differ by order 4, so that 1 - MAC, its squared sine, is of order 8. Both integrals are exact, on the nodes of both
+    meshes together. Shapes depend neither on the step nor on the modes kept.
 
     Parameters
     ----------

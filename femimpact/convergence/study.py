@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.convergence.cases import Axis, Case, Plan, Row
+from femimpact.convergence.cases import Axis, Case, Plan, Row, attempted
 from femimpact.convergence.quantities import Frequencies, Reading, Watched
 from femimpact.convergence.table import (
     AGREED,
@@ -25,6 +25,7 @@ from femimpact.convergence.table import (
     number_for,
     number_of_case,
     observed_order,
+    relative_error,
     rounding_floor,
     usable_rows,
 )
@@ -195,7 +196,12 @@ ContactStatistics, a user's class, or a sequence of them
     require(len(set(names)) == len(names), "over", names, "", "must be one of each kind")
     plan, tables = Plan(structure, base, kept), {}
     for i, axis in enumerate(axes):
-        tables[axis.name] = _table(axis, plan, watched, accuracy, _share(report, i, len(axes)))
+
+        def told(share: float, done: int = i) -> None:
+            if report is not None:
+                report((done + share) / len(axes))
+
+        tables[axis.name] = _table(axis, plan, watched, accuracy, told)
     return ConvergenceStudy(tables)
 
 
@@ -206,18 +212,6 @@ def _several(key: str, given: Any, kind: Any, words: str) -> list[Any]:
     return found
 
 
-def _share(progress: Callable[[float], None] | None, done: int, all_: int) -> Callable[[float], None]:
-    return (lambda share: None) if progress is None else (lambda share: progress((done + share) / all_))
-
-
-class _Limit(NamedTuple):
-    """A quantity of the case beyond the rows; see `Axis`. Its value is not a number where there is none."""
-
-    value: float
-    ratio: float
-    is_family: bool
-
-
 def _table(
     axis: Axis, plan: Plan, watched: Sequence[Watched], accuracy: float, progress: Callable[[float], None]
 ) -> ConvergenceTable:
@@ -225,12 +219,9 @@ def _table(
     last = next((row.case for row in reversed(rows) if isinstance(row.case, Case)), None)
     if last is None:
         raise next(row.case for row in rows if isinstance(row.case, FemimpactError))
-    try:
-        limit = axis.limit(plan, last)
-    except FemimpactError:
-        # beyond the most elements that a mesh may have: the rows alone are left
-        limit = None
-    finest = limit or last
+    # there is none beyond the most elements that a mesh may have: the rows alone are left
+    limit = attempted(lambda: axis.limit(plan, last))
+    finest = limit if isinstance(limit, Case) else last
     measured: list[Measured] = []
     for i, row in enumerate(rows):
         measured.append(measured_of(row.case, finest, watched))
@@ -241,12 +232,15 @@ def _table(
     heads = _flat(known[-1])
     independent = [type(one).__name__ for one, found in zip(watched, known[-1], strict=True) if not found]
     require(len(heads) > 0, "watch", None, "", f"must hold a quantity that depends on the {axis.name}")
-    value, scatter = _matrix(measured, len(heads))
-    bound = FemimpactError("none") if limit is None else measured_of(limit, finest, watched)
+    value, scatter = np.full((2, len(rows), len(heads)), np.nan)
+    for i, found in enumerate(measured):
+        if not isinstance(found, FemimpactError):
+            value[i], scatter[i] = [one.value for one in _flat(found)], [one.scatter for one in _flat(found)]
+    bound = measured_of(limit, finest, watched)
     limits = [math.nan] * len(heads) if isinstance(bound, FemimpactError) else [one.value for one in _flat(bound)]
     size, number = np.array([row.size for row in rows]), np.array([row.number for row in rows], dtype=float)
     columns = [
-        _column(head, value[:, j], scatter[:, j], size, number, _Limit(limits[j], axis.ratio, axis.is_family), accuracy)
+        _column(head, value[:, j], scatter[:, j], size, number, axis, limits[j], accuracy)
         for j, head in enumerate(heads)
     ]
     trial = Trial(axis, plan, finest, float(np.nanmax(number)), accuracy, {})
@@ -260,7 +254,7 @@ def _table(
         label=np.array([row.label for row in rows]),
         number=number,
         size=size,
-        failure=np.array([_reason(found) for found in measured]),
+        failure=np.array([" ".join(str(one).split()) if isinstance(one, Exception) else "" for one in measured]),
         name=np.array([head.name for head in heads]),
         unit=np.array([head.unit for head in heads]),
         value=value,
@@ -277,49 +271,29 @@ def _flat(found: tuple[tuple[Reading, ...], ...]) -> tuple[Reading, ...]:
     return tuple(reading for readings in found for reading in readings)
 
 
-def _reason(found: Measured) -> str:
-    return " ".join(str(found).split()) if isinstance(found, FemimpactError) else ""
-
-
-def _matrix(measured: Sequence[Measured], quantities: int) -> tuple[Array, Array]:
-    """Values and scatter, (cases, quantities)."""
-    value, scatter = np.full((2, len(measured), quantities), np.nan)
-    for i, found in enumerate(measured):
-        if not isinstance(found, FemimpactError):
-            readings = _flat(found)
-            value[i], scatter[i] = [one.value for one in readings], [one.scatter for one in readings]
-    return value, scatter
-
-
 def _column(
     head: Reading, value: Array, scatter: Array, size: Array, number: Array,
-    limit: _Limit, accuracy: float,
+    axis: Axis, limit: float,  # value of the case beyond the rows; not a number where there is none
+    accuracy: float,
 ) -> dict[str, Any]:  # fmt: skip
     """Errors, orders, reference, floor and recommended number of one quantity."""
     known = np.flatnonzero(np.isfinite(value))
     error, nothing = np.full(value.size, np.nan), math.nan
-    column: dict[str, Any] = {
-        "error": error,
-        "order": error.copy(),
-        "fitted_order": nothing,
-        "reference": nothing,
-        "floor": nothing,
-        "own": nothing,
-    }
+    column: dict[str, Any] = {"error": error, "order": error.copy()}
+    column |= dict.fromkeys(("fitted_order", "reference", "floor", "own", "recommended"), nothing)
     if known.size == 0:
-        return column | {"recommended": nothing}
+        return column
     if np.any(scatter[known] > 0.0):
         return column | _statistic(value, scatter, number, known, accuracy)
     h, v = size[known], value[known]
     reference, floor, order = nothing, nothing, head.order
     if head.is_distance:
-        own = _own_distance(h, v, order, limit)
+        own = _own_distance(h, v, order, axis, limit)
         e = np.hypot(v, own)
     else:
-        reference, floor = _reference(h, v, order, limit)
-        e = np.abs(v - reference) / abs(reference) if reference else np.full(v.size, np.nan)
-        last = limit.value if math.isfinite(limit.value) else v[-1]
-        own = abs(last - reference) / abs(reference) if reference else nothing
+        reference, floor = _reference(h, v, order, axis, limit)
+        e = relative_error(v, reference)
+        own = float(relative_error(limit if math.isfinite(limit) else v[-1], reference))
     bottom = FLOOR if math.isnan(floor) else max(floor, FLOOR)
     if head.is_distance and head.order > 4.0:
         # a squared sine, whose rounding is squared too
@@ -337,8 +311,8 @@ def _column(
 
 def _statistic(value: Array, scatter: Array, number: Array, known: NDArray[np.intp], accuracy: float) -> dict[str, Any]:
     """Differences from the finest case; the recommended number is the first from which on none means anything."""
-    reference, error = float(value[known[-1]]), np.full(value.size, np.nan)
-    error[known] = np.abs(value[known] - reference) / abs(reference) if reference else np.nan
+    reference = float(value[known[-1]])
+    error = relative_error(value, reference)
     noise = MEANINGFUL * np.hypot(scatter, scatter[known[-1]]) / (abs(reference) or 1.0)
     beyond = known[error[known] > np.maximum(accuracy, noise[known])]
     first = known[known > beyond[-1]][0] if beyond.size else known[0]
@@ -347,15 +321,15 @@ def _statistic(value: Array, scatter: Array, number: Array, known: NDArray[np.in
     return {"error": error, "reference": reference, "recommended": settled}
 
 
-def _reference(size: Array, value: Array, order: float, limit: _Limit) -> tuple[float, float]:
+def _reference(size: Array, value: Array, order: float, axis: Axis, limit: float) -> tuple[float, float]:
     """The value that a column tends to, and its round-off floor where this was reached."""
     expected = order if math.isfinite(order) else 2.0
-    if math.isinf(limit.ratio) and math.isfinite(limit.value):
-        return limit.value, math.nan
-    if not limit.is_family and math.isfinite(limit.value):
-        return extrapolated(float(value[-1]), limit.value, limit.ratio, expected), math.nan
-    if math.isfinite(limit.value):
-        size, value = np.append(size, size[-1] / limit.ratio), np.append(value, limit.value)
+    if math.isfinite(limit):
+        if math.isinf(axis.ratio):
+            return limit, math.nan
+        if not axis.is_family:
+            return extrapolated(float(value[-1]), limit, axis.ratio, expected), math.nan
+        size, value = np.append(size, size[-1] / axis.ratio), np.append(value, limit)
     if value.size < 2:
         return float(value[-1]), math.nan
     if not np.all(is_finer(size)):
@@ -369,14 +343,14 @@ def _reference(size: Array, value: Array, order: float, limit: _Limit) -> tuple[
     return extrapolated(v[-2], v[-1], h[-2] / h[-1], expected), floor
 
 
-def _own_distance(size: Array, value: Array, order: float, limit: _Limit) -> float:
-    """Distance from the exact shape of the case that the values are distances from: the limit, or the finest row.
+def _own_distance(size: Array, value: Array, order: float, axis: Axis, limit: float) -> float:
+    """Distance from the exact shape of the reference case, which is the limit, or the finest row without one.
 
     It follows from that of the row before it and the order. Both add up as the sides of a right angle, since the error
     of a Galerkin solution is orthogonal to the finer space.
     """
-    if math.isfinite(limit.value):
-        return float(value[-1] / math.sqrt(limit.ratio ** (2.0 * order) - 1.0))
+    if math.isfinite(limit):
+        return float(value[-1] / math.sqrt(axis.ratio ** (2.0 * order) - 1.0))
     if value.size < 2 or not is_finer(size[-2:])[0]:
         return math.nan
     return float(value[-2] / math.sqrt((size[-2] / size[-1]) ** (2.0 * order) - 1.0))
@@ -401,7 +375,7 @@ def _not_finer(axis: Axis, rows: Sequence[Row], value: Array) -> tuple[str, ...]
     if np.all(finer):
         return ()
     before, row = known[int(np.argmin(finer)) :][:2]
-    size = {"mesh": "longest element"}.get(axis.name, "size")
+    size = "longest element" if axis.name == "mesh" else "size"
     return (
         f"no order is fitted: the {size} of {row.label}, {row.size:.4g} {axis.units[1]}, is no smaller than that of "
         f"{before.label}; errors hold all the same, and a recommended number is that of a case",
@@ -412,42 +386,35 @@ def _notes(
     axis: Axis, plan: Plan, heads: Sequence[Reading], columns: Sequence[Any], independent: Sequence[str],
     accuracy: float,
 ) -> tuple[str, ...]:  # fmt: skip
-    counts, _ = axis.units
-    notes = []
-    floors = [(column["floor"], head.name) for head, column in zip(heads, columns, strict=True)]
-    seen = [(floor, name) for floor, name in floors if math.isfinite(floor)]
+    notes, scatters = [], [math.isnan(head.order) for head in heads]
+    pairs = list(zip(heads, columns, strict=True))
+    seen = [(column["floor"], head.name) for head, column in pairs if math.isfinite(column["floor"])]
     if seen:
-        worst = max(seen)
-        notes.append(f"round-off floor: reached by {len(seen)} of {len(floors)}, at most {worst[0]:.1g} ({worst[1]})")
-    elif axis.name == "mesh" and not all(math.isnan(head.order) for head in heads):
+        worst, name = max(seen)
+        notes.append(f"round-off floor: reached by {len(seen)} of {len(heads)}, at most {worst:.1g} ({name})")
+    elif axis.name == "mesh" and not all(scatters):
         notes.append("round-off floor: not reached")
-    notes.extend(_unlike_orders(heads, columns))
-    if any(math.isnan(head.order) for head in heads):
-        notes.append("statistics: differences within three standard errors of both mean nothing; no order is fitted")
-    if independent:
-        notes.append(f"do not depend on the {axis.name}: {', '.join(dict.fromkeys(independent))}")
-    if not all(math.isnan(head.order) for head in heads):
-        impacting = plan.structure.impactors or plan.structure.stops
-        beside = " without contacts; of runs with impacts compare statistics, which scatter" if impacting else ""
-        notes.append(f"recommended numbers are of {counts}, for a relative error of {accuracy:g}{beside}")
-    return tuple(notes)
-
-
-def _unlike_orders(heads: Sequence[Reading], columns: Sequence[Any]) -> list[str]:
-    """Notes on orders that are not the expected ones, and on quantities that no number is recommended for."""
-    found = [(head.name, column["fitted_order"], head.order) for head, column in zip(heads, columns, strict=True)]
-    unlike = [(name, order) for name, order, expected in found
-              if math.isfinite(order) and math.isfinite(expected) and not agrees(order, expected)]  # fmt: skip
-    notes = []
+    unlike = [
+        f"{head.name} ({column['fitted_order']:.2f})"
+        for head, column in pairs
+        if math.isfinite(column["fitted_order"] + head.order) and not agrees(column["fitted_order"], head.order)
+    ]
     if unlike:
-        names = ", ".join(f"{name} ({order:.2f})" for name, order in unlike)
         notes.append(
-            f"orders off by more than {AGREED:g} from the expected ones, see their docstrings: {names}. More than one "
-            "term of the error is seen: the number recommended is that of a case with the accuracy, a bound"
+            f"orders off by more than {AGREED:g} from the expected ones, see their docstrings: {', '.join(unlike)}. "
+            "More than one term of the error is seen: the number recommended is that of a case with the accuracy, "
+            "a bound"
         )
-    absent = [head.name for head, column in zip(heads, columns, strict=True)
-              if math.isnan(column["recommended"]) and np.any(column["error"] > 0.0)]  # fmt: skip
+    absent = [head.name for head, one in pairs if math.isnan(one["recommended"]) and np.any(one["error"] > 0.0)]
     if absent:
         why = "no case is known to have the accuracy" + (", and none follows from such an order" if unlike else "")
         notes.append(f"no number is recommended for {', '.join(absent)}: {why}; take finer cases")
-    return notes
+    if any(scatters):
+        notes.append("statistics: differences within three standard errors of both mean nothing; no order is fitted")
+    if independent:
+        notes.append(f"do not depend on the {axis.name}: {', '.join(dict.fromkeys(independent))}")
+    if not all(scatters):
+        impacting = plan.structure.impactors or plan.structure.stops
+        beside = " without contacts; of runs with impacts compare statistics, which scatter" if impacting else ""
+        notes.append(f"recommended numbers are of {axis.units[0]}, for a relative error of {accuracy:g}{beside}")
+    return tuple(notes)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import html
+import itertools
 import math
+import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -113,9 +115,19 @@ def fitted_order(size: Array, error: Array, floor: float) -> float:
     usable = np.isfinite(error) & (error > floor)
     if np.count_nonzero(usable) > 2:
         usable[np.flatnonzero(usable)[0]] = False
-    if np.count_nonzero(usable) < 2 or not np.all(is_finer(size[usable])):
+    return slope(size, error, usable) if np.all(is_finer(size[usable])) else math.nan
+
+
+def slope(size: NDArray[Any], error: Array, usable: NDArray[np.bool_]) -> float:
+    """Slope of log(error) over log(size) through the usable rows; not a number with fewer than two."""
+    if np.count_nonzero(usable) < 2:
         return math.nan
     return float(np.polyfit(np.log(size[usable]), np.log(error[usable]), 1)[0])
+
+
+def relative_error(value: Array | float, reference: float) -> Array:
+    """Relative differences from a reference; not a number against zero."""
+    return np.asarray(np.abs(value - reference) / abs(reference) if reference else np.full(np.shape(value), np.nan))
 
 
 def number_for(number: Array, error: Array, order: float, accuracy: float, floor: float) -> float:
@@ -168,10 +180,16 @@ COUNTED = {"mesh": "elements", "step": "steps in a first period", "modes": "mode
 def table_lines(table: ConvergenceTable) -> list[str]:
     """Lines of at most 80 columns: the problem, relative errors, their orders, and notes."""
     width = max([NAME, *(len(str(name)) + 1 for name in table.name)])
+    failures = zip(table.label, table.failure, strict=True)
+    reasons = [_wrapped(f"{label}: {reason}") for label, reason in failures if reason]
     return [
-        *textwrap.wrap(table.problem, WIDTH), *_errors(table, width), *_reasons(table), "",
+        *textwrap.wrap(table.problem, WIDTH), *_errors(table, width), *itertools.chain(*reasons), "",
         *_orders(table, width), *note_lines(table.notes),
     ]  # fmt: skip
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, subsequent_indent="  ")
 
 
 def row_line(name: str, cells: Iterable[str], width: int = NAME) -> str:
@@ -186,22 +204,18 @@ def cell(value: Any, form: str = ".1e") -> str:
 
 def note_lines(notes: Iterable[str]) -> list[str]:
     """Notes, each from a dash on."""
-    return [line for note in notes for line in textwrap.wrap(f"- {note}", WIDTH, subsequent_indent="  ")]
-
-
-def _shown_cases(table: ConvergenceTable, most: int) -> tuple[list[int], int]:
-    """Cases that have values, thinned evenly to those that fit, and how many they are unthinned."""
-    known = np.flatnonzero(np.any(np.isfinite(table.value), axis=1))
-    few = np.unique(np.linspace(0, known.size - 1, min(most, known.size)).round().astype(int))
-    return [int(i) for i in known[few]], known.size
+    return [line for note in notes for line in _wrapped(f"- {note}")]
 
 
 def _errors(table: ConvergenceTable, width: int) -> list[str]:
-    shown, count = _shown_cases(table, (WIDTH - width) // CELL)
+    # cases that have values, thinned evenly to those that fit
+    known = np.flatnonzero(np.any(np.isfinite(table.value), axis=1))
+    most = min((WIDTH - width) // CELL, known.size)
+    shown = known[np.unique(np.linspace(0, known.size - 1, most).round().astype(int))].tolist()
     statistics = bool(np.all(table.is_statistic))
     title = f"Over the {table.axis}: " + ("differences from the finest" if statistics else "relative errors")
-    if len(shown) < count:
-        title += f", {len(shown)} of {count} cases"
+    if len(shown) < known.size:
+        title += f", {len(shown)} of {known.size} cases"
     if np.any(table.is_statistic):
         title += " (* beyond the scatter)"
     lines = [title, row_line(COUNTED[table.axis][:NAME], [f"{table.number[i]:.4g}" for i in shown], width)]
@@ -213,32 +227,24 @@ def _errors(table: ConvergenceTable, width: int) -> list[str]:
     return lines
 
 
-def _reasons(table: ConvergenceTable) -> list[str]:
-    """Why cases have no values."""
-    failed = [(label, reason) for label, reason in zip(table.label, table.failure, strict=True) if reason]
-    return [
-        line for label, reason in failed for line in textwrap.wrap(f"{label}: {reason}", WIDTH, subsequent_indent="  ")
-    ]
-
-
 def _orders(table: ConvergenceTable, width: int) -> list[str]:
     """Orders, floors, recommended numbers and limits of what does not scatter."""
     shown = np.flatnonzero(~table.is_statistic)
     if shown.size == 0:
         return []
-    lines = [_wide("", ["order", "expected", "floor", f"for {100.0 * table.accuracy:g} %"], "  limit", width)]
+
+    def line(name: str, cells: Sequence[str], end: str) -> str:
+        columns = "".join(f"{entry:>{places}}" for entry, places in zip(cells, WIDTHS, strict=True))
+        return f"{name:<{width - 2}}{columns}{end}"[:WIDTH].rstrip()
+
+    lines = [line("", ["order", "expected", "floor", f"for {100.0 * table.accuracy:g} %"], "  limit")]
     for j in shown:
         orders = [cell(table.fitted_order[j], ".2f"), cell(table.expected_order[j], "g")]
         number = ("<= " if table.recommended_is_bound[j] else "") + cell(table.recommended[j], ".5g")
         unit = "" if table.unit[j] == "1" else f" {table.unit[j]}"
         limit = "" if math.isnan(table.reference[j]) else f"  {table.reference[j]:.7g}{unit}"
-        lines.append(_wide(str(table.name[j]), [*orders, cell(table.floor[j]), number], limit, width))
+        lines.append(line(str(table.name[j]), [*orders, cell(table.floor[j]), number], limit))
     return [*lines, ""]
-
-
-def _wide(name: str, cells: Sequence[str], end: str, width: int) -> str:
-    columns = "".join(f"{entry:>{places}}" for entry, places in zip(cells, WIDTHS, strict=True))
-    return f"{name:<{width - 2}}{columns}{end}"[:WIDTH].rstrip()
 
 
 MEANINGFUL = 3.0
@@ -272,8 +278,8 @@ class ConvergenceTable:
         Exponent of the size with which the error falls, as found and as the quantity's docstring derives it; not a
         number where none is known.
     reference : ndarray (quantities,)
-        Over meshes Richardson's value, with the refinement of the finest mesh; over steps the one that is exact in
-        time; over modes the one of all dofs; of statistics the finest case's. Not a number of distances.
+        Over meshes Richardson's value (1911), with the refinement of the finest mesh; over steps the one that is exact
+        in time; over modes the one of all dofs; of statistics the finest case's. Not a number of distances.
     floor : ndarray (quantities,), 1
         Relative error at which rounding was seen to decide; not a number where it was not reached.
     recommended : ndarray (quantities,)
@@ -388,7 +394,7 @@ class ConvergenceTable:
         columns: dict[str, Any] = {"case": self.label, "number": self.number, "size": self.size}
         units = {"size": {"mesh": "m", "step": "s", "modes": "1"}[self.axis]}
         for i, (name, unit) in enumerate(zip(self.name.tolist(), self.unit.tolist(), strict=True)):
-            key = _key(name)
+            key = re.sub(r"[\W_]+", "_", name.replace("''", "2")).strip("_")
             columns |= {key: self.value[:, i], f"{key}_error": self.error[:, i], f"{key}_order": self.order[:, i]}
             units |= {key: unit, f"{key}_error": "1", f"{key}_order": "1"}
             if np.any(self.scatter[:, i] > 0.0):
@@ -397,21 +403,11 @@ class ConvergenceTable:
 
     def summary(self) -> tuple[dict[str, Any], dict[str, str]]:
         """Columns of a row a quantity and their units: reference, orders, floor and recommended number."""
-        columns = {
-            "quantity": self.name, "unit": self.unit, "reference": self.reference,
-            "fitted_order": self.fitted_order, "expected_order": self.expected_order, "floor": self.floor,
-            "recommended": self.recommended, "recommended_is_bound": self.recommended_is_bound,
-        }  # fmt: skip
-        return columns, {
-            "quantity": "",
-            "unit": "",
-            "reference": "",
-            "fitted_order": "1",
-            "expected_order": "1",
-            "floor": "1",
-            "recommended": "1",
+        units = {
+            "unit": "", "reference": "", "fitted_order": "1", "expected_order": "1", "floor": "1", "recommended": "1",
             "recommended_is_bound": "",
-        }
+        }  # fmt: skip
+        return {"quantity": self.name} | {name: getattr(self, name) for name in units}, {"quantity": "", **units}
 
     def to_pandas(self) -> pandas.DataFrame:
         """A row a case; units in `attrs["units"]`."""
@@ -422,25 +418,16 @@ class ConvergenceTable:
         """All of the table as a labelled dataset over cases and quantities."""
         import xarray
 
-        both, one = ("case", "quantity"), ("quantity",)
-        data: dict[str, Any] = {name: (both, np.array(getattr(self, name)))
-                                for name in ("value", "error", "order", "scatter")}  # fmt: skip
-        of_quantities = ("unit", "fitted_order", "expected_order", "reference", "floor", "recommended")
-        for name in (*of_quantities, "recommended_is_bound"):
-            data[name] = (one, np.array(getattr(self, name)))
-        for name in ("number", "size", "failure"):
-            data[name] = (("case",), np.array(getattr(self, name)))
+        both = ("value", "error", "order", "scatter")
+        data: dict[str, Any] = {name: (("case", "quantity"), np.array(getattr(self, name))) for name in both}
+        one = ("unit", "fitted_order", "expected_order", "reference", "floor", "recommended", "recommended_is_bound")
+        data |= {name: (("quantity",), np.array(getattr(self, name))) for name in one}
+        data |= {name: (("case",), np.array(getattr(self, name))) for name in ("number", "size", "failure")}
         coords = {"case": np.array(self.label), "quantity": np.array(self.name)}
         attributes = {
             "axis": self.axis, "problem": self.problem, "accuracy": self.accuracy, "notes": "; ".join(self.notes),
         }  # fmt: skip
         return xarray.Dataset(data, coords=coords, attrs=attributes)
-
-
-def _key(name: str) -> str:
-    """A quantity's name as that of a column."""
-    plain = "".join(letter if letter.isalnum() else "_" for letter in name.replace("''", "2"))
-    return "_".join(part for part in plain.split("_") if part)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,9 @@ from typing import Any
 
 # every function of the binary; a test compares them
 __all__ = [
-    "advance", "build_info", "choose_target", "collide", "cosine_and_sine", "exponentials", "keep_present",
-    "kelvin_voigt_force", "next_event", "penetration", "power_force", "power_potential", "run_cases",
-    "spring_potential", "switching_potential", "switching_stiffness", "tables", "write_energies",
+    "advance", "build_info", "choose_target", "collide", "cosine_and_sine", "elastic_potential", "exponentials",
+    "keep_present", "next_event", "normal_force", "penetration", "run_cases", "switching_potential",
+    "switching_stiffness", "tables", "write_energies",
 ]  # fmt: skip
 
 

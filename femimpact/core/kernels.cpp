@@ -43,19 +43,18 @@ static constexpr femimpact_kernels KERNELS = {
                 found[1] = at.side;
             },
             [](const double *given, double *found) {
-                *found = kelvin_voigt_force(given[0], given[1], given[2], given[3]);
+                auto law = compiled_law(given[0], given[3], given[4], given[5], given[6]);
+                *found = normal_force(law, given[1], given[2]);
             },
-            [](const double *given, double *found) { *found = spring_potential(given[0], given[1]); },
+            [](const double *given, double *found) {
+                *found = elastic_potential(compiled_law(given[0], given[2], 0.0, given[3], 1.0), given[1]);
+            },
             [](const double *given, double *found) {
                 *found = switching_stiffness(given[0], given[1], given[2], given[3], given[4]);
             },
             [](const double *given, double *found) {
                 *found = switching_potential(given[0], given[1], given[2], given[3], given[4]);
             },
-            [](const double *given, double *found) {
-                *found = power_force(given[0], given[1], given[2], given[3], given[4], given[5]);
-            },
-            [](const double *given, double *found) { *found = power_potential(given[0], given[1], given[2]); },
         },
     .advance =
         [](std::int64_t steps, const void *stepped, const void *fine) {

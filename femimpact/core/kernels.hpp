@@ -4,7 +4,7 @@
 #include <cstdint>
 
 // how many contact formulas there are, in the order of contact/entries.hpp
-#define FEMIMPACT_FORMULA_COUNT 7
+#define FEMIMPACT_FORMULA_COUNT 5
 
 struct femimpact_kernels {
     const char *target;

@@ -158,8 +158,6 @@ PyMethodDef METHODS[] = {
     {FORMULAS[2].name, method(formula<2>), METH_FASTCALL, FORMULAS[2].document},
     {FORMULAS[3].name, method(formula<3>), METH_FASTCALL, FORMULAS[3].document},
     {FORMULAS[4].name, method(formula<4>), METH_FASTCALL, FORMULAS[4].document},
-    {FORMULAS[5].name, method(formula<5>), METH_FASTCALL, FORMULAS[5].document},
-    {FORMULAS[6].name, method(formula<6>), METH_FASTCALL, FORMULAS[6].document},
     {"advance", method(advance), METH_FASTCALL,
      "advance(steps, block, fine, /)\n--\n\nTake a block of cases that many steps on; the arrays are written to."},
     {"keep_present", method(keep_present), METH_FASTCALL,

@@ -199,8 +199,8 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     Sections: Hermite cubic interpolation, K = int EI w'' v'', M = int rho A w v + lumped terms
     m N N^T + J N' N'^T, with N + e N' for N where a body's centre is offset by e; rotary inertia of the beam and
     shear are left out, as in the paper. Both integrals are exact along a linear taper too (see `Discretisation`), so
-    that frequencies keep order 4 in the element length; `femimpact.validation.beams` has the exact ones of wedges.
-    Gravity is a constant acceleration of every mass: constant_load = base_load gravity.
+    that frequencies keep order 4 in the element length (Strang and Fix, 1973); `femimpact.validation.beams` has the
+    exact ones of wedges. Gravity is a constant acceleration of every mass: constant_load = base_load gravity.
     """
     return assembled_with_modes(structure, elements, mesh, 1)[0]
 

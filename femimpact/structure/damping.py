@@ -15,6 +15,8 @@ from femimpact.errors import check_fields, checked, quantity, real_array, requir
 class Rayleigh:
     """Mass- and stiffness-proportional damping C = alpha M + beta K of the structure only.
 
+    Two ratios zeta_i = alpha/(2 omega_i) + beta omega_i/2 give alpha and beta (Clough and Penzien, 2003).
+
     Parameters
     ----------
     ratio : float or pair of float, 1

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from femimpact.contact import PowerLaw
+from femimpact.contact.laws import LAWS, PowerLaw
 from femimpact.errors import quantity
 from femimpact.integrators.methods import METHODS
 from femimpact.structure.beam import Segment
@@ -21,7 +21,7 @@ from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.study.base_motion import OWN, SIGNALS, RecordedMotion, SignalMotion
 from femimpact.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, ParameterPlan, SamplePlan
 from femimpact.study.study import BaseMotion
-from femimpact.study.study_file import LAWS, TABLES, chosen_later
+from femimpact.study.study_file import TABLES, chosen_later
 
 NOT_IN_SCHEMA = (
     "what is not a number (nan), for which a schema has no word",

@@ -15,7 +15,8 @@ from typing import Annotated, Any
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, create_model
 from pydantic_core import PydanticCustomError
 
-from femimpact.contact import ContactLaw, KelvinVoigt, PowerLaw, Rigid, SwitchingSpring
+from femimpact.contact import ContactLaw
+from femimpact.contact.laws import LAWS
 from femimpact.errors import Fault, InputError, allowed_range, checked, require_path, suggestion
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
@@ -26,19 +27,6 @@ from femimpact.structure.structure import Dashpot, Impactor, PointMass, Spring, 
 from femimpact.study.base_motion import OWN, SIGNALS, RecordedMotion, SignalMotion, record_beside
 from femimpact.study.parameter_plan import DISTRIBUTIONS, AxisValues, Distribution, ParameterPlan, SamplePlan, axis_from
 from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
-
-LAWS: Mapping[str, tuple[Any, Mapping[str, Any]]] = {
-    "kelvin-voigt": (KelvinVoigt, {}),
-    "switching-spring": (SwitchingSpring, {}),
-    "hertz": (PowerLaw, {"loss": "none", "restitution": 1.0}),
-    "hunt-crossley": (PowerLaw, {"loss": "hunt-crossley"}),
-    "lankarani-nikravesh": (PowerLaw, {"loss": "lankarani-nikravesh"}),
-    "flores": (PowerLaw, {"loss": "flores"}),
-    "gonthier-carvalho-martins": (PowerLaw, {"loss": "exact"}),
-    "rigid": (Rigid, {}),
-}
-"""Each law of a study file: its noun, and the fields that the law's name fixes."""
-
 
 MOST_BYTES = 10_000_000
 """Of the text of a study."""

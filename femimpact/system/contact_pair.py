@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
-from femimpact.contact import ContactLaw, ContactParameters, require_law, resolve
+from femimpact.contact import ContactLaw, require_law, resolve
+from femimpact.contact.laws import ContactParameters
 from femimpact.errors import check_fields, choice, column, quantity, require, require_type, text
 from femimpact.structure.structure import Impactor, Stop, require_preload, sound_gaps
 

@@ -102,6 +102,8 @@ DENSE_LIMIT = 60
 class Modes:
     """Undamped modes of the structure, mass-normalised, positive at the tip.
 
+    Participation factor and effective mass are those of Clough and Penzien, 2003.
+
     Parameters
     ----------
     natural_frequency : ndarray (count,), Hz

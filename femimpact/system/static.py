@@ -16,7 +16,7 @@ import scipy.linalg
 import scipy.sparse as sparse
 
 from femimpact.arrays import Array
-from femimpact.contact.restitution import KELVIN_VOIGT, POWER, RIGID
+from femimpact.contact.laws import KELVIN_VOIGT, POWER, RIGID
 from femimpact.errors import Fault, InputError, checked, kind_of, quantity, require, require_name, require_type
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import check_reactions

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.contact import Rigid
+from femimpact.contact.laws import Rigid
 from femimpact.excitation import Sine
 from femimpact.fem.assembly import assemble
 from femimpact.integrators.event_driven import EventDriven

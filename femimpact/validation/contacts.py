@@ -9,11 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from femimpact.contact import (
-    STEEL,
-    Collision,
-    ContactLaw,
-    CustomLaw,
+from femimpact.contact import STEEL, Collision, ContactLaw, CustomLaw, collide, contact_force, hertz_stiffness
+from femimpact.contact.laws import (
     Flores,
     GonthierCarvalhoMartins,
     Hertz,
@@ -22,9 +19,6 @@ from femimpact.contact import (
     LankaraniNikravesh,
     PowerLaw,
     Rigid,
-    collide,
-    contact_force,
-    hertz_stiffness,
 )
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven

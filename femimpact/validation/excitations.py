@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.calibration import scan_restitution
-from femimpact.contact import ContactLaw, KelvinVoigt, Rigid
+from femimpact.contact import ContactLaw
+from femimpact.contact.laws import KelvinVoigt, Rigid
 from femimpact.excitation import PointForce, RecordedBase, Sine
 from femimpact.fem.assembly import assemble
 from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.contact import Rigid
+from femimpact.contact.laws import Rigid
 from femimpact.excitation import PointForce, Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.runs import integrate

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.contact import Rigid
+from femimpact.contact.laws import Rigid
 from femimpact.convergence.mesh_and_step import converge_elements
 from femimpact.excitation import Sine
 from femimpact.fem.assembly import assemble

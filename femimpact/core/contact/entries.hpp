@@ -9,7 +9,7 @@ namespace FEMIMPACT_TARGET {
 // A formula by its name in Python and the names of its arguments; the functions themselves stand in kernels.cpp.
 struct Formula {
     const char *name, *document;
-    const char *names[6];
+    const char *names[7];
     int arguments, results;
 };
 
@@ -19,15 +19,17 @@ constexpr Formula FORMULAS[FEMIMPACT_FORMULA_COUNT] = {
      {"x", "gap_plus", "gap_minus"},
      3,
      2},
-    {"kelvin_voigt_force",
-     "kelvin_voigt_force(depth, rate, stiffness, damping, /)\n--\n\nNormal force max(0, k p + c p') (N).",
-     {"depth", "rate", "stiffness", "damping"},
-     4,
+    {"normal_force",
+     "normal_force(kind, depth, rate, stiffness, damping, exponent, approach_speed, /)\n--\n\nNormal force (N) of a "
+     "law "
+     "with a compiled branch.",
+     {"kind", "depth", "rate", "stiffness", "damping", "exponent", "approach_speed"},
+     7,
      1},
-    {"spring_potential",
-     "spring_potential(depth, stiffness, /)\n--\n\nEnergy k p^2/2 (J) stored by a linear spring.",
-     {"depth", "stiffness"},
-     2,
+    {"elastic_potential",
+     "elastic_potential(kind, depth, stiffness, exponent, /)\n--\n\nEnergy (J) stored by a law with a compiled branch.",
+     {"kind", "depth", "stiffness", "exponent"},
+     4,
      1},
     {"switching_stiffness",
      "switching_stiffness(x_before, gap_plus, gap_minus, free_stiffness, stiffness, /)\n--\n\nSpring stiffness (N/m) "
@@ -41,24 +43,13 @@ constexpr Formula FORMULAS[FEMIMPACT_FORMULA_COUNT] = {
      {"x", "gap_plus", "gap_minus", "free_stiffness", "stiffness"},
      5,
      1},
-    {"power_force",
-     "power_force(depth, rate, stiffness, exponent, loss, approach_speed, /)\n--\n\nNormal force k p^n max(0, 1 + d "
-     "p'/v0) (N).",
-     {"depth", "rate", "stiffness", "exponent", "loss", "approach_speed"},
-     6,
-     1},
-    {"power_potential",
-     "power_potential(depth, stiffness, exponent, /)\n--\n\nEnergy k p^(n + 1)/(n + 1) (J) stored by the elastic part.",
-     {"depth", "stiffness", "exponent"},
-     3,
-     1},
 };
 
 // Calls one formula with the numbers that Python gives.
 template <int WHICH>
 PyObject *formula_entry(const femimpact_kernels &kernels, PyObject *const *arguments, Py_ssize_t count) {
     constexpr const Formula &formula = FORMULAS[WHICH];
-    double given[6] = {}, found[2] = {};
+    double given[7] = {}, found[2] = {};
     if (!take_count(count, formula.arguments, formula.name))
         return nullptr;
     for (int k = 0; k < formula.arguments; k++)

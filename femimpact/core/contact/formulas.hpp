@@ -6,8 +6,8 @@
 
 namespace FEMIMPACT_TARGET {
 
-// Kinds of laws, numbered as in femimpact/contact/formulas.py.
-enum : Index { KELVIN_VOIGT, SWITCHING_SPRING, POWER, CUSTOM, RIGID };
+// Kinds of laws, numbered as in femimpact/contact/laws.py.
+enum : Index { KELVIN_VOIGT, SWITCHING_SPRING, POWER, CUSTOM, RIGID, KINDS };
 
 // Depth (m), and the side of the wall: +1, -1, or 0 between contacts.
 struct Penetration {

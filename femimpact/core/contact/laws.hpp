@@ -36,6 +36,18 @@ struct Law {
     }
 };
 
+// A law that needs no function, by its numbers alone; of another kind one without force.
+inline Law compiled_law(double kind, double stiffness, double damping, double exponent, double approach) {
+    Index number = kind >= 0.0 && kind < static_cast<double>(KINDS) ? static_cast<Index>(kind) : RIGID;
+    Law law = {};
+    law.kind = number == CUSTOM ? RIGID : number;
+    law.stiffness = stiffness;
+    law.damping = damping;
+    law.exponent = exponent;
+    law.approach = approach;
+    return law;
+}
+
 // Depths (m) as a share, and weights, of the Gauss rule of eight points on 0 to 1.
 constexpr int LAW_POINTS = 8;
 constexpr double LAW_NODES[LAW_POINTS] = {0.019855071751231912, 0.10166676129318664, 0.2372337950418355,

@@ -19,7 +19,7 @@ import scipy.linalg
 
 from femimpact.arrays import Array
 from femimpact.contact import contact_force
-from femimpact.contact.restitution import KELVIN_VOIGT
+from femimpact.contact.laws import KELVIN_VOIGT
 from femimpact.integrators.channel_rows import Drive, drive_of
 from femimpact.response.response import Response
 from femimpact.system.contact_pair import ContactPair

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array, Complex
-from femimpact.contact.restitution import RIGID
+from femimpact.contact.laws import RIGID
 from femimpact.excitation import Excitation
 from femimpact.integrators.event_driven.loop_data import BEGUN, FREE, RESUMED, STARTED, Cases, Forms
 from femimpact.system.state import Continuation, State

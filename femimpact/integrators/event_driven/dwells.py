@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.contact import ContactParameters, resolve
-from femimpact.contact.restitution import RIGID
+from femimpact.contact import resolve
+from femimpact.contact.laws import RIGID, ContactParameters
 from femimpact.errors import require
 from femimpact.excitation import Sine
 from femimpact.integrators.cases import SineCases, SineDwellResults, SineDwells, run_each

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Complex, Integers
-from femimpact.contact.restitution import KELVIN_VOIGT, RIGID
+from femimpact.contact.laws import KELVIN_VOIGT, RIGID
 from femimpact.errors import require
 from femimpact.excitation import Excitation
 from femimpact.integrators.channel_rows import drive_of

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
-from femimpact.contact.restitution import RIGID
+from femimpact.contact.laws import RIGID
 from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation
 from femimpact.integrators.cases import check_memory

@@ -11,9 +11,10 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse.linalg
 
+from femimpact import core
 from femimpact.arrays import Array
 from femimpact.contact.custom_law import ForcePointer, force_pointer
-from femimpact.contact.restitution import KELVIN_VOIGT, RIGID, SWITCHING_SPRING, kelvin_voigt_force, power_force
+from femimpact.contact.laws import KELVIN_VOIGT, RIGID, SWITCHING_SPRING
 from femimpact.excitation import Excitation
 from femimpact.integrators.channel_rows import Drive
 from femimpact.integrators.stepping import layout
@@ -264,10 +265,10 @@ def _static_contacts_at_start(
                 continue
             elif numbers.kind == KELVIN_VOIGT:
                 rate = side * ball[layout.RATE, j, c]
-                force = kelvin_voigt_force(depth, rate, numbers.stiffness, numbers.damping)
+                force = core.normal_force(KELVIN_VOIGT, depth, rate, numbers.stiffness, numbers.damping, 1.0, 1.0)
                 touch[layout.DISSIPATIVE, j, c] = force - numbers.stiffness * depth
             else:
-                force = power_force(depth, 0.0, numbers.stiffness, numbers.exponent, 0.0, 1.0)
+                force = core.normal_force(numbers.kind, depth, 0.0, numbers.stiffness, 0.0, numbers.exponent, 1.0)
             touch[layout.BUSY, j, c] = touch[layout.OPEN, j, c] = 1.0
             touch[layout.SIDE, j, c], touch[layout.APPROACH, j, c] = side, 0.0
             touch[layout.NORMAL, j, c] = touch[layout.PEAK, j, c] = force

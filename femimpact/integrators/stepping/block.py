@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact import core
 from femimpact.arrays import Array
 from femimpact.contact.custom_law import ForcePointer, law_error
-from femimpact.contact.restitution import RIGID
+from femimpact.contact.laws import RIGID
 from femimpact.errors import require
 from femimpact.excitation import Excitation
 from femimpact.integrators.cases import check_memory, first_steps, kept_rows, modes_kept

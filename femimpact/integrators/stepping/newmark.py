@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.contact.custom_law import force_pointer, law_error
-from femimpact.contact.restitution import RIGID
+from femimpact.contact.laws import RIGID
 from femimpact.errors import check_fields, choice, quantity, require, truth
 from femimpact.excitation import Excitation
 from femimpact.integrators.cases import AchievedRestitution, MethodCost, SineCases, SineDwellResults, SineDwells

@@ -11,7 +11,7 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.contact.restitution import RIGID
+from femimpact.contact.laws import RIGID
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type
 from femimpact.integrators.stepping.layout import BandedStep, ModalStep, Operator, Scheme
 from femimpact.system.matrices import Matrix
@@ -110,7 +110,7 @@ def recommended_step(system: System, refine: int = 1) -> float:
     -------
     float, s
         At T_c/20 a collision's energy error is about 0.1 %; at 1/(400 f1) the period is
-        lengthened by pi^2/(3 400^2) = 2e-5.
+        lengthened by pi^2/(3 400^2) = 2e-5 (Hughes, 1987).
 
     Raises
     ------

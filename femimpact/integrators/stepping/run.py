@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from femimpact import core
 from femimpact.arrays import Array
 from femimpact.contact.custom_law import speed_note
-from femimpact.contact.restitution import RIGID
+from femimpact.contact.laws import RIGID
 from femimpact.errors import DivergenceError, in_range, quantity, require
 from femimpact.excitation import Excitation, PointForce, Sine, Sum
 from femimpact.integrators.cases import SineCases, SineDwellResults, SineDwells, run_each, start_of, with_contacts_of
