@@ -17,7 +17,7 @@ pytestmark = pytest.mark.impacts
 
 TESTS = Path(__file__).parent
 BENCHMARKS = TESTS.parent / "benchmarks"
-PAGE = Path(__file__).parents[1] / "docs" / "validation.md"
+PAGE = Path(__file__).parents[1] / "docs" / "paper" / "validation.md"
 GOOD = Case("good", "derived here", "speed", "m/s", 2.0, 2.0, 1e-9, "rounding")
 BAD = replace(GOOD, name="a|b", computed=2.1)
 
