@@ -8,6 +8,7 @@ import inspect
 import math
 import numbers
 import operator
+import re
 import sys
 import types
 from collections.abc import Callable, Iterable, Mapping
@@ -500,6 +501,28 @@ def check_fields(instance: Any, *more: Fault) -> None:
         object.__setattr__(instance, name, value)
 
 
+def with_ranges(words: str | None, declared: Iterable[_Declared]) -> str | None:
+    """A docstring with the allowed range of each declared field or argument below its entry."""
+    ranges = {one.name: one.allowed for one in declared}
+
+    def entry(found: re.Match[str]) -> str:
+        # the first entry of a name is its own: one of the values returned may have the same name
+        given = {name: ranges.pop(name) for name in found[2].split(", ") if name in ranges}
+        if len(set(given.values())) < 2:
+            given = {"": allowed[0].upper() + allowed[1:] for allowed in given.values()}
+        return found[0] + "".join(
+            f"{found[1]}    {f'`{name}` ' * bool(name)}{allowed}.\n" for name, allowed in given.items()
+        )
+
+    return words and re.sub(r"^( *)(\w+(?:, \w+)*)(?: : .*)?\n(?:\1 +\S.*\n)*", entry, words, flags=re.MULTILINE)
+
+
+def show_ranges(kind: Any) -> None:
+    """Write the allowed ranges of its fields into the docstring of a dataclass, which `help` and the site show."""
+    if dataclasses.is_dataclass(kind):
+        kind.__doc__ = with_ranges(kind.__doc__, _declared(kind))
+
+
 def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Decorator of a function that declares arguments as a dataclass declares its fields.
 
@@ -527,6 +550,7 @@ def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[
             bound.arguments.update(values)
             return function(*bound.args, **bound.kwargs)
 
+        call.__doc__ = with_ranges(function.__doc__, declared)
         return call
 
     return checking

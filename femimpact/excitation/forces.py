@@ -32,7 +32,7 @@ class PointForce:
     Raises
     ------
     InputError
-        If the place is neither a name nor metres >= 0, or the history has no closed form.
+        If the history has no closed form.
 
     Examples
     --------
@@ -114,11 +114,6 @@ class HammerBlow:
         Its sign is that of the force.
     duration : float, s
     begin : float, s
-
-    Raises
-    ------
-    InputError
-        If the place is neither a name nor metres >= 0, or a value is out of range.
     """
 
     at: str | float = field(metadata=place())

@@ -45,11 +45,6 @@ class Shock(PiecewiseMotion):
         Let an acceleration follow that brings the base to rest in its place.
     level : float, m/s^2
         The same as acceleration, as the copy of a pulse has it.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
     """
 
     kind: str = field(metadata=choice("half-sine", "terminal-sawtooth", "trapezoid"))

@@ -83,7 +83,7 @@ class Discretisation:
     Raises
     ------
     InputError
-        If a value is of another kind, or the arrays do not fit the mesh.
+        If the arrays do not fit the mesh.
     """
 
     structure: Structure = field(metadata=instance(Structure))

@@ -326,7 +326,7 @@ class SupportReaction:
     Raises
     ------
     InputError
-        If a value is out of range; when it is read, if no support gives this reaction.
+        When it is read, if no support gives this reaction.
     """
 
     at: Position = field(metadata=place())

@@ -101,11 +101,6 @@ class EnergyLedger:
         Integral of (F - k p) p', since t = 0: its own sum, never a remainder.
     structure_loss_of_mode : ndarray (samples, modes), J
         The same as `structure_loss`, mode by mode; no columns for physical dofs.
-
-    Raises
-    ------
-    InputError
-        If a column does not have one value for each sample.
     """
 
     time: Array = field(metadata=column("s", "samples"))

@@ -238,7 +238,7 @@ class StroboscopicSection:
     Raises
     ------
     InputError
-        If the phase is not finite, `time` is no array of finite numbers, or a channel has not its samples or no unit.
+        If a channel does not have the samples of `time`, or has no unit.
     """
 
     phase: float = field(metadata=quantity("rad"))

@@ -88,8 +88,7 @@ class Impacts:
     Raises
     ------
     InputError
-        If the columns are not of one length, `impactor` is not text, `law` is no mapping of names to names, or
-        `dropped` is no whole number from 0.
+        If `law` is no mapping of names to names.
     """
 
     time: Array = field(metadata=column("s", "impacts"))
@@ -234,11 +233,6 @@ class StickingPhases:
     impulse : ndarray (n,), N s
         Integral of the normal force, with which wall and ball push each other apart.
     mean_force : ndarray (n,), N
-
-    Raises
-    ------
-    InputError
-        If the columns are not of one length, or `impactor` is not text.
     """
 
     impactor: NDArray[np.str_] = field(metadata=column("", "states", of="text"))
@@ -294,11 +288,6 @@ class ImpactStatistics:
     cycle_mean_force : float, N
         Integral of the normal force over the window's length, a ball that sticks to its wall included. A contact that
         goes on across an end of the window is cut there.
-
-    Raises
-    ------
-    InputError
-        If `count` is no whole number from 0, or one of the others is no number.
     """
 
     count: int = field(metadata=quantity("1", at_least=0, integer=True))

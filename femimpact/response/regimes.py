@@ -60,11 +60,6 @@ class Regime:
         In words, and what was tested: "2:1 periodic", "no period up to 8 cycles".
     criterion : str
         What the motion was tested for, with the numbers.
-
-    Raises
-    ------
-    InputError
-        If the kind is none of these, or `impacts` or `cycles` is no whole number from 0.
     """
 
     kind: str = field(

@@ -101,11 +101,6 @@ class Recorder:
     piece_samples : int
         Most samples in a piece; an event-driven run with whole samples in a base cycle passes on whole cycles, and
         the first piece has the state at the start besides.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range or of the wrong kind.
     """
 
     channels: Sequence[Position | Channel] | None = None
@@ -232,7 +227,7 @@ class Response:
     Raises
     ------
     InputError
-        If a field is of the wrong kind, or its samples, pairs or dofs are not those of the others.
+        If the samples, pairs or dofs of a field are not those of the others.
     """
 
     time: Array = field(metadata=column("s", "samples", finite=True))

@@ -59,11 +59,6 @@ class SteadyMotion:
         Of that component, relative to the base's displacement.
     steadiness : ndarray (cases,) of str
         "periodic", "statistical" or "transient".
-
-    Raises
-    ------
-    InputError
-        If the columns do not have one value for each case, or `steadiness` is not text.
     """
 
     peak: Array = field(metadata=column("m", "cases"))
@@ -205,11 +200,6 @@ class Largest:
         When the channel has it.
     unit : str
         Of the value.
-
-    Raises
-    ------
-    InputError
-        If a field is of the wrong kind.
     """
 
     value: float = field(metadata=quantity("", finite=False))

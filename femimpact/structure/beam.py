@@ -43,8 +43,8 @@ class Segment:
     Raises
     ------
     InputError
-        If a value is not > 0, the section is given neither as width and thickness nor as area and second_moment, or
-        a section by area and second_moment is to taper.
+        If the section is given neither as width and thickness nor as area and second_moment, or a section by area and
+        second_moment is to taper.
     """
 
     length: float = field(metadata=quantity("m", above=0.0))

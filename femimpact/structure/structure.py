@@ -48,7 +48,7 @@ class Spring:
     Raises
     ------
     InputError
-        If a value is out of range, or both ends are at one place.
+        If both ends are at one place.
     """
 
     name: str = field(metadata=text())
@@ -82,7 +82,7 @@ class Dashpot:
     Raises
     ------
     InputError
-        If a value is out of range, or both ends are at one place.
+        If both ends are at one place.
     """
 
     name: str = field(metadata=text())
@@ -148,11 +148,6 @@ class PointMass:
     offset : float, m
         Of the body's centre from its place along the beam, positive towards the tip, also beyond it: the body is
         fixed to the section at its place, and its centre moves by w + offset dw/dx.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
     """
 
     name: str = field(metadata=text())
@@ -175,11 +170,6 @@ class Support:
         Neither deflection nor slope, no deflection, no slope.
     at : str or float
         Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
-
-    Raises
-    ------
-    InputError
-        If the kind is none of these, or the place is out of range.
 
     Examples
     --------
@@ -226,7 +216,7 @@ class Impactor:
     Raises
     ------
     InputError
-        If a value is out of range, or the contact is no contact law.
+        If the contact is no contact law.
     """
 
     name: str = field(metadata=text())
@@ -274,7 +264,7 @@ class Stop:
     Raises
     ------
     InputError
-        If a value is out of range, or both gaps are negative.
+        If both gaps are negative.
     """
 
     name: str = field(metadata=text())

@@ -42,11 +42,6 @@ class ContactPair:
         Constant one of the ball, gravity included.
     fixed_to : {"base", "space"}
         What a stop stands on; a ball's cavity moves with the structure.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
     """
 
     name: str = field(metadata=text())

@@ -156,7 +156,7 @@ class SectionFields:
     Raises
     ------
     InputError
-        If the arrays are not equally long, a value is not positive, or a taper ends in nothing.
+        If a value is not positive, or a taper ends in nothing.
     """
 
     bending_stiffness: Array = field(metadata=column("N m^2", "elements", finite=True))
@@ -264,11 +264,6 @@ class Reaction:
         Entry of M r (a force: kg; a moment: kg m), M_hf r_f + M_hh r_h.
     constant : float
         Constant load on the held dof (a force: N; a moment: N m).
-
-    Raises
-    ------
-    InputError
-        If a value is out of range, or the rows are not equally long.
     """
 
     dof: int | None = field(metadata=optional(quantity("", at_least=0, integer=True)))

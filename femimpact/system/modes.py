@@ -111,11 +111,6 @@ class Modes:
         phi^T M r for base motion, held dofs included.
     vectors : ndarray (dofs, count)
         phi, with phi^T M phi = 1.
-
-    Raises
-    ------
-    InputError
-        If the arrays are not of equally many modes.
     """
 
     natural_frequency: Array = field(metadata=column("Hz", "modes", finite=True))

@@ -150,7 +150,7 @@ class State:
     Raises
     ------
     InputError
-        If a value is out of range, or the state is both static and at rest in the inertial frame.
+        If the state is both static and at rest in the inertial frame.
     """
 
     displacement: Any = field(default=None, metadata=column("m", "dofs", finite=True))

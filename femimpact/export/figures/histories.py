@@ -237,7 +237,7 @@ def cycle_averaged_force(response: Response) -> tuple[Array, Array]:
     Raises
     ------
     InputError
-        If it is no response, or its excitation has no cycle.
+        If its excitation has no cycle.
     """
     require(has_cycle(response.base), "response.base", words_of(response.base), "", "must have a cycle")
     period, impacts, sticking = 1.0 / response.base.frequency, response.impacts, response.sticking
@@ -279,7 +279,7 @@ def contact_force(
     Raises
     ------
     InputError
-        If the run holds no history of a contact force, or an argument is out of range.
+        If the run holds no history of a contact force.
     """
     require_history(response)
     names = [name for name in response.channels if name.rpartition(".")[2] == "contact_force"]
