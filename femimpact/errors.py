@@ -508,19 +508,28 @@ def with_ranges(words: str | None, declared: Iterable[_Declared]) -> str | None:
     def entry(found: re.Match[str]) -> str:
         # the first entry of a name is its own: one of the values returned may have the same name
         given = {name: ranges.pop(name) for name in found[2].split(", ") if name in ranges}
-        if len(set(given.values())) < 2:
-            given = {"": allowed[0].upper() + allowed[1:] for allowed in given.values()}
-        return found[0] + "".join(
-            f"{found[1]}    {f'`{name}` ' * bool(name)}{allowed}.\n" for name, allowed in given.items()
-        )
+        if len(set(given.values())) == 1:
+            words = next(iter(given.values()))
+            return f"{found[0]}{found[1]}    {words[0].upper()}{words[1:]}.\n"
+        return found[0] + "".join(f"{found[1]}    `{name}` {allowed}.\n" for name, allowed in given.items())
 
     return words and re.sub(r"^( *)(\w+(?:, \w+)*)(?: : .*)?\n(?:\1 +\S.*\n)*", entry, words, flags=re.MULTILINE)
 
 
+class _DocstringWithRanges:
+    """Docstring of a dataclass, with the allowed ranges of its fields once it is read: most never are."""
+
+    def __init__(self, words: str | None) -> None:
+        self._words = words
+
+    def __get__(self, instance: Any, kind: Any) -> str | None:
+        return with_ranges(self._words, _declared(kind))
+
+
 def show_ranges(kind: Any) -> None:
-    """Write the allowed ranges of its fields into the docstring of a dataclass, which `help` and the site show."""
+    """Have `help` and the site show the allowed ranges of its fields in the docstring of a dataclass."""
     if dataclasses.is_dataclass(kind):
-        kind.__doc__ = with_ranges(kind.__doc__, _declared(kind))
+        kind.__doc__ = _DocstringWithRanges(kind.__doc__)  # type: ignore[assignment]
 
 
 def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:

@@ -45,7 +45,7 @@ def test_every_name_that_scripts_use_most_has_an_example():
     scripts = {path: path.read_text(encoding="utf-8") for path in (ROOT / "examples").glob("*.py")}
     pages = [
         path.read_text(encoding="utf-8")
-        for path in (*ROOT.glob("docs/*.md"), *ROOT.glob("docs/howto/*.md"), ROOT / "README.md")
+        for path in (*ROOT.glob("docs/*.md"), *ROOT.glob("docs/[a-z]*/*.md"), ROOT / "README.md")
     ]
     used = re.findall(r"\bfi\.([A-Za-z_]+)", "\n".join([*scripts.values(), *pages]))
     public = set(fi.__all__) - set(fi._SUBMODULES)

@@ -43,7 +43,7 @@ def test_every_noun_that_checks_its_fields_shows_what_they_must_be():
 
 
 def _declared_functions() -> Iterator[tuple[str, object, list[str]]]:
-    """Public functions and methods below `@takes` that have entries of arguments, with what it says of their arguments."""
+    """Public functions and methods below `@takes` that have entries of arguments, with the ranges of these."""
     functions = [(name, getattr(fi, name)) for name in fi.__all__]
     for place in PAGES:
         module = importlib.import_module(f"femimpact.{place}")
