@@ -13,7 +13,7 @@ import sys
 import types
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar, cast
 
 if TYPE_CHECKING:
     import numpy as np
@@ -499,6 +499,26 @@ def check_fields(instance: Any, *more: Fault) -> None:
         raise InputError([*faults, *more])
     for name, value in values.items():
         object.__setattr__(instance, name, value)
+
+
+@functools.cache
+def _defaults(kind: Any) -> dict[str, Any]:
+    """Values of the fields of a dataclass that may be left out."""
+    given = {field.name: field.default for field in dataclasses.fields(kind)}
+    return {name: value for name, value in given.items() if value is not dataclasses.MISSING}
+
+
+def made(kind: type[R], **values: Any) -> R:
+    """A frozen dataclass of values that this package computed, which are in their one type and need no check."""
+    record = object.__new__(kind)
+    vars(record).update(_defaults(cast(Any, kind)) | values)
+    return record
+
+
+def changed(record: R, **values: Any) -> R:
+    """A copy of a frozen dataclass with other values that this package computed and need no check."""
+    fields = {field.name: getattr(record, field.name) for field in dataclasses.fields(record)}  # type: ignore[arg-type]
+    return made(type(record), **fields | values)
 
 
 def with_ranges(words: str | None, declared: Iterable[_Declared]) -> str | None:

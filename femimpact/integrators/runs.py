@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from typing import Any, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import checked, quantity, require, require_type
+from femimpact.errors import changed, checked, quantity, require, require_type
 from femimpact.excitation import Excitation, Sum, require_excitation
 from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
@@ -141,7 +141,7 @@ def integrate(
         notes = (*motion_notes(drive, system.length, start.time + duration), *_stops_not_met(response))
         if not (warnings or notes):
             return response
-        return replace(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))
+        return changed(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))
 
     responses = run_each(run, drives, workers, share_done)
     return responses if several else responses[0]
@@ -151,8 +151,8 @@ def _without_cycles(response: Response) -> Response:
     """The same with no impacts per cycle where the excitation has no cycle."""
     if has_cycle(response.base):
         return response
-    none = {name: replace(item, impacts_per_cycle=math.nan) for name, item in response.statistics_of.items()}
-    return replace(response, statistics=replace(response.statistics, impacts_per_cycle=math.nan), statistics_of=none)
+    none = {name: changed(item, impacts_per_cycle=math.nan) for name, item in response.statistics_of.items()}
+    return changed(response, statistics=changed(response.statistics, impacts_per_cycle=math.nan), statistics_of=none)
 
 
 def _stops_not_met(response: Response) -> list[str]:

@@ -13,17 +13,19 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import (
+    changed,
     check_fields,
     checked,
     column,
     having,
     instance,
+    made,
     optional,
     quantity,
     real_array,
     require,
+    require_name,
     require_type,
-    suggestion,
 )
 from femimpact.excitation import Excitation
 from femimpact.excitation.excitation import MEMBERS, has_cycle
@@ -161,7 +163,9 @@ def deciding_rows(
     if before is None:
         return rows
     columns = [item.name for item in dataclasses.fields(EnergyLedger)]
-    joined = EnergyLedger(**{name: np.concatenate([getattr(before, name), getattr(rows, name)]) for name in columns})
+    joined = made(
+        EnergyLedger, **{name: np.concatenate([getattr(before, name), getattr(rows, name)]) for name in columns}
+    )
     return _take(joined, _extremes(joined, first))
 
 
@@ -178,7 +182,7 @@ def _take(ledger: EnergyLedger, rows: list[int]) -> EnergyLedger:
     columns = {item.name: getattr(ledger, item.name)[rows] for item in dataclasses.fields(EnergyLedger)}
     for values in columns.values():
         values.setflags(write=False)
-    return EnergyLedger(**columns)
+    return made(EnergyLedger, **columns)
 
 
 @dataclass(eq=False)
@@ -214,7 +218,7 @@ class Stream:
         found = self.read(self.samples, self.snapshots)
         if self.sink is None:
             return found
-        return dataclasses.replace(found, channels={}, energy=self.deciding, snapshots=None)
+        return changed(found, channels={}, energy=self.deciding, snapshots=None)
 
 
 SAME_INSTANT = 1e-9
@@ -264,7 +268,7 @@ class StroboscopicSection:
 
     def __getitem__(self, name: Position) -> Array:
         key = channel_key(name)
-        require(key in self.channels, "channel", key, "", suggestion(key, self.channels))
+        require_name(key, self.channels, "channel")
         return self.channels[key]
 
 
@@ -316,7 +320,7 @@ def stroboscopic(
     for name, values in channels.items():
         rate = channels.get(f"{name}.velocity") if units[name] == "m" else None
         read[name] = _read(time, values, rate, instants, right, SAME_INSTANT / base.frequency)
-    return StroboscopicSection(taken_at, instants, read, dict(units))
+    return made(StroboscopicSection, phase=taken_at, time=instants, channels=read, units=dict(units))
 
 
 def _instants(time: Array, base: Excitation, phase: float) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import check_fields, column, quantity, require_type, text
+from femimpact.errors import check_fields, column, made, quantity, require_type, text
 from femimpact.svg import Chart, Line, axis_of
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
@@ -317,7 +317,7 @@ def impact_statistics(
     """
     columns = statistics_of_cases(totals[:, :, None], np.array([duration]), np.array([frequency]))
     count = int(totals[0].sum())
-    return ImpactStatistics(count=count, law=law, **{name: float(column[0]) for name, column in columns.items()})
+    return made(ImpactStatistics, count=count, law=law, **{name: float(column[0]) for name, column in columns.items()})
 
 
 def statistics_of_cases(

@@ -22,8 +22,8 @@ from femimpact.errors import (
     optional,
     quantity,
     require,
+    require_name,
     require_type,
-    suggestion,
     takes,
     text,
     truth,
@@ -298,7 +298,7 @@ class Response:
     def __getitem__(self, name: Position) -> Array:
         key = channel_key(name)
         require(self.streamed_to is None, "channel", key, "", "went to Recorder.sink: its pieces hold the history")
-        require(key in self.channels, "channel", key, "", suggestion(key, self.channels))
+        require_name(key, self.channels, "channel")
         return self.channels[key]
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import check_fields, checked, column, quantity, real_array, require, require_type, text
+from femimpact.errors import check_fields, checked, column, made, quantity, real_array, require, require_type, text
 from femimpact.response.channels import Channel
 from femimpact.table import Head, column_units, head_of_columns, short_repr
 
@@ -132,7 +132,8 @@ def steady_motion(
         rms = np.sqrt(_total(square) / total)
         even = _halves_agree(square / samples, length, statistical_tolerance, standard_errors)
     periodic = _repeats(maximum, own, periodic_tolerance, longest_period)
-    return SteadyMotion(
+    return made(
+        SteadyMotion,
         peak=np.where(length > 0, np.abs(np.maximum(maximum, -minimum).max(axis=0)), np.nan),
         rms=rms,
         first_harmonic=np.hypot(in_phase, in_quadrature),
