@@ -62,7 +62,7 @@ class PointForce:
 
     @property
     def has_cycle(self) -> bool:
-        """Whether the history has one."""
+        """True if the history has a cycle."""
         return has_cycle(self.history)
 
     @property

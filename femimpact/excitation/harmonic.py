@@ -90,7 +90,7 @@ class PiecewiseMotion:
 
     @property
     def closed_form(self) -> PiecewisePolynomial:
-        """Acceleration of the base, m/s^2: each motion has its own."""
+        """Acceleration of the base, m/s^2, by the class of the motion."""
         raise NotImplementedError
 
     @property

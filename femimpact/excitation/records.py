@@ -46,11 +46,11 @@ PIECE = 1 << 23
 """Bytes of a file, or letters of a text, that are gone through at once."""
 
 MARKS = ";\t,"
-"""What stands between cells: the first of these that a line has, or spaces."""
+"""Separators between cells: the first of these that a line has, or spaces."""
 
 
 def record_text(path: str | Path) -> str:
-    """What the file of a record holds.
+    """Content of the file of a record.
 
     Raises `InputError` if it cannot be read, is no regular file or no text, or, before it is read, has too many
     bytes or lines.
@@ -127,7 +127,7 @@ def samples_of(
 
 
 def _without_trend(samples: Array, detrend: str) -> Array:
-    """The samples, their own array, without their mean or their line of least squares."""
+    """A new array of the samples without their mean or their line of least squares."""
     if detrend != "none":
         samples -= samples.mean()
     if detrend == "line":
@@ -175,7 +175,7 @@ def _cells(lines: Iterable[str], number: int) -> Iterator[tuple[int, list[str]]]
 
 
 def _plain_values(lines: Sequence[str], places: tuple[int, ...], width: int) -> Array | None:
-    """What `_values` finds in lines that are all written in the same plain way; None where they are not."""
+    """The values that `_values` finds in lines that are all written in the same plain way; None where they are not."""
     lines = [line for line in lines if (begin := line.lstrip()) and begin[0] != "#"]
     if not lines:
         return np.zeros((0, len(places)))
@@ -237,7 +237,7 @@ def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tupl
 
 
 def _mark(line: str) -> str | None:
-    """What stands between the cells of a line; None is spaces."""
+    """The separator of the cells of a line; None is spaces."""
     return next((mark for mark in MARKS if mark in line), None)
 
 

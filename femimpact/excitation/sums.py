@@ -59,8 +59,8 @@ class Sum:
         forms = [form for form in given if isinstance(form, Harmonic)]
         if len(forms) < len(given) or len({form.omega for form in forms}) > 1:
             return None
-        whole = sum(form.amplitude * np.exp(1j * form.phase) for form in forms)
-        return Harmonic(float(abs(whole)), forms[0].omega, float(np.angle(whole)))
+        total = sum(form.amplitude * np.exp(1j * form.phase) for form in forms)
+        return Harmonic(float(abs(total)), forms[0].omega, float(np.angle(total)))
 
     @property
     def frequency(self) -> float:
@@ -69,7 +69,7 @@ class Sum:
 
     @property
     def has_cycle(self) -> bool:
-        """Whether all parts are sines of one frequency."""
+        """True if all parts are sines of one frequency."""
         return self._harmonic is not None
 
     @property

@@ -95,7 +95,7 @@ class Channel(Protocol):
         """Unit of its values."""
 
     def reading(self, system: System) -> Reading:
-        """What it reads of a system's state."""
+        """The linear reading of a system's state."""
 
 
 def _pair_number(system: System, pair: str | None) -> int:
@@ -364,10 +364,10 @@ class ShakerForce:
 
     base_load u'' + m ub'' + sum m_j (y_j'' + ub'') - (gravity and other constant forces) - (forces of stops that stand
     in space) - (a driving point force). Its power is what the energy in the inertial frame gains and damping takes.
-    The mass of the shaker's own table is not in it.
+    The mass of the shaker's table is not in it.
 
     With modes left out, u'' is that of the kept ones, and the mass m and gravity are those of all: the momentum and
-    the power of the motion that is computed. At rest it is the whole weight whatever the number of modes, and gravity
+    the power of the motion that is computed. At rest it is the full weight whatever the number of modes, and gravity
     reads as a base acceleration of -g does.
     """
 
@@ -412,7 +412,7 @@ def channel_key(name: Position, key: str = "channel") -> str:
 
 
 class Quantity(NamedTuple):
-    """What a name like "tip.velocity" may stand for: of which kinds of things, and the channel of one."""
+    """Meaning of the part of a name behind its dot, as in "tip.velocity": things that have it, and the channel."""
 
     of: tuple[str, ...]
     make: Callable[[Any], Channel]
@@ -436,11 +436,11 @@ QUANTITIES: Mapping[str, Quantity] = {
     "gap": Quantity(("ball", "stop"), Gap),
     "contact_force": Quantity(("ball", "stop"), ContactForce),
 }
-"""What stands behind the dot of a channel's name; without a dot a place or a ball gives its relative displacement."""
+"""Quantities by the part of a name behind its dot; without a dot a place or a ball gives its relative displacement."""
 
 
 def _kind(shown: Any, stem: str) -> str | None:
-    """Whether a name, or metres from the root, is that of a place, a ball or a stop; None of nothing known."""
+    """The kind of thing with a name, or at metres from the root: "place", "ball" or "stop"; None if unknown."""
     if stem in shown.points or _metres(stem) is not None:
         return "place"
     return next(("stop" if pair.is_stop else "ball" for pair in shown.contacts if pair.name == stem), None)

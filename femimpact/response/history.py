@@ -1,4 +1,4 @@
-"""Histories: what was kept over time, whole, in pieces, or once per base cycle."""
+"""Histories: what was kept over time, in one piece or several, or once per base cycle."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Snapshots:
-    """Whole deflections, relative to the base.
+    """Deflections of the entire beam, relative to the base.
 
     Raises `InputError` if an array does not have one row for each snapshot, or a time is not finite.
     """
@@ -61,7 +61,7 @@ class Snapshots:
 
 @dataclass(frozen=True, eq=False)
 class HistoryPiece:
-    """A stretch of a history, as a run passes it to `Recorder.sink`; its arrays are read-only and its own.
+    """A stretch of a history, as a run passes it to `Recorder.sink`; its arrays are read-only and shared with no other.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def _take(ledger: EnergyLedger, rows: list[int]) -> EnergyLedger:
 
 @dataclass(eq=False)
 class Stream:
-    """Where the history of a run goes: piece by piece to a sink, or as a whole to the response."""
+    """Where the history of a run goes: piece by piece to a sink, or in one piece to the response."""
 
     # what the run holds now, given how many samples and snapshots were taken from it before
     read: Callable[[int, int], HistoryPiece]
@@ -214,7 +214,7 @@ class Stream:
         self.sink(found)
 
     def left(self) -> HistoryPiece:
-        """What the response gets: all of it, or, behind a sink, units and the rows that decide the residual."""
+        """The history for the response: all of it, or, with a sink, units and the rows that decide the residual."""
         found = self.read(self.samples, self.snapshots)
         if self.sink is None:
             return found
@@ -299,7 +299,7 @@ def stroboscopic(
     Returns
     -------
     StroboscopicSection
-        Of all whole cycles between the first and the last sample; none where there is no sample.
+        Of all complete cycles between the first and the last sample; none where there is no sample.
 
     Raises
     ------

@@ -169,7 +169,7 @@ class Impacts:
 
     @property
     def restitution(self) -> Array:
-        """Rebound over approach speed of each impact, 1 (the structure's own motion included).
+        """Rebound over approach speed of each impact, 1 (the motion of the structure included).
 
         Not a number for a contact that the run began in: it had no approach.
         """
@@ -270,7 +270,7 @@ class StickingPhases:
 
 @dataclass(frozen=True)
 class ImpactStatistics:
-    """What the contacts of a time window add up to.
+    """Sums and extremes over the contacts of a time window.
 
     Parameters
     ----------

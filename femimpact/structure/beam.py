@@ -75,7 +75,7 @@ class Segment:
 
     @property
     def _is_sized(self) -> bool:
-        """Whether E I and rho A are positive and finite at both ends."""
+        """True if E I and rho A are positive and finite at both ends."""
         try:
             ends = [self.rectangle_at(x) for x in (0.0, self.length)]
             values = [self.density * width * thickness for width, thickness in ends]
@@ -86,7 +86,7 @@ class Segment:
 
     @property
     def is_tapered(self) -> bool:
-        """Whether the section changes along the segment."""
+        """True if the section changes along the segment."""
         return self.rectangle != self.end_rectangle
 
     @property

@@ -143,7 +143,7 @@ class SectionFields:
     mass_per_length : ndarray (elements,), kg/m
         rho A.
     rotary_inertia : ndarray (elements,), kg m
-        rho I, which the beam's own mass matrix leaves out.
+        rho I, which the beam's mass matrix leaves out.
     young_modulus : ndarray (elements,), Pa
     half_height : ndarray (elements,), m
         From the neutral axis to the surface.
@@ -287,7 +287,7 @@ def damped_reactions(reactions: Mapping[str, Reaction], alpha: float, beta: floa
 
 
 def _with_row(item: Reaction, **rows: Array) -> Reaction:
-    """The same reaction with rows that follow from its own: the checks would take longer than making them."""
+    """The same reaction with rows that follow from it: the checks would take longer than making them."""
     copied = object.__new__(Reaction)
     copied.__dict__.update(item.__dict__ | rows)
     return copied
