@@ -69,13 +69,13 @@ MUTATIONS = (
         "bending, modulus = beam.segments[0].bending_stiffness",
     ),
     Mutation("taper_of_mass", "self.mass_per_length[element] * (a * b)", "self.mass_per_length[element] * a"),
-    Mutation("gauss_points_of_taper", "c1, c2, c3, c4 = a + 3.0 * b", "c1, c2, c3, c4 = a + 2.9 * b"),
+    Mutation("gauss_points_of_taper", "m0, m1 = 1.0 + c2 / 3.0", "m0, m1 = 1.0 + c2 / 2.9"),
     Mutation("pinned_is_clamped", '"pinned": ("w",)', '"pinned": ("w", "slope")'),
-    Mutation("rotary_inertia", "body.rotary_inertia * (slope.T", "0.5 * body.rotary_inertia * (slope.T"),
+    Mutation("rotary_inertia", "body.rotary_inertia, body.offset)", "0.5 * body.rotary_inertia, body.offset)"),
     Mutation(
         "body_offset", "centre = shape.data.reshape(-1, 4) + offset", "centre = shape.data.reshape(-1, 4) - offset"
     ),
-    Mutation("base_load", "momentum = M @ rigid", "momentum = (M - _lumped_mass(grid)) @ rigid"),
+    Mutation("base_load", "momentum = M.times(rigid)", "momentum = beam_matrices(grid)[1].times(rigid)"),
     Mutation(
         "glued_place",
         "PointMass(ball.name, ball.at, ball.mass) for ball",
@@ -98,7 +98,9 @@ MUTATIONS = (
     ),
     Mutation("recorded_base", "BrokenLine(self.samples, self", "BrokenLine(1.1 * self.samples, self"),
     Mutation("recorded_displacement", "h * h * (2.0 * a[:-1] + a[1:]) / 6.0", "h * h * (a[:-1] + 2.0 * a[1:]) / 6.0"),
-    Mutation("force_phase", "self.history.omega, self.history.phase)", "self.history.omega, 0.0)"),
+    Mutation(
+        "force_phase", "Harmonic(self.amplitude, self.omega, self.phase)", "Harmonic(self.amplitude, self.omega, 0.0)"
+    ),
     Mutation("rest_in_space", "y, y_rate = y - offset, y_rate - speed", "y, y_rate = y - offset, y_rate + speed"),
     Mutation(
         "absolute_displacement",

@@ -329,6 +329,8 @@ if not TYPE_CHECKING:
             value = importlib.import_module(f"femimpact.{_SUBMODULES[name]}")
         elif name in _MODULE_OF:
             value = getattr(importlib.import_module(f"femimpact.{_MODULE_OF[name]}"), name)
+            if isinstance(value, type):
+                importlib.import_module("femimpact.errors").show_ranges(value)
         else:
             raise AttributeError(f"module 'femimpact' has no attribute {name!r}")
         globals()[name] = value

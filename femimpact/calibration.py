@@ -75,8 +75,7 @@ class RestitutionScan:
     Raises
     ------
     InputError
-        If the columns are not of one length, there is not one curve for each restitution, or `starts` is no whole
-        number from 1.
+        If there is not one curve for each restitution.
     """
 
     restitution: Array = field(metadata=column("1", "restitutions"))

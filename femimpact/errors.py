@@ -8,11 +8,12 @@ import inspect
 import math
 import numbers
 import operator
+import re
 import sys
 import types
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar, cast
 
 if TYPE_CHECKING:
     import numpy as np
@@ -557,6 +558,57 @@ def check_fields(instance: Any, *more: Fault) -> None:
         object.__setattr__(instance, name, value)
 
 
+@functools.cache
+def _defaults(kind: Any) -> dict[str, Any]:
+    """Values of the fields of a dataclass that may be left out."""
+    given = {field.name: field.default for field in dataclasses.fields(kind)}
+    return {name: value for name, value in given.items() if value is not dataclasses.MISSING}
+
+
+def made(kind: type[R], **values: Any) -> R:
+    """A frozen dataclass of values that this package computed, which are in their one type and need no check."""
+    record = object.__new__(kind)
+    vars(record).update(_defaults(cast(Any, kind)) | values)
+    return record
+
+
+def changed(record: R, **values: Any) -> R:
+    """A copy of a frozen dataclass with other values that this package computed and need no check."""
+    fields = {field.name: getattr(record, field.name) for field in dataclasses.fields(record)}  # type: ignore[arg-type]
+    return made(type(record), **fields | values)
+
+
+def with_ranges(words: str | None, declared: Iterable[_Declared]) -> str | None:
+    """A docstring with the allowed range of each declared field or argument below its entry."""
+    ranges = {one.name: one.allowed for one in declared}
+
+    def entry(found: re.Match[str]) -> str:
+        # the first entry of a name is its own: one of the values returned may have the same name
+        given = {name: ranges.pop(name) for name in found[2].split(", ") if name in ranges}
+        if len(set(given.values())) == 1:
+            words = next(iter(given.values()))
+            return f"{found[0]}{found[1]}    {words[0].upper()}{words[1:]}.\n"
+        return found[0] + "".join(f"{found[1]}    `{name}` {allowed}.\n" for name, allowed in given.items())
+
+    return words and re.sub(r"^( *)(\w+(?:, \w+)*)(?: : .*)?\n(?:\1 +\S.*\n)*", entry, words, flags=re.MULTILINE)
+
+
+class _DocstringWithRanges:
+    """Docstring of a dataclass, with the allowed ranges of its fields once it is read: most never are."""
+
+    def __init__(self, words: str | None) -> None:
+        self._words = words
+
+    def __get__(self, instance: Any, kind: Any) -> str | None:
+        return with_ranges(self._words, _declared(kind))
+
+
+def show_ranges(kind: Any) -> None:
+    """Have `help` and the site show the allowed ranges of its fields in the docstring of a dataclass."""
+    if dataclasses.is_dataclass(kind):
+        kind.__doc__ = _DocstringWithRanges(kind.__doc__)  # type: ignore[assignment]
+
+
 def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Decorator of a function that declares arguments as a dataclass declares its fields.
 
@@ -584,6 +636,7 @@ def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[
             bound.arguments.update(values)
             return function(*bound.args, **bound.kwargs)
 
+        call.__doc__ = with_ranges(function.__doc__, declared)
         return call
 
     return checking

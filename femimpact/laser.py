@@ -36,11 +36,6 @@ class LaserReading:
     clipped : float, 1
         Share of the samples at an end of the range, 0 to 1.
     warnings : tuple of str
-
-    Raises
-    ------
-    InputError
-        If the arrays are not of one length, or a value is out of range.
     """
 
     time: Array = field(metadata=column("s", "samples", finite=True))
@@ -71,11 +66,6 @@ class Laser:
         Samples in a second; by default those of the response.
     offset : float, m
         Of the middle of the range from the place at rest.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
     """
 
     at: Position = field(metadata=place())

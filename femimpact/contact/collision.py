@@ -27,11 +27,6 @@ class Collision:
     largest_penetration : float, m
     energy_loss : float, J
         (1 - e^2) m v^2/2.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
     """
 
     restitution: float = field(metadata=quantity("1", at_least=0.0, finite=False))

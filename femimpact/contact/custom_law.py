@@ -236,7 +236,7 @@ class CustomLaw:
     Raises
     ------
     InputError
-        If the force is no function, or a pointer of another signature, or another value is out of range.
+        If the force is no function, or a pointer of another signature.
     """
 
     force: ForceFunction

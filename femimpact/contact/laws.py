@@ -57,11 +57,6 @@ class Rigid:
     ----------
     restitution : float, 1
         Speed after an impact over that before it.
-
-    Raises
-    ------
-    InputError
-        If the restitution is not between 0 and 1.
     """
 
     restitution: float = field(metadata=quantity("1", at_least=0.0, at_most=1.0))
@@ -121,7 +116,7 @@ class KelvinVoigt:
     Raises
     ------
     InputError
-        If a value is out of range or the pair given is not one of the three.
+        If the pair given is not one of the three.
     """
 
     stiffness: float | None = field(default=None, metadata=quantity("N/m", above=0.0))
@@ -262,7 +257,7 @@ class PowerLaw:
     Raises
     ------
     InputError
-        If a value is out of range, or a restitution other than 1 is given without a loss.
+        If a restitution other than 1 is given without a loss.
     """
 
     stiffness: float = field(metadata=quantity("N/m^1.5", above=0.0))
@@ -443,11 +438,6 @@ class SwitchingSpring:
         k_I0, acts on the full relative displacement while the ball is inside its gap.
     stiffness : float, N/m
         k_I, acts on the full relative displacement outside.
-
-    Raises
-    ------
-    InputError
-        If a stiffness is out of range.
     """
 
     free_stiffness: float = field(metadata=quantity("N/m", at_least=0.0))

@@ -17,11 +17,6 @@ class Material:
     ----------
     young_modulus : float, Pa
     poisson_ratio : float, 1
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
     """
 
     young_modulus: float = field(metadata=quantity("Pa", above=0.0))

@@ -356,11 +356,6 @@ class OverSteps:
     method : Newmark
         Its dt is the coarsest step.
     halvings : int
-
-    Raises
-    ------
-    InputError
-        If a value is of the wrong kind or out of range.
     """
 
     mesh: Mesh = field(metadata=instance(Mesh))
@@ -407,7 +402,7 @@ class OverModes:
     Raises
     ------
     InputError
-        If a value is of the wrong kind, or the counts do not increase.
+        If the counts do not increase.
     """
 
     mesh: Mesh = field(metadata=instance(Mesh))

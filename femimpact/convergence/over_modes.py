@@ -437,11 +437,6 @@ class ContactStatistics:
         Base cycles of each run, of which the last third counts.
     at : str or float, optional
         The observed place; the tip, or the system's first point.
-
-    Raises
-    ------
-    InputError
-        If a value is of the wrong kind or out of range.
     """
 
     starts: int = field(default=6, metadata=quantity("1", at_least=2, at_most=1000, integer=True))

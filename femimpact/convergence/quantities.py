@@ -54,11 +54,6 @@ class Frequencies:
     Parameters
     ----------
     count : int
-
-    Raises
-    ------
-    InputError
-        If the count is no whole number from 1.
     """
 
     count: int = field(default=4, metadata=COUNT)
@@ -90,11 +85,6 @@ class ModeShapes:
     Parameters
     ----------
     count : int
-
-    Raises
-    ------
-    InputError
-        If the count is no whole number from 1.
     """
 
     count: int = field(default=3, metadata=COUNT)
@@ -220,11 +210,6 @@ class BendingMoment:
         None for the steady response.
     side : {"left", "right"}
         Of the element read at a node.
-
-    Raises
-    ------
-    InputError
-        If a value is of the wrong kind or out of range.
     """
 
     at: Position = field(default="root", metadata=place())
@@ -254,11 +239,6 @@ class SurfaceStress:
         None for the steady response.
     side : {"left", "right"}
         Of the element read at a node.
-
-    Raises
-    ------
-    InputError
-        If a value is of the wrong kind or out of range.
 
     Examples
     --------
@@ -324,11 +304,6 @@ class SupportReaction:
     ----------
     name : str
         Of the reaction, as "root.moment".
-
-    Raises
-    ------
-    InputError
-        If the name is no text.
     """
 
     name: str = field(default="root.moment", metadata=text())

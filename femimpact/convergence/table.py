@@ -292,11 +292,6 @@ class ConvergenceTable:
     notes : tuple of str
     problem : str
         What the values are of, in a line.
-
-    Raises
-    ------
-    InputError
-        If a column is of the wrong kind, or not as long as the others along its axis.
     """
 
     axis: str = field(metadata=choice("mesh", "step", "modes"))

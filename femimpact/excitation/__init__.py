@@ -1,4 +1,4 @@
-"""What drives a run: motions of the base, or a force at a place. A new one is a class in a separate file."""
+"""Excitations of a run: motions of the base, or a force at a place. A new one is a class in a separate file."""
 
 from femimpact.excitation.excitation import BrokenLine, Excitation, Harmonic, require_excitation
 from femimpact.excitation.forces import HammerBlow, PointForce

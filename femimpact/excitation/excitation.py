@@ -1,4 +1,4 @@
-"""What drives a run: an open protocol, and the closed forms that a history may have.
+"""The excitation of a run: an open protocol, and the closed forms that a history may have.
 
 Every excitation gives the base's displacement, velocity and acceleration (consistent with one
 another), and the frequency that "a cycle" means in statistics.
@@ -40,7 +40,7 @@ class Excitation(Protocol):
 
     @property
     def frequency(self) -> float:
-        """What a cycle means in statistics, Hz; > 0."""
+        """Frequency of the cycles that statistics count, Hz; > 0."""
 
     @property
     def phase(self) -> float:
@@ -134,16 +134,16 @@ LATEST = 1e15
 """Seconds, beyond which a time is taken for a mistake: a float has no tenth of a second there."""
 
 MEMBERS = ("frequency", "phase", "amplitude", "displacement", "velocity", "acceleration")
-"""What every excitation has."""
+"""Members of every excitation."""
 
 
 def has_cycle(excitation: object) -> bool:
-    """Whether an excitation repeats after a cycle: one that does not say so does."""
+    """True if an excitation repeats after a cycle: one that does not say so does."""
     return bool(getattr(excitation, "has_cycle", True))
 
 
 def words_of(excitation: Any) -> str:
-    """What drives a run in a few words: "base at 5 Hz", "base: chirp + sine", "force at tip: hammer blow"."""
+    """The excitation in a few words: "base at 5 Hz", "base: chirp + sine", "force at tip: hammer blow"."""
     place = getattr(excitation, "at", None)
     driven = "base" if place is None else f"force at {place if isinstance(place, str) else f'{place:g} m'}"
     if has_cycle(excitation) and math.isfinite(excitation.phase):

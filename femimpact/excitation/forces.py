@@ -36,7 +36,7 @@ class PointForce:
     Raises
     ------
     InputError
-        If the place is neither a name nor metres >= 0, or the history, or a part of a sum, has no closed form.
+        If the history, or a part of a sum, has no closed form.
 
     Examples
     --------
@@ -67,7 +67,7 @@ class PointForce:
 
     @property
     def has_cycle(self) -> bool:
-        """Whether the history has one."""
+        """True if the history has a cycle."""
         return has_cycle(self.history)
 
     @property
@@ -126,11 +126,6 @@ class HammerBlow:
         Its sign is that of the force.
     duration : float, s
     begin : float, s
-
-    Raises
-    ------
-    InputError
-        If the place is neither a name nor metres >= 0, or a value is out of range.
     """
 
     at: str | float = field(metadata=place())

@@ -45,11 +45,6 @@ class Sine:
         As the history of a `PointForce`, in newtons.
     frequency : float, Hz
     phase : float, rad
-
-    Raises
-    ------
-    InputError
-        If a value is not finite, the amplitude below zero or the frequency not above it.
     """
 
     amplitude: float = field(metadata=quantity("m", at_least=0.0))
@@ -95,7 +90,7 @@ class PiecewiseMotion:
 
     @property
     def closed_form(self) -> PiecewisePolynomial:
-        """Acceleration of the base, m/s^2: each motion has its own."""
+        """Acceleration of the base, m/s^2, by the class of the motion."""
         raise NotImplementedError
 
     @property
@@ -162,7 +157,7 @@ class SteppedSine(PiecewiseMotion):
     Raises
     ------
     InputError
-        If a value is out of range, there is no frequency, or both or none of amplitude and acceleration are given.
+        If there is no frequency, or both or none of amplitude and acceleration are given.
     """
 
     frequencies: Any
@@ -279,8 +274,8 @@ class Chirp(PiecewiseMotion):
     Raises
     ------
     InputError
-        If a value is out of range, both or none of amplitude and acceleration, or of duration and octaves per minute,
-        are given, or a linear chirp has octaves per minute.
+        If both or none of amplitude and acceleration, or of duration and octaves per minute, are given, or a
+        linear chirp has octaves per minute.
     """
 
     start: float = field(metadata=quantity("Hz", above=0.0))

@@ -95,9 +95,9 @@ class PiecewisePolynomial:
         faster, moved = np.zeros_like(h), np.zeros_like(h)
         # Horner's scheme, from the highest power down
         for n in range(self.degree, -1, -1):
-            own = self.coefficients[:, n]
-            faster = faster * h + own / (n + 1.0)
-            moved = moved * h + own / ((n + 1.0) * (n + 2.0))
+            given = self.coefficients[:, n]
+            faster = faster * h + given / (n + 1.0)
+            moved = moved * h + given / ((n + 1.0) * (n + 2.0))
         speed = self.initial_velocity + np.concatenate([[0.0], np.cumsum(h * faster)])
         place = self.initial_displacement + np.concatenate([[0.0], np.cumsum(h * (speed[:-1] + h * moved))])
         return np.column_stack([place, speed])
@@ -107,10 +107,10 @@ class PiecewisePolynomial:
         starts = real_array("starts", self.starts, "m and m/s", allowed)
         require(starts.shape == sums.shape, "starts", f"array of shape {starts.shape}", "m and m/s", allowed)
         # from the start of each piece to that of the next one
-        changes, own = np.diff(sums, axis=0), np.diff(starts, axis=0)
+        changes, given = np.diff(sums, axis=0), np.diff(starts, axis=0)
         changes[:, 0] += np.diff(self.knots) * (starts[:-1, 1] - sums[:-1, 1])
         size = np.abs(starts).max(axis=0) + np.abs(sums).max(axis=0)
-        close = bool(np.all(np.abs(own - changes) <= CONTINUOUS * size))
+        close = bool(np.all(np.abs(given - changes) <= CONTINUOUS * size))
         allowed = "must be the integrals of the pieces: displacement and velocity do not jump"
         require(close, "starts", f"array of shape {starts.shape}", "m and m/s", allowed)
         return starts
@@ -155,8 +155,8 @@ class PiecewisePolynomial:
         later, outside = t - self.knots[piece], t < self.knots[0]
         total = np.zeros(np.shape(t))
         for i in range(ORDERS - 1, order - 1, -1):
-            own = self.table[piece, i]
-            total = np.where(outside & (i >= 2), 0.0, own) + total * later / (i - order + 1.0)
+            given = self.table[piece, i]
+            total = np.where(outside & (i >= 2), 0.0, given) + total * later / (i - order + 1.0)
         return total
 
     def displacement(self, time: ArrayLike) -> Array:

@@ -50,11 +50,11 @@ SHOWN = 4
 """Cells of a line that is no row, of which a fault says what kind they are."""
 
 MARKS = ";\t,"
-"""What stands between cells: the first of these that a line has, or spaces."""
+"""Separators between cells: the first of these that a line has, or spaces."""
 
 
 def record_text(path: str | Path) -> str:
-    """What the file of a record holds.
+    """Content of the file of a record.
 
     Raises `InputError` if it cannot be read, is no regular file or no text, or, before it is read, has too many
     bytes or lines.
@@ -132,7 +132,7 @@ def samples_of(
 
 
 def _without_trend(samples: Array, detrend: str) -> Array:
-    """The samples, their own array, without their mean or their line of least squares."""
+    """A new array of the samples without their mean or their line of least squares."""
     if detrend != "none":
         samples -= samples.mean()
     if detrend == "line":
@@ -180,7 +180,7 @@ def _cells(lines: Iterable[str], number: int) -> Iterator[tuple[int, list[str]]]
 
 
 def _plain_values(lines: Sequence[str], places: tuple[int, ...], width: int) -> Array | None:
-    """What `_values` finds in lines that are all written in the same plain way; None where they are not."""
+    """The values that `_values` finds in lines that are all written in the same plain way; None where they are not."""
     block = "\n".join(lines)
     # few files have lines to leave out, and what is asked of each line takes as long as its numbers
     if "#" in block or not all(lines) or any(map(str.isspace, lines)):
@@ -255,7 +255,7 @@ def _kind(fields: Sequence[str], place: int) -> str:
 
 
 def _mark(line: str) -> str | None:
-    """What stands between the cells of a line; None is spaces."""
+    """The separator of the cells of a line; None is spaces."""
     return next((mark for mark in MARKS if mark in line), None)
 
 

@@ -21,7 +21,7 @@ PARTS, FEW = 50, 12
 """Equal parts of a record, and in how many of them a pulse changes the velocity."""
 
 ELSEWHERE = 0.25
-"""Share of the whole change of velocity that the other parts may have, their sizes summed, beside a pulse."""
+"""Share of the total change of velocity that the other parts may have, their sizes summed, beside a pulse."""
 
 AT_REST = 0.5
 """Share of the mean of a record below which its ends lie at rest."""
@@ -98,15 +98,15 @@ def _removed_of_pulse(line: BrokenLine) -> tuple[str, ...]:
     early, late = float(np.median(a[:third])), float(np.median(a[-third:]))
     # through the middles of both thirds, where a pulse hardly moves the median
     first, last = early - (late - early) / 4.0, late + (late - early) / 4.0
-    whole = a - np.linspace(first, last, a.size)
+    level = a - np.linspace(first, last, a.size)
     size = float(np.abs(a).sum())
     if (
         abs(float(a.sum())) > ROUNDING * size
-        or abs(_total(whole)) <= LEAST_CHANGE * size
-        or not _changes_at_once(whole)
+        or abs(_total(level)) <= LEAST_CHANGE * size
+        or not _changes_at_once(level)
     ):
         return ()
-    change = line.interval * _total(whole)
+    change = line.interval * _total(level)
     return (
         f"the record is a pulse that changes the velocity of the base by {change:.3g} m/s, without its mean: "
         f"its samples at rest go from {first:.3g} to {last:.3g} m/s^2, and its peak is wrong by as much; take "
@@ -135,7 +135,7 @@ def motion_notes(excitation: Excitation, length: float, end: float) -> tuple[str
             f"a pulse changes the velocity of the base by {change:.3g} m/s for good, so that it moves by up to "
             f"{far:.4g} m: no offset is to be removed; motion relative to the base depends on the pulse alone"
         )
-    # a run ends at a whole step or sample
+    # a run ends at a step or sample
     if end > last + 1.5 * line.interval:
         speed = float(line.motion_at(last)[1])
         notes.append(
@@ -148,7 +148,7 @@ def motion_notes(excitation: Excitation, length: float, end: float) -> tuple[str
 def _after_last_knot(pieces: PiecewisePolynomial, end: float) -> tuple[str, ...]:
     """A note where a run ends (s) after the motion of the base."""
     last, speed = pieces.duration, float(pieces.starts[-1, 1])
-    # a run ends at a whole step or sample
+    # a run ends at a step or sample
     if end <= last + 0.01 * abs(last):
         return ()
     rests = abs(speed) <= ROUNDING * float(np.abs(pieces.starts[:, 1]).max())
@@ -173,10 +173,10 @@ def _levels_of_ends(samples: Array) -> tuple[float, float]:
 def is_pulse(
     samples: Array,  # (n,) m/s^2
 ) -> bool:
-    """Whether a record of accelerations is a pulse, whose change of velocity is true, and no offset or drift.
+    """True if a record of accelerations is a pulse, whose change of velocity is true, and no offset or drift.
 
     Of 50 equal parts of the record, the 12 with the largest changes of velocity are where the pulse is. It is one if
-    the sizes of the changes in the other 38 sum up to no more than 25 % of the whole change: 76 % under an offset, 56 %
+    the sizes of the changes in the other 38 sum up to no more than 25 % of the total change: 76 % under an offset, 56 %
     under a line from zero, nothing beside a pulse of less than a quarter of the record. A record that is little more
     than the pulse is one where its first and its last 2 % are each closer to zero, in the mean, than half of the mean
     of all samples, and |integral of a| is at least half of the integral of |a|: an offset does not begin at zero, and
@@ -192,7 +192,7 @@ def is_pulse(
 
 
 def _changes_at_once(samples: Array) -> bool:
-    """Whether the velocity hardly changes but in a quarter of the record."""
+    """True if the velocity hardly changes but in a quarter of the record."""
     of_intervals = 0.5 * (samples[1:] + samples[:-1])
     changes = np.sort([abs(float(part.sum())) for part in np.array_split(of_intervals, PARTS)])
     total = abs(float(of_intervals.sum()))

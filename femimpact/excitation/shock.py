@@ -45,11 +45,6 @@ class Shock(PiecewiseMotion):
         Let an acceleration follow that brings the base to rest in its place.
     level : float, m/s^2
         The same as acceleration, as the copy of a pulse has it.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
     """
 
     kind: str = field(metadata=choice("half-sine", "terminal-sawtooth", "trapezoid"))
@@ -99,6 +94,6 @@ class Shock(PiecewiseMotion):
         )
         more = np.zeros((1, 6))
         more[0, 1:4] = np.array([p, q - p, -q]) / length ** np.arange(1, 4)
-        own = np.zeros((len(pulse.coefficients), 6))
-        own[:, : pulse.coefficients.shape[1]] = pulse.coefficients
-        return PiecewisePolynomial([*pulse.knots, self.duration + length], np.vstack([own, more]))
+        pieces = np.zeros((len(pulse.coefficients), 6))
+        pieces[:, : pulse.coefficients.shape[1]] = pulse.coefficients
+        return PiecewisePolynomial([*pulse.knots, self.duration + length], np.vstack([pieces, more]))

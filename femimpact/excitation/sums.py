@@ -76,7 +76,7 @@ class Sum:
 
     @property
     def has_cycle(self) -> bool:
-        """Whether all parts are sines of one frequency."""
+        """True if all parts are sines of one frequency."""
         return self._harmonic is not None
 
     @property

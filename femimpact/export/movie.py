@@ -133,7 +133,7 @@ def write_movie(
     Raises
     ------
     InputError
-        If the response holds no snapshots, an argument is out of range, or the path cannot be written.
+        If the response holds no snapshots, or the path cannot be written.
     """
     file = file_path(path)
     film = _film(response, structure, exaggeration, fps, most)

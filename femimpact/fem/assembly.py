@@ -60,8 +60,8 @@ class Entries(NamedTuple):
 
     def row_of(self, dof: int, dofs: int) -> Array:
         """One row of the matrix, (dofs,)."""
-        own = self.row == dof
-        return np.asarray(np.bincount(self.column[own], self.value[own], dofs), dtype=float)
+        here = self.row == dof
+        return np.asarray(np.bincount(self.column[here], self.value[here], dofs), dtype=float)
 
     def on(self, free: NDArray[np.int64], dofs: int) -> Matrix:
         """The matrix on the free ones of so many dofs."""

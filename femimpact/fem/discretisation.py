@@ -83,7 +83,7 @@ class Discretisation:
     Raises
     ------
     InputError
-        If a value is of another kind, or the arrays do not fit the mesh.
+        If the arrays do not fit the mesh.
     """
 
     structure: Structure = field(metadata=instance(Structure))
@@ -261,13 +261,13 @@ def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray
             raise InputError([fault])
         result.append((segment, mesh.regions[segment.name]))
     covered = np.sort(np.concatenate([members for _, members in result]))
-    whole = bool(np.array_equal(covered, np.arange(mesh.elements)))
-    require(whole, "mesh.regions", None, "", "must cover every element once")
+    complete = bool(np.array_equal(covered, np.arange(mesh.elements)))
+    require(complete, "mesh.regions", None, "", "must cover every element once")
     return result
 
 
 def _length_fault(beam: Beam, mesh: Mesh, segment: Segment) -> Fault | None:
-    """What is wrong with the length of a segment, where the mesh has its region."""
+    """The fault in the length of a segment, where the mesh has its region."""
     if segment.name not in mesh.regions:
         return None
     meshed = float(np.diff(mesh.nodes)[mesh.regions[segment.name]].sum())

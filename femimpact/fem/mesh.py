@@ -91,8 +91,8 @@ class Mesh:
             require_type(name, str, "mesh.regions")
             key, allowed = f"mesh.regions.{name}", f"must be numbers of elements, 0 to {self.elements - 1}, each once"
             members = real_array(key, given, "", allowed)
-            whole = members.ndim == 1 and bool(np.all((members % 1 == 0) & (members >= 0) & (members < self.elements)))
-            require(whole and np.unique(members).size == members.size, key, None, "", allowed)
+            sound = members.ndim == 1 and bool(np.all((members % 1 == 0) & (members >= 0) & (members < self.elements)))
+            require(sound and np.unique(members).size == members.size, key, None, "", allowed)
             regions[name] = members.astype(int)
         return regions
 
@@ -299,7 +299,7 @@ def _filled(
 
 
 def _places_for(key: str, named: Mapping[str, float], structure: Structure) -> str:
-    """Places that one item of a structure may have on a mesh made here; a body's own name is not a place for itself."""
+    """Places that one item of a structure may have on a mesh made here; a body's name is not a place for itself."""
     bodies = [body.name for body in structure.masses if key != f"mass.{body.name}"]
     return f"must be one of {', '.join([*named, *bodies])}, or metres from the root"
 

@@ -30,7 +30,7 @@ UNGROUPED = (
     "some of its lines or points are in no physical group, as Mesh.SaveAll = 1 leaves them; give each line one, and "
     "save with Mesh.SaveAll = 0"
 )
-"""What meshio calls incompatible cell data."""
+"""The words of meshio for cell data that do not fit the cells."""
 
 
 def format_of(path: Path) -> str:
@@ -45,7 +45,7 @@ def format_of(path: Path) -> str:
 
 
 def read_plainly(path: Path) -> dict[str, Any]:
-    """What a mesh file holds as plain lists; under "failure" why it could not be read."""
+    """The content of a mesh file as plain lists; under "failure" why it could not be read."""
     kind, words = format_of(path), io.StringIO()
     if path.suffix == ".geo":
         mesh = path.with_suffix(".msh").name
@@ -104,12 +104,12 @@ def plain_mesh(raw: Any) -> dict[str, Any]:
 
 
 def _physical(raw: Any, values: Any) -> dict[str, list[list[int] | None]]:
-    """Groups that Gmsh 2 and 4.0 name by a number, which is the dimension's own; those of 4.1 are sets already."""
+    """Groups that Gmsh 2 and 4.0 name by a number, with their dimension; those of 4.1 are sets already."""
     dimension = [{"vertex": 0, "line": 1}.get(block.type, 2) for block in raw.cells]
     return {
         str(label): [
-            np.flatnonzero(np.asarray(part) == int(tag)).tolist() if own == int(space) else None
-            for own, part in zip(dimension, values, strict=True)
+            np.flatnonzero(np.asarray(part) == int(tag)).tolist() if dim == int(space) else None
+            for dim, part in zip(dimension, values, strict=True)
         ]
         for label, (tag, space) in raw.field_data.items()
     }
@@ -154,9 +154,9 @@ def _end_with_parent() -> None:
 
 
 def main(memory: str, *files: str) -> None:
-    """Read files one after the other, within a memory (bytes), and write answers to what was the standard output."""
+    """Read files one after the other, within a memory (bytes), and write their contents to the former stdout."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    output = os.fdopen(os.dup(1), "w", encoding="utf-8")
     silence = os.open(os.devnull, os.O_WRONLY)
     for descriptor in (1, 2):
         os.dup2(silence, descriptor)
@@ -168,7 +168,7 @@ def main(memory: str, *files: str) -> None:
             line = json.dumps({"failure": "more memory than allowed"})
         except Exception as error:
             line = json.dumps({"failure": f"{type(error).__name__}: {error}"})
-        print(line, file=answers, flush=True)
+        print(line, file=output, flush=True)
 
 
 if __name__ == "__main__":

@@ -74,11 +74,11 @@ def read_mesh(path: str | Path) -> Mesh:
 
 
 def read_outcomes(paths: Sequence[Path]) -> list[Mesh | InputError]:
-    """What becomes of each file, a mesh or what is wrong with it; one process reads them until it has to be ended."""
+    """For each file, a mesh or the fault that it has; one process reads them until it has to be ended."""
     unread = {path: reason for path in paths if (reason := _why_not_read(path))}
     # closed here, so that no process outlives the call
-    with closing(_answers([path for path in paths if path not in unread])) as answers:
-        return [_outcome(path, unread[path] if path in unread else next(answers)) for path in paths]
+    with closing(_read_files([path for path in paths if path not in unread])) as contents:
+        return [_outcome(path, unread[path] if path in unread else next(contents)) for path in paths]
 
 
 def _why_not_read(path: Path) -> str:
@@ -107,8 +107,8 @@ def _outcome(path: Path, read: Mapping[str, Any] | str) -> Mesh | InputError:
 # ---- the process that reads -----------------------------------------------------------------------
 
 
-def _answers(paths: Sequence[Path]) -> Generator[Mapping[str, Any]]:
-    """What each file holds, or why it could not be read, in order."""
+def _read_files(paths: Sequence[Path]) -> Generator[Mapping[str, Any]]:
+    """The content of each file, or why it could not be read, in order."""
     done = 0
     while done < len(paths):
         with _Reader(paths[done:]) as reader:
@@ -125,7 +125,7 @@ class _Reader:
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:
-        # one thread: each thread of linear algebra takes its own address space
+        # one thread: each thread of linear algebra takes address space
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONIOENCODING": "utf-8"}
         self.ended = False
         self._output: queue.Queue[bytes] = queue.Queue()
@@ -144,7 +144,7 @@ class _Reader:
         self._output.put(b"")
 
     def next_answer(self) -> Mapping[str, Any]:
-        """What the next file holds, or why it could not be read; `ended` if the process did not survive it."""
+        """The content of the next file, or why it could not be read; `ended` if the process did not survive it."""
         reason = f"not done within {TIME_LIMIT:g} s"
         with suppress(queue.Empty):
             line = self._next_line(time.monotonic() + TIME_LIMIT)
@@ -156,7 +156,7 @@ class _Reader:
         return {"failure": reason}
 
     def _next_line(self, deadline: float) -> bytes | None:
-        """One whole line, or None at the end; `queue.Empty` is raised where the deadline (s) comes first."""
+        """One complete line, or None at the end; `queue.Empty` is raised where the deadline (s) comes first."""
         parts = [self._rest]
         while b"\n" not in parts[-1]:
             part = self._output.get(timeout=max(deadline - time.monotonic(), 0.0))

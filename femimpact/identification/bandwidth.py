@@ -31,8 +31,7 @@ class DampingEstimate:
     Raises
     ------
     InputError
-        If the ratio is negative, the frequency is not > 0, or the interval is not two numbers, the lower one
-        first.
+        If the interval is not two numbers, the lower one first.
     """
 
     ratio: float = field(metadata=quantity("1", at_least=0.0, finite=False))

@@ -37,11 +37,6 @@ class AchievedRestitution:
         With the step, over the instants within a step at which the touch can fall.
     peak_force : float, N
         Largest with the step, at the approach speed given.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
     """
 
     exact: float = field(metadata=quantity("1", at_least=0.0, finite=False))

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from typing import Any, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import checked, in_range, quantity, require, require_type
+from femimpact.errors import changed, checked, in_range, quantity, require, require_type
 from femimpact.excitation import Excitation, PointForce, Sum, require_excitation
 from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
@@ -154,7 +154,7 @@ def integrate(
         )
         if not (warnings or notes):
             return response
-        return replace(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))
+        return changed(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))
 
     responses = run_each(run, drives, workers, share_done)
     return responses if several else responses[0]
@@ -167,9 +167,9 @@ def _without_cycles(response: Response) -> Response:
     values = response.channels.get(response.system.default_place)
     if values is not None:
         last = values[response.time >= response.window[0]]
-        response = replace(response, steady=replace(response.steady, rms=np.array([np.sqrt(np.mean(last**2))])))
-    none = {name: replace(item, impacts_per_cycle=math.nan) for name, item in response.statistics_of.items()}
-    return replace(response, statistics=replace(response.statistics, impacts_per_cycle=math.nan), statistics_of=none)
+        response = changed(response, steady=changed(response.steady, rms=np.array([np.sqrt(np.mean(last**2))])))
+    none = {name: changed(item, impacts_per_cycle=math.nan) for name, item in response.statistics_of.items()}
+    return changed(response, statistics=changed(response.statistics, impacts_per_cycle=math.nan), statistics_of=none)
 
 
 def _other_end(response: Response, asked: float) -> tuple[str, ...]:

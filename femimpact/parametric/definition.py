@@ -82,7 +82,7 @@ class ParameterStudy:
     Raises
     ------
     InputError
-        If an argument is of the wrong kind, a path or a measure is unknown, or a value is out of range.
+        If a path or a measure is unknown.
     """
 
     study: Study | System | Callable[..., Any]

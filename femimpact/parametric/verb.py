@@ -49,11 +49,6 @@ class StudyProgress:
         Finished cases of which a start has no values.
     rate : float, 1/s
         Cases finished in a second by this call.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
     """
 
     cases: int = field(metadata=quantity("1", at_least=1, integer=True))

@@ -1,4 +1,4 @@
-"""What a run leaves: channels and history, impacts, the energy ledger, regimes."""
+"""Results of a run: channels and history, impacts, the energy ledger, regimes."""
 
 from femimpact.response.channels import Channel
 from femimpact.response.response import Recorder, Response

@@ -6,7 +6,7 @@ A new built-in channel is a class in a separate file and a line in `QUANTITIES`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import (
+    changed,
     check_fields,
     choice,
     column,
@@ -22,6 +23,8 @@ from femimpact.errors import (
     place,
     quantity,
     require,
+    require_name,
+    require_type,
     suggestion,
     text,
     truth,
@@ -92,7 +95,7 @@ class Channel(Protocol):
         """Unit of its values."""
 
     def reading(self, system: System) -> Reading:
-        """What it reads of a system's state."""
+        """The linear reading of a system's state."""
 
 
 def _pair_number(system: System, pair: str | None) -> int:
@@ -101,7 +104,7 @@ def _pair_number(system: System, pair: str | None) -> int:
     if pair is None:
         require(len(names) == 1, "channels", pair, "", f"must name one of the contacts: {', '.join(names) or 'none'}")
         return 0
-    require(pair in names, "channels", pair, "", suggestion(pair, names))
+    require_name(pair, names, "channels")
     return names.index(pair)
 
 
@@ -135,7 +138,7 @@ class Gap:
         pair = system.contacts[j]
         ball = np.zeros(len(system.contacts)) if pair.is_stop else np.eye(len(system.contacts))[j]
         base = np.array([1.0, 0.0, 0.0]) if pair.fixed_to == "space" else nothing.base
-        return replace(nothing, displacement=-pair.direction, ball_displacement=ball, base=base)
+        return changed(nothing, displacement=-pair.direction, ball_displacement=ball, base=base)
 
 
 @dataclass(frozen=True)
@@ -166,7 +169,7 @@ class ContactForce:
         """F_j; a stop's direction b_j points against w."""
         j = _pair_number(system, self.pair)
         sign = -1.0 if system.contacts[j].is_stop else 1.0
-        return replace(zero_reading(system), contact_force=sign * np.eye(len(system.contacts))[j])
+        return changed(zero_reading(system), contact_force=sign * np.eye(len(system.contacts))[j])
 
 
 NAMES = ("displacement", "velocity", "acceleration")
@@ -215,7 +218,7 @@ class Motion:
             moving = {("ball_displacement", "ball_velocity", "ball_acceleration")[self.derivative]: coordinate}
         else:
             moving = {NAMES[self.derivative]: system.point_row(self.at)}
-        return replace(nothing, base=base, **moving)
+        return changed(nothing, base=base, **moving)
 
 
 @dataclass(frozen=True)
@@ -243,7 +246,7 @@ class Rotation:
     def reading(self, system: System) -> Reading:
         """Row of w' there."""
         row = system.deflection_rows([system.position_of(self.at)], derivative=1)[0]
-        return replace(zero_reading(system), displacement=np.asarray(row))
+        return changed(zero_reading(system), displacement=np.asarray(row))
 
 
 SECTION_UNITS = {
@@ -294,7 +297,7 @@ class SectionReading:
         """Row of w'' with the section's values at the place, or of (EI w'')'."""
         x = [system.position_of(self.at)]
         if self.quantity == "shear_force":
-            return replace(zero_reading(system), displacement=system.shear_rows(x, self.side)[0])
+            return changed(zero_reading(system), displacement=system.shear_rows(x, self.side)[0])
         section = system.section_at(self.at, self.side)
         factor = {
             "curvature": 1.0,
@@ -302,7 +305,7 @@ class SectionReading:
             "surface_strain": -section.half_height,
             "surface_stress": -section.young_modulus * section.half_height,
         }[self.quantity]
-        return replace(zero_reading(system), displacement=factor * np.asarray(system.curvature_rows(x, self.side)[0]))
+        return changed(zero_reading(system), displacement=factor * np.asarray(system.curvature_rows(x, self.side)[0]))
 
 
 @dataclass(frozen=True)
@@ -326,7 +329,7 @@ class SupportReaction:
     Raises
     ------
     InputError
-        If a value is out of range; when it is read, if no support gives this reaction.
+        When it is read, if no support gives this reaction.
     """
 
     at: Position = field(metadata=place())
@@ -350,8 +353,9 @@ class SupportReaction:
         known = list(system.reactions)
         at = self.at if isinstance(self.at, str) else f"{self.at:.9g}"
         reaction = f"{at}.{self.quantity}"
-        require(reaction in known, "channels", self.name, "", f"no such reaction: {suggestion(reaction, known)}")
-        return replace(zero_reading(system), reaction=np.eye(len(known))[known.index(reaction)])
+        if reaction not in known:
+            require(False, "channels", self.name, "", f"no such reaction: {suggestion(reaction, known)}")
+        return changed(zero_reading(system), reaction=np.eye(len(known))[known.index(reaction)])
 
 
 @dataclass(frozen=True)
@@ -360,10 +364,10 @@ class ShakerForce:
 
     base_load u'' + m ub'' + sum m_j (y_j'' + ub'') - (gravity and other constant forces) - (forces of stops that stand
     in space) - (a driving point force). Its power is what the energy in the inertial frame gains and damping takes.
-    The mass of the shaker's own table is not in it.
+    The mass of the shaker's table is not in it.
 
     With modes left out, u'' is that of the kept ones, and the mass m and gravity are those of all: the momentum and
-    the power of the motion that is computed. At rest it is the whole weight whatever the number of modes, and gravity
+    the power of the motion that is computed. At rest it is the full weight whatever the number of modes, and gravity
     reads as a base acceleration of -g does.
     """
 
@@ -385,14 +389,14 @@ class ShakerForce:
         constant = system.constant_resultant + held + given
         # a stop's direction points against w
         in_space = np.array([1.0 if pair.is_stop and pair.fixed_to == "space" else 0.0 for pair in system.contacts])
-        return replace(
+        return changed(
             zero_reading(system),
             acceleration=system.base_load,
             ball_acceleration=balls,
             base=np.array([0.0, 0.0, system.total_mass + float(balls.sum())]),
             contact_force=in_space,
             point_force=-1.0,
-            constant=-constant,
+            constant=-float(constant),
         )
 
 
@@ -408,7 +412,7 @@ def channel_key(name: Position, key: str = "channel") -> str:
 
 
 class Quantity(NamedTuple):
-    """What a name like "tip.velocity" may stand for: of which kinds of things, and the channel of one."""
+    """Meaning of the part of a name behind its dot, as in "tip.velocity": things that have it, and the channel."""
 
     of: tuple[str, ...]
     make: Callable[[Any], Channel]
@@ -432,11 +436,11 @@ QUANTITIES: Mapping[str, Quantity] = {
     "gap": Quantity(("ball", "stop"), Gap),
     "contact_force": Quantity(("ball", "stop"), ContactForce),
 }
-"""What stands behind the dot of a channel's name; without a dot a place or a ball gives its relative displacement."""
+"""Quantities by the part of a name behind its dot; without a dot a place or a ball gives its relative displacement."""
 
 
 def _kind(shown: Any, stem: str) -> str | None:
-    """Whether a name, or metres from the root, is that of a place, a ball or a stop; None of nothing known."""
+    """The kind of thing with a name, or at metres from the root: "place", "ball" or "stop"; None if unknown."""
     if stem in shown.points or _metres(stem) is not None:
         return "place"
     return next(("stop" if pair.is_stop else "ball" for pair in shown.contacts if pair.name == stem), None)
@@ -498,6 +502,8 @@ def resolve_channels(system: System, channels: Sequence[Position | Channel] | No
     found = tuple(channel_of(system, channel) for channel in channels)
     names: dict[str, Channel] = {}
     for channel in found:
+        # a user's channel may have anything for a unit
+        require_type(channel.unit, str, f"units.{channel.name}")
         same = names.setdefault(channel.name, channel)
         require(same == channel, "channels", channel.name, "", "must be the name of one channel, not of two")
     return found

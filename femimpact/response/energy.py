@@ -98,14 +98,9 @@ class EnergyLedger:
     structure_loss : ndarray (samples,), J
         Dissipated by the structure's damping since t = 0.
     contact_loss : ndarray (samples,), J
-        Integral of (F - k p) p', since t = 0: its own sum, never a remainder.
+        Integral of (F - k p) p', since t = 0: summed directly, never a remainder.
     structure_loss_of_mode : ndarray (samples, modes), J
         The same as `structure_loss`, mode by mode; no columns for physical dofs.
-
-    Raises
-    ------
-    InputError
-        If a column does not have one value for each sample.
     """
 
     time: Array = field(metadata=column("s", "samples"))

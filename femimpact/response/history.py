@@ -1,4 +1,4 @@
-"""Histories: what was kept over time, whole, in pieces, or once per base cycle."""
+"""Histories: what was kept over time, in one piece or several, or once per base cycle."""
 
 from __future__ import annotations
 
@@ -13,17 +13,19 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import (
+    changed,
     check_fields,
     checked,
     column,
     having,
     instance,
+    made,
     optional,
     quantity,
     real_array,
     require,
+    require_name,
     require_type,
-    suggestion,
 )
 from femimpact.excitation import Excitation
 from femimpact.excitation.excitation import MEMBERS, has_cycle
@@ -38,7 +40,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Snapshots:
-    """Whole deflections, relative to the base.
+    """Deflections of the entire beam, relative to the base.
 
     Raises `InputError` if an array does not have one row for each snapshot, or a time is not finite.
     """
@@ -59,7 +61,7 @@ class Snapshots:
 
 @dataclass(frozen=True, eq=False)
 class HistoryPiece:
-    """A stretch of a history, as a run passes it to `Recorder.sink`; its arrays are read-only and its own.
+    """A stretch of a history, as a run passes it to `Recorder.sink`; its arrays are read-only and shared with no other.
 
     Parameters
     ----------
@@ -161,7 +163,9 @@ def deciding_rows(
     if before is None:
         return rows
     columns = [item.name for item in dataclasses.fields(EnergyLedger)]
-    joined = EnergyLedger(**{name: np.concatenate([getattr(before, name), getattr(rows, name)]) for name in columns})
+    joined = made(
+        EnergyLedger, **{name: np.concatenate([getattr(before, name), getattr(rows, name)]) for name in columns}
+    )
     return _take(joined, _extremes(joined, first))
 
 
@@ -178,12 +182,12 @@ def _take(ledger: EnergyLedger, rows: list[int]) -> EnergyLedger:
     columns = {item.name: getattr(ledger, item.name)[rows] for item in dataclasses.fields(EnergyLedger)}
     for values in columns.values():
         values.setflags(write=False)
-    return EnergyLedger(**columns)
+    return made(EnergyLedger, **columns)
 
 
 @dataclass(eq=False)
 class Stream:
-    """Where the history of a run goes: piece by piece to a sink, or as a whole to the response."""
+    """Where the history of a run goes: piece by piece to a sink, or in one piece to the response."""
 
     # what the run holds now, given how many samples and snapshots were taken from it before
     read: Callable[[int, int], HistoryPiece]
@@ -210,11 +214,11 @@ class Stream:
         self.sink(found)
 
     def left(self) -> HistoryPiece:
-        """What the response gets: all of it, or, behind a sink, units and the rows that decide the residual."""
+        """The history for the response: all of it, or, with a sink, units and the rows that decide the residual."""
         found = self.read(self.samples, self.snapshots)
         if self.sink is None:
             return found
-        return dataclasses.replace(found, channels={}, energy=self.deciding, snapshots=None)
+        return changed(found, channels={}, energy=self.deciding, snapshots=None)
 
 
 SAME_INSTANT = 1e-9
@@ -238,7 +242,7 @@ class StroboscopicSection:
     Raises
     ------
     InputError
-        If the phase is not finite, `time` is no array of finite numbers, or a channel has not its samples or no unit.
+        If a channel does not have the samples of `time`, or has no unit.
     """
 
     phase: float = field(metadata=quantity("rad"))
@@ -264,7 +268,7 @@ class StroboscopicSection:
 
     def __getitem__(self, name: Position) -> Array:
         key = channel_key(name)
-        require(key in self.channels, "channel", key, "", suggestion(key, self.channels))
+        require_name(key, self.channels, "channel")
         return self.channels[key]
 
 
@@ -295,7 +299,7 @@ def stroboscopic(
     Returns
     -------
     StroboscopicSection
-        Of all whole cycles between the first and the last sample; none where there is no sample.
+        Of all complete cycles between the first and the last sample; none where there is no sample.
 
     Raises
     ------
@@ -316,7 +320,7 @@ def stroboscopic(
     for name, values in channels.items():
         rate = channels.get(f"{name}.velocity") if units[name] == "m" else None
         read[name] = _read(time, values, rate, instants, right, SAME_INSTANT / base.frequency)
-    return StroboscopicSection(taken_at, instants, read, dict(units))
+    return made(StroboscopicSection, phase=taken_at, time=instants, channels=read, units=dict(units))
 
 
 def _instants(time: Array, base: Excitation, phase: float) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import check_fields, column, quantity, require_type, text
+from femimpact.errors import check_fields, column, made, quantity, require_type, text
 from femimpact.svg import Chart, Line, axis_of
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
@@ -88,8 +88,7 @@ class Impacts:
     Raises
     ------
     InputError
-        If the columns are not of one length, `impactor` is not text, `law` is no mapping of names to names, or
-        `dropped` is no whole number from 0.
+        If `law` is no mapping of names to names.
     """
 
     time: Array = field(metadata=column("s", "impacts"))
@@ -170,7 +169,7 @@ class Impacts:
 
     @property
     def restitution(self) -> Array:
-        """Rebound over approach speed of each impact, 1 (the structure's own motion included).
+        """Rebound over approach speed of each impact, 1 (the motion of the structure included).
 
         Not a number for a contact that the run began in: it had no approach.
         """
@@ -234,11 +233,6 @@ class StickingPhases:
     impulse : ndarray (n,), N s
         Integral of the normal force, with which wall and ball push each other apart.
     mean_force : ndarray (n,), N
-
-    Raises
-    ------
-    InputError
-        If the columns are not of one length, or `impactor` is not text.
     """
 
     impactor: NDArray[np.str_] = field(metadata=column("", "states", of="text"))
@@ -276,7 +270,7 @@ class StickingPhases:
 
 @dataclass(frozen=True)
 class ImpactStatistics:
-    """What the contacts of a time window add up to.
+    """Sums and extremes over the contacts of a time window.
 
     Parameters
     ----------
@@ -294,11 +288,6 @@ class ImpactStatistics:
     cycle_mean_force : float, N
         Integral of the normal force over the window's length, a ball that sticks to its wall included. A contact that
         goes on across an end of the window is cut there.
-
-    Raises
-    ------
-    InputError
-        If `count` is no whole number from 0, or one of the others is no number.
     """
 
     count: int = field(metadata=quantity("1", at_least=0, integer=True))
@@ -328,7 +317,7 @@ def impact_statistics(
     """
     columns = statistics_of_cases(totals[:, :, None], np.array([duration]), np.array([frequency]))
     count = int(totals[0].sum())
-    return ImpactStatistics(count=count, law=law, **{name: float(column[0]) for name, column in columns.items()})
+    return made(ImpactStatistics, count=count, law=law, **{name: float(column[0]) for name, column in columns.items()})
 
 
 def statistics_of_cases(

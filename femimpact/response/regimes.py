@@ -18,7 +18,7 @@ MOST_CYCLES = 1e8
 
 @dataclass(frozen=True)
 class RegimeCriteria:
-    """What a motion must do to be called by a name.
+    """Criteria of the kinds of motion.
 
     Raises `InputError` if a value is out of range: periods and repeats are whole numbers from 1, the impacts of a
     chatter from 3, tolerances are not negative, and shares are at most 1.
@@ -60,11 +60,6 @@ class Regime:
         In words, and what was tested: "2:1 periodic", "no period up to 8 cycles".
     criterion : str
         What the motion was tested for, with the numbers.
-
-    Raises
-    ------
-    InputError
-        If the kind is none of these, or `impacts` or `cycles` is no whole number from 0.
     """
 
     kind: str = field(
@@ -168,7 +163,7 @@ def classify(
 
 
 def without_cycle(impacts: Impacts) -> Regime:
-    """What a motion is called under an excitation that has no cycle."""
+    """The kind of motion under an excitation that has no cycle."""
     if len(impacts) == 0:
         return Regime("no impacts", 0, 0, "no impacts", "no impact in the run")
     words = "the excitation has no cycle after which anything could repeat"

@@ -1,4 +1,4 @@
-"""What a run keeps, and what it returns: channels, snapshots, impacts, energies."""
+"""The recorder and the response of a run: channels, snapshots, impacts, energies."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from femimpact.errors import (
     optional,
     quantity,
     require,
+    require_name,
     require_type,
-    suggestion,
     takes,
     text,
     truth,
@@ -60,7 +60,7 @@ MOST_DRAWN = 3
 
 @dataclass(frozen=True)
 class Recorder:
-    """What to keep of a run.
+    """Choice of what a run keeps.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class Recorder:
     start : float, s
         First time kept, to the nearest sample.
     snapshots : int, steps or samples
-        Stride of whole deflections; 0 keeps none.
+        Stride of deflections of the entire beam; 0 keeps none.
     snapshots_start : float, s
         First time of a snapshot, to the nearest sample.
     state_at : float, s, optional
@@ -101,11 +101,6 @@ class Recorder:
     piece_samples : int
         Most samples in a piece; an event-driven run with whole samples in a base cycle passes on whole cycles, and
         the first piece has the state at the start besides.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range or of the wrong kind.
     """
 
     channels: Sequence[Position | Channel] | None = None
@@ -151,7 +146,7 @@ class Recorder:
 
 
 def _is_channel(channel: object) -> bool:
-    """Whether a channel is a name, a finite number of metres, or has name, unit and reading."""
+    """True if a channel is a name, a finite number of metres, or has name, unit and reading."""
     return isinstance(channel, (str, Channel)) or in_range(channel, quantity("m"))
 
 
@@ -164,7 +159,7 @@ def _plain(channel: Any) -> Position | Channel:
 
 @runtime_checkable
 class ShownSystem(Protocol):
-    """What a response shows of a system: places, contacts and the curves between its nodes; a `System` is one."""
+    """The parts of a system that a response shows: places, contacts, and curves between nodes."""
 
     @property
     def nodes(self) -> Array:
@@ -233,7 +228,7 @@ class Response:
     Raises
     ------
     InputError
-        If a field is of the wrong kind, or its samples, pairs or dofs are not those of the others.
+        If the samples, pairs or dofs of a field are not those of the others.
     """
 
     time: Array = field(metadata=column("s", "samples", finite=True))
@@ -304,7 +299,7 @@ class Response:
     def __getitem__(self, name: Position) -> Array:
         key = channel_key(name)
         require(self.streamed_to is None, "channel", key, "", "went to Recorder.sink: its pieces hold the history")
-        require(key in self.channels, "channel", key, "", suggestion(key, self.channels))
+        require_name(key, self.channels, "channel")
         return self.channels[key]
 
     @property
@@ -343,7 +338,7 @@ class Response:
         return np.asarray(values + moved_by[channel.unit](self.time))
 
     def largest(self, channel: Position | Channel) -> Largest:
-        """The largest value of any channel over the whole run, and its time: recorded or not, kept or not.
+        """The largest value of any channel over all of the run, and its time: recorded or not, kept or not.
 
         It is that of max |value|, and has the sign that the channel has there: a stress of -98 MPa is larger than one
         of 60 MPa. An event-driven run has it to 1e-9 of itself, between samples too, with the values on both sides of

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import check_fields, checked, column, quantity, real_array, require, require_type, text
+from femimpact.errors import check_fields, checked, column, made, quantity, real_array, require, require_type, text
 from femimpact.response.channels import Channel
 from femimpact.table import Head, column_units, head_of_columns, short_repr
 
@@ -59,11 +59,6 @@ class SteadyMotion:
         Of that component, relative to the base's displacement.
     steadiness : ndarray (cases,) of str
         "periodic", "statistical" or "transient".
-
-    Raises
-    ------
-    InputError
-        If the columns do not have one value for each case, or `steadiness` is not text.
     """
 
     peak: Array = field(metadata=column("m", "cases"))
@@ -105,8 +100,8 @@ def steady_motion(
     cases = cycles.samples.shape[1]
     allowed = f"must be whole numbers >= 1, one for each of {cases} cases"
     measured = real_array("window", window, "cycles", allowed)
-    whole = measured.shape == (cases,) and bool(np.all((measured >= 1) & (measured % 1 == 0)))
-    require(whole, "window", window, "cycles", allowed)
+    sound = measured.shape == (cases,) and bool(np.all((measured >= 1) & (measured % 1 == 0)))
+    require(sound, "window", window, "cycles", allowed)
     periodic_tolerance, statistical_tolerance, standard_errors = (
         checked(key, value, quantity("1", at_least=0.0))
         for key, value in (
@@ -120,14 +115,14 @@ def steady_motion(
     length = np.minimum(finished, measured.astype(int))
     # back from each case's end; rows beyond its window have no weight
     back = np.arange(max(int(length.max(initial=0)), 1))[:, None]
-    rows, own = np.maximum(finished - 1 - back, 0), back < length
+    rows, in_window = np.maximum(finished - 1 - back, 0), back < length
     if finished.size and np.all(finished == finished[0]) and np.all(length == back.size):
         # of one length, as the cases of a study are: no rows beyond a window
         first, last = int(finished[0]) - back.size, int(finished[0])
         window_of = (getattr(cycles, item.name)[first:last][::-1] for item in fields(CycleStatistics))
     else:
         window_of = (
-            np.where(own, np.take_along_axis(getattr(cycles, item.name), rows, axis=0), 0.0)
+            np.where(in_window, np.take_along_axis(getattr(cycles, item.name), rows, axis=0), 0.0)
             for item in fields(CycleStatistics)
         )
     maximum, minimum, square, sine, cosine, samples = window_of
@@ -136,8 +131,9 @@ def steady_motion(
         in_phase, in_quadrature = 2.0 * _total(sine) / total, 2.0 * _total(cosine) / total
         rms = np.sqrt(_total(square) / total)
         even = _halves_agree(square / samples, length, statistical_tolerance, standard_errors)
-    periodic = _repeats(maximum, own, periodic_tolerance, longest_period)
-    return SteadyMotion(
+    periodic = _repeats(maximum, in_window, periodic_tolerance, longest_period)
+    return made(
+        SteadyMotion,
         peak=np.where(length > 0, np.abs(np.maximum(maximum, -minimum).max(axis=0)), np.nan),
         rms=rms,
         first_harmonic=np.hypot(in_phase, in_quadrature),
@@ -147,7 +143,7 @@ def steady_motion(
 
 
 def no_steady_motion() -> SteadyMotion:
-    """What a run shorter than one base cycle has: no amplitude, and a transient."""
+    """The amplitudes of a run shorter than one base cycle: not a number, and a transient."""
     nothing = np.full(1, np.nan)
     return SteadyMotion(nothing, nothing, nothing, nothing, np.array(["transient"]))
 
@@ -157,18 +153,18 @@ def _total(values: Array) -> Array:
     return np.asarray(np.cumsum(values, axis=0)[-1])
 
 
-def _repeats(maximum: Array, own: NDArray[np.bool_], tolerance: float, longest_period: int) -> NDArray[np.bool_]:
+def _repeats(maximum: Array, in_window: NDArray[np.bool_], tolerance: float, longest_period: int) -> NDArray[np.bool_]:
     """Which cases repeat their maxima after a few cycles; rows lead back from the end."""
     scale = tolerance * np.max(np.abs(maximum), axis=0)
     found = np.zeros(maximum.shape[1], dtype=bool)
     for period in range(1, min(longest_period, maximum.shape[0] // 2) + 1):
-        both = own[period:]
+        both = in_window[period:]
         change = np.max(np.abs(maximum[period:] - maximum[:-period]), axis=0, where=both, initial=0.0)
-        # a slow drift also repeats from cycle to cycle: the whole window must stay level
-        strobed, counts = maximum[::period], own[::period]
+        # a slow drift also repeats from cycle to cycle: all of the window must stay level
+        strobed, counts = maximum[::period], in_window[::period]
         high = np.max(strobed, axis=0, where=counts, initial=-np.inf)
         low = np.min(strobed, axis=0, where=counts, initial=np.inf)
-        found |= (own.sum(axis=0) >= 2 * period) & (change <= scale) & (high - low <= scale)
+        found |= (in_window.sum(axis=0) >= 2 * period) & (change <= scale) & (high - low <= scale)
     return found
 
 
@@ -177,15 +173,15 @@ def _halves_agree(
 ) -> NDArray[np.bool_]:
     """In which cases the two halves of the window are one population of cycles; rows lead back from the end."""
     place = length - 1 - np.arange(mean_square.shape[0])[:, None]
-    whole, longer = np.divmod(length, PARTS)
-    ahead = longer * (whole + 1)
-    part = np.where(place < ahead, place // (whole + 1), longer + (place - ahead) // np.maximum(whole, 1))
+    shorter, longer = np.divmod(length, PARTS)
+    ahead = longer * (shorter + 1)
+    part = np.where(place < ahead, place // (shorter + 1), longer + (place - ahead) // np.maximum(shorter, 1))
     inside = [(part == i) & (place >= 0) for i in range(PARTS)]
     if np.all(length == length[:1]) and length.size and length[0] >= PARTS:
         # of one length: zeros beside a part add nothing
-        parts = np.array([_total(mean_square[own[:, 0]]) / np.count_nonzero(own[:, 0]) for own in inside])
+        parts = np.array([_total(mean_square[one[:, 0]]) / np.count_nonzero(one[:, 0]) for one in inside])
     else:
-        parts = np.array([_total(np.where(own, mean_square, 0.0)) / np.maximum(own.sum(axis=0), 1) for own in inside])
+        parts = np.array([_total(np.where(one, mean_square, 0.0)) / np.maximum(one.sum(axis=0), 1) for one in inside])
     first, second = parts[: PARTS // 2], parts[PARTS // 2 :]
     low, high = np.sort(np.sqrt([first.mean(axis=0), second.mean(axis=0)]), axis=0)
     error = np.sqrt((first.var(axis=0, ddof=1) + second.var(axis=0, ddof=1)) / (PARTS // 2))
@@ -205,11 +201,6 @@ class Largest:
         When the channel has it.
     unit : str
         Of the value.
-
-    Raises
-    ------
-    InputError
-        If a field is of the wrong kind.
     """
 
     value: float = field(metadata=quantity("", finite=False))

@@ -43,8 +43,8 @@ class Segment:
     Raises
     ------
     InputError
-        If a value is not > 0, the section is given neither as width and thickness nor as area and second_moment, or
-        a section by area and second_moment is to taper.
+        If the section is given neither as width and thickness nor as area and second_moment, or a section by area and
+        second_moment is to taper.
     """
 
     length: float = field(metadata=quantity("m", above=0.0))
@@ -75,7 +75,7 @@ class Segment:
 
     @property
     def _is_sized(self) -> bool:
-        """Whether E I and rho A are positive and finite at both ends."""
+        """True if E I and rho A are positive and finite at both ends."""
         try:
             ends = [self.rectangle_at(x) for x in (0.0, self.length)]
             values = [self.density * width * thickness for width, thickness in ends]
@@ -86,7 +86,7 @@ class Segment:
 
     @property
     def is_tapered(self) -> bool:
-        """Whether the section changes along the segment."""
+        """True if the section changes along the segment."""
         return self.rectangle != self.end_rectangle
 
     @property

@@ -29,7 +29,7 @@ class Rayleigh:
     Raises
     ------
     InputError
-        If a value is out of range, or neither or both of modes and frequencies are given.
+        If neither or both of modes and frequencies are given.
     """
 
     ratio: float | tuple[float, float] = field(metadata=quantity("1", at_least=0.0, below=1.0, several=True))
@@ -65,11 +65,6 @@ class ModalDamping:
     ----------
     ratios : float or tuple of float, 1
         Of modes 1, 2, ...; one number is that of the first mode.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
 
     Notes
     -----

@@ -48,7 +48,7 @@ class Spring:
     Raises
     ------
     InputError
-        If a value is out of range, or both ends are at one place.
+        If both ends are at one place.
     """
 
     name: str = field(metadata=text())
@@ -82,7 +82,7 @@ class Dashpot:
     Raises
     ------
     InputError
-        If a value is out of range, or both ends are at one place.
+        If both ends are at one place.
     """
 
     name: str = field(metadata=text())
@@ -110,7 +110,7 @@ SUPPORTS = {"clamped": ("w", "slope"), "pinned": ("w",), "guided": ("slope",)}
 
 
 def sound_gaps(gaps: tuple[float, ...]) -> bool:
-    """Whether two gaps (m) leave a stop's beam a place: none negative, or one of them with a sum > 0."""
+    """True if two gaps (m) leave a stop's beam a place: none negative, or one of them with a sum > 0."""
     if len(gaps) != 2 or any(map(math.isnan, gaps)):
         return False
     return min(gaps) >= 0.0 or sum(gaps) > 0.0
@@ -144,15 +144,10 @@ class PointMass:
     mass : float, kg
         Of the body.
     rotary_inertia : float, kg m^2
-        About the body's own centre.
+        About the centre of the body.
     offset : float, m
         Of the body's centre from its place along the beam, positive towards the tip, also beyond it: the body is
         fixed to the section at its place, and its centre moves by w + offset dw/dx.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
     """
 
     name: str = field(metadata=text())
@@ -167,7 +162,7 @@ class PointMass:
 
 @dataclass(frozen=True)
 class Support:
-    """What holds the beam to the moving base: "clamped", "pinned" (no deflection), "guided" (no slope).
+    """Support of the beam on the moving base: "clamped", "pinned" (no deflection), "guided" (no slope).
 
     Parameters
     ----------
@@ -175,11 +170,6 @@ class Support:
         Neither deflection nor slope, no deflection, no slope.
     at : str or float
         Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
-
-    Raises
-    ------
-    InputError
-        If the kind is none of these, or the place is out of range.
 
     Examples
     --------
@@ -226,7 +216,7 @@ class Impactor:
     Raises
     ------
     InputError
-        If a value is out of range, or the contact is no contact law.
+        If the contact is no contact law.
     """
 
     name: str = field(metadata=text())
@@ -274,7 +264,7 @@ class Stop:
     Raises
     ------
     InputError
-        If a value is out of range, or both gaps are negative.
+        If both gaps are negative.
     """
 
     name: str = field(metadata=text())
@@ -315,8 +305,8 @@ class Structure:
         The default clamps the root.
     stops : sequence of Stop
     gravity : float, m/s^2
-        Constant acceleration along the deflection of everything that moves: beam, bodies and balls. A ball's own
-        `acceleration` adds to it.
+        Constant acceleration along the deflection of everything that moves: beam, bodies and balls. The
+        `acceleration` of a ball adds to it.
     springs : sequence of Spring
         Those to the base hold the beam, so that there may be no supports. About a single one, without supports, the
         beam is free to turn: a rigid motion of frequency 0.
@@ -374,7 +364,7 @@ class Structure:
 
     @property
     def _head(self) -> Head:
-        """What stands where on the beam."""
+        """Summary of the beam, its bodies and where they are."""
         lists = ("supports", "masses", "impactors", "stops", "springs", "dashpots")
         given = {key: [getattr(one, "name", getattr(one, "kind", "")) for one in getattr(self, key)] for key in lists}
         places = {key: [one.at for one in getattr(self, key)] for key in lists}
@@ -514,10 +504,10 @@ def _of_masses(structure: Structure) -> Iterator[str]:
         usual = f"more than {HEAVY_BODY:g} times the beam's {beam:.4g} kg"
         yield f"mass.{body.name}.mass = {body.mass:.4g} kg: {usual}; {_in_grams(body.mass)}"
     # beside a body in grams a ball in grams is not heavy
-    whole = beam + math.fsum(body.mass for body in structure.masses if body not in heavy)
+    rest = beam + math.fsum(body.mass for body in structure.masses if body not in heavy)
     for ball in structure.impactors:
-        if ball.mass > whole:
-            usual = f"more than beam and bodies together, {whole:.4g} kg"
+        if ball.mass > rest:
+            usual = f"more than beam and bodies together, {rest:.4g} kg"
             yield f"impactor.{ball.name}.mass = {ball.mass:.4g} kg: {usual}; {_in_grams(ball.mass)}"
 
 

@@ -42,7 +42,7 @@ class RecordedMotion:
     Raises
     ------
     InputError
-        If a value is out of range, or the content is no record.
+        If the content is no record.
     """
 
     FREQUENCY_KEY: ClassVar[str] = "base.record"
@@ -145,7 +145,7 @@ class SignalMotion:
     Raises
     ------
     InputError
-        If a value is out of range, a field is missing, or there is none of that name.
+        If a field is missing, or there is none of that name.
     """
 
     FREQUENCY_KEY: ClassVar[str] = "base.kind"

@@ -102,7 +102,7 @@ class SamplePlan:
     Raises
     ------
     InputError
-        If a value is out of range, or the points of a Sobol sequence are not a power of two.
+        If the points of a Sobol sequence are not a power of two.
     """
 
     points: int = field(metadata=quantity("1", at_least=1, at_most=MOST_POINTS, integer=True))
@@ -135,11 +135,6 @@ class ParameterPlan:
         Of the base in each case, the last third of which is measured. Absent: those of [sweep].
     sample : SamplePlan or None
         Absent: the full grid of the axes.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range or of the wrong kind.
     """
 
     measures: tuple[str, ...] = field(metadata=text(several=True))

@@ -18,7 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
-from femimpact.contact import Rigid
+from femimpact.contact.laws import Rigid
 from femimpact.errors import Fault, InputError, require
 from femimpact.study.picture_data import read_bands, read_curves, read_film, read_last_cycles, read_mode_shapes
 from femimpact.study.result_directory import FILES, update_results

@@ -47,7 +47,7 @@ class MeshChoice:
     Raises
     ------
     InputError
-        If not exactly one of elements and file is given, or it is out of range.
+        If not exactly one of elements and file is given.
     """
 
     elements: int | None = field(default=None, metadata=quantity("1", at_least=1, at_most=100_000, integer=True))
@@ -67,11 +67,6 @@ class Reduction:
     ----------
     modes : int
         The lowest so many. Without the table the run is in the dofs of the mesh.
-
-    Raises
-    ------
-    InputError
-        If the number is no whole number from 1.
     """
 
     modes: int = field(metadata=quantity("1", at_least=1, integer=True))
@@ -88,11 +83,6 @@ class Gravity:
     ----------
     acceleration : float, m/s^2
         Positive towards +w; -9.81 pulls down.
-
-    Raises
-    ------
-    InputError
-        If the acceleration is not finite.
     """
 
     acceleration: float = field(metadata=quantity("m/s^2"))
@@ -117,11 +107,6 @@ class BaseMotion:
         Of the sine at t = 0.
     start : {"base", "space", "static"}
         At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
     """
 
     FREQUENCY_KEY: ClassVar[str] = "base.frequency"
@@ -170,7 +155,7 @@ class SweepPlan:
     Raises
     ------
     InputError
-        If a value is out of range, or the stop is not above the start.
+        If the stop is not above the start.
     """
 
     start: float = field(metadata=quantity("Hz", above=0.0))
@@ -213,11 +198,6 @@ class Output:
         Whether the deflections are in one temporal VTKHDF file too.
     report : bool
         Whether `report.html` is written.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range or of the wrong kind.
     """
 
     every: int | None = field(default=None, metadata=quantity("samples", at_least=1, integer=True))
@@ -262,7 +242,7 @@ class Study:
     Raises
     ------
     InputError
-        If a field is of another kind, the method's name is unknown, or there is a sweep and no sine.
+        If the method's name is unknown, or there is a sweep and no sine.
     """
 
     structure: Structure = field(metadata=instance(Structure))

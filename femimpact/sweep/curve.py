@@ -146,9 +146,8 @@ class FrequencyResponse:
     Raises
     ------
     InputError
-        If the columns do not have one value for each frequency, a frequency is not finite, not exactly one of
-        `cycles` and `duration` or of `amplitude` and `acceleration` is given, or the window is longer than the
-        duration.
+        If not exactly one of `cycles` and `duration` or of `amplitude` and `acceleration` is given, or the window is
+        longer than the duration.
     """
 
     frequency: Array = field(metadata=column("Hz", "frequencies", finite=True))

@@ -37,17 +37,12 @@ class ContactPair:
     first_mode : float, kg^-0.5
         phi1, the first mass-normalised mode at the pair.
     flexibility : float, m/N
-        b^T K^-1 b of the whole structure, which a reduced one is compared with; not a number where it is unknown.
+        b^T K^-1 b of the unreduced structure, which a reduced one is compared with; not a number where it is unknown.
     free_stiffness : float, N/m
     acceleration : float, m/s^2
         Constant one of the ball, gravity included.
     fixed_to : {"base", "space"}
         What a stop stands on; a ball's cavity moves with the structure.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
     """
 
     name: str = field(metadata=text())
@@ -75,12 +70,12 @@ class ContactPair:
 
     @property
     def is_stop(self) -> bool:
-        """Whether the other side is a fixed obstacle, not a ball."""
+        """True if the other side is a fixed obstacle, not a ball."""
         return math.isinf(self.mass)
 
     @property
     def is_preloaded(self) -> bool:
-        """Whether the undeformed structure would be inside a stop."""
+        """True if the undeformed structure would be inside a stop."""
         return min(self.gaps) < 0.0
 
     @property
@@ -92,7 +87,7 @@ class ContactPair:
     def effective_mass(self) -> float:
         """1/(1/m + phi1^2), kg."""
         inverse = self.first_mode**2 + self.mobility
-        # a stop where the first mode has a node: any finite number; the law's own time scale is then unknown
+        # a stop where the first mode has a node: any finite number; the time scale of the law is then unknown
         return 1.0 / inverse if inverse > 0.0 else 1.0
 
     @cached_property
@@ -108,7 +103,7 @@ class ContactPair:
         return moved
 
     def shares_place(self, other: ContactPair) -> bool:
-        """Whether both pairs are at one place: the same direction object, position, first mode and flexibility."""
+        """True if both pairs are at one place: the same direction object, position, first mode and flexibility."""
         require_type(other, ContactPair, "other")
         return (
             self.direction is other.direction
@@ -136,7 +131,7 @@ def contact_pair(
         Mass-normalised first mode at the place.
     flexibility : float, m/N
     gravity : float, m/s^2
-        Constant acceleration of a ball beside its own.
+        Constant acceleration of a ball, added to the one it has.
 
     Returns
     -------

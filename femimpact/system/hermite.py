@@ -143,7 +143,7 @@ class SectionFields:
     mass_per_length : ndarray (elements,), kg/m
         rho A.
     rotary_inertia : ndarray (elements,), kg m
-        rho I, which the beam's own mass matrix leaves out.
+        rho I, which the beam's mass matrix leaves out.
     young_modulus : ndarray (elements,), Pa
     half_height : ndarray (elements,), m
         From the neutral axis to the surface.
@@ -156,7 +156,7 @@ class SectionFields:
     Raises
     ------
     InputError
-        If the arrays are not equally long, a value is not positive, or a taper ends in nothing.
+        If a value is not positive, or a taper ends in nothing.
     """
 
     bending_stiffness: Array = field(metadata=column("N m^2", "elements", finite=True))
@@ -264,11 +264,6 @@ class Reaction:
         Entry of M r (a force: kg; a moment: kg m), M_hf r_f + M_hh r_h.
     constant : float
         Constant load on the held dof (a force: N; a moment: N m).
-
-    Raises
-    ------
-    InputError
-        If a value is out of range, or the rows are not equally long.
     """
 
     dof: int | None = field(metadata=optional(quantity("", at_least=0, integer=True)))
@@ -292,7 +287,7 @@ def damped_reactions(reactions: Mapping[str, Reaction], alpha: float, beta: floa
 
 
 def _with_row(item: Reaction, **rows: Array) -> Reaction:
-    """The same reaction with rows that follow from its own: the checks would take longer than making them."""
+    """The same reaction with rows that follow from it: the checks would take longer than making them."""
     copied = object.__new__(Reaction)
     copied.__dict__.update(item.__dict__ | rows)
     return copied

@@ -48,7 +48,7 @@ def _rigid_motions(system: Any) -> NDArray[np.float64]:
     expansion: Any = system.expansion
     dofs = np.asarray(expansion.T @ straight)
     held = straight - expansion @ dofs
-    # each strain by its own terms: springs may be softer than the beam by any number of decades
+    # each strain from its terms alone: springs may be softer than the beam by any number of decades
     terms = (abs(factor) @ np.abs(dofs)).max(axis=1)
     strains = (factor @ dofs)[terms > 0.0] / terms[terms > 0.0, None]
     sizes, shares = np.linalg.svd(np.vstack([held, strains]), full_matrices=False)[1:]
@@ -124,7 +124,7 @@ def sound_sparse(name: str, value: Any) -> Any:
     try:
         if value.format in ("csr", "csc", "bsr"):
             parts = value.data, value.indices, value.indptr
-            whole = all(np.asarray(part).dtype.kind in "iu" for part in parts[1:])
+            integer = all(np.asarray(part).dtype.kind in "iu" for part in parts[1:])
             # scipy takes a negative last one for a matrix without entries, of which it checks no more
             ends = np.asarray(value.indptr).astype(np.int64)
             if ends[0] != 0 or np.any(np.diff(ends) < 0):
@@ -134,13 +134,13 @@ def sound_sparse(name: str, value: Any) -> Any:
             found.check_format(full_check=True)
         else:
             entries = value.tocoo()
-            whole = all(np.asarray(part).dtype.kind in "iu" for part in entries.coords)
+            integer = all(np.asarray(part).dtype.kind in "iu" for part in entries.coords)
             found = sparse.coo_array((entries.data, entries.coords), shape=value.shape)
     # lists and dictionaries that somebody wrote into raise whatever comes first
     except Exception as error:
         words = " ".join(str(error).split()) or type(error).__name__
         raise InputError([Fault(name, None, "", f"must be a sound sparse matrix: {words}")]) from None
-    require(whole, name, None, "", "must be a sound sparse matrix: its indices are no whole numbers")
+    require(integer, name, None, "", "must be a sound sparse matrix: its indices are no whole numbers")
     return found
 
 
@@ -238,13 +238,13 @@ def check_semidefinite(name: str, matrix: Matrix) -> None:
 
 
 def same_product(matrix: Matrix, product: Callable[[Array], Array]) -> bool:
-    """Whether a sparse matrix (dofs, dofs) and another product do the same to one vector, to rounding.
+    """True if a sparse matrix (dofs, dofs) and another product do the same to one vector, to rounding.
 
     A fixed vector without pattern finds any difference but those made for it, at the cost of a product.
     """
     x = 1.0 + np.modf(np.sqrt(2.0) * np.arange(1, matrix.shape[0] + 1))[0]
     difference = np.abs(matrix @ x - product(x))
-    # each row by its own size; rows of a dense factor carry the rounding of the largest one
+    # each row relative to its size; rows of a dense factor carry the rounding of the largest one
     size = abs(matrix) @ x
     return bool(np.all(difference <= ROUNDING * (size + 1e-4 * size.max(initial=0.0))))
 
@@ -287,10 +287,10 @@ def _stiffness_solver(system: Any) -> Callable[[Array], Array]:
 def _augmented(factor: Matrix) -> Any:
     """[I, G; G^T, 0] by columns; a scale of I is of no account, as SuperLU scales rows and columns itself."""
     strains, dofs = factor.shape
-    entries, own = factor.tocoo(), np.arange(strains)
+    entries, strain = factor.tocoo(), np.arange(strains)
     row, column = entries.coords[0], strains + entries.coords[1]
     values = np.concatenate([np.ones(strains), entries.data, entries.data])
-    places = np.concatenate([own, row, column]), np.concatenate([own, column, row])
+    places = np.concatenate([strain, row, column]), np.concatenate([strain, column, row])
     return sparse.csc_array((values, places), shape=(strains + dofs, strains + dofs))
 
 

@@ -118,11 +118,11 @@ class _Text:
 
 @dataclass(frozen=True)
 class _Layout:
-    """What the head of a Matrix Market file says of its lines."""
+    """Format of the lines of a Matrix Market file, from its head."""
 
     dense: bool
     pattern: bool
-    whole: bool
+    integer: bool
     symmetric: bool
     rows: int
     columns: int
@@ -136,8 +136,8 @@ class _Layout:
 
     @property
     def words(self) -> str:
-        """What a line must be."""
-        value = "a whole number" if self.whole else "a finite decimal number"
+        """The allowed content of a line, in words."""
+        value = "a whole number" if self.integer else "a finite decimal number"
         place = f"row (1 to {self.rows}), column (1 to {self.columns})"
         return value if self.dense else place if self.pattern else f"{place} and {value}"
 
@@ -145,9 +145,9 @@ class _Layout:
         """Which lines (entries, width) of numbers are what they must be."""
         places = table[:, : 0 if self.dense else 2]
         largest = (self.rows, self.columns)[: places.shape[1]]
-        whole = table[:, : self.width if self.whole else places.shape[1]]
+        integers = table[:, : self.width if self.integer else places.shape[1]]
         sound = np.isfinite(table).all(axis=1) & ((places >= 1) & (places <= largest)).all(axis=1)
-        return np.asarray(sound & (whole == np.floor(whole)).all(axis=1))
+        return np.asarray(sound & (integers == np.floor(integers)).all(axis=1))
 
 
 def _of_market(text: _Text) -> Any:

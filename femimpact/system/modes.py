@@ -1,4 +1,4 @@
-"""The damping matrix of a system, from ratios of its own modes."""
+"""Modes of a system, and its damping matrix from damping ratios of these modes."""
 
 from __future__ import annotations
 
@@ -113,11 +113,6 @@ class Modes:
         phi^T M r for base motion, held dofs included.
     vectors : ndarray (dofs, count)
         phi, with phi^T M phi = 1.
-
-    Raises
-    ------
-    InputError
-        If the arrays are not of equally many modes.
     """
 
     natural_frequency: Array = field(metadata=column("Hz", "modes", finite=True))
@@ -162,7 +157,7 @@ def require_modes_of(dofs: int, modes: Modes) -> None:
 
 
 def mode_count(system: System, count: int, key: str = "count") -> int:
-    """How many modes of a system are asked for: a whole number up to that of its dofs.
+    """The checked number of modes asked of a system: a whole number up to that of its dofs.
 
     Raises `InputError` if it is out of range, or the system is not a `System`.
     """
@@ -347,7 +342,7 @@ def with_damping(system: System, damping: Rayleigh | ModalDamping | None) -> Sys
     system : System
         Also after `add_terms`, which leaves the damping of the structure what it was.
     damping : Rayleigh, ModalDamping or None
-        None is no damping. C is replaced whole, dashpots and damping that a user adds included.
+        None is no damping. All of C is replaced, dashpots and damping that a user adds included.
 
     Returns
     -------

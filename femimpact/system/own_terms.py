@@ -55,12 +55,12 @@ def add_terms(
 
     Notes
     -----
-    Rayleigh coefficients stay what they are and hold for the sums: C = alpha M + beta K + damping, so that own mass
+    Rayleigh coefficients stay what they are and hold for the sums: C = alpha M + beta K + damping, so that added mass
     and stiffness have their share of the damping. Damping by modes (`ModalDamping`) stays the matrix it is. Where the
     ratios are to be those of the new modes, `with_damping` computes the damping anew.
 
     The stiffness factor G, K = G^T G, carries the digits of fine meshes (`solve_modes`). A positive semidefinite
-    stiffness, as of a foundation or of tension, has its own factor, and both are stacked: no digit is lost. An
+    stiffness, as of a foundation or of tension, has a separate factor, and both are stacked: no digit is lost. An
     indefinite one has none. G is then the Cholesky factor of the sum K, which is rounded as K is: frequencies are
     good to about 1e-16 N^4 relative for N elements, 3e-10 for 40 and 3e-4 for 2000, and worse near buckling by the
     ratio of the unloaded stiffness to what is left of it.
@@ -78,22 +78,22 @@ def add_terms(
     """
     require_type(system, System, "system")
     made = "must be a system as assemble gives it: add terms before reduce, and to the matrices of System.from_matrices"
-    whole = system.nodes.size > 0 and sparse.issparse(system.expansion)
-    require(whole, "system", f"{system.dofs} dofs", "", made)
+    assembled = system.nodes.size > 0 and sparse.issparse(system.expansion)
+    require(assembled, "system", f"{system.dofs} dofs", "", made)
     size, expansion = 2 * system.nodes.size, sparse.csr_array(system.expansion)
     terms = {"stiffness": stiffness, "mass": mass, "damping": damping}
-    own = {name: _own_matrix(name, value, size) for name, value in terms.items()}
+    given = {name: _own_matrix(name, value, size) for name, value in terms.items()}
     force = np.zeros(size) if load is None else checked_row("load", load, size)
-    free = {name: sparse.csr_array(expansion.T @ matrix @ expansion) for name, matrix in own.items()}
+    free = {name: sparse.csr_array(expansion.T @ matrix @ expansion) for name, matrix in given.items()}
     rigid = np.zeros(size)
     rigid[0::2] = 1.0
-    momentum = own["mass"] @ rigid
+    momentum = given["mass"] @ rigid
     loaded: dict[str, Any] = {
         "rayleigh": system.rayleigh if damping is None else None,
         "constant_load": _row(system.constant_load + expansion.T @ force),
         "constant_resultant": None,
         "reactions": {
-            name: _with_terms(item, system.rayleigh, own, momentum, force, expansion)
+            name: _with_terms(item, system.rayleigh, given, momentum, force, expansion)
             for name, item in system.reactions.items()
         },
         "computed_together": None,
@@ -136,20 +136,20 @@ def _stiffness_factor(system: System, added: Matrix, K: Matrix) -> Matrix:
     """G of the sum: that of the structure above that of the added stiffness, or Cholesky's of the sum."""
     if added.nnz == 0:
         return system.stiffness_factor
-    own = banded_factor(added, semidefinite=True)
-    if own is not None:
-        return sparse.csr_array(sparse.vstack([system.stiffness_factor, own], format="csr"))
-    whole = banded_factor(K)
-    if whole is None:
+    factor = banded_factor(added, semidefinite=True)
+    if factor is not None:
+        return sparse.csr_array(sparse.vstack([system.stiffness_factor, factor], format="csr"))
+    of_sum = banded_factor(K)
+    if of_sum is None:
         allowed = "must leave the stiffness positive definite: under this one the structure has buckled"
         raise InputError([Fault("stiffness", None, "", allowed)])
-    return whole
+    return of_sum
 
 
 def _with_terms(
     item: Reaction,
     rayleigh: tuple[float, float] | None,
-    own: dict[str, Matrix],
+    given: dict[str, Matrix],
     momentum: NDArray[np.float64],
     force: NDArray[np.float64],
     expansion: Matrix,
@@ -157,7 +157,7 @@ def _with_terms(
     """A reaction with the rows of the added terms at its dof."""
     if item.dof is None:
         return item
-    added = {name: (matrix[[item.dof]] @ expansion).toarray()[0] for name, matrix in own.items()}
+    added = {name: (matrix[[item.dof]] @ expansion).toarray()[0] for name, matrix in given.items()}
     alpha, beta = rayleigh or (0.0, 0.0)
     damped = alpha * added["mass"] + beta * added["stiffness"] + added["damping"]
     return replace(

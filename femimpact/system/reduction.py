@@ -21,7 +21,7 @@ NEGLIGIBLE = 1e-12
 """Share of a direction's static flexibility below which a residual adds nothing but rounding."""
 
 ENOUGH_FLEXIBILITY = 0.95
-"""Share of the whole structure's flexibility at a contact that kept modes should have."""
+"""Share of the unreduced structure's flexibility at a contact that kept modes should have."""
 
 
 def reduce(system: System, modes: int, static_correction: bool = False) -> System:
@@ -150,7 +150,7 @@ def _damping_ratio(system: System, vectors: Array, omega: Array) -> Array:
 
 
 def truncation_notes(system: System) -> tuple[str, ...]:
-    """What a reduced system leaves out at its contacts, in words with numbers.
+    """Notes, with numbers, on the flexibility at contacts that a reduced system leaves out.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def truncation_notes(system: System) -> tuple[str, ...]:
 
 
 def _is_short(pair: ContactPair, highest: float) -> bool:
-    """Whether a contact is rigid, or over before the fastest kept coordinate (Hz) has turned once."""
+    """True if a contact is rigid, or over before the fastest kept coordinate (Hz) has turned once."""
     return pair.parameters.is_rigid or 0.0 < highest * pair.parameters.contact_time < 1.0
 
 
@@ -209,7 +209,9 @@ def _stiff_note(pairs: list[ContactPair], modes: int) -> str:
     """One note for all rigid or short contacts, with the mass that acts in an impulse on the kept modes."""
     mobilities = [float(pair.direction @ pair.direction) for pair in pairs]
     masses = ", ".join(
-        f"{pair.name} {1.0 / own:.4g} kg" for pair, own in zip(pairs, mobilities, strict=True) if own > 0.0
+        f"{pair.name} {1.0 / mobility:.4g} kg"
+        for pair, mobility in zip(pairs, mobilities, strict=True)
+        if mobility > 0.0
     )
     return (
         f"{_modes(modes)} kept: the peak force of a rigid or very short contact does not converge with their number; "

@@ -35,10 +35,10 @@ from femimpact.system.system import System
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """What a method needs of a run to go on with it; opaque to all others."""
+    """Data of a finished run with which its method continues it; only that method reads them."""
 
     kind: object  # equal for methods that can go on from `held`
-    held: Any  # arrays of the method's own
+    held: Any  # arrays that the method made
     # pair of ndarray: of the dofs (dofs,) and of the balls (balls,) relative to the base at that time, m and m/s
     displacements: tuple[Array, Array]
     velocities: tuple[Array, Array]  # pair of ndarray
@@ -48,7 +48,7 @@ class Continuation:
     touching: tuple[str, ...] = ()  # names of the contacts in progress, sticking ones included
 
     def has_contacts_of(self, system: Any, excitation: Excitation, time: float) -> bool:
-        """Whether contacts in progress are those of a system under an excitation from a time (s) on.
+        """True if contacts in progress are those of a system under an excitation from a time (s) on.
 
         The cavities of balls move with a base that jumps, a stop that is fixed in space does not.
         """
@@ -56,7 +56,7 @@ class Continuation:
         return _same_contacts(self.system, system) and (alone or self._same_drive(excitation, time))
 
     def has_equations_of(self, system: Any, excitation: Excitation, time: float) -> bool:
-        """Whether all equations are those of the run, so that accelerations too go on as they are."""
+        """True if all equations are those of the run, so that accelerations too go on as they are."""
         return self._same_drive(excitation, time) and _same_equations(self.system, system)
 
     def _same_drive(self, excitation: Excitation, time: float) -> bool:
@@ -75,7 +75,7 @@ def begun_anew(left: Continuation | None, going_on: Collection[str]) -> tuple[st
 
 
 def same_excitation(first: Any, second: Any) -> bool:
-    """Whether two excitations are one: the same object, equal ones, or equal samples at the same place."""
+    """True if two excitations are one: the same object, equal ones, or equal samples at the same place."""
     if first is second:
         return True
     if type(first) is not type(second):
@@ -123,7 +123,7 @@ class State:
     """Displacements and velocities at the start of a run, and its time.
 
     `Response.final_state` is one that carries what the run has reached beyond them. The same method goes on from it:
-    on the same system under the same excitation two halves are the whole, in other cases as far as it still holds.
+    on the same system under the same excitation two halves equal one run, in other cases as far as it still holds.
     Contacts in progress go on where the contacts are the same (and, of stops fixed in space, the excitation and the
     time). Of another method, and of values that were replaced, the displacements and velocities alone are used, and a
     response says so where that begins a contact anew.
@@ -156,7 +156,7 @@ class State:
     Raises
     ------
     InputError
-        If a value is out of range, or the state is both static and at rest in the inertial frame.
+        If the state is both static and at rest in the inertial frame.
     """
 
     displacement: Any = field(default=None, metadata=column("m", "dofs", finite=True))
@@ -274,13 +274,13 @@ class State:
 
     @property
     def is_at_rest(self) -> bool:
-        """Whether nothing moves, or is displaced from where the state's own frame or equilibrium has it."""
+        """True if nothing moves, or is displaced from where the state's frame or equilibrium has it."""
         given = (self.displacement, self.velocity, self.ball_displacement, self.ball_velocity)
         return all(values is None or not np.any(values) for values in given)
 
     @takes(system=SYSTEM)
     def is_static_on(self, system: System) -> bool:
-        """Whether displacements that are not given are those of the static state of a system."""
+        """True if displacements that are not given are those of the static state of a system."""
         preloaded = any(pair.is_preloaded for pair in system.contacts)
         return self.equilibrium or (self.displacement is None and preloaded)
 
@@ -294,7 +294,7 @@ class State:
 
     @takes(system=SYSTEM, base=BASE)
     def left_by_run(self, system: System, base: Excitation) -> Continuation | None:
-        """What the run that ended here has left, where the values are still its own and its contacts the system's."""
+        """The continuation left by the run that ended here, if values and contacts are still those of that run."""
         left = self._left_there(system, base)
         same = left is not None and _are_equal((self.velocity, self.ball_velocity), left.velocities)
         return left if same else None
@@ -345,8 +345,8 @@ class State:
         return u, v, y, y_rate
 
 
-def _are_equal(given: tuple[Array | None, ...], own: tuple[Array, ...]) -> bool:
-    return all(values is not None and np.array_equal(values, left) for values, left in zip(given, own, strict=True))
+def _are_equal(given: tuple[Array | None, ...], kept: tuple[Array, ...]) -> bool:
+    return all(values is not None and np.array_equal(values, left) for values, left in zip(given, kept, strict=True))
 
 
 def _vector(values: ArrayLike | None, size: int, key: str, unit: str, default: Array | None = None) -> Array:

@@ -1,6 +1,6 @@
 """Static equilibrium of structure, balls and stops under constant forces: contacts push, and never pull.
 
-K u = f + sum_j b_j F_j. A ball at rest passes its whole constant force on, F_j = m_j g_j, whichever of spring and wall
+K u = f + sum_j b_j F_j. A ball at rest passes all of its constant force on, F_j = m_j g_j, whichever of spring and wall
 carries it. Walls of stops, with p_i their penetration and c_i the compliance of their law, are the complementarity
 problem 0 <= F_i, p_i <= c_i F_i, one of them with equality.
 """
@@ -39,7 +39,7 @@ TOGETHER = (
 
 
 class SystemOrigin(NamedTuple):
-    """What a system was when its fields were computed from one another."""
+    """Fields of a system as they were when they were computed from one another."""
 
     fields: tuple[Any, ...]
     contacts: tuple[Any, ...]
@@ -56,7 +56,7 @@ def check_shapes(system: Any) -> None:
         given = getattr(matrix, "shape", ())
         dense = name == "expansion" and isinstance(matrix, np.ndarray)
         fits = (sparse.issparse(matrix) or dense) and len(given) == 2
-        fits = fits and all(size is None or size == own for size, own in zip(expected, given, strict=True))
+        fits = fits and all(size is None or size == length for size, length in zip(expected, given, strict=True))
         allowed = f"must be a sparse matrix with {n} columns, one for each dof"
         require(fits, name, given or type(matrix).__name__, "", allowed)
         entries = matrix if dense else sound_sparse(name, matrix).data
@@ -282,7 +282,7 @@ def _power(stiffness: float, exponent: float) -> Callable[[float], float]:
 
 
 def _is_static(pair: ContactPair) -> bool:
-    """Whether a law has a force at rest that follows from its penetration alone."""
+    """True if a law has a force at rest that follows from its penetration alone."""
     kind = pair.parameters.kind
     return kind in (RIGID, KELVIN_VOIGT) or (kind == POWER and pair.parameters.damping == 0.0)
 
@@ -339,9 +339,9 @@ def _forces_of_laws(walls: list[_Wall], compliance: Array, free: Array, names: s
     stiffness = np.array([wall.stiffness for wall in walls])
     exponent = np.array([wall.exponent for wall in walls])
     curved = np.array([wall.kind == POWER and wall.exponent != 1.0 for wall in walls])
-    own = np.where(curved, 0.0, 1.0 / stiffness)
+    softness = np.where(curved, 0.0, 1.0 / stiffness)
     if not np.any(curved):
-        return _complementary(compliance, own, free, names)
+        return _complementary(compliance, softness, free, names)
     k, n = stiffness[curved], exponent[curved]
     force, before = np.zeros((2, free.size))
     # from above: where the force bends upwards, Newton's steps do not overshoot
@@ -349,10 +349,10 @@ def _forces_of_laws(walls: list[_Wall], compliance: Array, free: Array, names: s
     for _ in range(MOST_ROUNDS):
         depth = np.maximum(depth, 1e-12 * (np.max(np.abs(free)) + 1e-300))
         elastic, slope = k * depth**n, k * n * depth ** (n - 1.0)
-        own[curved] = 1.0 / slope
+        softness[curved] = 1.0 / slope
         moved = free.copy()
         moved[curved] -= depth - elastic / slope
-        before, force = force, _complementary(compliance, own, moved, names)
+        before, force = force, _complementary(compliance, softness, moved, names)
         depth = (free - compliance @ force)[curved]
         if np.max(np.abs(force - before)) <= 1e-14 * np.max(np.abs(force)):
             return force
@@ -362,20 +362,20 @@ def _forces_of_laws(walls: list[_Wall], compliance: Array, free: Array, names: s
     return force
 
 
-def _complementary(compliance: Array, own: Array, free: Array, names: str) -> Array:
+def _complementary(compliance: Array, softness: Array, free: Array, names: str) -> Array:
     """F >= 0 with (A + diag c) F >= q and equality where F > 0.
 
     Raises `InputError` if there is none: rigid walls that leave the structure no place.
     """
-    whole = compliance + np.diag(own)
-    scale = np.sqrt(np.maximum(np.diag(whole), 0.0))
+    total = compliance + np.diag(softness)
+    scale = np.sqrt(np.maximum(np.diag(total), 0.0))
     yielding = scale > 0.0
     size = np.max(np.abs(free))
     # a wall where nothing yields has no force to be found: it must not be pressed
     fine = bool(np.all(free[~yielding] <= EXACT * size))
     force = np.zeros(free.size)
     if fine and np.any(free > 0.0):
-        part = whole[np.ix_(yielding, yielding)] / np.outer(scale[yielding], scale[yielding])
+        part = total[np.ix_(yielding, yielding)] / np.outer(scale[yielding], scale[yielding])
         target = free[yielding] / scale[yielding]
         solved, fine = _solved(part, target)
         force[yielding] = solved / scale[yielding]

@@ -205,7 +205,7 @@ class System:
         impactors, stops : sequences
             Their `at` is a name among the points.
         constant_load : array_like (dofs,), N
-            Constant force on the structure; the default is none. Balls have their own `acceleration`.
+            Constant force on the structure; the default is none. Balls have an `acceleration` each.
         nodes : array_like (n,), m
             Increasing positions along a line, for pictures: mode shapes and deflections are drawn there.
         expansion : array_like or sparse (2 n, dofs)
@@ -319,7 +319,7 @@ class System:
 
     @cached_property
     def is_diagonal(self) -> bool:
-        """Whether M, C and K are diagonal, as in modal coordinates."""
+        """True if M, C and K are diagonal, as in modal coordinates."""
         return all(_is_diagonal(matrix) for matrix in (self.M, self.C, self.K))
 
     def position_of(self, at: Position) -> float:
@@ -365,10 +365,10 @@ class System:
     def curvature_rows(self, positions: ArrayLike, side: str = "right") -> Array:
         """Rows that read the curvature w'' (1/m) at positions.
 
-        The bending moment is EI w'', the elastic part: what damping in proportion to the stiffness and terms of one's
-        own add to it is not in it. A surface strain is -+ half_height w'', a stress E times that; `section_at` has
-        the constants, and `femimpact.system.hermite` the signs. w'' is linear in each element, with an error of the
-        second order of the element's length.
+        The bending moment is EI w'', the elastic part: the shares of damping in proportion to the stiffness and of
+        `add_terms` are not in it. A surface strain is -+ half_height w'', a stress E times that; the constants are
+        those of `section_at`, and `femimpact.system.hermite` the signs. w'' is linear in each element, with an error of
+        the second order of the element's length.
 
         Parameters
         ----------
@@ -514,7 +514,7 @@ class System:
 
     @cached_property
     def derived(self) -> dict[Any, Any]:
-        """What was computed of this system before, under keys of those who computed it: kept as long as the system.
+        """Results computed from this system, by keys of the functions that computed them: kept as long as the system.
 
         A value follows from its key and the system alone, and is not changed once it is there, so that threads
         may share it.

@@ -47,11 +47,6 @@ def impact_histograms(response: Response, figure: FigureBase | OffScreen | None 
     Returns
     -------
     ndarray (3,) of Axes
-
-    Raises
-    ------
-    InputError
-        If it is no response.
     """
     impacts = response.impacts
     start, end = response.window
@@ -98,11 +93,6 @@ def impulse_phase(response: Response, ax: Axes | OffScreen | None = None) -> Axe
     Returns
     -------
     Axes
-
-    Raises
-    ------
-    InputError
-        If it is no response.
     """
     impacts = response.impacts
     start, end = response.window
@@ -156,7 +146,7 @@ def collision_history(law: ContactLaw, effective_mass: float, approach_speed: fl
     Raises
     ------
     InputError
-        If the law is a rigid one, or an argument is out of range.
+        If the law is a rigid one.
     """
     from scipy.integrate import solve_ivp
 
@@ -203,7 +193,7 @@ def contact_laws(
     Raises
     ------
     InputError
-        If there is no contact or no speed, or an entry is of the wrong kind or out of range.
+        If there is no contact or no speed.
     """
     named = rows_of("contacts", contacts, name=text(), law=a_law(), effective_mass=EFFECTIVE_MASS)
     require(len(named) > 0, "contacts", "none", "", "must be one or more of (name, law, effective_mass)")

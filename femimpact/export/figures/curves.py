@@ -76,7 +76,7 @@ def response_curve(
     Raises
     ------
     InputError
-        If there is no curve, or something else than one, or another argument is of the wrong kind.
+        If there is no curve, or something else than one.
     """
     named = {"": curves} if isinstance(curves, FrequencyResponse) else curves
     require_type(named, Mapping, "curves")
@@ -236,11 +236,6 @@ def restitution_scan(
     Returns
     -------
     ndarray (2,) of Axes
-
-    Raises
-    ------
-    InputError
-        If an argument is of the wrong kind or not > 0.
     """
     named = rows_of("scans", scans, label=text(), scan=instance(RestitutionScan))
     axes, said = panels(figure, 8.0, 7.4, 2, 1, sharex=True)[:, 0], list[str]()

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.contact import Rigid
+from femimpact.contact.laws import Rigid
 from femimpact.errors import Fault, InputError, column, instance, optional, quantity, require, takes, truth
 from femimpact.excitation.excitation import has_cycle, words_of
 from femimpact.export.figures.drawing import (
@@ -238,7 +238,7 @@ def cycle_averaged_force(response: Response) -> tuple[Array, Array]:
     Raises
     ------
     InputError
-        If it is no response, or its excitation has no cycle.
+        If its excitation has no cycle.
     """
     require(has_cycle(response.base), "response.base", words_of(response.base), "", "must have a cycle")
     period, impacts, sticking = 1.0 / response.base.frequency, response.impacts, response.sticking
@@ -280,7 +280,7 @@ def contact_force(
     Raises
     ------
     InputError
-        If the run holds no history of a contact force, or an argument is out of range.
+        If the run holds no history of a contact force.
     """
     require_history(response)
     names = [name for name in response.channels if name.rpartition(".")[2] == "contact_force"]

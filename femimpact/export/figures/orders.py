@@ -72,7 +72,7 @@ def convergence(
     Raises
     ------
     InputError
-        If it is no table, or has no quantity of a name.
+        If it has no quantity of a name.
     """
     chosen = [table.index(str(name)) for name in (table.name if names is None else names)]
     axis = panel(ax, 8.6, 5.6)
@@ -125,11 +125,6 @@ def convergence_panels(table: ConvergenceTable, figure: FigureBase | OffScreen |
     Returns
     -------
     ndarray (kinds,) of Axes
-
-    Raises
-    ------
-    InputError
-        If it is no table.
     """
     kinds: dict[str, list[str]] = {}
     for name, unit, is_statistic in zip(table.name, table.unit, table.is_statistic, strict=True):
@@ -184,11 +179,6 @@ def mesh_convergence(result: MeshConvergence, slope: float | None = 4.0, ax: Axe
     Returns
     -------
     Axes
-
-    Raises
-    ------
-    InputError
-        If the result is of another kind, or the slope is out of range.
     """
     axis = panel(ax, 7.0, 5.0)
     for i in range(result.reference.size):
@@ -222,11 +212,6 @@ def step_convergence(result: StepConvergence, slope: float | None = 2.0, ax: Axe
     Returns
     -------
     Axes
-
-    Raises
-    ------
-    InputError
-        If the result is of another kind, or the slope is out of range.
     """
     axis = panel(ax, 7.0, 5.0)
     rows = (
@@ -275,11 +260,6 @@ def mode_convergence(result: ModeConvergence, figure: FigureBase | OffScreen | N
     Returns
     -------
     ndarray (3,) of Axes
-
-    Raises
-    ------
-    InputError
-        If it is no such result.
     """
     axes: NDArray[np.object_] = panels(figure, 12.0, 4.6, 1, 3)[0]
     displacement, loss, damping = axes

@@ -159,7 +159,7 @@ def motion(
     Raises
     ------
     InputError
-        If the run holds no history, a channel is missing, which is named, or `cycles` is not > 0.
+        If the run holds no history, or a channel is missing, which is named.
     """
     require_history(response)
     pairs = response.system.contacts or (None,)
@@ -283,7 +283,7 @@ def phase_portrait(
     Raises
     ------
     InputError
-        If the run holds no history, a channel is missing, which is named, or an argument is out of range.
+        If the run holds no history, or a channel is missing, which is named.
     """
     require_history(response)
     balls = [pair.name for pair in response.system.balls]
@@ -406,7 +406,7 @@ def bifurcation(
     Raises
     ------
     InputError
-        If there is no run, one holds no history of the channel, or an argument is of the wrong kind.
+        If there is no run, or one holds no history of the channel.
     """
     require(len(responses) > 0, "responses", "none", "", "must be one or more runs")
     for response in responses:

@@ -55,7 +55,7 @@ def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScre
     Raises
     ------
     InputError
-        If an argument is of the wrong kind, or the structure does not fit the mesh.
+        If the structure does not fit the mesh.
     """
     # of each element at its two ends
     half = np.full((mesh.elements, 2), 0.5)
@@ -180,7 +180,7 @@ def mode_shapes(
     Raises
     ------
     InputError
-        If the system has no beam to draw a shape of, the modes are of another one, or an argument is out of range.
+        If the system has no beam to draw a shape of, or the modes are of another one.
     """
     require(system.nodes.size > 1, "system.nodes", system.nodes.size, "", "must be 2 or more: a shape needs a beam")
     count = min(modes.natural_frequency.size, MOST)

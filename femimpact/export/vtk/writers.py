@@ -56,7 +56,7 @@ def write_modes(
     Raises
     ------
     InputError
-        If a value is out of range, or the path cannot be written.
+        If the path cannot be written.
     """
     path = checked_path(path)
     return _write(path, mode_series(system, modes, structure, subdivisions, scale), MODES)
@@ -97,7 +97,7 @@ def write_mode(
     Raises
     ------
     InputError
-        If a value is out of range, or the path cannot be written.
+        If the path cannot be written.
     """
     path = checked_path(path)
     return _write(path, mode_motion_series(system, modes, structure, mode, frames, subdivisions, scale), MODE)
@@ -151,7 +151,7 @@ def write_deflection(
     Raises
     ------
     InputError
-        If the response holds no snapshots, a value is out of range, or the path cannot be written.
+        If the response holds no snapshots, or the path cannot be written.
 
     Warns
     -----

@@ -60,11 +60,6 @@ class EventDriven:
     most_events : int
         Impacts and changes of contact for each base cycle, on average over what is computed at once,
         beyond which a run is given up.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
     """
 
     takes_several_systems: ClassVar[bool] = True

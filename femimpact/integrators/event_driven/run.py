@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.contact.laws import RIGID
-from femimpact.errors import DivergenceError, in_range, quantity, require
+from femimpact.errors import DivergenceError, changed, in_range, made, quantity, require
 from femimpact.excitation import Excitation
 from femimpact.integrators.cases import check_memory
 from femimpact.integrators.channel_rows import ChannelRows, Drive, channel_rows, drive_of, reaction_notes
@@ -310,7 +310,7 @@ def run_events(
             progress(end / samples)
     found = _response(run, stream, samples, begin)
     largest = LargestValues(partial(find_largest, system, excitation, method, duration, asked, initial))
-    return replace(found, notes=(*found.notes, *grid.chosen), kept_state=kept_state, largest_values=largest)
+    return changed(found, notes=(*found.notes, *grid.chosen), kept_state=kept_state, largest_values=largest)
 
 
 def _new_run(
@@ -437,7 +437,8 @@ def _history(run: _Run, samples_before: int, snapshots_before: int) -> HistoryPi
     values = np.concatenate([np.zeros((0, width)), *run.samples])
     number = samples_before + np.arange(values.shape[0])
     time = _read_only(run.sampling.time(keep.first + keep.every * number))
-    return HistoryPiece(
+    return made(
+        HistoryPiece,
         time=time,
         channels={
             channel.name: _read_only(values[:, i + 1] + run.rows.of_time(i, time, run.excitation, run.drive))
@@ -463,7 +464,8 @@ def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response
         warnings.append(
             f"{impacts.dropped} impacts beyond the first {len(impacts)} are not in the table (Recorder.impacts)"
         )
-    return Response(
+    return made(
+        Response,
         time=left.time,
         channels=left.channels,
         units=left.units,
@@ -508,7 +510,7 @@ def _balance_warnings(run: _Run, energy: EnergyLedger) -> list[str]:
 
 def _steady(run: _Run) -> SteadyMotion:
     table = run.block.grid.cycles[0]
-    cycles = CycleStatistics(**{name: table[:, [i]] for i, name in enumerate(CYCLE_COLUMNS)})
+    cycles = made(CycleStatistics, **{name: table[:, [i]] for i, name in enumerate(CYCLE_COLUMNS)})
     finished = table.shape[0]
     return steady_motion(cycles, np.array([max(finished // 3, 1)])) if finished else no_steady_motion()
 
@@ -520,7 +522,8 @@ def _impacts(run: _Run) -> Impacts:
     columns = {name: _read_only(table[:, i]) for i, name in enumerate(IMPACT_COLUMNS)}
     pair, time = columns.pop("pair"), columns["time"]
     names = np.array([contact.name for contact in contacts] or [""])
-    return Impacts(
+    return made(
+        Impacts,
         **columns,
         phase=_read_only(np.mod(2.0 * np.pi * excitation.frequency * time + excitation.phase, 2.0 * np.pi)),
         impactor=names[pair.astype(int)],
@@ -539,7 +542,8 @@ def _sticking(run: _Run) -> StickingPhases:
         rows.append((j, float(np.sign(block.cases.state[0, j])), _begun(block, j), math.nan, impulse))
     pair, side, start, end, pushed = np.array(rows).reshape(-1, 5).T
     lasting = np.where(np.isfinite(end), end, float(block.cases.clock[0, 0])) - start
-    return StickingPhases(
+    return made(
+        StickingPhases,
         impactor=np.array([run.system.contacts[int(j)].name for j in pair], dtype=str),
         side=side,
         start=start,
@@ -576,7 +580,7 @@ def _ledger(run: _Run, time: Array) -> EnergyLedger:
     table = np.concatenate([np.zeros((0, len(ENERGY_COLUMNS) + run.system.dofs)), *run.energy])
     columns = {name: _read_only(table[:, i]) for i, name in enumerate(ENERGY_COLUMNS)}
     of_mode = _read_only(table[:, len(ENERGY_COLUMNS) :])
-    return EnergyLedger(time=time, structure_loss_of_mode=of_mode, **columns)
+    return made(EnergyLedger, time=time, structure_loss_of_mode=of_mode, **columns)
 
 
 def _snapshots(run: _Run, before: int) -> Snapshots:
@@ -587,7 +591,8 @@ def _snapshots(run: _Run, before: int) -> Snapshots:
     forces = forces * np.array([-1.0 if pair.is_stop else 1.0 for pair in system.contacts])
     number = before + np.arange(fields.shape[0])
     u, v = (np.asarray((system.expansion @ fields[:, k, :n].T).T) for k in (0, 1))
-    return Snapshots(
+    return made(
+        Snapshots,
         time=_read_only(run.sampling.time(keep.first_snapshot + keep.snapshots * number)),
         displacement=_read_only(u),
         velocity=_read_only(v),

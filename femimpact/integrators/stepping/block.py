@@ -15,7 +15,7 @@ from femimpact import core
 from femimpact.arrays import Array
 from femimpact.contact.custom_law import ForcePointer, law_error
 from femimpact.contact.laws import RIGID
-from femimpact.errors import require
+from femimpact.errors import made, require
 from femimpact.excitation import Excitation
 from femimpact.integrators.cases import check_memory, first_steps, kept_rows, modes_kept
 from femimpact.integrators.channel_rows import ChannelRows, Drive, drive_of
@@ -129,7 +129,7 @@ class Block:
         """Statistics of every base cycle of the real cases that was finished since the beginning."""
         values = self.cycles.values[self.beginning.cycle :, :, : self.cases]
         columns = {name: values[:, i] for i, name in enumerate(CYCLE_COLUMNS)}
-        return CycleStatistics(**columns)
+        return made(CycleStatistics, **columns)
 
 
 def _lanes(cases: int) -> int:
@@ -283,7 +283,8 @@ def history_of(
     histories = kept(record.channels[:, :samples])
     time = _own(origin + (first + every * (samples_before + np.arange(samples))) * dt)
     shown = _own(origin + (first_field + stride * (snapshots_before + np.arange(snapshots))) * dt)
-    return HistoryPiece(
+    return made(
+        HistoryPiece,
         time=time,
         channels={
             channel.name: _with(histories[i], recorded.rows.of_time(i, time, recorded.excitation, recorded.drive))
@@ -298,7 +299,7 @@ def history_of(
 
 def _ledger(table: Array, time: Array) -> EnergyLedger:
     columns = dict(zip(ENERGY_COLUMNS, table, strict=False))
-    return EnergyLedger(time=time, structure_loss_of_mode=table[len(ENERGY_COLUMNS) :].T, **columns)
+    return made(EnergyLedger, time=time, structure_loss_of_mode=table[len(ENERGY_COLUMNS) :].T, **columns)
 
 
 def _with(history: Array, of_time: Array | float) -> Array:
@@ -309,7 +310,8 @@ def _with(history: Array, of_time: Array | float) -> Array:
 def _snapshots(record: layout.Record, system: System, time: Array) -> Snapshots:
     fields, forces = record.snapshots[: time.size], record.forces[: time.size]
     dofs, balls = system.dofs, slice(system.dofs, system.dofs + len(system.balls))
-    return Snapshots(
+    return made(
+        Snapshots,
         time=time,
         displacement=_own(_at_nodes(system, fields[:, 0, :dofs])),
         velocity=_own(_at_nodes(system, fields[:, 1, :dofs])),
@@ -335,7 +337,8 @@ def impacts_of(block: Block, system: System, excitation: Excitation) -> Impacts:
     names = np.array([pair.name for pair in system.contacts] or [""])
     impactor = names[columns.pop("pair").astype(int)]
     columns["time"] = _own(block.beginning.origin + columns["time"])
-    return Impacts(
+    return made(
+        Impacts,
         **columns,
         impactor=impactor,
         phase=_own(np.mod(2.0 * np.pi * excitation.frequency * columns["time"] + excitation.phase, 2.0 * np.pi)),
@@ -364,7 +367,8 @@ def sticking_of(block: Block, system: System) -> StickingPhases:
         return StickingPhases.none()
     start, pair, side, duration, impulse, end = (np.array(column) for column in zip(*rows, strict=True))
     start, end = block.beginning.origin + start, block.beginning.origin + end
-    return StickingPhases(
+    return made(
+        StickingPhases,
         impactor=np.array([system.contacts[int(j)].name for j in pair]),
         side=_own(side),
         start=_own(start),

@@ -210,7 +210,7 @@ class Newmark(SteppingAnswers):
     Raises
     ------
     InputError
-        If a value is out of range, or an energy-consistent contact has another beta or gamma.
+        If an energy-consistent contact has another beta or gamma.
     """
 
     dt: float = field(metadata=quantity("s", above=0.0))
@@ -255,11 +255,6 @@ class HHT(SteppingAnswers):
     allow_coarse_step, divergence_limit, refine
         As of `Newmark`.
 
-    Raises
-    ------
-    InputError
-        If a value is out of range.
-
     Examples
     --------
     >>> import femimpact as fi
@@ -296,11 +291,6 @@ class WBZ(SteppingAnswers):
         0 is the average acceleration; -1 damps most.
     allow_coarse_step, divergence_limit, refine
         As of `Newmark`.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
     """
 
     dt: float = field(metadata=quantity("s", above=0.0))
@@ -332,11 +322,6 @@ class GeneralizedAlpha(SteppingAnswers):
         r at infinite frequency: 1 damps nothing, 0 annihilates the highest modes in one step.
     allow_coarse_step, divergence_limit, refine
         As of `Newmark`.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
     """
 
     dt: float = field(metadata=quantity("s", above=0.0))
@@ -372,11 +357,6 @@ class MoreauJean(SteppingAnswers):
         1/2 loses no energy beside the impacts; 1 is the implicit Euler rule.
     allow_coarse_step, divergence_limit
         As of `Newmark`.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
 
     Examples
     --------

@@ -16,7 +16,7 @@ from femimpact import core
 from femimpact.arrays import Array
 from femimpact.contact.custom_law import speed_note
 from femimpact.contact.laws import RIGID
-from femimpact.errors import DivergenceError, in_range, quantity, require
+from femimpact.errors import DivergenceError, changed, in_range, made, quantity, require
 from femimpact.excitation import Excitation, PointForce, Sine, Sum
 from femimpact.integrators.cases import SineCases, SineDwellResults, SineDwells, run_each, start_of, with_contacts_of
 from femimpact.integrators.channel_rows import channel_rows, drive_of, reaction_notes
@@ -134,7 +134,7 @@ def run_steps(
             kept_state = _state(block, system, excitation, method)
     response = _response(block, system, excitation, method, recorder, initial, stream, warnings)
     notes = (*response.notes, *reaction_notes(system, drive, channels))
-    return replace(response, notes=notes, kept_state=kept_state, largest_values=largest)
+    return changed(response, notes=notes, kept_state=kept_state, largest_values=largest)
 
 
 def _again(
@@ -222,7 +222,8 @@ def _response(
         warnings = (*warnings, _residual_warning(left.energy.residual, recorder.residual_limit))
     cycles = block.cycle_statistics
     finished = int(np.count_nonzero(cycles.samples[:, 0]))
-    return Response(
+    return made(
+        Response,
         time=left.time,
         channels=left.channels,
         units=left.units,
