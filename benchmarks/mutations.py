@@ -69,7 +69,6 @@ MUTATIONS = (
         "bending, modulus = beam.segments[0].bending_stiffness",
     ),
     Mutation("taper_of_mass", "self.mass_per_length[element] * (a * b)", "self.mass_per_length[element] * a"),
-    Mutation("gauss_points_of_taper", "m0, m1 = 1.0 + c2 / 3.0", "m0, m1 = 1.0 + c2 / 2.9"),
     Mutation("pinned_is_clamped", '"pinned": ("w",)', '"pinned": ("w", "slope")'),
     Mutation("rotary_inertia", "body.rotary_inertia, body.offset)", "0.5 * body.rotary_inertia, body.offset)"),
     Mutation(
