@@ -19,7 +19,7 @@ from femimpact.integrators.stepping import layout
 from femimpact.response import impacts
 
 TYPES = {
-    "Array": "float64", "Complex": "complex128", "Indices": "int64", "NDArray[np.bool_]": "bool",
+    "Array": "float64", "Complex": "complex128", "Integers": "int64", "NDArray[np.bool_]": "bool",
     "int": "int", "float": "float", "bool": "bool number",
 }  # fmt: skip
 
