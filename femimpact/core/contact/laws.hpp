@@ -1,6 +1,7 @@
 // The contact laws in the loop over steps. A rigid law has no force: its impulse is the step's own.
 #pragma once
 
+#include "../fields.hpp"
 #include "formulas.hpp"
 
 namespace FEMIMPACT_TARGET {
@@ -10,30 +11,19 @@ using CustomForce = double (*)(double depth, double rate, double approach_speed)
 
 // Numbers of one pair's law, and of its contact in progress.
 struct Law {
-    Index kind;
-    double gap_plus;    // m
-    double gap_minus;   // m
-    double stiffness;   // N/m, or N/m^n
-    double damping;     // N s/m; of a power law its loss factor, 1
-    double exponent;    // 1
-    double restitution; // 1
-    double spring;      // N/m, of the centring spring
-    double approach;    // m/s, speed at which the contact opened
-    Index address;      // of a custom law's function
-    double *refused;    // (3,) what a custom law was given first for a force that is no number; written once
-
-    template <class Visitor> void fields(Visitor &visit) {
-        visit("kind", kind);
-        visit("gap_plus", gap_plus);
-        visit("gap_minus", gap_minus);
-        visit("stiffness", stiffness);
-        visit("damping", damping);
-        visit("exponent", exponent);
-        visit("restitution", restitution);
-        visit("spring", spring);
-        visit("approach", approach);
-        visit("address", address);
-    }
+    FIELDS_BEGIN;
+    NUMBER(kind, Index);
+    NUMBER(gap_plus, double);    // m
+    NUMBER(gap_minus, double);   // m
+    NUMBER(stiffness, double);   // N/m, or N/m^n
+    NUMBER(damping, double);     // N s/m; of a power law its loss factor, 1
+    NUMBER(exponent, double);    // 1
+    NUMBER(restitution, double); // 1
+    NUMBER(spring, double);      // N/m, of the centring spring
+    NUMBER(approach, double);    // m/s, speed at which the contact opened
+    NUMBER(address, Index);      // of a custom law's function
+    FIELDS_END;
+    double *refused; // (3,) what a custom law was given first for a force that is no number; written once
 };
 
 // A law that needs no function, by its numbers alone; of another kind one without force.

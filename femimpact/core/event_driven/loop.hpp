@@ -246,19 +246,13 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
 
 // Which cases a call takes where, and what it says of them.
 struct Task {
-    GivenIndices members;   // cases
-    GivenIndices begin;     // (C,) samples after which is read
-    GivenIndices end;       // (C,) samples to which is gone
-    GivenArray most;        // (C,) events allowed in all
-    View<Index, 1> stopped; // (C,) what each one stopped for
-
-    template <class Visitor> void fields(Visitor &visit) {
-        visit("members", members, "M");
-        visit("begin", begin, "C");
-        visit("end", end, "C");
-        visit("most", most, "C");
-        visit("stopped", stopped, "C");
-    }
+    FIELDS_BEGIN;
+    ARRAY(members, "M", GivenIndices);   // cases
+    ARRAY(begin, "C", GivenIndices);     // samples after which is read
+    ARRAY(end, "C", GivenIndices);       // samples to which is gone
+    ARRAY(most, "C", GivenArray);        // events allowed in all
+    ARRAY(stopped, "C", View<Index, 1>); // what each one stopped for
+    FIELDS_END;
 };
 
 // Takes some cases from where they are to their sample `end`, reading those after `begin`.

@@ -1,13 +1,15 @@
 // What the loop over steps works on: the arrays that it is handed, by name.
 //
-// The functions `fields` are the table of names, types and shapes that Python hands arrays over by; a type in View<...>
-// that is const is only read. The case axis comes last: cases lie side by side, one alone or in packs. In shapes n
-// degrees of freedom, R places that are read in every step, P pairs, C cases, m modes whose losses are kept apart (n or
-// none), B and b lower bands, K cycles; any other letter is a separate length.
+// Each line of a struct with fields is a member and its row in the table of names, types and shapes that Python hands
+// arrays over by (see fields.hpp); a type in View<...> that is const is only read. The case axis comes last: cases lie
+// side by side, one alone or in packs. In shapes n degrees of freedom, R places that are read in every step, P pairs, C
+// cases, m modes whose losses are kept apart (n or none), B and b lower bands, K cycles; any other letter is a separate
+// length.
 #pragma once
 
 #include "../array.hpp"
 #include "../contact/laws.hpp"
+#include "../fields.hpp"
 
 namespace FEMIMPACT_TARGET::stepping {
 
@@ -61,269 +63,164 @@ enum : Index { BUSY, OPEN, SIDE, START, APPROACH, IMPULSE, PEAK, DURATION, LOSS,
 
 // Constants of a one-step method for one step size; see femimpact/integrators/stepping/layout.py.
 struct Scheme {
-    double dt;
-    double predict_u; // u1 = u0 + dt v0 + predict_u a0 + correct_u a1
-    double predict_v; // v1 = v0 + predict_v a0 + correct_v a1
-    double correct_u;
-    double correct_v;
-    double alpha_f;
-    double alpha_m;
-    double carry;  // alpha_f/(1 - alpha_f): share of the last step's contact force
-    double give_a; // what a force of 1 N does to a free mass of 1 kg in a step
-    double give_u;
-    double give_v;
-    double spring_now; // share of x1 in the force of a centring spring, the rest is that of x0
-    bool mean;         // one mean contact force per step, kept out of the acceleration
-    bool rigid;        // that force is an impulse that sets the rebound
-
-    template <class Visitor> void fields(Visitor &visit) {
-        visit("dt", dt);
-        visit("predict_u", predict_u);
-        visit("predict_v", predict_v);
-        visit("correct_u", correct_u);
-        visit("correct_v", correct_v);
-        visit("alpha_f", alpha_f);
-        visit("alpha_m", alpha_m);
-        visit("carry", carry);
-        visit("give_a", give_a);
-        visit("give_u", give_u);
-        visit("give_v", give_v);
-        visit("spring_now", spring_now);
-        visit("mean", mean);
-        visit("rigid", rigid);
-    }
+    FIELDS_BEGIN;
+    NUMBER(dt, double);
+    NUMBER(predict_u, double); // u1 = u0 + dt v0 + predict_u a0 + correct_u a1
+    NUMBER(predict_v, double); // v1 = v0 + predict_v a0 + correct_v a1
+    NUMBER(correct_u, double);
+    NUMBER(correct_v, double);
+    NUMBER(alpha_f, double);
+    NUMBER(alpha_m, double);
+    NUMBER(carry, double);  // alpha_f/(1 - alpha_f): share of the last step's contact force
+    NUMBER(give_a, double); // what a force of 1 N does to a free mass of 1 kg in a step
+    NUMBER(give_u, double);
+    NUMBER(give_v, double);
+    NUMBER(spring_now, double); // share of x1 in the force of a centring spring, the rest is that of x0
+    NUMBER(mean, bool);         // one mean contact force per step, kept out of the acceleration
+    NUMBER(rigid, bool);        // that force is an impulse that sets the rebound
+    FIELDS_END;
 };
 
 // The step of a diagonal system, mode by mode: a1 = load s - (stiffness u0 + damping v0 + inertia a0).
 struct ModalStep {
-    GivenArray load;      // (n,) of the drive; like the others divided by S
-    GivenArray inertia;   // (n,)
-    GivenArray damping;   // (n,)
-    GivenArray stiffness; // (n,)
-    GivenArray loss;      // (n,) dt c/4, not divided
-
-    template <class Visitor> void fields(Visitor &visit) {
-        visit("load", load, "n");
-        visit("inertia", inertia, "n");
-        visit("damping", damping, "n");
-        visit("stiffness", stiffness, "n");
-        visit("loss", loss, "n");
-    }
+    FIELDS_BEGIN;
+    ARRAY(load, "n", GivenArray); // of the drive; like the others divided by S
+    ARRAY(inertia, "n", GivenArray);
+    ARRAY(damping, "n", GivenArray);
+    ARRAY(stiffness, "n", GivenArray);
+    ARRAY(loss, "n", GivenArray); // dt c/4, not divided
+    FIELDS_END;
 };
 
 // The step of matrices of up to four bands, dof by dof; its tables have no entries where there are more.
 struct BandedStep {
-    GivenArray columns; // (c,) 12 (n + 6): lower bands of -C, -K and -alpha_m M; three dofs of zeros around
-    GivenArray factor;  // (f,) 4 (n + 6): 1/D and the entries of -L left of it, S = L D L^T
-
-    template <class Visitor> void fields(Visitor &visit) {
-        visit("columns", columns, "c");
-        visit("factor", factor, "f");
-    }
+    FIELDS_BEGIN;
+    ARRAY(columns, "c", GivenArray); // 12 (n + 6): lower bands of -C, -K and -alpha_m M; three dofs of zeros around
+    ARRAY(factor, "f", GivenArray);  // 4 (n + 6): 1/D and the entries of -L left of it, S = L D L^T
+    FIELDS_END;
 };
 
 // The structure, ready for a step: S = (1 - alpha_m) M + (1 - alpha_f)(correct_v C + correct_u K), factorised.
 struct Operator {
-    bool banded;
-    ModalStep modes;
-    GivenMatrix mass_band;      // (b, n) lower bands; a diagonal system has one
-    GivenMatrix damping_band;   // (B, n) as wide as the Cholesky factor
-    GivenMatrix stiffness_band; // (B, n)
-    GivenMatrix cholesky_band;  // (B, n) lower bands of L, S = L L^T, diagonal inverted
-    BandedStep narrow;
-    GivenArray drive_load;    // (n,) of the drive
-    GivenArray constant_load; // (l,) N: n or none
-    GivenArray constant_a;    // (l,) what the constant load does in a step
-    GivenArray constant_u;    // (l,)
-    GivenArray constant_v;    // (l,)
-    GivenMatrix constant_w;   // (2, w) the same, read at every row: displacement and velocity
-    GivenMatrix rows;         // (R, n) places read every step: the observed one first
-    GivenMatrix response_a;   // (P, n) what 1 N along b_j does in a step
-    GivenMatrix response_u;   // (P, n)
-    GivenMatrix response_v;   // (P, n)
-    GivenMatrix compliance_u; // (R, P) row_i response_u_j
-    GivenMatrix compliance_v; // (R, P)
-
-    template <class Visitor> void fields(Visitor &visit) {
-        visit("banded", banded);
-        visit.group("modes", modes);
-        visit("mass_band", mass_band, "b n");
-        visit("damping_band", damping_band, "B n");
-        visit("stiffness_band", stiffness_band, "B n");
-        visit("cholesky_band", cholesky_band, "B n");
-        visit.group("narrow", narrow);
-        visit("drive_load", drive_load, "n");
-        visit("constant_load", constant_load, "l");
-        visit("constant_a", constant_a, "l");
-        visit("constant_u", constant_u, "l");
-        visit("constant_v", constant_v, "l");
-        visit("constant_w", constant_w, "2 w");
-        visit("rows", rows, "R n");
-        visit("response_a", response_a, "P n");
-        visit("response_u", response_u, "P n");
-        visit("response_v", response_v, "P n");
-        visit("compliance_u", compliance_u, "R P");
-        visit("compliance_v", compliance_v, "R P");
-    }
+    FIELDS_BEGIN;
+    NUMBER(banded, bool);
+    GROUP(modes, ModalStep);
+    ARRAY(mass_band, "b n", GivenMatrix);    // lower bands; a diagonal system has one
+    ARRAY(damping_band, "B n", GivenMatrix); // as wide as the Cholesky factor
+    ARRAY(stiffness_band, "B n", GivenMatrix);
+    ARRAY(cholesky_band, "B n", GivenMatrix); // lower bands of L, S = L L^T, diagonal inverted
+    GROUP(narrow, BandedStep);
+    ARRAY(drive_load, "n", GivenArray);    // of the drive
+    ARRAY(constant_load, "l", GivenArray); // N: n or none
+    ARRAY(constant_a, "l", GivenArray);    // what the constant load does in a step
+    ARRAY(constant_u, "l", GivenArray);
+    ARRAY(constant_v, "l", GivenArray);
+    ARRAY(constant_w, "2 w", GivenMatrix); // the same, read at every row: displacement and velocity
+    ARRAY(rows, "R n", GivenMatrix);       // places read every step: the observed one first
+    ARRAY(response_a, "P n", GivenMatrix); // what 1 N along b_j does in a step
+    ARRAY(response_u, "P n", GivenMatrix);
+    ARRAY(response_v, "P n", GivenMatrix);
+    ARRAY(compliance_u, "R P", GivenMatrix); // row_i response_u_j
+    ARRAY(compliance_v, "R P", GivenMatrix);
+    FIELDS_END;
 };
 
 // The fine steps of a method that divides those with contact; parts = 1 where it only looks ahead.
 struct Fine {
-    Index parts;
-    Operator structure;
-    Scheme scheme;
-
-    template <class Visitor> void fields(Visitor &visit) {
-        visit("parts", parts);
-        visit.group("operator", structure);
-        visit.group("scheme", scheme);
-    }
+    FIELDS_BEGIN;
+    NUMBER(parts, Index);
+    GROUP_AS("operator", structure, Operator);
+    GROUP(scheme, Scheme);
+    FIELDS_END;
 };
 
 // Contact pairs: the row of `Operator.rows` that each reads, its law, its numbers.
 struct Pairs {
-    GivenIndices row;       // (P,)
-    GivenIndices kind;      // (P,)
-    GivenIndices address;   // (P,) of a custom law's function
-    GivenBlock constants;   // (11, P, C)
-    GivenIndices obstacles; // (o,) stops fixed in space, their pairs, where the base moves; else none
-    Matrix refused; // (P, 3) of each custom law: depth, rate and approach speed of its first force that is no number
-
-    template <class Visitor> void fields(Visitor &visit) {
-        visit("row", row, "P");
-        visit("kind", kind, "P");
-        visit("address", address, "P");
-        visit("constants", constants, "9+2 P C");
-        visit("obstacles", obstacles, "o");
-        visit("refused", refused, "P 3");
-    }
+    FIELDS_BEGIN;
+    ARRAY(row, "P", GivenIndices);
+    ARRAY(kind, "P", GivenIndices);
+    ARRAY(address, "P", GivenIndices); // of a custom law's function
+    ARRAY(constants, "9+2 P C", GivenBlock);
+    ARRAY(obstacles, "o", GivenIndices); // stops fixed in space, their pairs, where the base moves; else none
+    // of each custom law: depth, rate and approach speed of its first force that is no number
+    ARRAY(refused, "P 3", Matrix);
+    FIELDS_END;
 };
 
 // State at the present step.
 struct Motion {
-    Matrix q;                    // (n, C)
-    Matrix v;                    // (n, C)
-    Matrix a;                    // (n, C)
-    Matrix w;                    // (R, C)
-    Matrix w_rate;               // (R, C)
-    Block ball;                  // (9, P, C)
-    Block touch;                 // (12, P, C)
-    Block totals;                // (6, P, C)
-    View<const Index, 2> window; // (2, C) first step, and the step after the last
-    Matrix drive;                // (14, C)
-    GivenMatrix table;           // (t, C) history of a drive given by samples at every fine step, else no rows
-    GivenBlock travel;           // (2, e, C) such a base's displacement and velocity, where stops need it
-    Matrix ledger;               // (8, C)
-    Matrix v_before;             // (n, C)
-    Array loss_of_mode;          // (m,) of a single case on its modes, else none
-    Matrix to_modes;             // (P, i) energy that the open contacts of such a case have passed on, else none
-    Block saved;                 // (3, s, C) q, v and a at the start of a step that may be redone, else none
-    Block saved_ball;            // (3, r, C) y and its rates
-    Block scratch;               // (3, n, C)
-
-    template <class Visitor> void fields(Visitor &visit) {
-        visit("q", q, "n C");
-        visit("v", v, "n C");
-        visit("a", a, "n C");
-        visit("w", w, "R C");
-        visit("w_rate", w_rate, "R C");
-        visit("ball", ball, "9 P C");
-        visit("touch", touch, "9+3 P C");
-        visit("totals", totals, "6 P C");
-        visit("window", window, "2 C");
-        visit("drive", drive, "9+5 C");
-        visit("table", table, "t C");
-        visit("travel", travel, "2 e C");
-        visit("ledger", ledger, "8 C");
-        visit("v_before", v_before, "n C");
-        visit("loss_of_mode", loss_of_mode, "m");
-        visit("to_modes", to_modes, "P i");
-        visit("saved", saved, "3 s C");
-        visit("saved_ball", saved_ball, "3 r C");
-        visit("scratch", scratch, "3 n C");
-    }
+    FIELDS_BEGIN;
+    ARRAY(q, "n C", Matrix);
+    ARRAY(v, "n C", Matrix);
+    ARRAY(a, "n C", Matrix);
+    ARRAY(w, "R C", Matrix);
+    ARRAY(w_rate, "R C", Matrix);
+    ARRAY(ball, "9 P C", Block);
+    ARRAY(touch, "9+3 P C", Block);
+    ARRAY(totals, "6 P C", Block);
+    ARRAY(window, "2 C", View<const Index, 2>); // first step, and the step after the last
+    ARRAY(drive, "9+5 C", Matrix);
+    ARRAY(table, "t C", GivenMatrix);   // history of a drive given by samples at every fine step, else no rows
+    ARRAY(travel, "2 e C", GivenBlock); // such a base's displacement and velocity, where stops need it
+    ARRAY(ledger, "8 C", Matrix);
+    ARRAY(v_before, "n C", Matrix);
+    ARRAY(loss_of_mode, "m", Array);   // of a single case on its modes, else none
+    ARRAY(to_modes, "P i", Matrix);    // energy that the open contacts of such a case have passed on, else none
+    ARRAY(saved, "3 s C", Block);      // q, v and a at the start of a step that may be redone, else none
+    ARRAY(saved_ball, "3 r C", Block); // y and its rates
+    ARRAY(scratch, "3 n C", Block);
+    FIELDS_END;
 };
 
 // Statistics per base cycle; the state before the first step is row 0 of `energy`.
 struct Cycles {
-    View<Index, 1> next_wrap; // (C,) step
-    View<Index, 1> number;    // (C,) cycles finished
-    GivenArray period;        // (C,) steps per cycle, a real number
-    Matrix sums;              // (6, C)
-    Matrix last;              // (2, C) the observed place at the last step
-    Block values;             // (K, 6, C)
-    Block energy;             // (k, 7, C) K + 1 rows, or one
-
-    template <class Visitor> void fields(Visitor &visit) {
-        visit("next_wrap", next_wrap, "C");
-        visit("number", number, "C");
-        visit("period", period, "C");
-        visit("sums", sums, "6 C");
-        visit("last", last, "2 C");
-        visit("values", values, "K 6 C");
-        visit("energy", energy, "k 7 C");
-    }
+    FIELDS_BEGIN;
+    ARRAY(next_wrap, "C", View<Index, 1>); // step
+    ARRAY(number, "C", View<Index, 1>);    // cycles finished
+    ARRAY(period, "C", GivenArray);        // steps per cycle, a real number
+    ARRAY(sums, "6 C", Matrix);
+    ARRAY(last, "2 C", Matrix); // the observed place at the last step
+    ARRAY(values, "K 6 C", Block);
+    ARRAY(energy, "k 7 C", Block); // K + 1 rows, or one
+    FIELDS_END;
 };
 
 // What case 0 keeps.
 struct Record {
-    View<const Index, 2> used; // (h, 4) 1 where a channel has a row of q, of v, of the balls, or of forces
-    GivenBlock rows;           // (h, 2, n) of q and v
-    GivenBlock pair_rows;      // (h, 4, P) of Y, Y_RATE, FORCE and of the force of contact
-    Matrix channels;           // (h, a)
-    Matrix energy;             // (g, d) columns and modes
-    Block snapshots;           // (j, 2, n + P)
-    Matrix forces;             // (j, P)
-    Matrix impacts;            // (q, u) columns and modes
-    GivenIndices stride;       // (4,): every, first sample, snapshot stride, first snapshot
-    View<Index, 1> tally;      // (4,): step, samples, snapshots, impacts met
-
-    template <class Visitor> void fields(Visitor &visit) {
-        visit("used", used, "h 4");
-        visit("rows", rows, "h 2 n");
-        visit("pair_rows", pair_rows, "h 4 P");
-        visit("channels", channels, "h a");
-        visit("energy", energy, "g d");
-        visit("snapshots", snapshots, "j 2 n+P");
-        visit("forces", forces, "j P");
-        visit("impacts", impacts, "q u");
-        visit("stride", stride, "4");
-        visit("tally", tally, "4");
-    }
+    FIELDS_BEGIN;
+    ARRAY(used, "h 4", View<const Index, 2>); // 1 where a channel has a row of q, of v, of the balls, or of forces
+    ARRAY(rows, "h 2 n", GivenBlock);         // of q and v
+    ARRAY(pair_rows, "h 4 P", GivenBlock);    // of Y, Y_RATE, FORCE and of the force of contact
+    ARRAY(channels, "h a", Matrix);
+    ARRAY(energy, "g d", Matrix); // columns and modes
+    ARRAY(snapshots, "j 2 n+P", Block);
+    ARRAY(forces, "j P", Matrix);
+    ARRAY(impacts, "q u", Matrix);     // columns and modes
+    ARRAY(stride, "4", GivenIndices);  // every, first sample, snapshot stride, first snapshot
+    ARRAY(tally, "4", View<Index, 1>); // step, samples, snapshots, impacts met
+    FIELDS_END;
 };
 
 // A block of cases side by side: where they are, what is kept of them, and scratch space.
 struct Cases {
-    Pairs pairs;
-    Motion motion;
-    Cycles cycles;
-    Record record;
-    Matrix pair_scratch;  // (6, P) for the contact equations of one case
-    Array energy_scratch; // (7,) for the energies of one case
-
-    template <class Visitor> void fields(Visitor &visit) {
-        visit.group("pairs", pairs);
-        visit.group("motion", motion);
-        visit.group("cycles", cycles);
-        visit.group("record", record);
-        visit("pair_scratch", pair_scratch, "6 P");
-        visit("energy_scratch", energy_scratch, "7");
-    }
+    FIELDS_BEGIN;
+    GROUP(pairs, Pairs);
+    GROUP(motion, Motion);
+    GROUP(cycles, Cycles);
+    GROUP(record, Record);
+    ARRAY(pair_scratch, "6 P", Matrix); // for the contact equations of one case
+    ARRAY(energy_scratch, "7", Array);  // for the energies of one case
+    FIELDS_END;
 };
 
 // A block with its method: what every function of the loop is handed.
 struct Stepped {
-    Operator structure;
-    Scheme scheme;
-    Cases cases;
-    bool ledger;
-
-    template <class Visitor> void fields(Visitor &visit) {
-        visit.group("operator", structure);
-        visit.group("scheme", scheme);
-        visit.group("cases", cases);
-        visit("ledger", ledger);
-    }
+    FIELDS_BEGIN;
+    GROUP_AS("operator", structure, Operator);
+    GROUP(scheme, Scheme);
+    GROUP(cases, Cases);
+    NUMBER(ledger, bool);
+    FIELDS_END;
 };
 
 } // namespace FEMIMPACT_TARGET::stepping
