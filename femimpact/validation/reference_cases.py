@@ -9,8 +9,8 @@ from femimpact.validation import beams, contacts, excitations, ledgers, orbits, 
 from femimpact.validation.case import Case
 
 REFERENCE_CASES: tuple[Callable[[], Case], ...] = (
-    *beams.CASES, *structures.CASES, *beams.CASES, *structures.CASES, *excitations.CASES, *contacts.CASES,
-    *orbits.CASES, *contacts.CASES, *ledgers.CASES, *excitations.CASES, *studies.CASES,
+    *beams.CASES, *structures.CASES, *beams.TAPER_CASES, *structures.OSCILLATOR_CASES, *excitations.CASES,
+    *contacts.IMPACT_CASES, *orbits.CASES, *contacts.CASES, *ledgers.CASES, *excitations.READING_CASES, *studies.CASES,
 )  # fmt: skip
 """Every case, not yet run."""
 
